@@ -91,12 +91,12 @@ def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
         InvalidInput: The breaks do not increase, the curve is not finite or has no length, or the
             tolerance is below a nanometre or far too small for the curve.
     """
-    at = checks.check_numbers("breaks of a curve", breaks)
-    if at.ndim != 1 or len(at) < 2 or (np.diff(at) <= 0).any():
+    knots = checks.check_numbers("breaks of a curve", breaks)
+    if knots.ndim != 1 or len(knots) < 2 or (np.diff(knots) <= 0).any():
         raise InvalidInput("The breaks of a curve must be two or more increasing numbers.")
     _refuse_fine(tolerance)
-    row = np.zeros(len(at), dtype=np.intp)
-    return _fit(_single(curve), at, row, tolerance, through=False)[0]
+    row = np.zeros(len(knots), dtype=np.intp)
+    return _fit(_single(curve), knots, row, tolerance, through=False)[0]
 
 
 def fit_many(
@@ -141,42 +141,46 @@ def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArr
     Returns:
         The path, and arc lengths on both paths that belong together, at the vertices [m], (n, 2).
     """
-    rows, at = path.segments, path.breaks
-    arcs, vertices = fit_through(path, at, tolerance)
+    rows, breaks = path.segments, path.breaks
+    arcs, vertices = fit_through(path, breaks, tolerance)
     source = np.repeat(np.arange(len(rows)), np.diff(vertices))
-    drawn, rest = np.flatnonzero(rows.bent[source]), np.flatnonzero(~rows.bent)
+    drawn, unchanged = np.flatnonzero(rows.bent[source]), np.flatnonzero(~rows.bent)
     columns = {x: getattr(rows, x)[source[drawn]] for x in ("speeds", "tolerances", "tags")}
-    lines = rows[rest].replace(quintics=np.empty((len(rest), 0, 0)))
-    source = np.concatenate([rest, source[drawn]])
+    lines = rows[unchanged].replace(quintics=np.empty((len(unchanged), 0, 0)))
+    source = np.concatenate([unchanged, source[drawn]])
     order = np.argsort(source, kind="stable")
     table = Segments.join([lines, arcs[drawn].replace(**columns)])[order]
     first = np.searchsorted(source[order], np.arange(len(rows) + 1))
-    places = np.stack([at, table.breaks[first]], axis=1)
-    waypoints, own = first[path.waypoints], path.orientation
+    matched_s = np.stack([breaks, table.breaks[first]], axis=1)
+    waypoints, orientation = first[path.waypoints], path.orientation
     return Path(
         segments=table,
         merged=path.merged,
         waypoints=waypoints,
-        orientation=None if own is None else _orient(own, table, places[path.waypoints]),
-    ), places
+        orientation=None
+        if orientation is None
+        else _orient(orientation, table, matched_s[path.waypoints]),
+    ), matched_s
 
 
-def _orient(own: Orientation, table: Segments, places: FloatArray) -> Orientation:
+def _orient(orientation: Orientation, table: Segments, matched_s: FloatArray) -> Orientation:
     """An orientation along other segments, whose waypoints have other arc lengths.
 
     Args:
-        own: The orientation, which is not rounded.
+        orientation: The orientation, which is not rounded.
         table: The other segments.
-        places: Arc lengths of the waypoints on the own segments and on the others [m], (n, 2).
+        matched_s: Arc lengths of the waypoints on the own segments and on the others [m], (n, 2).
     """
-    if own.follows:
-        return carry(table, own.starts[0], axis_only=own.axis_only)
+    if orientation.follows:
+        return carry(table, orientation.starts[0], axis_only=orientation.axis_only)
     middle = (table.breaks[:-1] + table.breaks[1:]) / 2
-    before, after = places.T
+    before, after = matched_s.T
     ratio = (np.diff(before) / np.diff(after))[np.searchsorted(after[1:-1], middle)]
-    rates, _ = own.rates(np.interp(middle, after, before))
-    starts = own(np.interp(table.breaks[:-1], after, before))
-    return Orientation.even(table.lengths, starts, ratio[:, None] * rates, axis_only=own.axis_only)
+    rates, _ = orientation.rates(np.interp(middle, after, before))
+    starts = orientation(np.interp(table.breaks[:-1], after, before))
+    return Orientation.even(
+        table.lengths, starts, ratio[:, None] * rates, axis_only=orientation.axis_only
+    )
 
 
 def _refuse_fine(tolerance: float) -> None:
@@ -198,13 +202,13 @@ def _single(curve: Curve) -> Curves:
 
 
 def _fit(
-    curves: Curves, at: FloatArray, row: IntArray, tolerance: float, *, through: bool
+    curves: Curves, breaks: FloatArray, row: IntArray, tolerance: float, *, through: bool
 ) -> tuple[Segments, IntArray]:
     """The segments of all curves in sequence, and the vertices that are never merged away.
 
     Args:
         curves: As in `fit_many`.
-        at: The breaks, (n,).
+        breaks: The breaks, (n,).
         row: Curve of each break, (n,).
         tolerance: As in `fit_arcs` [m].
         through: Keep a vertex at every break, and use no lines; else only the start of each curve
@@ -214,15 +218,15 @@ def _fit(
         The segments, and the indices of the kept vertices, then the number of segments.
     """
     with np.errstate(all="ignore"):
-        intervals = _split(curves, _intervals_of(curves, at, row), tolerance, lines=not through)
+        intervals = _split(curves, _intervals_of(curves, breaks, row), tolerance, lines=not through)
         intervals = _drop_points(intervals)
         arcs, first = _arcs(intervals)
         if through:
-            kept = first[np.searchsorted(intervals.begin, at[:-1])]
+            vertices = first[np.searchsorted(intervals.begin, breaks[:-1])]
         else:
-            kept = first[np.flatnonzero(np.diff(intervals.row, prepend=-1))]
-        merged, rows = _merge(arcs, kept)
-    return merged, np.append(np.searchsorted(rows, kept), len(merged))
+            vertices = first[np.flatnonzero(np.diff(intervals.row, prepend=-1))]
+        merged, rows = _merge(arcs, vertices)
+    return merged, np.append(np.searchsorted(rows, vertices), len(merged))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -251,14 +255,14 @@ class _Intervals:
 
     def select(self, chosen: Any, **changed: Any) -> _Intervals:
         """The chosen intervals, with some attributes changed."""
-        kept = {name: getattr(self, name)[chosen] for name in self.__slots__}
-        return _Intervals(**{**kept, **changed})
+        columns = {name: getattr(self, name)[chosen] for name in self.__slots__}
+        return _Intervals(**{**columns, **changed})
 
 
-def _intervals_of(curves: Curves, at: FloatArray, row: IntArray) -> _Intervals:
+def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Intervals:
     """The intervals between the breaks and cusps of curves."""
-    at, row, cusp = _split_at_cusps(curves, at, row)
-    points = np.array(curves(row, at, 0), dtype=np.float64)
+    breaks, row, cusp = _split_at_cusps(curves, breaks, row)
+    points = np.array(curves(row, breaks, 0), dtype=np.float64)
     if not np.isfinite(points).all():
         raise InvalidInput("A curve must be finite at its breaks.")
     first = np.flatnonzero(np.diff(row, prepend=-1))
@@ -268,7 +272,7 @@ def _intervals_of(curves: Curves, at: FloatArray, row: IntArray) -> _Intervals:
     size = np.maximum.reduceat(np.abs(points).max(axis=1), first)[row]
     # Every break but the last of a curve begins an interval; interval k ends at break k + 1.
     starts = np.delete(np.arange(len(row)), last)
-    (t0, slack0), (t1, slack1) = _tangents(curves, at, row, starts, size[starts], cusp)
+    (t0, slack0), (t1, slack1) = _tangents(curves, breaks, row, starts, size[starts], cusp)
     # The interval that follows each one: of the last one the first, if the curve is closed.
     n, curve = len(starts), row[starts]
     begin = np.flatnonzero(np.diff(curve, prepend=-1))
@@ -283,8 +287,8 @@ def _intervals_of(curves: Curves, at: FloatArray, row: IntArray) -> _Intervals:
     t1[before], t0[after[before]] = common, common
     return _Intervals(
         row=curve,
-        begin=at[starts],
-        end=at[starts + 1],
+        begin=breaks[starts],
+        end=breaks[starts + 1],
         p0=points[starts],
         p1=points[starts + 1],
         t0=t0,
@@ -308,35 +312,35 @@ def _split_at_cusps(
     """
     one = np.flatnonzero(rows[:-1] == rows[1:])
     begin, end = breaks[one], breaks[one + 1]
-    places = begin[:, None] + (end - begin)[:, None] * CUSP_PLACES
-    places = np.minimum(places, np.nextafter(end, -np.inf)[:, None])
-    speed = length(_at(curves, rows[one], places, 1))
+    parameters = begin[:, None] + (end - begin)[:, None] * CUSP_PLACES
+    parameters = np.minimum(parameters, np.nextafter(end, -np.inf)[:, None])
+    speed = length(_at(curves, rows[one], parameters, 1))
     inner = speed[:, 1:-1]
-    most = inner.max(axis=1)
-    least = (inner <= speed[:, :-2]) & (inner <= speed[:, 2:]) & (inner < SLOW * most[:, None])
-    i, k = np.nonzero(least)
+    largest = inner.max(axis=1)
+    minima = (inner <= speed[:, :-2]) & (inner <= speed[:, 2:]) & (inner < SLOW * largest[:, None])
+    i, k = np.nonzero(minima)
     if len(i) == 0:
         return breaks, rows, np.zeros(len(breaks), dtype=bool)
-    row, low, high = rows[one][i], places[i, k], places[i, k + 2]
+    row, low, high = rows[one][i], parameters[i, k], parameters[i, k + 2]
     for _ in range(STEPS):
         span = GOLDEN * (high - low)
         left, right = high - span, low + span
         falls = length(curves(row, left, 1)) > length(curves(row, right, 1))
         low, high = np.where(falls, left, low), np.where(falls, high, right)
-    at = (low + high) / 2
-    found = length(curves(row, at, 1)) <= AT_CUSP * most[i]
-    together = np.concatenate([breaks, at[found]])
-    curve = np.concatenate([rows, row[found]])
+    cusps = (low + high) / 2
+    vanishes = length(curves(row, cusps, 1)) <= AT_CUSP * largest[i]
+    together = np.concatenate([breaks, cusps[vanishes]])
+    curve = np.concatenate([rows, row[vanishes]])
     order = np.lexsort([together, curve])
     together, curve = together[order], curve[order]
     # A value found at a break is that break.
-    kept = np.concatenate([[True], (np.diff(together) > 0) | (np.diff(curve) > 0)])
-    return together[kept], curve[kept], (order >= len(breaks))[kept]
+    distinct = np.concatenate([[True], (np.diff(together) > 0) | (np.diff(curve) > 0)])
+    return together[distinct], curve[distinct], (order >= len(breaks))[distinct]
 
 
 def _tangents(
     curves: Curves,
-    at: FloatArray,
+    breaks: FloatArray,
     row: IntArray,
     starts: IntArray,
     size: FloatArray,
@@ -346,7 +350,7 @@ def _tangents(
 
     Args:
         curves: The curves.
-        at: Parameters of the breaks, (m,).
+        breaks: Parameters of the breaks, (m,).
         row: Curve of each break, (m,).
         starts: The break at which each interval starts; it ends at the next one, (n,).
         size: Largest coordinate of the curve of each interval [m], (n,).
@@ -355,38 +359,38 @@ def _tangents(
     Returns:
         Two pairs of tangents, (n, dimension), and uncertainties [rad], (n,).
     """
-    row, begin, end = row[starts], at[starts], at[starts + 1]
+    row, begin, end = row[starts], breaks[starts], breaks[starts + 1]
     span = end - begin
-    places = begin[:, None] + span[:, None] * PLACES[1:-1]
-    speed = length(_at(curves, row, places, 1)).max(axis=1)
+    parameters = begin[:, None] + span[:, None] * PLACES[1:-1]
+    speed = length(_at(curves, row, parameters, 1)).max(axis=1)
     still = STILL * speed + ROUNDING * size / span
-    found = []
-    for here, sign, vanishes in ((begin, 1.0, cusp[starts]), (end, -1.0, cusp[starts + 1])):
+    tangents = []
+    for t, sign, vanishes in ((begin, 1.0, cusp[starts]), (end, -1.0, cusp[starts + 1])):
         # The derivative may jump at a break, so it is taken at the next number inside.
-        derivative = curves(row, np.nextafter(here, here + sign * span), 1)
+        derivative = curves(row, np.nextafter(t, t + sign * span), 1)
         weak = (length(derivative) <= still) | vanishes
         direction = unit(derivative)
         if weak.any():
-            near = here[weak, None] + sign * span[weak, None] * NEAR_END
+            near = t[weak, None] + sign * span[weak, None] * NEAR_END
             directions = unit(_at(curves, row[weak], near, 1))
             direction[weak] = unit(np.einsum("k,nkd->nd", TO_ZERO, directions))
         slack = ROUGH * size / (span * length(derivative))
         slack = np.clip(slack, TANGENT_TOLERANCE, SAME_LIMIT)
-        found.append((direction, np.where(weak, SAME_LIMIT, slack)))
-    return found
+        tangents.append((direction, np.where(weak, SAME_LIMIT, slack)))
+    return tangents
 
 
-def _at(curves: Curves, row: IntArray, places: FloatArray, order: int) -> FloatArray:
+def _at(curves: Curves, row: IntArray, parameters: FloatArray, order: int) -> FloatArray:
     """Points or derivatives at k places of each interval, (n, k, dimension).
 
     Args:
         curves: The curves.
         row: Curve of each interval, (n,).
-        places: Parameters, (n, k).
+        parameters: Parameters, (n, k).
         order: 0 for points, 1 for derivatives.
     """
-    every = np.repeat(row, places.shape[1])
-    return np.asarray(curves(every, places.ravel(), order)).reshape(*places.shape, -1)
+    every = np.repeat(row, parameters.shape[1])
+    return np.asarray(curves(every, parameters.ravel(), order)).reshape(*parameters.shape, -1)
 
 
 def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -> _Intervals:
@@ -398,8 +402,8 @@ def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -
     done: list[_Intervals] = []
     count = 0
     while len(todo.begin):
-        places = todo.begin[:, None] + (todo.end - todo.begin)[:, None] * PLACES[1:-1]
-        points = _at(curves, todo.row, places, 0)
+        parameters = todo.begin[:, None] + (todo.end - todo.begin)[:, None] * PLACES[1:-1]
+        points = _at(curves, todo.row, parameters, 0)
         if not np.isfinite(points).all():
             raise InvalidInput("A curve must be finite between its breaks.")
         distances = _distances_from_arcs(todo, points)
@@ -413,8 +417,8 @@ def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -
         line = (_is_straight(todo, points) & np.isfinite(distances) & lines) | corner
         ready = line | (distances <= SHARE * tolerance)
         done.append(todo.select(ready, line=line[ready]))
-        rest = ~ready
-        todo = _divide(curves, todo.select(rest), distances[rest] / (SHARE * tolerance))
+        pending = ~ready
+        todo = _divide(curves, todo.select(pending), distances[pending] / (SHARE * tolerance))
         count += int(ready.sum())
         if count + len(todo.begin) > MOST_INTERVALS:
             raise InvalidInput(
@@ -481,8 +485,8 @@ def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Inter
         point = tuple(np.round(old.p0[int(np.argmax(begin >= end))], 6).tolist())
         raise InvalidInput(f"A curve jumps near {point} m, or its derivative does not fit it.")
     inner = np.flatnonzero(~first)
-    row, at = old.row[inner], begin[inner]
-    points, tangents = curves(row, at, 0), unit(curves(row, at, 1))
+    row, t = old.row[inner], begin[inner]
+    points, tangents = curves(row, t, 0), unit(curves(row, t, 1))
     p0, p1, t0, t1 = old.p0, old.p1, old.t0, old.t1
     p0[inner], t0[inner] = points, tangents
     p1[inner - 1], t1[inner - 1] = points, tangents
@@ -495,17 +499,17 @@ def _drop_points(intervals: _Intervals) -> _Intervals:
     short = x.line & (length(x.p1 - x.p0) <= REPEATED_POINT)
     if not short.any():
         return x
-    p0, p1, kept = x.p0.copy(), x.p1.copy(), np.ones(len(short), dtype=bool)
+    p0, p1, mask = x.p0.copy(), x.p1.copy(), np.ones(len(short), dtype=bool)
     for row in np.unique(x.row[short]).tolist():
         a, b = np.searchsorted(x.row, [row, row + 1]).tolist()
         one = slice(a, b)
-        p0[one], kept[one] = close_up(x.p0[one], x.p1[one], ~x.line[one], REPEATED_POINT)
-        left = a + np.flatnonzero(kept[one])
-        if len(left) == 0:
+        p0[one], mask[one] = close_up(x.p0[one], x.p1[one], ~x.line[one], REPEATED_POINT)
+        remaining = a + np.flatnonzero(mask[one])
+        if len(remaining) == 0:
             raise InvalidInput(f"A curve has no length at {tuple(x.p0[a].tolist())} m.")
         if length(x.p1[b - 1] - x.p0[a]) <= REPEATED_POINT:
-            p1[left[-1]] = p0[left[0]]
-    return x.select(kept, p0=p0[kept], p1=p1[kept])
+            p1[remaining[-1]] = p0[remaining[0]]
+    return x.select(mask, p0=p0[mask], p1=p1[mask])
 
 
 def _arcs(intervals: _Intervals) -> tuple[Segments, IntArray]:
@@ -525,12 +529,12 @@ def _arcs(intervals: _Intervals) -> tuple[Segments, IntArray]:
     return Segments.join([first, second])[in_order], np.append(0, used.sum(axis=1).cumsum()[:-1])
 
 
-def _merge(arcs: Segments, kept: IntArray) -> tuple[Segments, IntArray]:
+def _merge(arcs: Segments, vertices: IntArray) -> tuple[Segments, IntArray]:
     """Merge neighbours that lie on one line or one circle.
 
     Args:
         arcs: The lines and arcs.
-        kept: Rows that are not merged into the segment before them.
+        vertices: Rows that are not merged into the segment before them.
 
     Returns:
         The merged lines and arcs, and the row in `arcs` at which each starts.
@@ -542,7 +546,7 @@ def _merge(arcs: Segments, kept: IntArray) -> tuple[Segments, IntArray]:
         & (np.abs(k[1:] - k[:-1]) <= SAME_CIRCLE * k[1:])
         & (length(arcs.normals_at(EVERY, u)[:-1] - arcs.normals[1:]) <= SAME_CIRCLE)
     )
-    same[kept[1:] - 1] = False
+    same[vertices[1:] - 1] = False
     first = np.concatenate([[0], np.flatnonzero(~same) + 1])
     # No arc may be more than a full circle. A longer run is cut at three quarters of a circle,
     # as the arcs of the run are quarters at most.
@@ -553,16 +557,16 @@ def _merge(arcs: Segments, kept: IntArray) -> tuple[Segments, IntArray]:
     same &= (np.diff(around) <= 0) | (whole[1:] <= 2 * np.pi + SAME_CIRCLE)
     first = np.concatenate([[0], np.flatnonzero(~same) + 1])
     size = np.add.reduceat(u, first)
-    bend = np.add.reduceat(turn, first) / size
-    joined = arcs[first].replace(curvatures=bend, lengths=size)
+    curvature = np.add.reduceat(turn, first) / size
+    joined = arcs[first].replace(curvatures=curvature, lengths=size)
     ends = np.concatenate([arcs.starts[first[1:]], arcs[-1:].ends])
-    off = length(joined.ends - ends) > SAME_POINT
+    moved = length(joined.ends - ends) > SAME_POINT
     # A run is not merged if the end of its arc would move.
     run = np.cumsum(np.concatenate([[False], ~same]))
-    rows = np.union1d(first, np.flatnonzero(off[run]))
+    rows = np.union1d(first, np.flatnonzero(moved[run]))
     if len(rows) == len(u):
         return arcs, rows
-    one = ~off[run[rows]]
+    one = ~moved[run[rows]]
     curvatures, lengths = k[rows], u[rows]
-    curvatures[one], lengths[one] = bend[~off], size[~off]
+    curvatures[one], lengths[one] = curvature[~moved], size[~moved]
     return arcs[rows].replace(curvatures=curvatures, lengths=lengths), rows

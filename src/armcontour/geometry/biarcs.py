@@ -75,13 +75,13 @@ def _arc(
     # The normal must be perpendicular to the tangent to the last digit.
     normal = normal - dot(normal, tangent)[:, None] * tangent
     normal = np.where(bent[:, None], unit(normal), 0.0)
-    bend = np.tan(half) / tangent_length
+    curvature = np.tan(half) / tangent_length
     return Segments(
         starts=start,
         tangents=tangent,
         normals=normal,
-        curvatures=np.where(bent, bend, 0.0),
-        lengths=np.where(bent, 2 * half / bend, 2 * tangent_length),
+        curvatures=np.where(bent, curvature, 0.0),
+        lengths=np.where(bent, 2 * half / curvature, 2 * tangent_length),
     )
 
 
@@ -106,13 +106,13 @@ def _from_circle(points: FloatArray, arcs: Segments) -> FloatArray:
     v = points - arcs.starts[:, None]
     x = dot(v, arcs.tangents[:, None])
     y = dot(v, arcs.normals[:, None])
-    rest = dot(v, v) - x * x - y * y
+    out_of_plane = dot(v, v) - x * x - y * y
     k = arcs.curvatures[:, None]
     # |p - c| - r, without cancellation if the radius is very large.
     power = k * (x * x + y * y) - 2 * y
     in_plane = power / (1 + np.sqrt(np.maximum(1 + k * power, 0.0)))
     line = np.where(k == 0, np.abs(y), np.abs(in_plane))
-    return np.asarray(np.hypot(line, np.sqrt(np.maximum(rest, 0.0))))
+    return np.asarray(np.hypot(line, np.sqrt(np.maximum(out_of_plane, 0.0))))
 
 
 def _finite(arcs: Segments) -> BoolArray:
@@ -150,8 +150,8 @@ def join_up(begin: Contact, end: Contact, lengths: FloatArray) -> Segments:
     """
     none = np.zeros_like(begin[0])
     coefficients = quintic(lengths, (none, *begin[1:]), end)
-    bend = length(begin[2])
-    normals = np.divide(begin[2], bend[:, None], out=none.copy(), where=bend[:, None] > 0)
+    curvature = length(begin[2])
+    normals = np.divide(begin[2], curvature[:, None], out=none.copy(), where=curvature[:, None] > 0)
     return Segments(
         starts=begin[0],
         tangents=begin[1],
@@ -186,30 +186,30 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
     ends[1::2] = (unit(x) for x in ends[1::2])
     with np.errstate(invalid="ignore"):  # straight ones have no normal
         halves = biarcs(*ends)
-    of = np.flatnonzero(bent)[row]
-    columns = {x: getattr(segments, x)[of] for x in ("speeds", "tolerances", "tags")}
+    source = np.flatnonzero(bent)[row]
+    columns = {x: getattr(segments, x)[source] for x in ("speeds", "tolerances", "tags")}
     share = step / (halves[0].lengths + halves[1].lengths)
-    breaks, rest = segments.breaks, np.flatnonzero(~bent)
-    first = breaks[of] + number * step
+    breaks, others = segments.breaks, np.flatnonzero(~bent)
+    first = breaks[source] + number * step
     middle = first + share * halves[0].lengths
     drawn = [
         x.replace(
-            starts=x.starts + segments.starts[of],
+            starts=x.starts + segments.starts[source],
             lengths=x.lengths * np.minimum(share, 1.0),
             **columns,
         )
         for x in halves
     ]
-    none = np.zeros(len(rest), dtype=np.intp)
+    none = np.zeros(len(others), dtype=np.intp)
     order = np.lexsort(
         [
             np.concatenate([none, np.zeros_like(row), np.ones_like(row)]),
             np.concatenate([none, number, number]),
-            np.concatenate([rest, of, of]),
+            np.concatenate([others, source, source]),
         ]
     )
-    plain = segments[~bent].replace(quintics=np.empty((len(rest), 0, 0)))
-    begin = np.concatenate([breaks[rest], first, middle])
+    plain = segments[~bent].replace(quintics=np.empty((len(others), 0, 0)))
+    begin = np.concatenate([breaks[others], first, middle])
     return Segments.join([plain, *drawn])[order], begin[order]
 
 

@@ -73,16 +73,16 @@ class _Blend(CornerKind):
             if (over <= 0).all():
                 return high
             low = np.minimum(SHORTEST, high)
-            under, least = self._excess(bounds, low)
+            under, smallest_excess = self._excess(bounds, low)
             # A vertex that hardly turns is smooth enough for any speed with the shortest blend.
-            found = np.where(least <= 0, low, 0.0)
-            found[over <= 0] = high[over <= 0]
-            left = np.flatnonzero((under <= 0) & (over > 0))
-            if len(left):
-                ends = np.log(np.stack([low, high])[:, left])
-                state = np.concatenate([ends, np.stack([under, over])[:, left]])
-                found[left] = self._search(bounds[left], state)
-        return found
+            tangents = np.where(smallest_excess <= 0, low, 0.0)
+            tangents[over <= 0] = high[over <= 0]
+            remaining = np.flatnonzero((under <= 0) & (over > 0))
+            if len(remaining):
+                ends = np.log(np.stack([low, high])[:, remaining])
+                state = np.concatenate([ends, np.stack([under, over])[:, remaining]])
+                tangents[remaining] = self._search(bounds[remaining], state)
+        return tangents
 
     def _search(self, bounds: Bounds, state: FloatArray) -> FloatArray:
         """Largest tangent lengths within bounds [m], (n,).
@@ -101,10 +101,10 @@ class _Blend(CornerKind):
             near = low + (high - low) * (-NEAR / 2 - under) / (over - under)
             halve = ~((near > low) & (near < high)) | (step % 3 == 2)
             middle = np.where(halve, (low + high) / 2, near)
-            found, _ = self._excess(bounds[active], np.exp(middle))
-            fits = found <= 0
-            state[0::2, active[fits]] = middle[fits], found[fits]
-            state[1::2, active[~fits]] = middle[~fits], found[~fits]
+            excess, _ = self._excess(bounds[active], np.exp(middle))
+            fits = excess <= 0
+            state[0::2, active[fits]] = middle[fits], excess[fits]
+            state[1::2, active[~fits]] = middle[~fits], excess[~fits]
             low, high, under, _ = state
             active = np.flatnonzero((under < -NEAR) & (high - low > NEAR))
             if not len(active):
@@ -117,8 +117,8 @@ class _Blend(CornerKind):
         Returns:
             The excess, and that without regard to the radius.
         """
-        any_radius, bend = self.shares(bounds, t)
-        need = 1 / (bounds.radius * np.maximum(bend, 0.0))
+        any_radius, curvature = self.shares(bounds, t)
+        need = 1 / (bounds.radius * np.maximum(curvature, 0.0))
         wide = np.where(np.isfinite(bounds.radius), need, 0.0)
         both = np.log(np.maximum(any_radius, wide)), np.log(any_radius)
         return tuple(np.where(np.isnan(x), np.inf, x) for x in both)  # type: ignore[return-value]
@@ -130,24 +130,24 @@ class _Pair(_Blend):
     smooth = False
 
     def shares(self, bounds: Bounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        found = _make_pairs(bounds.before, bounds.after, t)
+        pairs = _make_pairs(bounds.before, bounds.after, t)
         turns = [
-            x.curvatures * x.lengths / (WIDEST + ROUNDING) for x in (found.first, found.second)
+            x.curvatures * x.lengths / (WIDEST + ROUNDING) for x in (pairs.first, pairs.second)
         ]
-        off = t / 2 - middle_of(False) * (found.first.lengths + found.second.lengths)
-        shares = [*turns, found.error / bounds.error, off / bounds.turn]
-        return np.max(shares, axis=0), found.bend
+        turn = t / 2 - middle_of(False) * (pairs.first.lengths + pairs.second.lengths)
+        shares = [*turns, pairs.error / bounds.error, turn / bounds.turn]
+        return np.max(shares, axis=0), pairs.bend
 
     def draw(self, bounds: Bounds, tangent: FloatArray) -> Drawn:
-        found = _make_pairs(bounds.before, bounds.after, tangent)
+        pairs = _make_pairs(bounds.before, bounds.after, tangent)
         order = np.arange(2 * len(tangent)).reshape(2, -1).T.ravel()
         return _drawn(
             bounds,
-            Segments.join([found.first, found.second])[order],
+            Segments.join([pairs.first, pairs.second])[order],
             np.repeat(np.arange(len(tangent)), 2),
-            np.maximum(found.first.curvatures, found.second.curvatures),
-            found.error,
-            found.bend,
+            np.maximum(pairs.first.curvatures, pairs.second.curvatures),
+            pairs.error,
+            pairs.bend,
         )
 
 
@@ -157,30 +157,30 @@ class _Connection(_Blend):
     smooth = True
 
     def shares(self, bounds: Bounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        found = connect(bounds.before, bounds.after, t)
+        connections = connect(bounds.before, bounds.after, t)
         back, ahead = around_vertices(bounds.before, bounds.after)
-        x, peaks = found.nearest, []
+        x, peaks = connections.nearest, []
         for begin, end, old, old_begin in ((0 * x, x, back, t), (x, 1 + 0 * x, ahead, 0 * t)):
             # A half and what it replaces, both passed evenly.
-            off = [
-                found.begin
-                + found.at(EVERY, begin + share * (end - begin))
+            deviations = [
+                connections.begin
+                + connections.at(EVERY, begin + share * (end - begin))
                 - old.at(EVERY, np.abs(old_begin - share * t))
                 for share in LOOKS
             ]
-            peaks.append(_peak(length(np.stack(off))))
-        turn = t / 2 - middle_of(True) * found.lengths_to(EVERY, np.ones(len(t)))
+            peaks.append(_peak(length(np.stack(deviations))))
+        turn = t / 2 - middle_of(True) * connections.lengths_to(EVERY, np.ones(len(t)))
         shares = [np.max(peaks, axis=0) / bounds.error, turn / bounds.turn]
-        largest = np.where(found.sound, np.max(shares, axis=0), np.inf)
-        return largest, found.largest_bend
+        largest = np.where(connections.sound, np.max(shares, axis=0), np.inf)
+        return largest, connections.largest_bend
 
     def draw(self, bounds: Bounds, tangent: FloatArray) -> Drawn:
-        found = connect(bounds.before, bounds.after, tangent)
-        nearest, bend = found.nearest, found.largest_bend
-        rows, of, _ = draw_connections(found, bounds.after.starts, nearest)
-        rows = rows.replace(**share_limits(bounds.before[of], bounds.after[of]))
-        error = length(found.begin + found.at(EVERY, nearest))
-        return _drawn(bounds, rows, of, bend, error, bend)
+        connections = connect(bounds.before, bounds.after, tangent)
+        nearest, curvature = connections.nearest, connections.largest_bend
+        rows, corner, _ = draw_connections(connections, bounds.after.starts, nearest)
+        rows = rows.replace(**share_limits(bounds.before[corner], bounds.after[corner]))
+        error = length(connections.begin + connections.at(EVERY, nearest))
+        return _drawn(bounds, rows, corner, curvature, error, curvature)
 
 
 PAIR, CONNECTION = _Pair(), _Connection()
@@ -189,15 +189,15 @@ PAIR, CONNECTION = _Pair(), _Connection()
 def _drawn(
     bounds: Bounds,
     rows: Segments,
-    of: IntArray,
+    corner: IntArray,
     tightest: FloatArray,
     error: FloatArray,
-    bend: FloatArray,
+    curvature: FloatArray,
 ) -> Drawn:
     """Blends with their largest curvatures, corner errors and bends, (n,) each."""
-    full = (error >= bounds.error * (1 - FULL)) | (bend <= (1 + FULL) / bounds.radius)
+    full = (error >= bounds.error * (1 - FULL)) | (curvature <= (1 + FULL) / bounds.radius)
     with np.errstate(divide="ignore"):
-        return Drawn(rows=rows, of=of, radius=1 / tightest, error=error, shrunk=~full)
+        return Drawn(rows=rows, of=corner, radius=1 / tightest, error=error, shrunk=~full)
 
 
 def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
@@ -211,13 +211,13 @@ def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = biarcs(p0, t0, p1, t1, share)
         error = _distance(first, second)
-    bend = np.maximum(_inward(first, inward), _inward(second, inward))
+    curvature = np.maximum(_inward(first, inward), _inward(second, inward))
     segment_limits = share_limits(before, after)
     return _Pairs(
         first=first.replace(starts=first.starts + corner, **segment_limits),
         second=second.replace(starts=second.starts + corner, **segment_limits),
         error=error,
-        bend=bend,
+        bend=curvature,
     )
 
 
@@ -230,13 +230,13 @@ def _peak(values: FloatArray) -> FloatArray:
         values: Values at the places, (places, n).
     """
     inner = values[1:-1]
-    more = np.abs(values[2:] - 2 * inner + values[:-2]) / 6
-    found = inner + np.where((inner >= values[2:]) & (inner >= values[:-2]), more, 0.0)
+    rise = np.abs(values[2:] - 2 * inner + values[:-2]) / 6
+    peaks = inner + np.where((inner >= values[2:]) & (inner >= values[:-2]), rise, 0.0)
     # At an end the values may fall towards it.
-    for ends, beside in ((values[:3], more[0]), (values[:-4:-1], more[-1])):
+    for ends, end_rise in ((values[:3], rise[0]), (values[:-4:-1], rise[-1])):
         falls = 3 * ends[0] < 4 * ends[1] - ends[2]
-        found = np.concatenate([found, [ends[0] + np.where(falls, beside, 0.0)]])
-    return np.asarray(found.max(axis=0))
+        peaks = np.concatenate([peaks, [ends[0] + np.where(falls, end_rise, 0.0)]])
+    return np.asarray(peaks.max(axis=0))
 
 
 def _distance(first: Segments, second: Segments) -> FloatArray:
@@ -254,8 +254,8 @@ def _distance(first: Segments, second: Segments) -> FloatArray:
     power = k * (x * x + y * y) - 2 * y
     in_plane = power / (1 + np.sqrt(np.maximum(1 + k * power, 0.0)))
     across = v - x[:, None] * second.tangents - y[:, None] * normals
-    found = np.hypot(in_plane, length(across))
-    return np.asarray(np.where(np.isfinite(found), found, np.inf))
+    distances = np.hypot(in_plane, length(across))
+    return np.asarray(np.where(np.isfinite(distances), distances, np.inf))
 
 
 def _tangent_length(rows: Segments, t: FloatArray) -> FloatArray:

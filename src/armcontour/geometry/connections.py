@@ -70,10 +70,10 @@ class Connections:
     def at(self, i: IntArray | slice, x: FloatArray, order: int = 0) -> FloatArray:
         """Ways from the starts of connections `i` at x, or their derivatives by x."""
         c = self.coefficients[i]
-        found = np.zeros(np.shape(x) + c.shape[-1:])
+        values = np.zeros(np.shape(x) + c.shape[-1:])
         for k in range(DEGREE, order - 1, -1):
-            found = found * x[..., None] + math.perm(k, order) * c[..., k, :]
-        return np.asarray(found)
+            values = values * x[..., None] + math.perm(k, order) * c[..., k, :]
+        return np.asarray(values)
 
     def lengths_to(self, i: IntArray | slice, x: FloatArray) -> FloatArray:
         """Arc lengths from the starts of connections `i` to x [m], (n,)."""
@@ -82,13 +82,13 @@ class Connections:
     @property
     def nearest(self) -> FloatArray:
         """Where the connections are nearest to their vertices, x from 0 to 1, (n,)."""
-        places = self._many[1:-1]
-        x = MANY[1 + length(self.begin + self.at(EVERY, places)).argmin(axis=0)]
+        parameters = self._many[1:-1]
+        x = MANY[1 + length(self.begin + self.at(EVERY, parameters)).argmin(axis=0)]
         for _ in range(STEPS):
-            off = self.begin + self.at(EVERY, x)
+            offset = self.begin + self.at(EVERY, x)
             first, second = self.at(EVERY, x, 1), self.at(EVERY, x, 2)
-            slope = np.maximum(dot(first, first) + dot(off, second), 0.1 * dot(first, first))
-            x = np.clip(x - dot(off, first) / slope, MANY[1], MANY[-2])
+            slope = np.maximum(dot(first, first) + dot(offset, second), 0.1 * dot(first, first))
+            x = np.clip(x - dot(offset, first) / slope, MANY[1], MANY[-2])
         return np.asarray(x)
 
     @property
@@ -129,21 +129,21 @@ def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
     back, ahead = around_vertices(before, after)
     begin = [(-1) ** k * back.at(every, t, k) for k in range(4)]
     end = [ahead.at(every, t, k) for k in range(4)]
-    way, size = end[0] - begin[0], 2 * t
+    chord, size = end[0] - begin[0], 2 * t
     for _ in range(ROUNDS):
         scale = [size[:, None] ** k for k in range(4)]
-        c = np.zeros((len(t), DEGREE + 1, way.shape[1]))
+        c = np.zeros((len(t), DEGREE + 1, chord.shape[1]))
         for k, factor in ((1, 1), (2, 2), (3, 6)):
             c[:, k] = begin[k] * scale[k] / factor
-        rest = [
-            (way if k == 0 else end[k] * scale[k])
+        residuals = [
+            (chord if k == 0 else end[k] * scale[k])
             - sum(math.perm(j, k) * c[:, j] for j in range(max(k, 1), 4))
             for k in range(4)
         ]
-        c[:, 4:] = np.einsum("jk,knd->njd", LAST, np.stack(rest))
-        found = Connections(begin=begin[0], coefficients=c)
-        size = found.lengths_to(EVERY, np.ones(len(t)))
-    return found
+        c[:, 4:] = np.einsum("jk,knd->njd", LAST, np.stack(residuals))
+        connections = Connections(begin=begin[0], coefficients=c)
+        size = connections.lengths_to(EVERY, np.ones(len(t)))
+    return connections
 
 
 def around_vertices(before: Segments, after: Segments) -> tuple[Segments, Segments]:
@@ -157,66 +157,66 @@ def around_vertices(before: Segments, after: Segments) -> tuple[Segments, Segmen
 
 
 def draw_connections(
-    found: Connections, vertices: FloatArray, middle: FloatArray
+    connections: Connections, vertices: FloatArray, middle: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray]:
     """Transitions along connections, as evenly as `UNEVEN` asks for.
 
     Args:
-        found: The connections, n.
+        connections: The connections, n.
         vertices: Their vertices [m], (n, dimension).
         middle: Where their halves meet, x from 0 to 1, (n,).
 
     Returns:
         The transitions in order, the connection of each, and the mask of those before the middle.
     """
-    parts = np.full(len(found), 1)
-    drawn, of, first = _draw(found, vertices, middle, parts)
+    parts = np.full(len(connections), 1)
+    drawn, owners, first = _draw(connections, vertices, middle, parts)
     while True:
         speeds = [length(drawn.at(EVERY, share * drawn.lengths, 1)) for share in LOOKS]
         uneven = np.abs(np.stack(speeds) - 1).max(axis=0)
-        rough = np.unique(of[uneven > UNEVEN / 2])
+        rough = np.unique(owners[uneven > UNEVEN / 2])
         rough = rough[parts[rough] < MOST_PARTS]
         if not len(rough):
-            return drawn, of, first
-        worst = np.zeros(len(found))
-        np.maximum.at(worst, of, uneven)
+            return drawn, owners, first
+        worst = np.zeros(len(connections))
+        np.maximum.at(worst, owners, uneven)
         # The unevenness falls with about the fifth power of the lengths.
-        more = np.ceil(parts[rough] * (worst[rough] / (UNEVEN / 2)) ** 0.2)
-        parts[rough] = np.minimum(np.maximum(more, parts[rough] + 1), MOST_PARTS)
-        drawn, of, first = _draw(found, vertices, middle, parts)
+        count = np.ceil(parts[rough] * (worst[rough] / (UNEVEN / 2)) ** 0.2)
+        parts[rough] = np.minimum(np.maximum(count, parts[rough] + 1), MOST_PARTS)
+        drawn, owners, first = _draw(connections, vertices, middle, parts)
 
 
 def _draw(
-    found: Connections, vertices: FloatArray, middle: FloatArray, parts: IntArray
+    connections: Connections, vertices: FloatArray, middle: FloatArray, parts: IntArray
 ) -> tuple[Segments, IntArray, BoolArray]:
     """Transitions along connections, in halves of so many quintics each, (n,)."""
-    every = np.arange(len(found))
-    half = found.lengths_to(EVERY, middle)
-    whole = found.lengths_to(EVERY, np.ones(len(found)))
-    of, number = number_parts(2 * parts)
-    first = number < parts[of]
-    step = np.where(first, half[of], (whole - half)[of]) / parts[of]
+    every = np.arange(len(connections))
+    half = connections.lengths_to(EVERY, middle)
+    whole = connections.lengths_to(EVERY, np.ones(len(connections)))
+    owners, number = number_parts(2 * parts)
+    first = number < parts[owners]
+    step = np.where(first, half[owners], (whole - half)[owners]) / parts[owners]
     # Places on the connections at the ends of the quintics.
-    node = np.where(first, number, number - parts[of])
-    s = np.where(first, 0.0, half[of]) + node * step
-    low, high = np.where(first, 0.0, middle[of]), np.where(first, middle[of], 1.0)
-    x = low + (high - low) * node / parts[of]
+    node = np.where(first, number, number - parts[owners])
+    s = np.where(first, 0.0, half[owners]) + node * step
+    low, high = np.where(first, 0.0, middle[owners]), np.where(first, middle[owners], 1.0)
+    x = low + (high - low) * node / parts[owners]
     inner = node > 0
-    i, place, goal = of[inner], x[inner], s[inner]
+    i, parameter, goal = owners[inner], x[inner], s[inner]
     for _ in range(STEPS):
-        off = found.lengths_to(i, place) - goal
-        place = np.clip(place - off / length(found.at(i, place, 1)), 0.0, 1.0)
-    x[inner] = place
-    begin = found.contact(of, x)
-    last = number == 2 * parts[of] - 1
-    final = found.contact(every, np.ones(len(found)))
+        error = connections.lengths_to(i, parameter) - goal
+        parameter = np.clip(parameter - error / length(connections.at(i, parameter, 1)), 0.0, 1.0)
+    x[inner] = parameter
+    begin = connections.contact(owners, x)
+    last = number == 2 * parts[owners] - 1
+    final = connections.contact(every, np.ones(len(connections)))
     end = [np.empty_like(v) for v in begin]
     for k in range(3):
         end[k][:-1] = begin[k][1:]
         end[k][last] = final[k]
-    way = end[0] - begin[0]
-    starts = vertices[of] + found.begin[of] + begin[0]
-    return join_up((starts, *begin[1:]), (way, end[1], end[2]), step), of, first
+    chord = end[0] - begin[0]
+    starts = vertices[owners] + connections.begin[owners] + begin[0]
+    return join_up((starts, *begin[1:]), (chord, end[1], end[2]), step), owners, first
 
 
 def bound_deviation(
@@ -241,21 +241,21 @@ def bound_deviation(
     h = drawn.lengths[row] / parts
     step = ((ends[1] - ends[0]) / parts)[row]
     low = ends[0][row] + number * step
-    which, ratio = i[row], step / h
-    off = [
-        length(drawn.at(row, (number + share) * h) - old.at(which, low + share * step))
+    segment, ratio = i[row], step / h
+    distances = [
+        length(drawn.at(row, (number + share) * h) - old.at(segment, low + share * step))
         for share in (0, 1)
     ]
     # The second derivative of the old path, over the length of the transition, and how much it
     # changes to either side of the middle.
-    bend = ratio[:, None] ** 2 * old.at(which, low + step / 2, 2)
-    change = old.curvatures[which] ** 2
+    second_derivative = ratio[:, None] ** 2 * old.at(segment, low + step / 2, 2)
+    change = old.curvatures[segment] ** 2
     if old.quintics.size:
-        bent = old.bent[which]
-        rows = which[bent]
+        bent = old.bent[segment]
+        rows = segment[bent]
         change[bent] = largest_change(old.quintics[rows], old.lengths[rows])
-    more = ratio**2 * change * step / 2
+    allowance = ratio**2 * change * step / 2
     relative = re_expand(drawn.quintics[row], number / parts, np.full(len(row), 1 / parts))
-    relative[:, 2] -= bend * (h**2 / 2)[:, None]
-    bound = np.maximum(*off) + h**2 / 8 * (largest_bend(relative, h) + more)
+    relative[:, 2] -= second_derivative * (h**2 / 2)[:, None]
+    bound = np.maximum(*distances) + h**2 / 8 * (largest_bend(relative, h) + allowance)
     return np.asarray(bound.reshape(len(drawn), parts).max(axis=1))

@@ -153,11 +153,11 @@ class LineCorner(CornerKind):
         stretch, radius = self.stretch(bounds.half), self._radius(bounds)
         shrunk = tangent < radius * stretch * (1 - 1e-12)
         radius = np.where(shrunk, tangent / stretch, radius)
-        rows, of = self.lay(bounds, radius)
+        rows, corner = self.lay(bounds, radius)
         segment_limits = share_limits(bounds.before, bounds.after)
-        rows = rows.replace(**{name: column[of] for name, column in segment_limits.items()})
+        rows = rows.replace(**{name: column[corner] for name, column in segment_limits.items()})
         error = radius * self.gap(bounds.half)
-        return Drawn(rows=rows, of=of, radius=radius, error=error, shrunk=shrunk)
+        return Drawn(rows=rows, of=corner, radius=radius, error=error, shrunk=shrunk)
 
     def _radius(self, bounds: Bounds) -> FloatArray:
         """Smallest radii of the curves by case I or case II [m], (n,)."""
@@ -215,10 +215,10 @@ def _lay_bends(bounds: Bounds, radius: FloatArray) -> tuple[Segments, IntArray]:
         turned(-np.sin(angle), np.cos(angle)) * (h * BEND * (1 - end * end) ** 2 / size)[:, None]
         for angle, end in zip(angles, x, strict=True)
     ]
-    places = x[0] + (x[1] - x[0]) * (FEW[0][:, None] + 1) / 2
-    angle = h * _share_of_turn(places)
+    parameters = x[0] + (x[1] - x[0]) * (FEW[0][:, None] + 1) / 2
+    angle = h * _share_of_turn(parameters)
     step = size / parts[corner]
-    steps = turned(*(step / 2 * (FEW[1] @ of(angle)) for of in (np.cos, np.sin)))
+    steps = turned(*(step / 2 * (FEW[1] @ function(angle)) for function in (np.cos, np.sin)))
     back = (radius * _stretch_of_bends(half))[:, None] * bounds.before.tangents
     sums = np.cumsum(steps, axis=0) - steps
     starts = (bounds.after.starts - back)[corner] + sums - sums[number == 0][corner]
@@ -248,10 +248,10 @@ def _share_of_turn(x: FloatArray) -> FloatArray:
     return np.asarray(x * (15 - 10 * x**2 + 3 * x**4) / 8)
 
 
-def _over_half(half: FloatArray, of: Callable[[FloatArray], FloatArray]) -> FloatArray:
+def _over_half(half: FloatArray, function: Callable[[FloatArray], FloatArray]) -> FloatArray:
     """Mean of a function of the tangent's angle over half of a smooth bend, (n,)."""
     angles = half * _share_of_turn((MANY[0][:, None] + 1) / 2)
-    return np.asarray(MANY[1] @ of(angles) / 2)
+    return np.asarray(MANY[1] @ function(angles) / 2)
 
 
 def _stretch_of_bends(half: FloatArray) -> FloatArray:
@@ -276,18 +276,18 @@ def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
         The arcs in the plane, in order, and the parabola of each.
     """
     # With w = asinh(tan(angle)) the curvature is cosh(w)**-3: it changes by 3 tanh(w) dw.
-    most = np.arcsinh(np.tan(half))
-    steps = 2 * np.maximum(np.ceil(most / STEP), 1.0).astype(np.intp)
-    which, k = number_parts(steps)
+    largest = np.arcsinh(np.tan(half))
+    steps = 2 * np.maximum(np.ceil(largest / STEP), 1.0).astype(np.intp)
+    parabola, k = number_parts(steps)
     ends = []
     for node in (k, k + 1):
-        w = most[which] * (2 * node / steps[which] - 1)
+        w = largest[parabola] * (2 * node / steps[parabola] - 1)
         tan = np.sinh(w)
         ends += [np.stack([tan, tan * tan / 2], axis=1)]
         ends += [np.stack([1 / np.cosh(w), np.tanh(w)], axis=1)]
     first, second = biarcs(*ends)
-    order = np.arange(2 * len(which)).reshape(2, -1).T.ravel()
-    return Segments.join([first, second])[order], np.repeat(which, 2)
+    order = np.arange(2 * len(parabola)).reshape(2, -1).T.ravel()
+    return Segments.join([first, second])[order], np.repeat(parabola, 2)
 
 
 def _length_of_parabolas(half: FloatArray) -> FloatArray:
@@ -324,7 +324,7 @@ SMOOTH = LineCorner(
 )
 
 
-def fit_lengths(wanted: FloatArray, vertex: IntArray, lengths: FloatArray) -> FloatArray:
+def fit_lengths(requested: FloatArray, vertex: IntArray, lengths: FloatArray) -> FloatArray:
     """Lengths beside vertices reduced to fit their segments [m], (n,).
 
     A vertex may take half of a segment, or all that the vertex at its other end does not want.
@@ -332,15 +332,19 @@ def fit_lengths(wanted: FloatArray, vertex: IntArray, lengths: FloatArray) -> Fl
     always has a solution.
 
     Args:
-        wanted: Wanted lengths on either side [m], (n,).
+        requested: Wanted lengths on either side [m], (n,).
         vertex: Segments after which the vertices are, increasing, (n,).
         lengths: Lengths of all segments [m].
     """
-    at = np.zeros(len(lengths) + 1)
-    at[vertex + 1] = wanted
-    room_before = np.maximum(lengths / 2, lengths - at[:-1])  # for the vertex at a segment's end
-    room_after = np.maximum(lengths / 2, lengths - at[1:])  # for the vertex at its start
-    return np.asarray(np.minimum(wanted, np.minimum(room_before[vertex], room_after[vertex + 1])))
+    by_vertex = np.zeros(len(lengths) + 1)
+    by_vertex[vertex + 1] = requested
+    room_before = np.maximum(
+        lengths / 2, lengths - by_vertex[:-1]
+    )  # for the vertex at a segment's end
+    room_after = np.maximum(lengths / 2, lengths - by_vertex[1:])  # for the vertex at its start
+    return np.asarray(
+        np.minimum(requested, np.minimum(room_before[vertex], room_after[vertex + 1]))
+    )
 
 
 def replace_vertices(

@@ -70,9 +70,9 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
             "A shaped path bends as its timing wants it, and cannot be given another curvature: "
             "smooth the curvature of a path that is not shaped."
         )
-    vertex, most, w = _find_jumps(path, allowed)
+    vertex, limits, w = _find_jumps(path, allowed)
     parts = [
-        _draw(path, vertex[x : x + AT_A_TIME], w[x : x + AT_A_TIME], most[x : x + AT_A_TIME])
+        _draw(path, vertex[x : x + AT_A_TIME], w[x : x + AT_A_TIME], limits[x : x + AT_A_TIME])
         for x in range(0, len(vertex), AT_A_TIME)
     ]
     if not any(len(x[0]) for x in parts):
@@ -101,19 +101,19 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
     jump = length(vectors[0][:-1] - vectors[1][1:])
     size = length(vectors[0][:-1]) + length(vectors[1][1:])
     sharp = path.turns > TANGENT_TOLERANCE
-    found = (jump > SAME_BEND * size + BEND_FLOOR) & ~sharp
+    mask = (jump > SAME_BEND * size + BEND_FLOOR) & ~sharp
     if orientation is not None and not (orientation.fixed or orientation.follows):
-        found[find_kinks(path)] = False
-        found &= orientation.jumps <= SAME_ORIENTATION
-    vertex = np.flatnonzero(found)
-    own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
-    most = np.minimum(tolerance, np.minimum(own[vertex], own[vertex + 1]))
+        mask[find_kinks(path)] = False
+        mask &= orientation.jumps <= SAME_ORIENTATION
+    vertex = np.flatnonzero(mask)
+    tolerances = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
+    limits = np.minimum(tolerance, np.minimum(tolerances[vertex], tolerances[vertex + 1]))
     tight = np.maximum(path.curvatures[vertex], path.curvatures[vertex + 1])
     # Corners, which may be rounded later, keep half of their segments.
     every = np.where(sharp, np.inf, 0.0)
-    every[vertex] = np.minimum(np.sqrt(most / (SMALL * jump[vertex])), WIDEST / tight)
+    every[vertex] = np.minimum(np.sqrt(limits / (SMALL * jump[vertex])), WIDEST / tight)
     w = fit_lengths(every, np.arange(len(every)), path.lengths)[vertex]
-    return vertex, most, w
+    return vertex, limits, w
 
 
 def _draw(
@@ -135,21 +135,23 @@ def _draw(
     done = [np.zeros(0, dtype=np.intp)]
     drawn = [path.segments[:0]]
     first = [np.zeros(0, dtype=bool)]
-    left = np.flatnonzero(w > 0)
+    remaining = np.flatnonzero(w > 0)
     for _ in range(TRIES):
-        if not len(left):
+        if not len(remaining):
             break
-        rows, of, before, off = _connect(path, vertex[left], w[left], allowed[left])
-        good = off <= allowed[left]
-        keep = good[of]
-        drawn, done = [*drawn, rows[keep]], [*done, vertex[left[of[keep]]]]
+        rows, owners, before, deviations = _connect(
+            path, vertex[remaining], w[remaining], allowed[remaining]
+        )
+        good = deviations <= allowed[remaining]
+        keep = good[owners]
+        drawn, done = [*drawn, rows[keep]], [*done, vertex[remaining[owners[keep]]]]
         first = [*first, before[keep]]
-        left, off = left[~good], off[~good]
-        shorter = np.minimum(SHORTER, SAFE * np.sqrt(allowed[left] / off))
-        w[left] *= np.where(np.isfinite(off), shorter, HALF)
-        w[left[w[left] < SHORTEST]] = 0.0
-        left = left[w[left] > 0]
-    w[left] = 0.0
+        remaining, deviations = remaining[~good], deviations[~good]
+        shorter = np.minimum(SHORTER, SAFE * np.sqrt(allowed[remaining] / deviations))
+        w[remaining] *= np.where(np.isfinite(deviations), shorter, HALF)
+        w[remaining[w[remaining] < SHORTEST]] = 0.0
+        remaining = remaining[w[remaining] > 0]
+    w[remaining] = 0.0
     return Segments.join(drawn), np.concatenate(done), np.concatenate(first), w
 
 
@@ -169,24 +171,26 @@ def _connect(
         deviations [m], (n,), infinite where no connection is sound.
     """
     rows = path.segments
-    found = connect(rows[vertex], rows[vertex + 1], w)
-    sound = found.sound
-    middle = np.where(sound, found.nearest, 0.5)
-    drawn, of, before = draw_connections(found, rows.starts[vertex + 1], middle)
+    connections = connect(rows[vertex], rows[vertex + 1], w)
+    sound = connections.sound
+    middle = np.where(sound, connections.nearest, 0.5)
+    drawn, owners, before = draw_connections(connections, rows.starts[vertex + 1], middle)
     # The part of the path that each transition replaces: both halves are passed evenly.
-    half = 2 * of + ~before
+    half = 2 * owners + ~before
     count = np.bincount(half)
     _, number = number_parts(count)
-    old = vertex[of] + ~before
+    old = vertex[owners] + ~before
     shares = number / count[half], (number + 1) / count[half]
-    base = np.where(before, path.lengths[old] - w[of], 0.0)
-    ends = base + shares[0] * w[of], base + shares[1] * w[of]
+    base = np.where(before, path.lengths[old] - w[owners], 0.0)
+    ends = base + shares[0] * w[owners], base + shares[1] * w[owners]
     bounds = bound_deviation(drawn, rows, old, ends, FEW)
-    far = np.flatnonzero(bounds > allowed[of])
-    bounds[far] = bound_deviation(drawn[far], rows, old[far], (ends[0][far], ends[1][far]), MANY)
-    off = np.zeros(len(vertex))
-    np.maximum.at(off, of, bounds)
-    return drawn, of, before, np.where(sound, off, np.inf)
+    uncertain = np.flatnonzero(bounds > allowed[owners])
+    bounds[uncertain] = bound_deviation(
+        drawn[uncertain], rows, old[uncertain], (ends[0][uncertain], ends[1][uncertain]), MANY
+    )
+    deviations = np.zeros(len(vertex))
+    np.maximum.at(deviations, owners, bounds)
+    return drawn, owners, before, np.where(sound, deviations, np.inf)
 
 
 def _replace(
@@ -208,36 +212,38 @@ def _replace(
         first: Mask of the transitions before the vertex.
     """
     # Speeds, tolerances and tags stay on their sides of the vertex.
-    own = path.segments[np.where(first, after, after + 1)]
-    columns = {x: getattr(own, x) for x in ("speeds", "tolerances", "tags")}
+    originals = path.segments[np.where(first, after, after + 1)]
+    columns = {x: getattr(originals, x) for x in ("speeds", "tolerances", "tags")}
     cut = np.zeros(len(path) + 1)
     cut[vertex + 1] = w
     table, source, _ = replace_vertices(path.segments, cut, drawn.replace(**columns), after)
-    which = np.searchsorted(vertex, after)
+    index = np.searchsorted(vertex, after)
     sides = [
-        np.asarray(np.bincount(which, drawn.lengths * x, minlength=len(w)), dtype=float)
+        np.asarray(np.bincount(index, drawn.lengths * x, minlength=len(w)), dtype=float)
         for x in (first, ~first)
     ]
     # Arc lengths of the places before, at and after the vertices on both paths.
-    more, at = sides[0] + sides[1] - 2 * w, path.breaks[vertex + 1]
-    old = np.stack([at - w, at, at + w], axis=1)
-    steps = np.stack([0 * w, sides[0] - w, more], axis=1)
-    pairs = np.stack([old, old + (np.cumsum(more) - more)[:, None] + steps], axis=2).reshape(-1, 2)
-    ends = [[0.0, 0.0]], [[path.length, path.length + float(more.sum())]]
-    places = np.concatenate([ends[0], pairs, ends[1]])
+    growth, s = sides[0] + sides[1] - 2 * w, path.breaks[vertex + 1]
+    old = np.stack([s - w, s, s + w], axis=1)
+    steps = np.stack([0 * w, sides[0] - w, growth], axis=1)
+    pairs = np.stack([old, old + (np.cumsum(growth) - growth)[:, None] + steps], axis=2).reshape(
+        -1, 2
+    )
+    ends = [[0.0, 0.0]], [[path.length, path.length + float(growth.sum())]]
+    matched_s = np.concatenate([ends[0], pairs, ends[1]])
     orientation = path.orientation
     if orientation is not None and orientation.follows:
         orientation = follow_rounded(table, path, source, cut[:-1], 0.0, smooth=True)
     elif orientation is not None:
         around = sides[0] + sides[1]
         orientation, _ = round_orientation(path, vertex, w, around, table.breaks[-1], smooth=True)
-    at = np.interp(path.breaks[path.waypoints], *places.T)
+    s = np.interp(path.breaks[path.waypoints], *matched_s.T)
     changed: dict[str, Any] = {
         "segments": table,
-        "waypoints": np.searchsorted((table.breaks[1:] + table.breaks[:-1]) / 2, at),
+        "waypoints": np.searchsorted((table.breaks[1:] + table.breaks[:-1]) / 2, s),
         "orientation": orientation,
     }
     if isinstance(path, RoundedPath):
-        moved = {x: np.interp(getattr(path.corners, x), *places.T) for x in ("start", "end")}
+        moved = {x: np.interp(getattr(path.corners, x), *matched_s.T) for x in ("start", "end")}
         changed["corners"] = dataclasses.replace(path.corners, **moved)
-    return dataclasses.replace(path, **changed), places
+    return dataclasses.replace(path, **changed), matched_s

@@ -73,7 +73,7 @@ def distance2(foot: Foot, k: float, away: float) -> float:
 
 @compiled(inner=True, fastmath=FUSED, forceinline=True)
 def nearest_within(
-    p: Point, g: FloatArray, low: float, high: float, most: float
+    p: Point, g: FloatArray, low: float, high: float, limit: float
 ) -> tuple[float, float]:
     """Squared distance to a part of segment `g`, and the distance along it of the nearest point.
 
@@ -82,10 +82,10 @@ def nearest_within(
         g: The segment's row of `pack`, (15,).
         low: Distance along the segment at which the part starts [m].
         high: Distance along the segment at which the part ends [m].
-        most: Squared distance from which on any distance at least as large is a result [m²].
+        limit: Squared distance from which on any distance at least as large is a result [m²].
     """
     foot, k = find_foot(p, g), g[9]
-    if foot.off2 >= most:
+    if foot.off2 >= limit:
         return foot.off2, low
     u = foot.along
     if k != 0.0:
@@ -136,11 +136,11 @@ def search_tree(
     n, leaves = len(queries), (len(boxes) + 1) // 2
     distance, s = np.empty(n), np.empty(n)
     stack, bound = np.empty(STACK, np.intp), np.empty(STACK)
-    found = pieces[0]
+    segment = pieces[0]
     for i in range(n):
         p = queries[i, 0], queries[i, 1], queries[i, 2]
         # The segment of the last query is a good first guess, as queries mostly follow a motion.
-        best, u = nearest_within(p, rows[found], 0.0, rows[found, 10], math.inf)
+        best, u = nearest_within(p, rows[segment], 0.0, rows[segment, 10], math.inf)
         depth, stack[0], bound[0] = 0, 0, 0.0
         while depth >= 0:
             node, gap2 = stack[depth], bound[depth]
@@ -161,10 +161,10 @@ def search_tree(
                 if pieces[j] != previous:
                     previous = pieces[j]
                     g = rows[previous]
-                    d2, at = nearest_within(p, g, 0.0, g[10], best)
+                    d2, along = nearest_within(p, g, 0.0, g[10], best)
                     if d2 < best:
-                        best, u, found = d2, at, previous
-        distance[i], s[i] = math.sqrt(best), rows[found, 11] + u
+                        best, u, segment = d2, along, previous
+        distance[i], s[i] = math.sqrt(best), rows[segment, 11] + u
     return distance, s
 
 
@@ -190,7 +190,7 @@ def search_along(
     """
     n = len(rows)
     best, _ = nearest_within(p, rows[segment], 0.0, rows[segment, 10], math.inf)
-    found, far2 = segment, REACH * REACH * best
+    nearest, far2 = segment, REACH * REACH * best
     for ahead in (True, False):
         stop, near = (high, 0) if ahead else (-low, 12)
         j, turn, free, d = segment, 0.0, -math.inf, math.sqrt(best)
@@ -215,8 +215,8 @@ def search_along(
                 continue
             d2, _ = nearest_within(p, g, 0.0, g[10], best)
             if d2 < best:
-                best, found, d = d2, j, math.sqrt(d2)
-    return best, found
+                best, nearest, d = d2, j, math.sqrt(d2)
+    return best, nearest
 
 
 # A part is halved at most this often, and into at most this many parts.
@@ -277,9 +277,9 @@ def find_excess(
             g = pieces.rows[j]
             low = min(max(ranges[i, 0] - g[11], 0.0), g[10])
             high = min(max(ranges[i, 1] - g[11], low), g[10])
-            off, u = _excess(p, pieces, j, low, high)
-            if off < excess[i]:
-                excess[i], s[i] = off, g[11] + u
+            candidate, u = _excess(p, pieces, j, low, high)
+            if candidate < excess[i]:
+                excess[i], s[i] = candidate, g[11] + u
     return excess, s
 
 
@@ -344,9 +344,9 @@ def bound_excess(
         (k,) each.
     """
     n = len(parts)
-    bounds, found, where = np.full(n, -np.inf), np.full(n, -np.inf), np.zeros(n)
+    bounds, largest, s = np.full(n, -np.inf), np.full(n, -np.inf), np.zeros(n)
     stack, depths = np.empty((DEPTH + 2, 6)), np.empty(DEPTH + 2, np.intp)
-    enough, left = slack, FINE * (n + 1000)
+    enough, remaining = slack, FINE * (n + 1000)
     for i in range(n):
         g = rows[segment[i]]
         stack[0], depths[0] = parts[i], 0
@@ -359,7 +359,7 @@ def bound_excess(
             # The excess at both ends, a bound over the whole part and the tolerance of its piece.
             u0, u1 = part[0], part[3]
             p, q = point_at(g, u0), point_at(g, u1)
-            at_start, at_end, bound, own = np.inf, np.inf, np.inf, 0.0
+            at_start, at_end, bound, tolerance = np.inf, np.inf, np.inf, 0.0
             for j in range(windows[i, 0], windows[i, 1] + 1):
                 h = pieces.rows[j]
                 low = max(part[1] - part[2] - h[11], 0.0), max(part[4] - part[5] - h[11], 0.0)
@@ -368,17 +368,17 @@ def bound_excess(
                 d1, v1 = _excess(q, pieces, j, low[1], high[1])
                 at_start, at_end = min(at_start, d0), min(at_end, d1)
                 if max(d0, d1) < bound:
-                    more = max(d0, d1) + bulge(g, u0, u1, h, v0, v1)
-                    if more < bound:
-                        bound, own = more, pieces.tolerance[j]
+                    candidate = max(d0, d1) + bulge(g, u0, u1, h, v0, v1)
+                    if candidate < bound:
+                        bound, tolerance = candidate, pieces.tolerance[j]
             at_ends = max(at_start, at_end)
-            if at_ends > found[i]:
-                found[i] = at_ends
-                where[i] = g[11] + (u0 if at_start >= at_end else u1)
+            if at_ends > largest[i]:
+                largest[i] = at_ends
+                s[i] = g[11] + (u0 if at_start >= at_end else u1)
             enough = max(enough, at_ends)
-            left -= 1
-            fine = at_ends <= slack / 2 and left > 0
-            close = bound - at_ends <= (slack / 2 if fine else CLOSE * own)
+            remaining -= 1
+            fine = at_ends <= slack / 2 and remaining > 0
+            close = bound - at_ends <= (slack / 2 if fine else CLOSE * tolerance)
             if bound <= enough or close or depth == DEPTH or count > PARTS:
                 bounds[i] = max(bounds[i], bound)
                 continue
@@ -389,4 +389,4 @@ def bound_excess(
                 stack[top + 1, c] = middle
             depths[top + 1] = depths[top + 2] = depth + 1
             top += 2
-    return bounds, found, where
+    return bounds, largest, s

@@ -12,34 +12,34 @@ from armcontour.core.checks import FloatArray, IntArray
 FEW = 250_000
 
 
-def pairs_within(places: FloatArray, points: FloatArray, near: float) -> tuple[IntArray, IntArray]:
+def pairs_within(queries: FloatArray, points: FloatArray, near: float) -> tuple[IntArray, IntArray]:
     """All pairs of a place and a point that are at most this far apart.
 
     Args:
-        places: The places, (n, d).
+        queries: The places, (n, d).
         points: The points, (m, d).
         near: The distance.
 
     Returns:
         Indices of the places, sorted, and those of their points, (pairs,) each.
     """
-    if len(places) * len(points) <= FEW:
-        found = np.nonzero(_squares(places, points) <= near**2)
-        return found[0], found[1]
+    if len(queries) * len(points) <= FEW:
+        indices = np.nonzero(_squares(queries, points) <= near**2)
+        return indices[0], indices[1]
     from scipy.spatial import cKDTree
 
-    lists: Any = cKDTree(points).query_ball_point(places, near, return_sorted=True)
-    owners = np.repeat(np.arange(len(places)), [len(x) for x in lists])
+    lists: Any = cKDTree(points).query_ball_point(queries, near, return_sorted=True)
+    owners = np.repeat(np.arange(len(queries)), [len(x) for x in lists])
     return owners, np.concatenate(lists).astype(np.intp)
 
 
 def nearest_points(
-    places: FloatArray, points: FloatArray, count: int, within: float = np.inf
+    queries: FloatArray, points: FloatArray, count: int, within: float = np.inf
 ) -> IntArray:
     """The nearest points of every place, the nearest one first.
 
     Args:
-        places: The places, (n, d).
+        queries: The places, (n, d).
         points: The points, (m, d).
         count: How many are wanted, at most m.
         within: Only points nearer than this count.
@@ -47,16 +47,16 @@ def nearest_points(
     Returns:
         Indices of points, m where there is none as near, (n, count).
     """
-    if len(places) * len(points) <= FEW:
-        squares = _squares(places, points)
+    if len(queries) * len(points) <= FEW:
+        squares = _squares(queries, points)
         order = np.argsort(squares, axis=1, kind="stable")[:, :count]
-        far = np.take_along_axis(squares, order, axis=1) >= within**2
-        return np.where(far, len(points), order)
+        beyond = np.take_along_axis(squares, order, axis=1) >= within**2
+        return np.where(beyond, len(points), order)
     from scipy.spatial import cKDTree
 
     # A list of numbers has two dimensions also where one is wanted.
-    wanted = np.arange(1, count + 1)
-    return np.asarray(cKDTree(points).query(places, k=wanted, distance_upper_bound=within)[1])
+    ranks = np.arange(1, count + 1)
+    return np.asarray(cKDTree(points).query(queries, k=ranks, distance_upper_bound=within)[1])
 
 
 def group_points(points: FloatArray, near: float) -> IntArray:
@@ -87,6 +87,6 @@ def group_points(points: FloatArray, near: float) -> IntArray:
     return np.unique(first, return_inverse=True)[1]
 
 
-def _squares(places: FloatArray, points: FloatArray) -> FloatArray:
+def _squares(queries: FloatArray, points: FloatArray) -> FloatArray:
     """Squares of the distances of places and points, (n, m)."""
-    return np.asarray(((places[:, None] - points[None]) ** 2).sum(axis=2))
+    return np.asarray(((queries[:, None] - points[None]) ** 2).sum(axis=2))

@@ -76,11 +76,11 @@ class Orientation(Checked):
 
     def __str__(self) -> str:
         """What is prescribed, and how the tool turns."""
-        what = "tool axis" if self.axis_only else "tool"
+        subject = "tool axis" if self.axis_only else "tool"
         if self.fixed:
-            return f"{what} constant"
-        how = "follows the tangent" if self.follows else "turns"
-        return f"{what} {how}, in {count_noun(len(self.starts), 'piece')}"
+            return f"{subject} constant"
+        motion = "follows the tangent" if self.follows else "turns"
+        return f"{subject} {motion}, in {count_noun(len(self.starts), 'piece')}"
 
     __repr__ = short_repr
 
@@ -155,9 +155,9 @@ class Orientation(Checked):
 
     def __call__(self, s: npt.ArrayLike, *, side: str = "right") -> FloatArray:
         """Rotation matrices at arc lengths, `s.shape + (3, 3)`."""
-        at = checks.floats("arc lengths", s, "m")
-        i = self.locate(at, side=side)
-        return self.on_piece(i, at - self.breaks[i])
+        arc_lengths = checks.floats("arc lengths", s, "m")
+        i = self.locate(arc_lengths, side=side)
+        return self.on_piece(i, arc_lengths - self.breaks[i])
 
     def rates(self, s: npt.ArrayLike, *, side: str = "right") -> tuple[FloatArray, FloatArray]:
         """Angular rate [rad/m] and its derivative [rad/m²] along s, `s.shape + (3,)` each.
@@ -166,9 +166,9 @@ class Orientation(Checked):
             s: Arc lengths [m], any shape.
             side: "right" for the piece after a break, "left" for the piece before the break.
         """
-        at = checks.floats("arc lengths", s, "m")
-        i = self.locate(at, side=side)
-        return self.rates_on_piece(i, at - self.breaks[i])
+        arc_lengths = checks.floats("arc lengths", s, "m")
+        i = self.locate(arc_lengths, side=side)
+        return self.rates_on_piece(i, arc_lengths - self.breaks[i])
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
         """Index of the piece that contains each arc length.
@@ -177,9 +177,9 @@ class Orientation(Checked):
             s: Arc lengths [m], any shape.
             side: "right" for the piece after a break, "left" for the piece before the break.
         """
-        at = checks.floats("arc lengths", s, "m")
-        found = np.searchsorted(self.breaks, at, side=checks.check_side(side)) - 1
-        return np.clip(found, 0, len(self) - 1)
+        arc_lengths = checks.floats("arc lengths", s, "m")
+        index = np.searchsorted(self.breaks, arc_lengths, side=checks.check_side(side)) - 1
+        return np.clip(index, 0, len(self) - 1)
 
     def on_piece(self, i: IntArray, u: FloatArray) -> FloatArray:
         """Rotation matrices at distance `u` after the start of piece `i`.
@@ -215,8 +215,8 @@ class Orientation(Checked):
     @property
     def constant(self) -> bool:
         """Whether the tool is held in one way along the whole path."""
-        alone = len(self.starts) == 1
-        return self.fixed and (alone or bool((self.starts[1:] == self.starts[:-1]).all()))
+        single = len(self.starts) == 1
+        return self.fixed and (single or bool((self.starts[1:] == self.starts[:-1]).all()))
 
     @property
     def jumps(self) -> FloatArray:
@@ -369,7 +369,7 @@ def with_degree(c: FloatArray, degree: int) -> FloatArray:
 
 def value_of(c: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
     """Values of polynomials with coefficients c, (..., degree + 1), or of their derivatives."""
-    found = np.zeros(np.broadcast_shapes(c.shape[:-1], np.shape(u)))
+    values = np.zeros(np.broadcast_shapes(c.shape[:-1], np.shape(u)))
     for k in range(c.shape[-1] - 1, order - 1, -1):
-        found = found * u + math.perm(k, order) * c[..., k]
-    return found
+        values = values * u + math.perm(k, order) * c[..., k]
+    return values

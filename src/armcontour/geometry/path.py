@@ -65,11 +65,11 @@ class Path(Checked):
         object.__setattr__(self, "segments", self.segments.check())
         n = len(self.segments)
         if self.waypoints is EVERY_VERTEX:
-            at = np.arange(n + 1)
-            at.setflags(write=False)
+            waypoints = np.arange(n + 1)
+            waypoints.setflags(write=False)
         else:
-            at = _increasing(self.waypoints, n)
-        object.__setattr__(self, "waypoints", at)
+            waypoints = _increasing(self.waypoints, n)
+        object.__setattr__(self, "waypoints", waypoints)
         object.__setattr__(self, "breaks", checks.frozen_array(self.segments.breaks))
         if self.orientation is not None:
             object.__setattr__(self, "orientation", self._fitting(self.orientation))
@@ -86,17 +86,19 @@ class Path(Checked):
         Raises:
             InvalidInput: The points have a wrong shape, or fewer than two of them differ.
         """
-        given = checks.points("points of a path", points)
-        kept = _without_repeats(given)
-        if len(kept) < 2:
+        coordinates = checks.points("points of a path", points)
+        indices = _without_repeats(coordinates)
+        if len(indices) < 2:
             raise InvalidInput(
-                f"A path needs at least two different points, but {len(given)} "
-                f"point{'s were' if len(given) != 1 else ' was'} given"
-                f"{' that are all the same' if len(given) > 1 else ''}."
+                f"A path needs at least two different points, but {len(coordinates)} "
+                f"point{'s were' if len(coordinates) != 1 else ' was'} given"
+                f"{' that are all the same' if len(coordinates) > 1 else ''}."
             )
         return Path(
-            segments=Segments.lines(given[kept], **segment_limits.columns(len(kept) - 1)),
-            merged=_left_out(len(given), kept),
+            segments=Segments.lines(
+                coordinates[indices], **segment_limits.columns(len(indices) - 1)
+            ),
+            merged=_left_out(len(coordinates), indices),
         )
 
     @classmethod
@@ -134,19 +136,19 @@ class Path(Checked):
         """
         from armcontour.geometry.spline import fit_spline
 
-        given = checks.points("points of a spline", points)
-        kept = _without_repeats(given)
-        if len(kept) < 2:
+        coordinates = checks.points("points of a spline", points)
+        indices = _without_repeats(coordinates)
+        if len(indices) < 2:
             raise InvalidInput("A spline needs at least two different points.")
         if tolerance < REPEATED_POINT:
             raise InvalidInput(
                 f"The spline tolerance must be at least {REPEATED_POINT:g} m, but is "
                 f"{tolerance:g} m."
             )
-        segments, waypoints = fit_spline(given[kept], tolerance, closed)
+        segments, waypoints = fit_spline(coordinates[indices], tolerance, closed)
         return Path(
             segments=segments.replace(**segment_limits.columns(len(segments))),
-            merged=_left_out(len(given), kept),
+            merged=_left_out(len(coordinates), indices),
             waypoints=waypoints,
         )
 
@@ -167,10 +169,10 @@ class Path(Checked):
         """
         from armcontour.geometry import prescribed_orientation
 
-        found = prescribed_orientation.orient(
+        orientation = prescribed_orientation.orient(
             self.segments, self.waypoints, self.merged, rotations, axis_only=axis_only
         )
-        return dataclasses.replace(self, orientation=found)
+        return dataclasses.replace(self, orientation=orientation)
 
     def pointing(self, directions: npt.ArrayLike) -> Path:
         """The path with a constant direction of the tool axis (z), or with one per waypoint.
@@ -185,8 +187,10 @@ class Path(Checked):
         """
         from armcontour.geometry import prescribed_orientation
 
-        found = prescribed_orientation.point(self.segments, self.waypoints, self.merged, directions)
-        return dataclasses.replace(self, orientation=found)
+        orientation = prescribed_orientation.point(
+            self.segments, self.waypoints, self.merged, directions
+        )
+        return dataclasses.replace(self, orientation=orientation)
 
     def following_tangent(
         self, up: npt.ArrayLike, *, tool: Any | None = None, axis_only: bool = False
@@ -207,8 +211,8 @@ class Path(Checked):
 
         if self.dimension != 3:
             raise InvalidInput(PLANE)
-        found = prescribed_orientation.follow(self.segments, up, tool, axis_only=axis_only)
-        return dataclasses.replace(self, orientation=found)
+        orientation = prescribed_orientation.follow(self.segments, up, tool, axis_only=axis_only)
+        return dataclasses.replace(self, orientation=orientation)
 
     @checked
     def placed(self, frame: Pose, *, scale: Factor = 1.0) -> Path:
@@ -240,8 +244,8 @@ class Path(Checked):
 
     def _plain(self, **changed: object) -> Path:
         """A plain Path with some attributes changed, without the attributes of a subclass."""
-        kept = {x.name: getattr(self, x.name) for x in dataclasses.fields(Path) if x.init}
-        return Path(**{**kept, **changed})
+        attributes = {x.name: getattr(self, x.name) for x in dataclasses.fields(Path) if x.init}
+        return Path(**{**attributes, **changed})
 
     def reversed(self) -> Path:
         """The path from its end to its start, with the same tool orientation at every point.
@@ -362,9 +366,9 @@ class Path(Checked):
         Raises:
             InvalidInput: An arc length is no number or outside the path, or there is no such order.
         """
-        at = check_arc_length(s, self.length)
-        i = self.locate(at, side=side)
-        return self.segments.at(i, at - self.breaks[i], checks.derivative(order))
+        arc_lengths = check_arc_length(s, self.length)
+        i = self.locate(arc_lengths, side=side)
+        return self.segments.at(i, arc_lengths - self.breaks[i], checks.derivative(order))
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
         """Index of the segment that contains each arc length.
@@ -373,9 +377,9 @@ class Path(Checked):
             s: Arc lengths [m], any shape.
             side: "right" for the segment after a vertex, "left" for the segment before the vertex.
         """
-        at = checks.floats("arc lengths", s, "m")
-        found = np.searchsorted(self.breaks, at, side=checks.check_side(side)) - 1
-        return np.clip(found, 0, len(self) - 1)
+        arc_lengths = checks.floats("arc lengths", s, "m")
+        index = np.searchsorted(self.breaks, arc_lengths, side=checks.check_side(side)) - 1
+        return np.clip(index, 0, len(self) - 1)
 
     def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:
         """Point or derivative at distance `u` [m] from the start of segment `i`.
@@ -407,10 +411,10 @@ class Path(Checked):
 
     __repr__ = short_repr
 
-    def _title(self, what: str) -> str:
+    def _title(self, kind: str) -> str:
         """What it is, with its length and the number of its segments."""
-        where = "in the plane" if self.dimension == 2 else "in space"
-        return f"{what} {where}: {digits(self.length)} m, {count_noun(len(self), 'segment')}"
+        location = "in the plane" if self.dimension == 2 else "in space"
+        return f"{kind} {location}: {digits(self.length)} m, {count_noun(len(self), 'segment')}"
 
     @property
     def _rows(self) -> list[tuple[str, str]]:
@@ -438,9 +442,9 @@ class Path(Checked):
         """Arc lengths [m] at which tangent, orientation or angular rate jumps: the tool stops."""
         inner = self.breaks[1:-1].copy()
         corners = inner[self.turns > TANGENT_TOLERANCE] if len(inner) else inner
-        if self.orientation is None or not len(more := self.orientation.stops):
+        if self.orientation is None or not len(orientation_stops := self.orientation.stops):
             return corners
-        return np.union1d(corners, more)
+        return np.union1d(corners, orientation_stops)
 
     @property
     def vertices(self) -> FloatArray:
@@ -472,14 +476,14 @@ class Path(Checked):
             )
         nearest = np.clip(np.searchsorted(self.breaks, orientation.breaks), 1, len(self))
         low, high = self.breaks[nearest - 1], self.breaks[nearest]
-        own = np.where(orientation.breaks - low < high - orientation.breaks, low, high)
-        off = np.abs(own - orientation.breaks)
+        targets = np.where(orientation.breaks - low < high - orientation.breaks, low, high)
+        distances = np.abs(targets - orientation.breaks)
         # If two breaks are near one vertex, only the nearer one is moved there.
-        first, again = np.append(np.inf, off[:-1]), np.append(off[1:], np.inf)
-        first[1:][own[1:] != own[:-1]] = np.inf
-        again[:-1][own[1:] != own[:-1]] = np.inf
-        nearer = (off < first) & (off <= again)
-        snapped = np.where((off <= slack) & nearer, own, orientation.breaks)
+        first, again = np.append(np.inf, distances[:-1]), np.append(distances[1:], np.inf)
+        first[1:][targets[1:] != targets[:-1]] = np.inf
+        again[:-1][targets[1:] != targets[:-1]] = np.inf
+        nearer = (distances < first) & (distances <= again)
+        snapped = np.where((distances <= slack) & nearer, targets, orientation.breaks)
         snapped[-1] = self.length
         return dataclasses.replace(orientation, breaks=snapped)
 
@@ -490,20 +494,25 @@ def _increasing(waypoints: npt.ArrayLike, n: int) -> IntArray:
     Raises:
         InvalidInput: They do not increase from 0 to n.
     """
-    at = checks.indices("waypoints of a path", waypoints)
-    if at.ndim != 1 or len(at) < 2 or (at[0], at[-1]) != (0, n) or not (at[1:] > at[:-1]).all():
+    indices = checks.indices("waypoints of a path", waypoints)
+    if (
+        indices.ndim != 1
+        or len(indices) < 2
+        or (indices[0], indices[-1]) != (0, n)
+        or not (indices[1:] > indices[:-1]).all()
+    ):
         raise InvalidInput(f"waypoints of a path must increase from 0 to {n}.")
-    return checks.lock_copy(at)
+    return checks.lock_copy(indices)
 
 
 def _range(values: FloatArray, unit: str) -> str:
     """The known ones of some values in SI units, in thousandths; "" for none."""
-    known = values[np.isfinite(values)] * 1e3
-    if not len(known):
+    assigned = values[np.isfinite(values)] * 1e3
+    if not len(assigned):
         return ""
-    low, high = digits(known.min()), digits(known.max())
-    of = "" if len(known) == len(values) else f", on {count_noun(len(known), 'segment')}"
-    return f"{low} {unit}{of}" if low == high else f"{low} to {high} {unit}{of}"
+    low, high = digits(assigned.min()), digits(assigned.max())
+    suffix = "" if len(assigned) == len(values) else f", on {count_noun(len(assigned), 'segment')}"
+    return f"{low} {unit}{suffix}" if low == high else f"{low} to {high} {unit}{suffix}"
 
 
 def check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:
@@ -512,28 +521,28 @@ def check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:
     Raises:
         InvalidInput: An arc length is outside the path.
     """
-    at = checks.floats("arc lengths", s, "m")
+    arc_lengths = checks.floats("arc lengths", s, "m")
     slack = 1e-12 * max(length, 1e-3)
-    outside = ~((at >= -slack) & (at <= length + slack))
+    outside = ~((arc_lengths >= -slack) & (arc_lengths <= length + slack))
     if outside.any():
-        value = float(at[outside].flat[0])
+        value = float(arc_lengths[outside].flat[0])
         raise InvalidInput(
             f"Arc length {value:g} m lies outside the path, which runs from 0 to {length:.9g} m.",
             s=value,
             allowed=length,
         )
-    return np.asarray(np.clip(at, 0.0, length))
+    return np.asarray(np.clip(arc_lengths, 0.0, length))
 
 
-def _left_out(count: int, kept: IntArray) -> tuple[int, ...]:
+def _left_out(count: int, remaining: IntArray) -> tuple[int, ...]:
     """Indices below `count` that are not kept."""
-    if len(kept) == count:
+    if len(remaining) == count:
         return ()
-    return tuple(np.setdiff1d(np.arange(count), kept).tolist())
+    return tuple(np.setdiff1d(np.arange(count), remaining).tolist())
 
 
 def _without_repeats(points: FloatArray) -> IntArray:
     """Indices of the points that differ from the point kept before them."""
     none = np.zeros(max(len(points) - 1, 0), dtype=bool)
-    _, kept = close_up(points[:-1], points[1:], none, REPEATED_POINT)
-    return np.flatnonzero(np.append(True, kept))
+    _, mask = close_up(points[:-1], points[1:], none, REPEATED_POINT)
+    return np.flatnonzero(np.append(True, mask))

@@ -87,10 +87,10 @@ def drop_z(path: Path) -> Path:
             f"Segment {i + 1} is a curve that leaves the plane, which cannot be flattened.", index=i
         )
     run = np.linalg.norm(path.tangents[:, :2], axis=1)
-    kept = run * path.lengths > REPEATED_POINT
-    if not kept.any():
+    mask = run * path.lengths > REPEATED_POINT
+    if not mask.any():
         raise InvalidInput("The path only goes up and down: nothing is left of it in the plane.")
-    rows, shortening = path.segments[kept], run[kept]
+    rows, shortening = path.segments[mask], run[mask]
     return Path(
         segments=rows.replace(
             starts=rows.starts[:, :2],

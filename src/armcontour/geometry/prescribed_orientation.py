@@ -50,12 +50,12 @@ def orient(
         InvalidInput: The values are not rotations, their number is wrong, a repeated point has two
             orientations, or neighbours differ by half a turn.
     """
-    given = rotations("tool orientation", values)
-    if given.ndim == 2:
-        return _constant(segments, given, axis_only)
-    at, names = _per_waypoint("tool orientation", given, waypoints, merged)
-    turn = _check_turns(log(at[1:] @ np.swapaxes(at[:-1], 1, 2)), names)
-    return _turn_evenly(segments, waypoints, at[:-1], turn, axis_only)
+    specified = rotations("tool orientation", values)
+    if specified.ndim == 2:
+        return _constant(segments, specified, axis_only)
+    matrices, names = _per_waypoint("tool orientation", specified, waypoints, merged)
+    turn = _check_turns(log(matrices[1:] @ np.swapaxes(matrices[:-1], 1, 2)), names)
+    return _turn_evenly(segments, waypoints, matrices[:-1], turn, axis_only)
 
 
 def point(
@@ -72,16 +72,16 @@ def point(
     Raises:
         InvalidInput: As in `orient`, or a direction has no length.
     """
-    given = checks.check_numbers("direction of the tool axis", values)
-    if given.shape[-1:] != (3,) or given.ndim > 2:
+    directions = checks.check_numbers("direction of the tool axis", values)
+    if directions.shape[-1:] != (3,) or directions.ndim > 2:
         raise InvalidInput("The direction of the tool axis is 3 numbers, once or per waypoint.")
-    if given.ndim == 1 and given.any():
-        return _constant(segments, _pointing(*given.tolist()), axis_only=True)
-    size = np.linalg.norm(given, axis=-1, keepdims=True)
+    if directions.ndim == 1 and directions.any():
+        return _constant(segments, _pointing(*directions.tolist()), axis_only=True)
+    size = np.linalg.norm(directions, axis=-1, keepdims=True)
     if (size == 0).any():
         raise InvalidInput("The direction of the tool axis has no length.")
-    unit = given / size
-    start = _pointing(*given[0].tolist())
+    unit = directions / size
+    start = _pointing(*directions[0].tolist())
     axes, names = _per_waypoint("direction of the tool axis", unit, waypoints, merged)
     turn = _check_turns(shortest(axes[:-1], axes[1:]), names)
     starts = np.empty((len(turn), 3, 3))
@@ -129,8 +129,8 @@ def follow(
     if upward.shape != (3,):
         raise InvalidInput("The direction up is 3 numbers.")
     z = upward - (upward @ tangent) * tangent
-    size, least = np.linalg.norm(z), 1e-6 * np.linalg.norm(upward)
-    if size < least or not least > 0:
+    size, smallest = np.linalg.norm(z), 1e-6 * np.linalg.norm(upward)
+    if size < smallest or not smallest > 0:
         raise InvalidInput(
             "up lies along the first tangent of the path: give a direction across it."
         )
@@ -168,7 +168,7 @@ def follow_on(
     segments: Segments,
     frame: FloatArray,
     corners: FloatArray | None,
-    known: Mapping[int, FloatArray],
+    frames: Mapping[int, FloatArray],
     *,
     axis_only: bool,
 ) -> Orientation:
@@ -178,7 +178,7 @@ def follow_on(
         segments: The segments, n of them.
         frame: Rotation matrix at the start, (3, 3).
         corners: Rotations at the vertices between segments, (n - 1, 3, 3); None for none.
-        known: Rotation matrices that are known at the starts of some segments, (3, 3) each.
+        frames: Rotation matrices that are known at the starts of some segments, (3, 3) each.
         axis_only: Rotation about the tool axis is free.
     """
     columns = tangent_turns(segments)
@@ -188,7 +188,7 @@ def follow_on(
         turns[:-1] = corners @ turns[:-1]
     starts = np.empty((len(segments), 3, 3))
     for k in range(len(segments)):
-        starts[k] = frame = known.get(k, frame)
+        starts[k] = frame = frames.get(k, frame)
         frame = turns[k] @ frame
     return Orientation(
         breaks=segments.breaks, starts=starts, **columns, axis_only=axis_only, follows=True
@@ -222,7 +222,7 @@ def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
         out = -np.arcsin(dot(t1, axis).clip(-1, 1))[:, None]
         change = _shared_changes(segments)
         tilted = np.cos(turn) * tilt - np.sin(turn) * t0
-        rate, bend = (
+        rate, rate_change = (
             [
                 np.stack([dot(x, y), dot(x, axis)], axis=1)
                 for x, y in zip(pair, (tilt, tilted), strict=True)
@@ -231,7 +231,9 @@ def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
         )
         angles = np.hstack([out, turn])
         none = np.zeros_like(angles)
-        turned = quintic(ends[1], (none, rate[0], bend[0]), (angles, rate[1], bend[1]))
+        turned = quintic(
+            ends[1], (none, rate[0], rate_change[0]), (angles, rate[1], rate_change[1])
+        )
         f, g = (np.pad(x, ((0, 0), (0, 2))) for x in (f, g))
         f[bent], g[bent] = np.moveaxis(turned, 2, 0) / ends[1][:, None] ** np.arange(6)
         first[bent], second[bent] = tilt, axis
@@ -242,16 +244,16 @@ def _axes_of_turns(segments: Segments, bent: IntArray) -> FloatArray:
     """Unit vectors about which the tangents turn along transitions; zero where they do not."""
     lengths = segments.lengths[bent]
     into, out = segments.at(bent, 0 * lengths, 1), segments.at(bent, lengths, 1)
-    found = np.cross(into, out)
+    axes = np.cross(into, out)
     # A transition that bends to both sides may turn by nothing.
     for share in (0.0, 0.5, 1.0):
         u = share * lengths
         other = np.cross(segments.at(bent, u, 1), segments.at(bent, u, 2)) * lengths[:, None]
-        size = [np.linalg.norm(x, axis=1, keepdims=True) for x in (found, other)]
-        found = np.where(size[0] < NO_AXIS * size[1], other, found)
-    across = found - dot(found, into)[:, None] * into / dot(into, into)[:, None]
+        size = [np.linalg.norm(x, axis=1, keepdims=True) for x in (axes, other)]
+        axes = np.where(size[0] < NO_AXIS * size[1], other, axes)
+    across = axes - dot(axes, into)[:, None] * into / dot(into, into)[:, None]
     size = np.linalg.norm(across, axis=1, keepdims=True)
-    return np.asarray(np.divide(across, size, out=np.zeros_like(found), where=size > 0))
+    return np.asarray(np.divide(across, size, out=np.zeros_like(axes), where=size > 0))
 
 
 def _shared_changes(segments: Segments) -> FloatArray:
@@ -299,37 +301,37 @@ def _turn_evenly(
 
 
 def _per_waypoint(
-    name: str, given: FloatArray, waypoints: IntArray, merged: tuple[int, ...]
+    name: str, values: FloatArray, waypoints: IntArray, merged: tuple[int, ...]
 ) -> tuple[FloatArray, IntArray]:
     """One value per waypoint of the path, and the indices of these waypoints in the input points.
 
     Args:
         name: Name of the values in refusals.
-        given: One value per input point, or per input point without repeated ones.
+        values: One value per input point, or per input point without repeated ones.
         waypoints: Indices of the vertices that are waypoints.
         merged: Indices of the input points that repeat the point before them.
 
     Raises:
         InvalidInput: The number of values is wrong, or two values at one point differ.
     """
-    kept = len(waypoints)
-    points = kept + len(merged)
-    if len(given) not in (points, kept):
+    count = len(waypoints)
+    points = count + len(merged)
+    if len(values) not in (points, count):
         raise InvalidInput(
-            f"{name} has {len(given)} values, but the path has {points} waypoints: give one for "
+            f"{name} has {len(values)} values, but the path has {points} waypoints: give one for "
             f"the whole path or {points}."
         )
-    if len(given) == kept:
-        return given, np.arange(kept)
+    if len(values) == count:
+        return values, np.arange(count)
     for i in merged:
-        if np.abs(given[i] - given[i - 1]).max() > SAME_ORIENTATION:
+        if np.abs(values[i] - values[i - 1]).max() > SAME_ORIENTATION:
             raise InvalidInput(
                 f"Waypoint {i + 1} is the same point as the one before but with another {name}: a "
                 "path cannot turn the tool on the spot; move the point or split the path.",
                 index=i,
             )
     names = np.delete(np.arange(points), merged)
-    return given[names], names
+    return values[names], names
 
 
 def _check_turns(turn: FloatArray, names: IntArray) -> FloatArray:

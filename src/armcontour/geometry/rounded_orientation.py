@@ -82,8 +82,8 @@ def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
     orientation = path.orientation
     if orientation is None or orientation.follows or not len(vertex):
         return np.full(len(vertex), np.inf)
-    found = _largest_blend(orientation, vertex, allowed)
-    return np.where(orientation.jumps[vertex] > SAME_ORIENTATION, 0.0, found)
+    blends = _largest_blend(orientation, vertex, allowed)
+    return np.where(orientation.jumps[vertex] > SAME_ORIENTATION, 0.0, blends)
 
 
 def round_orientation(
@@ -110,22 +110,22 @@ def round_orientation(
         each blend [rad], (k,). For a path that prescribes the tool axis only, the angle is
         between the axes.
     """
-    own = objective.orientation
-    assert own is not None
+    orientation = objective.orientation
+    assert orientation is not None
     lengths, n = objective.lengths, len(objective)
-    if not own.first.any() and not (own.jumps > SAME_ORIENTATION).any():
+    if not orientation.first.any() and not (orientation.jumps > SAME_ORIENTATION).any():
         one = Orientation.even(
             np.array([whole]),
-            own.starts[:1],
+            orientation.starts[:1],
             np.zeros((1, 3)),
-            axis_only=own.axis_only,
+            axis_only=orientation.axis_only,
         )
         return one, np.zeros(len(vertex))
     cut, blend = np.zeros(n - 1), np.zeros(n - 1)
     cut[vertex] = tangent
     blend[vertex] = length
-    angles = _middle_angles(own, vertex, tangent / 2 - length * middle_of(smooth))
-    return _blend(lengths, own, cut, blend, smooth=smooth), angles
+    angles = _middle_angles(orientation, vertex, tangent / 2 - length * middle_of(smooth))
+    return _blend(lengths, orientation, cut, blend, smooth=smooth), angles
 
 
 def follow_rounded(
@@ -151,13 +151,15 @@ def follow_rounded(
     """
     from armcontour.geometry.prescribed_orientation import follow_on
 
-    own = objective.orientation
-    assert own is not None
+    orientation = objective.orientation
+    assert orientation is not None
     # The corner's curve has turned the frame into that of the next segment, up to rounding.
-    kept = own.on_piece(np.arange(len(objective)), cut)
+    frames = orientation.on_piece(np.arange(len(objective)), cut)
     first = np.flatnonzero(np.diff(segment)) + 1
-    known = dict(zip(first.tolist(), kept[segment[first]], strict=True))
-    sharp = follow_on(rounded, own.starts[0], None, known, axis_only=own.axis_only)
+    start_frames = dict(zip(first.tolist(), frames[segment[first]], strict=True))
+    sharp = follow_on(
+        rounded, orientation.starts[0], None, start_frames, axis_only=orientation.axis_only
+    )
     return blend_kinks(sharp, largest_cuts(sharp, allowed, smooth=smooth), smooth=smooth)[0]
 
 
@@ -178,7 +180,7 @@ def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) ->
 
 
 def blend_kinks(
-    sharp: Orientation, wanted: FloatArray, *, smooth: bool = False
+    sharp: Orientation, requested: FloatArray, *, smooth: bool = False
 ) -> tuple[Orientation, FloatArray]:
     """An orientation of constant rates with blends of twice the length that each piece gives.
 
@@ -188,7 +190,7 @@ def blend_kinks(
     Args:
         sharp: The orientation of constant rates, n pieces; where the rate does not jump at either
             end of a piece, it may change along it.
-        wanted: Length that each blend takes from either piece [m], (n - 1,).
+        requested: Length that each blend takes from either piece [m], (n - 1,).
         smooth: Whether the derivative of the angular rate must not jump.
 
     Returns:
@@ -197,7 +199,7 @@ def blend_kinks(
     """
     vertex = np.arange(len(sharp) - 1)
     lengths = np.diff(sharp.breaks)
-    cut = np.minimum(wanted, np.minimum(lengths[:-1], lengths[1:]) / 2)
+    cut = np.minimum(requested, np.minimum(lengths[:-1], lengths[1:]) / 2)
     uneven = np.any(sharp.second != 0, axis=1)
     cut[(sharp.jumps > SAME_ORIENTATION) | uneven[:-1] | uneven[1:]] = 0.0
     middle = cut * (0.5 - 2 * middle_of(smooth))
@@ -212,9 +214,9 @@ def _middle_angles(sharp: Orientation, vertex: IntArray, k: FloatArray) -> Float
 
     For an orientation that prescribes the tool axis only, the angle is between the axes.
     """
-    a, b, own = sharp.first[vertex], sharp.first[vertex + 1], sharp.starts[vertex + 1]
+    a, b, rotation = sharp.first[vertex], sharp.first[vertex + 1], sharp.starts[vertex + 1]
     middle = exp(k[:, None] * b) @ exp(-k[:, None] * a)
-    return turns_between(middle @ own, own, axis_only=sharp.axis_only)
+    return turns_between(middle @ rotation, rotation, axis_only=sharp.axis_only)
 
 
 def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> FloatArray:
@@ -242,17 +244,17 @@ def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> Floa
     rates = np.linalg.norm(a, axis=1) + np.linalg.norm(b, axis=1)
     rounding = SAME_RATE * rates + RATE_FLOOR
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = np.where(size > rounding, allowed / size, np.inf)
+        largest = np.where(size > rounding, allowed / size, np.inf)
         if sharp.axis_only and np.isfinite(allowed):
             axis = sharp.starts[vertex + 1][:, :, 2]
             across = sharp.kinks[vertex]
             along = np.abs(np.sum(step * axis, axis=1))
             tilt = np.minimum(*(np.linalg.norm(np.cross(x, axis), axis=1) for x in (a, b)))
-            bend = along * np.where(tilt > rounding, tilt, 0.0)
-            root = across + np.sqrt(across**2 + 2 * allowed * bend)
-            free = np.where(root > 0, 2 * allowed / root, np.where(bend > 0, 0.0, np.inf))
-            found = np.maximum(found, free)
-    return np.asarray(found)
+            quadratic = along * np.where(tilt > rounding, tilt, 0.0)
+            root = across + np.sqrt(across**2 + 2 * allowed * quadratic)
+            free = np.where(root > 0, 2 * allowed / root, np.where(quadratic > 0, 0.0, np.inf))
+            largest = np.maximum(largest, free)
+    return np.asarray(largest)
 
 
 def _blend(
@@ -317,6 +319,6 @@ def _fade(cut: FloatArray, blend: FloatArray, *, smooth: bool) -> tuple[FloatArr
         for x in ((none, none), (-cut, none), (one, none), (none, cut), (none, one))
     ]
     zero, *begin, value, slope = ends
-    found = quintic(blend, (begin[0], begin[1], zero), (value, slope, zero))
-    f, g = np.moveaxis(found / blend[:, None, None] ** np.arange(6)[:, None], 2, 0)
+    coefficients = quintic(blend, (begin[0], begin[1], zero), (value, slope, zero))
+    f, g = np.moveaxis(coefficients / blend[:, None, None] ** np.arange(6)[:, None], 2, 0)
     return f, g

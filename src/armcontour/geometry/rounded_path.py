@@ -157,12 +157,14 @@ class RoundedPath(Path):
         s, c = checks.floats("arc lengths", s, "m"), self.corners
         if self.segments is self.objective.segments:
             return np.clip(s, 0.0, self.length)
-        at = self.objective.breaks[c.vertex]
-        before = np.concatenate([[0.0], np.stack([at - c.tangent, at + c.tangent], axis=1).ravel()])
+        corner_s = self.objective.breaks[c.vertex]
+        before = np.concatenate(
+            [[0.0], np.stack([corner_s - c.tangent, corner_s + c.tangent], axis=1).ravel()]
+        )
         after = np.concatenate([[0.0], np.stack([c.start, c.end], axis=1).ravel()])
         ends = self.objective.length, self.length
-        places = np.interp(s, np.append(before, ends[0]), np.append(after, ends[1]))
-        return np.asarray(places)
+        arc_lengths = np.interp(s, np.append(before, ends[0]), np.append(after, ends[1]))
+        return np.asarray(arc_lengths)
 
 
 def round_corners(
@@ -261,17 +263,17 @@ def count_full_stops(path: Path) -> dict[str, int]:
     else:
         sharp = path.turns > TANGENT_TOLERANCE
         back = np.pi - path.turns <= TANGENT_TOLERANCE
-        why = np.full(len(sharp), NOT_ROUNDED, dtype=object)
+        sharp_reasons = np.full(len(sharp), NOT_ROUNDED, dtype=object)
         if isinstance(path, ShapedPath):
             # Tolerances at the objective's vertices nearest to those of the path.
             objective = path.objective
             s = np.interp(path.breaks[1:-1], path.places[:, 1], path.places[:, 0])
             middles = (objective.breaks[1:] + objective.breaks[:-1]) / 2
             vertex = np.searchsorted(middles, s).clip(1, max(len(objective) - 1, 1))
-            own = np.append(objective.tolerances, np.nan)
-            allowed = np.fmin(np.fmin(own[vertex - 1], own[vertex]), path.tolerance)
-            why[:] = np.where(allowed == 0, NO_TOLERANCE, NOT_FASTER)
-        reasons = np.where(back, TURN_BACK, why)[sharp].tolist()
+            tolerances = np.append(objective.tolerances, np.nan)
+            allowed = np.fmin(np.fmin(tolerances[vertex - 1], tolerances[vertex]), path.tolerance)
+            sharp_reasons[:] = np.where(allowed == 0, NO_TOLERANCE, NOT_FASTER)
+        reasons = np.where(back, TURN_BACK, sharp_reasons)[sharp].tolist()
     reasons += [ORIENTATION] * (len(path.stops) - len(reasons))
     return dict(sorted(Counter(reasons).items()))
 
@@ -290,18 +292,20 @@ def blend_vertices(
         tolerance: Largest distance of each vertex from the new path [m], (n,).
     """
     none = np.full(len(vertex), np.inf)
-    most = np.minimum(path.lengths[vertex], path.lengths[vertex + 1]) / 2
-    return _round(path, vertex, turn, (tolerance, none, most, np.nan * none), ARC, NOWHERE, np.inf)
+    tangent_limits = np.minimum(path.lengths[vertex], path.lengths[vertex + 1]) / 2
+    return _round(
+        path, vertex, turn, (tolerance, none, tangent_limits, np.nan * none), ARC, NOWHERE, np.inf
+    )
 
 
 def _round_all(
     path: Path,
-    given: tuple[npt.ArrayLike | None, npt.ArrayLike | None, npt.ArrayLike | None],
+    values: tuple[npt.ArrayLike | None, npt.ArrayLike | None, npt.ArrayLike | None],
     angular_tolerance: float | None,
     curve: LineCorner,
 ) -> RoundedPath:
     """The path with all corners replaced; tolerance, speed and acceleration are given."""
-    tolerance, speed, acceleration = given
+    tolerance, speed, acceleration = values
     n = len(path) - 1
     error = checks.per_vertex("corner error tolerance", tolerance, n, "m")
     slowest = checks.per_vertex("corner speed", speed, n, "m/s")
@@ -318,12 +322,12 @@ def _round_all(
     if n == 0 and (path.orientation is None or path.orientation.fixed):
         # Programs have thousands of circles.
         return _without_corners(path)
-    own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
-    error = np.minimum(error, np.minimum(own[:-1], own[1:]))[corner]
+    tolerances = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
+    error = np.minimum(error, np.minimum(tolerances[:-1], tolerances[1:]))[corner]
     none = np.full(len(corner), np.inf)
     enough = none if speed is None else slowest[corner] ** 2 / accelerations[corner]
-    wanted = error, enough, none, accelerations[corner]
-    return _round(path, corner, turn[corner], wanted, curve, kinked, angle)
+    requirements = error, enough, none, accelerations[corner]
+    return _round(path, corner, turn[corner], requirements, curve, kinked, angle)
 
 
 def _without_corners(path: Path) -> RoundedPath:
@@ -337,15 +341,15 @@ def _without_corners(path: Path) -> RoundedPath:
         reason=none.astype(object),
         **dict.fromkeys(numbers, none),
     )
-    kept = {x.name: getattr(path, x.name) for x in fields(Path) if x.init}
-    return RoundedPath(**kept, objective=path, corners=corners)
+    attributes = {x.name: getattr(path, x.name) for x in fields(Path) if x.init}
+    return RoundedPath(**attributes, objective=path, corners=corners)
 
 
 def _round(
     path: Path,
     corner: IntArray,
     turn: FloatArray,
-    wanted: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    requirements: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     curve: LineCorner,
     kinked: IntArray,
     angle: float,
@@ -356,15 +360,15 @@ def _round(
         path: The objective path.
         corner: Segments after which there is a corner, (n,).
         turn: The path's turns there [rad], (n,).
-        wanted: Largest corner errors [m], radii that are large enough for the corner speeds [m],
-            largest tangent lengths [m], and centripetal accelerations of the corner speeds [m/s²],
+        requirements: Largest corner errors [m], smallest radii for the corner speeds [m], largest
+            tangent lengths [m], and centripetal accelerations of the corner speeds [m/s²],
             (n,) each.
         curve: The curve that replaces corners between two lines.
         kinked: Segments after which only the angular rate jumps, (k,).
         angle: Angular tolerance [rad].
     """
     n, rows = len(corner), path.segments
-    *limits, acceleration = wanted
+    *limits, acceleration = requirements
     bounds = Bounds(
         before=rows[corner],
         after=rows[corner + 1],
@@ -385,26 +389,26 @@ def _round(
 
         kinds += [(CONNECTION, SHORTEST_SMOOTH)] if curve.smooth else []
         kinds.append((PAIR, 0.0))
-    fitted, least, parts = np.zeros(n), np.zeros(n), []
+    fitted, minimum, parts = np.zeros(n), np.zeros(n), []
     for kind, shortest in kinds:
         part = np.flatnonzero(free & (bent != isinstance(kind, LineCorner)))
         if len(part):
-            found, small = kind.fit(bounds[part]), kind.shortest(bounds.half[part])
-            fits = found > np.maximum(small, shortest)
+            candidates, small = kind.fit(bounds[part]), kind.shortest(bounds.half[part])
+            fits = candidates > np.maximum(small, shortest)
             part = part[fits]
-            fitted[part], least[part], free[part] = found[fits], small[fits], False
+            fitted[part], minimum[part], free[part] = candidates[fits], small[fits], False
         parts.append(part)
     # Blends of the orientation alone share the segments with the corners' curves.
-    which = np.concatenate([corner, kinked])
+    vertices = np.concatenate([corner, kinked])
     middle = middle_of(curve.smooth)
-    order, tangents = np.argsort(which), np.empty(len(which))
+    order, tangents = np.argsort(vertices), np.empty(len(vertices))
     kinks = largest_blend(path, kinked, angle) / (0.5 - 2 * middle)
     tangents[order] = fit_lengths(
-        np.concatenate([fitted, kinks])[order], which[order], rows.lengths
+        np.concatenate([fitted, kinks])[order], vertices[order], rows.lengths
     )
     # On a very short segment between two corners the curves may be too small.
     tangent = tangents[:n]
-    tangent[tangent <= least / 4] = 0.0
+    tangent[tangent <= minimum / 4] = 0.0
     radius, error, length, shrunk = np.zeros(n), np.zeros(n), np.zeros(n), fitted > 0
     tables, after = [rows[:0]], [NOWHERE]
     for (kind, _), part in zip(kinds, parts, strict=True):
@@ -415,19 +419,19 @@ def _round(
             length[part] = np.bincount(drawn.of, drawn.rows.lengths, minlength=len(part))
             tables, after = [*tables, drawn.rows], [*after, corner[part[drawn.of]]]
     cut = np.zeros(len(path) + 1)
-    cut[which + 1] = np.append(tangent, np.zeros(len(kinked)))
+    cut[vertices + 1] = np.append(tangent, np.zeros(len(kinked)))
     table, source, _ = replace_vertices(rows, cut, Segments.join(tables), np.concatenate(after))
     table = table.check()
     ends = np.append(0.0, table.breaks[1:])[np.searchsorted(source, corner, side="right")]
     lengths = np.append(length, 2 * tangents[n:])
-    orientation, off = path.orientation, np.zeros(len(which))
+    orientation, angular_errors = path.orientation, np.zeros(len(vertices))
     if follows:
-        cut[which + 1] = tangents
+        cut[vertices + 1] = tangents
         orientation = follow_rounded(table, path, source, cut[:-1], angle, smooth=curve.smooth)
     elif orientation is not None:
         whole = table.breaks[-1]
-        orientation, off = round_orientation(
-            path, which, tangents, lengths, whole, smooth=curve.smooth
+        orientation, angular_errors = round_orientation(
+            path, vertices, tangents, lengths, whole, smooth=curve.smooth
         )
     reasons = np.full(n, NO_ROOM, dtype=object)
     reasons[(angle == 0) & (bounds.turn == 0)] = NO_ANGLE
@@ -455,7 +459,7 @@ def _round(
             end=ends,
             shrunk=shrunk,
             speed=np.sqrt(acceleration * radius),
-            angular_error=off[:n],
+            angular_error=angular_errors[:n],
             reason=reasons,
         ),
     )
@@ -471,33 +475,33 @@ def _in_plane(bounds: Bounds) -> BoolArray:
         np.cross(after.tangents, after.normals),
         np.cross(before.end_tangents, after.tangents),
     ]
-    off = [np.linalg.norm(np.cross(a, b), axis=1) for a, b in combinations(sides, 2)]
-    return np.asarray(np.max(off, axis=0) <= SAME_PLANE)
+    tilts = [np.linalg.norm(np.cross(a, b), axis=1) for a, b in combinations(sides, 2)]
+    return np.asarray(np.max(tilts, axis=0) <= SAME_PLANE)
 
 
-def needed_angle(path: Path, given: float | None, kinked: IntArray) -> float:
+def needed_angle(path: Path, tolerance: float | None, kinked: IntArray) -> float:
     """The angular tolerance [rad], infinite if none is given and none is needed.
 
     Args:
         path: The objective path.
-        given: The given tolerance [rad].
+        tolerance: The given tolerance [rad].
         kinked: Segments after which only the angular rate jumps, (k,).
 
     Raises:
         InvalidInput: The tolerance is negative, or missing though the orientation needs one.
     """
-    if given is not None:
-        return checks.not_negative("angular tolerance", given, "rad")
+    if tolerance is not None:
+        return checks.not_negative("angular tolerance", tolerance, "rad")
     orientation = path.orientation
     if orientation is not None and (orientation.follows or len(kinked)):
-        why = (
+        cause = (
             "follows the tangent"
             if orientation.follows
             else f"turns at another rate after segment {int(kinked[0]) + 1}, where the path goes "
             "straight on"
         )
         raise InvalidInput(
-            f"The tool's orientation {why}: give an angular tolerance by which it may be off (in "
+            f"The tool's orientation {cause}: give an angular tolerance by which it may be off (in "
             "Python round_corners(angular_tolerance=...) in rad, in a job "
             "corners.angular_tolerance; 0 stops there)."
         )

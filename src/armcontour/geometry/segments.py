@@ -136,9 +136,11 @@ class Segments(Value):
 
     def __getitem__(self, rows: Any) -> Segments:
         """The table of the selected rows; neighbours of a checked table stay checked."""
-        found = {name: getattr(self, name)[rows] for name in COLUMNS}
-        together = isinstance(rows, slice) and rows.step in (None, 1) and len(found["lengths"]) > 0
-        return self.replace(checked=self.checked and together, **found)
+        columns = {name: getattr(self, name)[rows] for name in COLUMNS}
+        together = (
+            isinstance(rows, slice) and rows.step in (None, 1) and len(columns["lengths"]) > 0
+        )
+        return self.replace(checked=self.checked and together, **columns)
 
     def split(self, bounds: IntArray) -> list[Segments]:
         """Tables of consecutive rows, each a continuous path; checked all at once.
@@ -179,11 +181,11 @@ class Segments(Value):
     @property
     def end_tangents(self) -> FloatArray:
         """Unit tangents at the segments' ends, (n, dimension)."""
-        found, bent = self.at(EVERY, self.lengths, 1), self.bent
+        tangents, bent = self.at(EVERY, self.lengths, 1), self.bent
         if bent.any():
             # Inside a transition, where one may be cut, the parameter is not quite the arc length.
-            found[bent] = _unit_or_zero(found[bent])
-        return found
+            tangents[bent] = _unit_or_zero(tangents[bent])
+        return tangents
 
     @property
     def extent(self) -> FloatArray:
@@ -218,16 +220,16 @@ class Segments(Value):
 
     def at(self, i: IntArray | slice, u: FloatArray, order: int = 0) -> FloatArray:
         """Point or derivative at distance `u` [m] from the start of segment `i`."""
-        found = self._on_arcs(i, u, order)
+        values = self._on_arcs(i, u, order)
         if not self.quintics.shape[1]:
-            return found
-        bent = np.broadcast_to(self.bent[i], found.shape[:-1])
+            return values
+        bent = np.broadcast_to(self.bent[i], values.shape[:-1])
         if bent.any():
             rows = np.broadcast_to(np.arange(len(self))[i], bent.shape)[bent]
-            at = np.broadcast_to(u, bent.shape)[bent]
-            on = evaluate(self.quintics[rows], self.lengths[rows], at, order)
-            found[bent] = on + self.starts[rows] if order == 0 else on
-        return found
+            distances = np.broadcast_to(u, bent.shape)[bent]
+            on = evaluate(self.quintics[rows], self.lengths[rows], distances, order)
+            values[bent] = on + self.starts[rows] if order == 0 else on
+        return values
 
     def _on_arcs(self, i: IntArray | slice, u: FloatArray, order: int) -> FloatArray:
         """What `at` gives for lines and arcs."""
@@ -257,12 +259,12 @@ class Segments(Value):
     def normals_at(self, i: IntArray | slice, u: FloatArray) -> FloatArray:
         """Unit normals at distance `u` [m] from the start of segment `i`, towards the centre."""
         turn = (self.curvatures[i] * u)[..., None]
-        found = np.asarray(np.cos(turn) * self.normals[i] - np.sin(turn) * self.tangents[i])
+        normals = np.asarray(np.cos(turn) * self.normals[i] - np.sin(turn) * self.tangents[i])
         bent = self.bent[i]
         if bent.any():
             # Where a transition is straight it has no normal.
-            found[bent] = _unit_or_zero(self.at(i, u, 2)[bent])
-        return found
+            normals[bent] = _unit_or_zero(self.at(i, u, 2)[bent])
+        return normals
 
     def cut(self, i: IntArray, begin: FloatArray, end: FloatArray) -> Segments:
         """Parts of segments `i`, each from distance `begin` to `end` along its segment [m]."""
@@ -272,10 +274,10 @@ class Segments(Value):
 
     def _starting(self, i: IntArray, u: FloatArray, moved: BoolArray, sign: int = 1) -> Segments:
         """Segments `i`, some of which start at a distance from their start, or run back from it."""
-        rows, at = self[i], (i[moved], u[moved])
+        rows, location = self[i], (i[moved], u[moved])
         starts, tangents, normals = (np.array(getattr(rows, name)) for name in VECTORS)
-        starts[moved], tangents[moved] = self.at(*at), sign * self.at(*at, 1)
-        normals[moved] = self.normals_at(*at)
+        starts[moved], tangents[moved] = self.at(*location), sign * self.at(*location, 1)
+        normals[moved] = self.normals_at(*location)
         return rows.replace(starts=starts, tangents=tangents, normals=normals)
 
     def _with_parts(self, begin: FloatArray, factor: FloatArray) -> Segments:
@@ -298,13 +300,13 @@ class Segments(Value):
         turned = self._starting(i, self.lengths[i], back, -1)
         return turned._with_parts(np.where(back, 1.0, 0.0), np.where(back, -1.0, 1.0))
 
-    def put(self, which: BoolArray, rows: Segments) -> Segments:
-        """The table with the rows in mask `which` replaced by `rows`."""
+    def put(self, mask: BoolArray, rows: Segments) -> Segments:
+        """The table with the rows in mask `mask` replaced by `rows`."""
         if self.quintics.shape[1] != rows.quintics.shape[1]:
-            return self._with_room().put(which, rows._with_room())
+            return self._with_room().put(mask, rows._with_room())
         columns = {name: getattr(self, name).copy() for name in COLUMNS}
         for name, column in columns.items():
-            column[which] = getattr(rows, name)
+            column[mask] = getattr(rows, name)
         return self.replace(**columns)
 
     def place(self, rotation: FloatArray, origin: FloatArray, scale: float = 1.0) -> Segments:
@@ -365,10 +367,10 @@ class Segments(Value):
 
     def _refuse_quintics(self) -> None:
         """Refuse coefficients of transitions that do not fit the other columns."""
-        found = self.quintics
-        if found.shape not in ((len(self), 0, 0), (len(self), 6, self.dimension)):
+        quintics = self.quintics
+        if quintics.shape not in ((len(self), 0, 0), (len(self), 6, self.dimension)):
             raise InvalidInput("quintics of a path must have 6 coefficients per segment, or none.")
-        if found.size and not np.array_equal(np.isfinite(found).all(axis=(1, 2)), self.bent):
+        if quintics.size and not np.array_equal(np.isfinite(quintics).all(axis=(1, 2)), self.bent):
             raise InvalidInput("quintics of a path must be finite from 0 on, or NaN altogether.")
 
     def check_gaps(self, apart: IntArray | None = None) -> None:
@@ -407,8 +409,10 @@ def largest_bend(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
     """
     # A polynomial stays within the hull of its control points; the first and the last are its ends.
     control = np.einsum("ck,nkd->ncd", BENDS, quintics[:, 2:])
-    bend = np.linalg.norm(control, axis=2).max(axis=1)
-    return np.asarray(np.divide(bend, lengths**2, out=np.zeros_like(bend), where=lengths > 0))
+    curvature = np.linalg.norm(control, axis=2).max(axis=1)
+    return np.asarray(
+        np.divide(curvature, lengths**2, out=np.zeros_like(curvature), where=lengths > 0)
+    )
 
 
 def _unit_or_zero(v: FloatArray) -> FloatArray:
@@ -446,12 +450,12 @@ def close_up(
     Returns:
         The new starts, (n, dimension), and the mask of kept segments, (n,).
     """
-    kept = stay | (np.linalg.norm(ends - starts, axis=1) > nearest)
-    if kept.all():
-        return starts, kept
+    mask = stay | (np.linalg.norm(ends - starts, axis=1) > nearest)
+    if mask.all():
+        return starts, mask
     starts, tip = starts.copy(), starts[0]
-    for i in range(len(kept)):
+    for i in range(len(mask)):
         starts[i] = tip
-        kept[i] = stay[i] or np.linalg.norm(ends[i] - tip) > nearest
-        tip = ends[i] if kept[i] else tip
-    return starts, kept
+        mask[i] = stay[i] or np.linalg.norm(ends[i] - tip) > nearest
+        tip = ends[i] if mask[i] else tip
+    return starts, mask

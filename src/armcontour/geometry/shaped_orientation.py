@@ -96,18 +96,18 @@ def orient_shaped(
         InvalidInput: The orientation needs an angular tolerance, or is rounded already; or the
             places do not lead along both paths.
     """
-    own = objective.orientation
-    if own is None:
+    source = objective.orientation
+    if source is None:
         return path, 0.0
     corner = np.flatnonzero(objective.turns > TANGENT_TOLERANCE)
     straight = np.setdiff1d(find_kinks(objective), corner)
     allowed = needed_angle(objective, angular_tolerance, straight)
     pairs = check_places(places, objective, path)
-    if own.follows:
-        found, off = _follow(path, objective, pairs, allowed)
+    if source.follows:
+        orientation, deviation = _follow(path, objective, pairs, allowed)
     else:
-        found, off = _turn(path, objective, pairs, allowed)
-    return dataclasses.replace(path, orientation=found), off
+        orientation, deviation = _turn(path, objective, pairs, allowed)
+    return dataclasses.replace(path, orientation=orientation), deviation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -133,26 +133,26 @@ class _Runs:
     @classmethod
     def of(cls, path: Path, objective: Path, pairs: FloatArray) -> _Runs:
         """The runs of an objective that have a length on its path."""
-        own = objective.orientation
-        assert own is not None
-        size = np.linalg.norm(own.first, axis=1)
-        step = np.linalg.norm(np.diff(own.first, axis=0), axis=1)
+        orientation = objective.orientation
+        assert orientation is not None
+        size = np.linalg.norm(orientation.first, axis=1)
+        step = np.linalg.norm(np.diff(orientation.first, axis=0), axis=1)
         changes = step > SAME_RATE * (size[1:] + size[:-1]) + RATE_FLOOR
-        first = np.append(0, np.flatnonzero(changes | (own.jumps > SAME_ORIENTATION)) + 1)
-        at = np.append(own.breaks[first], objective.length)
-        s = np.interp(at, pairs[:, 0], pairs[:, 1])
+        first = np.append(0, np.flatnonzero(changes | (orientation.jumps > SAME_ORIENTATION)) + 1)
+        objective_s = np.append(orientation.breaks[first], objective.length)
+        s = np.interp(objective_s, pairs[:, 0], pairs[:, 1])
         s[0], s[-1] = 0.0, path.length
         used = np.diff(s) > REPEATED_POINT
         first = first[used]
-        turns = own.first[first]
-        if own.axis_only:
-            turns = np.cross(turns, own.starts[first][:, :, 2])
+        turns = orientation.first[first]
+        if orientation.axis_only:
+            turns = np.cross(turns, orientation.starts[first][:, :, 2])
         return cls(
-            at=np.append(at[:-1][used], objective.length),
+            at=np.append(objective_s[:-1][used], objective.length),
             s=np.append(s[:-1][used], path.length),
             segment=first,
-            starts=own.starts[first],
-            rates=own.first[first],
+            starts=orientation.starts[first],
+            rates=orientation.first[first],
             speeds=np.linalg.norm(turns, axis=1),
         )
 
@@ -168,18 +168,18 @@ def _turn(
         pairs: Places that belong together [m], (n, 2).
         allowed: Largest angle of blends [rad], infinite without one.
     """
-    own = objective.orientation
-    assert own is not None
+    source = objective.orientation
+    assert source is not None
     runs = _Runs.of(path, objective, pairs)
     near = float(np.clip(PLACES * allowed, LEAST_ANGLE, MOST_ANGLE))
     near = near if np.isfinite(allowed) else SMALL_ANGLE
-    place = _smooth_places(runs, pairs, near)
+    mapping = _smooth_places(runs, pairs, near)
     cut = _cuts(path, objective, runs, pairs, BLENDS * allowed)
     for _ in range(TRIES):
-        found = _lay(runs, place, cut, axis_only=own.axis_only)
-        s = _between(np.unique(np.concatenate([found.breaks, pairs[:, 1], runs.s])))
-        wanted = own(np.interp(s, pairs[:, 1], pairs[:, 0]))
-        angles = turns_between(found(s), wanted, axis_only=own.axis_only)
+        orientation = _lay(runs, mapping, cut, axis_only=source.axis_only)
+        s = _between(np.unique(np.concatenate([orientation.breaks, pairs[:, 1], runs.s])))
+        targets = source(np.interp(s, pairs[:, 1], pairs[:, 0]))
+        angles = turns_between(orientation(s), targets, axis_only=source.axis_only)
         # Where the places change unevenly, a blend can be off by more than it is at even places.
         bad = s[angles > allowed]
         vertex, away = _nearest(bad, runs.s[1:-1])
@@ -187,7 +187,7 @@ def _turn(
         if not len(long):
             break
         cut[long] *= SHORTER
-    return found, float(angles.max())
+    return orientation, float(angles.max())
 
 
 def _smooth_places(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpolator:
@@ -200,18 +200,18 @@ def _smooth_places(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpol
     """
     from scipy.interpolate import PchipInterpolator
 
-    knots, at = runs.s, runs.at
+    knots, values = runs.s, runs.at
     for _ in range(HALVINGS):
-        smooth = PchipInterpolator(knots, at)
+        smooth = PchipInterpolator(knots, values)
         s = _between(np.union1d(knots, pairs[:, 1]))
         run = np.clip(np.searchsorted(runs.s, s, side="right") - 1, 0, len(runs.speeds) - 1)
-        off = np.abs(smooth(s) - np.interp(s, pairs[:, 1], pairs[:, 0])) * runs.speeds[run]
-        far = np.unique(np.searchsorted(knots, s[off > near], side="right") - 1)
-        if not len(far):
+        deviations = np.abs(smooth(s) - np.interp(s, pairs[:, 1], pairs[:, 0])) * runs.speeds[run]
+        coarse = np.unique(np.searchsorted(knots, s[deviations > near], side="right") - 1)
+        if not len(coarse):
             break
-        middle = (knots[far] + knots[far + 1]) / 2
-        knots = np.insert(knots, far + 1, middle)
-        at = np.insert(at, far + 1, np.interp(middle, pairs[:, 1], pairs[:, 0]))
+        middle = (knots[coarse] + knots[coarse + 1]) / 2
+        knots = np.insert(knots, coarse + 1, middle)
+        values = np.insert(values, coarse + 1, np.interp(middle, pairs[:, 1], pairs[:, 0]))
     return smooth
 
 
@@ -230,37 +230,42 @@ def _cuts(
     Returns:
         The lengths, (k,); 0 where the rate does not jump, or where the tool stops anyway.
     """
-    own = objective.orientation
-    assert own is not None
+    orientation = objective.orientation
+    assert orientation is not None
     vertex = runs.segment[1:] - 1
-    wanted = largest_cuts(own, allowed)[vertex]
+    requested = largest_cuts(orientation, allowed)[vertex]
     if not np.isfinite(allowed):
         gap = np.linalg.norm(path(runs.s[1:-1]) - objective.starts[vertex + 1], axis=1)
         half = objective.turns[vertex] / 2
-        wanted = np.where(wanted > 0, 2 * gap / np.sin(half), 0.0)
-    at, s = runs.at[1:-1], runs.s[1:-1]
-    ends = [np.interp(x, pairs[:, 0], pairs[:, 1]) for x in (at - wanted, at + wanted)]
+        requested = np.where(requested > 0, 2 * gap / np.sin(half), 0.0)
+    objective_s, s = runs.at[1:-1], runs.s[1:-1]
+    ends = [
+        np.interp(x, pairs[:, 0], pairs[:, 1])
+        for x in (objective_s - requested, objective_s + requested)
+    ]
     cut = np.minimum(s - ends[0], ends[1] - s)
     cut = np.minimum(cut, np.minimum(np.diff(runs.s)[:-1], np.diff(runs.s)[1:]) / 2)
-    cut[own.jumps[vertex] > SAME_ORIENTATION] = 0.0
+    cut[orientation.jumps[vertex] > SAME_ORIENTATION] = 0.0
     # Where the path has a corner, the tool stops anyway.
     sharp, away = _nearest(path.breaks[1:-1][path.turns > TANGENT_TOLERANCE], s)
     cut[sharp[away <= REPEATED_POINT]] = 0.0
     return cut
 
 
-def _lay(runs: _Runs, place: PchipInterpolator, cut: FloatArray, *, axis_only: bool) -> Orientation:
+def _lay(
+    runs: _Runs, mapping: PchipInterpolator, cut: FloatArray, *, axis_only: bool
+) -> Orientation:
     """The orientation at smooth places, with blends.
 
     Args:
         runs: The k + 1 runs of the objective's orientation.
-        place: Places on the objective over the path's arc length [m].
+        mapping: Places on the objective over the path's arc length [m].
         cut: Lengths that blends take on either side of the vertices between runs [m], (k,).
         axis_only: Rotation about the tool axis is free.
     """
     blended = np.flatnonzero(cut > 0)
     low, high = runs.s[1:-1][blended] - cut[blended], runs.s[1:-1][blended] + cut[blended]
-    knots = place.x
+    knots = mapping.x
     window = np.searchsorted(low, knots, side="right") - 1
     inside = (window >= 0) & (knots < np.append(high, -np.inf)[window])
     inside[[0, -1]] = False
@@ -272,14 +277,14 @@ def _lay(runs: _Runs, place: PchipInterpolator, cut: FloatArray, *, axis_only: b
     middle = (begin + end) / 2
     run = np.clip(np.searchsorted(runs.s, middle, side="right") - 1, 0, len(runs.rates) - 1)
     j = np.clip(np.searchsorted(knots, middle, side="right") - 1, 0, len(knots) - 2)
-    f, g = shift(place.c[::-1, j].T, begin - knots[j]), np.zeros((len(begin), 4))
+    f, g = shift(mapping.c[::-1, j].T, begin - knots[j]), np.zeros((len(begin), 4))
     f[:, 0] -= runs.at[run]
     first, second, starts = runs.rates[run], np.zeros((len(begin), 3)), runs.starts[run]
     i = np.searchsorted(breaks, low + cut[blended], side="right") - 1
     # The rate before a vertex fades out from the place at the begin, and the one after it sets in.
-    at, none, width = runs.at[1:-1][blended], np.zeros(len(i)), end[i] - begin[i]
-    f[i] = fade(width, (place(begin[i]) - at, place(begin[i], 1)), (none, none))
-    g[i] = fade(width, (none, none), (place(end[i]) - at, place(end[i], 1)))
+    vertex_s, none, width = runs.at[1:-1][blended], np.zeros(len(i)), end[i] - begin[i]
+    f[i] = fade(width, (mapping(begin[i]) - vertex_s, mapping(begin[i], 1)), (none, none))
+    g[i] = fade(width, (none, none), (mapping(end[i]) - vertex_s, mapping(end[i], 1)))
     first[i], second[i] = runs.rates[blended], runs.rates[blended + 1]
     starts[i] = runs.starts[blended + 1]
     return Orientation(
@@ -306,23 +311,23 @@ def _follow(
     path: Path, objective: Path, pairs: FloatArray, allowed: float
 ) -> tuple[Orientation, float]:
     """Orientation that follows the tangent of the path, and how far it is off [rad]."""
-    own = objective.orientation
-    assert own is not None
+    source = objective.orientation
+    assert source is not None
     begin = shortest(objective.tangents[:1], path.tangents[:1])
-    carried = carry(path.segments, (exp(begin) @ own.starts[:1])[0], axis_only=own.axis_only)
+    carried = carry(path.segments, (exp(begin) @ source.starts[:1])[0], axis_only=source.axis_only)
     # Twist at the middles of the objective's segments, against their frames with the least tilt.
     middle = (objective.breaks[:-1] + objective.breaks[1:]) / 2
     s = np.interp(middle, pairs[:, 0], pairs[:, 1])
     tangents = path.segments.at(*_on(path, s), 1)
     tilt = exp(shortest(objective.segments.at(*_on(objective, middle), 1), tangents))
-    twist = np.sum(log(tilt @ own(middle) @ _turned(carried(s))) * tangents, axis=1)
-    off = 0.0
+    twist = np.sum(log(tilt @ source(middle) @ _turned(carried(s))) * tangents, axis=1)
+    deviation = 0.0
     if np.abs(twist).max() > NO_TWIST:
         # At the start there is none.
         knots, twists = np.append(0.0, s), np.unwrap(np.append(0.0, twist))
-        carried, off = _twist(path, carried, knots, twists)
-    found, angles = blend_kinks(carried, largest_cuts(carried, allowed))
-    return found, float(angles.max(initial=0.0)) + off
+        carried, deviation = _twist(path, carried, knots, twists)
+    orientation, angles = blend_kinks(carried, largest_cuts(carried, allowed))
+    return orientation, float(angles.max(initial=0.0)) + deviation
 
 
 def _twist(
@@ -335,8 +340,8 @@ def _twist(
     Returns:
         The orientation, and how far it is off in the middle of its pieces [rad].
     """
-    off = np.abs(s - path.breaks[np.stack([path.locate(s), path.locate(s) + 1])]).min(axis=0)
-    cuts = np.union1d(path.breaks, s[off > REPEATED_POINT])
+    deviations = np.abs(s - path.breaks[np.stack([path.locate(s), path.locate(s) + 1])]).min(axis=0)
+    cuts = np.union1d(path.breaks, s[deviations > REPEATED_POINT])
     whole = path.locate((cuts[:-1] + cuts[1:]) / 2)
     first, last = cuts[:-1] - path.breaks[whole], cuts[1:] - path.breaks[whole]
     # On tiny arcs a difference of arc lengths has too few digits.
@@ -352,11 +357,11 @@ def _twist(
     )
     lengths = u[2] - u[0]
     rates = log(end @ _turned(begin)) / lengths[:, None]
-    found = Orientation.even(
+    twisted = Orientation.even(
         lengths, begin, rates, axis_only=carried.axis_only, follows=carried.follows
     )
-    off = log(found.on_piece(np.arange(len(i)), lengths / 2) @ _turned(middle))
-    return found, float(np.linalg.norm(off, axis=1).max())
+    deviations = log(twisted.on_piece(np.arange(len(i)), lengths / 2) @ _turned(middle))
+    return twisted, float(np.linalg.norm(deviations, axis=1).max())
 
 
 def _on(path: Path, s: FloatArray) -> tuple[IntArray, FloatArray]:

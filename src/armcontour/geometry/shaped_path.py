@@ -54,8 +54,8 @@ class Outcome(Checked):
 
     def __reduce__(self) -> tuple[partial[Outcome], tuple[()]]:
         # Mapping proxies cannot be pickled.
-        given = {x.name: getattr(self, x.name) for x in fields(self)}
-        return partial(Outcome, **given | {"durations": dict(self.durations)}), ()
+        values = {x.name: getattr(self, x.name) for x in fields(self)}
+        return partial(Outcome, **values | {"durations": dict(self.durations)}), ()
 
     @property
     def gain(self) -> float:
@@ -156,9 +156,9 @@ class ShapedPath(Path):
         """Point or derivative of the curve that the tool follows, as of any path."""
         if self.curve is None:
             return super().__call__(s, order, side=side)
-        at = check_arc_length(s, self.length)
-        i = self.locate(at, side=side)
-        return self.on_segment(i, at - self.breaks[i], checks.derivative(order))
+        arc_lengths = check_arc_length(s, self.length)
+        i = self.locate(arc_lengths, side=side)
+        return self.on_segment(i, arc_lengths - self.breaks[i], checks.derivative(order))
 
     def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:
         """Point or derivative at distance `u` [m] from the start of segment `i`, of the curve.
@@ -178,21 +178,21 @@ class ShapedPath(Path):
         Args:
             s: Arc lengths of the objective path [m], any shape.
         """
-        found = np.interp(
+        arc_lengths = np.interp(
             checks.floats("arc lengths", s, "m"), self.places[:, 0], self.places[:, 1]
         )
-        return np.asarray(np.clip(found, 0.0, self.length))
+        return np.asarray(np.clip(arc_lengths, 0.0, self.length))
 
 
 def doubt_search(paths: Iterable[Path]) -> list[str]:
     """A sentence on paths whose search for a shape ended early, or none."""
-    found = [x for x in paths if isinstance(x, ShapedPath)]
-    early = [x for x in found if x.outcome.unfinished]
+    shaped = [x for x in paths if isinstance(x, ShapedPath)]
+    early = [x for x in shaped if x.outcome.unfinished]
     if not early:
         return []
-    which = f" of {count_noun(len(early), 'contour')}" if len(found) > 1 else ""
+    subject = f" of {count_noun(len(early), 'contour')}" if len(shaped) > 1 else ""
     return [
-        f"the search for the shape{which} ended early, because a tolerance of "
+        f"the search for the shape{subject} ended early, because a tolerance of "
         f"{number(early[0].tolerance, 'm')} needs too many nodes. The path is the fastest one so "
         "far. A larger tolerance lets the search end, and rounded corners need no search."
     ]
@@ -209,11 +209,11 @@ def check_places(places: npt.ArrayLike, objective: Path, path: Path) -> FloatArr
     Raises:
         InvalidInput: The places do not increase from start to end of both paths.
     """
-    found = checks.frozen_array(places)
+    pairs = checks.frozen_array(places)
     ends = np.array([[0.0, 0.0], [objective.length, path.length]])
     near = 1e-9 * (1 + ends[1])
-    if found.ndim != 2 or not found.size or (np.abs(found[[0, -1]] - ends) > near).any():
+    if pairs.ndim != 2 or not pairs.size or (np.abs(pairs[[0, -1]] - ends) > near).any():
         raise InvalidInput("The places of a shaped path must lead from its start to its end.")
-    if (np.diff(found, axis=0) < 0).any():
+    if (np.diff(pairs, axis=0) < 0).any():
         raise InvalidInput("The places of a shaped path must not decrease.")
-    return found
+    return pairs

@@ -37,15 +37,21 @@ def smooth_axes(points: npt.ArrayLike, axes: npt.ArrayLike, tolerance: float) ->
         InvalidInput: The tolerance is negative, neighbours are the same point, or a direction has
             no length.
     """
-    at, given = checks.check_numbers("points", points), checks.check_numbers("axes", axes)
+    positions, directions = (
+        checks.check_numbers("points", points),
+        checks.check_numbers("axes", axes),
+    )
     checks.not_negative("tolerance of axes", tolerance, "rad")
-    steps, size = np.linalg.norm(np.diff(at, axis=0), axis=1), np.linalg.norm(given, axis=1)
+    steps, size = (
+        np.linalg.norm(np.diff(positions, axis=0), axis=1),
+        np.linalg.norm(directions, axis=1),
+    )
     if not (steps > 0).all() or not (size > 0).all():
         raise InvalidInput("Smooth axes need points that differ, and directions with a length.")
-    unit: FloatArray = np.asarray(given / size[:, None])
-    if len(at) < 3 or tolerance == 0:
+    unit: FloatArray = np.asarray(directions / size[:, None])
+    if len(positions) < 3 or tolerance == 0:
         return unit
-    ends = np.linalg.norm(at[-1] - at[0]), np.linalg.norm(unit[-1] - unit[0])
+    ends = np.linalg.norm(positions[-1] - positions[0]), np.linalg.norm(unit[-1] - unit[0])
     closed = max(ends) <= SAME
     # Three rounds, of which the middle one knows of no ends.
     s = np.append(0.0, np.cumsum(np.tile(steps, 3) if closed else steps)) / steps.mean()
@@ -53,17 +59,17 @@ def smooth_axes(points: npt.ArrayLike, axes: npt.ArrayLike, tolerance: float) ->
     first = len(steps) if closed else 0
 
     def smooth(weight: float) -> FloatArray:
-        found = _solve(s, rounds, weight)[first : first + len(unit)]
+        smoothed = _solve(s, rounds, weight)[first : first + len(unit)]
         if closed:
-            found[-1] = found[0]
-        return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+            smoothed[-1] = smoothed[0]
+        return np.asarray(smoothed / np.linalg.norm(smoothed, axis=1, keepdims=True))
 
     best, low, high = unit, np.log(WEAKEST), np.log(STRONGEST)
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
-        found = smooth(float(np.exp(middle)))
-        if np.isfinite(found).all() and angle_between(found, unit).max() <= tolerance:
-            best, low = found, middle
+        candidate = smooth(float(np.exp(middle)))
+        if np.isfinite(candidate).all() and angle_between(candidate, unit).max() <= tolerance:
+            best, low = candidate, middle
         else:
             high = middle
     return best

@@ -56,14 +56,14 @@ def fit_spline(
         raise InvalidInput("A closed spline must end at its first point: repeat it at the end.")
     if closed:
         points = np.concatenate([points[:-1], points[:1]])
-    at = np.concatenate([[0.0], np.cumsum(length(np.diff(points, axis=0)))])
-    if not (np.diff(at) > 0).all():
+    parameters = np.concatenate([[0.0], np.cumsum(length(np.diff(points, axis=0)))])
+    if not (np.diff(parameters) > 0).all():
         raise InvalidInput(
             f"The points of a spline lie as far as {np.abs(points).max():g} m apart, so that the "
             "distances between others are lost in rounding: check their units."
         )
-    curve = CubicSpline(at, points, bc_type="periodic" if closed else ends)
-    powers = np.diff(at)[:, None, None] ** np.arange(4)[:, None]
+    curve = CubicSpline(parameters, points, bc_type="periodic" if closed else ends)
+    powers = np.diff(parameters)[:, None, None] ** np.arange(4)[:, None]
     with np.errstate(all="ignore"):
         cubics, lengths, begin = _split(curve.c[::-1].swapaxes(0, 1) * powers, tolerance)
         start = _contact(cubics, 0.0)
@@ -103,9 +103,9 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
                 f"{tolerance:g} m: give it a larger tolerance."
             )
         done.append((cubics[good], lengths[good], begin[good]))
-        rest, begin, size = np.repeat(cubics[~good], 2, axis=0), begin[~good], size / 2
+        halved, begin, size = np.repeat(cubics[~good], 2, axis=0), begin[~good], size / 2
         half = np.tile([0.0, 0.5], len(begin))
-        cubics = re_expand(rest, half, np.full(len(rest), 0.5))
+        cubics = re_expand(halved, half, np.full(len(halved), 0.5))
         begin = (begin[:, None] + [0.0, size]).ravel()
     cubics, lengths, begin = (np.concatenate(x) for x in zip(*done, strict=True))
     order = np.argsort(begin)
@@ -123,10 +123,10 @@ def _follow(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, BoolArray
     rise = cubics[:, 1:].sum(axis=1)
     quintics = join_up((0 * rise, *start), (rise, *end), lengths).quintics
     y = (s / lengths[:, None])[..., None] ** np.arange(6)
-    off = length(y @ quintics - (_at(cubics, PLACES, 0) - cubics[:, :1]))
+    deviations = length(y @ quintics - (_at(cubics, PLACES, 0) - cubics[:, :1]))
     rate = (y[..., :-1] @ (quintics[:, 1:] * np.arange(1, 6)[:, None])) / lengths[:, None, None]
     uneven = np.abs(length(rate) - 1)
-    return lengths, np.maximum(off / tolerance, uneven / UNEVEN).max(axis=1) <= SHARE
+    return lengths, np.maximum(deviations / tolerance, uneven / UNEVEN).max(axis=1) <= SHARE
 
 
 def _contact(cubics: FloatArray, x: float) -> tuple[FloatArray, FloatArray]:
@@ -138,5 +138,5 @@ def _at(cubics: FloatArray, x: FloatArray, order: int) -> FloatArray:
     """Values or derivatives of cubics at parameters, (n, parameters, dimension)."""
     from numpy.polynomial.polynomial import polyder, polyval
 
-    found = polyval(x, polyder(np.moveaxis(cubics, 1, 0), order))
-    return np.asarray(np.moveaxis(found, -1, 1))
+    values = polyval(x, polyder(np.moveaxis(cubics, 1, 0), order))
+    return np.asarray(np.moveaxis(values, -1, 1))

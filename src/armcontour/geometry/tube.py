@@ -144,34 +144,38 @@ class Tube(Checked):
         corner = np.flatnonzero(objective.turns > TANGENT_TOLERANCE)
         # The vertices around which their tolerances hold.
         centre = np.arange(len(values)) if zone is None else corner
-        at = objective.breaks[1:-1][centre]
-        middles = (at[1:] + at[:-1]) / 2
+        centre_s = objective.breaks[1:-1][centre]
+        middles = (centre_s[1:] + centre_s[:-1]) / 2
         cuts = [middles] if np.ndim(tolerance) else []
-        cuts += [] if zone is None else [at - zone, at + zone]
-        inside = np.concatenate([*cuts, at[:0]])
+        cuts += [] if zone is None else [centre_s - zone, centre_s + zone]
+        inside = np.concatenate([*cuts, centre_s[:0]])
         inside = inside[(inside > 0) & (inside < objective.length)]
-        beside = objective.breaks[objective.locate(inside) + np.array([[0], [1]])]
-        inside = inside[np.abs(beside - inside).min(axis=0) > REPEATED_POINT]
+        neighbours = objective.breaks[objective.locate(inside) + np.array([[0], [1]])]
+        inside = inside[np.abs(neighbours - inside).min(axis=0) > REPEATED_POINT]
         breaks = np.unique(np.concatenate([objective.breaks, inside]))
         source = objective.locate((breaks[:-1] + breaks[1:]) / 2)
         begin = np.maximum(breaks[:-1] - objective.breaks[source], 0.0)
         segments = objective.segments.cut(source, begin, breaks[1:] - objective.breaks[source])
-        found = np.full(len(segments), 0.0 if np.ndim(tolerance) else tolerance)
+        tolerances = np.full(len(segments), 0.0 if np.ndim(tolerance) else tolerance)
         middle = (breaks[1:] + breaks[:-1]) / 2
         near = np.searchsorted(middles, middle)
-        if len(at):
-            found = values[centre][near]
+        if len(centre_s):
+            tolerances = values[centre][near]
         if zone is not None and line_tolerance is not None:
-            outside = np.abs(middle - at[near]) > zone if len(at) else np.full(len(found), True)
-            found = np.where(outside, line_tolerance, found)
-        own = np.where(np.isnan(objective.tolerances), np.inf, objective.tolerances)
+            outside = (
+                np.abs(middle - centre_s[near]) > zone
+                if len(centre_s)
+                else np.full(len(tolerances), True)
+            )
+            tolerances = np.where(outside, line_tolerance, tolerances)
+        caps = np.where(np.isnan(objective.tolerances), np.inf, objective.tolerances)
         return cls(
             objective=objective,
             segments=segments,
             breaks=breaks,
-            tolerance=np.minimum(found, own[source]),
+            tolerance=np.minimum(tolerances, caps[source]),
             vertex=corner + 1,
-            vertex_tolerance=np.minimum(values, np.minimum(own[:-1], own[1:]))[corner],
+            vertex_tolerance=np.minimum(values, np.minimum(caps[:-1], caps[1:]))[corner],
         )
 
     def __len__(self) -> int:
@@ -185,8 +189,10 @@ class Tube(Checked):
             places: Arc lengths on the objective [m], (n,).
             reach: Distance along the objective to either side [m], a number or (n,).
         """
-        at, off = np.broadcast_arrays(np.asarray(places, float), np.asarray(reach, float))
-        return self.windows_between(at - off, at + off)
+        centres, half_width = np.broadcast_arrays(
+            np.asarray(places, float), np.asarray(reach, float)
+        )
+        return self.windows_between(centres - half_width, centres + half_width)
 
     def nearest(self, points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
         """Arc lengths of the nearest points of the objective, each within a range [m], (n,).
@@ -198,8 +204,8 @@ class Tube(Checked):
         """
         ranges = np.stack([low, np.maximum(low, high)], axis=1)
         windows = self.windows_between(ranges[:, 0], ranges[:, 1])
-        _, found = _nearest_in_range(points, ranges, windows, self._pieces[0])
-        return np.asarray(np.clip(found, low, high))
+        _, s = _nearest_in_range(points, ranges, windows, self._pieces[0])
+        return np.asarray(np.clip(s, low, high))
 
     def margin(self, points: FloatArray, windows: IntArray) -> FloatArray:
         """Room that is left to points: tolerance less distance, below 0 outside [m], (n,).
@@ -245,23 +251,23 @@ class Tube(Checked):
         # A place that rounding puts beyond the end of its piece still belongs to it.
         reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64) + slack, len(pairs))
         segment, parts = self._parts(path, pairs, reaches)
-        place, around = parts[:, 1::3], parts[:, 2::3]
-        windows = self.windows_between((place - around).min(axis=1), (place + around).max(axis=1))
-        bounds, found, where = bound_excess(
+        centre, around = parts[:, 1::3], parts[:, 2::3]
+        windows = self.windows_between((centre - around).min(axis=1), (centre + around).max(axis=1))
+        bounds, largest, path_s = bound_excess(
             pack(path.segments), segment, parts, windows, Pieces(*self._pieces), slack
         )
         segments = np.full(len(path), -np.inf)
         np.maximum.at(segments, segment, bounds)
         distance, nearest = self.nearest_to_corners(path, pairs, reaches)
         vertices = distance - self.vertex_tolerance
-        at = np.interp(where, pairs[:, 1], pairs[:, 0])
-        values = np.concatenate([found, vertices])
+        objective_s = np.interp(path_s, pairs[:, 1], pairs[:, 0])
+        values = np.concatenate([largest, vertices])
         worst = int(np.argmax(values))
         return Proof(
             excess=float(max(segments.max(), vertices.max(initial=-np.inf))),
             found=float(values[worst]),
-            place=float(np.append(at, self.objective.breaks[self.vertex])[worst]),
-            s=float(np.append(where, nearest)[worst]),
+            place=float(np.append(objective_s, self.objective.breaks[self.vertex])[worst]),
+            s=float(np.append(path_s, nearest)[worst]),
             segments=segments,
             vertices=vertices,
             slack=slack,
@@ -287,8 +293,8 @@ class Tube(Checked):
         Returns:
             The segment of each part, and its ends as `bound_excess` takes them.
         """
-        own, along = pairs[:, 0], pairs[:, 1]
-        crossed = np.interp(self.breaks, own, along)
+        objective_s, along = pairs[:, 0], pairs[:, 1]
+        crossed = np.interp(self.breaks, objective_s, along)
         cuts = np.unique(np.clip(np.concatenate([path.breaks, along, crossed]), 0, path.length))
         low, high = cuts[:-1], cuts[1:]
         middle = (low + high) / 2
@@ -299,8 +305,10 @@ class Tube(Checked):
         for s in (low, high):
             share = np.clip((s - along[k]) / (along[k + 1] - along[k]), 0.0, 1.0)
             u = np.clip(s - path.breaks[segment], 0.0, path.lengths[segment])
-            place = np.clip(own[k] + share * (own[k + 1] - own[k]), 0.0, self.breaks[-1])
-            ends += [u, place, reach[k] + share * (reach[k + 1] - reach[k])]
+            centre = np.clip(
+                objective_s[k] + share * (objective_s[k + 1] - objective_s[k]), 0.0, self.breaks[-1]
+            )
+            ends += [u, centre, reach[k] + share * (reach[k + 1] - reach[k])]
         return segment, np.stack(ends, axis=1)
 
     def nearest_to_corners(
@@ -313,10 +321,10 @@ class Tube(Checked):
             places: As in `prove`, (n, 2).
             reach: As in `prove`, one per place [m], (n,).
         """
-        at = self.objective.breaks[self.vertex]
-        own, along = places[:, 0], places[:, 1]
-        around = np.interp(at, own, reach)
-        ends = [np.interp(x, own, along) for x in (at - around, at + around)]
+        corner_s = self.objective.breaks[self.vertex]
+        objective_s, along = places[:, 0], places[:, 1]
+        around = np.interp(corner_s, objective_s, reach)
+        ends = [np.interp(x, objective_s, along) for x in (corner_s - around, corner_s + around)]
         windows = np.stack([path.locate(ends[0]), path.locate(ends[1])], axis=1)
         points = self.objective.vertices[self.vertex]
         return _nearest_in_range(points, np.stack(ends, axis=1), windows, pack(path.segments))

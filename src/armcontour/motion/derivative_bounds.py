@@ -42,9 +42,9 @@ def largest_shares(
     for _ in range(HALVINGS):
         middle = (begin + end) / 2
         shares = _shares(law, i, (begin, middle, end), limits, speeds)
-        here, bound = shares[:, :6], shares[:, 6:]
-        largest = np.maximum(largest, here.max(axis=0))
-        unknown = ((bound > allowed) & (here <= allowed)).any(axis=1)
+        values, bound = shares[:, :6], shares[:, 6:]
+        largest = np.maximum(largest, values.max(axis=0))
+        unknown = ((bound > allowed) & (values <= allowed)).any(axis=1)
         if not unknown.any():
             break
         highest = np.maximum(largest, bound[unknown].max(axis=0))
@@ -82,7 +82,7 @@ def _shares(
     path, (begin, middle, end) = law.joint_path, t
     half = np.maximum(middle - begin, end - middle)
     v = [*law.path_motion(i, middle)[:3], *path_rates(law, i, middle, half)]
-    most = _bound(v, half)
+    path_bounds = _bound(v, half)
     # No break of the joint path lies within an interval of a law.
     first = path.locate(law.s[i], side="right")
     piece = np.clip(path.locate(v[0]), first, path.locate(law.s[i + 1], side="left"))
@@ -93,21 +93,28 @@ def _shares(
     for _ in range(6):
         q.append(polyval(x, c, tensor=False))
         c = np.arange(1, len(c))[:, None, None] * c[1:] / width
-    far, cube = _bound(q, half * most[1]), half**3 / 6
+    joint_bounds, cube = _bound(q, half * path_bounds[1]), half**3 / 6
     ds, dds = q[1] * v[1], q[2] * v[1] ** 2 + q[1] * v[2]
     ddds = q[3] * v[1] ** 3 + 3 * q[2] * v[1] * v[2] + q[1] * v[3]
-    fourth, more, rest = _fourth(q, v), _fifth(far, most) * cube, _fourth(far, most) * cube
+    fourth, acceleration_margin, velocity_margin = (
+        _fourth(q, v),
+        _fifth(joint_bounds, path_bounds) * cube,
+        _fourth(joint_bounds, path_bounds) * cube,
+    )
     values, ends = [], []
-    for f, left in (([dds, ddds, fourth], more), ([ds, dds, ddds], rest)):
+    for f, margin in (
+        ([dds, ddds, fourth], acceleration_margin),
+        ([ds, dds, ddds], velocity_margin),
+    ):
         for sign in (-1, 1):
             values.append(f[0])
-            ends.append(sign * (_highest([sign * x for x in f], half) + left))
+            ends.append(sign * (_highest([sign * x for x in f], half) + margin))
     joints = [
         x / y for x, y in zip(values + ends, np.tile(limits, (2, 1))[:, :, None], strict=True)
     ]
-    here, bounds = np.maximum([x.max(axis=0) for x in joints], 0.0).reshape(2, 4, -1)
-    along, highest = _highest(v[1:4], half) + most[4] * cube, speeds[piece].T
-    return np.concatenate([here, v[1] / highest, bounds, along / highest]).T
+    at_middle, bounds = np.maximum([x.max(axis=0) for x in joints], 0.0).reshape(2, 4, -1)
+    along, highest = _highest(v[1:4], half) + path_bounds[4] * cube, speeds[piece].T
+    return np.concatenate([at_middle, v[1] / highest, bounds, along / highest]).T
 
 
 def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> Derivatives:
@@ -132,10 +139,10 @@ def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> De
 def _bound(values: Derivatives, reach: FloatArray) -> Derivatives:
     """The function, and bounds of its derivatives within `reach`, by Taylor's polynomial."""
     n = len(values)
-    own, powers = [np.abs(x) for x in values], [np.ones_like(reach)]
+    magnitudes, powers = [np.abs(x) for x in values], [np.ones_like(reach)]
     for k in range(1, n):
         powers.append(powers[-1] * reach / k)
-    bounds = [sum(own[m] * powers[m - k] for m in range(k, n)) for k in range(1, n)]
+    bounds = [sum(magnitudes[m] * powers[m - k] for m in range(k, n)) for k in range(1, n)]
     return [values[0], *map(np.asarray, bounds)]
 
 

@@ -44,7 +44,7 @@ LONGEST_CLOCK = 0.1
 class Between(Protocol):
     """What knows the motion between the results of an execution: a plant."""
 
-    def motion_between(self, executed: Execution, which: IntArray) -> FineMotion | None:
+    def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion | None:
         """The motion from some results to the next ones; None where it is not known."""
 
 
@@ -113,9 +113,9 @@ class Execution(Checked):
         for j, name in enumerate(self.arm.joint_names):
             low, high = self.q[:, j].min(), self.q[:, j].max()
             velocity, acceleration, *torque = (f"{np.abs(x[:, j]).max():.4g}" for x in amounts)
-            held = number(self.saturated_time[j], "s")
+            saturated = number(self.saturated_time[j], "s")
             reach = f"{low:z.4f} to {high:z.4f}"
-            rows.append([name, reach, velocity, acceleration, held, *torque])
+            rows.append([name, reach, velocity, acceleration, saturated, *torque])
         return format_table(title, rows, columns=">")
 
     __repr__ = short_repr
@@ -154,34 +154,34 @@ class Execution(Checked):
             saturated_time=np.zeros(arm.dof),
         )
 
-    def between(self, which: IntArray) -> FineMotion | None:
+    def between(self, indices: IntArray) -> FineMotion | None:
         """The motion from some results to the next ones; None where it is not known.
 
         The plant is believed only where results are as far from each other as it gives them, and
         its motion ends at the next ones: an execution that was cut or changed may have others.
 
         Args:
-            which: Indices of the results before, increasing, (m,).
+            indices: Indices of the results before, increasing, (m,).
         """
-        if self.plant is None or not self._are_steps(which):
+        if self.plant is None or not self._are_steps(indices):
             return None
-        found = self.plant.motion_between(self, which)
-        if found is None:
+        motion = self.plant.motion_between(self, indices)
+        if motion is None:
             return None
-        off = np.abs(found(self.t[which + 1]) - self.q[which + 1])
-        return found if off.max(initial=0.0) < SAME else None
+        deviation = np.abs(motion(self.t[indices + 1]) - self.q[indices + 1])
+        return motion if deviation.max(initial=0.0) < SAME else None
 
-    def _are_steps(self, which: IntArray) -> bool:
+    def _are_steps(self, indices: IntArray) -> bool:
         """Whether some results and the next ones are at whole steps of the cycle."""
         step = float(self.t[1] - self.t[0])
         if not 0 < step < self.set_points.cycle * (1 + WHOLE):
             return False
         steps = self.set_points.cycle / step
-        at = (self.t[np.stack([which, which + 1])] - self.set_points.start_time) / step
-        whole = at.round()
+        numbers = (self.t[np.stack([indices, indices + 1])] - self.set_points.start_time) / step
+        whole = numbers.round()
         return bool(
             abs(steps - round(steps)) < WHOLE
-            and (abs(at - whole) < WHOLE).all()
+            and (abs(numbers - whole) < WHOLE).all()
             and (whole[1] - whole[0] == 1).all()
         )
 
@@ -203,10 +203,10 @@ class Execution(Checked):
     @property
     def saturated(self) -> BoolArray:
         """Mask of the times at which a joint is saturated, (n, dof)."""
-        asked, given = self.demand, self.ddq
+        demanded, achieved = self.demand, self.ddq
         if self.torque is not None and self.torque_demand is not None:
-            asked, given = self.torque_demand, self.torque
-        return np.asarray(np.abs(asked - given) > 1e-9 * np.abs(asked))
+            demanded, achieved = self.torque_demand, self.torque
+        return np.asarray(np.abs(demanded - achieved) > 1e-9 * np.abs(demanded))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -244,13 +244,13 @@ class FineMotion:
         x = (t[:, None] - nodes[:-1][i, None]) / width
         rise = (self.q[1:] - self.q[:-1])[i]
         first, last = width * self.after[:-1][i], width * self.before[1:][i]
-        bend = first + last - 2 * rise
-        rest = x * (rise - first - bend + x * bend)
-        return np.asarray(self.q[:-1][i] + x * (first + rest))
+        second = first + last - 2 * rise
+        remainder = x * (rise - first - second + x * second)
+        return np.asarray(self.q[:-1][i] + x * (first + remainder))
 
     @classmethod
     def through(
-        cls, t: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray | None, which: IntArray
+        cls, t: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray | None, indices: IntArray
     ) -> FineMotion:
         """The motion from each of some results to the next one, by polynomials.
 
@@ -259,12 +259,12 @@ class FineMotion:
             q: Joint positions [rad], (n, dof).
             dq: Joint velocities [rad/s], (n, dof).
             ddq: Joint accelerations [rad/s²], (n, dof), or None.
-            which: Indices of the results before, increasing, (m,).
+            indices: Indices of the results before, increasing, (m,).
         """
-        i = (which[:, None] + np.arange(2)).ravel()
+        i = (indices[:, None] + np.arange(2)).ravel()
         rate = dq[i]
-        bend = None if ddq is None else ddq[i]
-        return cls(t=t[i], q=q[i], before=rate, after=rate, ddq=bend)
+        acceleration = None if ddq is None else ddq[i]
+        return cls(t=t[i], q=q[i], before=rate, after=rate, ddq=acceleration)
 
 
 def check_cycle(cycle: float) -> float:
@@ -304,8 +304,8 @@ class LimitCost(Checked):
         """Largest change of a set-point, and the contour error."""
         j = int(np.argmax(self.deviation))
         text = f"up to {number(self.deviation[j], 'rad')} at joint {j + 1}"
-        most = self.contour_max
-        return text if most is None else f"{text}, contour error {number(most, 'm')} at most"
+        largest = self.contour_max
+        return text if largest is None else f"{text}, contour error {number(largest, 'm')} at most"
 
 
 @checks.explain_calls
@@ -356,9 +356,9 @@ class SetPoints(Checked):
 
     __repr__ = short_repr
 
-    def _title(self, what: str) -> str:
+    def _title(self, kind: str) -> str:
         """What it is, with the number of set-points."""
-        return f"{what}: {count_noun(len(self.q), 'set-point')} every {number(self.cycle, 's')}"
+        return f"{kind}: {count_noun(len(self.q), 'set-point')} every {number(self.cycle, 's')}"
 
     @property
     def _rows(self) -> list[tuple[str, str]]:

@@ -127,46 +127,46 @@ def examine(
 
 
 @compiled()
-def spline_pieces(at: FloatArray, points: FloatArray, clamped: bool) -> FloatArray:
+def spline_pieces(knots: FloatArray, points: FloatArray, clamped: bool) -> FloatArray:
     """Coefficients of the cubic spline through points as those of a `JointPath`, (n, 6, dof).
 
     Second derivatives solve a tridiagonal system; its diagonal outweighs the rest of every row, so
     it is solved from one end to the other and back.
 
     Args:
-        at: Parameters of the points, which increase, (n + 1,).
+        knots: Parameters of the points, which increase, (n + 1,).
         points: The points, (n + 1, dof).
         clamped: Whether the slopes are zero at both ends, where otherwise the second derivatives
             are.
     """
-    n, dof = len(at) - 1, points.shape[1]
-    found, bend, own = np.zeros((n, 6, dof)), np.zeros((n + 1, dof)), np.empty(n + 1)
+    n, dof = len(knots) - 1, points.shape[1]
+    coefficients, second, diagonal = np.zeros((n, 6, dof)), np.zeros((n + 1, dof)), np.empty(n + 1)
     # The second derivatives at these points are not known to be zero.
     first, last = (0, n) if clamped else (1, n - 1)
     for i in range(first, last + 1):
-        before = at[i] - at[i - 1] if i > 0 else 0.0
-        after = at[i + 1] - at[i] if i < n else 0.0
-        share = before / own[i - 1] if i > first else 0.0
-        own[i] = 2 * (before + after) - share * before
+        before = knots[i] - knots[i - 1] if i > 0 else 0.0
+        after = knots[i + 1] - knots[i] if i < n else 0.0
+        share = before / diagonal[i - 1] if i > first else 0.0
+        diagonal[i] = 2 * (before + after) - share * before
         for j in range(dof):
             # Beyond a clamped end the spline goes on without slope.
             slope = (points[i, j] - points[i - 1, j]) / before if i > 0 else 0.0
             next_ = (points[i + 1, j] - points[i, j]) / after if i < n else 0.0
-            bend[i, j] = 6 * (next_ - slope) - share * bend[i - 1, j]
+            second[i, j] = 6 * (next_ - slope) - share * second[i - 1, j]
     for i in range(last, first - 1, -1):
-        after = at[i + 1] - at[i] if i < last else 0.0
+        after = knots[i + 1] - knots[i] if i < last else 0.0
         for j in range(dof):
-            bend[i, j] = (bend[i, j] - after * bend[min(i + 1, n), j]) / own[i]
+            second[i, j] = (second[i, j] - after * second[min(i + 1, n), j]) / diagonal[i]
     for i in range(n):
-        width = at[i + 1] - at[i]
+        width = knots[i + 1] - knots[i]
         for j in range(dof):
             slope = (points[i + 1, j] - points[i, j]) / width
-            start, end = bend[i, j], bend[i + 1, j]
-            found[i, 0, j] = points[i, j]
-            found[i, 1, j] = (slope - width * (2 * start + end) / 6) * width
-            found[i, 2, j] = start / 2 * width**2
-            found[i, 3, j] = (end - start) / 6 * width**2
-    return found
+            start, end = second[i, j], second[i + 1, j]
+            coefficients[i, 0, j] = points[i, j]
+            coefficients[i, 1, j] = (slope - width * (2 * start + end) / 6) * width
+            coefficients[i, 2, j] = start / 2 * width**2
+            coefficients[i, 3, j] = (end - start) / 6 * width**2
+    return coefficients
 
 
 # Below this angle, hyperbolic and circular functions are computed by their series.
@@ -205,7 +205,7 @@ def path_motions(
         slope: Of the rates.
         jerk: Of the rates.
     """
-    found = np.empty((4, len(t)))
+    motions = np.empty((4, len(t)))
     for k in range(len(t)):
         j = i[k]
         u = t[k] - breaks[j]
@@ -224,14 +224,14 @@ def path_motions(
             c, h = math.cos(size), math.sin(size) / size
             p = 2 * (math.sin(size / 2) / size) ** 2
         h, p = u * h, u * u * p
-        way = s[j] + ds[j] * h + dds[j] * p + jerk[j] * u**3 / 6
+        distance = s[j] + ds[j] * h + dds[j] * p + jerk[j] * u**3 / 6
         # Rounding errors must not move s past a break, at which derivatives may jump.
-        found[0, k] = min(max(way, s[j]), s[j + 1])
+        motions[0, k] = min(max(distance, s[j]), s[j + 1])
         speed = ds[j] * c + dds[j] * h + jerk[j] * u**2 / 2
-        found[1, k] = speed
-        found[2, k] = ds[j] * slope[j] * h + dds[j] * c + jerk[j] * u
-        found[3, k] = slope[j] * speed + jerk[j]
-    return found
+        motions[1, k] = speed
+        motions[2, k] = ds[j] * slope[j] * h + dds[j] * c + jerk[j] * u
+        motions[3, k] = slope[j] * speed + jerk[j]
+    return motions
 
 
 @compiled(inner=True, inline="always")
@@ -240,12 +240,12 @@ def value_and_slopes(
 ) -> tuple[float, float, float]:
     """The polynomial with these coefficients at x, and its first and second derivative."""
     # Horner's rule for all three.
-    slope, value, bend = a5, a5 * x + a4, 0.0
-    bend, slope, value = bend * x + 2 * slope, slope * x + value, value * x + a3
-    bend, slope, value = bend * x + 2 * slope, slope * x + value, value * x + a2
-    bend, slope, value = bend * x + 2 * slope, slope * x + value, value * x + a1
-    bend, slope, value = bend * x + 2 * slope, slope * x + value, value * x + a0
-    return value, slope, bend
+    slope, value, second = a5, a5 * x + a4, 0.0
+    second, slope, value = second * x + 2 * slope, slope * x + value, value * x + a3
+    second, slope, value = second * x + 2 * slope, slope * x + value, value * x + a2
+    second, slope, value = second * x + 2 * slope, slope * x + value, value * x + a1
+    second, slope, value = second * x + 2 * slope, slope * x + value, value * x + a0
+    return value, slope, second
 
 
 @compiled()
@@ -302,17 +302,17 @@ def joint_motions(
                 coefficients[piece, 4, j],
                 coefficients[piece, 5, j],
             )
-            value, slope, bend = value_and_slopes(c0, c1, c2, c3, c4, c5, x)
-            slope, bend = slope / width, bend / (width * width)
+            value, slope, second = value_and_slopes(c0, c1, c2, c3, c4, c5, x)
+            slope, second = slope / width, second / (width * width)
             if orders[0]:
                 out.q[k, j] = value
             if orders[1]:
                 out.dq[k, j] = slope * ds
             if orders[2]:
-                out.ddq[k, j] = bend * (ds * ds) + slope * dds
+                out.ddq[k, j] = second * (ds * ds) + slope * dds
             if orders[3]:
                 third = (((60 * c5) * x + 24 * c4) * x + 6 * c3) / (width * width * width)
-                out.dddq[k, j] = third * (ds * ds * ds) + 3 * bend * ds * dds + slope * ddds
+                out.dddq[k, j] = third * (ds * ds * ds) + 3 * second * ds * dds + slope * ddds
 
 
 @compiled()
@@ -332,11 +332,11 @@ def fastest_joints(
     """
     c, last = coefficients, len(breaks) - 2
     n, dof = len(s) - 1, c.shape[2]
-    found = np.empty((n, dof))
+    bounds = np.empty((n, dof))
     piece = 0
     for i in range(n):
         for j in range(dof):
-            found[i, j] = 0.0
+            bounds[i, j] = 0.0
         begin, end = s[i], s[i + 1]
         while piece < last and breaks[piece + 1] <= begin:
             piece += 1
@@ -362,12 +362,12 @@ def fastest_joints(
                 e += x * f
                 # Coefficients over 0 to 1 within it.
                 b, d, e, f = h * b, h * h * d, h * h * h * e, h * h * h * h * f
-                most = max(abs(a), abs(a + b / 4), abs(a + b / 2 + d / 6))
-                most = max(most, abs(a + 3 * b / 4 + d / 2 + e / 4), abs(a + b + d + e + f))
-                found[i, j] = max(found[i, j], most / width)
+                largest = max(abs(a), abs(a + b / 4), abs(a + b / 2 + d / 6))
+                largest = max(largest, abs(a + 3 * b / 4 + d / 2 + e / 4), abs(a + b + d + e + f))
+                bounds[i, j] = max(bounds[i, j], largest / width)
             if until >= end:
                 break
             k, begin = k + 1, until
         for j in range(dof):
-            found[i, j] *= speeds[i]
-    return found
+            bounds[i, j] *= speeds[i]
+    return bounds

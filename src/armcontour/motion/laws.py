@@ -71,16 +71,16 @@ class LawAlongPath(Law):
         Returns:
             Indices of intervals, (n,), and times [s], (n,).
         """
-        found = np.searchsorted(self.s, s, side=checks.check_side(side)) - 1
-        i = np.clip(found, 0, len(self.breaks) - 2)
+        index = np.searchsorted(self.s, s, side=checks.check_side(side)) - 1
+        i = np.clip(index, 0, len(self.breaks) - 2)
         t = self.breaks[i]
         # At breaks the times are known exactly.
         t = np.where(s >= self.s[i + 1], self.breaks[i + 1], t)
         inside = (s > self.s[i]) & (s < self.s[i + 1])
         if inside.any():
-            at = i[inside]
-            times = self._reach_within(at, s[inside])
-            t[inside] = np.clip(times, self.breaks[at], self.breaks[at + 1])
+            rows = i[inside]
+            times = self._reach_within(rows, s[inside])
+            t[inside] = np.clip(times, self.breaks[rows], self.breaks[rows + 1])
         return i, t
 
 
@@ -116,10 +116,10 @@ class LapLaw(Law):
         """Q and its derivatives up to an order, at times `t` of interval `i`, (n, dof) each."""
         u = (t - self.breaks[i])[..., None]
         dq, ddq = self.dq[i], self.ddq[i]
-        found = [self.q[i] + u * (dq + u * ddq / 2), dq + u * ddq, ddq]
+        derivatives = [self.q[i] + u * (dq + u * ddq / 2), dq + u * ddq, ddq]
         if order == 3:
-            found.append(np.zeros_like(ddq))
-        return tuple(found[: order + 1])
+            derivatives.append(np.zeros_like(ddq))
+        return tuple(derivatives[: order + 1])
 
 
 @checked
@@ -133,11 +133,13 @@ def dwell_law(q: FloatArray, duration: Interval) -> LapLaw:
     Raises:
         InvalidInput: No row of joint positions, or no duration above zero.
     """
-    at = checks.shaped(
+    position = checks.shaped(
         "joint positions", checks.check_numbers("joint positions", q, "rad"), (None,)
     )
-    rest = np.zeros((1, len(at)))
-    return LapLaw(breaks=np.array([0.0, duration]), q=np.tile(at, (2, 1)), dq=rest, ddq=rest)
+    zeros = np.zeros((1, len(position)))
+    return LapLaw(
+        breaks=np.array([0.0, duration]), q=np.tile(position, (2, 1)), dq=zeros, ddq=zeros
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -294,8 +296,8 @@ class PathLaw(LawAlongPath):
         """s, ds, dds and ddds at times `t` by the formula of interval `i`, (4, n)."""
         shape = np.shape(t)
         flat = flatten(i, shape, np.intp), flatten(t, shape)
-        found = path_motions(*flat, self.breaks, self.s, *self.rates)
-        return np.asarray(found.reshape(4, *shape))
+        motion = path_motions(*flat, self.breaks, self.s, *self.rates)
+        return np.asarray(motion.reshape(4, *shape))
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
         """Q or a derivative by the chain rule."""
@@ -337,23 +339,23 @@ def join_path(
     """
     shape, dof = np.shape(along)[1:], joint_path.dof
     count = along[0].size
-    found = Motion(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
+    motion = Motion(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
     only = np.zeros(count, dtype=np.intp)
     rows = np.array([0, len(joint_path.breaks)])
     tables = rows, joint_path.breaks, joint_path.coefficients
-    joint_motions(along.reshape(4, count), flatten(end, shape), only, *tables, found)
+    joint_motions(along.reshape(4, count), flatten(end, shape), only, *tables, motion)
     # Not views of other arrays where none are needed, so that `frozen_array` makes no copies.
-    return tuple(found[k] if len(shape) == 1 else found[k].reshape((*shape, dof)) for k in orders)
+    return tuple(motion[k] if len(shape) == 1 else motion[k].reshape((*shape, dof)) for k in orders)
 
 
 def flatten(
     values: npt.ArrayLike, shape: tuple[int, ...], dtype: npt.DTypeLike = np.float64
 ) -> npt.NDArray[Any]:
     """Values of any shape as one read-only row, broadcast: all that a kernel is compiled for."""
-    found = np.asarray(values, dtype=dtype)
-    if found.shape != shape:
-        found = np.broadcast_to(found, shape)
-    row = np.ascontiguousarray(found).reshape(-1)
+    array = np.asarray(values, dtype=dtype)
+    if array.shape != shape:
+        array = np.broadcast_to(array, shape)
+    row = np.ascontiguousarray(array).reshape(-1)
     row.setflags(write=False)
     return row
 

@@ -160,8 +160,8 @@ class Log(Checked):
         """A time or a position, for messages."""
         if name == "t":
             return f"{self.source}: the time of sample {i + 1}"
-        at = f"at t = {clock(self.t[i])} s"
-        return f"{self.source}: the {name} position of {self.joint_names[j]} {at}"
+        moment = f"at t = {clock(self.t[i])} s"
+        return f"{self.source}: the {name} position of {self.joint_names[j]} {moment}"
 
     def _check_turns(self, name: str, j: int) -> None:
         values = getattr(self, name)[:, j]

@@ -53,16 +53,16 @@ SAMPLES = 8000
 AS_GOOD = 1e-6
 
 
-def match_joints(names: Sequence[str], wanted: Sequence[str], source: str) -> list[int] | None:
+def match_joints(names: Sequence[str], requested: Sequence[str], source: str) -> list[int] | None:
     """Indices of the wanted joints by equal names, or by names with a prefix; None without.
 
     Raises:
         InvalidInput: Several names end with that of a joint.
     """
-    if set(wanted) <= set(names):
-        return [names.index(x) for x in wanted]
-    found = []
-    for joint in wanted:
+    if set(requested) <= set(names):
+        return [names.index(x) for x in requested]
+    indices = []
+    for joint in requested:
         alike = [i for i, x in enumerate(names) if x == joint]
         alike = alike or [i for i, x in enumerate(names) if _is_prefixed(x, joint)]
         if len(alike) > 1:
@@ -71,8 +71,8 @@ def match_joints(names: Sequence[str], wanted: Sequence[str], source: str) -> li
                 f"{source}: {' and '.join(show(names[i]) for i in alike[:2])} both may be the "
                 f"joint {joint}: leave the other out with --columns '-=*{other}*'."
             )
-        found += alike
-    return found if len(set(found)) == len(wanted) and wanted else None
+        indices += alike
+    return indices if len(set(indices)) == len(requested) and requested else None
 
 
 def _is_prefixed(long: str, short: str) -> bool:
@@ -82,12 +82,15 @@ def _is_prefixed(long: str, short: str) -> bool:
     return not short.isdigit() and re.fullmatch(rf".*[_\W]{re.escape(short)}", long) is not None
 
 
-def describe_match(names: Sequence[str], wanted: Sequence[str], order: Sequence[int]) -> list[str]:
+def describe_match(
+    names: Sequence[str], requested: Sequence[str], order: Sequence[int]
+) -> list[str]:
     """A note on joints that were matched by names with a prefix; none for equal names."""
-    if not wanted or names[order[0]] == wanted[0]:
+    if not requested or names[order[0]] == requested[0]:
         return []
     return [
-        f"Joints are matched by the ends of their names, such as {names[order[0]]} = {wanted[0]}."
+        "Joints are matched by the ends of their names, such as "
+        f"{names[order[0]]} = {requested[0]}."
     ]
 
 
@@ -108,15 +111,15 @@ def arrange(log: Log, joint_names: Sequence[str]) -> Log:
     numbered = all(re.fullmatch(r"joint \d+", x) for x in names)
     order = match_joints(names, joint_names, source)
     if order is None or (numbered and len(names) != len(joint_names)):
-        own, other = (list_some(x, MOST_NAMED) for x in (names, joint_names))
+        log_names, other = (list_some(x, MOST_NAMED) for x in (names, joint_names))
         if len(names) != len(joint_names):
             raise InvalidInput(
-                f"{source} has {count_noun(len(names), 'joint')} ({own}), but the arm has "
+                f"{source} has {count_noun(len(names), 'joint')} ({log_names}), but the arm has "
                 f"{len(joint_names)} ({other}): name its columns as the arm's joints, or give "
                 f"the arm of the log. {' '.join(log.notes)}".rstrip()
             )
-        places = zip(names, joint_names, strict=True)
-        if not numbered and any(x != y and x in joint_names for x, y in places):
+        pairs = zip(names, joint_names, strict=True)
+        if not numbered and any(x != y and x in joint_names for x, y in pairs):
             unknown = next(x for x in names if x not in joint_names)
             raise InvalidInput(
                 f"{source} has a joint {unknown}, but the joints of the arm are {other}: name all "
@@ -267,32 +270,34 @@ def check_leading_rest(log: Log) -> None:
         InvalidInput: A joint moves, but does not follow its command with a lag.
     """
     for j, (command, measured) in enumerate(zip(log.command.T, log.measured.T, strict=True)):
-        rate, left = np.gradient(command), measured - command
+        rate, residual = np.gradient(command), measured - command
         a = np.stack([rate, np.ones_like(rate)], axis=1)
-        left = left - a @ np.linalg.lstsq(a, left, rcond=None)[0]
+        residual = residual - a @ np.linalg.lstsq(a, residual, rcond=None)[0]
         moves = max(np.ptp(command), np.ptp(measured)) >= MOVES
-        if not moves or np.sum(left**2) < (1 - FOLLOWS) * np.sum((measured - measured.mean()) ** 2):
+        if not moves or np.sum(residual**2) < (1 - FOLLOWS) * np.sum(
+            (measured - measured.mean()) ** 2
+        ):
             continue
-        check_units(log, LONGEST_DEAD_TIME, j, alone=False)
+        check_units(log, LONGEST_DEAD_TIME, j, single=False)
 
 
-def check_units(log: Log, longest: float, j: int, *, alone: bool = True) -> None:
+def check_units(log: Log, longest: float, j: int, *, single: bool = True) -> None:
     """Refuse a log whose joint j does not follow its command, if another reading explains it.
 
     Args:
         log: The log.
         longest: Largest dead time [s].
         j: The joint, from 0.
-        alone: Whether to consider other units and directions of this joint alone, too.
+        single: Whether to consider other units and directions of this joint alone, too.
 
     Raises:
         InvalidInput: Its columns are in another order, unit or direction.
     """
-    for some in (slice(None), slice(j, j + 1))[: 1 + alone]:
+    for some in (slice(None), slice(j, j + 1))[: 1 + single]:
         q, u, names = log.measured[:, some], log.command[:, some], log.joint_names[some]
-        if found := find_misreading(log.t, q, u, names=names, late=longest):
+        if reading := find_misreading(log.t, q, u, names=names, longest_delay=longest):
             raise InvalidInput(
-                f"{log.source}: {log.joint_names[j]} does not follow its commands: {found}.",
+                f"{log.source}: {log.joint_names[j]} does not follow its commands: {reading}.",
                 joint=j,
             )
 
@@ -320,58 +325,60 @@ def check_is_whole(source: str, t: FloatArray, duration: float, slack: float) ->
 def find_misreading(
     t: FloatArray,
     measured: FloatArray,
-    wanted: FloatArray,
+    reference: FloatArray,
     *,
     names: Sequence[str] = (),
-    late: float | None = None,
+    longest_delay: float | None = None,
 ) -> str:
-    """What explains measured positions better than that they are read rightly, and what mends it.
+    """Error in the columns of measured positions that explains them, and its correction.
 
-    Units, signs and the order of columns are tried; a reading is believed only if it leaves far
-    less.
+    Candidates are other units, signs and orders of the columns. A candidate is reported only if its
+    differences are much smaller.
 
     Args:
         t: Times [s], (n,).
         measured: Measured positions [rad], (n, dof).
-        wanted: What the joints should do [rad], or, with `late`, what they are told, (n, dof).
+        reference: Reference positions [rad], or, with `longest_delay`, commands [rad], (n, dof).
         names: Names of the joints; their numbers by default.
-        late: Largest dead time of joints that follow commands, with any lag and offset [s]; without
-            it positions are compared as they are.
+        longest_delay: Largest dead time with which joints follow commands, with any lag and offset
+            [s]; without it positions are compared directly.
 
     Returns:
-        What is wrong, as a part of a sentence; empty if no other reading explains the positions.
+        The error as a part of a sentence; empty if no candidate explains the positions.
     """
-    names = names or [str(j + 1) for j in range(wanted.shape[1])]
-    if late is not None:
-        piece = _liveliest(wanted)
-        t, measured, wanted = t[piece], measured[piece], wanted[piece]
-    found = _Comparison(t, measured, wanted, late)
-    plain = found.apart()
-    own, turn = np.diag(plain), 180 / math.pi
-    enough = np.minimum(BETTER**2 * own.mean(), UNEXPLAINED * found.power.mean())
-    for factor, what in (
+    names = names or [str(j + 1) for j in range(reference.shape[1])]
+    if longest_delay is not None:
+        piece = _liveliest(reference)
+        t, measured, reference = t[piece], measured[piece], reference[piece]
+    comparison = _Comparison(t, measured, reference, longest_delay)
+    plain = comparison.apart()
+    plain_errors, turn = np.diag(plain), 180 / math.pi
+    enough = np.minimum(BETTER**2 * plain_errors.mean(), UNEXPLAINED * comparison.power.mean())
+    for factor, description in (
         (1 / turn, "the measured positions look like degrees"),
         (turn, "the measured positions look like radians, but those they belong to like degrees"),
     ):
         # As a share of what is measured, whatever its unit.
-        left = np.diag(found.apart(factor)).mean() / factor**2
-        if left < min(BETTER * own.mean(), UNEXPLAINED * found.power.mean()):
-            return f"{what}, so give their columns the right unit"
+        residual = np.diag(comparison.apart(factor)).mean() / factor**2
+        if residual < min(BETTER * plain_errors.mean(), UNEXPLAINED * comparison.power.mean()):
+            return f"{description}, so give their columns the right unit"
     order = _order(plain)
     if plain[order, np.arange(len(order))].mean() < enough:
         return (
             f"its columns fit the joints in the order {', '.join(names[k] for k in order)}, so "
             "name them, or put them in that order"
         )
-    mirrored = np.diag(found.apart(-1.0))
-    turned = mirrored < np.minimum(BETTER**2 * own, UNEXPLAINED * found.power)
-    if np.where(turned, mirrored, own).mean() < enough:
-        of = ", ".join(x for x, y in zip(names, turned, strict=True) if y)
-        return f"commands and measured positions of {of} have opposite signs, so turn one of them"
-    if late is not None:
-        back = _Comparison(t, wanted, measured, late)
-        left = np.diag(back.apart()).mean()
-        if left < min(BETTER**2 * own.mean(), UNEXPLAINED * back.power.mean()):
+    mirrored = np.diag(comparison.apart(-1.0))
+    turned = mirrored < np.minimum(BETTER**2 * plain_errors, UNEXPLAINED * comparison.power)
+    if np.where(turned, mirrored, plain_errors).mean() < enough:
+        joints = ", ".join(x for x, y in zip(names, turned, strict=True) if y)
+        return (
+            f"commands and measured positions of {joints} have opposite signs, so turn one of them"
+        )
+    if longest_delay is not None:
+        back = _Comparison(t, reference, measured, longest_delay)
+        residual = np.diag(back.apart()).mean()
+        if residual < min(BETTER**2 * plain_errors.mean(), UNEXPLAINED * back.power.mean()):
             return "commands and measured positions are exchanged, so exchange their names"
     return ""
 
@@ -383,8 +390,10 @@ class _Comparison:
         power: Mean squares of the measured columns [rad²], (dof,).
     """
 
-    def __init__(self, t: FloatArray, y: FloatArray, u: FloatArray, late: float | None) -> None:
-        pairs = [(y, u)] if late is None else _followed(t, y, u, late)
+    def __init__(
+        self, t: FloatArray, y: FloatArray, u: FloatArray, longest_delay: float | None
+    ) -> None:
+        pairs = [(y, u)] if longest_delay is None else _followed(t, y, u, longest_delay)
         self._yy = np.array([(a**2).mean(axis=0) for a, _ in pairs])[:, :, None]
         self._uu = np.array([(b**2).mean(axis=0) for _, b in pairs])[:, None, :]
         self._yu = np.array([a.T @ b / len(a) for a, b in pairs])
@@ -392,16 +401,16 @@ class _Comparison:
 
     def apart(self, factor: float = 1.0) -> FloatArray:
         """Mean squares by which each measured column, times a factor, is off each wanted one."""
-        off = factor**2 * self._yy - 2 * factor * self._yu + self._uu
-        return np.asarray(np.maximum(off, 0.0).min(axis=0))
+        deviations = factor**2 * self._yy - 2 * factor * self._yu + self._uu
+        return np.asarray(np.maximum(deviations, 0.0).min(axis=0))
 
 
 def _followed(
-    t: FloatArray, y: FloatArray, u: FloatArray, late: float
+    t: FloatArray, y: FloatArray, u: FloatArray, longest_delay: float
 ) -> list[tuple[FloatArray, FloatArray]]:
     """Measured positions, and what joints do that follow u, both without their means."""
     step, pairs = float(t[-1] - t[0]) / (len(t) - 1), []
-    delays = np.unique(np.round(np.linspace(0.0, late, DEAD_TIMES) / step).astype(int))
+    delays = np.unique(np.round(np.linspace(0.0, longest_delay, DEAD_TIMES) / step).astype(int))
     for lag in LAGS:
         x = _lagged(t, u, lag)
         for k in delays[delays < len(t) // 2]:

@@ -262,8 +262,8 @@ class Trajectory(Checked):
             )
             for x in self.spans
         )
-        own = self.arm if arm is None else arm
-        return replace(self, spans=spans, limits=limits, reserve=reserve, arm=own)
+        plan_arm = self.arm if arm is None else arm
+        return replace(self, spans=spans, limits=limits, reserve=reserve, arm=plan_arm)
 
     def require_arm(self) -> Arm:
         """The arm.
@@ -282,8 +282,8 @@ class Trajectory(Checked):
         Args:
             limits: The given limits, or None.
         """
-        given = (limits or Limits()).for_joints(self.dof)
-        return given if self.limits is None else given.over(self.limits)
+        specified = (limits or Limits()).for_joints(self.dof)
+        return specified if self.limits is None else specified.over(self.limits)
 
     @property
     def duration(self) -> float:
@@ -318,13 +318,13 @@ class Trajectory(Checked):
         t = np.atleast_1d(checks.check_numbers("t", t, "s"))
         if not self.spans:
             return [] if self.path is None else [(self.path, np.arange(len(t)))]
-        found: list[tuple[Path, IntArray]] = []
+        paths: list[tuple[Path, IntArray]] = []
         for span in self.contour_spans:
             if span.trajectory is None or span.trajectory.path is None:
                 return []
             start, end = span.work or span.t
-            found.append((span.trajectory.path, np.flatnonzero((t >= start) & (t <= end))))
-        return [x for x in found if len(x[1])]
+            paths.append((span.trajectory.path, np.flatnonzero((t >= start) & (t <= end))))
+        return [x for x in paths if len(x[1])]
 
     @property
     def breaks(self) -> FloatArray:
@@ -382,20 +382,20 @@ class Trajectory(Checked):
     ) -> tuple[FloatArray, ...]:
         """Values of the laws at times, `t.shape + (dof,)` for each order: one, or all up to one."""
         flat = t.ravel()
-        found: tuple[FloatArray, ...] = ()
-        for of, values in self._values(flat, side, orders):
-            if len(of) == t.size:
+        outputs: tuple[FloatArray, ...] = ()
+        for indices, values in self._values(flat, side, orders):
+            if len(indices) == t.size:
                 # They are in order; laws of users may give other arrays than ours do.
-                found = tuple(np.require(x, np.float64, ("O", "W")) for x in values)
+                outputs = tuple(np.require(x, np.float64, ("O", "W")) for x in values)
                 break
-            if not found:
-                found = tuple(np.empty((t.size, x.shape[-1])) for x in values)
-            for whole, part in zip(found, values, strict=True):
-                whole[of] = part
-        if not found:
-            found = tuple(np.empty((0, self.dof)) for _ in orders)
+            if not outputs:
+                outputs = tuple(np.empty((t.size, x.shape[-1])) for x in values)
+            for whole, part in zip(outputs, values, strict=True):
+                whole[indices] = part
+        if not outputs:
+            outputs = tuple(np.empty((0, self.dof)) for _ in orders)
         # Not views of other arrays where none are needed, so that `frozen_array` makes no copies.
-        return found if t.ndim == 1 else tuple(x.reshape((*t.shape, x.shape[1])) for x in found)
+        return outputs if t.ndim == 1 else tuple(x.reshape((*t.shape, x.shape[1])) for x in outputs)
 
     def _values(
         self, t: FloatArray, side: str, orders: tuple[int, ...]
@@ -405,65 +405,70 @@ class Trajectory(Checked):
         Yields:
             Indices of times in `t`, (m,), and the values there, (m, dof) for each order.
         """
-        which = self._law_at(t, side)
-        touched = np.unique(which) if len(self.laws) >= MANY else which[:0]
+        law_index = self._law_at(t, side)
+        touched = np.unique(law_index) if len(self.laws) >= MANY else law_index[:0]
         many = [k for k in touched.tolist() if type(self.laws[k]) is PathLaw]
-        alone = np.arange(len(t))
+        separate = np.arange(len(t))
         if len(many) >= MANY:
             together = np.zeros(len(self.laws), dtype=bool)
             together[many] = True
             yield from self._values_together(
-                np.flatnonzero(together[which]), which, t, side, orders
+                np.flatnonzero(together[law_index]), law_index, t, side, orders
             )
-            alone = np.flatnonzero(~together[which])
-        for k, of, i, local in self.locate(t[alone], side):
+            separate = np.flatnonzero(~together[law_index])
+        for k, indices, i, local in self.locate(t[separate], side):
             law = self.laws[k]
             if len(orders) == 1:
-                yield alone[of], (law.on_interval(i, local, orders[0]),)
+                yield separate[indices], (law.on_interval(i, local, orders[0]),)
             else:
-                yield alone[of], law.motion(i, local, orders[-1])
+                yield separate[indices], law.motion(i, local, orders[-1])
 
     def _values_together(
-        self, of: IntArray, which: IntArray, t: FloatArray, side: str, orders: tuple[int, ...]
+        self,
+        indices: IntArray,
+        law_index: IntArray,
+        t: FloatArray,
+        side: str,
+        orders: tuple[int, ...],
     ) -> Iterator[tuple[IntArray, tuple[FloatArray, ...]]]:
         """Values at the times of laws along joint paths, of AT_ONCE times together.
 
         Args:
-            of: Indices of these times in `t`, (m,).
-            which: The law of every time in `t`, (n,).
+            indices: Indices of these times in `t`, (m,).
+            law_index: The law of every time in `t`, (n,).
             t: As in `_values`.
             side: As in `_values`.
             orders: As in `_values`.
         """
-        for begin in range(0, len(of), AT_ONCE):
-            here = of[begin : begin + AT_ONCE]
-            law, joined = self._join(which[here])
-            yield here, joined.motion(law, t[here], side, orders)
+        for begin in range(0, len(indices), AT_ONCE):
+            batch = indices[begin : begin + AT_ONCE]
+            law, joined = self._join(law_index[batch])
+            yield batch, joined.motion(law, t[batch], side, orders)
 
-    def _join(self, which: IntArray) -> tuple[IntArray, JoinedLaws]:
+    def _join(self, law_index: IntArray) -> tuple[IntArray, JoinedLaws]:
         """A table of the laws of some times, and the rows of these laws in it, (n,).
 
         The last table of few laws is kept: who looks for clearance asks for them again and again.
 
         Args:
-            which: The law of every time, (n,).
+            law_index: The law of every time, (n,).
         """
-        first, last = int(which.min()), int(which.max()) + 1
+        first, last = int(law_index.min()), int(law_index.max()) + 1
         for begin, end, joined in self._joined[:]:
             if begin <= first and last <= end:
-                return which - begin, joined
+                return law_index - begin, joined
         if last - first <= KEPT:
             begin, end = first, last
             while begin > max(first - MORE, 0) and type(self.laws[begin - 1]) is PathLaw:
                 begin -= 1
             while end < min(last + MORE, len(self.laws)) and type(self.laws[end]) is PathLaw:
                 end += 1
-            own = [x for x in self.laws[begin:end] if type(x) is PathLaw]
-            if len(own) == end - begin:
-                joined = JoinedLaws.of(own, np.array(self.starts[begin:end]))
+            path_laws = [x for x in self.laws[begin:end] if type(x) is PathLaw]
+            if len(path_laws) == end - begin:
+                joined = JoinedLaws.of(path_laws, np.array(self.starts[begin:end]))
                 self._joined[:] = [(begin, end, joined)]
-                return which - begin, joined
-        laws, law = np.unique(which, return_inverse=True)
+                return law_index - begin, joined
+        laws, law = np.unique(law_index, return_inverse=True)
         return law, JoinedLaws.of([self.laws[k] for k in laws.tolist()], self.starts[laws])
 
     def with_rests(self, t: FloatArray, order: int = 0) -> FloatArray:
@@ -474,10 +479,10 @@ class Trajectory(Checked):
             order: 0, 1, 2 or 3.
         """
         t = checks.floats("t", t, "s")
-        found = self(np.clip(t, 0.0, self.duration), order)
+        values = self(np.clip(t, 0.0, self.duration), order)
         if order:
-            found[(t < 0) | (t > self.duration)] = 0.0
-        return found
+            values[(t < 0) | (t > self.duration)] = 0.0
+        return values
 
     def motion_with_rests(self, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
         """The motion at any times, at rest before and after it, up to an order, (n, dof) each.
@@ -489,11 +494,11 @@ class Trajectory(Checked):
             order: 0, 1, 2 or 3.
         """
         t = checks.floats("t", t, "s")
-        found = self.motion(np.clip(t, 0.0, self.duration), order)
+        motion = self.motion(np.clip(t, 0.0, self.duration), order)
         rests = (t < 0) | (t > self.duration)
-        for values in found[1:]:
+        for values in motion[1:]:
             values[rests] = 0.0
-        return found
+        return motion
 
     def s(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
         """Arc length or its derivatives over time, with the shape of `t` [m, m/s, m/s², m/s³].
@@ -510,15 +515,15 @@ class Trajectory(Checked):
             InvalidInput: A time is outside the trajectory, the order is not 0, 1, 2 or 3, or the
                 laws are not along one path.
         """
-        at = self._clip_times(t, order)
+        times = self._clip_times(t, order)
         self._refuse_no_arc_length()
-        found = np.empty(at.size)
-        for k, of, i, local in self.locate(at.ravel(), side):
+        lengths = np.empty(times.size)
+        for k, indices, i, local in self.locate(times.ravel(), side):
             part = self._parts[k]
-            found[of] = part.offset if order == 0 else 0.0
+            lengths[indices] = part.offset if order == 0 else 0.0
             if part.law is not None:
-                found[of] += part.law.path_position(i, local, order)
-        return found.reshape(at.shape)
+                lengths[indices] += part.law.path_position(i, local, order)
+        return lengths.reshape(times.shape)
 
     def time_at(self, s: npt.ArrayLike, *, side: str = "left") -> FloatArray:
         """Times at which the motion reaches or leaves arc lengths, with the shape of `s` [s].
@@ -531,11 +536,11 @@ class Trajectory(Checked):
         Raises:
             InvalidInput: An arc length is outside the path, or the laws are not along one path.
         """
-        at = self._clip_arc_lengths(s)
-        found = np.empty(at.size)
-        for k, of, _, local in self._by_length(at.ravel(), side):
-            found[of] = np.minimum(self.starts[k] + local, self.starts[k + 1])
-        return found.reshape(at.shape)
+        arc_lengths = self._clip_arc_lengths(s)
+        times = np.empty(arc_lengths.size)
+        for k, indices, _, local in self._by_length(arc_lengths.ravel(), side):
+            times[indices] = np.minimum(self.starts[k] + local, self.starts[k + 1])
+        return times.reshape(arc_lengths.shape)
 
     def speed_at(self, s: npt.ArrayLike, *, side: str = "right") -> FloatArray:
         """Path speeds at arc lengths, with the shape of `s` [m/s].
@@ -547,13 +552,13 @@ class Trajectory(Checked):
         Raises:
             InvalidInput: An arc length is outside the path, or the laws are not along one path.
         """
-        at = self._clip_arc_lengths(s)
-        found = np.zeros(at.size)
-        for k, of, i, local in self._by_length(at.ravel(), side):
+        arc_lengths = self._clip_arc_lengths(s)
+        speeds = np.zeros(arc_lengths.size)
+        for k, indices, i, local in self._by_length(arc_lengths.ravel(), side):
             law = self._parts[k].law
             if law is not None:
-                found[of] = law.path_position(i, local, 1)
-        return found.reshape(at.shape)
+                speeds[indices] = law.path_position(i, local, 1)
+        return speeds.reshape(arc_lengths.shape)
 
     @checked
     def sample(self, cycle: Interval) -> Samples:
@@ -582,18 +587,18 @@ class Trajectory(Checked):
             Index of the law, indices of its times in `t`, their intervals, and their times since
             the start of the law [s].
         """
-        for k, of in _group_by_law(self._law_at(t, side)):
-            start, own = self.starts[k], self.laws[k].breaks
+        for k, indices in _group_by_law(self._law_at(t, side)):
+            start, breaks = self.starts[k], self.laws[k].breaks
             # A time less the start is rounded, to either side of the law's break. So times are
             # compared with the very sums that `breaks` has.
-            i = np.searchsorted(start + own, t[of], side=checks.check_side(side)) - 1
-            i = np.clip(i, 0, len(own) - 2)
-            yield k, of, i, np.clip(t[of] - start, own[i], own[i + 1])
+            i = np.searchsorted(start + breaks, t[indices], side=checks.check_side(side)) - 1
+            i = np.clip(i, 0, len(breaks) - 2)
+            yield k, indices, i, np.clip(t[indices] - start, breaks[i], breaks[i + 1])
 
     def _law_at(self, t: FloatArray, side: str) -> IntArray:
         """Index of the law at each time [s], (n,)."""
-        found = np.searchsorted(self.starts, t, side=checks.check_side(side)) - 1
-        return np.clip(found, 0, len(self.laws) - 1)
+        index = np.searchsorted(self.starts, t, side=checks.check_side(side)) - 1
+        return np.clip(index, 0, len(self.laws) - 1)
 
     def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
         """Times clipped to the trajectory, after refusing those outside and other orders.
@@ -601,19 +606,19 @@ class Trajectory(Checked):
         Raises:
             InvalidInput: A time is outside the trajectory, or the order is not 0, 1, 2 or 3.
         """
-        at = checks.floats("t", t, "s")
+        times = checks.floats("t", t, "s")
         checks.derivative(order, 3)
         slack = SLACK * self.duration
-        outside = ~((at >= -slack) & (at <= self.duration + slack))
+        outside = ~((times >= -slack) & (times <= self.duration + slack))
         if outside.any():
-            value = float(at[outside].flat[0])
+            value = float(times[outside].flat[0])
             raise InvalidInput(
                 f"Time {value:g} s lies outside the trajectory, which runs from 0 to "
                 f"{self.duration:.9g} s.",
                 t=value,
                 allowed=self.duration,
             )
-        return np.asarray(np.clip(at, 0, self.duration))
+        return np.asarray(np.clip(times, 0, self.duration))
 
     def _clip_arc_lengths(self, s: npt.ArrayLike) -> FloatArray:
         """Arc lengths clipped to the motion, after refusing those outside.
@@ -622,19 +627,19 @@ class Trajectory(Checked):
             InvalidInput: An arc length is outside the motion, or the laws are not along one path.
         """
         self._refuse_no_arc_length()
-        at = checks.check_numbers("s", s, "m")
+        arc_lengths = checks.check_numbers("s", s, "m")
         low, high = float(self._ends[0, 0]), float(self._ends[-1, 1])
         slack = SLACK * max(high - low, 1e-3)
-        outside = ~((at >= low - slack) & (at <= high + slack))
+        outside = ~((arc_lengths >= low - slack) & (arc_lengths <= high + slack))
         if outside.any():
-            value = float(at[outside].flat[0])
+            value = float(arc_lengths[outside].flat[0])
             raise InvalidInput(
                 f"Arc length {value:g} m lies outside the motion, which runs from {low:g} to "
                 f"{high:.9g} m.",
                 s=value,
                 allowed=high,
             )
-        return np.asarray(np.clip(at, low, high))
+        return np.asarray(np.clip(arc_lengths, low, high))
 
     def _by_length(
         self, s: FloatArray, side: str
@@ -647,16 +652,21 @@ class Trajectory(Checked):
         """
         ends = self._ends
         if checks.check_side(side) == "left":
-            which = np.searchsorted(ends[:, 1], s, side="left")
+            law_index = np.searchsorted(ends[:, 1], s, side="left")
         else:
-            which = np.searchsorted(ends[:, 0], s, side="right") - 1
-        for k, of in _group_by_law(np.clip(which, 0, len(ends) - 1)):
+            law_index = np.searchsorted(ends[:, 0], s, side="right") - 1
+        for k, indices in _group_by_law(np.clip(law_index, 0, len(ends) - 1)):
             part = self._parts[k]
             if part.law is None:
                 still = 0.0 if side == "left" else self.laws[k].breaks[-1]
-                yield k, of, np.zeros(len(of), dtype=np.intp), np.full(len(of), still)
+                yield (
+                    k,
+                    indices,
+                    np.zeros(len(indices), dtype=np.intp),
+                    np.full(len(indices), still),
+                )
             else:
-                yield k, of, *part.law.reach(s[of] - part.offset, side)
+                yield k, indices, *part.law.reach(s[indices] - part.offset, side)
 
     def _refuse_no_arc_length(self) -> None:
         """Refuse laws that do not follow each other along one path.
@@ -703,18 +713,20 @@ def _parts(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_Part, ...]:
     """
     if not spans:
         return tuple(_along(law, 0.0) for law in laws)
-    found: list[_Part] = []
+    parts: list[_Part] = []
     for span in spans:
         count = 1 if span.trajectory is None else len(span.trajectory.laws)
-        own = laws[len(found) : len(found) + count]
-        if len(own) < count or (span.trajectory is not None and own != span.trajectory.laws):
+        span_laws = laws[len(parts) : len(parts) + count]
+        if len(span_laws) < count or (
+            span.trajectory is not None and span_laws != span.trajectory.laws
+        ):
             raise InvalidInput("The spans of a trajectory must have its laws, in the same order.")
         counts = span.kind == "contour"
         still = _Part(None, span.s, span.s[0])
-        found += [_along(law, span.s[0]) if counts else still for law in own]
-    if len(found) < len(laws):
+        parts += [_along(law, span.s[0]) if counts else still for law in span_laws]
+    if len(parts) < len(laws):
         raise InvalidInput("The spans of a trajectory must have all of its laws.")
-    return tuple(found)
+    return tuple(parts)
 
 
 def _along(law: Law, offset: float) -> _Part:
@@ -724,26 +736,26 @@ def _along(law: Law, offset: float) -> _Part:
     return _Part(law, (offset + float(law.s[0]), offset + float(law.s[-1])), offset)
 
 
-def _group_by_law(which: IntArray) -> Iterator[tuple[int, IntArray]]:
+def _group_by_law(law_index: IntArray) -> Iterator[tuple[int, IntArray]]:
     """Group indices by law, in groups of limited size to save memory.
 
     Args:
-        which: Index of the law of each time or arc length, (n,).
+        law_index: Index of the law of each time or arc length, (n,).
 
     Yields:
-        Index of a law, and indices into `which`.
+        Index of a law, and indices into `law_index`.
     """
-    if (np.diff(which) < 0).any():
-        order = np.argsort(which, kind="stable")
-        which = which[order]
+    if (np.diff(law_index) < 0).any():
+        order = np.argsort(law_index, kind="stable")
+        law_index = law_index[order]
     else:
-        order = np.arange(len(which))
-    edges = np.flatnonzero(np.diff(which)) + 1
-    if len(which) > AT_ONCE:
-        edges = np.union1d(edges, np.arange(AT_ONCE, len(which), AT_ONCE))
-    bounds = [0, *edges.tolist(), len(which)]
-    for begin, end in zip(bounds[:-1], bounds[1:], strict=True) if len(which) else ():
-        yield int(which[begin]), order[begin:end]
+        order = np.arange(len(law_index))
+    edges = np.flatnonzero(np.diff(law_index)) + 1
+    if len(law_index) > AT_ONCE:
+        edges = np.union1d(edges, np.arange(AT_ONCE, len(law_index), AT_ONCE))
+    bounds = [0, *edges.tolist(), len(law_index)]
+    for begin, end in zip(bounds[:-1], bounds[1:], strict=True) if len(law_index) else ():
+        yield int(law_index[begin]), order[begin:end]
 
 
 @dataclass(frozen=True, slots=True)
@@ -807,10 +819,10 @@ class JoinedLaws:
             x.setflags(write=False)
         along = path_motions(row, local, self.breaks, self.s, *self.rates)
         dof = self.coefficients.shape[2]
-        found = Motion(*(np.empty((len(t) if k in orders else 0, dof)) for k in range(4)))
+        motion = Motion(*(np.empty((len(t) if k in orders else 0, dof)) for k in range(4)))
         tables = self.path_rows, self.path_breaks, self.coefficients
-        joint_motions(along, _locked(self.s[row + 1]), law, *tables, found)
-        return tuple(found[k] for k in orders)
+        joint_motions(along, _locked(self.s[row + 1]), law, *tables, motion)
+        return tuple(motion[k] for k in orders)
 
 
 def _locked(values: FloatArray) -> FloatArray:

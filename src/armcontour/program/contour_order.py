@@ -45,26 +45,27 @@ def direct_contours(program: Program, process: Process) -> Program:
         InvalidInput: A contour that would run backwards has events on its way.
     """
     contours = program.contours
-    wanted = [process.of_layer(x.layer).direction if x.closed else DRAWN for x in contours]
-    if all(x == DRAWN for x in wanted):
+    directions = [process.of_layer(x.layer).direction if x.closed else DRAWN for x in contours]
+    if all(x == DRAWN for x in directions):
         return program
     from armcontour.program.kerf import waste_sides
     from armcontour.program.nesting import nest
 
     areas, sides = nest(contours, process.up).areas, waste_sides(contours, process)
     turned: dict[Contour, Contour] = {}
-    for i, (x, how) in enumerate(zip(contours, wanted, strict=True)):
-        if how in TOOL_SIDES:
-            back = sides[i] != TOOL_SIDES[how]
+    for i, (x, direction) in enumerate(zip(contours, directions, strict=True)):
+        if direction in TOOL_SIDES:
+            back = sides[i] != TOOL_SIDES[direction]
         else:
-            back = how != DRAWN and (areas[i] > 0) != (how == "counterclockwise")
+            back = direction != DRAWN and (areas[i] > 0) != (direction == "counterclockwise")
         if not back:
             continue
         inner = [y for y in x.events if REPEATED_POINT < y.s < x.path.length - REPEATED_POINT]
         if inner:
             raise InvalidInput(
-                f"{contour_called(x, i)} cannot run backwards for the direction {how}, because it "
-                f"switches {inner[0].name} on its way: give direction drawn, for its layer too."
+                f"{contour_called(x, i)} cannot run backwards for the direction {direction}, "
+                f"because it switches {inner[0].name} on its way: give direction drawn, for its "
+                "layer too."
             )
         turned[x] = _backwards(x)
     moves = tuple(turned.get(x, x) if isinstance(x, Contour) else x for x in program.moves)
@@ -119,35 +120,35 @@ def _with_warning(program: Program, process: Process) -> Program:
     from armcontour.program.nesting import nest
 
     parents = nest(contours, process.up).parents
-    late = [i for i, x in enumerate(parents.tolist()) if 0 <= x < i]
-    if not late:
+    misordered = [i for i, x in enumerate(parents.tolist()) if 0 <= x < i]
+    if not misordered:
         return program
-    i = late[0]
-    more = f"; so are {len(late) - 1} more" if len(late) > 1 else ""
+    i = misordered[0]
+    suffix = f"; so are {len(misordered) - 1} more" if len(misordered) > 1 else ""
     outer = int(parents[i])
     note = (
         f"{contour_called(contours[outer], outer)} is cut before "
         f"{contour_called(contours[i], i)}, which lies in it and may have dropped out or moved by "
-        f"then{more}: the order inside_first cuts what lies inside first."
+        f"then{suffix}: the order inside_first cuts what lies inside first."
     )
     return dataclasses.replace(program, notes=(*program.notes, note))
 
 
 def _inside_first(parents: IntArray) -> list[int]:
     """The drawn order, but each contour directly after all that it holds."""
-    held: dict[int, list[int]] = {}
+    children: dict[int, list[int]] = {}
     for i, x in enumerate(parents.tolist()):
-        held.setdefault(x, []).append(i)
-    found: list[int] = []
-    open_ones = list(held.get(-1, ()))[::-1]
+        children.setdefault(x, []).append(i)
+    order: list[int] = []
+    open_ones = list(children.get(-1, ()))[::-1]
     while open_ones:
         i = open_ones.pop()
-        inner = held.pop(i, None)
+        inner = children.pop(i, None)
         if inner is None:
-            found.append(i)
+            order.append(i)
         else:
             open_ones += [i, *inner[::-1]]
-    return found
+    return order
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -174,9 +175,9 @@ class _Choices:
         ends: list[FloatArray] = []
         first = [0]
         for x in contours:
-            found = _options(x, process, count if free else 1)
-            made += [option[0] for option in found]
-            ends += [option[1] for option in found]
+            options = _options(x, process, count if free else 1)
+            made += [option[0] for option in options]
+            ends += [option[1] for option in options]
             first.append(len(made))
         table = np.zeros((len(ends), 2, 3))
         table[:, :, : contours[0].path.dimension] = ends
@@ -203,8 +204,8 @@ class _Choices:
             if parent >= 0:
                 waits[parent] -= 1
                 if not waits[parent]:
-                    own = slice(first[parent], first[parent + 1])
-                    near[own] = entries[own]
+                    rows = slice(first[parent], first[parent + 1])
+                    near[rows] = entries[rows]
         return tour, option
 
     def shortest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
@@ -224,9 +225,9 @@ class _Choices:
         from scipy.spatial.distance import cdist
 
         exits, entries, first = self._options
-        own = [slice(first[c], first[c + 1]) for c in tour]
-        length, before = np.zeros(own[0].stop - own[0].start), []
-        for last, now in itertools.pairwise(own):
+        slices = [slice(first[c], first[c + 1]) for c in tour]
+        length, before = np.zeros(slices[0].stop - slices[0].start), []
+        for last, now in itertools.pairwise(slices):
             lengths = length[:, None] + cdist(exits[last], entries[now])
             before.append(np.argmin(lengths, axis=0))
             length = lengths.min(axis=0)
@@ -255,8 +256,8 @@ class _Choices:
         most_places = int(np.diff(self.first).max()) * 2
         near = owners[nearest_points(centers, points, min(len(points), most_places * (k + 1)))]
         # Where too few contours are near, the first ones of all.
-        found = (dict.fromkeys([*row, *range(k + 1)]) for row in near.tolist())
-        return np.array([[x for x in row if x != i][:k] for i, row in enumerate(found)])
+        candidates = (dict.fromkeys([*row, *range(k + 1)]) for row in near.tolist())
+        return np.array([[x for x in row if x != i][:k] for i, row in enumerate(candidates)])
 
     def describe(self, tour: IntArray, option: IntArray) -> str:
         """A sentence on the length of a tour."""
@@ -282,20 +283,20 @@ def _options(contour: Contour, process: Process, count: int) -> list[Option]:
 
     as_drawn = partial(_same, contour)
     if not contour.closed:
-        found: list[Option] = [(as_drawn, path([0.0, path.length]))]
+        options: list[Option] = [(as_drawn, path([0.0, path.length]))]
         if process.reverse_open and not contour.keep_start and not contour.events:
-            found.append((partial(_backwards, contour), found[0][1][::-1]))
-        return found
+            options.append((partial(_backwards, contour), options[0][1][::-1]))
+        return options
     if count == 1 or process.begin != "auto" or keeps_drawn_start(contour, led=False):
-        places = [find_start(contour, process, led=False)]
+        starts = [find_start(contour, process, led=False)]
         makers: Sequence[Callable[[], Contour]] = [as_drawn]
     else:
-        places = begin_places(path, count).tolist()
-        makers = [partial(_begun_at, contour, s) for s in places]
+        starts = begin_places(path, count).tolist()
+        makers = [partial(_begun_at, contour, s) for s in starts]
     overlap = process.of_layer(contour.layer).overlap
     return [
         (maker, path([s, (s + overlap) % path.length]))
-        for maker, s in zip(makers, places, strict=True)
+        for maker, s in zip(makers, starts, strict=True)
     ]
 
 
@@ -334,12 +335,12 @@ def begin_places(path: Path, count: int) -> FloatArray:
         return np.linspace(0.0, length, count, endpoint=False)
     smooth = np.diff(np.append(corners, corners[0] + length))
     longest = np.sort(np.argsort(-smooth, kind="stable")[:count])
-    found = []
+    starts = []
     for i in longest.tolist():
         parts = max(1, int(count * smooth[i] / length))
         shares = 0.25 + 0.5 * (np.arange(parts) + 0.5) / parts
-        found.append(corners[i] + shares * smooth[i])
-    return np.concatenate(found) % length
+        starts.append(corners[i] + shares * smooth[i])
+    return np.concatenate(starts) % length
 
 
 def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
@@ -360,11 +361,11 @@ def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
     """
     start = find_start(contour, process, led=led)
     lap = contour.path.length
-    more = (process.passes - 1) * lap + process.overlap
-    if more > REPEATED_POINT:
+    extra_length = (process.passes - 1) * lap + process.overlap
+    if extra_length > REPEATED_POINT:
         _refuse_turned_end(contour)
     contour = begin_at(contour, start)
-    longer = _add_overlap(contour.path, more)
+    longer = _add_overlap(contour.path, extra_length)
     events = (
         *_move_last_events(contour.events, lap, longer.length),
         *_repeat_events(contour.events, lap, process.passes),
@@ -459,11 +460,11 @@ def _add_overlap(path: Path, overlap: float) -> Path:
             f"of {path.length:.4g} m, which makes more than {MOST_SEGMENTS} segments: take a "
             "shorter overlap or fewer passes."
         )
-    parts, rest = [path], overlap
-    while rest > REPEATED_POINT:
-        more = min(rest, path.length)
-        parts.append(path if more == path.length else cut_path(path, 0.0, more))
-        rest -= more
+    parts, remaining = [path], overlap
+    while remaining > REPEATED_POINT:
+        step = min(remaining, path.length)
+        parts.append(path if step == path.length else cut_path(path, 0.0, step))
+        remaining -= step
     return join_paths(parts)
 
 
@@ -476,11 +477,11 @@ def _refuse_cut_switching(contour: Contour, start: float) -> None:
     """
     inner = {x.name for x in contour.events if 0 < x.s < contour.path.length - REPEATED_POINT}
     for name in sorted(inner):
-        own = [x for x in contour.events if x.name == name]
-        before = [x for x in own if x.s <= start]
+        events = [x for x in contour.events if x.name == name]
+        before = [x for x in events if x.s <= start]
         # Events that set the values at the drawn end, the drawn start and the new start.
-        at_ends = [own[-1], *(x for x in own[:1] if x.s <= REPEATED_POINT), *before[-1:]]
-        if any(x.value != own[-1].value for x in at_ends):
+        at_ends = [events[-1], *(x for x in events[:1] if x.s <= REPEATED_POINT), *before[-1:]]
+        if any(x.value != events[-1].value for x in at_ends):
             raise InvalidInput(
                 f"{contour_called(contour, 0) if contour.name else 'A closed contour'} switches "
                 f"{name} along its path, and would switch it at other places than drawn if it "

@@ -91,22 +91,22 @@ def crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     last = np.searchsorted(low[order, 0], high[order, 0] + SAME_PLACE, side="right")
     count = np.maximum(last - np.arange(len(order)) - 1, 0)
     parts = np.cumsum(count) // PAIRS
-    which, places = [np.empty((0, 2), np.intp)], [np.empty((0, 2))]
+    meetings, distances = [np.empty((0, 2), np.intp)], [np.empty((0, 2))]
     for part in np.unique(parts):
-        of, number = number_parts(np.where(parts == part, count, 0))
-        i, j = order[of], order[of + 1 + number]
+        owner, number = number_parts(np.where(parts == part, count, 0))
+        i, j = order[owner], order[owner + 1 + number]
         near = (low[j, 1] <= high[i, 1] + SAME_PLACE) & (low[i, 1] <= high[j, 1] + SAME_PLACE)
         pairs = np.stack([i, j], axis=1)[near]
         points = _common_points(pieces[pairs[:, 0]], pieces[pairs[:, 1]])
-        at = np.stack([_places(pieces[x], points) for x in pairs.T], axis=2)
+        along = np.stack([_places(pieces[x], points) for x in pairs.T], axis=2)
         ends = pieces[pairs, LENGTH][:, None, :]
-        row, point = np.nonzero(((at >= -SAME_PLACE) & (at <= ends + SAME_PLACE)).all(axis=2))
-        at, ends = at[row, point], ends[row, 0]
+        row, point = np.nonzero(((along >= -SAME_PLACE) & (along <= ends + SAME_PLACE)).all(axis=2))
+        along, ends = along[row, point], ends[row, 0]
         # A place near an end is this end.
-        at = np.where(ends - at <= SAME_PLACE, ends, at)
-        which.append(pairs[row])
-        places.append(np.where(at <= SAME_PLACE, 0.0, at))
-    return np.concatenate(which), np.concatenate(places)
+        along = np.where(ends - along <= SAME_PLACE, ends, along)
+        meetings.append(pairs[row])
+        distances.append(np.where(along <= SAME_PLACE, 0.0, along))
+    return np.concatenate(meetings), np.concatenate(distances)
 
 
 def left_of(vectors: FloatArray) -> FloatArray:
@@ -176,24 +176,24 @@ def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
     size = np.hypot(w[:, 0], w[:, 1])
     foot, along = (r / size**2)[:, None] * w, left_of(w) / size[:, None]
     slope = (na * along).sum(axis=1)
-    rest = ka * (foot * foot).sum(axis=1) / 2 - (na * foot).sum(axis=1)
+    constant = ka * (foot * foot).sum(axis=1) / 2 - (na * foot).sum(axis=1)
     # The points foot + s along with ka s² / 2 - slope s + rest = 0; touching ones miss by rounding.
-    inside = slope**2 - 2 * ka * rest
+    inside = slope**2 - 2 * ka * constant
     inside[inside < -2 * np.abs(ka) * SAME_PLACE / size] = np.nan
     parallel = (ka == 0) & (np.abs(slope) < PARALLEL)
     slope = np.where(parallel, np.nan, slope)
     larger = slope + np.copysign(np.sqrt(np.maximum(inside, 0.0)), slope)
-    far = np.where(ka == 0, np.nan, larger / ka)
-    near = np.where(inside > 0, 2 * rest / larger, far)
-    found = np.full((len(a), 4, 2), np.nan)
-    for i, s in enumerate((near, far)):
-        found[:, i] = a[:, :2] + foot + s[:, None] * along
+    second = np.where(ka == 0, np.nan, larger / ka)
+    first = np.where(inside > 0, 2 * constant / larger, second)
+    points = np.full((len(a), 4, 2), np.nan)
+    for i, s in enumerate((first, second)):
+        points[:, i] = a[:, :2] + foot + s[:, None] * along
     one_circle = (size <= np.abs(kb) * SAME_PLACE) & (
         np.abs(1 / ka) - np.abs(1 / kb) >= -SAME_PLACE
     )
-    together = np.where(ka == 0, parallel & (np.abs(rest) <= SAME_PLACE), one_circle)
+    together = np.where(ka == 0, parallel & (np.abs(constant) <= SAME_PLACE), one_circle)
     ends = [x[together] for x in (a, b)]
-    found[together] = np.stack(
+    points[together] = np.stack(
         [y for x in ends for y in (x[:, :2], points_at(x, x[:, LENGTH]))], axis=1
     )
-    return found
+    return points

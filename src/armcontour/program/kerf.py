@@ -54,16 +54,16 @@ def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, flo
         program: The program with leads.
         process: The process that it was prepared for.
     """
-    found = []
+    parts = []
     for x in program.contours:
-        own, (begin, end) = process.of_layer(x.layer), x.at_work
-        if not own.kerf:
+        layer, (begin, end) = process.of_layer(x.layer), x.at_work
+        if not layer.kerf:
             continue
-        if own.begins_on:
+        if layer.begins_on:
             # The way down from the height of the pierce comes first.
-            begin = 0.0 if own.pierce is None else own.pierce.height
-        found.append((x.path, begin, x.path.length if own.ends_on else end, own.kerf))
-    return found
+            begin = 0.0 if layer.pierce is None else layer.pierce.height
+        parts.append((x.path, begin, x.path.length if layer.ends_on else end, layer.kerf))
+    return parts
 
 
 def apply_kerf(program: Program, process: Process) -> Program:
@@ -92,13 +92,13 @@ def apply_kerf(program: Program, process: Process) -> Program:
     if process.kerf_side == WASTE:
         _refuse_near_ones(contours, flat, parts, kerfs)
     made = [
-        _contours_of(x, i, own, process.up)
-        for i, (x, own) in enumerate(zip(contours, parts, strict=True))
+        _contours_of(x, i, offset, process.up)
+        for i, (x, offset) in enumerate(zip(contours, parts, strict=True))
     ]
     moves = _replaced(program.moves, made)
-    left = [contour_called(x, i) for i, x in enumerate(contours) if kerfs[i] and not sides[i]]
+    skipped = [contour_called(x, i) for i, x in enumerate(contours) if kerfs[i] and not sides[i]]
     return dataclasses.replace(
-        program, moves=tuple(moves), notes=(*program.notes, *_notes_on_open(left))
+        program, moves=tuple(moves), notes=(*program.notes, *_notes_on_open(skipped))
     )
 
 
@@ -111,13 +111,13 @@ def _kerf_sides(contours: Sequence[Contour], kerfs: Sequence[float], process: Pr
     return [side if kerf else "" for side, kerf in zip(sides, kerfs, strict=True)]
 
 
-def _notes_on_open(left: Sequence[str]) -> list[str]:
+def _notes_on_open(names: Sequence[str]) -> list[str]:
     """A note on open contours, by their names, that a kerf in the waste leaves where drawn."""
-    if not left:
+    if not names:
         return []
-    more = f" and {len(left) - 1} more open contours stay" if len(left) > 1 else " stays"
+    suffix = f" and {len(names) - 1} more open contours stay" if len(names) > 1 else " stays"
     return [
-        f"{left[0]}{more} where drawn, because an open contour has no waste side: "
+        f"{names[0]}{suffix} where drawn, because an open contour has no waste side: "
         "kerf_side left or right puts the cut beside open contours too."
     ]
 
@@ -164,12 +164,12 @@ def _offset(
     called, sign = contour_called(contour, number), 1 if side == "left" else -1
 
     def parts_of(width: float) -> list[OffsetPart]:
-        found = offset_segments(rows, sign * width / 2, closed=contour.closed)
+        parts = offset_segments(rows, sign * width / 2, closed=contour.closed)
         # Beside an open contour, closed parts are what it curls around.
-        return found if contour.closed else [x for x in found if not x.closed]
+        return parts if contour.closed else [x for x in parts if not x.closed]
 
-    found = parts_of(kerf)
-    if not found:
+    offset_parts = parts_of(kerf)
+    if not offset_parts:
         fits, too_wide = 0.0, kerf
         for _ in range(HALVINGS):
             middle = (fits + too_wide) / 2
@@ -181,13 +181,13 @@ def _offset(
             needed=kerf,
             allowed=fits,
         )
-    if len(found) > 1 and (contour.events or not contour.closed):
-        why = "has events on it" if contour.events else "is open"
+    if len(offset_parts) > 1 and (contour.events or not contour.closed):
+        reason = "has events on it" if contour.events else "is open"
         raise InvalidInput(
-            f"{called} {why}, and a kerf of {1e3 * kerf:.6g} mm parts it into {len(found)} pieces: "
-            "give a smaller kerf."
+            f"{called} {reason}, and a kerf of {1e3 * kerf:.6g} mm parts it into "
+            f"{len(offset_parts)} pieces: give a smaller kerf."
         )
-    return found
+    return offset_parts
 
 
 def _refuse_near_ones(
@@ -201,25 +201,25 @@ def _refuse_near_ones(
     Raises:
         InvalidInput: There are such contours.
     """
-    own = [i for i, x in enumerate(flat) if x is not None]
-    if len(own) < 2:
+    indices = [i for i, x in enumerate(flat) if x is not None]
+    if len(indices) < 2:
         return
     sources = [x for x in flat if x is not None]
-    paths = [Segments.join([x.segments for x in parts[i]]) for i in own]
+    paths = [Segments.join([x.segments for x in parts[i]]) for i in indices]
     pair = crossing_owners(sources) or crossing_owners(paths)
     if pair is None:
-        owner = np.repeat(np.arange(len(own)), [len(x) for x in paths])
+        owner = np.repeat(np.arange(len(indices)), [len(x) for x in paths])
         path = Segments.join(paths)
         source = Segments.join(sources)
         nearest = find_nearest(source, path.at(slice(None), path.lengths / 2))
-        room = nearest.distance - np.array([kerfs[i] for i in own])[owner] / 2
+        room = nearest.distance - np.array([kerfs[i] for i in indices])[owner] / 2
         k = int(np.argmin(room))
         if room[k] >= -SLACK:
             return
         row = int(np.searchsorted(source.breaks, nearest.s[k], side="right")) - 1
         ends = np.cumsum([len(x) for x in sources])
         pair = int(owner[k]), int(np.searchsorted(ends, row, side="right"))
-    first, second = (own[k] for k in pair)
+    first, second = (indices[k] for k in pair)
     kerf = max(kerfs[first], kerfs[second])
     raise InvalidInput(
         f"{_called_on_layer(contours, first)} and {_called_on_layer(contours, second)} cross, or "
@@ -248,11 +248,11 @@ def _contours_of(
     paths = [_lift(x, source, up) for x in parts]
     if len(paths) == 1:
         (path,) = paths
-        places = [float(path.project(source(x.s)[None]).s[0]) for x in contour.events]
+        event_s = [float(path.project(source(x.s)[None]).s[0]) for x in contour.events]
         events = tuple(
             # The end of a closed path is the place of its start.
             dataclasses.replace(x, s=path.length if _is_end(x.s, source) else s)
-            for x, s in zip(contour.events, places, strict=True)
+            for x, s in zip(contour.events, event_s, strict=True)
         )
         return [dataclasses.replace(contour, path=path, events=events, ring=parts[0].closed)]
     apart = [float(x.project(source(0.0)[None]).distance[0]) for x in paths]
@@ -275,8 +275,8 @@ def _is_end(s: float, path: Path) -> bool:
 def _lift(part: OffsetPart, source: Path, up: FloatArray) -> Path:
     """The path of a part, with speeds, tolerances, tags and orientation of its source."""
     rows = part.segments
-    own = source.segments[part.rows]
-    columns = {x: getattr(own, x) for x in ("speeds", "tolerances", "tags")}
+    originals = source.segments[part.rows]
+    columns = {x: getattr(originals, x) for x in ("speeds", "tolerances", "tags")}
     if source.dimension == 3:
         axes = axes_across(up)
         height = float(source.starts[0] @ up) * up
@@ -298,17 +298,19 @@ def _from_start(rows: Segments, start: FloatArray) -> Segments:
     return rows[order]
 
 
-def _orient(path: Path, source: Path, given: Orientation, up: FloatArray) -> Orientation:
+def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) -> Orientation:
     """The tool orientation along an offset: the same as along its source, relative to the tangent.
 
     Raises:
         InvalidInput: An orientation that neither is constant nor follows the tangent.
     """
-    rows, start = path.segments, given(0.0)
-    same = given.fixed and all(np.abs(x - start).max() <= REPEATED_POINT for x in given.starts)
+    rows, start = path.segments, orientation(0.0)
+    same = orientation.fixed and all(
+        np.abs(x - start).max() <= REPEATED_POINT for x in orientation.starts
+    )
     rates = np.zeros((len(rows), 3))
     turned = np.repeat(start[None], len(rows), axis=0)
-    if given.follows:
+    if orientation.follows:
         a, b = seen_from_above(source.tangents[:1], up), seen_from_above(rows.tangents, up)
         angle = np.arctan2(
             a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]
@@ -321,7 +323,7 @@ def _orient(path: Path, source: Path, given: Orientation, up: FloatArray) -> Ori
             "tangent: leave out the kerf."
         )
     return Orientation.even(
-        rows.lengths, turned, rates, axis_only=given.axis_only, follows=given.follows
+        rows.lengths, turned, rates, axis_only=orientation.axis_only, follows=orientation.follows
     )
 
 
@@ -342,8 +344,8 @@ def _replaced(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) -> list[
 
 def cut_contours(contours: Sequence[Contour], process: Process) -> BoolArray:
     """Contours at which material is separated: those with a kerf; all if no layer has a kerf."""
-    found = np.array([process.of_layer(x.layer).kerf is not None for x in contours])
-    return found if found.any() else ~found
+    mask = np.array([process.of_layer(x.layer).kerf is not None for x in contours])
+    return mask if mask.any() else ~mask
 
 
 def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
@@ -356,10 +358,10 @@ def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
         contours: The contours in their direction of travel.
         process: Kerfs of the layers, and the direction from which the contours are viewed.
     """
-    found = nest(contours, process.up)
-    depths = found.holds[cut_contours(contours, process)].sum(axis=0)
-    left = ((depths % 2 == 1) == (found.areas > 0)) | (found.areas == 0)
-    return ["left" if x else "right" for x in left.tolist()]
+    nesting = nest(contours, process.up)
+    depths = nesting.holds[cut_contours(contours, process)].sum(axis=0)
+    on_left = ((depths % 2 == 1) == (nesting.areas > 0)) | (nesting.areas == 0)
+    return ["left" if x else "right" for x in on_left.tolist()]
 
 
 class LeadPlacement:
@@ -401,35 +403,37 @@ class LeadPlacement:
                 path, length, lead.shape, side, self._process.up, after=after, beyond=beyond
             )
 
-        found = lead_of(length)
+        full_lead = lead_of(length)
         judged = lead.shape == "arc" and lead.side == WASTE and contour.closed and self._cut[number]
         if not judged or self._process.of_layer(contour.layer).weave is not None:
-            return found
-        if self._fits(found, after):
-            return found
+            return full_lead
+        if self._fits(full_lead, after):
+            return full_lead
         fits, too_long = 0.0, length
         for _ in range(SIDE_HALVINGS):
             middle = (fits + too_long) / 2
             in_scrap = self._fits(lead_of(middle), after)
             fits, too_long = (middle, too_long) if in_scrap else (fits, middle)
         called, kind = contour_called(contour, number), "lead-out" if after else "lead-in"
-        where = f"{called} (layer {contour.layer})" if contour.layer else called
+        location = f"{called} (layer {contour.layer})" if contour.layer else called
         if not fits:
             raise InvalidInput(
-                f"{where}: no {kind} in the shape of an arc lies in the scrap where the contour "
+                f"{location}: no {kind} in the shape of an arc lies in the scrap where the contour "
                 f"{'ends' if after else 'begins'}: choose another start point (process.begin).",
                 needed=length,
                 allowed=0.0,
             )
         if lead.length is not None:
             raise InvalidInput(
-                f"{where}: a {kind} of {1e3 * length:.4g} mm crosses a contour or leaves the "
+                f"{location}: a {kind} of {1e3 * length:.4g} mm crosses a contour or leaves the "
                 f"scrap; the longest that fits is {1e3 * fits:.4g} mm.",
                 needed=length,
                 allowed=fits,
             )
-        said = f"the {kind} of {where}: {1e3 * fits:.4g} in place of {1e3 * length:.4g} mm"
-        self._shortened.append((fits / length, said))
+        description = (
+            f"the {kind} of {location}: {1e3 * fits:.4g} in place of {1e3 * length:.4g} mm"
+        )
+        self._shortened.append((fits / length, description))
         return lead_of(fits)
 
     @property
@@ -445,19 +449,19 @@ class LeadPlacement:
 
     def _beyond(self, contour: Contour, path: Path, after: bool) -> FloatArray | None:
         """Unit tangent of a closed contour at the other side of the vertex that a lead touches."""
-        own = contour.path
+        outline = contour.path
         # A contour with an overlap does not end at its start.
-        if np.linalg.norm(own.end - own.starts[0]) > REPEATED_POINT:
+        if np.linalg.norm(outline.end - outline.starts[0]) > REPEATED_POINT:
             return None
-        nearest = own.project(path(path.length if after else 0.0)[None])
+        nearest = outline.project(path(path.length if after else 0.0)[None])
         if nearest.distance[0] > 2 * REPEATED_POINT:
             return None
-        s = float(own.breaks[np.argmin(np.abs(own.breaks - nearest.s[0]))])
+        s = float(outline.breaks[np.argmin(np.abs(outline.breaks - nearest.s[0]))])
         if abs(s - nearest.s[0]) > 2 * REPEATED_POINT:
             return None
         if after:
-            return own(0.0 if s == own.length else s, 1)
-        return own(s or own.length, 1, side="left")
+            return outline(0.0 if s == outline.length else s, 1)
+        return outline(s or outline.length, 1, side="left")
 
     def _fits(self, lead: Path, after: bool) -> bool:
         """Whether a lead crosses no contour that is cut, and its free end lies in the scrap."""
@@ -467,20 +471,22 @@ class LeadPlacement:
             tables = [_pieces(x.path, up) for x in cut]
             self._around = np.concatenate(tables), np.array([_box(x) for x in tables])
         pieces, boxes = self._around
-        own = _pieces(lead, up)
-        tip = own[0, :2]
+        lead_pieces = _pieces(lead, up)
+        tip = lead_pieces[0, :2]
         # No part of a piece or of the lead is farther from its start than its length.
         apart = np.linalg.norm(pieces[:, :2] - tip, axis=1)
         near = pieces[apart <= pieces[:, LENGTH] + lead.length + REPEATED_POINT]
-        which, places = crossings(np.concatenate([own, near]))
-        first = np.argmin(which, axis=1)[:, None]
-        meets = (which.min(axis=1) < len(own)) & (which.max(axis=1) >= len(own))
-        begins = np.cumsum(own[:, LENGTH]) - own[:, LENGTH]
-        at = np.take_along_axis(places, first, 1)[meets, 0] + begins[which.min(axis=1)[meets]]
-        if (at < (1 - CONTACT) * lead.length).any():
+        pairs, distances = crossings(np.concatenate([lead_pieces, near]))
+        first = np.argmin(pairs, axis=1)[:, None]
+        meets = (pairs.min(axis=1) < len(lead_pieces)) & (pairs.max(axis=1) >= len(lead_pieces))
+        begins = np.cumsum(lead_pieces[:, LENGTH]) - lead_pieces[:, LENGTH]
+        contacts = (
+            np.take_along_axis(distances, first, 1)[meets, 0] + begins[pairs.min(axis=1)[meets]]
+        )
+        if (contacts < (1 - CONTACT) * lead.length).any():
             return False
-        held = np.nonzero(((boxes[:, 0] <= tip) & (tip <= boxes[:, 1])).all(axis=1))[0]
-        holds = nest([*(cut[i] for i in held), Contour(path=lead)], up).holds
+        enclosing = np.nonzero(((boxes[:, 0] <= tip) & (tip <= boxes[:, 1])).all(axis=1))[0]
+        holds = nest([*(cut[i] for i in enclosing), Contour(path=lead)], up).holds
         return bool(holds[:, -1].sum() % 2 == 0)
 
 

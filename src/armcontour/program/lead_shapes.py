@@ -49,8 +49,8 @@ def lead_path(
         InvalidInput: The lead is an arc and the tangent goes straight up.
     """
     s = path.length if after else 0.0
-    which = "left" if after else "right"
-    point, tangent = path(s), path(s, 1, side=which)
+    direction = "left" if after else "right"
+    point, tangent = path(s), path(s, 1, side=direction)
     row = -1 if after else 0
     if shape == "arc" and beyond is not None:
         entering, leaving = (tangent, beyond) if after else (beyond, tangent)
@@ -82,7 +82,7 @@ def lead_path(
     )
     if path.orientation is None:
         return lead
-    rotation = path.orientation(s, side=which)
+    rotation = path.orientation(s, side=direction)
     return dataclasses.replace(
         lead, orientation=_lead_orientation(path.orientation, rotation, lead, after)
     )
@@ -95,19 +95,19 @@ def _side_vector(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
         InvalidInput: The tangent goes straight up.
     """
     if len(tangent) == 2:
-        left = np.array([-tangent[1], tangent[0]])
+        normal = np.array([-tangent[1], tangent[0]])
     else:
-        left = np.cross(up, tangent)
-        size = float(np.linalg.norm(left))
+        normal = np.cross(up, tangent)
+        size = float(np.linalg.norm(normal))
         if size < UPRIGHT:
             raise InvalidInput(
                 "A lead in the shape of an arc has no side where the contour goes straight up: "
                 "take the shape line."
             )
-        left = left / size
-        left -= (left @ tangent) * tangent
-        left /= np.linalg.norm(left)
-    return np.asarray(left if side == "left" else -left)
+        normal = normal / size
+        normal -= (normal @ tangent) * tangent
+        normal /= np.linalg.norm(normal)
+    return np.asarray(normal if side == "left" else -normal)
 
 
 def _lead_orientation(

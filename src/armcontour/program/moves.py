@@ -146,12 +146,12 @@ class Contour(Checked):
         path, work = self.path, self.work
         if not has_length_without_z(path):
             return tuple(dataclasses.replace(x, s=0.0, lead_distance=0.0) for x in self.events)
-        at = partial(arc_length_without_z, path)
+        flat_s = partial(arc_length_without_z, path)
         flat = dataclasses.replace(
             self,
             path=drop_z(path),
-            events=tuple(dataclasses.replace(x, s=at(x.s)) for x in self.events),
-            work=None if work is None else (at(work[0]), at(work[1])),
+            events=tuple(dataclasses.replace(x, s=flat_s(x.s)) for x in self.events),
+            work=None if work is None else (flat_s(work[0]), flat_s(work[1])),
         )
         return (flat,)
 
@@ -177,8 +177,8 @@ def contour_called(contour: Contour, number: int) -> str:
 
 def name_copy(name: str, row: int, column: int) -> str:
     """Name of a copy of a contour in a row and a column, which are given from 0."""
-    place = f"[{row + 1},{column + 1}]"
-    return f"{shorten(name, checks.LONGEST_NAME - 1 - len(place))} {place}" if name else place
+    suffix = f"[{row + 1},{column + 1}]"
+    return f"{shorten(name, checks.LONGEST_NAME - 1 - len(suffix))} {suffix}" if name else suffix
 
 
 def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
@@ -256,8 +256,8 @@ class Program(Checked):
         # They contain text of files, and are printed on terminals.
         object.__setattr__(self, "source", make_printable(self.source))
         for name in ("notes", "remarks"):
-            said = tuple(make_printable(shorten(x)) for x in getattr(self, name))
-            object.__setattr__(self, name, said)
+            texts = tuple(make_printable(shorten(x)) for x in getattr(self, name))
+            object.__setattr__(self, name, texts)
         for x in self.moves:
             _refuse_move(x)
         if not self.contours:
@@ -395,9 +395,9 @@ class Program(Checked):
         )
         moves = Counter(type(x).__name__.lower() for x in self.moves)
         named = [f"{name or 'none'} {n}" for name, n in layers.most_common()]
-        where = "in the plane" if self.dimension == 2 else "in space"
+        location = "in the plane" if self.dimension == 2 else "in space"
         return format_table(
-            f"Program {where}: {count_noun(len(contours), 'contour')}, {digits(self.length)} m",
+            f"Program {location}: {count_noun(len(contours), 'contour')}, {digits(self.length)} m",
             [
                 ("source", self.source),
                 ("closed", f"{sum(x.closed for x in contours)}"),
@@ -477,16 +477,16 @@ class Program(Checked):
         """
         paths = [x.path for x in self.moves if isinstance(x, Contour | Rapid)]
         segments = sum(len(x) for x in paths if x is not None)
-        for what, count, most in (
+        for noun, count, maximum in (
             ("moves", len(self.moves), MOST_MOVES),
             ("segments", segments, MOST_SEGMENTS),
         ):
-            if copies * count > most:
+            if copies * count > maximum:
                 raise InvalidInput(
-                    f"{copies} copies of {count} {what} are more than {most} {what}: take fewer "
+                    f"{copies} copies of {count} {noun} are more than {maximum} {noun}: take fewer "
                     "columns or rows.",
                     needed=copies * count,
-                    allowed=most,
+                    allowed=maximum,
                 )
 
     def without_z(self) -> Program:
@@ -503,8 +503,8 @@ class Program(Checked):
                 try:
                     moves += x.without_z()
                 except InvalidInput as error:
-                    where = f"{self.source}: {called}" if self.source else called
-                    raise InvalidInput(f"{where}: {error}") from None
+                    location = f"{self.source}: {called}" if self.source else called
+                    raise InvalidInput(f"{location}: {error}") from None
             elif not isinstance(x, Rapid) or x.path is None:
                 moves.append(x)
             elif has_length_without_z(x.path):
@@ -530,48 +530,48 @@ class Program(Checked):
             return self
         by_layer = self._chosen("layer", layers, [x.layer for x in self.contours])
         by_name = self._chosen("contour", names, [x.name for x in self.contours])
-        kept = tuple(
+        contours = tuple(
             x for x, *chosen in zip(self.contours, by_layer, by_name, strict=True) if all(chosen)
         )
-        if not kept:
+        if not contours:
             both = "fits both the layers and the names"
-            why = "is chosen" if layers is None or names is None else both
+            reason = "is chosen" if layers is None or names is None else both
             raise InvalidInput(
-                f"{self.source or 'The program'} has no contour that {why}: leave out the empty "
+                f"{self.source or 'The program'} has no contour that {reason}: leave out the empty "
                 "list, or what excludes the other."
             )
         notes = self.notes
         if len(self.contours) < len(self.moves):
-            left = "rapids, dwells and events between the chosen contours are left out."
-            notes = (*notes, left)
+            note = "rapids, dwells and events between the chosen contours are left out."
+            notes = (*notes, note)
         others = Counter(
             x.layer for x, chosen in zip(self.contours, by_layer, strict=True) if not chosen
         )
         remarks = (*self.remarks, *describe_not_run(others))
         other = (*self.other_layers, *others)
         return dataclasses.replace(
-            self, moves=kept, notes=notes, remarks=remarks, other_layers=other
+            self, moves=contours, notes=notes, remarks=remarks, other_layers=other
         )
 
     def _chosen(
-        self, what: str, wanted: Collection[str] | None, known: Sequence[str]
+        self, kind: str, requested: Collection[str] | None, available: Sequence[str]
     ) -> Sequence[bool]:
-        """Whether each contour, by its layer or name in `known`, is one of those that are wanted.
+        """Mask of the contours whose layer or name in `available` is requested.
 
         Raises:
             InvalidInput: No names are wanted, or one that no contour has.
         """
-        if wanted is None:
-            return [True] * len(known)
-        named = (wanted,) if isinstance(wanted, str) else wanted
-        wanted = checks.check_names(f"names of a {what}", named)
-        unknown = sorted(set(wanted) - set(known), key=str)
+        if requested is None:
+            return [True] * len(available)
+        named = (requested,) if isinstance(requested, str) else requested
+        requested = checks.check_names(f"names of a {kind}", named)
+        unknown = sorted(set(requested) - set(available), key=str)
         if unknown:
             raise InvalidInput(
-                f"{self.source or 'The program'} has no {what} {unknown[0]!r}: it has "
-                f"{list_some([repr(x) for x in sorted(set(known))], 12)}."
+                f"{self.source or 'The program'} has no {kind} {unknown[0]!r}: it has "
+                f"{list_some([repr(x) for x in sorted(set(available))], 12)}."
             )
-        return [x in wanted for x in known]
+        return [x in requested for x in available]
 
 
 def _refuse_move(move: Move) -> None:
@@ -618,7 +618,7 @@ def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
 
 def leading_away(moves: Sequence[Move]) -> set[Rapid]:
     """Rapids whose path starts at the end of the contour before them."""
-    found = set()
+    rapids = set()
     for i, x in enumerate(moves):
         k = next_rapid(moves, range(i + 1, len(moves))) if isinstance(x, Contour) else None
         if k is None or not isinstance(x, Contour):
@@ -626,8 +626,8 @@ def leading_away(moves: Sequence[Move]) -> set[Rapid]:
         rapid = moves[k]
         assert isinstance(rapid, Rapid) and rapid.path is not None
         if np.linalg.norm(rapid.path(0.0) - x.path(x.path.length)) <= REPEATED_POINT:
-            found.add(rapid)
-    return found
+            rapids.add(rapid)
+    return rapids
 
 
 def last_end(moves: Sequence[Move]) -> FloatArray | None:

@@ -43,8 +43,8 @@ class Nesting:
     def parents(self) -> IntArray:
         """The smallest contour that holds each contour; -1 for a contour that none holds, (n,)."""
         sizes = np.where(self.holds, np.abs(self.areas)[:, None], np.inf)
-        found = np.argmin(sizes, axis=0)
-        return np.where(self.holds.any(axis=0), found, -1)
+        smallest = np.argmin(sizes, axis=0)
+        return np.where(self.holds.any(axis=0), smallest, -1)
 
 
 def nest(contours: Sequence[Contour], up: FloatArray) -> Nesting:
@@ -118,10 +118,10 @@ def _halved(rows: Segments, up: FloatArray) -> Segments:
 def _closed(chords: FloatArray) -> FloatArray:
     """Chords without any gap, with the line that closes them if leads or an overlap opened them."""
     line = np.concatenate([chords[-1, 2:4], chords[0, :2], np.zeros(4)])
-    found = np.vstack([chords, line])
+    ring = np.vstack([chords, line])
     # A ray through a gap, however small, would miss the contour.
-    found[:, 2:4] = np.roll(found[:, :2], -1, axis=0)
-    return found
+    ring[:, 2:4] = np.roll(ring[:, :2], -1, axis=0)
+    return ring
 
 
 def _inside(chords: FloatArray, points: FloatArray) -> BoolArray:
@@ -133,11 +133,11 @@ def _inside(chords: FloatArray, points: FloatArray) -> BoolArray:
     bent = chords[:, 7:8] != 0
     low = np.minimum(chords[:, :2], np.where(bent, centers - radius, np.inf)).min(axis=0)
     high = np.maximum(chords[:, :2], np.where(bent, centers + radius, -np.inf)).max(axis=0)
-    found: BoolArray = ((points >= low) & (points <= high)).all(axis=1)
-    near = np.flatnonzero(found)
+    inside: BoolArray = ((points >= low) & (points <= high)).all(axis=1)
+    near = np.flatnonzero(inside)
     for part in np.array_split(near, 1 + len(near) * len(chords) // PAIRS):
-        found[part] = _windings(chords, points[part]) != 0
-    return found
+        inside[part] = _windings(chords, points[part]) != 0
+    return inside
 
 
 def _windings(chords: FloatArray, points: FloatArray) -> IntArray:
@@ -146,11 +146,11 @@ def _windings(chords: FloatArray, points: FloatArray) -> IntArray:
     ax, ay, bx, by, cx, cy, radius, turn = chords.T
     # Points on a chord count as if they were a little higher, then a little to the right.
     side = (bx - ax) * (y - ay) - (x - ax) * (by - ay)
-    left = (side > 0) | ((side == 0) & ((by < ay) | ((by == ay) & (bx > ax))))
-    upward, downward = (ay <= y) & (y < by) & left, (by <= y) & (y < ay) & ~left
-    beyond = (left == (turn < 0)) & (np.hypot(x - cx, y - cy) < radius)
-    found = upward.astype(int) - downward + np.where(beyond, turn, 0).astype(int)
-    return np.asarray(found.sum(axis=1))
+    on_left = (side > 0) | ((side == 0) & ((by < ay) | ((by == ay) & (bx > ax))))
+    upward, downward = (ay <= y) & (y < by) & on_left, (by <= y) & (y < ay) & ~on_left
+    beyond = (on_left == (turn < 0)) & (np.hypot(x - cx, y - cy) < radius)
+    windings = upward.astype(int) - downward + np.where(beyond, turn, 0).astype(int)
+    return np.asarray(windings.sum(axis=1))
 
 
 def _area(chords: FloatArray) -> float:

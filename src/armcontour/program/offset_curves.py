@@ -90,19 +90,19 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
 def crosses_itself(source: Segments, *, closed: bool) -> FloatArray | None:
     """A point in which a path in the plane crosses or touches itself [m]; None if it does not."""
     table = _table(source, np.ones(2))
-    which, places = crossings(table)
+    pairs, distances = crossings(table)
     n = len(table)
-    ahead = (which[:, 1] - which[:, 0]) % n == 1
-    behind = (which[:, 0] - which[:, 1]) % n == 1
-    lengths = table[which, LENGTH]
-    at_start, at_end = places <= 2 * SAME_PLACE, places >= lengths - 2 * SAME_PLACE
+    ahead = (pairs[:, 1] - pairs[:, 0]) % n == 1
+    behind = (pairs[:, 0] - pairs[:, 1]) % n == 1
+    lengths = table[pairs, LENGTH]
+    at_start, at_end = distances <= 2 * SAME_PLACE, distances >= lengths - 2 * SAME_PLACE
     meant = (ahead & at_end[:, 0] & at_start[:, 1]) | (behind & at_start[:, 0] & at_end[:, 1])
     if not closed:
-        meant &= ~(which.min(axis=1) == 0) | ~(which.max(axis=1) == n - 1) | (n == 2)
+        meant &= ~(pairs.min(axis=1) == 0) | ~(pairs.max(axis=1) == n - 1) | (n == 2)
     if meant.all():
         return None
     k = int(np.argmin(meant))
-    return np.asarray(points_at(table[which[k, :1]], places[k, :1])[0])
+    return np.asarray(points_at(table[pairs[k, :1]], distances[k, :1])[0])
 
 
 def crossing_owners(paths: Sequence[Segments]) -> tuple[int, int] | None:
@@ -127,18 +127,18 @@ def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, 
     n = len(table)
     moved = parallels(table, d)
     # Arcs that the offset would turn inside out are nearer than d to themselves.
-    left = moved[:, LENGTH] > SAME_PLACE
+    segment_mask = moved[:, LENGTH] > SAME_PLACE
     ends, leaving = points_at(table, table[:, LENGTH]), points_at(table, table[:, LENGTH], 1)
     turn = turns_between(leaving, np.roll(table, -1, axis=0)[:, TX : TY + 1])
     # A turn back has the contour on both sides.
     turn = np.where(turn > np.pi - SAME_PLACE, -np.pi, turn)
     around = np.column_stack([ends + d * left_of(leaving), leaving, np.full(n, -1 / d), -turn * d])
-    bent = around[:, LENGTH] > SAME_PLACE
+    arc_mask = around[:, LENGTH] > SAME_PLACE
     if not closed:
-        bent[-1] = False
+        arc_mask[-1] = False
     both = np.stack([moved, around], axis=1).reshape(-1, 6)
-    kept = np.stack([left, bent], axis=1).reshape(-1)
-    return both[kept], np.repeat(np.arange(n), 2)[kept]
+    mask = np.stack([segment_mask, arc_mask], axis=1).reshape(-1)
+    return both[mask], np.repeat(np.arange(n), 2)[mask]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -157,13 +157,13 @@ class _Parts:
     owners: IntArray
     nodes: IntArray
 
-    def only(self, kept: BoolArray) -> _Parts:
+    def only(self, mask: BoolArray) -> _Parts:
         """Some of the parts."""
         return _Parts(
-            pieces=self.pieces[kept],
-            rows=self.rows[kept],
-            owners=self.owners[kept],
-            nodes=self.nodes[kept],
+            pieces=self.pieces[mask],
+            rows=self.rows[mask],
+            owners=self.owners[mask],
+            nodes=self.nodes[mask],
         )
 
     def joined(self, ends: FloatArray | None) -> _Parts:
@@ -172,20 +172,20 @@ class _Parts:
         Args:
             ends: Points at which an open offset starts and ends [m], (2, 2).
         """
-        found = self
-        while len(found.pieces):
-            starts, stops = found.nodes[:, 0], found.nodes[:, 1]
+        parts = self
+        while len(parts.pieces):
+            starts, stops = parts.nodes[:, 0], parts.nodes[:, 1]
             comes, goes = np.isin(starts, stops), np.isin(stops, starts)
             if ends is not None:
-                first = np.linalg.norm(found.pieces[:, :2] - ends[0], axis=1) <= SAME_PLACE
-                tips = points_at(found.pieces, found.pieces[:, LENGTH])
+                first = np.linalg.norm(parts.pieces[:, :2] - ends[0], axis=1) <= SAME_PLACE
+                tips = points_at(parts.pieces, parts.pieces[:, LENGTH])
                 comes |= first
                 goes |= np.linalg.norm(tips - ends[1], axis=1) <= SAME_PLACE
-            kept = comes & goes
-            if kept.all():
+            mask = comes & goes
+            if mask.all():
                 break
-            found = found.only(kept)
-        return found
+            parts = parts.only(mask)
+        return parts
 
     def chains(self) -> list[tuple[_Parts, bool]]:
         """The parts, one after the other; and whether they close."""
@@ -197,19 +197,19 @@ class _Parts:
         order = np.argsort([x in arriving for x in self.nodes[:, 0].tolist()], kind="stable")
         used = np.zeros(len(self.pieces), dtype=bool)
         tips = points_at(self.pieces, self.pieces[:, LENGTH], 1)
-        found = []
+        chains = []
         for start in order.tolist():
             chain: list[int] = []
-            at: int | None = start
-            while at is not None and not used[at]:
-                used[at] = True
-                chain.append(at)
-                ways = [k for k in leaving.get(int(self.nodes[at, 1]), ()) if not used[k]]
-                at = min(ways, key=partial(self._rightness, tips[at]), default=None)
+            part: int | None = start
+            while part is not None and not used[part]:
+                used[part] = True
+                chain.append(part)
+                ways = [k for k in leaving.get(int(self.nodes[part, 1]), ()) if not used[k]]
+                part = min(ways, key=partial(self._rightness, tips[part]), default=None)
             if chain:
                 closes = self.nodes[chain[-1], 1] == self.nodes[chain[0], 0]
-                found.append((self.only(np.array(chain)), bool(closes)))
-        return [(x._merged(ring), ring) for x, ring in found if not (ring and x._is_thin())]
+                chains.append((self.only(np.array(chain)), bool(closes)))
+        return [(x._merged(ring), ring) for x, ring in chains if not (ring and x._is_thin())]
 
     def _rightness(self, tangent: FloatArray, k: int) -> float:
         """Angle by which the path turns to the right into part k; the leftmost way is taken."""
@@ -231,18 +231,18 @@ class _Parts:
 
     def _merged(self, ring: bool) -> _Parts:
         """The chain with consecutive parts of one piece as one part."""
-        found = self
-        if ring and len(found.pieces) > 1:
+        chain = self
+        if ring and len(chain.pieces) > 1:
             # It starts where a piece does, if any of them is whole at its start.
-            changes = found.owners != np.roll(found.owners, 1)
+            changes = chain.owners != np.roll(chain.owners, 1)
             if changes.any():
-                first = int(np.argmax(changes & (found.owners == found.owners[changes].min())))
-                found = found.only(np.roll(np.arange(len(found.pieces)), -first))
-        begins = np.append(True, found.owners[1:] != found.owners[:-1])
+                first = int(np.argmax(changes & (chain.owners == chain.owners[changes].min())))
+                chain = chain.only(np.roll(np.arange(len(chain.pieces)), -first))
+        begins = np.append(True, chain.owners[1:] != chain.owners[:-1])
         group = np.cumsum(begins) - 1
-        merged = found.only(begins)
+        merged = chain.only(begins)
         pieces = merged.pieces.copy()
-        pieces[:, LENGTH] = np.bincount(group, weights=found.pieces[:, LENGTH])
+        pieces[:, LENGTH] = np.bincount(group, weights=chain.pieces[:, LENGTH])
         return _Parts(pieces=pieces, rows=merged.rows, owners=merged.owners, nodes=merged.nodes)
 
 
@@ -252,8 +252,8 @@ def _end_circles(pieces: FloatArray, d: float) -> FloatArray:
     leaving = points_at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1], 1)
     across = 2 * d * np.column_stack([leaving[:, 1], -leaving[:, 0]])
     halves = [(ends, leaving), (ends + across, -leaving)]
-    more = np.tile([-1 / d, np.pi * d], (2, 1))
-    return np.concatenate([np.column_stack([a, b, more]) for a, b in halves])
+    columns = np.tile([-1 / d, np.pi * d], (2, 1))
+    return np.concatenate([np.column_stack([a, b, columns]) for a, b in halves])
 
 
 def _cut(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Parts:
@@ -265,22 +265,22 @@ def _cut(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Parts:
         knives: Other pieces, which make no parts, (m, 6).
     """
     n = len(pieces)
-    which, places = crossings(np.concatenate([pieces, knives]))
-    owners = np.concatenate([np.arange(n), np.arange(n), which.reshape(-1)])
-    at = np.concatenate([np.zeros(n), pieces[:, LENGTH], places.reshape(-1)])
-    order = np.lexsort((at, owners))
+    pairs, pair_distances = crossings(np.concatenate([pieces, knives]))
+    owners = np.concatenate([np.arange(n), np.arange(n), pairs.reshape(-1)])
+    distances = np.concatenate([np.zeros(n), pieces[:, LENGTH], pair_distances.reshape(-1)])
+    order = np.lexsort((distances, owners))
     order = order[owners[order] < n]
-    owners, at = owners[order], at[order]
-    long = (owners[1:] == owners[:-1]) & (np.diff(at) > SAME_PLACE / 2)
+    owners, distances = owners[order], distances[order]
+    long = (owners[1:] == owners[:-1]) & (np.diff(distances) > SAME_PLACE / 2)
     first, last = np.nonzero(long)[0], np.nonzero(long)[0] + 1
-    own = owners[first]
-    parts = pieces[own].copy()
-    parts[:, :2] = points_at(pieces[own], at[first])
-    parts[:, [TX, TY]] = points_at(pieces[own], at[first], 1)
-    parts[:, LENGTH] = at[last] - at[first]
-    points = np.concatenate([parts[:, :2], points_at(pieces[own], at[last])])
+    source = owners[first]
+    parts = pieces[source].copy()
+    parts[:, :2] = points_at(pieces[source], distances[first])
+    parts[:, [TX, TY]] = points_at(pieces[source], distances[first], 1)
+    parts[:, LENGTH] = distances[last] - distances[first]
+    points = np.concatenate([parts[:, :2], points_at(pieces[source], distances[last])])
     nodes = group_points(points, SAME_PLACE).reshape(2, -1).T
-    return _Parts(pieces=parts, rows=rows[own], owners=own, nodes=nodes)
+    return _Parts(pieces=parts, rows=rows[source], owners=source, nodes=nodes)
 
 
 def _made(chain: _Parts, ring: bool, mirror: FloatArray) -> OffsetPart:

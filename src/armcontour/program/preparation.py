@@ -75,10 +75,10 @@ def prepare(
     changes = 0
     for i, x in enumerate(program.moves):
         if isinstance(x, Contour):
-            own, called = process.of_layer(x.layer), contour_called(x, len(drawn))
-            passes = _pass_again(x, own.passes)
+            layer_process, called = process.of_layer(x.layer), contour_called(x, len(drawn))
+            passes = _pass_again(x, layer_process.passes)
             drawn += passes
-            x = _start_contour(x, own, is_meant(program.moves, i), called, switching)
+            x = _start_contour(x, layer_process, is_meant(program.moves, i), called, switching)
             moves += [dataclasses.replace(x, name=y.name) for y in passes]
         elif isinstance(x, Event) and x.changes_tool:
             moves.append(x)
@@ -94,17 +94,19 @@ def prepare(
         placement = LeadPlacement(drawn, process)
     program = dataclasses.replace(program, moves=tuple(moves))
     program, run_in = resume(program, process.resume_at, keeps_lead=partial(_keeps_lead, process))
-    given = 0 if lengths is None else len(lengths)
-    if given != len(program.contours) and (process.automatic or lengths is not None):
+    count = 0 if lengths is None else len(lengths)
+    if count != len(program.contours) and (process.automatic or lengths is not None):
         raise InvalidInput(
             f"Leads of automatic length need {len(program.contours)} lengths, one per contour, "
-            f"but there are {given}: run a job, which finds them, or give the leads a length."
+            f"but there are {count}: run a job, which finds them, or give the leads a length."
         )
     contours: list[Contour] = []
     for k, x in enumerate(program.contours, len(drawn) - len(program.contours)):
-        own = process.of_layer(x.layer)
-        leads = _lead_lengths(own, lengths, len(contours))
-        contours.append(_add_leads(x, own, leads, run_in if not contours else None, placement, k))
+        layer_process = process.of_layer(x.layer)
+        leads = _lead_lengths(layer_process, lengths, len(contours))
+        contours.append(
+            _add_leads(x, layer_process, leads, run_in if not contours else None, placement, k)
+        )
     result = _link(program.moves, contours, process, rapids_away)
     notes = (*program.notes, *(() if placement is None else placement.notes))
     if changes and process.tool_change is None:
@@ -177,9 +179,9 @@ def _pass_again(contour: Contour, passes: int) -> list[Contour]:
 
 def _keeps_lead(process: Process, contour: Contour, event: Event) -> bool:
     """Whether an event that resuming switches again keeps its time advance."""
-    own = process.of_layer(contour.layer)
-    switched = own.switch is not None and own.switch.name == event.name
-    return own.lead_in is not None or (switched and bool(event.value))
+    layer_process = process.of_layer(contour.layer)
+    switched = layer_process.switch is not None and layer_process.switch.name == event.name
+    return layer_process.lead_in is not None or (switched and bool(event.value))
 
 
 def _link(
@@ -195,10 +197,10 @@ def _link(
     """
     result: list[Move] = []
     # Index in `result` of each move of the program.
-    places: list[int] = []
+    positions: list[int] = []
     number = 0
     for i, move in enumerate(moves):
-        places.append(len(result))
+        positions.append(len(result))
         if isinstance(move, Rapid) and move in rapids_away:
             move = reroute(move, start=last_end(result))
         if not isinstance(move, Contour):
@@ -207,12 +209,14 @@ def _link(
         contour = contours[number]
         before = next_rapid(moves, range(i - 1, -1, -1))
         if before is not None:
-            k = places[before]
+            k = positions[before]
             result[k] = reroute(result[k], end=contour.path(0.0))
         followed = next_rapid(moves, range(i + 1, len(moves))) is not None
         added = _add_heights(contour, process, linked=before is not None, followed=followed)
-        own = process.of_layer(contour.layer)
-        dwell = own.dwell + (0.0 if own.pierce is None else own.pierce.time)
+        layer_process = process.of_layer(contour.layer)
+        dwell = layer_process.dwell + (
+            0.0 if layer_process.pierce is None else layer_process.pierce.time
+        )
         if dwell:
             added.insert(added.index(contour), Dwell(duration=dwell))
         result += added
@@ -222,7 +226,7 @@ def _link(
 
 def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int) -> Leads:
     """Lengths of the leads of contour `number`: given by the process, else from `lengths`."""
-    given = Leads() if lengths is None else lengths[number]
+    defaults = Leads() if lengths is None else lengths[number]
 
     def length_of(lead: Lead | None, automatic: float) -> float:
         if lead is None:
@@ -230,8 +234,8 @@ def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int
         return automatic if lead.length is None else lead.length
 
     return Leads(
-        before=length_of(process.lead_in, given.before),
-        after=length_of(process.lead_out, given.after),
+        before=length_of(process.lead_in, defaults.before),
+        after=length_of(process.lead_out, defaults.after),
     )
 
 
@@ -241,10 +245,10 @@ def _refuse_unknown_layers(program: Program, layers: Sequence[str]) -> None:
     Raises:
         InvalidInput: A layer has no contour.
     """
-    known = {x.layer for x in program.contours}
+    available = {x.layer for x in program.contours}
     for name in layers:
-        if name not in known:
-            listed = ", ".join(repr(x) for x in sorted(known)[:12])
+        if name not in available:
+            listed = ", ".join(repr(x) for x in sorted(available)[:12])
             raise InvalidInput(
                 f"{program.source or 'The program'} has no contour on a layer {name!r}, only on "
                 f"{listed}."
@@ -270,8 +274,8 @@ def _add_limits(contour: Contour, segment_limits: SegmentLimits | None) -> Conto
 def _with_limits(path: Path, segment_limits: SegmentLimits) -> Path:
     """A path with speed and tolerance on segments that have none."""
     speeds, tolerances = (
-        values if given is None else np.where(np.isnan(values), given, values)
-        for values, given in (
+        values if limit is None else np.where(np.isnan(values), limit, values)
+        for values, limit in (
             (path.speeds, segment_limits.speed),
             (path.tolerances, segment_limits.tolerance),
         )
@@ -432,12 +436,12 @@ def _axial_line(
         up: Upward direction, (3,).
         segment_limits: Speed and tolerance of the line.
     """
-    end, given = path(s), path.orientation
-    if given is None:
+    end, orientation = path(s), path.orientation
+    if orientation is None:
         return Path.polyline([end + height * up, end], segment_limits=segment_limits)
-    rotation = given(s, side="right" if s == 0 else "left")
+    rotation = orientation(s, side="right" if s == 0 else "left")
     line = Path.polyline([end - height * rotation[:, 2], end], segment_limits=segment_limits)
-    return line.oriented(rotation, axis_only=given.axis_only)
+    return line.oriented(rotation, axis_only=orientation.axis_only)
 
 
 def resume(
@@ -470,8 +474,8 @@ def resume(
             allowed=program.length,
         )
     # The end of a contour counts as the start of the next one.
-    which = int(np.searchsorted(program.breaks, resume_at + REPEATED_POINT, side="right")) - 1
-    s = max(resume_at - float(program.breaks[which]), 0.0)
+    index = int(np.searchsorted(program.breaks, resume_at + REPEATED_POINT, side="right")) - 1
+    s = max(resume_at - float(program.breaks[index]), 0.0)
     number = -1
     switched: dict[str, Event] = {}
     for i, move in enumerate(program.moves):
@@ -480,12 +484,12 @@ def resume(
         if not isinstance(move, Contour):
             continue
         number += 1
-        if number < which:
+        if number < index:
             for x in move.events:
                 switched[x.name] = dataclasses.replace(x, s=0.0, lead_time=0, lead_distance=0)
             continue
-        rest = _cut_after(move, s, keeps_lead)
-        moves = (*switched.values(), rest, *program.moves[i + 1 :])
+        remaining = _cut_after(move, s, keeps_lead)
+        moves = (*switched.values(), remaining, *program.moves[i + 1 :])
         resumed = dataclasses.replace(program, moves=moves)
         return resumed, (_cut_before(move, s) if s > REPEATED_POINT else None)
     raise AssertionError("the arc length is within the contours")
@@ -530,13 +534,13 @@ class Switching:
         # Contours of a drawing can be reordered, so that none depends on the one before it.
         self.in_order = any(not isinstance(x, Contour) for x in moves)
         self.states: dict[str, Event] = {}
-        known: set[str] = set()
+        names: set[str] = set()
         for x in moves if self.in_order else ():
             if isinstance(x, Event) and x.changes_tool:
                 continue
             for event in x.events if isinstance(x, Contour) else [x]:
-                if isinstance(event, Event) and event.name not in known:
-                    known.add(event.name)
+                if isinstance(event, Event) and event.name not in names:
+                    names.add(event.name)
                     # An output that is first switched on is off before.
                     if event.value:
                         self.states[event.name] = dataclasses.replace(event, value=False)
@@ -554,7 +558,7 @@ class Switching:
             contour: The contour from its start point, with laps and overlap.
             events: Events of the process on the contour.
         """
-        found = sorted((*contour.events, *events), key=lambda x: x.s)
+        merged = sorted((*contour.events, *events), key=lambda x: x.s)
         layer = self.process.of_layer(contour.layer).switch
         confined: list[Event] = []
         for name in self.names:
@@ -563,42 +567,42 @@ class Switching:
             if state is None and switch is not None:
                 drawn = next((x.value for x in contour.events if x.name == name), False)
                 state = Event(name=name, value=not drawn)
-            own = [x for x in found if x.name == name]
-            last = own[-1] if own else state
+            output_events = [x for x in merged if x.name == name]
+            last = output_events[-1] if output_events else state
             if last is not None:
                 self.states[name] = last
-            confined += _confined(own, state, switch, name, contour.path.length)
-        others = [x for x in found if x.name not in self.names]
+            confined += _confined(output_events, state, switch, name, contour.path.length)
+        others = [x for x in merged if x.name not in self.names]
         return dataclasses.replace(contour, events=(*others, *confined))
 
 
 def _confined(
-    own: Sequence[Event], state: Event | None, switch: Switch | None, name: str, end: float
+    events: Sequence[Event], state: Event | None, switch: Switch | None, name: str, end: float
 ) -> list[Event]:
     """Events of one output of a contour that begins and ends with the output off.
 
     Args:
-        own: The events along the contour, by arc length.
+        events: The events along the contour, by arc length.
         state: The last event before the contour, if any.
         switch: Value and leads of events that have none, if any.
         name: Name of the output.
         end: Length of the contour [m].
     """
-    kept: list[Event] = []
-    if state is not None and not (own and own[0].s <= REPEATED_POINT):
-        own = [dataclasses.replace(state, s=0.0), *own]
-    own = [x for x in own if x.s < end - REPEATED_POINT]
+    changes: list[Event] = []
+    if state is not None and not (events and events[0].s <= REPEATED_POINT):
+        events = [dataclasses.replace(state, s=0.0), *events]
+    events = [x for x in events if x.s < end - REPEATED_POINT]
     before: object = False
-    for x in (*own, Event(name=name, value=False, s=end)):
+    for x in (*events, Event(name=name, value=False, s=end)):
         if switch is not None:
             x = dataclasses.replace(x, value=switch.value) if x.value is True else x
             if not (x.lead_time or x.lead_distance):
                 lead = switch.on_lead if x.value else switch.off_lead
                 x = dataclasses.replace(x, lead_time=lead)
         if (type(x.value), x.value) != (type(before), before):
-            kept.append(x)
+            changes.append(x)
             before = x.value
-    return kept
+    return changes
 
 
 def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
@@ -618,18 +622,18 @@ def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
     switch, width = process.switch, process.tabs.width
     end = contour.path.length
     events = list(contour.events)
-    own = [x for x in events if x.name == switch.name]
+    switch_events = [x for x in events if x.name == switch.name]
     first = find_tabs(contour, process.tabs, lap)
     laps = np.arange(int(np.ceil(end / lap))) * lap
     for s in (laps[:, None] + first).ravel().tolist():
-        off, on = s - width / 2, min(s + width / 2, end)
-        events = [x for x in events if x.name != switch.name or not off <= x.s < on]
-        for place, lead in ((off, switch.off_lead), (on, switch.on_lead)):
+        off_s, on = s - width / 2, min(s + width / 2, end)
+        events = [x for x in events if x.name != switch.name or not off_s <= x.s < on]
+        for position, lead in ((off_s, switch.off_lead), (on, switch.on_lead)):
             # The output stays off in gaps of the program that begin or end on the tab.
-            value = next((x.value for x in reversed(own) if x.s <= place), False)
-            if value and place < end:
-                value = value if place == on else False
-                events.append(Event(name=switch.name, value=value, s=place, lead_time=lead))
+            value = next((x.value for x in reversed(switch_events) if x.s <= position), False)
+            if value and position < end:
+                value = value if position == on else False
+                events.append(Event(name=switch.name, value=value, s=position, lead_time=lead))
     return dataclasses.replace(contour, events=tuple(events))
 
 
@@ -644,17 +648,17 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
     """
     width = tabs.width
     count = tabs.count or _count(contour, tabs.spacing or lap, lap)
-    wanted = (np.arange(count) + 0.5) * lap / count
+    even = (np.arange(count) + 0.5) * lap / count
     corners = _corners(contour.path, lap)
     margin = (0.5 + CLEAR) * width
     low, high = corners[:-1] + margin, corners[1:] - margin
     free = low <= high
-    moved = np.clip(wanted[:, None], low[free], high[free])
-    places = np.empty(0)
+    moved = np.clip(even[:, None], low[free], high[free])
+    positions = np.empty(0)
     if free.any():
-        nearest = np.argmin(np.abs(moved - wanted[:, None]), axis=1)
-        places = np.sort(moved[np.arange(count), nearest])
-    if not free.any() or (np.diff(places) < (1 + CLEAR) * width).any():
+        nearest = np.argmin(np.abs(moved - even[:, None]), axis=1)
+        positions = np.sort(moved[np.arange(count), nearest])
+    if not free.any() or (np.diff(positions) < (1 + CLEAR) * width).any():
         raise InvalidInput(
             f"{_called(contour)} of {lap * 1e3:.4g} mm "
             f"has no room for {count} tab{'s' if count > 1 else ''} of {width * 1e3:.4g} mm, which "
@@ -663,7 +667,7 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
             allowed=lap,
             needed=2 * count * width,
         )
-    return places
+    return positions
 
 
 def _count(contour: Contour, spacing: float, lap: float) -> int:

@@ -357,24 +357,24 @@ class Process(Checked):
         Raises:
             InvalidInput: A layer has a value that is not valid, or one that no layer can have.
         """
-        known = tuple(x.name for x in fields(LayerProcess))
+        allowed = tuple(x.name for x in fields(LayerProcess))
         made: dict[str, Process] = {}
-        for layer, given in self.by_layer.items():
+        for layer, values in self.by_layer.items():
             with error_context(f"by_layer.{layer}"):
-                for name in given:
-                    checks.check_choice("name of a value", name, known)
-                own: dict[str, Any] = {
-                    name: NONE.get(name) if x is None else x for name, x in given.items()
+                for name in values:
+                    checks.check_choice("name of a value", name, allowed)
+                layer_values: dict[str, Any] = {
+                    name: NONE.get(name) if x is None else x for name, x in values.items()
                 }
-                made[layer] = replace(self, by_layer={}, **own)
+                made[layer] = replace(self, by_layer={}, **layer_values)
         object.__setattr__(self, "by_layer", MappingProxyType(dict(self.by_layer)))
         object.__setattr__(self, "_of_layers", MappingProxyType(made))
 
     def __reduce__(self) -> tuple[Callable[[], Process], tuple[()]]:
         """How it is copied to other processes, where mappings that do not change cannot go."""
-        given = {x.name: getattr(self, x.name) for x in fields(self) if x.init}
-        given |= {"by_layer": dict(self.by_layer), "layers": dict(self.layers)}
-        return partial(type(self), **given), ()
+        values = {x.name: getattr(self, x.name) for x in fields(self) if x.init}
+        values |= {"by_layer": dict(self.by_layer), "layers": dict(self.layers)}
+        return partial(type(self), **values), ()
 
     @checked
     def of_layer(self, layer: str) -> Process:
@@ -393,7 +393,7 @@ class Process(Checked):
     @property
     def analog_names(self) -> tuple[str, ...]:
         """Names of the analog outputs of all layers."""
-        return tuple(dict.fromkeys(x.name for own in self.variants for x in own.analog))
+        return tuple(dict.fromkeys(x.name for variant in self.variants for x in variant.analog))
 
     @property
     def leads(self) -> tuple[Lead, ...]:
@@ -446,7 +446,7 @@ def _checked_begin(begin: str | float | Sequence[float]) -> str | float | tuple[
     if isinstance(begin, str):
         checks.check_choice("begin", begin, (AUTO, DRAWN))
         return begin
-    found = checks.check_numbers("begin", begin, "m")
-    if found.ndim > 1:
+    coordinates = checks.check_numbers("begin", begin, "m")
+    if coordinates.ndim > 1:
         raise InvalidInput("begin must be one arc length or one point in m.")
-    return tuple(found.tolist()) if found.ndim else float(found)
+    return tuple(coordinates.tolist()) if coordinates.ndim else float(coordinates)

@@ -90,10 +90,10 @@ def round_corners(
         )
 
     if isinstance(path, Path):
-        found = rounded(path)
+        rounded_path = rounded(path)
         for doubt in () if callable(tolerance) else doubt_tolerance(path, tolerance):
             warnings.warn(capitalise(doubt), stacklevel=3)
-        return found
+        return rounded_path
     program = Program.of(path, "round_corners needs a Path or a Program")
     moves = [
         put_on_path(x, rounded(x.path)) if isinstance(x, Contour) else x for x in program.moves
@@ -148,8 +148,8 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
     moves = []
     for x in program.moves:
         if isinstance(x, Contour):
-            found, places = smooth_path(x.path, tolerance)
-            x = _put(x, found, partial(_interpolate, places))
+            smoothed, pairs = smooth_path(x.path, tolerance)
+            x = _put(x, smoothed, partial(_interpolate, pairs))
         moves.append(x)
     smooth = dataclasses.replace(program, moves=tuple(moves))
     return smooth if program is path else smooth.path
@@ -161,8 +161,8 @@ def draw_with_arcs(contour: Contour) -> Contour:
 
     if not contour.path.segments.bent.any():
         return contour
-    path, places = draw_path(contour.path)
-    return _put(contour, path, partial(_interpolate, places))
+    path, pairs = draw_path(contour.path)
+    return _put(contour, path, partial(_interpolate, pairs))
 
 
 def put_on_path(contour: Contour, path: RoundedPath | ShapedPath) -> Contour:
@@ -175,23 +175,23 @@ def put_on_path(contour: Contour, path: RoundedPath | ShapedPath) -> Contour:
     return _put(contour, path, path.place)
 
 
-def _interpolate(places: FloatArray, s: npt.ArrayLike) -> FloatArray:
+def _interpolate(pairs: FloatArray, s: npt.ArrayLike) -> FloatArray:
     """Arc lengths that belong to others, by pairs that belong together, (n, 2) [m]."""
-    return np.asarray(np.interp(np.asarray(s, dtype=np.float64), places[:, 0], places[:, 1]))
+    return np.asarray(np.interp(np.asarray(s, dtype=np.float64), pairs[:, 0], pairs[:, 1]))
 
 
-def _put(contour: Contour, path: Path, place: Callable[[npt.ArrayLike], FloatArray]) -> Contour:
-    """The contour on a path, on which `place` gives the arc lengths of events and work."""
+def _put(contour: Contour, path: Path, map_s: Callable[[npt.ArrayLike], FloatArray]) -> Contour:
+    """The contour on a path, on which `map_s` gives the arc lengths of events and work."""
     if not contour.events and contour.work is None:
         return dataclasses.replace(contour, path=path)
     events = contour.events
     if events:
-        places = place([x.s for x in events])
+        event_s = map_s([x.s for x in events])
         events = tuple(
-            dataclasses.replace(x, s=float(s)) for x, s in zip(events, places, strict=True)
+            dataclasses.replace(x, s=float(s)) for x, s in zip(events, event_s, strict=True)
         )
     work = None
     if contour.work is not None:
-        start, end = place(contour.work)
+        start, end = map_s(contour.work)
         work = (float(start), float(end))
     return dataclasses.replace(contour, path=path, events=events, work=work)
