@@ -164,13 +164,7 @@ def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArr
 
 
 def _orient(orientation: Orientation, table: Segments, matched_s: FloatArray) -> Orientation:
-    """An orientation along other segments, whose waypoints have other arc lengths.
-
-    Args:
-        orientation: The orientation, which is not rounded.
-        table: The other segments.
-        matched_s: Arc lengths of the waypoints on the own segments and on the others [m], (n, 2).
-    """
+    """An orientation along other segments, whose waypoints have other arc lengths."""
     if orientation.follows:
         return carry(table, orientation.starts[0], axis_only=orientation.axis_only)
     middle = (table.breaks[:-1] + table.breaks[1:]) / 2
@@ -184,11 +178,7 @@ def _orient(orientation: Orientation, table: Segments, matched_s: FloatArray) ->
 
 
 def _refuse_fine(tolerance: float) -> None:
-    """Refuse a tolerance that points cannot be compared with.
-
-    Raises:
-        InvalidInput: The tolerance is below a nanometre.
-    """
+    """Refuse a tolerance that points cannot be compared with."""
     if checks.positive("tolerance of a curve", tolerance, "m") < REPEATED_POINT:
         raise InvalidInput(
             f"The tolerance of a curve must be at least {REPEATED_POINT:g} m, but is "
@@ -204,19 +194,7 @@ def _single(curve: Curve) -> Curves:
 def _fit(
     curves: Curves, breaks: FloatArray, row: IntArray, tolerance: float, *, through: bool
 ) -> tuple[Segments, IntArray]:
-    """The segments of all curves in sequence, and the vertices that are never merged away.
-
-    Args:
-        curves: As in `fit_many`.
-        breaks: The breaks, (n,).
-        row: Curve of each break, (n,).
-        tolerance: As in `fit_arcs` [m].
-        through: Keep a vertex at every break, and use no lines; else only the start of each curve
-            stays.
-
-    Returns:
-        The segments, and the indices of the kept vertices, then the number of segments.
-    """
+    """The segments of all curves in sequence, and the vertices that are never merged away."""
     with np.errstate(all="ignore"):
         intervals = _split(curves, _intervals_of(curves, breaks, row), tolerance, lines=not through)
         intervals = _drop_points(intervals)
@@ -300,16 +278,7 @@ def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Interva
 def _split_at_cusps(
     curves: Curves, breaks: FloatArray, rows: IntArray
 ) -> tuple[FloatArray, IntArray, BoolArray]:
-    """Add the parameter values between breaks at which the derivative of a curve vanishes.
-
-    Args:
-        curves: The curves.
-        breaks: Parameter values, increasing along each curve, (n,).
-        rows: Curve of each break, ascending, (n,).
-
-    Returns:
-        The breaks with the added ones, their curves, and a mask of the added ones.
-    """
+    """Add the parameter values between breaks at which the derivative of a curve vanishes."""
     one = np.flatnonzero(rows[:-1] == rows[1:])
     begin, end = breaks[one], breaks[one + 1]
     parameters = begin[:, None] + (end - begin)[:, None] * CUSP_PLACES
@@ -346,19 +315,7 @@ def _tangents(
     size: FloatArray,
     cusp: BoolArray,
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """One-sided unit tangents of intervals and their uncertainty, at the starts and at the ends.
-
-    Args:
-        curves: The curves.
-        breaks: Parameters of the breaks, (m,).
-        row: Curve of each break, (m,).
-        starts: The break at which each interval starts; it ends at the next one, (n,).
-        size: Largest coordinate of the curve of each interval [m], (n,).
-        cusp: Mask of the breaks at which the derivative vanishes, (m,).
-
-    Returns:
-        Two pairs of tangents, (n, dimension), and uncertainties [rad], (n,).
-    """
+    """One-sided unit tangents of intervals and their uncertainty, at the starts and at the ends."""
     row, begin, end = row[starts], breaks[starts], breaks[starts + 1]
     span = end - begin
     parameters = begin[:, None] + span[:, None] * PLACES[1:-1]
@@ -381,14 +338,7 @@ def _tangents(
 
 
 def _at(curves: Curves, row: IntArray, parameters: FloatArray, order: int) -> FloatArray:
-    """Points or derivatives at k places of each interval, (n, k, dimension).
-
-    Args:
-        curves: The curves.
-        row: Curve of each interval, (n,).
-        parameters: Parameters, (n, k).
-        order: 0 for points, 1 for derivatives.
-    """
+    """Points or derivatives at k places of each interval, (n, k, dimension)."""
     every = np.repeat(row, parameters.shape[1])
     return np.asarray(curves(every, parameters.ravel(), order)).reshape(*parameters.shape, -1)
 
@@ -467,11 +417,6 @@ def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Inter
     """Divide intervals into equal parts, as many as their distances need.
 
     The distance between curve and biarc falls with the cube of the interval's length.
-
-    Args:
-        curves: The curves.
-        intervals: Intervals out of tolerance, n of them.
-        excess: Their distances over the allowed distance, (n,).
     """
     parts = np.where(np.isfinite(excess), np.ceil(np.cbrt(excess)), 2)
     parts = np.clip(parts, 2, MOST_PARTS).astype(np.intp)
@@ -530,15 +475,7 @@ def _arcs(intervals: _Intervals) -> tuple[Segments, IntArray]:
 
 
 def _merge(arcs: Segments, vertices: IntArray) -> tuple[Segments, IntArray]:
-    """Merge neighbours that lie on one line or one circle.
-
-    Args:
-        arcs: The lines and arcs.
-        vertices: Rows that are not merged into the segment before them.
-
-    Returns:
-        The merged lines and arcs, and the row in `arcs` at which each starts.
-    """
+    """Merge neighbours that lie on one line or one circle."""
     k, u = arcs.curvatures, arcs.lengths
     turn = k * u
     same = (

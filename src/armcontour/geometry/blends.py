@@ -89,11 +89,6 @@ class _Blend(CornerKind):
 
         False position in logarithms, in which errors are nearly straight lines; every third step
         halves.
-
-        Args:
-            bounds: What the blends have to keep.
-            state: Logarithms of tangent lengths that do and that do not fit, and the excess of
-                both, (4, n).
         """
         active = np.arange(len(bounds.half))
         for step in range(STEPS):
@@ -112,11 +107,7 @@ class _Blend(CornerKind):
         return np.asarray(np.exp(state[0]))
 
     def _excess(self, bounds: Bounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """By how much blends exceed their bounds, as logarithms, (n,): not above 0 if they fit.
-
-        Returns:
-            The excess, and that without regard to the radius.
-        """
+        """By how much blends exceed their bounds, as logarithms, (n,): not above 0 if they fit."""
         any_radius, curvature = self.shares(bounds, t)
         need = 1 / (bounds.radius * np.maximum(curvature, 0.0))
         wide = np.where(np.isfinite(bounds.radius), need, 0.0)
@@ -225,9 +216,6 @@ def _peak(values: FloatArray) -> FloatArray:
     """Largest values of smooth functions that are known at even places, (n,).
 
     Between places a peak is higher than the place next to it by an eighth of the second difference.
-
-    Args:
-        values: Values at the places, (places, n).
     """
     inner = values[1:-1]
     rise = np.abs(values[2:] - 2 * inner + values[:-2]) / 6

@@ -268,12 +268,6 @@ def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
     """Tangent arcs along the parabolas y = x² / 2, from tangent angle -h to h.
 
     Their nodes are on the parabola and have its tangents; one is the apex.
-
-    Args:
-        half: The angles h [rad], (n,).
-
-    Returns:
-        The arcs in the plane, in order, and the parabola of each.
     """
     # With w = asinh(tan(angle)) the curvature is cosh(w)**-3: it changes by 3 tanh(w) dw.
     largest = np.arcsinh(np.tan(half))

@@ -83,19 +83,7 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
 
 
 def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Jumps of the curvature without a corner, at which the orientation makes no tool stop anyway.
-
-    Args:
-        path: The path.
-        tolerance: Largest distance of either path from the other [m].
-
-    Returns:
-        Segments after which they are; largest distances there [m]; and lengths on either side, by
-        these, the turn and the neighbours' lengths [m], (n,) each.
-
-    Raises:
-        InvalidInput: The orientation was rounded, so that it does not fit the segments.
-    """
+    """Jumps of the curvature without a corner, at which the orientation makes no tool stop anyway."""
     rows, orientation = path.segments, path.orientation
     vectors = [rows.at(EVERY, u, 2) for u in (rows.lengths, 0 * rows.lengths)]
     jump = length(vectors[0][:-1] - vectors[1][1:])
@@ -119,18 +107,7 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
 def _draw(
     path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray, FloatArray]:
-    """Transitions within the tolerance, from connections that are made shorter until they are.
-
-    Args:
-        path: The path.
-        vertex: Segments after which they are, (n,).
-        w: Lengths on either side of the vertices [m], (n,).
-        allowed: Tolerances [m], (n,).
-
-    Returns:
-        The transitions; the segment after which each comes; the mask of those before the vertex;
-        and the lengths [m], (n,), 0 where there is none.
-    """
+    """Transitions within the tolerance, from connections that are made shorter until they are."""
     w = np.where(w < SHORTEST, 0.0, w)
     done = [np.zeros(0, dtype=np.intp)]
     drawn = [path.segments[:0]]
@@ -158,18 +135,7 @@ def _draw(
 def _connect(
     path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray, FloatArray]:
-    """Transitions of given lengths on either side of vertices, and their deviations.
-
-    Args:
-        path: The path.
-        vertex: Segments after which they are, (n,).
-        w: The lengths [m], (n,).
-        allowed: Tolerances, up to which deviations are bounded roughly [m], (n,).
-
-    Returns:
-        The transitions; the vertex of each, from 0; the mask of those before it; and bounds of the
-        deviations [m], (n,), infinite where no connection is sound.
-    """
+    """Transitions of given lengths on either side of vertices, and their deviations."""
     rows = path.segments
     connections = connect(rows[vertex], rows[vertex + 1], w)
     sound = connections.sound
@@ -201,16 +167,7 @@ def _replace(
     after: IntArray,
     first: BoolArray,
 ) -> tuple[Path, FloatArray]:
-    """The path with transitions, and the arc lengths on both that belong together [m], (m, 2).
-
-    Args:
-        path: The path.
-        vertex: Segments after which there are transitions, increasing, (n,).
-        w: Lengths on either side that they replace [m], (n,).
-        drawn: The transitions.
-        after: The segment after which each comes.
-        first: Mask of the transitions before the vertex.
-    """
+    """The path with transitions, and the arc lengths on both that belong together [m], (m, 2)."""
     # Speeds, tolerances and tags stay on their sides of the vertex.
     originals = path.segments[np.where(first, after, after + 1)]
     columns = {x: getattr(originals, x) for x in ("speeds", "tolerances", "tags")}

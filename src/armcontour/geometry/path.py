@@ -458,11 +458,7 @@ class Path(Checked):
         return np.asarray(self.segments.at(last, self.lengths[last])[0])
 
     def _fitting(self, orientation: Orientation) -> Orientation:
-        """The orientation, with breaks near the path's breaks moved onto them.
-
-        Raises:
-            InvalidInput: The path lies in the plane, or the orientation has another length.
-        """
+        """The orientation, with breaks near the path's breaks moved onto them."""
         if self.dimension != 3:
             raise InvalidInput(PLANE)
         whole = len(orientation) == 1 and orientation.breaks[1] == self.length
@@ -489,11 +485,7 @@ class Path(Checked):
 
 
 def _increasing(waypoints: npt.ArrayLike, n: int) -> IntArray:
-    """Waypoints of a path of n segments, locked.
-
-    Raises:
-        InvalidInput: They do not increase from 0 to n.
-    """
+    """Waypoints of a path of n segments, locked."""
     indices = checks.indices("waypoints of a path", waypoints)
     if (
         indices.ndim != 1

@@ -283,15 +283,7 @@ def _constant(segments: Segments, rotation: FloatArray, axis_only: bool) -> Orie
 def _turn_evenly(
     segments: Segments, waypoints: IntArray, starts: FloatArray, turn: FloatArray, axis_only: bool
 ) -> Orientation:
-    """An orientation with a constant angular rate from waypoint to waypoint.
-
-    Args:
-        segments: Segments of the path.
-        waypoints: Indices of the vertices that are waypoints, (k + 1,).
-        starts: Rotation matrices at all waypoints but the last, (k, 3, 3).
-        turn: Rotation vectors from each waypoint to the next [rad], (k, 3).
-        axis_only: Rotation about the tool axis is free.
-    """
+    """An orientation with a constant angular rate from waypoint to waypoint."""
     first, breaks = waypoints[:-1], segments.breaks
     section = np.repeat(np.arange(len(turn)), np.diff(waypoints))
     rates = (turn / np.add.reduceat(segments.lengths, first)[:, None])[section]
@@ -303,17 +295,7 @@ def _turn_evenly(
 def _per_waypoint(
     name: str, values: FloatArray, waypoints: IntArray, merged: tuple[int, ...]
 ) -> tuple[FloatArray, IntArray]:
-    """One value per waypoint of the path, and the indices of these waypoints in the input points.
-
-    Args:
-        name: Name of the values in refusals.
-        values: One value per input point, or per input point without repeated ones.
-        waypoints: Indices of the vertices that are waypoints.
-        merged: Indices of the input points that repeat the point before them.
-
-    Raises:
-        InvalidInput: The number of values is wrong, or two values at one point differ.
-    """
+    """One value per waypoint of the path, and the indices of these waypoints in the input points."""
     count = len(waypoints)
     points = count + len(merged)
     if len(values) not in (points, count):
@@ -335,11 +317,7 @@ def _per_waypoint(
 
 
 def _check_turns(turn: FloatArray, names: IntArray) -> FloatArray:
-    """Rotation vectors from waypoint to waypoint, with rounding errors set to zero.
-
-    Raises:
-        InvalidInput: A rotation is half a turn, so that no shortest rotation exists.
-    """
+    """Rotation vectors from waypoint to waypoint, with rounding errors set to zero."""
     angle = np.linalg.norm(turn, axis=1)
     if (angle > HALF_TURN).any():
         i = int(np.argmax(angle > HALF_TURN))

@@ -159,11 +159,7 @@ class Arc:
 def _circle_through(
     a: FloatArray, b: FloatArray, c: FloatArray
 ) -> tuple[list[float], float, list[float] | None]:
-    """Centre, swept angle and, in space, normal of the arc from a through b to c.
-
-    Raises:
-        InvalidInput: The points lie on one line.
-    """
+    """Centre, swept angle and, in space, normal of the arc from a through b to c."""
     u, v = b - a, c - a
     uu, vv, uv = u @ u, v @ v, u @ v
     # Squared area of the parallelogram of u and v. Computed from uu, vv and uv it would lose its
@@ -224,11 +220,7 @@ Row = tuple[FloatArray, FloatArray, FloatArray, float, float]
 
 
 def _line(line: Line, index: int) -> Row:
-    """The table row of a line.
-
-    Raises:
-        InvalidInput: The ends of the line coincide.
-    """
+    """The table row of a line."""
     start = check_numbers(f"start of segment {index + 1}", line.start, "m")
     end = check_numbers(f"end of segment {index + 1}", line.end, "m")
     _check_dimensions(index, start, end)
@@ -244,12 +236,7 @@ def _line(line: Line, index: int) -> Row:
 
 
 def _arc(arc: Arc, index: int) -> Row:
-    """The table row of an arc.
-
-    Raises:
-        InvalidInput: The radius or angle is zero, the angle is more than a full circle, or the
-            normal is not perpendicular to the radius.
-    """
+    """The table row of an arc."""
     start = check_numbers(f"start of segment {index + 1}", arc.start, "m")
     center = check_numbers(f"centre of segment {index + 1}", arc.center, "m")
     _check_dimensions(index, start, center)

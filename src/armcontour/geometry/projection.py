@@ -130,9 +130,6 @@ def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
 
     The box of a piece of length l has an area of about l² / pi, so that of N pieces of a path of
     length L in an area A, about L² / (pi A N) boxes contain a point.
-
-    Returns:
-        Index of the segment of every piece, and lower and upper corner of its box, (pieces, 3).
     """
     n, lengths, curvatures = len(segments), segments.lengths, segments.curvatures
     extent = np.sort(np.ptp(np.concatenate([segments.starts, segments[-1:].ends]), axis=0))[-2:]
@@ -153,13 +150,7 @@ def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
 
 
 def _sort_along_a_curve(points: FloatArray, digits: int = 1) -> IntArray:
-    """Indices that sort points along a Morton curve, so that points next in order are near.
-
-    Args:
-        points: The points, (n, 2) or (n, 3).
-        digits: Fineness of the curve's cells: each digit is 8 bits per axis in the plane, 5 in
-            space.
-    """
+    """Indices that sort points along a Morton curve, so that points next in order are near."""
     axes = points.shape[1]
     bits = 16 // axes
     low = points.min(axis=0)

@@ -226,14 +226,6 @@ def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> Floa
     rotation is by at most `k |b - a|`. The tool axis alone turns by at most `k d + k² e m / 2`,
     where d and e are the parts of b - a across and along the axis, and m is the rate by which the
     slower of a and b tilts the axis: see docs/concepts/rounding.md.
-
-    Args:
-        sharp: The orientation of constant rates.
-        vertex: Indices of the vertices between its pieces, (k,).
-        allowed: Largest angle [rad].
-
-    Returns:
-        Values of k [m], (k,), infinite at vertices where the rate does not jump.
     """
     if sharp.fixed:
         return np.full(len(vertex), np.inf)
@@ -260,15 +252,7 @@ def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> Floa
 def _blend(
     lengths: FloatArray, sharp: Orientation, cut: FloatArray, blend: FloatArray, *, smooth: bool
 ) -> Orientation:
-    """Pieces of constant rate with blends between them.
-
-    Args:
-        lengths: Lengths of the pieces of constant rate [m], (n,).
-        sharp: The orientation of constant rates.
-        cut: Length that each vertex's blend takes from each of its two pieces [m], (n - 1,).
-        blend: Path length of each blend [m], (n - 1,).
-        smooth: Whether the derivative of the angular rate must not jump.
-    """
+    """Pieces of constant rate with blends between them."""
     n = len(lengths)
     size = 2 * n - 1
     degree = 5 if smooth else sharp.f.shape[1] - 1
@@ -300,16 +284,7 @@ def _blend(
 
 
 def _fade(cut: FloatArray, blend: FloatArray, *, smooth: bool) -> tuple[FloatArray, FloatArray]:
-    """The polynomials by which the rate before a vertex fades out, and that after it sets in.
-
-    Args:
-        cut: Length that each blend takes from each of its two pieces [m], (n,).
-        blend: Path length of each blend [m], (n,).
-        smooth: Whether their second derivatives are 0 at the ends.
-
-    Returns:
-        Coefficients of both, (n, 4) each, or (n, 6).
-    """
+    """The polynomials by which the rate before a vertex fades out, and that after it sets in."""
     none, one = np.zeros_like(cut), np.ones_like(cut)
     if not smooth:
         return fade(blend, (-cut, one), (none, none)), fade(blend, (none, none), (cut, one))

@@ -354,19 +354,7 @@ def _round(
     kinked: IntArray,
     angle: float,
 ) -> RoundedPath:
-    """The rounded path.
-
-    Args:
-        path: The objective path.
-        corner: Segments after which there is a corner, (n,).
-        turn: The path's turns there [rad], (n,).
-        requirements: Largest corner errors [m], smallest radii for the corner speeds [m], largest
-            tangent lengths [m], and centripetal accelerations of the corner speeds [m/s²],
-            (n,) each.
-        curve: The curve that replaces corners between two lines.
-        kinked: Segments after which only the angular rate jumps, (k,).
-        angle: Angular tolerance [rad].
-    """
+    """The rounded path."""
     n, rows = len(corner), path.segments
     *limits, acceleration = requirements
     bounds = Bounds(

@@ -160,14 +160,7 @@ class _Runs:
 def _turn(
     path: Path, objective: Path, pairs: FloatArray, allowed: float
 ) -> tuple[Orientation, float]:
-    """Orientation at smooth places with blends, and how far it is from that at the places [rad].
-
-    Args:
-        path: The path.
-        objective: Its objective.
-        pairs: Places that belong together [m], (n, 2).
-        allowed: Largest angle of blends [rad], infinite without one.
-    """
+    """Orientation at smooth places with blends, and how far it is from that at the places [rad]."""
     source = objective.orientation
     assert source is not None
     runs = _Runs.of(path, objective, pairs)
@@ -191,13 +184,7 @@ def _turn(
 
 
 def _smooth_places(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpolator:
-    """Places on the objective as a smooth function of the path's arc length.
-
-    Args:
-        runs: The runs of the objective's orientation.
-        pairs: Places that belong together [m], (n, 2).
-        near: Angle by which the orientation may be off because of it [rad].
-    """
+    """Places on the objective as a smooth function of the path's arc length."""
     from scipy.interpolate import PchipInterpolator
 
     knots, values = runs.s, runs.at
@@ -218,18 +205,7 @@ def _smooth_places(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpol
 def _cuts(
     path: Path, objective: Path, runs: _Runs, pairs: FloatArray, allowed: float
 ) -> FloatArray:
-    """Lengths of the path that blends take on either side of the vertices between runs [m].
-
-    Args:
-        path: The path.
-        objective: Its objective.
-        runs: The k + 1 runs of the objective's orientation.
-        pairs: Places that belong together [m], (n, 2).
-        allowed: Largest angle of blends [rad], infinite without one.
-
-    Returns:
-        The lengths, (k,); 0 where the rate does not jump, or where the tool stops anyway.
-    """
+    """Lengths of the path that blends take on either side of the vertices between runs [m]."""
     orientation = objective.orientation
     assert orientation is not None
     vertex = runs.segment[1:] - 1
@@ -255,14 +231,7 @@ def _cuts(
 def _lay(
     runs: _Runs, mapping: PchipInterpolator, cut: FloatArray, *, axis_only: bool
 ) -> Orientation:
-    """The orientation at smooth places, with blends.
-
-    Args:
-        runs: The k + 1 runs of the objective's orientation.
-        mapping: Places on the objective over the path's arc length [m].
-        cut: Lengths that blends take on either side of the vertices between runs [m], (k,).
-        axis_only: Rotation about the tool axis is free.
-    """
+    """The orientation at smooth places, with blends."""
     blended = np.flatnonzero(cut > 0)
     low, high = runs.s[1:-1][blended] - cut[blended], runs.s[1:-1][blended] + cut[blended]
     knots = mapping.x
@@ -336,9 +305,6 @@ def _twist(
     """An orientation turned about the path's tangent, linearly between arc lengths s [m].
 
     Each piece gets the constant rate from its start to its end; long arcs become several pieces.
-
-    Returns:
-        The orientation, and how far it is off in the middle of its pieces [rad].
     """
     deviations = np.abs(s - path.breaks[np.stack([path.locate(s), path.locate(s) + 1])]).min(axis=0)
     cuts = np.union1d(path.breaks, s[deviations > REPEATED_POINT])

@@ -76,13 +76,7 @@ def smooth_axes(points: npt.ArrayLike, axes: npt.ArrayLike, tolerance: float) ->
 
 
 def _solve(s: FloatArray, values: FloatArray, weight: float) -> FloatArray:
-    """Values that are near the given ones and bend little, (n, columns).
-
-    Args:
-        s: Places, increasing, (n,).
-        values: The given values, (n, columns).
-        weight: Weight of the squares of second derivatives.
-    """
+    """Values that are near the given ones and bend little, (n, columns)."""
     h = np.diff(s)
     width = (h[:-1] + h[1:]) / 2
     rows = np.stack([1 / h[:-1], -1 / h[:-1] - 1 / h[1:], 1 / h[1:]], axis=1) / width[:, None]

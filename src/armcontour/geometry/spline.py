@@ -74,16 +74,7 @@ def fit_spline(
 
 
 def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Cut cubics in halves until a transition follows each part.
-
-    Args:
-        cubics: Coefficients of powers of a parameter from 0 to 1 [m], (n, 4, dimension).
-        tolerance: As of `fit_spline` [m].
-
-    Returns:
-        The coefficients of the parts, (m, 4, dimension); their arc lengths [m], (m,); and where
-        they begin, as index of the cubic plus fraction, (m,).
-    """
+    """Cut cubics in halves until a transition follows each part."""
     begin, size = np.arange(len(cubics), dtype=np.float64), 1.0
     done: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     count = 0

@@ -105,11 +105,6 @@ def _mend_seam(path: Path, largest_turn: float, allowed: float) -> Mended | None
     """Replace both ends of a closed path by two arcs each, which are tangent where it closes.
 
     Their lengths are halved from half of a segment on, until the distance is allowed.
-
-    Args:
-        path: The path.
-        largest_turn: Largest turn to mend [rad].
-        allowed: Largest distance between both paths [m].
     """
     rows = path.segments
     first, last = rows[:1], rows[-1:]

@@ -283,16 +283,7 @@ class Tube(Checked):
     def _parts(
         self, path: Path, pairs: FloatArray, reach: FloatArray
     ) -> tuple[IntArray, FloatArray]:
-        """Parts of a path along which places and reach are linear and leave no piece.
-
-        Args:
-            path: The path.
-            pairs: Arc lengths on the objective and on the path that belong together [m], (n, 2).
-            reach: Reach at these places [m], (n,).
-
-        Returns:
-            The segment of each part, and its ends as `bound_excess` takes them.
-        """
+        """Parts of a path along which places and reach are linear and leave no piece."""
         objective_s, along = pairs[:, 0], pairs[:, 1]
         crossed = np.interp(self.breaks, objective_s, along)
         cuts = np.unique(np.clip(np.concatenate([path.breaks, along, crossed]), 0, path.length))
@@ -333,14 +324,7 @@ class Tube(Checked):
 def _nearest_in_range(
     points: FloatArray, ranges: FloatArray, windows: IntArray, rows: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance and arc length of the nearest place within a range of a path, for each point.
-
-    Args:
-        points: Points [m], (n, dimension).
-        ranges: Arc lengths at which the range of each point starts and ends [m], (n, 2).
-        windows: First and last segment of that range, (n, 2).
-        rows: Segments of the path from `pack`, (m, 15).
-    """
+    """Distance and arc length of the nearest place within a range of a path, for each point."""
     from armcontour.geometry.kernels import Pieces, find_excess
 
     pieces = Pieces(rows, np.zeros(len(rows)), np.zeros((len(rows), 2), np.bool_))
@@ -348,11 +332,7 @@ def _nearest_in_range(
 
 
 def _refuse_transitions(segments: Segments) -> None:
-    """Refuse segments whose curvature changes: the proof is for lines and arcs.
-
-    Raises:
-        InvalidInput: There is a transition; with its index.
-    """
+    """Refuse segments whose curvature changes: the proof is for lines and arcs."""
     if segments.bent.any():
         i = int(np.argmax(segments.bent))
         raise InvalidInput(

@@ -212,12 +212,7 @@ def _corners(path: Path) -> npt.NDArray[np.bool_]:
 
 
 def _smooth(path: Path, pitch: float, width: float) -> tuple[Path, FloatArray]:
-    """The smooth seam through the waypoints of a path without corners.
-
-    Returns:
-        The seam without orientation, and arc lengths of the seam and of the path that belong
-        together [m], (n, 2).
-    """
+    """The smooth seam through the waypoints of a path without corners."""
     from armcontour.geometry.spline import fit_spline
 
     bare = dataclasses.replace(path, orientation=None)
@@ -366,9 +361,6 @@ def _fit_sine(
 
     Where the curvature of the seam jumps, the sine has a slight bend, which a cubic spline through
     its points rounds.
-
-    Raises:
-        InvalidInput: The tolerance is too small.
     """
     from scipy.interpolate import CubicSpline
 

@@ -61,14 +61,7 @@ def describe_excess(set_points: SetPoints) -> str:
 
 
 def _refuse_beyond(set_points: SetPoints, name: str, values: FloatArray, bound: FloatArray) -> None:
-    """Raise CompensationError if set-points exceed the end `name` of the joint range.
-
-    Args:
-        set_points: The set-points.
-        name: "joint_upper" or "joint_lower".
-        values: The set-points, with the opposite sign for "joint_lower" [rad], (n, dof).
-        bound: The end of the range, with the opposite sign for "joint_lower" [rad], (dof,).
-    """
+    """Raise CompensationError if set-points exceed the end `name` of the joint range."""
     worst = _worst(values, bound)
     if worst is None:
         return

@@ -67,17 +67,6 @@ def _shares(
 
     A joint's velocity and acceleration, and the path speed, are quadratics about the middle, plus
     the most that their third derivative can add.
-
-    Args:
-        law: The law.
-        i: Intervals, (n,).
-        t: Begin, middle and end of a part of each [s], (n,) each.
-        limits: As in `largest_shares`.
-        speeds: As in `largest_shares`.
-
-    Returns:
-        The largest shares of the limits of all joints and of both path speeds in the middle, then
-        the bounds of the six, (n, 12).
     """
     path, (begin, middle, end) = law.joint_path, t
     half = np.maximum(middle - begin, end - middle)

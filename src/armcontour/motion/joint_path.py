@@ -96,11 +96,7 @@ class JointPath(Checked):
         )
 
     def _all_stops(self, kinks: BoolArray) -> FloatArray:
-        """The given stops, and the inner breaks at which dq_ds jumps, (n - 1,).
-
-        Raises:
-            InvalidInput: A given stop is not an inner break.
-        """
+        """The given stops, and the inner breaks at which dq_ds jumps, (n - 1,)."""
         inner = self.breaks[1:-1]
         is_break = np.isin(self.stops, inner)
         if not is_break.all():

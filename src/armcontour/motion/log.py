@@ -225,11 +225,7 @@ def cut(
 
 
 def _used(t: FloatArray, start: float, end: float, source: str) -> BoolArray:
-    """Samples from `start` to `end`.
-
-    Raises:
-        InvalidInput: There are none.
-    """
+    """Samples from `start` to `end`."""
     for name, value in (("first", start), ("last", end)):
         if not isinstance(value, int | float | np.number):
             raise InvalidInput(

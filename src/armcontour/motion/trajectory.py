@@ -400,11 +400,7 @@ class Trajectory(Checked):
     def _values(
         self, t: FloatArray, side: str, orders: tuple[int, ...]
     ) -> Iterator[tuple[IntArray, tuple[FloatArray, ...]]]:
-        """Values of laws at times: of each law, or of many laws at a time.
-
-        Yields:
-            Indices of times in `t`, (m,), and the values there, (m, dof) for each order.
-        """
+        """Values of laws at times: of each law, or of many laws at a time."""
         law_index = self._law_at(t, side)
         touched = np.unique(law_index) if len(self.laws) >= MANY else law_index[:0]
         many = [k for k in touched.tolist() if type(self.laws[k]) is PathLaw]
@@ -431,15 +427,7 @@ class Trajectory(Checked):
         side: str,
         orders: tuple[int, ...],
     ) -> Iterator[tuple[IntArray, tuple[FloatArray, ...]]]:
-        """Values at the times of laws along joint paths, of AT_ONCE times together.
-
-        Args:
-            indices: Indices of these times in `t`, (m,).
-            law_index: The law of every time in `t`, (n,).
-            t: As in `_values`.
-            side: As in `_values`.
-            orders: As in `_values`.
-        """
+        """Values at the times of laws along joint paths, of AT_ONCE times together."""
         for begin in range(0, len(indices), AT_ONCE):
             batch = indices[begin : begin + AT_ONCE]
             law, joined = self._join(law_index[batch])
@@ -449,9 +437,6 @@ class Trajectory(Checked):
         """A table of the laws of some times, and the rows of these laws in it, (n,).
 
         The last table of few laws is kept: who looks for clearance asks for them again and again.
-
-        Args:
-            law_index: The law of every time, (n,).
         """
         first, last = int(law_index.min()), int(law_index.max()) + 1
         for begin, end, joined in self._joined[:]:
@@ -601,11 +586,7 @@ class Trajectory(Checked):
         return np.clip(index, 0, len(self.laws) - 1)
 
     def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
-        """Times clipped to the trajectory, after refusing those outside and other orders.
-
-        Raises:
-            InvalidInput: A time is outside the trajectory, or the order is not 0, 1, 2 or 3.
-        """
+        """Times clipped to the trajectory, after refusing those outside and other orders."""
         times = checks.floats("t", t, "s")
         checks.derivative(order, 3)
         slack = SLACK * self.duration
@@ -621,11 +602,7 @@ class Trajectory(Checked):
         return np.asarray(np.clip(times, 0, self.duration))
 
     def _clip_arc_lengths(self, s: npt.ArrayLike) -> FloatArray:
-        """Arc lengths clipped to the motion, after refusing those outside.
-
-        Raises:
-            InvalidInput: An arc length is outside the motion, or the laws are not along one path.
-        """
+        """Arc lengths clipped to the motion, after refusing those outside."""
         self._refuse_no_arc_length()
         arc_lengths = checks.check_numbers("s", s, "m")
         low, high = float(self._ends[0, 0]), float(self._ends[-1, 1])
@@ -644,12 +621,7 @@ class Trajectory(Checked):
     def _by_length(
         self, s: FloatArray, side: str
     ) -> Iterator[tuple[int, IntArray, IntArray, FloatArray]]:
-        """Group arc lengths by law, with the times at which the motion reaches or leaves them.
-
-        Yields:
-            Index of the law, indices of its arc lengths in `s`, their intervals, and the times
-            since the start of the law [s].
-        """
+        """Group arc lengths by law, with the times at which the motion reaches or leaves them."""
         ends = self._ends
         if checks.check_side(side) == "left":
             law_index = np.searchsorted(ends[:, 1], s, side="left")
@@ -669,11 +641,7 @@ class Trajectory(Checked):
                 yield k, indices, *part.law.reach(s[indices] - part.offset, side)
 
     def _refuse_no_arc_length(self) -> None:
-        """Refuse laws that do not follow each other along one path.
-
-        Raises:
-            InvalidInput: A law has no arc length, or does not start where the law before it ends.
-        """
+        """Refuse laws that do not follow each other along one path."""
         unknown = np.isnan(self._ends[:, 0])
         if unknown.any():
             raise InvalidInput(
@@ -706,11 +674,7 @@ class _Part:
 
 
 def _parts(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_Part, ...]:
-    """Arc lengths of every law of a trajectory.
-
-    Raises:
-        InvalidInput: The laws of the spans are not those of the trajectory.
-    """
+    """Arc lengths of every law of a trajectory."""
     if not spans:
         return tuple(_along(law, 0.0) for law in laws)
     parts: list[_Part] = []
@@ -737,14 +701,7 @@ def _along(law: Law, offset: float) -> _Part:
 
 
 def _group_by_law(law_index: IntArray) -> Iterator[tuple[int, IntArray]]:
-    """Group indices by law, in groups of limited size to save memory.
-
-    Args:
-        law_index: Index of the law of each time or arc length, (n,).
-
-    Yields:
-        Index of a law, and indices into `law_index`.
-    """
+    """Group indices by law, in groups of limited size to save memory."""
     if (np.diff(law_index) < 0).any():
         order = np.argsort(law_index, kind="stable")
         law_index = law_index[order]

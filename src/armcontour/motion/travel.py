@@ -106,13 +106,7 @@ def _fastest_along(law: PathLaw) -> FloatArray:
 
 
 def _along(joint_path: JointPath, s: FloatArray, speeds: FloatArray) -> FloatArray:
-    """Bounds of the joint velocities between neighbouring arc lengths [rad/s], (n, dof).
-
-    Args:
-        joint_path: The joint path.
-        s: Arc lengths, which do not decrease [m], (n + 1,).
-        speeds: Bounds of the path speed between them [m/s], (n,).
-    """
+    """Bounds of the joint velocities between neighbouring arc lengths [rad/s], (n, dof)."""
     return np.asarray(kernels.fastest_joints(joint_path.breaks, joint_path.coefficients, s, speeds))
 
 

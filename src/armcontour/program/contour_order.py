@@ -448,11 +448,7 @@ def _has_equal_end_orientations(path: Path) -> bool:
 
 
 def _add_overlap(path: Path, overlap: float) -> Path:
-    """A closed path continued past its end by the overlap [m], several times around if needed.
-
-    Raises:
-        InvalidInput: The path gets more than MOST_SEGMENTS segments.
-    """
+    """A closed path continued past its end by the overlap [m], several times around if needed."""
     rounds = overlap / path.length
     if rounds * len(path) > MOST_SEGMENTS:
         raise InvalidInput(
@@ -469,12 +465,7 @@ def _add_overlap(path: Path, overlap: float) -> Path:
 
 
 def _refuse_cut_switching(contour: Contour, start: float) -> None:
-    """Refuse a new start point that would change where an output is switched on along a contour.
-
-    Raises:
-        InvalidInput: An output has another value at the drawn start or the new start than at the
-            drawn end.
-    """
+    """Refuse a new start point that would change where an output is switched on along a contour."""
     inner = {x.name for x in contour.events if 0 < x.s < contour.path.length - REPEATED_POINT}
     for name in sorted(inner):
         events = [x for x in contour.events if x.name == name]

@@ -138,12 +138,7 @@ def _boxes(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _places(pieces: FloatArray, points: FloatArray) -> FloatArray:
-    """Distances along pieces at which these, if continued, come to points on them, (n, m).
-
-    Args:
-        pieces: The pieces, (n, 6).
-        points: Points of each piece, (n, m, 2).
-    """
+    """Distances along pieces at which these, if continued, come to points on them, (n, m)."""
     offset, tangents = points - pieces[:, None, :2], pieces[:, None, TX : TY + 1]
     along, k = (offset * tangents).sum(axis=2), pieces[:, CURVATURE, None]
     # The direction from the centre: angle 0 at the start, growing along the arc.
@@ -161,9 +156,6 @@ def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
     A line or circle with curvature k and left normal n at its point 0 has k x.x / 2 = n.x at its
     points x. The difference of two such equations is the straight line w.x = r. So neither centres
     nor radii are needed, and nearly straight arcs lose no digits.
-
-    Returns:
-        The points, NaN where there are fewer than four, (n, 4, 2).
     """
     # The more curved one comes first.
     turned = (np.abs(b[:, CURVATURE]) > np.abs(a[:, CURVATURE]))[:, None]

@@ -123,11 +123,7 @@ def _notes_on_open(names: Sequence[str]) -> list[str]:
 
 
 def _flatten(contour: Contour, number: int, process: Process) -> Segments:
-    """The segments of a contour seen from above.
-
-    Raises:
-        InvalidInput: As in `apply_kerf`.
-    """
+    """The segments of a contour seen from above."""
     called, up, rows = contour_called(contour, number), process.up, contour.path.segments
     if contour.work is not None:
         raise InvalidInput(f"{called} has leads already: a kerf is for contours without them.")
@@ -156,11 +152,7 @@ def _flatten(contour: Contour, number: int, process: Process) -> Segments:
 def _offset(
     rows: Segments, contour: Contour, number: int, kerf: float, side: str
 ) -> list[OffsetPart]:
-    """The parts of a contour's offset.
-
-    Raises:
-        InvalidInput: Nothing is left, or an open contour falls apart.
-    """
+    """The parts of a contour's offset."""
     called, sign = contour_called(contour, number), 1 if side == "left" else -1
 
     def parts_of(width: float) -> list[OffsetPart]:
@@ -196,11 +188,7 @@ def _refuse_near_ones(
     parts: Sequence[Sequence[OffsetPart]],
     kerfs: Sequence[float],
 ) -> None:
-    """Refuse contours of which one is cut into along the other.
-
-    Raises:
-        InvalidInput: There are such contours.
-    """
+    """Refuse contours of which one is cut into along the other."""
     indices = [i for i, x in enumerate(flat) if x is not None]
     if len(indices) < 2:
         return
@@ -299,11 +287,7 @@ def _from_start(rows: Segments, start: FloatArray) -> Segments:
 
 
 def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) -> Orientation:
-    """The tool orientation along an offset: the same as along its source, relative to the tangent.
-
-    Raises:
-        InvalidInput: An orientation that neither is constant nor follows the tangent.
-    """
+    """The tool orientation along an offset: the same as along its source, relative to the tangent."""
     rows, start = path.segments, orientation(0.0)
     same = orientation.fixed and all(
         np.abs(x - start).max() <= REPEATED_POINT for x in orientation.starts

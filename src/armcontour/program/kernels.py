@@ -86,17 +86,7 @@ def _refresh(options: Options, tour: _Tour, first: int) -> None:
 def _carry(
     options: Options, parent: IntArray, tour: _Tour, start: int, end: int, to: int, threshold: float
 ) -> bool:
-    """Carry a part of the tour elsewhere if that gains more than `threshold` and is allowed.
-
-    Args:
-        options: The options.
-        parent: As in `search`.
-        tour: The tour, changed if the move is made.
-        start: Position of the part's first contour.
-        end: Position of its last contour.
-        to: Position after which it goes, forwards or backwards; after one of its own it stays.
-        threshold: Smallest gain of length.
-    """
+    """Carry a part of the tour elsewhere if that gains more than `threshold` and is allowed."""
     order, option, position, chosen, ahead, back = tour
     if start < 1 or end >= len(order):
         return False

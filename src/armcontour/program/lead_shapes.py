@@ -89,11 +89,7 @@ def lead_path(
 
 
 def _side_vector(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
-    """Unit vector perpendicular to a tangent, towards the given side.
-
-    Raises:
-        InvalidInput: The tangent goes straight up.
-    """
+    """Unit vector perpendicular to a tangent, towards the given side."""
     if len(tangent) == 2:
         normal = np.array([-tangent[1], tangent[0]])
     else:
@@ -113,14 +109,7 @@ def _side_vector(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
 def _lead_orientation(
     orientation: Orientation, rotation: FloatArray, lead: Path, after: bool
 ) -> Orientation:
-    """Tool orientation along a lead: constant, or following the tangent if the path's does.
-
-    Args:
-        orientation: Orientation of the path.
-        rotation: Rotation matrix at the end of the path that the lead touches, (3, 3).
-        lead: The lead.
-        after: True for the lead-out.
-    """
+    """Tool orientation along a lead: constant, or following the tangent if the path's does."""
     rate = np.zeros(3)
     if orientation.follows and lead.curvatures[0] > 0:
         rate = tangent_rates(lead.segments)[0]

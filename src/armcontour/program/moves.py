@@ -182,11 +182,7 @@ def name_copy(name: str, row: int, column: int) -> str:
 
 
 def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
-    """The distance between copies [m]; 0 for a single copy.
-
-    Raises:
-        InvalidInput: Several copies without a distance, or with the distance 0.
-    """
+    """The distance between copies [m]; 0 for a single copy."""
     distance = 0.0 if spacing is None else checks.check_number(name, spacing, "m")
     if copies > 1 and abs(distance) <= REPEATED_POINT:
         raise InvalidInput(
@@ -470,11 +466,7 @@ class Program(Checked):
         return dataclasses.replace(self, moves=tuple(moves))
 
     def _refuse_too_many(self, copies: int) -> None:
-        """Refuse copies with more than MOST_MOVES moves or MOST_SEGMENTS segments together.
-
-        Raises:
-            InvalidInput: There are more.
-        """
+        """Refuse copies with more than MOST_MOVES moves or MOST_SEGMENTS segments together."""
         paths = [x.path for x in self.moves if isinstance(x, Contour | Rapid)]
         segments = sum(len(x) for x in paths if x is not None)
         for noun, count, maximum in (
@@ -556,11 +548,7 @@ class Program(Checked):
     def _chosen(
         self, kind: str, requested: Collection[str] | None, available: Sequence[str]
     ) -> Sequence[bool]:
-        """Mask of the contours whose layer or name in `available` is requested.
-
-        Raises:
-            InvalidInput: No names are wanted, or one that no contour has.
-        """
+        """Mask of the contours whose layer or name in `available` is requested."""
         if requested is None:
             return [True] * len(available)
         named = (requested,) if isinstance(requested, str) else requested
@@ -575,11 +563,7 @@ class Program(Checked):
 
 
 def _refuse_move(move: Move) -> None:
-    """Refuse an event of its own with an arc length or a lead distance.
-
-    Raises:
-        InvalidInput: The event has one.
-    """
+    """Refuse an event of its own with an arc length or a lead distance."""
     if isinstance(move, Event) and (move.s or move.lead_distance):
         raise InvalidInput(
             f"The event {move.name} is a move of its own, at which the tool is at rest, and "

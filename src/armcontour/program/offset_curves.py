@@ -167,11 +167,7 @@ class _Parts:
         )
 
     def joined(self, ends: FloatArray | None) -> _Parts:
-        """The parts without those that lead nowhere.
-
-        Args:
-            ends: Points at which an open offset starts and ends [m], (2, 2).
-        """
+        """The parts without those that lead nowhere."""
         parts = self
         while len(parts.pieces):
             starts, stops = parts.nodes[:, 0], parts.nodes[:, 1]
@@ -257,13 +253,7 @@ def _end_circles(pieces: FloatArray, d: float) -> FloatArray:
 
 
 def _cut(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Parts:
-    """Pieces cut where they meet each other or `knives`; ends that are one place have one number.
-
-    Args:
-        pieces: The pieces, (n, 6).
-        rows: Rows of the source, (n,).
-        knives: Other pieces, which make no parts, (m, 6).
-    """
+    """Pieces cut where they meet each other or `knives`; ends that are one place have one number."""
     n = len(pieces)
     pairs, pair_distances = crossings(np.concatenate([pieces, knives]))
     owners = np.concatenate([np.arange(n), np.arange(n), pairs.reshape(-1)])

@@ -187,14 +187,7 @@ def _keeps_lead(process: Process, contour: Contour, event: Event) -> bool:
 def _link(
     moves: Sequence[Move], contours: Sequence[Contour], process: Process, rapids_away: set[Rapid]
 ) -> list[Move]:
-    """The moves with other contours, rapids to their new ends, approaches, retracts and dwells.
-
-    Args:
-        moves: The moves of the program.
-        contours: One contour for each contour among the moves, with leads.
-        process: Requirements of the process.
-        rapids_away: Rapids that start at the end of the contour before them.
-    """
+    """The moves with other contours, rapids to their new ends, approaches, retracts and dwells."""
     result: list[Move] = []
     # Index in `result` of each move of the program.
     positions: list[int] = []
@@ -240,11 +233,7 @@ def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int
 
 
 def _refuse_unknown_layers(program: Program, layers: Sequence[str]) -> None:
-    """Refuse layers on which the program has no contour.
-
-    Raises:
-        InvalidInput: A layer has no contour.
-    """
+    """Refuse layers on which the program has no contour."""
     available = {x.layer for x in program.contours}
     for name in layers:
         if name not in available:
@@ -288,18 +277,7 @@ def _with_limits(path: Path, segment_limits: SegmentLimits) -> Path:
 def _start_contour(
     contour: Contour, process: Process, led: bool, called: str, switching: Switching
 ) -> Contour:
-    """A contour with its start point, overlap, demand of its layer and events of the process.
-
-    Args:
-        contour: The contour.
-        process: Requirements of the process.
-        led: Whether a rapid, dwell or event of the program leads to the start of the contour.
-        called: What messages call the contour.
-        switching: State of the outputs before the contour.
-
-    Raises:
-        InvalidInput: An event is past the end of the contour, or as in `close_contour`.
-    """
+    """A contour with its start point, overlap, demand of its layer and events of the process."""
     contour = _add_limits(contour, process.layers.get(contour.layer))
     closed, lap = contour.closed, contour.path.length
     if closed:
@@ -320,11 +298,7 @@ def _start_contour(
 
 
 def _weave(contour: Contour, weave: Weave, up: FloatArray) -> Contour:
-    """A contour along which the tool weaves; events keep their share of the length.
-
-    Raises:
-        InvalidInput: The contour is too tight for the weave, or goes straight up.
-    """
+    """A contour along which the tool weaves; events keep their share of the length."""
     with error_context(f"weave of {contour_called(contour, 0) if contour.name else 'a contour'}"):
         wishes = dataclasses.asdict(weave)
         path, woven = weave_seam(
@@ -343,17 +317,7 @@ def _add_leads(
     placement: LeadPlacement | None,
     number: int,
 ) -> Contour:
-    """A contour with its leads.
-
-    Args:
-        contour: The contour.
-        process: Requirements of the process.
-        leads: Lengths of the leads.
-        run_in: Part of the contour before `resume_at`, which serves as lead-in if it is long
-            enough.
-        placement: Where leads are laid; None without leads.
-        number: Number of the contour there.
-    """
+    """A contour with its leads."""
     path, before = contour.path, 0.0
     parts = [path]
     if process.lead_in is not None and leads.before > REPEATED_POINT:
@@ -380,14 +344,7 @@ def _add_leads(
 
 
 def _move_to_lead(event: Event, process: Process, work: tuple[float, float], end: float) -> Event:
-    """An event on a contour with leads; switching at its ends moves to the ends of active leads.
-
-    Args:
-        event: The event on the contour without leads.
-        process: Requirements of the process.
-        work: Arc lengths at which the contour starts and ends between its leads [m].
-        end: Length of the contour with its leads [m].
-    """
+    """An event on a contour with leads; switching at its ends moves to the ends of active leads."""
     moved = dataclasses.replace(event, s=event.s + work[0])
     if process.switch is None or event.name != process.switch.name:
         return moved
@@ -401,14 +358,7 @@ def _move_to_lead(event: Event, process: Process, work: tuple[float, float], end
 
 
 def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: bool) -> list[Move]:
-    """A contour with its approach and retract.
-
-    Args:
-        contour: The contour.
-        process: Requirements of the process.
-        linked: Whether a rapid of the program leads to the contour, so that no approach is added.
-        followed: Whether a rapid of the program leaves the contour, so that no retract is added.
-    """
+    """A contour with its approach and retract."""
     path, pierce = contour.path, process.of_layer(contour.layer).pierce
     result: list[Move] = [contour]
     segment_limits = SegmentLimits(speed=process.approach_speed)
@@ -428,13 +378,6 @@ def _axial_line(
     """The line along the tool axis to arc length s of a path, with the orientation there.
 
     Without a required tool axis it is along `up`.
-
-    Args:
-        path: The path.
-        s: The arc length, 0 or the length of the path [m].
-        height: Length of the line [m].
-        up: Upward direction, (3,).
-        segment_limits: Speed and tolerance of the line.
     """
     end, orientation = path(s), path.orientation
     if orientation is None:
@@ -579,15 +522,7 @@ class Switching:
 def _confined(
     events: Sequence[Event], state: Event | None, switch: Switch | None, name: str, end: float
 ) -> list[Event]:
-    """Events of one output of a contour that begins and ends with the output off.
-
-    Args:
-        events: The events along the contour, by arc length.
-        state: The last event before the contour, if any.
-        switch: Value and leads of events that have none, if any.
-        name: Name of the output.
-        end: Length of the contour [m].
-    """
+    """Events of one output of a contour that begins and ends with the output off."""
     changes: list[Event] = []
     if state is not None and not (events and events[0].s <= REPEATED_POINT):
         events = [dataclasses.replace(state, s=0.0), *events]
@@ -671,11 +606,7 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
 
 
 def _count(contour: Contour, spacing: float, lap: float) -> int:
-    """The number of tabs of a lap with a spacing [m].
-
-    Raises:
-        InvalidInput: There are more than MOST_TABS.
-    """
+    """The number of tabs of a lap with a spacing [m]."""
     count = max(1, round(lap / spacing))
     if count > MOST_TABS:
         raise InvalidInput(

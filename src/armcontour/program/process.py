@@ -334,11 +334,7 @@ class Process(Checked):
         self._make_layers()
 
     def _refuse_unswitched(self) -> None:
-        """Refuse tabs and a pierce that have no effect.
-
-        Raises:
-            InvalidInput: There is no switch, or it is off where the tool pierces.
-        """
+        """Refuse tabs and a pierce that have no effect."""
         if self.tabs is not None and self.switch is None:
             raise InvalidInput("Tabs need a switch, which is off there: give switch, or no tabs.")
         if self.pierce is None:
@@ -352,11 +348,7 @@ class Process(Checked):
             )
 
     def _make_layers(self) -> None:
-        """Make the processes of layers.
-
-        Raises:
-            InvalidInput: A layer has a value that is not valid, or one that no layer can have.
-        """
+        """Make the processes of layers."""
         allowed = tuple(x.name for x in fields(LayerProcess))
         made: dict[str, Process] = {}
         for layer, values in self.by_layer.items():
@@ -438,11 +430,7 @@ class Leads(Checked):
 
 
 def _checked_begin(begin: str | float | Sequence[float]) -> str | float | tuple[float, ...]:
-    """A start point of closed contours: a name, an arc length, or a point.
-
-    Raises:
-        InvalidInput: Something else.
-    """
+    """A start point of closed contours: a name, an arc length, or a point."""
     if isinstance(begin, str):
         checks.check_choice("begin", begin, (AUTO, DRAWN))
         return begin
