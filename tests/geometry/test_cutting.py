@@ -338,6 +338,6 @@ def test_columns_that_do_not_fit_are_refused(smooth):
 
 def test_a_kerf_runs_beside_transitions(smooth):
     process = ac.Process(kerf=1e-3, kerf_side="left")
-    beside = ac.prepare(ac.Program.of(smooth), process).path
+    beside = ac.prepare(ac.Program.from_path(smooth), process).path
     distance = smooth.project(beside(np.linspace(0, beside.length, 2001))).distance
     assert np.abs(distance - 0.5e-3).max() < 2e-7

@@ -290,7 +290,9 @@ def test_segments_run_backwards_are_the_same_points():
     share = np.linspace(0, 1, 9)[:, None] * table.lengths
     every = np.broadcast_to(np.arange(n), share.shape)
     turned = np.where(np.arange(n) % 2 == 0, table.lengths - share, share)
-    np.testing.assert_allclose(back.at(every, turned), table.at(every, share), atol=1e-13)
+    np.testing.assert_allclose(
+        back.evaluate(every, turned), table.evaluate(every, share), atol=1e-13
+    )
 
 
 @each("dimension", [2, 3])

@@ -83,7 +83,7 @@ def test_a_compiled_function_is_not_compiled_again(tmp_path):
     functions, compiled, folder, *steps = warm()
     assert (functions, compiled) == ("2", "1") and folder.startswith(str(tmp_path / "kept"))
     assert steps[0].startswith("compiling, once: 2 functions in ")
-    assert steps[-1].endswith(": geometry._segments.find_foot")
+    assert steps[-1].endswith(": geometry.kernels.find_foot")
     # The second time it reports no steps.
     assert warm() == ["2", "0", folder]
     shutil.rmtree(tmp_path / "kept")

@@ -155,8 +155,8 @@ class _Connection(_Blend):
             # A half and what it replaces, both passed evenly.
             deviations = [
                 connections.begin
-                + connections.at(EVERY, begin + share * (end - begin))
-                - old.at(EVERY, np.abs(old_begin - share * t))
+                + connections.evaluate(EVERY, begin + share * (end - begin))
+                - old.evaluate(EVERY, np.abs(old_begin - share * t))
                 for share in LOOKS
             ]
             peaks.append(_peak(length(np.stack(deviations))))
@@ -170,7 +170,7 @@ class _Connection(_Blend):
         nearest, curvature = connections.nearest, connections.largest_bend
         rows, corner, _ = draw_connections(connections, bounds.after.starts, nearest)
         rows = rows.replace(**share_limits(bounds.before[corner], bounds.after[corner]))
-        error = length(connections.begin + connections.at(EVERY, nearest))
+        error = length(connections.begin + connections.evaluate(EVERY, nearest))
         return _drawn(bounds, rows, corner, curvature, error, curvature)
 
 
@@ -188,7 +188,7 @@ def _drawn(
     """Blends with their largest curvatures, corner errors and bends, (n,) each."""
     full = (error >= bounds.error * (1 - FULL)) | (curvature <= (1 + FULL) / bounds.radius)
     with np.errstate(divide="ignore"):
-        return Drawn(rows=rows, of=corner, radius=1 / tightest, error=error, shrunk=~full)
+        return Drawn(rows=rows, corner=corner, radius=1 / tightest, error=error, shrunk=~full)
 
 
 def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
@@ -196,8 +196,8 @@ def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
     corner, inward = after.starts, after.tangents - before.end_tangents
     # Points relative to the corner, so that even tiny blends keep their digits.
     back, ahead = around_vertices(before, after)
-    p0, t0 = back.at(EVERY, t), -unit(back.at(EVERY, t, 1))
-    p1, t1 = ahead.at(EVERY, t), unit(ahead.at(EVERY, t, 1))
+    p0, t0 = back.evaluate(EVERY, t), -unit(back.evaluate(EVERY, t, 1))
+    p1, t1 = ahead.evaluate(EVERY, t), unit(ahead.evaluate(EVERY, t, 1))
     share = _tangent_length(back, t) / _tangent_length(ahead, t)
     with np.errstate(divide="ignore", invalid="ignore"):
         first, second = biarcs(p0, t0, p1, t1, share)

@@ -67,7 +67,7 @@ class Connections:
         """Number of connections."""
         return len(self.begin)
 
-    def at(self, i: IntArray | slice, x: FloatArray, order: int = 0) -> FloatArray:
+    def evaluate(self, i: IntArray | slice, x: FloatArray, order: int = 0) -> FloatArray:
         """Ways from the starts of connections `i` at x, or their derivatives by x."""
         c = self.coefficients[i]
         values = np.zeros(np.shape(x) + c.shape[-1:])
@@ -77,16 +77,16 @@ class Connections:
 
     def lengths_to(self, i: IntArray | slice, x: FloatArray) -> FloatArray:
         """Arc lengths from the starts of connections `i` to x [m], (n,)."""
-        return np.asarray(WEIGHTS @ length(self.at(i, SHARES[:, None] * x, 1)) * x / 2)
+        return np.asarray(WEIGHTS @ length(self.evaluate(i, SHARES[:, None] * x, 1)) * x / 2)
 
     @property
     def nearest(self) -> FloatArray:
         """Where the connections are nearest to their vertices, x from 0 to 1, (n,)."""
         parameters = self._many[1:-1]
-        x = MANY[1 + length(self.begin + self.at(EVERY, parameters)).argmin(axis=0)]
+        x = MANY[1 + length(self.begin + self.evaluate(EVERY, parameters)).argmin(axis=0)]
         for _ in range(STEPS):
-            offset = self.begin + self.at(EVERY, x)
-            first, second = self.at(EVERY, x, 1), self.at(EVERY, x, 2)
+            offset = self.begin + self.evaluate(EVERY, x)
+            first, second = self.evaluate(EVERY, x, 1), self.evaluate(EVERY, x, 2)
             slope = np.maximum(dot(first, first) + dot(offset, second), 0.1 * dot(first, first))
             x = np.clip(x - dot(offset, first) / slope, MANY[1], MANY[-2])
         return np.asarray(x)
@@ -104,7 +104,7 @@ class Connections:
     @property
     def sound(self) -> BoolArray:
         """Mask of the connections that bend from end to end without loops or cusps, (n,)."""
-        first = self.at(EVERY, self._many, 1)
+        first = self.evaluate(EVERY, self._many, 1)
         speeds = length(first)
         along = dot(first, unit(first[0] + first[-1])) / speeds
         mean = speeds.mean(axis=0)
@@ -114,7 +114,7 @@ class Connections:
 
     def contact(self, i: IntArray | slice, x: FloatArray) -> Contact:
         """Ways from the starts, unit tangents and curvature vectors of connections `i` at x."""
-        return self.at(i, x), *contact_of(self.at(i, x, 1), self.at(i, x, 2))
+        return self.evaluate(i, x), *contact_of(self.evaluate(i, x, 1), self.evaluate(i, x, 2))
 
 
 def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
@@ -127,8 +127,8 @@ def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
     """
     every = np.arange(len(t))
     back, ahead = around_vertices(before, after)
-    begin = [(-1) ** k * back.at(every, t, k) for k in range(4)]
-    end = [ahead.at(every, t, k) for k in range(4)]
+    begin = [(-1) ** k * back.evaluate(every, t, k) for k in range(4)]
+    end = [ahead.evaluate(every, t, k) for k in range(4)]
     chord, size = end[0] - begin[0], 2 * t
     for _ in range(ROUNDS):
         scale = [size[:, None] ** k for k in range(4)]
@@ -172,7 +172,7 @@ def draw_connections(
     parts = np.full(len(connections), 1)
     drawn, owners, first = _draw(connections, vertices, middle, parts)
     while True:
-        speeds = [length(drawn.at(EVERY, share * drawn.lengths, 1)) for share in LOOKS]
+        speeds = [length(drawn.evaluate(EVERY, share * drawn.lengths, 1)) for share in LOOKS]
         uneven = np.abs(np.stack(speeds) - 1).max(axis=0)
         rough = np.unique(owners[uneven > UNEVEN / 2])
         rough = rough[parts[rough] < MOST_PARTS]
@@ -205,7 +205,9 @@ def _draw(
     i, parameter, goal = owners[inner], x[inner], s[inner]
     for _ in range(STEPS):
         error = connections.lengths_to(i, parameter) - goal
-        parameter = np.clip(parameter - error / length(connections.at(i, parameter, 1)), 0.0, 1.0)
+        parameter = np.clip(
+            parameter - error / length(connections.evaluate(i, parameter, 1)), 0.0, 1.0
+        )
     x[inner] = parameter
     begin = connections.contact(owners, x)
     last = number == 2 * parts[owners] - 1
@@ -243,12 +245,14 @@ def bound_deviation(
     low = ends[0][row] + number * step
     segment, ratio = i[row], step / h
     distances = [
-        length(drawn.at(row, (number + share) * h) - old.at(segment, low + share * step))
+        length(
+            drawn.evaluate(row, (number + share) * h) - old.evaluate(segment, low + share * step)
+        )
         for share in (0, 1)
     ]
     # The second derivative of the old path, over the length of the transition, and how much it
     # changes to either side of the middle.
-    second_derivative = ratio[:, None] ** 2 * old.at(segment, low + step / 2, 2)
+    second_derivative = ratio[:, None] ** 2 * old.evaluate(segment, low + step / 2, 2)
     change = old.curvatures[segment] ** 2
     if old.quintics.size:
         bent = old.bent[segment]

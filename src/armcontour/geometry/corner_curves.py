@@ -82,14 +82,14 @@ class Drawn:
 
     Args:
         rows: The segments, in order at each corner.
-        of: The corner of each segment.
+        corner: The corner of each segment.
         radius: Smallest radii [m], infinite for a straight one, (n,).
         error: Corner errors [m], (n,).
         shrunk: Mask of the corners that are rounded less than their bounds allow, (n,).
     """
 
     rows: Segments
-    of: IntArray
+    corner: IntArray
     radius: FloatArray
     error: FloatArray
     shrunk: BoolArray
@@ -157,7 +157,7 @@ class LineCorner(CornerKind):
         segment_limits = share_limits(bounds.before, bounds.after)
         rows = rows.replace(**{name: column[corner] for name, column in segment_limits.items()})
         error = radius * self.gap(bounds.half)
-        return Drawn(rows=rows, of=corner, radius=radius, error=error, shrunk=shrunk)
+        return Drawn(rows=rows, corner=corner, radius=radius, error=error, shrunk=shrunk)
 
     def _radius(self, bounds: Bounds) -> FloatArray:
         """Smallest radii of the curves by case I or case II [m], (n,)."""

@@ -85,7 +85,7 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
 def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, FloatArray]:
     """Jumps of the curvature without a corner, at which the orientation makes no tool stop anyway."""
     rows, orientation = path.segments, path.orientation
-    vectors = [rows.at(EVERY, u, 2) for u in (rows.lengths, 0 * rows.lengths)]
+    vectors = [rows.evaluate(EVERY, u, 2) for u in (rows.lengths, 0 * rows.lengths)]
     jump = length(vectors[0][:-1] - vectors[1][1:])
     size = length(vectors[0][:-1]) + length(vectors[1][1:])
     sharp = path.turns > TANGENT_TOLERANCE

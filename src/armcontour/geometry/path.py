@@ -368,7 +368,7 @@ class Path(Checked):
         """
         arc_lengths = check_arc_length(s, self.length)
         i = self.locate(arc_lengths, side=side)
-        return self.segments.at(i, arc_lengths - self.breaks[i], checks.derivative(order))
+        return self.segments.evaluate(i, arc_lengths - self.breaks[i], checks.derivative(order))
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
         """Index of the segment that contains each arc length.
@@ -389,7 +389,7 @@ class Path(Checked):
             u: Distances from the starts of these segments [m], (n,).
             order: Order of the derivative, 0 for the point.
         """
-        return self.segments.at(i, u, order)
+        return self.segments.evaluate(i, u, order)
 
     def project(self, points: npt.ArrayLike) -> Projection:
         """The nearest point of the path for each of `points`, exact on lines and arcs.
@@ -455,7 +455,7 @@ class Path(Checked):
     def end(self) -> FloatArray:
         """Last point of the path [m], (dimension,)."""
         last = slice(len(self) - 1, None)
-        return np.asarray(self.segments.at(last, self.lengths[last])[0])
+        return np.asarray(self.segments.evaluate(last, self.lengths[last])[0])
 
     def _fitting(self, orientation: Orientation) -> Orientation:
         """The orientation, with breaks near the path's breaks moved onto them."""

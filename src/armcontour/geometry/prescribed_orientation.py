@@ -213,8 +213,10 @@ def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
     bent = np.flatnonzero(segments.bent)
     if len(bent):
         ends = np.zeros(len(bent)), segments.lengths[bent]
-        tangents = [segments.at(bent, u, 1) for u in ends]
-        rates = [np.cross(t, segments.at(bent, u, 2)) for t, u in zip(tangents, ends, strict=True)]
+        tangents = [segments.evaluate(bent, u, 1) for u in ends]
+        rates = [
+            np.cross(t, segments.evaluate(bent, u, 2)) for t, u in zip(tangents, ends, strict=True)
+        ]
         axis = _axes_of_turns(segments, bent)
         tilt = np.cross(axis, tangents[0])
         t0, t1 = (unit(x) for x in tangents)
@@ -243,12 +245,15 @@ def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
 def _axes_of_turns(segments: Segments, bent: IntArray) -> FloatArray:
     """Unit vectors about which the tangents turn along transitions; zero where they do not."""
     lengths = segments.lengths[bent]
-    into, out = segments.at(bent, 0 * lengths, 1), segments.at(bent, lengths, 1)
+    into, out = segments.evaluate(bent, 0 * lengths, 1), segments.evaluate(bent, lengths, 1)
     axes = np.cross(into, out)
     # A transition that bends to both sides may turn by nothing.
     for share in (0.0, 0.5, 1.0):
         u = share * lengths
-        other = np.cross(segments.at(bent, u, 1), segments.at(bent, u, 2)) * lengths[:, None]
+        other = (
+            np.cross(segments.evaluate(bent, u, 1), segments.evaluate(bent, u, 2))
+            * lengths[:, None]
+        )
         size = [np.linalg.norm(x, axis=1, keepdims=True) for x in (axes, other)]
         axes = np.where(size[0] < NO_AXIS * size[1], other, axes)
     across = axes - dot(axes, into)[:, None] * into / dot(into, into)[:, None]
@@ -264,7 +269,7 @@ def _shared_changes(segments: Segments) -> FloatArray:
     """
     every = np.arange(len(segments))
     sides = [
-        np.cross(segments.at(every, u, 1), segments.at(every, u, 3))
+        np.cross(segments.evaluate(every, u, 1), segments.evaluate(every, u, 3))
         for u in (segments.lengths, 0 * segments.lengths)
     ]
     bent = np.concatenate([segments.bent[:1], segments.bent, segments.bent[-1:]])

@@ -141,7 +141,7 @@ def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
     count = np.maximum(1, np.maximum(by_length, by_turn)).astype(np.intp)
     segment, number = number_parts(count)
     step = lengths[segment] / count[segment]
-    start, end = (segments.at(segment, k * step) for k in (number, number + 1))
+    start, end = (segments.evaluate(segment, k * step) for k in (number, number + 1))
     # An arc leaves its chord by at most the sagitta, (1 - cos(turn / 2)) / curvature.
     sagitta = step * np.tan(curvatures[segment] * step / 4) / 2
     rounding = 1e-15 * (np.abs(start) + np.abs(end)).max(axis=1)

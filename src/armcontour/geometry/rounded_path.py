@@ -404,8 +404,8 @@ def _round(
         if len(part):
             drawn = kind.draw(bounds[part], tangent[part])
             radius[part], error[part], shrunk[part] = drawn.radius, drawn.error, drawn.shrunk
-            length[part] = np.bincount(drawn.of, drawn.rows.lengths, minlength=len(part))
-            tables, after = [*tables, drawn.rows], [*after, corner[part[drawn.of]]]
+            length[part] = np.bincount(drawn.corner, drawn.rows.lengths, minlength=len(part))
+            tables, after = [*tables, drawn.rows], [*after, corner[part[drawn.corner]]]
     cut = np.zeros(len(path) + 1)
     cut[vertices + 1] = np.append(tangent, np.zeros(len(kinked)))
     table, source, _ = replace_vertices(rows, cut, Segments.join(tables), np.concatenate(after))

@@ -176,12 +176,12 @@ class Segments(Value):
     @property
     def ends(self) -> FloatArray:
         """Last point of every segment [m], (n, dimension)."""
-        return self.at(EVERY, self.lengths)
+        return self.evaluate(EVERY, self.lengths)
 
     @property
     def end_tangents(self) -> FloatArray:
         """Unit tangents at the segments' ends, (n, dimension)."""
-        tangents, bent = self.at(EVERY, self.lengths, 1), self.bent
+        tangents, bent = self.evaluate(EVERY, self.lengths, 1), self.bent
         if bent.any():
             # Inside a transition, where one may be cut, the parameter is not quite the arc length.
             tangents[bent] = _unit_or_zero(tangents[bent])
@@ -200,7 +200,7 @@ class Segments(Value):
                 angle = (np.arctan2(-along, across) + turn) % (2 * np.pi)
                 on = angle < sweeps
                 i = bent[on]
-                points.append(self.at(i, angle[on] / self.curvatures[i]))
+                points.append(self.evaluate(i, angle[on] / self.curvatures[i]))
         everything = np.concatenate(points)
         return np.stack([everything.min(axis=0), everything.max(axis=0)])
 
@@ -213,12 +213,12 @@ class Segments(Value):
             low, high = np.zeros(len(i)), self.lengths[i]
             for _ in range(BISECTIONS):
                 middle = (low + high) / 2
-                before = self.at(i, middle, 1)[:, axis] * into[i] > 0
+                before = self.evaluate(i, middle, 1)[:, axis] * into[i] > 0
                 low, high = np.where(before, middle, low), np.where(before, high, middle)
-            points.append(self.at(i, low))
+            points.append(self.evaluate(i, low))
         return points
 
-    def at(self, i: IntArray | slice, u: FloatArray, order: int = 0) -> FloatArray:
+    def evaluate(self, i: IntArray | slice, u: FloatArray, order: int = 0) -> FloatArray:
         """Point or derivative at distance `u` [m] from the start of segment `i`."""
         values = self._on_arcs(i, u, order)
         if not self.quintics.shape[1]:
@@ -232,7 +232,7 @@ class Segments(Value):
         return values
 
     def _on_arcs(self, i: IntArray | slice, u: FloatArray, order: int) -> FloatArray:
-        """What `at` gives for lines and arcs."""
+        """What `evaluate` gives for lines and arcs."""
         k = self.curvatures[i]
         if order < 2 and not np.any(k):
             along = u if order == 0 else np.ones_like(u)
@@ -263,7 +263,7 @@ class Segments(Value):
         bent = self.bent[i]
         if bent.any():
             # Where a transition is straight it has no normal.
-            normals[bent] = _unit_or_zero(self.at(i, u, 2)[bent])
+            normals[bent] = _unit_or_zero(self.evaluate(i, u, 2)[bent])
         return normals
 
     def cut(self, i: IntArray, begin: FloatArray, end: FloatArray) -> Segments:
@@ -276,7 +276,10 @@ class Segments(Value):
         """Segments `i`, some of which start at a distance from their start, or run back from it."""
         rows, location = self[i], (i[moved], u[moved])
         starts, tangents, normals = (np.array(getattr(rows, name)) for name in VECTORS)
-        starts[moved], tangents[moved] = self.at(*location), sign * self.at(*location, 1)
+        starts[moved], tangents[moved] = (
+            self.evaluate(*location),
+            sign * self.evaluate(*location, 1),
+        )
         normals[moved] = self.normals_at(*location)
         return rows.replace(starts=starts, tangents=tangents, normals=normals)
 

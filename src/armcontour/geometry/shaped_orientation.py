@@ -115,7 +115,7 @@ class _Runs:
     """The k longest stretches of an objective along which its orientation has a constant rate.
 
     Args:
-        at: Arc lengths of their ends on the objective [m], (k + 1,).
+        objective_s: Arc lengths of their ends on the objective [m], (k + 1,).
         s: Arc lengths of their ends on the path [m], (k + 1,).
         segment: First segments on the objective, (k,).
         starts: Rotation matrices at their starts, (k, 3, 3).
@@ -123,7 +123,7 @@ class _Runs:
         speeds: How fast the tool turns, or its axis if only that is prescribed [rad/m], (k,).
     """
 
-    at: FloatArray
+    objective_s: FloatArray
     s: FloatArray
     segment: IntArray
     starts: FloatArray
@@ -131,7 +131,7 @@ class _Runs:
     speeds: FloatArray
 
     @classmethod
-    def of(cls, path: Path, objective: Path, pairs: FloatArray) -> _Runs:
+    def from_path(cls, path: Path, objective: Path, pairs: FloatArray) -> _Runs:
         """The runs of an objective that have a length on its path."""
         orientation = objective.orientation
         assert orientation is not None
@@ -148,7 +148,7 @@ class _Runs:
         if orientation.axis_only:
             turns = np.cross(turns, orientation.starts[first][:, :, 2])
         return cls(
-            at=np.append(objective_s[:-1][used], objective.length),
+            objective_s=np.append(objective_s[:-1][used], objective.length),
             s=np.append(s[:-1][used], path.length),
             segment=first,
             starts=orientation.starts[first],
@@ -163,7 +163,7 @@ def _turn(
     """Orientation at smooth places with blends, and how far it is from that at the places [rad]."""
     source = objective.orientation
     assert source is not None
-    runs = _Runs.of(path, objective, pairs)
+    runs = _Runs.from_path(path, objective, pairs)
     near = float(np.clip(PLACES * allowed, LEAST_ANGLE, MOST_ANGLE))
     near = near if np.isfinite(allowed) else SMALL_ANGLE
     mapping = _smooth_places(runs, pairs, near)
@@ -187,7 +187,7 @@ def _smooth_places(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpol
     """Places on the objective as a smooth function of the path's arc length."""
     from scipy.interpolate import PchipInterpolator
 
-    knots, values = runs.s, runs.at
+    knots, values = runs.s, runs.objective_s
     for _ in range(HALVINGS):
         smooth = PchipInterpolator(knots, values)
         s = _between(np.union1d(knots, pairs[:, 1]))
@@ -214,7 +214,7 @@ def _cuts(
         gap = np.linalg.norm(path(runs.s[1:-1]) - objective.starts[vertex + 1], axis=1)
         half = objective.turns[vertex] / 2
         requested = np.where(requested > 0, 2 * gap / np.sin(half), 0.0)
-    objective_s, s = runs.at[1:-1], runs.s[1:-1]
+    objective_s, s = runs.objective_s[1:-1], runs.s[1:-1]
     ends = [
         np.interp(x, pairs[:, 0], pairs[:, 1])
         for x in (objective_s - requested, objective_s + requested)
@@ -247,11 +247,11 @@ def _lay(
     run = np.clip(np.searchsorted(runs.s, middle, side="right") - 1, 0, len(runs.rates) - 1)
     j = np.clip(np.searchsorted(knots, middle, side="right") - 1, 0, len(knots) - 2)
     f, g = shift(mapping.c[::-1, j].T, begin - knots[j]), np.zeros((len(begin), 4))
-    f[:, 0] -= runs.at[run]
+    f[:, 0] -= runs.objective_s[run]
     first, second, starts = runs.rates[run], np.zeros((len(begin), 3)), runs.starts[run]
     i = np.searchsorted(breaks, low + cut[blended], side="right") - 1
     # The rate before a vertex fades out from the place at the begin, and the one after it sets in.
-    vertex_s, none, width = runs.at[1:-1][blended], np.zeros(len(i)), end[i] - begin[i]
+    vertex_s, none, width = runs.objective_s[1:-1][blended], np.zeros(len(i)), end[i] - begin[i]
     f[i] = fade(width, (mapping(begin[i]) - vertex_s, mapping(begin[i], 1)), (none, none))
     g[i] = fade(width, (none, none), (mapping(end[i]) - vertex_s, mapping(end[i], 1)))
     first[i], second[i] = runs.rates[blended], runs.rates[blended + 1]
@@ -287,8 +287,8 @@ def _follow(
     # Twist at the middles of the objective's segments, against their frames with the least tilt.
     middle = (objective.breaks[:-1] + objective.breaks[1:]) / 2
     s = np.interp(middle, pairs[:, 0], pairs[:, 1])
-    tangents = path.segments.at(*_on(path, s), 1)
-    tilt = exp(shortest(objective.segments.at(*_on(objective, middle), 1), tangents))
+    tangents = path.segments.evaluate(*_on(path, s), 1)
+    tilt = exp(shortest(objective.segments.evaluate(*_on(objective, middle), 1), tangents))
     twist = np.sum(log(tilt @ source(middle) @ _turned(carried(s))) * tangents, axis=1)
     deviation = 0.0
     if np.abs(twist).max() > NO_TWIST:
@@ -317,7 +317,7 @@ def _twist(
     i, step = whole[part], ((last - first) / count)[part]
     u = [first[part] + x * step for x in (k, k + 0.5, k + 1)]
     begin, middle, end = (
-        exp(np.interp(path.breaks[i] + x, s, twist)[:, None] * path.segments.at(i, x, 1))
+        exp(np.interp(path.breaks[i] + x, s, twist)[:, None] * path.segments.evaluate(i, x, 1))
         @ carried.on_piece(i, x)
         for x in u
     )

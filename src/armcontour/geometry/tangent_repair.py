@@ -121,10 +121,14 @@ def _mend_seam(path: Path, largest_turn: float, allowed: float) -> Mended | None
     )
     for _ in range(MOST_HALVINGS):
         begin = last.lengths - size
-        leaving = biarcs(first.starts, middle, first.at(EVERY, size), first.at(EVERY, size, 1))
-        arriving = biarcs(last.at(EVERY, begin), last.at(EVERY, begin, 1), last.ends, middle)
+        leaving = biarcs(
+            first.starts, middle, first.evaluate(EVERY, size), first.evaluate(EVERY, size, 1)
+        )
+        arriving = biarcs(
+            last.evaluate(EVERY, begin), last.evaluate(EVERY, begin, 1), last.ends, middle
+        )
         deviation = max(
-            float(distance(row.at(ALL, start + size * SHARES)[None], *arcs)[0])
+            float(distance(row.evaluate(ALL, start + size * SHARES)[None], *arcs)[0])
             for row, start, arcs in ((first, 0.0, leaving), (last, begin, arriving))
         )
         if deviation <= allowed:

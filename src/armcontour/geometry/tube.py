@@ -51,7 +51,7 @@ class Proof:
     Args:
         excess: Bound of the largest value over all points of the path and corners of the objective
             [m]; at most `slack` if the path keeps its tolerance.
-        found: The largest value that was found at a point or corner [m]; not above `excess`.
+        sampled_excess: The largest value that was found at a point or corner [m]; not above `excess`.
         place: Arc length on the objective of that point or corner [m].
         s: Arc length on the path of that point, or of the point nearest to that corner [m].
         segments: Bounds over the points of each segment of the path [m], (n,).
@@ -60,7 +60,7 @@ class Proof:
     """
 
     excess: float
-    found: float
+    sampled_excess: float
     place: float
     s: float
     segments: FloatArray
@@ -75,7 +75,7 @@ class Proof:
     @property
     def violated(self) -> bool:
         """Whether a point or corner was found outside. If neither, the proof is not conclusive."""
-        return bool(self.found > self.slack)
+        return bool(self.sampled_excess > self.slack)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -110,7 +110,7 @@ class Tube(Checked):
         object.__setattr__(self, "_pieces", (rows, np.array(self.tolerance), given_up))
 
     @classmethod
-    def of(
+    def around(
         cls,
         objective: Path,
         tolerance: npt.ArrayLike,
@@ -265,7 +265,7 @@ class Tube(Checked):
         worst = int(np.argmax(values))
         return Proof(
             excess=float(max(segments.max(), vertices.max(initial=-np.inf))),
-            found=float(values[worst]),
+            sampled_excess=float(values[worst]),
             place=float(np.append(objective_s, self.objective.breaks[self.vertex])[worst]),
             s=float(np.append(path_s, nearest)[worst]),
             segments=segments,

@@ -271,7 +271,7 @@ class _Wave:
         """Arc lengths of the part at arc lengths of the seam [m]."""
         return np.asarray(np.interp(s, *self.places.T))
 
-    def beside(self, s: FloatArray, offset: FloatArray) -> FloatArray:
+    def offset_points(self, s: FloatArray, offset: FloatArray) -> FloatArray:
         """Points at distances to the left of the seam [m], (n, dimension)."""
         tangents = self.seam(s, 1)
         if self.seam.dimension == 2:
@@ -313,7 +313,7 @@ class _Wave:
         phase = np.interp(s / self.pitch % 1, knots, [0.0, 0.25, 0.25, 0.75, 0.75, 1.0])
         grown = np.clip(2 * np.minimum(s, self.seam.length - s) / self.pitch, 0.0, 1.0)
         offset = self.width / 2 * grown**2 * (3 - 2 * grown) * np.sin(2 * np.pi * phase)
-        return self.beside(s, offset)
+        return self.offset_points(s, offset)
 
 
 def _woven(wave: _Wave, shape: str, tolerance: float) -> Path:
@@ -325,7 +325,7 @@ def _woven(wave: _Wave, shape: str, tolerance: float) -> Path:
     if shape == "zigzag":
         s = turning[:, :1].ravel() if not wave.edge else turning.ravel()
         side = np.where(np.arange(len(turning)) % 2, -1.0, 1.0) * wave.width / 2
-        crests = wave.beside(s, side if not wave.edge else np.repeat(side, 2))
+        crests = wave.offset_points(s, side if not wave.edge else np.repeat(side, 2))
         segments = Segments.lines(np.concatenate([seam([0.0]), crests, seam([seam.length])]))
         seam_s = np.concatenate([[0.0], s, [seam.length]])
         ratio = segments.lengths / np.diff(seam_s)

@@ -132,7 +132,7 @@ class Execution(Checked):
 
     @classmethod
     @checked
-    def of_plan(cls, trajectory: Trajectory, arm: Arm) -> Execution:
+    def from_plan(cls, trajectory: Trajectory, arm: Arm) -> Execution:
         """The motion of joints that follow a plan exactly.
 
         Args:

@@ -247,7 +247,7 @@ class PathLaw(LawAlongPath):
         object.__setattr__(self, "rates", Rates(*rates))
 
     @classmethod
-    def of_squares(
+    def from_squares(
         cls, joint_path: JointPath, s: FloatArray, x: FloatArray, slope: FloatArray
     ) -> PathLaw:
         """The law with given squares of the path speed.

@@ -450,11 +450,11 @@ class Trajectory(Checked):
                 end += 1
             path_laws = [x for x in self.laws[begin:end] if type(x) is PathLaw]
             if len(path_laws) == end - begin:
-                joined = JoinedLaws.of(path_laws, np.array(self.starts[begin:end]))
+                joined = JoinedLaws.from_laws(path_laws, np.array(self.starts[begin:end]))
                 self._joined[:] = [(begin, end, joined)]
                 return law_index - begin, joined
         laws, law = np.unique(law_index, return_inverse=True)
-        return law, JoinedLaws.of([self.laws[k] for k in laws.tolist()], self.starts[laws])
+        return law, JoinedLaws.from_laws([self.laws[k] for k in laws.tolist()], self.starts[laws])
 
     def with_rests(self, t: FloatArray, order: int = 0) -> FloatArray:
         """The motion at any times, at rest before and after it, (n, dof).
@@ -743,7 +743,7 @@ class JoinedLaws:
     coefficients: FloatArray
 
     @classmethod
-    def of(cls, laws: Sequence[PathLaw], starts: FloatArray) -> JoinedLaws:
+    def from_laws(cls, laws: Sequence[PathLaw], starts: FloatArray) -> JoinedLaws:
         """The table of some laws with their start times [s]."""
         paths = [x.joint_path for x in laws]
         return cls(

@@ -288,7 +288,7 @@ def _law(grid: Grid, found: Plan) -> PathLaw:
         NotRealizable: Two neighbouring points are at rest.
     """
     try:
-        return PathLaw.of_squares(grid.joint_path, grid.s, found.x, found.k)
+        return PathLaw.from_squares(grid.joint_path, grid.s, found.x, found.k)
     except InvalidInput as error:
         if error.index is None:
             raise

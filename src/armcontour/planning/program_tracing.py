@@ -86,7 +86,9 @@ class Tracing:
     @classmethod
     def along(cls, joint_path: JointPath, path: Path) -> Tracing:
         """The tracing of one path that is traced already."""
-        return cls(program=Program.of(path), steps=(TracedMove(move=0, joint_path=joint_path),))
+        return cls(
+            program=Program.from_path(path), steps=(TracedMove(move=0, joint_path=joint_path),)
+        )
 
     def is_contour(self, step: TracedMove) -> bool:
         """Whether a step is a contour of the program."""

@@ -104,7 +104,7 @@ def order_contours(program: Program, process: Process) -> Program:
     if order == "inside_first":
         moves = [contours[i] for i in _inside_first(parents)]
         return dataclasses.replace(program, moves=tuple(moves))
-    choices = _Choices.of(contours, process, free=order == "shortest")
+    choices = _Choices.from_contours(contours, process, free=order == "shortest")
     if order == "nearest":
         return dataclasses.replace(program, moves=choices.taken(*choices.nearest(parents)))
     tour, option = choices.shortest(parents)
@@ -168,7 +168,9 @@ class _Choices:
     first: IntArray
 
     @classmethod
-    def of(cls, contours: tuple[Contour, ...], process: Process, *, free: bool) -> _Choices:
+    def from_contours(
+        cls, contours: tuple[Contour, ...], process: Process, *, free: bool
+    ) -> _Choices:
         """The options of contours; `free` contours may begin at several places."""
         count = int(np.clip(MOST_PLACES // len(contours), FEWEST_PLACES, PLACES))
         made: list[Callable[[], Contour]] = []
@@ -503,7 +505,7 @@ def _find_start(path: Path, begin: str | float | Sequence[float]) -> float:
     if isinstance(begin, float):
         return begin % path.length
     last = slice(len(path) - 1, None)
-    end = path.segments.at(last, path.lengths[last], 1)
+    end = path.segments.evaluate(last, path.lengths[last], 1)
     if np.linalg.norm(path.tangents[0] - end[0]) <= TANGENT_TOLERANCE:
         return 0.0
     longest = int(np.argmax(path.lengths))

@@ -199,7 +199,7 @@ def _refuse_near_ones(
         owner = np.repeat(np.arange(len(indices)), [len(x) for x in paths])
         path = Segments.join(paths)
         source = Segments.join(sources)
-        nearest = find_nearest(source, path.at(slice(None), path.lengths / 2))
+        nearest = find_nearest(source, path.evaluate(slice(None), path.lengths / 2))
         room = nearest.distance - np.array([kerfs[i] for i in indices])[owner] / 2
         k = int(np.argmin(room))
         if room[k] >= -SLACK:

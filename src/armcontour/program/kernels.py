@@ -45,16 +45,16 @@ class _Tour(NamedTuple):
     Attributes:
         order: The contour at each position, (n + 1,).
         option: The option of every contour, (n,).
-        place: Position of every contour, (n,).
-        at: The option at each position; -1 before the first one and after the last, (n + 2,).
+        position: Position of every contour, (n,).
+        chosen: The option at each position; -1 before the first one and after the last, (n + 2,).
         ahead: Length of the links up to each position, (n + 2,).
         back: The same if they run backwards, (n + 2,).
     """
 
     order: IntArray
     option: IntArray
-    place: IntArray
-    at: IntArray
+    position: IntArray
+    chosen: IntArray
     ahead: FloatArray
     back: FloatArray
 

@@ -265,7 +265,7 @@ class Program(Checked):
             )
 
     @classmethod
-    def of(cls, path: Path | Program, needs: str = "A program is made of a Path") -> Program:
+    def from_path(cls, path: Path | Program, needs: str = "A program is made of a Path") -> Program:
         """Make a program of a path, whose start point is kept; return a program as it is.
 
         All other code takes programs only.

@@ -63,7 +63,7 @@ def prepare(
             no side, lengths of leads are missing, or a program in the plane has an approach, a
             retract or the height of a pierce.
     """
-    program = Program.of(program, "prepare needs a Path or a Program")
+    program = Program.from_path(program, "prepare needs a Path or a Program")
     if lengths is not None:
         lengths = checks.check_sequence("lengths", lengths, Leads, "Leads")
     check_process(program, process)

@@ -94,7 +94,7 @@ def round_corners(
         for doubt in () if callable(tolerance) else doubt_tolerance(path, tolerance):
             warnings.warn(capitalise(doubt), stacklevel=3)
         return rounded_path
-    program = Program.of(path, "round_corners needs a Path or a Program")
+    program = Program.from_path(path, "round_corners needs a Path or a Program")
     moves = [
         put_on_path(x, rounded(x.path)) if isinstance(x, Contour) else x for x in program.moves
     ]
@@ -144,7 +144,7 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
     """
     from armcontour.geometry.curvature import smooth_curvature as smooth_path
 
-    program = Program.of(path, "smooth_curvature needs a Path or a Program")
+    program = Program.from_path(path, "smooth_curvature needs a Path or a Program")
     moves = []
     for x in program.moves:
         if isinstance(x, Contour):

@@ -207,6 +207,6 @@ def _spreads(segments: Segments, breaks: FloatArray, coefficients: FloatArray) -
     half = segments.lengths[::2][:, None]
     second = u > half
     row = 2 * np.arange(len(width))[:, None] + second
-    on = segments.at(row.ravel(), np.where(second, u - half, u).ravel())
+    on = segments.evaluate(row.ravel(), np.where(second, u - half, u).ravel())
     off = np.linalg.norm(on.reshape(points.shape) - points, axis=2)
     return np.asarray(SURE * off.max(axis=1))

@@ -90,7 +90,7 @@ def shape(
     """
     bounds = resolve_limits("shape", arm, limits)
     check_jerk_support(Method.SHAPED, bounds)
-    program = Program.of(path, "shape needs a Path or a Program")
+    program = Program.from_path(path, "shape needs a Path or a Program")
     found = Shaping(arm, bounds, options).shape(program, progress, named=program is path)
     if program is path:
         return found

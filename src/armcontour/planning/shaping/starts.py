@@ -149,7 +149,7 @@ class Timer:
 
 def tube_of(objective: Path, options: Shaped) -> Tube:
     """The tube of the tolerance around an objective path."""
-    return Tube.of(
+    return Tube.around(
         objective, options.tolerance, line_tolerance=options.line_tolerance, zone=options.zone
     )
 
