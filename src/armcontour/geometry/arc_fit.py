@@ -31,13 +31,14 @@ Curves = Callable[[IntArray, FloatArray, int], FloatArray]
 
 # Fractions of an interval at which its arcs are compared with the curve.
 PLACES = np.linspace(0, 1, 17)
-# Part of the tolerance allowed at these points, as the distance between them is a little larger.
+# Fraction of the tolerance allowed at these points, because the distance between them is slightly
+# larger.
 SHARE = 0.9
 # Largest number of parts into which an interval out of tolerance is split at once.
 MOST_PARTS = 8
-# If more intervals than this are needed, the tolerance is refused as too small for the curve.
+# Largest number of intervals; more raise an error because the tolerance is too small for the curve.
 MOST_INTERVALS = 500_000
-# Arcs that stand for transitions are within this of them by default [m].
+# Default distance between transitions and the arcs that replace them [m].
 DRAWN = 1e-7
 # An interval out of tolerance that is shorter than this fraction of the tolerance becomes a corner.
 CORNER = 1e-3
@@ -48,7 +49,7 @@ NEAR_END = 2e-3 * 0.5 ** np.arange(4)
 TO_ZERO = np.array([np.prod([-b / (a - b) for b in NEAR_END if b != a]) for a in NEAR_END])
 # Fractions of an interval at which the norm of the derivative ("speed") is sampled for cusps, where
 # the derivative vanishes. Minima are refined if the speed is below a fraction of the largest, by
-# steps of a golden-section search; more would not give more digits.
+# steps of a golden-section search; more steps give no more digits.
 CUSP_PLACES = np.linspace(0, 1, 33)
 SLOW, STEPS, GOLDEN = 0.5, 45, (np.sqrt(5) - 1) / 2
 # The derivative vanishes if the least speed is at most this fraction of the largest. A larger least
@@ -58,11 +59,11 @@ AT_CUSP = 1e-6
 ROUGH = 64 * np.finfo(float).eps
 # Largest difference of two tangents, both computed as limits, that count as equal [rad].
 SAME_LIMIT = 1e-4
-# Largest fraction of an interval's length between two neighbouring sample points; beyond it the
-# curve could leave its arcs unseen. A parametrization that starts from rest stays below it.
+# Largest fraction of an interval's length between two neighbouring samples; beyond it a deviation
+# between samples could be missed. A parametrization that starts from rest stays below it.
 RUSH = 0.35
 # An interval is a line if the curve stays within this fraction of its chord, or within the rounding
-# errors of its points if these are small enough to tell the direction of the chord.
+# errors of its points if these determine the direction of the chord.
 ON_CHORD = 1e-12
 ROUNDING = 16 * np.finfo(float).eps
 # Rounding errors up to which neighbours lie on one line (difference of tangents [rad]) or on one
@@ -102,7 +103,7 @@ def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
 def fit_many(
     curves: Curves, breaks: FloatArray, rows: IntArray, tolerance: float
 ) -> list[Segments]:
-    """Lines and tangent arcs along many curves, each as by `fit_arcs`, in one go.
+    """Lines and tangent arcs along many curves, each as by `fit_arcs`.
 
     Args:
         curves: `curves(row, t, order)` gives points or derivatives of the curves `row` at `t`, as
@@ -136,10 +137,10 @@ def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Seg
 
 
 def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArray]:
-    """The path with tangent arcs for its transitions, within a tolerance of them [m].
+    """The path with tangent arcs instead of its transitions, within a tolerance [m].
 
     Returns:
-        The path, and arc lengths on both paths that belong together, at the vertices [m], (n, 2).
+        The path, and corresponding arc lengths on both paths at the vertices [m], (n, 2).
     """
     rows, breaks = path.segments, path.breaks
     arcs, vertices = fit_through(path, breaks, tolerance)
@@ -164,7 +165,7 @@ def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArr
 
 
 def _orient(orientation: Orientation, table: Segments, matched_s: FloatArray) -> Orientation:
-    """An orientation along other segments, whose waypoints have other arc lengths."""
+    """The orientation along other segments, whose waypoints have other arc lengths."""
     if orientation.follows:
         return carry(table, orientation.starts[0], axis_only=orientation.axis_only)
     middle = (table.breaks[:-1] + table.breaks[1:]) / 2
@@ -178,7 +179,7 @@ def _orient(orientation: Orientation, table: Segments, matched_s: FloatArray) ->
 
 
 def _refuse_fine(tolerance: float) -> None:
-    """Refuse a tolerance that points cannot be compared with."""
+    """Raise InvalidInput for a tolerance below the resolution of a point."""
     if checks.positive("tolerance of a curve", tolerance, "m") < REPEATED_POINT:
         raise InvalidInput(
             f"The tolerance of a curve must be at least {REPEATED_POINT:g} m, but is "
@@ -194,7 +195,11 @@ def _single(curve: Curve) -> Curves:
 def _fit(
     curves: Curves, breaks: FloatArray, row: IntArray, tolerance: float, *, through: bool
 ) -> tuple[Segments, IntArray]:
-    """The segments of all curves in sequence, and the vertices that are never merged away."""
+    """The segments of all curves, and the indices of the vertices that are never merged.
+
+    With `through` every break is such a vertex, and no lines are used; otherwise the start of each
+    curve.
+    """
     with np.errstate(all="ignore"):
         intervals = _split(curves, _intervals_of(curves, breaks, row), tolerance, lines=not through)
         intervals = _drop_points(intervals)
@@ -278,7 +283,10 @@ def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Interva
 def _split_at_cusps(
     curves: Curves, breaks: FloatArray, rows: IntArray
 ) -> tuple[FloatArray, IntArray, BoolArray]:
-    """Add the parameter values between breaks at which the derivative of a curve vanishes."""
+    """The breaks with the cusps of the curves added, their curves, and a mask of the cusps.
+
+    The derivative of a curve vanishes at a cusp.
+    """
     one = np.flatnonzero(rows[:-1] == rows[1:])
     begin, end = breaks[one], breaks[one + 1]
     parameters = begin[:, None] + (end - begin)[:, None] * CUSP_PLACES
@@ -302,7 +310,7 @@ def _split_at_cusps(
     curve = np.concatenate([rows, row[vanishes]])
     order = np.lexsort([together, curve])
     together, curve = together[order], curve[order]
-    # A value found at a break is that break.
+    # A cusp at a break is that break.
     distinct = np.concatenate([[True], (np.diff(together) > 0) | (np.diff(curve) > 0)])
     return together[distinct], curve[distinct], (order >= len(breaks))[distinct]
 
@@ -315,7 +323,7 @@ def _tangents(
     size: FloatArray,
     cusp: BoolArray,
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """One-sided unit tangents of intervals and their uncertainty, at the starts and at the ends."""
+    """One-sided unit tangents at the starts and ends of intervals, and uncertainties [rad]."""
     row, begin, end = row[starts], breaks[starts], breaks[starts + 1]
     span = end - begin
     parameters = begin[:, None] + span[:, None] * PLACES[1:-1]
@@ -323,7 +331,7 @@ def _tangents(
     still = STILL * speed + ROUNDING * size / span
     tangents = []
     for t, sign, vanishes in ((begin, 1.0, cusp[starts]), (end, -1.0, cusp[starts + 1])):
-        # The derivative may jump at a break, so it is taken at the next number inside.
+        # The derivative may jump at a break, so it is evaluated at the next number inside.
         derivative = curves(row, np.nextafter(t, t + sign * span), 1)
         weak = (length(derivative) <= still) | vanishes
         direction = unit(derivative)
@@ -338,7 +346,7 @@ def _tangents(
 
 
 def _at(curves: Curves, row: IntArray, parameters: FloatArray, order: int) -> FloatArray:
-    """Points or derivatives at k places of each interval, (n, k, dimension)."""
+    """Points or derivatives at k parameters of each interval, (n, k, dimension)."""
     every = np.repeat(row, parameters.shape[1])
     return np.asarray(curves(every, parameters.ravel(), order)).reshape(*parameters.shape, -1)
 
@@ -400,7 +408,7 @@ def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArra
 
 
 def _is_straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
-    """Whether the curve runs straight along its chord without turning back, (n,)."""
+    """Mask of the intervals on which the curve runs straight along its chord, (n,)."""
     chord = intervals.p1 - intervals.p0
     size = length(chord)
     along = unit(chord)
@@ -414,7 +422,7 @@ def _is_straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
 
 
 def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Intervals:
-    """Divide intervals into equal parts, as many as their distances need.
+    """Divide intervals into equal parts until the distance fits.
 
     The distance between curve and biarc falls with the cube of the interval's length.
     """
@@ -475,7 +483,7 @@ def _arcs(intervals: _Intervals) -> tuple[Segments, IntArray]:
 
 
 def _merge(arcs: Segments, vertices: IntArray) -> tuple[Segments, IntArray]:
-    """Merge neighbours that lie on one line or one circle."""
+    """Merge neighbours on one line or circle; returns also the first row of each merged segment."""
     k, u = arcs.curvatures, arcs.lengths
     turn = k * u
     same = (

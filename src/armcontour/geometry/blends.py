@@ -1,8 +1,8 @@
-"""Blends across corners beside arcs: pairs of tangent arcs, or connections, within a corner error.
+"""Blends at corners next to arcs: pairs of tangent arcs, or connections, within a corner error.
 
-A blend replaces the tangent length t of both segments at a corner by two arcs, each of which bends
-more than the segment beside it by nearly the same curvature. Where there is no corner, the blend
-is the two segments; between two lines it is the one arc of (10)-(16). Where the curvature must not
+A blend replaces the tangent length t of both segments at a corner by two arcs. Each arc has more
+curvature than its neighbouring segment, by nearly the same amount. Without a corner, the blend is
+the two segments; between two lines it is the single arc of (10)-(16). Where the curvature must not
 jump, a blend is a connection (connections.py). See docs/concepts/rounding.md.
 """
 
@@ -20,19 +20,19 @@ from armcontour.geometry.corner_curves import Bounds, CornerKind, Drawn
 from armcontour.geometry.rounded_orientation import middle_of
 from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, share_limits
 
-# A search for a tangent length may end this fraction below it; halving alone comes there from a
-# nanometre to a kilometre in fewer than a third of these steps.
+# Relative error of a search for a tangent length. Bisection from a nanometre to a kilometre takes
+# less than a third of these steps.
 NEAR = 1e-9
 STEPS = 120
-# Shorter tangent lengths are not made: they come near the distance of repeated points [m].
+# Smallest tangent length; shorter ones approach the distance of repeated points [m].
 SHORTEST = 2 * REPEATED_POINT
-# Largest angle by which a blend's arcs and the parts of arcs that it replaces turn [rad]: none of
-# them turns back, so that the corner is where blend and path are farthest apart.
+# Largest turn of a blend's arcs and of the arcs that it replaces [rad]: no arc turns back, so the
+# distance between blend and path is largest at the corner.
 WIDEST = np.pi / 2
 ROUNDING = 1e-9
-# A blend counts as one that uses its tolerance within this fraction, by which its search may miss.
+# A blend uses its tolerance fully if it does so within this fraction, the error of the search.
 FULL = 1e-6
-# Shares of each half of a connection at which it is compared with what it replaces.
+# Fractions of each half of a connection at which its distance from the path is evaluated.
 LOOKS = np.linspace(0.0, 1.0, 17)
 
 
@@ -54,11 +54,11 @@ class _Pairs:
 
 
 class _Blend(CornerKind):
-    """A kind of blend."""
+    """Base class of blends."""
 
     @abstractmethod
     def shares(self, bounds: Bounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The largest share of a bound that blends take, and their bend [1/m], (n,)."""
+        """Largest used fraction of a bound, and the curvature [1/m], for tangent lengths t."""
 
     def shortest(self, half: FloatArray) -> FloatArray:
         return np.full(len(half), REPEATED_POINT)
@@ -74,7 +74,7 @@ class _Blend(CornerKind):
                 return high
             low = np.minimum(SHORTEST, high)
             under, smallest_excess = self._excess(bounds, low)
-            # A vertex that hardly turns is smooth enough for any speed with the shortest blend.
+            # At a vertex with a tiny turn the shortest blend satisfies any speed.
             tangents = np.where(smallest_excess <= 0, low, 0.0)
             tangents[over <= 0] = high[over <= 0]
             remaining = np.flatnonzero((under <= 0) & (over > 0))
@@ -87,8 +87,9 @@ class _Blend(CornerKind):
     def _search(self, bounds: Bounds, state: FloatArray) -> FloatArray:
         """Largest tangent lengths within bounds [m], (n,).
 
-        False position in logarithms, in which errors are nearly straight lines; every third step
-        halves.
+        Uses false position on logarithms, where the excess is nearly linear; every third step
+        bisects. `state` has the logarithms of lengths that satisfy and that violate the bounds, and
+        the excess of both, (4, n).
         """
         active = np.arange(len(bounds.half))
         for step in range(STEPS):
@@ -107,7 +108,7 @@ class _Blend(CornerKind):
         return np.asarray(np.exp(state[0]))
 
     def _excess(self, bounds: Bounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """By how much blends exceed their bounds, as logarithms, (n,): not above 0 if they fit."""
+        """Logarithmic excess of blends over their bounds, with and without that of the radius."""
         any_radius, curvature = self.shares(bounds, t)
         need = 1 / (bounds.radius * np.maximum(curvature, 0.0))
         wide = np.where(np.isfinite(bounds.radius), need, 0.0)
@@ -143,7 +144,7 @@ class _Pair(_Blend):
 
 
 class _Connection(_Blend):
-    """A connection, whose curvature nowhere jumps."""
+    """A connection, whose curvature is continuous."""
 
     smooth = True
 
@@ -152,7 +153,7 @@ class _Connection(_Blend):
         back, ahead = around_vertices(bounds.before, bounds.after)
         x, peaks = connections.nearest, []
         for begin, end, old, old_begin in ((0 * x, x, back, t), (x, 1 + 0 * x, ahead, 0 * t)):
-            # A half and what it replaces, both passed evenly.
+            # One half and the part that it replaces, both parametrized evenly.
             deviations = [
                 connections.begin
                 + connections.evaluate(EVERY, begin + share * (end - begin))
@@ -185,7 +186,7 @@ def _drawn(
     error: FloatArray,
     curvature: FloatArray,
 ) -> Drawn:
-    """Blends with their largest curvatures, corner errors and bends, (n,) each."""
+    """Blends as `Drawn`, from their largest curvatures, corner errors and inward curvatures."""
     full = (error >= bounds.error * (1 - FULL)) | (curvature <= (1 + FULL) / bounds.radius)
     with np.errstate(divide="ignore"):
         return Drawn(rows=rows, corner=corner, radius=1 / tightest, error=error, shrunk=~full)
@@ -213,9 +214,9 @@ def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
 
 
 def _peak(values: FloatArray) -> FloatArray:
-    """Largest values of smooth functions that are known at even places, (n,).
+    """Upper bounds of smooth functions sampled at even points, values (points, n).
 
-    Between places a peak is higher than the place next to it by an eighth of the second difference.
+    Between samples a peak exceeds the nearest sample by an eighth of the second difference.
     """
     inner = values[1:-1]
     rise = np.abs(values[2:] - 2 * inner + values[:-2]) / 6
@@ -230,7 +231,7 @@ def _peak(values: FloatArray) -> FloatArray:
 def _distance(first: Segments, second: Segments) -> FloatArray:
     """Distance of the corner, which is the origin, from the two arcs of each blend [m], (n,).
 
-    Measured from the point where the arcs meet, which is near the corner, so that no digits are
+    It is measured from the point where the arcs meet, which is near the corner, so no digits are
     lost.
     """
     v = -second.starts

@@ -1,7 +1,7 @@
-"""Smooth connections across a vertex, from a place before it to a place after it.
+"""Smooth connections across a vertex, between a point before and a point after it.
 
 A connection has the points, tangents, curvatures and changes of curvature of the segments at both
-ends. It is a polynomial of degree 7, which is drawn as transitions: quintics between places on it.
+ends. It is a polynomial of degree 7, drawn as transitions: quintics between points on it.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ from armcontour.geometry.biarcs import (
 from armcontour.geometry.segments import EVERY, Segments, largest_bend
 
 DEGREE = 7
-# The last four coefficients over what the first four leave of the end's value and derivatives.
+# Maps the residuals of the end's value and derivatives, after the first four coefficients, to the
+# last four coefficients.
 LAST = np.linalg.inv([[math.perm(j, k) for j in range(4, 8)] for k in range(4)])
-# Places and weights by which lengths are integrated; they are exact to rounding errors for the
-# bends that are drawn.
+# Nodes and weights of the integration of arc length, exact to rounding errors for the curves here.
 PLACES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 SHARES = (PLACES + 1) / 2
-# The length of a connection is made to fit its parametrization so often: it need not fit exactly.
+# Iterations that adapt the length of a connection to its parametrization, which need not be exact.
 ROUNDS = 3
-# Newton's steps to a place on a connection; they end at rounding errors.
+# Newton steps to a parameter of a connection; they converge to rounding errors.
 STEPS = 8
-# A connection is drawn in two halves of up to this many quintics each, and looked at in so many
-# places of each to see whether its length is even.
+# Largest number of quintics in each half of a connection, and the fractions of each quintic at
+# which its speed is checked.
 MOST_PARTS = 64
 LOOKS = np.linspace(0.1, 0.9, 5)
-# Places at which the shape of a connection is judged.
+# Parameters at which the shape of a connection is checked.
 MANY = np.linspace(0.0, 1.0, 33)
-# A connection is none if its speed varies by more, if it turns farther from its middle direction,
-# or if its largest curvature times its length is more: it would not be one even bend.
+# Limits on the relative speed, on the turn from the middle direction, and on the largest curvature
+# times the length. A connection beyond them is not a single even curve.
 SLOWEST, FASTEST = 0.5, 1.6
 FARTHEST = np.cos(np.radians(72))
 TIGHTEST = 10.0
@@ -55,9 +55,9 @@ class Connections:
     """The connections across n vertices.
 
     Args:
-        begin: Where they begin, relative to the vertices [m], (n, dimension).
-        coefficients: Coefficients from 1 to x⁷ of the way from there, x from 0 to 1 [m],
-            (n, 8, dimension).
+        begin: Start points relative to the vertices [m], (n, dimension).
+        coefficients: Coefficients of 1 to x⁷ of the position relative to the start, x from 0 to 1
+            [m], (n, 8, dimension).
     """
 
     begin: FloatArray
@@ -68,7 +68,7 @@ class Connections:
         return len(self.begin)
 
     def evaluate(self, i: IntArray | slice, x: FloatArray, order: int = 0) -> FloatArray:
-        """Ways from the starts of connections `i` at x, or their derivatives by x."""
+        """Positions relative to the starts of connections `i` at x, or their derivatives by x."""
         c = self.coefficients[i]
         values = np.zeros(np.shape(x) + c.shape[-1:])
         for k in range(DEGREE, order - 1, -1):
@@ -81,7 +81,7 @@ class Connections:
 
     @property
     def nearest(self) -> FloatArray:
-        """Where the connections are nearest to their vertices, x from 0 to 1, (n,)."""
+        """Parameters x of the points nearest to the vertices, from 0 to 1, (n,)."""
         parameters = self._many[1:-1]
         x = MANY[1 + length(self.begin + self.evaluate(EVERY, parameters)).argmin(axis=0)]
         for _ in range(STEPS):
@@ -93,17 +93,17 @@ class Connections:
 
     @property
     def largest_bend(self) -> FloatArray:
-        """Largest curvatures at many places [1/m], (n,)."""
+        """Largest curvatures over the sampled parameters [1/m], (n,)."""
         return np.asarray(length(self.contact(EVERY, self._many)[2]).max(axis=0))
 
     @property
     def _many(self) -> FloatArray:
-        """Many places on every connection, (places, n)."""
+        """Sampled parameters of every connection, (samples, n)."""
         return np.tile(MANY[:, None], len(self))
 
     @property
     def sound(self) -> BoolArray:
-        """Mask of the connections that bend from end to end without loops or cusps, (n,)."""
+        """Mask of the connections without loops, cusps and strong variation of speed, (n,)."""
         first = self.evaluate(EVERY, self._many, 1)
         speeds = length(first)
         along = dot(first, unit(first[0] + first[-1])) / speeds
@@ -113,7 +113,7 @@ class Connections:
         return np.asarray(even & ~tight & (along.min(axis=0) > FARTHEST))
 
     def contact(self, i: IntArray | slice, x: FloatArray) -> Contact:
-        """Ways from the starts, unit tangents and curvature vectors of connections `i` at x."""
+        """Relative positions, unit tangents and curvature vectors of connections `i` at x."""
         return self.evaluate(i, x), *contact_of(self.evaluate(i, x, 1), self.evaluate(i, x, 2))
 
 
@@ -147,9 +147,9 @@ def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
 
 
 def around_vertices(before: Segments, after: Segments) -> tuple[Segments, Segments]:
-    """Segments before vertices, run backwards, and those after them, all from an origin of zero.
+    """Segments before vertices, reversed, and those after them, all starting at the origin.
 
-    Places near a vertex then keep all their digits.
+    Points near a vertex then keep all their digits.
     """
     zero = np.zeros_like(after.starts)
     back = before.run(np.arange(len(before)), np.full(len(before), True))
@@ -159,12 +159,12 @@ def around_vertices(before: Segments, after: Segments) -> tuple[Segments, Segmen
 def draw_connections(
     connections: Connections, vertices: FloatArray, middle: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray]:
-    """Transitions along connections, as evenly as `UNEVEN` asks for.
+    """Transitions along connections, with a speed that is 1 within `UNEVEN`.
 
     Args:
         connections: The connections, n.
         vertices: Their vertices [m], (n, dimension).
-        middle: Where their halves meet, x from 0 to 1, (n,).
+        middle: Parameters x at which their halves meet, from 0 to 1, (n,).
 
     Returns:
         The transitions in order, the connection of each, and the mask of those before the middle.
@@ -189,14 +189,14 @@ def draw_connections(
 def _draw(
     connections: Connections, vertices: FloatArray, middle: FloatArray, parts: IntArray
 ) -> tuple[Segments, IntArray, BoolArray]:
-    """Transitions along connections, in halves of so many quintics each, (n,)."""
+    """Transitions along connections, with `parts` quintics in each half, (n,)."""
     every = np.arange(len(connections))
     half = connections.lengths_to(EVERY, middle)
     whole = connections.lengths_to(EVERY, np.ones(len(connections)))
     owners, number = number_parts(2 * parts)
     first = number < parts[owners]
     step = np.where(first, half[owners], (whole - half)[owners]) / parts[owners]
-    # Places on the connections at the ends of the quintics.
+    # Parameters of the connections at the ends of the quintics.
     node = np.where(first, number, number - parts[owners])
     s = np.where(first, 0.0, half[owners]) + node * step
     low, high = np.where(first, 0.0, middle[owners]), np.where(first, middle[owners], 1.0)
@@ -226,8 +226,8 @@ def bound_deviation(
 ) -> FloatArray:
     """Bounds of the distances between transitions and the parts of a path that they replace [m].
 
-    Both are passed evenly. Along each of the parts in which they are looked at, the way D between
-    their points is at most the larger one at its ends and an eighth of the largest D'' more.
+    Both are passed evenly. On each of the `parts`, the difference D of their points is at most the
+    larger value at the ends plus an eighth of the largest D''.
 
     Args:
         drawn: The transitions, n.
@@ -250,8 +250,8 @@ def bound_deviation(
         )
         for share in (0, 1)
     ]
-    # The second derivative of the old path, over the length of the transition, and how much it
-    # changes to either side of the middle.
+    # The second derivative of the old path by the arc length of the transition at the middle of the
+    # part, and its largest change on either side.
     second_derivative = ratio[:, None] ** 2 * old.evaluate(segment, low + step / 2, 2)
     change = old.curvatures[segment] ** 2
     if old.quintics.size:

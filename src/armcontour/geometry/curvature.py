@@ -27,24 +27,24 @@ from armcontour.geometry.rounded_path import RoundedPath
 from armcontour.geometry.segments import EVERY, TANGENT_TOLERANCE, Segments
 from armcontour.geometry.shaped_path import ShapedPath
 
-# Curvatures that differ by less than this share of them, or by less than the floor [1/m], are one:
-# over a metre of path the floor turns the tangent by a nanoradian.
+# Curvatures that differ by less than this fraction, or by less than the floor [1/m], count as
+# equal: over a metre of path the floor turns the tangent by a nanoradian.
 SAME_BEND, BEND_FLOOR = 1e-9, 1e-9
 # Deviation of a connection from the path at a small turn, over its half length squared and the jump
 # of the curvature.
 SMALL = 0.0077
 # Largest turn of either half of a connection [rad].
 WIDEST = 1.2
-# Connections shorter than this on either side are not made: motions pass them hardly faster than a
-# full stop [m].
+# Connections shorter than this on either side are not made, because motions pass them hardly faster
+# than a full stop [m].
 SHORTEST = 1e-6
-# Those that leave the tolerance are made shorter, so often at most; by at least the first share,
-# and less than what the deviation asks for by the second.
+# Largest number of times that a connection outside the tolerance is shortened, the largest factor
+# of one shortening, and the safety factor on the length that the deviation requires.
 TRIES, SHORTER, SAFE = 20, 0.95, 0.99
-# Those that are not sound become so much shorter.
+# Factor by which connections with a loop or a cusp are shortened.
 HALF = 0.5
-# Parts of each quintic in which deviations are bounded: first few, and many where that does not
-# show that the tolerance is kept. And connections that are drawn at a time.
+# Parts of each quintic in which deviations are bounded: first few, then many where few do not prove
+# the tolerance. Number of connections that are drawn together.
 FEW, MANY, AT_A_TIME = 2, 16, 4000
 
 
@@ -58,8 +58,8 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
             segments cap it.
 
     Returns:
-        The path, and arc lengths on both paths that belong together, from their starts to their
-        ends and linear in between [m], (n, 2).
+        The path, and corresponding arc lengths on both paths from start to end [m], (n, 2); the
+        correspondence is linear between them.
 
     Raises:
         InvalidInput: The tolerance is not above zero, or the path's tool orientation was rounded.
@@ -67,8 +67,8 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
     allowed = tolerance
     if isinstance(path, ShapedPath):
         raise InvalidInput(
-            "A shaped path bends as its timing wants it, and cannot be given another curvature: "
-            "smooth the curvature of a path that is not shaped."
+            "The curvature of a shaped path follows from its timing and cannot be changed: smooth "
+            "the curvature of a path that is not shaped."
         )
     vertex, limits, w = _find_jumps(path, allowed)
     parts = [
@@ -83,7 +83,7 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
 
 
 def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Jumps of the curvature without a corner, at which the orientation makes no tool stop anyway."""
+    """Vertices with a jump of curvature but no stop, and their tolerances and lengths [m]."""
     rows, orientation = path.segments, path.orientation
     vectors = [rows.evaluate(EVERY, u, 2) for u in (rows.lengths, 0 * rows.lengths)]
     jump = length(vectors[0][:-1] - vectors[1][1:])
@@ -107,7 +107,10 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
 def _draw(
     path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray, FloatArray]:
-    """Transitions within the tolerance, from connections that are made shorter until they are."""
+    """Transitions within the tolerance, their vertices and sides, and the lengths used [m], (n,).
+
+    Connections outside the tolerance are shortened and drawn again; length 0 means no transition.
+    """
     w = np.where(w < SHORTEST, 0.0, w)
     done = [np.zeros(0, dtype=np.intp)]
     drawn = [path.segments[:0]]
@@ -135,7 +138,10 @@ def _draw(
 def _connect(
     path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray, FloatArray]:
-    """Transitions of given lengths on either side of vertices, and their deviations."""
+    """Transitions of given lengths, their vertices and sides, and bounds of the deviations [m].
+
+    The deviation is infinite if a connection has a loop or a cusp.
+    """
     rows = path.segments
     connections = connect(rows[vertex], rows[vertex + 1], w)
     sound = connections.sound
@@ -167,7 +173,7 @@ def _replace(
     after: IntArray,
     first: BoolArray,
 ) -> tuple[Path, FloatArray]:
-    """The path with transitions, and the arc lengths on both that belong together [m], (m, 2)."""
+    """The path with transitions, and corresponding arc lengths on both paths [m], (m, 2)."""
     # Speeds, tolerances and tags stay on their sides of the vertex.
     originals = path.segments[np.where(first, after, after + 1)]
     columns = {x: getattr(originals, x) for x in ("speeds", "tolerances", "tags")}

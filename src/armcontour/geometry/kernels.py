@@ -15,10 +15,10 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernels import FUSED, compiled
 
 Point: TypeAlias = tuple[float, float, float]
-# Nodes of a tree that wait while another one is searched: one for each level.
+# Size of the stack of a tree search: one waiting node per level.
 STACK = 128
-# A search along the path goes on beyond its window from vertex to vertex as long as they are closer
-# to the point than this many times its distance from the first segment.
+# A search along the path continues beyond its window while vertices are closer to the point than
+# this many times the point's distance from the first segment.
 REACH = 5.0
 
 
@@ -27,7 +27,7 @@ class Foot(NamedTuple):
 
     Attributes:
         off2: Squared distance from the segment's line or full circle [m²].
-        along: Distance of the nearest place along a line [m]; for a circle the sine of the angle
+        along: Distance of the nearest point along a line [m]; for a circle the sine of the angle
             around the centre, times the ratio of the radii of point and circle.
         across: 0 for a line; for a circle the cosine of this angle, times the same ratio.
     """
@@ -57,7 +57,7 @@ def find_foot(p: Point, g: FloatArray) -> Foot:
 
 @compiled(inner=True, fastmath=FUSED)
 def distance2(foot: Foot, k: float, away: float) -> float:
-    """Squared distance to the place of a segment of curvature k that is so far from the foot [m²].
+    """Squared distance from the point to the position `away` along the segment from the foot [m²].
 
     Args:
         foot: The foot.
@@ -75,14 +75,9 @@ def distance2(foot: Foot, k: float, away: float) -> float:
 def nearest_within(
     p: Point, g: FloatArray, low: float, high: float, limit: float
 ) -> tuple[float, float]:
-    """Squared distance to a part of segment `g`, and the distance along it of the nearest point.
+    """Squared distance to segment `g` between `low` and `high`, and the nearest point's arc length.
 
-    Args:
-        p: The point [m].
-        g: The segment's row of `pack`, (15,).
-        low: Distance along the segment at which the part starts [m].
-        high: Distance along the segment at which the part ends [m].
-        limit: Squared distance from which on any distance at least as large is a result [m²].
+    Distances of `limit` [m²] or more are not computed exactly.
     """
     foot, k = find_foot(p, g), g[9]
     if foot.off2 >= limit:
@@ -125,13 +120,10 @@ def box_gap2(p: Point, boxes: FloatArray, k: int) -> float:
 def search_tree(
     queries: FloatArray, rows: FloatArray, pieces: IntArray, boxes: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance and arc length of the nearest point for each query, by a tree.
+    """Distance and arc length of the nearest point for each query, by a tree of boxes.
 
-    Args:
-        queries: Query points, padded to space [m], (n, 3).
-        rows: Segments from `pack`, (segments, 15).
-        pieces: Index of the segment of each piece, in tree order.
-        boxes: Lower and upper corners of the nodes' boxes in heap order, (2 m - 1, 6).
+    `queries` are padded to space, (n, 3); `pieces` has the segment of each piece in tree order;
+    `boxes` has the corners of the nodes' boxes in heap order, (2 m - 1, 6).
     """
     n, leaves = len(queries), (len(boxes) + 1) // 2
     distance, s = np.empty(n), np.empty(n)
@@ -139,13 +131,13 @@ def search_tree(
     segment = pieces[0]
     for i in range(n):
         p = queries[i, 0], queries[i, 1], queries[i, 2]
-        # The segment of the last query is a good first guess, as queries mostly follow a motion.
+        # The segment of the last query is a good first guess, because queries follow a motion.
         best, u = nearest_within(p, rows[segment], 0.0, rows[segment, 10], math.inf)
         depth, stack[0], bound[0] = 0, 0, 0.0
         while depth >= 0:
             node, gap2 = stack[depth], bound[depth]
             depth -= 1
-            # Down to the nearest leaf; the other half of each node waits.
+            # Descend to the nearest leaf; the other child of each node is pushed on the stack.
             while node < leaves - 1 and gap2 < best:
                 node, other = 2 * node + 1, 2 * node + 2
                 gap2, far2 = box_gap2(p, boxes, node), box_gap2(p, boxes, other)
@@ -172,12 +164,12 @@ def search_tree(
 def search_along(
     p: Point, rows: FloatArray, around: float, segment: int, low: float, high: float
 ) -> tuple[float, int]:
-    """Squared distance of a point from the path near a segment, and the segment of the place.
+    """Squared distance of a point from the path near a segment, and the nearest segment.
 
-    The search covers a window of arc lengths, and beyond it goes up to a vertex that is further
+    The search covers a window of arc lengths and continues beyond it up to a vertex that is farther
     away than `REACH` allows. A point that is closer than the best distance d is at least D - d
-    further along the path than a vertex at the distance D, because arc length grows at least as
-    fast as distance; segments before that are skipped.
+    farther along the path than a vertex at distance D, because arc length grows at least as fast as
+    distance. Segments before that are skipped.
 
     Args:
         p: The point [m].
@@ -219,12 +211,12 @@ def search_along(
     return best, nearest
 
 
-# A part is halved at most this often, and into at most this many parts.
+# Largest number of halvings of a part, and largest number of parts.
 DEPTH = 48
 PARTS = 20_000
-# Where the tolerance is exceeded, a bound within this fraction of it above what was found is close
-# enough. Elsewhere a bound is made as close as rounding allows, as long as there are fewer halvings
-# than this per given part.
+# Where the tolerance is exceeded, a bound is accepted if it exceeds the largest value at points by
+# less than this fraction of the tolerance. Elsewhere a bound is refined up to rounding, with at
+# most this number of halvings per part on average.
 CLOSE = 1e-6
 FINE = 50
 
@@ -235,7 +227,8 @@ class Pieces(NamedTuple):
     Attributes:
         rows: The pieces from `pack`, (m, 15).
         tolerance: Their tolerances [m], (m,).
-        given_up: Whether each piece gives up its start, and its end, to a neighbour, (m, 2).
+        given_up: Whether points at the start, and at the end, of each piece belong to a neighbour
+            with a smaller tolerance, (m, 2).
     """
 
     rows: FloatArray
@@ -245,7 +238,7 @@ class Pieces(NamedTuple):
 
 @compiled(inner=True)
 def _excess(p: Point, pieces: Pieces, j: int, low: float, high: float) -> tuple[float, float]:
-    """Distance of a point from a part of piece j, less its tolerance, and the nearest place [m].
+    """Distance of a point from a part of piece j, minus its tolerance, and the nearest arc length.
 
     The distance is infinite if the part is empty or a neighbour has the nearest point.
     """
@@ -262,13 +255,10 @@ def _excess(p: Point, pieces: Pieces, j: int, low: float, high: float) -> tuple[
 def find_excess(
     points: FloatArray, ranges: FloatArray, windows: IntArray, pieces: Pieces
 ) -> tuple[FloatArray, FloatArray]:
-    """Least distance less tolerance within a range of the path, and its arc length, per point.
+    """Smallest distance minus tolerance within a range of the path, and its arc length, per point.
 
-    Args:
-        points: Points, padded to space [m], (n, 3).
-        ranges: Arc lengths at which the range of each point starts and ends [m], (n, 2).
-        windows: First and last piece of that range, (n, 2).
-        pieces: The pieces.
+    `ranges` has the arc lengths of each range [m], (n, 2); `windows` its first and last piece, (n,
+    2).
     """
     excess, s = np.full(len(points), np.inf), np.zeros(len(points))
     for i in range(len(points)):
@@ -285,11 +275,10 @@ def find_excess(
 
 @compiled()
 def bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v1: float) -> Any:
-    """How far two matched parts of segments can be farther apart inside than at their ends.
+    """Largest distance between two matched parts of segments, minus that at their ends.
 
-    One part runs from u0 to u1 along g, the other from v0 to v1 along h, both evenly. It is an
-    eighth of the largest second derivative of their difference over the share of the way; see
-    tube.py.
+    One part runs from u0 to u1 along g, the other from v0 to v1 along h, both evenly. The bound is
+    an eighth of the largest second derivative of their difference; see tube.py.
     """
     turn_g, turn_h = g[9] * (u1 - u0), h[9] * (v1 - v0)
     bend_g, bend_h = turn_g * (u1 - u0), turn_h * (v1 - v0)
@@ -328,20 +317,20 @@ def bound_excess(
     pieces: Pieces,
     slack: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Bounds of distance less tolerance over parts of a path, and the largest values found.
+    """Bounds of distance minus tolerance over parts of a path, and the largest values at points.
 
     Args:
         rows: Segments of the path from `pack`, (n, 15).
         segment: The segment of each part, (k,).
-        parts: Distance along the segment, place and reach at the start of each part, then at its
-            end [m], (k, 6).
-        windows: First and last piece within reach of any of its places, (k, 2).
+        parts: Distance along the segment, arc length on the objective and reach at the start of
+            each part, then at its end [m], (k, 6).
+        windows: First and last piece within reach of each part, (k, 2).
         pieces: The pieces.
-        slack: A bound up to this is not made any closer [m].
+        slack: A bound up to this is not refined [m].
 
     Returns:
-        The bounds and the values found [m], and where these are, as arc lengths on the path [m],
-        (k,) each.
+        The bounds [m], the largest values at points [m], and the arc lengths of these points on
+        the path [m], (k,) each.
     """
     n = len(parts)
     bounds, largest, s = np.full(n, -np.inf), np.full(n, -np.inf), np.zeros(n)
@@ -382,7 +371,7 @@ def bound_excess(
             if bound <= enough or close or depth == DEPTH or count > PARTS:
                 bounds[i] = max(bounds[i], bound)
                 continue
-            # The second half takes the place of the whole, the first one goes on top.
+            # The second half replaces the whole part on the stack; the first half is pushed.
             for c in range(3):
                 middle = (part[c] + part[3 + c]) / 2
                 stack[top + 2, c], stack[top + 2, 3 + c] = part[c], middle

@@ -33,7 +33,7 @@ ROUNDING = 1e-15
 LINEAR = checks.frozen_array([0.0, 1.0, 0.0, 0.0])
 
 
-# Terms of fast rotations are large; only those that no float can have are refused.
+# Terms of fast rotations are large, so only values that are not finite are refused.
 FINITE = Quantity("", within=(-np.finfo(np.float64).max, np.finfo(np.float64).max))
 
 
@@ -75,7 +75,7 @@ class Orientation(Checked):
     fixed: bool = field(init=False, repr=False)
 
     def __str__(self) -> str:
-        """What is prescribed, and how the tool turns."""
+        """Prescribed part of the orientation, and its kind of rotation."""
         subject = "tool axis" if self.axis_only else "tool"
         if self.fixed:
             return f"{subject} constant"
@@ -214,7 +214,7 @@ class Orientation(Checked):
 
     @property
     def constant(self) -> bool:
-        """Whether the tool is held in one way along the whole path."""
+        """Whether the orientation is the same along the whole path."""
         single = len(self.starts) == 1
         return self.fixed and (single or bool((self.starts[1:] == self.starts[:-1]).all()))
 
@@ -245,14 +245,14 @@ class Orientation(Checked):
             step = step - np.sum(step * axis, axis=1, keepdims=True) * axis
         kink = np.linalg.norm(step, axis=1)
         size = np.linalg.norm(before, axis=1) + np.linalg.norm(after, axis=1)
-        # At a tight corner the rate changes much within the rounding error of an arc length.
+        # At a tight corner the rate changes strongly within the rounding error of an arc length.
         slope = np.linalg.norm(slope_before, axis=1) + np.linalg.norm(slope_after, axis=1)
         rounding = SAME_RATE * size + RATE_FLOOR + ROUNDING * self.breaks[1:-1] * slope
         return np.asarray(np.where(kink > rounding, kink, 0.0))
 
     @property
     def stops(self) -> FloatArray:
-        """Arc lengths [m] at which orientation or angular rate jumps: the tool stops, (k,)."""
+        """Arc lengths at which orientation or angular rate jumps, so the tool stops [m], (k,)."""
         inner = self.breaks[1:-1].copy()
         return inner[(self.kinks > 0) | (self.jumps > SAME_ORIENTATION)] if len(inner) else inner
 
@@ -262,7 +262,7 @@ class Orientation(Checked):
         Args:
             begin: Arc length at which the part starts [m].
             length: Length of the part [m].
-            shortest: Pieces up to this length are left out [m].
+            shortest: Pieces up to this length are discarded [m].
         """
         breaks = self.breaks - begin
         i = np.flatnonzero((breaks[1:] > shortest) & (breaks[:-1] < length - shortest))
@@ -318,7 +318,7 @@ class Orientation(Checked):
 
 @lru_cache(maxsize=16)
 def _straight(n: int) -> Mapping[str, FloatArray]:
-    """Columns of an orientation of n pieces that turn at constant rates; many paths share them."""
+    """Columns of an orientation of n pieces with constant rates, shared by many paths."""
     columns = {"second": np.zeros((n, 3)), "f": np.tile(LINEAR, (n, 1)), "g": np.zeros((n, 4))}
     return {name: checks.frozen_array(x) for name, x in columns.items()}
 

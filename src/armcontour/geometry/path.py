@@ -26,7 +26,7 @@ PLANE = "A tool is oriented in space: give the points of the path three coordina
 EVERY_VERTEX = checks.lock_copy(np.empty(0, dtype=np.intp))
 # A break of an orientation within this distance of a vertex of its path, in metres plus the same
 # fraction of the path length, is moved to the vertex. The differences come from remainders that
-# corner rounding leaves out, and from rounding errors of summed lengths.
+# corner rounding discards, and from rounding errors of summed lengths.
 SAME_BREAK = 1e-12
 
 
@@ -36,15 +36,15 @@ SAME_BREAK = 1e-12
 class Path(Checked):
     """A continuous chain of lines and arcs in the plane or in space, callable in arc length.
 
-    Rounding and smoothing put transitions between them, along which the curvature changes. Splines
-    consist of transitions. Build one with `polyline`, `spline` or `from_segments`.
+    Rounding and smoothing insert transitions, along which the curvature changes. Splines consist of
+    transitions. Make a path with `polyline`, `spline` or `from_segments`.
 
     Args:
         segments: Table of the n lines, arcs and transitions, with columns that are properties of
             the path.
-        merged: Indices of the input points that were left out because they repeat the point before.
-        waypoints: Indices of the vertices at which the kept input points lie; by default all
-            vertices. A spline has more vertices than points.
+        merged: Indices of the input points that were removed because they repeat the point before.
+        waypoints: Indices of the vertices at which the other input points are located; by default
+            all vertices. A spline has more vertices than points.
         orientation: Tool orientation along a path in space, or None; `oriented`, `pointing` and
             `following_tangent` set it.
 
@@ -103,7 +103,7 @@ class Path(Checked):
 
     @classmethod
     def from_segments(cls, segments: Iterable[Line | Arc]) -> Path:
-        """The path of lines and arcs, each of which starts where the one before it ends.
+        """The path of lines and arcs, each of which starts at the end of the previous one.
 
         Args:
             segments: The lines and arcs, in the order of travel.
@@ -164,8 +164,8 @@ class Path(Checked):
             axis_only: Only the tool axis (z) is prescribed; rotation about it is free.
 
         Raises:
-            InvalidInput: The path lies in the plane, the rotations are not valid or not as many
-                as the waypoints, or neighbours differ by half a turn.
+            InvalidInput: The path lies in the plane, the rotations are not valid, their number
+                differs from that of the waypoints, or neighbours differ by half a turn.
         """
         from armcontour.geometry import prescribed_orientation
 
@@ -198,8 +198,8 @@ class Path(Checked):
         """The path with a tool orientation at a fixed angle to the tangent.
 
         Args:
-            up: Direction across the first tangent, (3,); made perpendicular to it, it is z of the
-                path's frame, whose x is the tangent. The frame never turns about the tangent.
+            up: Direction across the first tangent, (3,). Its perpendicular part is z of the path's
+                frame, whose x is the tangent. The frame never turns about the tangent.
             tool: Rotation of the tool in the path's frame; by default its axis points against `up`.
             axis_only: Only the tool axis (z) is prescribed; rotation about it is free.
 
@@ -218,8 +218,8 @@ class Path(Checked):
     def placed(self, frame: Pose, *, scale: Factor = 1.0) -> Path:
         """The path moved from the coordinates of a frame to those of the frame's parent.
 
-        Speeds, tolerances and tool orientation move with it. A path in the plane becomes one in
-        space where the frame lifts or tilts it.
+        Speeds, tolerances and tool orientation move with it. A path in the plane becomes a path in
+        space if the frame lifts or tilts it.
 
             seam = Path.polyline([(0, 0), (0.1, 0)]).placed(Frame((0.4, 0.0, 0.2)))
 
@@ -228,7 +228,7 @@ class Path(Checked):
             scale: Factor of all lengths, before the path is placed.
 
         Raises:
-            InvalidInput: It is no frame, or the scale is not above zero.
+            InvalidInput: `frame` is no frame, or the scale is not above zero.
         """
         frame, factor = Frame.of(frame), scale
         path = self if frame.keeps_plane else self.lifted()
@@ -239,11 +239,11 @@ class Path(Checked):
         return path._plain(segments=segments, orientation=orientation)
 
     def lifted(self) -> Path:
-        """A path in the plane as a path in space at z = 0; a path in space as it is."""
+        """A path in the plane as a path in space at z = 0; a path in space unchanged."""
         return self if self.dimension == 3 else self._plain(segments=self.segments.lift())
 
     def _plain(self, **changed: object) -> Path:
-        """A plain Path with some attributes changed, without the attributes of a subclass."""
+        """A `Path` with some attributes changed, without the attributes of a subclass."""
         attributes = {x.name: getattr(self, x.name) for x in dataclasses.fields(Path) if x.init}
         return Path(**{**attributes, **changed})
 
@@ -261,9 +261,9 @@ class Path(Checked):
         )
 
     def joined(self, *others: Path) -> Path:
-        """One path of this one and others, each of which starts where the one before it ends.
+        """This path and others as one path; each starts at the end of the previous one.
 
-        `path + other` does the same for one other path.
+        `path + other` joins one other path.
 
             contour = lead_in.joined(circle, lead_out)
 
@@ -284,7 +284,7 @@ class Path(Checked):
             raise InvalidInput("Paths to join must all have an orientation, or none.")
         ends = np.array([x.segments[-1:].ends[0] for x in paths[:-1]])
         gaps = np.linalg.norm(ends - [x.starts[0] for x in paths[1:]], axis=1)
-        # If a gap is too wide, the check of all segments names it.
+        # If a gap is too wide, the check of all segments reports it.
         fits = bool((gaps <= REPEATED_POINT).all())
         before = np.cumsum([0, *(len(x) for x in paths)])
         waypoints = [x.waypoints[:-1] + k for x, k in zip(paths, before, strict=False)]
@@ -364,7 +364,7 @@ class Path(Checked):
             Shape `s.shape + (dimension,)` [m, -, 1/m, ...].
 
         Raises:
-            InvalidInput: An arc length is no number or outside the path, or there is no such order.
+            InvalidInput: An arc length is no number or outside the path, or the order is invalid.
         """
         arc_lengths = check_arc_length(s, self.length)
         i = self.locate(arc_lengths, side=side)
@@ -394,8 +394,8 @@ class Path(Checked):
     def project(self, points: npt.ArrayLike) -> Projection:
         """The nearest point of the path for each of `points`, exact on lines and arcs.
 
-        A spatial index is built at the first call and kept. A query then takes time about
-        proportional to the logarithm of the number of segments.
+        The first call builds a spatial index, which later calls use. The time of a query is then
+        approximately proportional to the logarithm of the number of segments.
 
         Args:
             points: Query points [m], (n, dimension).
@@ -406,19 +406,19 @@ class Path(Checked):
         return find_nearest(self.segments, points)
 
     def __str__(self) -> str:
-        """Length, segments, corners, and what is asked of the tool."""
+        """Length, segments, corners and process requirements."""
         return format_table(self._title("Path"), self._rows)
 
     __repr__ = short_repr
 
     def _title(self, kind: str) -> str:
-        """What it is, with its length and the number of its segments."""
+        """The kind of path with its length and number of segments."""
         location = "in the plane" if self.dimension == 2 else "in space"
         return f"{kind} {location}: {digits(self.length)} m, {count_noun(len(self), 'segment')}"
 
     @property
     def _rows(self) -> list[tuple[str, str]]:
-        """Ends, corners and demands as names and values."""
+        """Ends, corners and requirements as names and values."""
         ends = [", ".join(digits(x * 1e3) for x in self(s)) for s in (0.0, self.length)]
         corners = int((self.turns > TANGENT_TOLERANCE).sum())
         return [
@@ -474,7 +474,7 @@ class Path(Checked):
         low, high = self.breaks[nearest - 1], self.breaks[nearest]
         targets = np.where(orientation.breaks - low < high - orientation.breaks, low, high)
         distances = np.abs(targets - orientation.breaks)
-        # If two breaks are near one vertex, only the nearer one is moved there.
+        # If two breaks are near one vertex, only the nearer break is moved.
         first, again = np.append(np.inf, distances[:-1]), np.append(distances[1:], np.inf)
         first[1:][targets[1:] != targets[:-1]] = np.inf
         again[:-1][targets[1:] != targets[:-1]] = np.inf
@@ -485,7 +485,7 @@ class Path(Checked):
 
 
 def _increasing(waypoints: npt.ArrayLike, n: int) -> IntArray:
-    """Waypoints of a path of n segments, locked."""
+    """Checked and locked waypoints of a path of n segments."""
     indices = checks.indices("waypoints of a path", waypoints)
     if (
         indices.ndim != 1
@@ -498,7 +498,7 @@ def _increasing(waypoints: npt.ArrayLike, n: int) -> IntArray:
 
 
 def _range(values: FloatArray, unit: str) -> str:
-    """The known ones of some values in SI units, in thousandths; "" for none."""
+    """Range of the assigned values in SI units, in thousandths; "" for none."""
     assigned = values[np.isfinite(values)] * 1e3
     if not len(assigned):
         return ""
@@ -508,7 +508,7 @@ def _range(values: FloatArray, unit: str) -> str:
 
 
 def check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:
-    """Arc lengths clipped to the path, after refusing those outside by more than rounding errors.
+    """Arc lengths clipped to the path; those outside by more than rounding errors are refused.
 
     Raises:
         InvalidInput: An arc length is outside the path.
@@ -527,14 +527,14 @@ def check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:
 
 
 def _left_out(count: int, remaining: IntArray) -> tuple[int, ...]:
-    """Indices below `count` that are not kept."""
+    """Indices below `count` that are not in `remaining`."""
     if len(remaining) == count:
         return ()
     return tuple(np.setdiff1d(np.arange(count), remaining).tolist())
 
 
 def _without_repeats(points: FloatArray) -> IntArray:
-    """Indices of the points that differ from the point kept before them."""
+    """Indices of the points that differ from the previous remaining point."""
     none = np.zeros(max(len(points) - 1, 0), dtype=bool)
     _, mask = close_up(points[:-1], points[1:], none, REPEATED_POINT)
     return np.flatnonzero(np.append(True, mask))

@@ -1,4 +1,4 @@
-"""Constructors of the tool orientation along a path whose corners are not rounded yet."""
+"""Tool orientation along a path before corner rounding: from rotations, axes or the tangent."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from armcontour.geometry.biarcs import dot, unit
 from armcontour.geometry.orientation import LINEAR, SAME_ORIENTATION, Orientation, value_of
 from armcontour.geometry.segments import Segments
 
-# Between orientations that differ by more than this there is no shortest rotation [rad].
+# Orientations that differ by more than this have no unique shortest rotation [rad].
 HALF_TURN = np.pi - 1e-6
 # Rotations by less than this are rounding errors [rad].
 NO_TURN = 1e-14
-# A transition turns about the axis of its bend, and not about that from its first tangent to its
-# last, if the latter turn is this much smaller: then it bends to both sides.
+# A transition that curves to both sides may turn by nothing from its first tangent to its last.
+# Below this ratio of the turns, the axis of its curvature is used instead.
 NO_AXIS = 1e-6
 # Tool in the frame of the path: its x axis along the path, its z axis (the tool axis) against `up`.
 POINTING_DOWN = checks.frozen_array(np.diag([1.0, -1.0, -1.0]))
@@ -103,7 +103,7 @@ def _pointing(x: float, y: float, z: float) -> FloatArray:
 def follow(
     segments: Segments, up: npt.ArrayLike, tool: Any | None = None, *, axis_only: bool = False
 ) -> Orientation:
-    """An orientation that stays at a fixed angle to the tangent of a path.
+    """An orientation at a fixed angle to the tangent of a path.
 
     The tool never turns about the tangent: its orientation is constant on a line, turns with the
     tangent on an arc, and jumps by the turn at a corner until the corner is rounded.
@@ -156,7 +156,7 @@ def carry(segments: Segments, frame: FloatArray, *, axis_only: bool = False) -> 
         i = int(np.argmax(turn > HALF_TURN))
         raise InvalidInput(
             f"At the vertex after segment {i + 1} the path turns back by 180°, where a tool "
-            "that follows the tangent could turn either way: leave the tool's orientation fixed "
+            "that follows the tangent could turn either way: use a constant tool orientation "
             "there, or split the path.",
             index=i,
             point=segments.starts[i + 1].tolist(),
@@ -203,10 +203,9 @@ def tangent_rates(segments: Segments) -> FloatArray:
 def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
     """Turns of the tangents along segments, as `first`, `second`, `f` and `g` of an `Orientation`.
 
-    On a transition `second` is the axis from its first tangent to its last, and `first` is that of
-    the tilt out of this plane. Both angles are quintics: with the tangent and the curvature at both
-    ends, and with the change of curvature there that both neighbours share, so that the derivative
-    of the rate does not jump in a plane.
+    On a transition `second` is the axis from the first tangent to the last, and `first` is the axis
+    of the tilt out of this plane. Both angles are quintics that match the tangent, the curvature
+    and, in a plane, the shared derivative of the angular rate at both ends.
     """
     first, f = tangent_rates(segments), np.tile(LINEAR, (len(segments), 1))
     second, g = np.zeros_like(first), np.zeros_like(f)
@@ -243,11 +242,11 @@ def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
 
 
 def _axes_of_turns(segments: Segments, bent: IntArray) -> FloatArray:
-    """Unit vectors about which the tangents turn along transitions; zero where they do not."""
+    """Unit axes about which the tangents turn along transitions; zero for straight ones."""
     lengths = segments.lengths[bent]
     into, out = segments.evaluate(bent, 0 * lengths, 1), segments.evaluate(bent, lengths, 1)
     axes = np.cross(into, out)
-    # A transition that bends to both sides may turn by nothing.
+    # A transition that curves to both sides may turn by nothing.
     for share in (0.0, 0.5, 1.0):
         u = share * lengths
         other = (
@@ -264,8 +263,8 @@ def _axes_of_turns(segments: Segments, bent: IntArray) -> FloatArray:
 def _shared_changes(segments: Segments) -> FloatArray:
     """Derivatives of the tangents' angular rates at all vertices [rad/m²], (n + 1, 3).
 
-    At a vertex between transitions it is the mean of both; lines and arcs turn evenly, so that it
-    is zero at their ends.
+    At a vertex between transitions this is the mean of both sides. Lines and arcs turn at a
+    constant rate, so the derivative is zero at their ends.
     """
     every = np.arange(len(segments))
     sides = [
@@ -300,7 +299,7 @@ def _turn_evenly(
 def _per_waypoint(
     name: str, values: FloatArray, waypoints: IntArray, merged: tuple[int, ...]
 ) -> tuple[FloatArray, IntArray]:
-    """One value per waypoint of the path, and the indices of these waypoints in the input points."""
+    """One value per waypoint, and the index of each waypoint among the input points."""
     count = len(waypoints)
     points = count + len(merged)
     if len(values) not in (points, count):

@@ -97,7 +97,7 @@ class Arc:
         """The arc from `start` through `via` to `end`, in the plane or in space.
 
         In the plane, if `end` repeats `start`, this is the full circle with `start` and `via` at
-        the ends of a diameter. In space there are many such circles, so that none is given.
+        the ends of a diameter. In space such a circle is not unique and raises an error.
 
         Args:
             start: First point [m], 2 or 3 coordinates.
@@ -227,8 +227,8 @@ def _line(line: Line, index: int) -> Row:
     length = float(np.linalg.norm(end - start))
     if length == 0:
         raise InvalidInput(
-            f"Segment {index + 1} is a line of zero length at {tuple(start.tolist())} m: leave it "
-            "out.",
+            f"Segment {index + 1} is a line of zero length at {tuple(start.tolist())} m: "
+            "remove it.",
             index=index,
             point=start.tolist(),
         )
@@ -277,7 +277,7 @@ def _counter_clockwise(
 
 
 def _check_dimensions(index: int, first: FloatArray, second: FloatArray) -> None:
-    """Refuse two points of segment `index` that do not both have 2 or both have 3 coordinates."""
+    """Raise InvalidInput unless both points of a segment have 2 or both have 3 coordinates."""
     if first.shape not in ((2,), (3,)) or first.shape != second.shape:
         raise InvalidInput(
             f"The points of segment {index + 1} must both have 2 or both have 3 coordinates.",

@@ -2,10 +2,9 @@
 
 Across a rounded vertex the orientation is `exp(g b) exp(f a) R`, where R is the orientation at the
 vertex, and a and b are the angular rates before and after the vertex. f ends at 0 with slope 0, and
-g starts at 0 with slope 0, so that rate a fades out while rate b sets in. They are cubics; for
-continuous curvature they are quintics, whose second derivatives are 0 at the ends, so that the
-derivative of the angular rate does not jump either. The index of a vertex is that of the segment
-before it.
+g starts at 0 with slope 0, so rate a fades out while rate b sets in. They are cubics. For
+continuous curvature they are quintics with zero second derivatives at the ends, so the derivative
+of the angular rate is continuous as well. The index of a vertex is that of the segment before it.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from armcontour.geometry.segments import Segments
 # In the middle of a blend of length b that takes t of either piece, f is b times this, less t / 2:
 # for cubics, and for quintics.
 MIDDLE, SMOOTH_MIDDLE = 1 / 8, 5 / 32
-# A remainder of constant rate between two blends that is shorter than this is left out [m].
+# A remainder of constant rate between two blends that is shorter than this is discarded [m].
 SLIVER = 1e-12
 # No vertices.
 NOWHERE = np.empty(0, dtype=np.intp)
@@ -58,7 +57,7 @@ def find_kinks(path: Path) -> IntArray:
 
 
 def middle_of(smooth: bool) -> float:
-    """The share of a blend's length by which its middle is nearer to the vertex's orientation.
+    """Fraction of a blend's length that reduces the deviation of its middle from the vertex.
 
     Args:
         smooth: Whether the derivative of the angular rate must not jump.
@@ -67,12 +66,12 @@ def middle_of(smooth: bool) -> float:
 
 
 def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
-    """Largest k that keeps the angular tolerance in the middle of each corner [m], (k,).
+    """Largest k that satisfies the angular tolerance in the middle of each corner [m], (k,).
 
-    With tangent length t and the length l of the curve, the middle is `exp(k b) exp(-k a) R` with
-    `k = t / 2 - l / 8`, or, where the derivative of the rate must not jump, `t / 2 - 5 l / 32`. It
-    is infinite if the rate does not jump or the orientation follows the tangent, and 0 where the
-    orientation jumps, so that the tool stops.
+    With tangent length t and length l of the curve, the middle is `exp(k b) exp(-k a) R` with `k =
+    t / 2 - l / 8`, or, for a continuous derivative of the rate, `t / 2 - 5 l / 32`. k is infinite
+    if the rate does not jump or the orientation follows the tangent, and 0 where the orientation
+    jumps, because the tool stops there.
 
     Args:
         path: The objective path.
@@ -101,7 +100,7 @@ def round_orientation(
         objective: The path before rounding.
         vertex: Indices of the rounded vertices, (k,).
         tangent: Tangent length of each vertex [m], (k,); 0 for a vertex that stays sharp.
-        length: Length of what replaces each vertex [m], (k,).
+        length: Length of the curve that replaces each vertex [m], (k,).
         whole: Length of the rounded path [m].
         smooth: Whether the derivative of the angular rate must not jump.
 
@@ -153,7 +152,7 @@ def follow_rounded(
 
     orientation = objective.orientation
     assert orientation is not None
-    # The corner's curve has turned the frame into that of the next segment, up to rounding.
+    # The curve at the corner turns the frame into that of the next segment, up to rounding.
     frames = orientation.on_piece(np.arange(len(objective)), cut)
     first = np.flatnonzero(np.diff(segment)) + 1
     start_frames = dict(zip(first.tolist(), frames[segment[first]], strict=True))
@@ -164,7 +163,7 @@ def follow_rounded(
 
 
 def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) -> FloatArray:
-    """Lengths that blends may take from either piece, if the path has the same length [m].
+    """Largest lengths that blends may take from either piece, if the path keeps its length [m].
 
     Args:
         sharp: The orientation of constant rates, n pieces.
@@ -182,10 +181,10 @@ def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) ->
 def blend_kinks(
     sharp: Orientation, requested: FloatArray, *, smooth: bool = False
 ) -> tuple[Orientation, FloatArray]:
-    """An orientation of constant rates with blends of twice the length that each piece gives.
+    """An orientation of constant rates with a blend at every jump of the rate.
 
-    A blend takes at most half of either piece, and nothing where the orientation jumps. It is
-    farthest from the constant rates at the break.
+    A blend takes at most half of either piece, and nothing where the orientation jumps. Its largest
+    deviation from the constant rates is at the break.
 
     Args:
         sharp: The orientation of constant rates, n pieces; where the rate does not jump at either
@@ -194,8 +193,8 @@ def blend_kinks(
         smooth: Whether the derivative of the angular rate must not jump.
 
     Returns:
-        The orientation, and the angle by which it is off at each break between pieces [rad],
-        (n - 1,); between the tool axes if only they are prescribed.
+        The orientation, and its deviation at each break between pieces [rad], (n - 1,); between the
+        tool axes if only they are prescribed.
     """
     vertex = np.arange(len(sharp) - 1)
     lengths = np.diff(sharp.breaks)
@@ -284,7 +283,7 @@ def _blend(
 
 
 def _fade(cut: FloatArray, blend: FloatArray, *, smooth: bool) -> tuple[FloatArray, FloatArray]:
-    """The polynomials by which the rate before a vertex fades out, and that after it sets in."""
+    """Coefficients of f and g, which fade the rate out before a vertex and in after it."""
     none, one = np.zeros_like(cut), np.ones_like(cut)
     if not smooth:
         return fade(blend, (-cut, one), (none, none)), fade(blend, (none, none), (cut, one))

@@ -16,10 +16,10 @@ from armcontour.core.errors import InvalidInput
 
 # Points closer than this count as one point: no arm resolves a nanometre [m].
 REPEATED_POINT = 1e-9
-# Tangents that differ by less than this count as equal: at 1 m/s the velocity jumps by 1 nm/s
-# [rad].
+# Tangents that differ by less than this count as equal [rad]: at 1 m/s the velocity jumps by 1
+# nm/s.
 TANGENT_TOLERANCE = 1e-9
-# Rounding errors of coordinates beyond this come near the distance of repeated points [m].
+# Rounding errors of coordinates beyond this approach the distance of repeated points [m].
 FAR = 1e3
 EVERY = slice(None)
 # Halvings of a transition, at the end of which its coordinates are exact to rounding errors.
@@ -40,22 +40,22 @@ class Segments(Value):
     A line or arc i is `starts[i] + tangents[i] sin(k u)/k + normals[i] (1 - cos(k u))/k` with
     `k = curvatures[i]` and `0 <= u <= lengths[i]`; for a line k is 0. A transition is a segment
     whose curvature changes along it: `starts[i] + sum_k quintics[i, k] (u / lengths[i])^k`, where u
-    is the arc length within a millionth (transitions.py).
+    is the arc length within a millionth (biarcs.py).
 
     Args:
         starts: First points of the segments [m], (n, 2) or (n, 3).
         tangents: Unit tangents at the starts, same shape.
         normals: Unit normals at the starts towards the arcs' centres, zero where a segment starts
             straight, same shape.
-        curvatures: Curvatures of the segments [1/m], zero for lines, (n,); of a transition at least
-            its largest one.
+        curvatures: Curvatures of the segments [1/m], zero for lines, (n,); for a transition an
+            upper bound.
         lengths: Lengths of the segments, above zero [m], (n,).
-        speeds: Assigned velocities of the segments [m/s], NaN for segments without one, (n,).
-        tolerances: Largest corner errors of the segments [m], NaN for segments without one, (n,).
+        speeds: Assigned velocities [m/s], NaN for segments without one, (n,).
+        tolerances: Largest corner errors [m], NaN for segments without one, (n,).
         tags: Free text per segment, or None, (n,).
         quintics: Coefficients of the transitions from 1 to x⁵ [m], NaN for lines and arcs,
             (n, 6, dimension); (n, 0, 0) for a table without transitions.
-        checked: Whether `check` has found that the segments make a continuous path.
+        checked: Whether `check` has confirmed that the segments form a continuous path.
     """
 
     starts: FloatArray
@@ -114,7 +114,7 @@ class Segments(Value):
         return tables[0].replace(**columns, checked=checked)
 
     def _with_room(self) -> Segments:
-        """The table with a column in which transitions find room."""
+        """The table with a column for transitions."""
         if self.quintics.shape[1]:
             return self
         room = np.full((len(self), 6, self.dimension), np.nan)
@@ -183,7 +183,7 @@ class Segments(Value):
         """Unit tangents at the segments' ends, (n, dimension)."""
         tangents, bent = self.evaluate(EVERY, self.lengths, 1), self.bent
         if bent.any():
-            # Inside a transition, where one may be cut, the parameter is not quite the arc length.
+            # Inside a transition that was cut, the parameter is not exactly the arc length.
             tangents[bent] = _unit_or_zero(tangents[bent])
         return tangents
 
@@ -194,7 +194,7 @@ class Segments(Value):
         bent = np.flatnonzero((self.curvatures > 0) & ~self.bent)
         sweeps = self.curvatures[bent] * self.lengths[bent]
         for axis in range(self.dimension):
-            # A coordinate of an arc is extreme where the tangent has no part along its axis.
+            # A coordinate of an arc is extreme where the tangent has no component along its axis.
             along, across = self.tangents[bent, axis], self.normals[bent, axis]
             for turn in (0.0, np.pi):
                 angle = (np.arctan2(-along, across) + turn) % (2 * np.pi)
@@ -205,7 +205,7 @@ class Segments(Value):
         return np.stack([everything.min(axis=0), everything.max(axis=0)])
 
     def _turning_points(self) -> list[FloatArray]:
-        """Points at which transitions turn from one side to the other along an axis [m]."""
+        """Points at which a coordinate of a transition is extreme [m]."""
         points = []
         for axis in range(self.dimension) if self.quintics.size else ():
             into, out = self.tangents[:, axis], self.end_tangents[:, axis]
@@ -232,7 +232,7 @@ class Segments(Value):
         return values
 
     def _on_arcs(self, i: IntArray | slice, u: FloatArray, order: int) -> FloatArray:
-        """What `evaluate` gives for lines and arcs."""
+        """Point or derivative on lines and arcs; see `evaluate`."""
         k = self.curvatures[i]
         if order < 2 and not np.any(k):
             along = u if order == 0 else np.ones_like(u)
@@ -262,7 +262,7 @@ class Segments(Value):
         normals = np.asarray(np.cos(turn) * self.normals[i] - np.sin(turn) * self.tangents[i])
         bent = self.bent[i]
         if bent.any():
-            # Where a transition is straight it has no normal.
+            # A transition has no normal where it is straight.
             normals[bent] = _unit_or_zero(self.evaluate(i, u, 2)[bent])
         return normals
 
@@ -273,7 +273,7 @@ class Segments(Value):
         return rows._with_parts(begin / lengths, (end - begin) / lengths)
 
     def _starting(self, i: IntArray, u: FloatArray, moved: BoolArray, sign: int = 1) -> Segments:
-        """Segments `i`, some of which start at a distance from their start, or run back from it."""
+        """Segments `i`; those in mask `moved` start at distance `u`, reversed if sign is -1."""
         rows, location = self[i], (i[moved], u[moved])
         starts, tangents, normals = (np.array(getattr(rows, name)) for name in VECTORS)
         starts[moved], tangents[moved] = (
@@ -284,7 +284,7 @@ class Segments(Value):
         return rows.replace(starts=starts, tangents=tangents, normals=normals)
 
     def _with_parts(self, begin: FloatArray, factor: FloatArray) -> Segments:
-        """The table with parts of its transitions, by shares of their lengths; see `re_expand`."""
+        """The table with parts of its transitions, as fractions of their lengths."""
         changed = self.bent & ((begin != 0) | (factor != 1))
         if not changed.any():
             return self
@@ -348,7 +348,7 @@ class Segments(Value):
         return self.replace(checked=True)
 
     def _refuse_values(self) -> None:
-        """Refuse columns that do not fit together, or values that no segment has."""
+        """Raise InvalidInput for inconsistent columns or invalid values."""
         n = len(checks.points("starts", self.starts))
         if n == 0:
             raise InvalidInput("A path needs at least one segment.")
@@ -369,7 +369,7 @@ class Segments(Value):
             raise InvalidInput("The tangents of a path must be unit vectors.")
 
     def _refuse_quintics(self) -> None:
-        """Refuse coefficients of transitions that do not fit the other columns."""
+        """Raise InvalidInput for coefficients of transitions that do not fit the other columns."""
         quintics = self.quintics
         if quintics.shape not in ((len(self), 0, 0), (len(self), 6, self.dimension)):
             raise InvalidInput("quintics of a path must have 6 coefficients per segment, or none.")
@@ -404,11 +404,11 @@ class Segments(Value):
 
 
 def largest_bend(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
-    """Largest second derivatives of quintics by arc length, or slightly more [1/m], (n,).
+    """Upper bounds of the second derivatives of quintics by arc length [1/m], (n,).
 
     Args:
         quintics: Coefficients, (n, 6, dimension).
-        lengths: Lengths [m], (n,); a quintic of no length, of which nothing is left, has 0.
+        lengths: Lengths [m], (n,); 0 for a quintic of no length.
     """
     # A polynomial stays within the hull of its control points; the first and the last are its ends.
     control = np.einsum("ck,nkd->ncd", BENDS, quintics[:, 2:])
@@ -446,12 +446,12 @@ def close_up(
     Args:
         starts: Starts of consecutive segments [m], (n, dimension).
         ends: Ends of these segments [m], (n, dimension).
-        stay: Mask of segments that are kept whatever their length, (n,).
-        nearest: Other segments are kept if they end farther than this from the last kept end [m],
-            so that many small steps are not lost.
+        stay: Mask of segments that remain whatever their length, (n,).
+        nearest: Other segments remain if they end farther than this from the last remaining end
+            [m], so many small steps are not lost.
 
     Returns:
-        The new starts, (n, dimension), and the mask of kept segments, (n,).
+        The new starts, (n, dimension), and the mask of remaining segments, (n,).
     """
     mask = stay | (np.linalg.norm(ends - starts, axis=1) > nearest)
     if mask.all():

@@ -1,15 +1,15 @@
 """Tool orientation of shaped paths, without a jump of the angular rate where arcs meet.
 
-A shaped path has many arcs, and arc lengths that differ from those of its objective. The
-orientation at the place on the objective would have a jump of its rate wherever the ratio of these
-arc lengths changes, and each jump is a stop. So the place is taken from a smooth function of the
-path's arc length: monotone cubics between as few knots as bring the orientation near that at the
-given places. Where the rate of the objective's orientation jumps, blends take the
-jump as they do at rounded corners (rounded_orientation.py).
+A shaped path has many arcs, and its arc lengths differ from those of its objective. With the
+orientation of the corresponding point of the objective, the rate would jump, and the tool would
+stop, wherever the ratio of these arc lengths changes. Therefore the arc length on the objective is
+a smooth function of the arc length on the path: monotone cubics between the fewest knots that keep
+the orientation near that of the corresponding points. Where the rate of the objective's orientation
+jumps, blends smooth the jump as at rounded corners (rounded_orientation.py).
 
 A tool that follows the tangent follows that of the shaped path. Carried along without turning about
-the tangent it would come round a little turned out of the plane, by the solid angle between both
-paths' tangents. That twist is taken back evenly from segment to segment of the objective.
+the tangent it would end up turned slightly out of the plane, by the solid angle between both paths'
+tangents. This twist is distributed evenly from segment to segment of the objective.
 """
 
 from __future__ import annotations
@@ -50,16 +50,16 @@ if TYPE_CHECKING:
 
 # Twists below this are rounding errors [rad].
 NO_TWIST = 1e-12
-# Largest turn of an arc along which a twist is taken back by one constant rate [rad].
+# Largest turn of an arc along which a twist is corrected by one constant rate [rad].
 MOST_TURN = 0.1
-# Shares of the angular tolerance that smooth places and blends may use, which are off at different
-# places: at the vertices, in the middle of blends, places are exact.
+# Fractions of the angular tolerance that the smooth arc lengths and the blends may use. Their
+# errors do not add up: at the vertices, in the middle of blends, the smooth arc lengths are exact.
 PLACES, BLENDS = 0.5, 0.95
-# Smallest and largest angle by which smooth places may be off, and that without a tolerance [rad].
+# Smallest and largest angular error of the smooth arc lengths, and that without a tolerance [rad].
 LEAST_ANGLE, MOST_ANGLE, SMALL_ANGLE = 1e-5, 1e-2, 1e-3
-# Blends that turn too far are made shorter by this, as often as that.
+# Factor by which blends outside the tolerance are shortened, and number of trials.
 SHORTER, TRIES = 0.8, 8
-# Stretches between two knots of smooth places are halved this often at most.
+# Largest number of halvings between two knots of the smooth arc lengths.
 HALVINGS = 12
 
 AnyPath = TypeVar("AnyPath", bound=Path)
@@ -73,24 +73,25 @@ def orient_shaped(
 ) -> tuple[AnyPath, float]:
     """A path with the tool orientation of the objective path that it was made from.
 
-    A constant orientation is kept. One that turns at constant rates is that at the place on the
-    objective, but for blends at the vertices where its rate jumps. One that follows the tangent
-    follows that of the path, but for blends where arcs meet. The angular rate does not jump, except
-    at corners of the path, where the tool stops anyway, and at angular tolerance 0.
+    A constant orientation is unchanged. An orientation that turns at constant rates is that of the
+    corresponding point of the objective, except for blends at the vertices where its rate jumps. An
+    orientation that follows the tangent follows that of the path, except for blends where arcs
+    meet. The angular rate does not jump, except at corners of the path, where the tool stops
+    anyway, and at angular tolerance 0.
 
     Args:
         path: The path, made of lines and arcs.
         objective: Its objective path, whose orientation is not rounded.
-        places: Arc lengths on the objective and on the path that belong together [m], from the
-            start to the end, neither decreasing, (n, 2); linear in between.
-        angular_tolerance: Largest angle between the orientation and that at the place, or that of
-            the tangent [rad]. Without one, a blend at a corner of the objective takes as much of it
-            as a parabola with the same distance from the corner.
+        places: Corresponding arc lengths on the objective and on the path [m], from start to end,
+            neither decreasing, (n, 2); linear between them.
+        angular_tolerance: Largest angle between the orientation and that of the corresponding
+            point, or that of the tangent [rad]. Without one, a blend at a corner of the objective
+            is as long as a parabola with the same distance from the corner.
 
     Returns:
-        The path, and how far its orientation was found to be at most from that at the place on the
-        objective [rad]; if it follows the tangent, from that of the path's tangent. Between the
-        tool axes if only they are prescribed.
+        The path, and the largest sampled angle between its orientation and that of the
+        corresponding point of the objective [rad]; if it follows the tangent, to that of the path's
+        tangent. The angle is between the tool axes if only they are prescribed.
 
     Raises:
         InvalidInput: The orientation needs an angular tolerance, or is rounded already; or the
@@ -112,7 +113,7 @@ def orient_shaped(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Runs:
-    """The k longest stretches of an objective along which its orientation has a constant rate.
+    """The k longest parts of an objective with a constant angular rate.
 
     Args:
         objective_s: Arc lengths of their ends on the objective [m], (k + 1,).
@@ -120,7 +121,7 @@ class _Runs:
         segment: First segments on the objective, (k,).
         starts: Rotation matrices at their starts, (k, 3, 3).
         rates: Angular rates over the arc length of the objective [rad/m], (k, 3).
-        speeds: How fast the tool turns, or its axis if only that is prescribed [rad/m], (k,).
+        speeds: Angular speeds of the tool, or of its axis if only that is prescribed [rad/m], (k,).
     """
 
     objective_s: FloatArray
@@ -160,7 +161,7 @@ class _Runs:
 def _turn(
     path: Path, objective: Path, pairs: FloatArray, allowed: float
 ) -> tuple[Orientation, float]:
-    """Orientation at smooth places with blends, and how far it is from that at the places [rad]."""
+    """Orientation at smooth arc lengths with blends, and its largest error [rad]."""
     source = objective.orientation
     assert source is not None
     runs = _Runs.from_path(path, objective, pairs)
@@ -173,7 +174,7 @@ def _turn(
         s = _between(np.unique(np.concatenate([orientation.breaks, pairs[:, 1], runs.s])))
         targets = source(np.interp(s, pairs[:, 1], pairs[:, 0]))
         angles = turns_between(orientation(s), targets, axis_only=source.axis_only)
-        # Where the places change unevenly, a blend can be off by more than it is at even places.
+        # Where the arc lengths change unevenly, the error of a blend can be larger than expected.
         bad = s[angles > allowed]
         vertex, away = _nearest(bad, runs.s[1:-1])
         long = np.unique(vertex[away < cut[vertex]])
@@ -184,7 +185,7 @@ def _turn(
 
 
 def _smooth_places(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpolator:
-    """Places on the objective as a smooth function of the path's arc length."""
+    """Smooth arc length on the objective over that on the path, within an angular error."""
     from scipy.interpolate import PchipInterpolator
 
     knots, values = runs.s, runs.objective_s
@@ -205,7 +206,10 @@ def _smooth_places(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpol
 def _cuts(
     path: Path, objective: Path, runs: _Runs, pairs: FloatArray, allowed: float
 ) -> FloatArray:
-    """Lengths of the path that blends take on either side of the vertices between runs [m]."""
+    """Lengths of the path that blends take on either side of the vertices between runs [m], (k,).
+
+    The length is 0 where the rate does not jump, or where the tool stops anyway.
+    """
     orientation = objective.orientation
     assert orientation is not None
     vertex = runs.segment[1:] - 1
@@ -231,7 +235,7 @@ def _cuts(
 def _lay(
     runs: _Runs, mapping: PchipInterpolator, cut: FloatArray, *, axis_only: bool
 ) -> Orientation:
-    """The orientation at smooth places, with blends."""
+    """The orientation at smooth arc lengths, with blends."""
     blended = np.flatnonzero(cut > 0)
     low, high = runs.s[1:-1][blended] - cut[blended], runs.s[1:-1][blended] + cut[blended]
     knots = mapping.x
@@ -250,7 +254,7 @@ def _lay(
     f[:, 0] -= runs.objective_s[run]
     first, second, starts = runs.rates[run], np.zeros((len(begin), 3)), runs.starts[run]
     i = np.searchsorted(breaks, low + cut[blended], side="right") - 1
-    # The rate before a vertex fades out from the place at the begin, and the one after it sets in.
+    # The rate before a vertex fades out from the start of the blend, and the rate after it sets in.
     vertex_s, none, width = runs.objective_s[1:-1][blended], np.zeros(len(i)), end[i] - begin[i]
     f[i] = fade(width, (mapping(begin[i]) - vertex_s, mapping(begin[i], 1)), (none, none))
     g[i] = fade(width, (none, none), (mapping(end[i]) - vertex_s, mapping(end[i], 1)))
@@ -262,14 +266,14 @@ def _lay(
 
 
 def _between(s: FloatArray) -> FloatArray:
-    """Arc lengths and three more between each two of them [m]."""
+    """Arc lengths with three more between neighbours [m]."""
     share = np.arange(4) / 4
     inner = s[:-1, None] + share * np.diff(s)[:, None]
     return np.append(inner.ravel(), s[-1])
 
 
 def _nearest(s: FloatArray, marks: FloatArray) -> tuple[IntArray, FloatArray]:
-    """The nearest of some increasing marks for each arc length, and the distance to it [m]."""
+    """The nearest of some increasing marks for each arc length, and its distance [m]."""
     if not len(marks):
         return np.zeros(0, dtype=np.intp), np.zeros(0)
     i = np.searchsorted((marks[1:] + marks[:-1]) / 2, s)
@@ -279,7 +283,7 @@ def _nearest(s: FloatArray, marks: FloatArray) -> tuple[IntArray, FloatArray]:
 def _follow(
     path: Path, objective: Path, pairs: FloatArray, allowed: float
 ) -> tuple[Orientation, float]:
-    """Orientation that follows the tangent of the path, and how far it is off [rad]."""
+    """Orientation that follows the tangent of the path, and its largest error [rad]."""
     source = objective.orientation
     assert source is not None
     begin = shortest(objective.tangents[:1], path.tangents[:1])
@@ -302,9 +306,10 @@ def _follow(
 def _twist(
     path: Path, carried: Orientation, s: FloatArray, twist: FloatArray
 ) -> tuple[Orientation, float]:
-    """An orientation turned about the path's tangent, linearly between arc lengths s [m].
+    """The orientation turned about the path's tangent by a twist, and its largest error [rad].
 
-    Each piece gets the constant rate from its start to its end; long arcs become several pieces.
+    The twist is linear between arc lengths. Each piece gets the constant rate from its start to its
+    end; long arcs become several pieces.
     """
     deviations = np.abs(s - path.breaks[np.stack([path.locate(s), path.locate(s) + 1])]).min(axis=0)
     cuts = np.union1d(path.breaks, s[deviations > REPEATED_POINT])

@@ -1,4 +1,4 @@
-"""Directions of the tool axis that turn smoothly, within an angle of measured ones."""
+"""Directions of the tool axis that turn smoothly, within an angle of measured directions."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import angle_between
 
-# Weights of smoothness, for waypoints one apart: the tool turns evenly with the largest of them.
-# They are bisected on a logarithmic scale in so many steps.
+# Range of the weight of smoothness for unit distance of waypoints, bisected on a logarithmic scale
+# in this number of steps. With the largest weight the tool turns evenly.
 WEAKEST, STRONGEST, BISECTIONS = 1e-6, 1e14, 40
-# Ends nearer than this, and axes that differ by less, belong together [m or 1].
+# Ends with a smaller distance, and axes with a smaller difference, are equal [m or 1].
 SAME = 1e-9
 
 
 def smooth_axes(points: npt.ArrayLike, axes: npt.ArrayLike, tolerance: float) -> FloatArray:
-    """Directions that turn as smoothly as they can within an angle of the given ones.
+    """Directions that turn as smoothly as possible within an angle of the specified directions.
 
-    A smoothing spline: it minimizes the squares of what the directions change by and, with a
-    weight, of their second derivatives along the points; the weight is the largest one with which
-    every direction is within the tolerance. A closed path stays closed.
+    A smoothing spline minimizes the squared changes of the directions plus, with a weight, their
+    squared second derivatives along the points. The weight is the largest with which every
+    direction is within the tolerance. A closed path stays closed.
 
     Args:
         points: Points of a path, which differ from their neighbours [m], (n, dimension).
         axes: Directions at the points, (n, 3).
-        tolerance: Largest angle between a direction and the given one [rad].
+        tolerance: Largest angle between a direction and the specified one [rad].
 
     Returns:
         Unit vectors, (n, 3).
@@ -53,7 +53,7 @@ def smooth_axes(points: npt.ArrayLike, axes: npt.ArrayLike, tolerance: float) ->
         return unit
     ends = np.linalg.norm(positions[-1] - positions[0]), np.linalg.norm(unit[-1] - unit[0])
     closed = max(ends) <= SAME
-    # Three rounds, of which the middle one knows of no ends.
+    # Three rounds; the ends have no influence on the middle one.
     s = np.append(0.0, np.cumsum(np.tile(steps, 3) if closed else steps)) / steps.mean()
     rounds = np.concatenate([np.tile(unit[:-1], (3, 1)), unit[:1]]) if closed else unit
     first = len(steps) if closed else 0
@@ -76,7 +76,7 @@ def smooth_axes(points: npt.ArrayLike, axes: npt.ArrayLike, tolerance: float) ->
 
 
 def _solve(s: FloatArray, values: FloatArray, weight: float) -> FloatArray:
-    """Values that are near the given ones and bend little, (n, columns)."""
+    """Smoothing spline of values at increasing parameters `s`, (n, columns)."""
     h = np.diff(s)
     width = (h[:-1] + h[1:]) / 2
     rows = np.stack([1 / h[:-1], -1 / h[:-1] - 1 / h[1:], 1 / h[1:]], axis=1) / width[:, None]

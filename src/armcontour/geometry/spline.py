@@ -12,14 +12,14 @@ from armcontour.core.errors import InvalidInput
 from armcontour.geometry.biarcs import UNEVEN, contact_of, join_up, length
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 
-# Fractions of a piece at which its transition is compared with the spline, and the nodes and
-# weights with which the arc length between two of them is integrated.
+# Fractions of a piece at which its transition is compared with the spline; nodes and weights of the
+# integration of arc length between two of them.
 PLACES = np.linspace(0, 1, 17)
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
-# Part of the tolerance and of the unevenness that is allowed there, as both are a little larger
+# Fraction of the tolerance and of the unevenness allowed there, because both are slightly larger
 # between these fractions.
 SHARE = 0.9
-# If more pieces than this are needed, the tolerance is refused as too small for the spline.
+# Largest number of pieces; more raise an error because the tolerance is too small for the spline.
 MOST_PIECES = 500_000
 
 
@@ -40,7 +40,7 @@ def fit_spline(
         points: Points of the spline without equal neighbours [m], (n, dimension).
         tolerance: Largest distance between the transitions and the spline [m].
         closed: Whether the spline is periodic.
-        ends: End condition of a spline that is not, as of SciPy's `CubicSpline`.
+        ends: End condition of an open spline, as in SciPy's `CubicSpline`.
 
     Returns:
         The transitions, and the index of the vertex at each point, (n,).
@@ -59,8 +59,8 @@ def fit_spline(
     parameters = np.concatenate([[0.0], np.cumsum(length(np.diff(points, axis=0)))])
     if not (np.diff(parameters) > 0).all():
         raise InvalidInput(
-            f"The points of a spline lie as far as {np.abs(points).max():g} m apart, so that the "
-            "distances between others are lost in rounding: check their units."
+            f"Points of a spline have coordinates up to {np.abs(points).max():g} m, so rounding "
+            "loses the distances between others: check their units."
         )
     curve = CubicSpline(parameters, points, bc_type="periodic" if closed else ends)
     powers = np.diff(parameters)[:, None, None] ** np.arange(4)[:, None]
@@ -74,7 +74,11 @@ def fit_spline(
 
 
 def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Cut cubics in halves until a transition follows each part."""
+    """Cut cubics in halves until a transition follows each part.
+
+    Returns coefficients and arc lengths [m] of the parts, and their starts as index of the cubic
+    plus fraction.
+    """
     begin, size = np.arange(len(cubics), dtype=np.float64), 1.0
     done: list[tuple[FloatArray, FloatArray, FloatArray]] = []
     count = 0
@@ -104,7 +108,7 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
 
 
 def _follow(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, BoolArray]:
-    """Arc lengths of cubics [m], and whether a transition follows each within the tolerance."""
+    """Arc lengths of cubics [m], and the mask of cubics that transitions follow closely enough."""
     x = (PLACES[:-1, None] + np.diff(PLACES)[:, None] * (NODES + 1) / 2).ravel()
     speed = length(_at(cubics, x, 1)).reshape(len(cubics), -1, len(NODES))
     steps = speed @ WEIGHTS / 2 * np.diff(PLACES)

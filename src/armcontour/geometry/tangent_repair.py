@@ -1,4 +1,4 @@
-"""Mending of vertices that rounded coordinates have bent: exactly tangent again."""
+"""Repair of vertices that are almost tangent because of rounded coordinates."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from armcontour.geometry.path import Path
 from armcontour.geometry.rounded_path import blend_vertices
 from armcontour.geometry.segments import EVERY, REPEATED_POINT, TANGENT_TOLERANCE, Segments
 
-# Turns above this are corners however short their segments are [rad].
+# Largest turn of a repaired vertex [rad]; larger turns are corners.
 LARGEST_KINK = 0.05
-# Places at which the blends of a seam are compared with the path, as shares of their lengths.
+# Fractions of the blends of a closing vertex at which they are compared with the path.
 SHARES = np.linspace(0.0, 1.0, 9)
 ALL = np.zeros(len(SHARES), dtype=np.intp)
-# How often the blends of a seam are halved before the seam is left as it is.
+# Largest number of halvings of these blends before the closing vertex stays unchanged.
 MOST_HALVINGS = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mended:
-    """A path with mended vertices.
+    """A path with repaired vertices.
 
     Args:
         path: The path.
         before: Arc lengths on the path before [m], increasing, (n,).
         after: The arc lengths on this path that correspond to them [m], (n,).
-        count: Number of mended vertices.
+        count: Number of repaired vertices.
         kink: Largest turn at one of them [rad].
         deviation: Largest distance between both paths [m].
     """
@@ -50,16 +50,16 @@ class Mended:
 
 
 def mend_vertices(path: Path, tolerance: float, deviation_limit: float = np.inf) -> Mended | None:
-    """Make vertices tangent whose turn disappears if points move a little; None if there are none.
+    """Make almost tangent vertices exactly tangent; None without such vertices.
 
-    Moving both ends of a line by a distance turns it by up to twice the distance over its length,
-    the ends of an arc over its length or radius. At most half of each segment changes per vertex.
-    Vertices stay if a segment beside them has the tolerance 0. The vertex at which a closed path
-    starts and ends stays where it is.
+    A vertex is almost tangent if small movements of points explain its turn. Moving both ends of a
+    line by a distance turns it by up to twice the distance over its length, the ends of an arc over
+    its length or radius. At most half of each segment changes per vertex. Vertices next to a
+    segment with tolerance 0 stay. On a closed path the point at which it closes stays.
 
     Args:
         path: A path without tool orientation.
-        tolerance: Distance by which points can move, and between both paths [m].
+        tolerance: Largest movement of points, and largest distance between both paths [m].
         deviation_limit: Largest distance between both paths [m], if it is less.
     """
     rows, turns = path.segments, path.turns
@@ -104,7 +104,7 @@ def mend_vertices(path: Path, tolerance: float, deviation_limit: float = np.inf)
 def _mend_seam(path: Path, largest_turn: float, allowed: float) -> Mended | None:
     """Replace both ends of a closed path by two arcs each, which are tangent where it closes.
 
-    Their lengths are halved from half of a segment on, until the distance is allowed.
+    Their lengths start at half of a segment and are halved until the distance is allowed.
     """
     rows = path.segments
     first, last = rows[:1], rows[-1:]

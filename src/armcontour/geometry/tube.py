@@ -1,9 +1,9 @@
 """The tube around an objective path, and the proof that another path stays in it.
 
-A path keeps its tolerance if each of its points is within the tolerance of its own part of the
-objective, which is the objective within `reach` of the point's place, and if each corner of the
-objective is within the tolerance of its own part of the path. Own parts, and not the nearest point
-of all, so that no path hops to a line that crosses or to a neighbouring pass.
+A path satisfies its tolerance if each of its points is within the tolerance of the part of the
+objective within `reach` of the point's corresponding arc length, and if each corner of the
+objective is within the tolerance of its part of the path. The parts are local, so the path cannot
+switch to a crossing line or to a neighbouring pass.
 
 The proof. A part of a path segment with curvature k and length l, and a part of an objective piece
 with curvature k' and length l', are both passed evenly while t runs from 0 to 1. The difference D
@@ -15,12 +15,12 @@ interpolation of D misses it by |D''| / 8 at most, so that
 
 and |n - n'|, at most 2, exceeds its values at the ends by no more than ((k l)² + (k' l')²) / 8, or
 2 k' l' |b - b'| with the axes b and b' about which the tangents turn. The ends of the objective's
-part are the nearest points of the path part's ends within reach of their places; all matched points
-are then within reach, because places and reach change evenly along the part. So this bounds the
-distance of every point from its own part, and parts of the path are halved until the bound shows
-that the tolerance is kept for one piece, or until a point is found at which no piece keeps it.
-Where the tolerance changes, points whose nearest point of the piece with the larger one is the end
-towards its neighbour belong to the neighbour: no tolerance reaches out of its zone.
+part are the nearest points to the ends of the path's part within reach. Arc lengths and reach
+change linearly along the part, so all matched points are then within reach. Therefore this bounds
+the distance of every point from its part of the objective. Parts of the path are halved until the
+bound proves the tolerance for one piece, or until a point violates the tolerance of every piece.
+Where the tolerance changes, points whose nearest point of the piece with the larger tolerance is
+its end belong to the neighbour: no tolerance extends beyond its zone.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ SLACK = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Proof:
-    """What is proven of a path in a tube; distances are less the tolerance there, above 0 outside.
+    """Result of a proof. Values are distance minus tolerance, above 0 outside the tube.
 
     Args:
         excess: Bound of the largest value over all points of the path and corners of the objective
-            [m]; at most `slack` if the path keeps its tolerance.
-        sampled_excess: The largest value that was found at a point or corner [m]; not above `excess`.
+            [m]; at most `slack` if the path is within its tolerance.
+        sampled_excess: Largest value at the evaluated points and corners [m]; not above `excess`.
         place: Arc length on the objective of that point or corner [m].
         s: Arc length on the path of that point, or of the point nearest to that corner [m].
         segments: Bounds over the points of each segment of the path [m], (n,).
@@ -69,12 +69,12 @@ class Proof:
 
     @property
     def ok(self) -> bool:
-        """Whether the path is proven to keep its tolerance everywhere."""
+        """Whether the path is proven to be within its tolerance everywhere."""
         return bool(self.excess <= self.slack)
 
     @property
     def violated(self) -> bool:
-        """Whether a point or corner was found outside. If neither, the proof is not conclusive."""
+        """Whether an evaluated point or corner is outside the tube."""
         return bool(self.sampled_excess > self.slack)
 
 
@@ -103,8 +103,7 @@ class Tube(Checked):
         _refuse_transitions(self.segments)
         rows = pack(self.segments)
         rows[:, 11] = self.breaks[:-1]
-        # Where the tolerance changes, the smaller one holds: points beyond the end of the piece
-        # with the larger one belong to its neighbour.
+        # Points beyond the end of a piece with a larger tolerance belong to its neighbour.
         step = np.diff(self.tolerance)
         given_up = np.stack([np.append(False, step > 0), np.append(step < 0, False)], axis=1)
         object.__setattr__(self, "_pieces", (rows, np.array(self.tolerance), given_up))
@@ -183,7 +182,7 @@ class Tube(Checked):
         return len(self.segments)
 
     def windows(self, places: npt.ArrayLike, reach: npt.ArrayLike) -> IntArray:
-        """First and last piece within reach of places on the objective, (n, 2).
+        """First and last piece within reach of arc lengths on the objective, (n, 2).
 
         Args:
             places: Arc lengths on the objective [m], (n,).
@@ -208,12 +207,12 @@ class Tube(Checked):
         return np.asarray(np.clip(s, low, high))
 
     def margin(self, points: FloatArray, windows: IntArray) -> FloatArray:
-        """Room that is left to points: tolerance less distance, below 0 outside [m], (n,).
+        """Remaining distance to the boundary of the tube, below 0 outside [m], (n,).
 
         Args:
             points: The points [m], (n, dimension).
-            windows: First and last piece of each point's own part, as from `windows`, (n, 2); the
-                piece counts that leaves the most room.
+            windows: First and last piece of each point's part, as from `windows`, (n, 2). The piece
+                with the largest margin counts.
         """
         from armcontour.geometry.kernels import Pieces, find_excess
 
@@ -224,18 +223,18 @@ class Tube(Checked):
     def prove(self, path: Path, places: npt.ArrayLike, reach: npt.ArrayLike) -> Proof:
         """Bound the distances of all points of a path, and of the objective's corners from it.
 
-        The bounds are rigorous but for rounding errors, see `Proof.slack`.
+        The bounds are rigorous up to rounding errors, see `Proof.slack`.
 
         Args:
             path: The path.
-            places: Arc lengths on the objective and on the path that belong together [m], from the
-                start to the end, neither decreasing, (n, 2); linear in between.
-            reach: How far a point's own part reaches to either side of its place along the
-                objective [m]: a number, or one per place, (n,), linear in between.
+            places: Corresponding arc lengths on the objective and on the path [m], from start to
+                end, neither decreasing, (n, 2); linear between them.
+            reach: Half length of a point's part of the objective [m]: a number, or one per row of
+                `places`, (n,), linear between them.
 
         Raises:
-            InvalidInput: The places do not lead along both paths, or the path has another
-                dimension than the objective, or transitions.
+            InvalidInput: The places do not run from start to end of both paths, the path has
+                another dimension than the objective, or the path has transitions.
         """
         from armcontour.geometry.kernels import Pieces, bound_excess
 
@@ -248,7 +247,7 @@ class Tube(Checked):
         pairs = check_places(places, self.objective, path)
         size = max(float(np.abs(self.objective.segments.extent).max()), self.breaks[-1])
         slack = SLACK * (1 + float(size))
-        # A place that rounding puts beyond the end of its piece still belongs to it.
+        # An arc length that rounding puts beyond the end of its piece still belongs to the piece.
         reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64) + slack, len(pairs))
         segment, parts = self._parts(path, pairs, reaches)
         centre, around = parts[:, 1::3], parts[:, 2::3]
@@ -283,14 +282,14 @@ class Tube(Checked):
     def _parts(
         self, path: Path, pairs: FloatArray, reach: FloatArray
     ) -> tuple[IntArray, FloatArray]:
-        """Parts of a path along which places and reach are linear and leave no piece."""
+        """Parts of a path with linear arc lengths and reach, as `bound_excess` takes them."""
         objective_s, along = pairs[:, 0], pairs[:, 1]
         crossed = np.interp(self.breaks, objective_s, along)
         cuts = np.unique(np.clip(np.concatenate([path.breaks, along, crossed]), 0, path.length))
         low, high = cuts[:-1], cuts[1:]
         middle = (low + high) / 2
         segment = path.locate(middle)
-        # Where the place jumps, each part takes the value on its own side.
+        # Where the arc length on the objective jumps, each part takes the value on its side.
         k = np.clip(np.searchsorted(along, middle, side="right") - 1, 0, len(along) - 2)
         ends = []
         for s in (low, high):
@@ -305,12 +304,12 @@ class Tube(Checked):
     def nearest_to_corners(
         self, path: Path, places: FloatArray, reach: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Distance of each corner from its own part of a path, and the nearest arc length [m].
+        """Distance of each corner from its part of a path, and the nearest arc length [m].
 
         Args:
             path: The path.
             places: As in `prove`, (n, 2).
-            reach: As in `prove`, one per place [m], (n,).
+            reach: As in `prove`, one per row of `places` [m], (n,).
         """
         corner_s = self.objective.breaks[self.vertex]
         objective_s, along = places[:, 0], places[:, 1]
@@ -324,7 +323,7 @@ class Tube(Checked):
 def _nearest_in_range(
     points: FloatArray, ranges: FloatArray, windows: IntArray, rows: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance and arc length of the nearest place within a range of a path, for each point."""
+    """Distance and arc length of the nearest point within a range of a path, for each point."""
     from armcontour.geometry.kernels import Pieces, find_excess
 
     pieces = Pieces(rows, np.zeros(len(rows)), np.zeros((len(rows), 2), np.bool_))
@@ -332,11 +331,11 @@ def _nearest_in_range(
 
 
 def _refuse_transitions(segments: Segments) -> None:
-    """Refuse segments whose curvature changes: the proof is for lines and arcs."""
+    """Raise InvalidInput for a transition, because the proof holds for lines and arcs only."""
     if segments.bent.any():
         i = int(np.argmax(segments.bent))
         raise InvalidInput(
-            f"Segment {i + 1} is a transition between curvatures, and a tube is of lines and arcs: "
-            "shape the path as it was before its curvature was smoothed.",
+            f"Segment {i + 1} is a transition between curvatures, but a tube supports lines and "
+            "arcs only: shape the path before its curvature is smoothed.",
             index=i,
         )

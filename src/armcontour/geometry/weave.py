@@ -30,17 +30,19 @@ from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segm
 
 SHAPES = ("sine", "zigzag")
 UP = checks.frozen_array([0.0, 0.0, 1.0])
-# Points of a sine per pitch at first, how often their number may double, and the most points.
+# Initial number of points of a sine per pitch, largest number of doublings, and largest number of
+# points.
 SAMPLES, MOST_DOUBLINGS, MOST_POINTS = 64, 6, 2_000_000
-# Smallest sine of the angle between the tool axis and the tangent: below it a seam has no sides.
+# Smallest sine of the angle between the tool axis and the tangent; below it a seam has no sides.
 PARALLEL = 1e-6
-# Points between two samples at which a sine is compared with its spline, as fractions.
+# Fractions between two samples at which a sine is compared with its spline.
 BETWEEN = np.array([0.25, 0.5, 0.75])
 # A vertex is a corner of the seam if it turns by more than the first angle [rad], or by more than
-# the second and so many times as much as both neighbours; others are waypoints of a smooth seam.
+# the second angle and by this factor more than both neighbours; others are waypoints of a smooth
+# seam.
 CORNER, BEND, TIMES = np.radians(30.0), np.radians(5.0), 3.0
-# Waypoints nearer to each other than this share of the pitch are left out, if the smooth seam is
-# within this share of the width of them.
+# Waypoints with a distance below this fraction of the pitch are removed if the smooth seam stays
+# within this fraction of the width of them.
 THIN, CLOSE = 0.25, 0.005
 # Largest turn of an arc between two waypoints [rad].
 TURN = np.radians(10.0)
@@ -52,7 +54,7 @@ MOST_DWELL = 0.8
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Woven:
-    """Where a path weaves along its seam.
+    """Result of weaving along a seam.
 
     Args:
         seam: The smooth seam.
@@ -60,7 +62,7 @@ class Woven:
         width: Distance between the crests on both sides [m].
         pitch: Length of the seam per wave [m].
         frequency: Waves per second at the assigned velocity [1/s]; NaN without a single one.
-        left_out: Length of the seam in parts that are too short to be woven [m].
+        left_out: Length of the seam in parts that are too short for the weave [m].
     """
 
     seam: Path
@@ -93,8 +95,8 @@ def weave_seam(
 
     Vertices that turn by no more than 30° are waypoints of a smooth seam, a spline through them,
     unless a vertex turns by more than 5° and three times as much as both of its neighbours. All
-    others are corners. Each part between two corners starts and ends on the seam: a sine grows
-    from nothing within the first half pitch and fades in the last one, so that it leaves and meets
+    others are corners. Each part between two corners starts and ends on the seam: the amplitude of
+    a sine grows within the first half pitch and fades in the last one, so the sine leaves and meets
     the seam along its tangent. A part of less than half a pitch is not woven. Speeds are along the
     seam: the assigned velocity of the woven path is greater by the ratio of the lengths, piece by
     piece. Tolerances, tags and the tool orientation are those of the seam.
@@ -104,8 +106,8 @@ def weave_seam(
         width: Distance between the crests on both sides [m].
         pitch: Length of the seam per wave [m]; give this or the frequency.
         frequency: Waves per second at the assigned velocity of the seam [1/s].
-        dwell: Time for which the tool stays at each edge, while it goes on along the seam at its
-            assigned velocity [s].
+        dwell: Time at each edge, during which the tool moves along the seam at its assigned
+            velocity [s].
         speed: Assigned velocity along the seam [m/s]; by default that of its segments.
         shape: "sine", as tangent arcs, or "zigzag", as lines from crest to crest.
         up: For a seam in space, the direction that weaving is perpendicular to, (3,). By default it
@@ -178,7 +180,7 @@ def weave_seam(
 def _pitch_and_edge(
     path: Path, pitch: float | None, frequency: float | None, dwell: float
 ) -> tuple[float, float]:
-    """Length of the seam per wave and per dwell at an edge [m]."""
+    """Lengths of the seam per wave and per dwell at an edge [m]."""
     if (pitch is None) == (frequency is None):
         raise InvalidInput("A weave needs either a pitch or a frequency.")
     speed = float(path.speeds[0])
@@ -204,7 +206,7 @@ def _pitch_and_edge(
 
 
 def _corners(path: Path) -> npt.NDArray[np.bool_]:
-    """Which inner vertices of a path are corners of its seam, (segments - 1,)."""
+    """Mask of the inner vertices that are corners of the seam, (segments - 1,)."""
     turns = np.concatenate([[0.0], path.turns, [0.0]])
     neighbours = np.maximum(turns[:-2], turns[2:])
     sharp = (turns[1:-1] > BEND) & (turns[1:-1] > TIMES * neighbours)
@@ -212,7 +214,7 @@ def _corners(path: Path) -> npt.NDArray[np.bool_]:
 
 
 def _smooth(path: Path, pitch: float, width: float) -> tuple[Path, FloatArray]:
-    """The smooth seam through the waypoints of a path without corners."""
+    """The smooth seam, and corresponding arc lengths of seam and path [m], (n, 2)."""
     from armcontour.geometry.spline import fit_spline
 
     bare = dataclasses.replace(path, orientation=None)
@@ -237,7 +239,7 @@ def _smooth(path: Path, pitch: float, width: float) -> tuple[Path, FloatArray]:
         deviations = np.where(mask, 0.0, seam.project(points).distance)
         if deviations.max() <= CLOSE * width:
             break
-        # The farthest point of each interval between kept ones is kept as well.
+        # The farthest point of each interval is added to the waypoints of the spline.
         group = np.cumsum(mask)
         order = np.lexsort((-deviations, group))
         first = order[np.unique(group[order], return_index=True)[1]]
@@ -250,9 +252,9 @@ class _Wave:
     """A weave along a part of a seam without corners.
 
     Args:
-        part: The part as it was given.
+        part: The original part.
         seam: The smooth seam.
-        places: Arc lengths of the seam and of the part that belong together [m], (n, 2).
+        places: Corresponding arc lengths of the seam and of the part [m], (n, 2).
         width: Distance between crests [m].
         pitch: Length of the seam per wave [m].
         edge: Length of the seam at each edge without change of the offset [m].
@@ -287,13 +289,13 @@ class _Wave:
                 k = int(np.argmin(size))
                 raise InvalidInput(
                     "A seam that is parallel to the tool axis, or to the direction up, has no "
-                    f"sides to weave to: see the place {s[k] * 1e3:.4g} mm along it."
+                    f"sides to weave to: see the point {s[k] * 1e3:.4g} mm along it."
                 )
             side /= size[:, None]
         return np.asarray(self.seam(s) + offset[:, None] * side)
 
     def turning_points(self) -> FloatArray:
-        """Begin and end of the edges of all waves that the seam has room for [m]."""
+        """Start and end of the edges of all waves that fit on the seam [m]."""
         count = int(np.ceil(self.seam.length / self.pitch))
         middle = (2 * np.arange(2 * count) + 1) / 4 * self.pitch
         edges = middle[:, None] + np.array([-0.5, 0.5]) * self.edge
@@ -301,7 +303,7 @@ class _Wave:
         return np.asarray(edges[edges[:, 1] <= room])
 
     def full_crests(self) -> FloatArray:
-        """Middles of the edges at which a sine has its full width [m]."""
+        """Middles of the edges at which a sine has its full amplitude [m]."""
         middle = self.turning_points().mean(axis=1)
         half = (self.pitch + self.edge) / 2
         return np.asarray(middle[(middle >= half) & (middle <= self.seam.length - half)])
@@ -317,7 +319,7 @@ class _Wave:
 
 
 def _woven(wave: _Wave, shape: str, tolerance: float) -> Path:
-    """The woven path of a part, with speeds, tolerances, tags and orientation of the part."""
+    """The woven path of a part, with its speeds, tolerances, tags and orientation."""
     from armcontour.geometry.prescribed_orientation import carry
 
     part, seam = wave.part, wave.seam
@@ -357,9 +359,9 @@ def _woven(wave: _Wave, shape: str, tolerance: float) -> Path:
 def _fit_sine(
     wave: _Wave, pieces: FloatArray, tolerance: float
 ) -> tuple[Segments, npt.NDArray[np.intp]]:
-    """Tangent arcs along the sine of a part, and the index of the vertex at the end of each piece.
+    """Tangent arcs along the sine of a part, and the vertex at the end of each piece.
 
-    Where the curvature of the seam jumps, the sine has a slight bend, which a cubic spline through
+    Where the curvature of the seam jumps, the sine has a slight kink, which a cubic spline through
     its points rounds.
     """
     from scipy.interpolate import CubicSpline
@@ -384,7 +386,7 @@ def _fit_sine(
 
 
 def _refuse_tight(seam: Path, width: float) -> None:
-    """Refuse seams around whose centre of curvature a weave would turn back."""
+    """Raise InvalidInput for a seam with a radius below half the width."""
     middle = (seam.breaks[:-1] + seam.breaks[1:]) / 2
     samples = np.concatenate([seam.breaks, middle])
     tightest = float(np.linalg.norm(seam(samples, 2), axis=1).max())

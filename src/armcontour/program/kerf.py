@@ -1,4 +1,4 @@
-"""The tool's path beside contours by half the width of the cut, and the side of the scrap."""
+"""Tool path offset from contours by half the width of the cut, and the side of the scrap."""
 
 from __future__ import annotations
 
@@ -287,7 +287,7 @@ def _from_start(rows: Segments, start: FloatArray) -> Segments:
 
 
 def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) -> Orientation:
-    """The tool orientation along an offset: the same as along its source, relative to the tangent."""
+    """The tool orientation along an offset, relative to the tangent as along its source."""
     rows, start = path.segments, orientation(0.0)
     same = orientation.fixed and all(
         np.abs(x - start).max() <= REPEATED_POINT for x in orientation.starts

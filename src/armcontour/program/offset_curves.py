@@ -253,7 +253,7 @@ def _end_circles(pieces: FloatArray, d: float) -> FloatArray:
 
 
 def _cut(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Parts:
-    """Pieces cut where they meet each other or `knives`; ends that are one place have one number."""
+    """Pieces cut where they meet each other or `knives`; equal ends share one node number."""
     n = len(pieces)
     pairs, pair_distances = crossings(np.concatenate([pieces, knives]))
     owners = np.concatenate([np.arange(n), np.arange(n), pairs.reshape(-1)])
