@@ -105,13 +105,13 @@ def test_what_cannot_be_cut_joined_placed_or_flattened_is_refused():
         (lambda: cut_path(PLANE, 0.5, 0.2), "no path between"),
         # Next to nothing on both sides of a joint.
         (lambda: cut_path(corner, 1 - 0.8e-9, 1 + 0.8e-9), "no path between"),
-        (lambda: join_paths([]), "no path to join"),
+        (lambda: join_paths([]), "at least one path"),
         (lambda: join_paths([flat, far]), "must be continuous"),
         (lambda: join_paths([flat, one]), "plane or all in space"),
         (lambda: join_paths([one, other]), "orientation, or none"),
         (lambda: PLANE.placed(FLAT, scale=0.0), "scale"),
         (lambda: drop_z(leaning), "Segment 1", "leaves the plane", {"index": 0}),
-        (lambda: drop_z(up), "only goes up and down"),
+        (lambda: drop_z(up), "path is vertical"),
     )
 
 

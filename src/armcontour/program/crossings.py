@@ -10,11 +10,11 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.sampling import number_parts
 
-# Points nearer than this are one [m].
+# Points with a smaller distance are equal [m].
 SAME_PLACE = 1e-9
 # Sine of the angle between two lines below which they are parallel.
 PARALLEL = 1e-12
-# Number of pairs of pieces that are intersected at a time, about, which bounds the memory.
+# Approximate number of pairs of pieces that are intersected together, which bounds the memory.
 PAIRS = 200_000
 
 # Columns of a table of pieces: start x, y, unit tangent x, y, curvature, positive to the left,
@@ -35,7 +35,7 @@ def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
 
 
 def parallels(pieces: FloatArray, d: float) -> FloatArray:
-    """Pieces at a distance d to the left [m], (n, 6); arcs that turn inside out have lengths <= 0.
+    """Pieces at a distance d to the left [m], (n, 6); arcs with negative radius get lengths <= 0.
 
     Arcs keep their centres.
     """
@@ -47,21 +47,21 @@ def parallels(pieces: FloatArray, d: float) -> FloatArray:
 
 
 def turns_between(arriving: FloatArray, leaving: FloatArray) -> FloatArray:
-    """Angles from tangents to others, positive to the left [rad], (n,)."""
+    """Angles from arriving to leaving tangents, positive to the left [rad], (n,)."""
     return np.asarray(np.arctan2(_cross(arriving, leaving), (arriving * leaving).sum(axis=1)))
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
 def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Lengths by which an inside corner shortens two pieces, up to where they cross [m], (n,) each.
+    """Lengths by which an inside corner shortens two pieces, up to their crossing [m], (n,) each.
 
     Args:
         before: The pieces that lead to the corners, (n, 6).
         after: The pieces that lead away, (n, 6).
 
     Returns:
-        The lengths, of the crossing nearest to the end of the first piece; NaN if none follows the
-        start of the second one. They may be longer than the pieces.
+        The lengths to the crossing nearest to the end of the first piece; NaN without a crossing
+        after the start of the second piece. They may be longer than the pieces.
     """
     points = _common_points(before, after)
     ahead = _places(after, points)
@@ -77,13 +77,13 @@ def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, Floa
 
 @np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
 def crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
-    """All places at which pieces meet each other, their own ends included.
+    """All points at which pieces meet each other, including their ends.
 
     Args:
         pieces: The pieces, (n, 6).
 
     Returns:
-        The two pieces of each meeting, (m, 2), and how far along each of them it is [m], (m, 2).
+        The two pieces of each meeting, (m, 2), and its distances along them [m], (m, 2).
     """
     low, high = _boxes(pieces)
     order = np.argsort(low[:, 0])
@@ -102,7 +102,7 @@ def crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
         ends = pieces[pairs, LENGTH][:, None, :]
         row, point = np.nonzero(((along >= -SAME_PLACE) & (along <= ends + SAME_PLACE)).all(axis=2))
         along, ends = along[row, point], ends[row, 0]
-        # A place near an end is this end.
+        # A point near an end is this end.
         along = np.where(ends - along <= SAME_PLACE, ends, along)
         meetings.append(pairs[row])
         distances.append(np.where(along <= SAME_PLACE, 0.0, along))
@@ -138,26 +138,27 @@ def _boxes(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _places(pieces: FloatArray, points: FloatArray) -> FloatArray:
-    """Distances along pieces at which these, if continued, come to points on them, (n, m)."""
+    """Distances along pieces, extended beyond their ends, of points (n, m, 2) on them, (n, m)."""
     offset, tangents = points - pieces[:, None, :2], pieces[:, None, TX : TY + 1]
     along, k = (offset * tangents).sum(axis=2), pieces[:, CURVATURE, None]
     # The direction from the centre: angle 0 at the start, growing along the arc.
     angle = np.arctan2(along * np.abs(k), 1 - _cross(tangents, offset) * k)
     radius = 1 / np.where(k == 0, np.inf, np.abs(k))
     u = np.where(angle < 0, angle + 2 * np.pi, angle) * radius
-    # Just before the start, and not after nearly a full turn.
+    # A point just before the start has a small negative distance, not nearly a full turn.
     before = (u > pieces[:, LENGTH, None]) & (2 * np.pi * radius - u <= SAME_PLACE)
     return np.asarray(np.where(k == 0, along, np.where(before, u - 2 * np.pi * radius, u)))
 
 
 def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Points that pieces have in common two by two if continued; ends where they run together.
+    """Common points of pairs of extended pieces, (n, 4, 2), NaN for missing ones.
 
     A line or circle with curvature k and left normal n at its point 0 has k x.x / 2 = n.x at its
-    points x. The difference of two such equations is the straight line w.x = r. So neither centres
-    nor radii are needed, and nearly straight arcs lose no digits.
+    points x. The difference of two such equations is the straight line w.x = r. This needs neither
+    centres nor radii, so nearly straight arcs lose no digits. Where pieces coincide, their ends are
+    the points.
     """
-    # The more curved one comes first.
+    # The piece with more curvature comes first.
     turned = (np.abs(b[:, CURVATURE]) > np.abs(a[:, CURVATURE]))[:, None]
     a, b = np.where(turned, b, a), np.where(turned, a, b)
     ka, kb = a[:, CURVATURE], b[:, CURVATURE]

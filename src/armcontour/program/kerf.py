@@ -39,11 +39,11 @@ from armcontour.program.offset_curves import (
 from armcontour.program.process import WASTE, Lead, Process
 from armcontour.program.rounded_corners import draw_with_arcs
 
-# Halvings in the search for the largest kerf that fits: a share of 0.0001 of what does not.
+# Bisection steps of the search for the largest kerf that fits: relative error 0.0001.
 HALVINGS = 14
-# Share of a lead beside the contour that it touches, along which contact is not judged.
+# Fraction of a lead, next to the contour that it touches, on which contact is ignored.
 CONTACT = 0.01
-# Halvings in the search for the longest lead that fits: a share of 0.0001 of what does not.
+# Bisection steps of the search for the longest lead that fits: relative error 0.0001.
 SIDE_HALVINGS = 14
 
 
@@ -60,14 +60,14 @@ def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, flo
         if not layer.kerf:
             continue
         if layer.begins_on:
-            # The way down from the height of the pierce comes first.
+            # The path down from the height of the pierce comes first.
             begin = 0.0 if layer.pierce is None else layer.pierce.height
         parts.append((x.path, begin, x.path.length if layer.ends_on else end, layer.kerf))
     return parts
 
 
 def apply_kerf(program: Program, process: Process) -> Program:
-    """The program with the tool beside its contours by half the kerf.
+    """The program with its contours offset by half the kerf.
 
     Args:
         program: The program as it is drawn.
@@ -103,7 +103,7 @@ def apply_kerf(program: Program, process: Process) -> Program:
 
 
 def _kerf_sides(contours: Sequence[Contour], kerfs: Sequence[float], process: Process) -> list[str]:
-    """The side of each contour on which its kerf lies; "" for contours that stay where drawn."""
+    """The side of each contour on which its kerf lies; "" for contours without offset."""
     sides = [process.kerf_side] * len(contours)
     if process.kerf_side == WASTE:
         waste = waste_sides(contours, process)
@@ -112,13 +112,13 @@ def _kerf_sides(contours: Sequence[Contour], kerfs: Sequence[float], process: Pr
 
 
 def _notes_on_open(names: Sequence[str]) -> list[str]:
-    """A note on open contours, by their names, that a kerf in the waste leaves where drawn."""
+    """A note on the open contours that a kerf in the waste does not offset, by their names."""
     if not names:
         return []
     suffix = f" and {len(names) - 1} more open contours stay" if len(names) > 1 else " stays"
     return [
         f"{names[0]}{suffix} where drawn, because an open contour has no waste side: "
-        "kerf_side left or right puts the cut beside open contours too."
+        "kerf_side left or right offsets open contours, too."
     ]
 
 
@@ -131,8 +131,8 @@ def _flatten(contour: Contour, number: int, process: Process) -> Segments:
         slopes = np.abs([rows.tangents @ up, rows.normals @ up])
         if slopes.max() > PARALLEL:
             raise InvalidInput(
-                f"{called} leaves the plane across the upward direction, so that a kerf has no "
-                "side there: leave out the kerf, or the z of the drawing."
+                f"{called} leaves the plane across the upward direction, so a kerf has no side "
+                "there: remove the kerf, or ignore the z of the drawing."
             )
         rows = rows.replace(
             starts=seen_from_above(rows.starts, up),
@@ -143,8 +143,8 @@ def _flatten(contour: Contour, number: int, process: Process) -> Segments:
     if crossing is not None:
         x, y = (1e3 * crossing).tolist()
         raise InvalidInput(
-            f"{called} crosses or touches itself at ({x:.6g}, {y:.6g}) mm, so that its kerf has no "
-            "side: mend the drawing, or leave out the kerf."
+            f"{called} crosses or touches itself at ({x:.6g}, {y:.6g}) mm, so its kerf has no "
+            "side: correct the drawing, or remove the kerf."
         )
     return rows
 
@@ -157,7 +157,7 @@ def _offset(
 
     def parts_of(width: float) -> list[OffsetPart]:
         parts = offset_segments(rows, sign * width / 2, closed=contour.closed)
-        # Beside an open contour, closed parts are what it curls around.
+        # Closed parts of the offset of an open contour are inside its curls.
         return parts if contour.closed else [x for x in parts if not x.closed]
 
     offset_parts = parts_of(kerf)
@@ -166,7 +166,7 @@ def _offset(
         for _ in range(HALVINGS):
             middle = (fits + too_wide) / 2
             fits, too_wide = (middle, too_wide) if parts_of(middle) else (fits, middle)
-        result = "leaves nothing of it" if contour.closed else "has no room beside it"
+        result = "leaves no material" if contour.closed else "has no room next to it"
         raise InvalidInput(
             f"{called}: a kerf of {1e3 * kerf:.6g} mm {result}; the largest kerf that fits is "
             f"{1e3 * fits:.4g} mm.",
@@ -176,7 +176,7 @@ def _offset(
     if len(offset_parts) > 1 and (contour.events or not contour.closed):
         reason = "has events on it" if contour.events else "is open"
         raise InvalidInput(
-            f"{called} {reason}, and a kerf of {1e3 * kerf:.6g} mm parts it into "
+            f"{called} {reason}, and a kerf of {1e3 * kerf:.6g} mm divides it into "
             f"{len(offset_parts)} pieces: give a smaller kerf."
         )
     return offset_parts
@@ -188,7 +188,7 @@ def _refuse_near_ones(
     parts: Sequence[Sequence[OffsetPart]],
     kerfs: Sequence[float],
 ) -> None:
-    """Refuse contours of which one is cut into along the other."""
+    """Raise InvalidInput for contours of which one is cut into along the other."""
     indices = [i for i, x in enumerate(flat) if x is not None]
     if len(indices) < 2:
         return
@@ -211,8 +211,8 @@ def _refuse_near_ones(
     kerf = max(kerfs[first], kerfs[second])
     raise InvalidInput(
         f"{_called_on_layer(contours, first)} and {_called_on_layer(contours, second)} cross, or "
-        f"are nearer to each other than the kerf of {1e3 * kerf:.6g} mm, so that the cut along one "
-        "goes into the other: move them apart, give a smaller kerf, or give a layer that is not "
+        f"are nearer to each other than the kerf of {1e3 * kerf:.6g} mm, so the cut along one "
+        "cuts into the other: move them apart, give a smaller kerf, or give a layer that is not "
         "cut through the kerf null in process.by_layer."
     )
 
@@ -226,9 +226,9 @@ def _called_on_layer(contours: Sequence[Contour], number: int) -> str:
 def _contours_of(
     contour: Contour, number: int, parts: Sequence[OffsetPart], up: FloatArray
 ) -> list[Contour]:
-    """The contours that the parts of an offset make, the first one the nearest to the start.
+    """The contours from the parts of an offset, the part nearest to the start first.
 
-    Without parts it is the contour itself.
+    Without parts it is the original contour.
     """
     if not parts:
         return [contour]
@@ -238,7 +238,7 @@ def _contours_of(
         (path,) = paths
         event_s = [float(path.project(source(x.s)[None]).s[0]) for x in contour.events]
         events = tuple(
-            # The end of a closed path is the place of its start.
+            # On a closed path, the end is projected to the start.
             dataclasses.replace(x, s=path.length if _is_end(x.s, source) else s)
             for x, s in zip(contour.events, event_s, strict=True)
         )
@@ -303,8 +303,8 @@ def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) 
         rates = tangent_rates(rows)
     elif not same:
         raise InvalidInput(
-            "A kerf is for contours along which the tool orientation is constant or follows the "
-            "tangent: leave out the kerf."
+            "A kerf needs a tool orientation that is constant or follows the tangent: remove the "
+            "kerf."
         )
     return Orientation.even(
         rows.lengths, turned, rates, axis_only=orientation.axis_only, follows=orientation.follows
@@ -312,7 +312,7 @@ def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) 
 
 
 def _replaced(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) -> list[Move]:
-    """The moves with other contours; rapids that lead away from one start at its new end."""
+    """The moves with other contours; rapids away from a contour start at its new end."""
     away, number = leading_away(moves), 0
     result: list[Move] = []
     for x in moves:
@@ -327,7 +327,7 @@ def _replaced(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) -> list[
 
 
 def cut_contours(contours: Sequence[Contour], process: Process) -> BoolArray:
-    """Contours at which material is separated: those with a kerf; all if no layer has a kerf."""
+    """Mask of the contours that are cut: those with a kerf; all without any kerf."""
     mask = np.array([process.of_layer(x.layer).kerf is not None for x in contours])
     return mask if mask.any() else ~mask
 
@@ -335,8 +335,8 @@ def cut_contours(contours: Sequence[Contour], process: Process) -> BoolArray:
 def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
     """The scrap side of every contour in its direction of travel, "left" or "right".
 
-    Closed contours inside an odd number of other contours that are cut are holes, whatever their
-    layers. The scrap side of open contours is "left".
+    Closed contours inside an odd number of other contours that are cut are holes, on any layer. The
+    scrap side of open contours is "left".
 
     Args:
         contours: The contours in their direction of travel.
@@ -349,7 +349,7 @@ def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
 
 
 class LeadPlacement:
-    """Leads of the contours of a program, in the scrap and clear of all contours that are cut.
+    """Leads of the contours of a program, in the scrap and clear of all cut contours.
 
     Args:
         contours: The contours before they get overlaps and leads.
@@ -362,7 +362,7 @@ class LeadPlacement:
         self._sides = waste_sides(contours, process) if needed else ["left"] * len(contours)
         self._cut = cut_contours(contours, process)
         self._around: tuple[FloatArray, FloatArray] | None = None
-        # Leads that are shorter than asked: share of the length, and a description.
+        # Leads that are shorter than requested: fraction of the length, and a description.
         self._shortened: list[tuple[float, str]] = []
 
     def lay(self, number: int, path: Path, lead: Lead, length: float, *, after: bool) -> Path:
@@ -415,7 +415,7 @@ class LeadPlacement:
                 allowed=fits,
             )
         description = (
-            f"the {kind} of {location}: {1e3 * fits:.4g} in place of {1e3 * length:.4g} mm"
+            f"the {kind} of {location}: {1e3 * fits:.4g} instead of {1e3 * length:.4g} mm"
         )
         self._shortened.append((fits / length, description))
         return lead_of(fits)
@@ -427,12 +427,12 @@ class LeadPlacement:
             return ()
         count = count_noun(len(self._shortened), "lead")
         return (
-            "Leads are shorter than the tool needs to reach its speed, because longer ones cross a "
-            f"contour or leave the scrap: {count}, most {min(self._shortened)[1]}.",
+            "Leads are shorter than the tool needs to reach its speed, because longer leads cross "
+            f"a contour or leave the scrap: {count}; the shortest is {min(self._shortened)[1]}.",
         )
 
     def _beyond(self, contour: Contour, path: Path, after: bool) -> FloatArray | None:
-        """Unit tangent of a closed contour at the other side of the vertex that a lead touches."""
+        """Unit tangent of a closed contour on the other side of the vertex that a lead touches."""
         outline = contour.path
         # A contour with an overlap does not end at its start.
         if np.linalg.norm(outline.end - outline.starts[0]) > REPEATED_POINT:
@@ -481,7 +481,7 @@ def _box(pieces: FloatArray) -> FloatArray:
 
 
 def _pieces(path: Path, up: FloatArray) -> FloatArray:
-    """The table of pieces of `_crossings` of a path seen from above, (n, 6)."""
+    """The table of pieces (crossings.py) of a path seen from above, (n, 6)."""
     chords = chords_of(path, up)
     a, chord, bent = chords[:, :2], chords[:, 2:4] - chords[:, :2], chords[:, 7] != 0
     curvatures = np.where(bent, chords[:, 7] / np.where(bent, chords[:, 6], 1.0), 0.0)

@@ -1,8 +1,8 @@
-"""Short open tours over contours, compiled: local search.
+"""Compiled local search for a short open tour over contours.
 
-Every contour has options: a closed one places where it may begin, an open one its directions. An
-option has a point of entry and a point of exit. Moves of the search are those of 2-opt and Or-opt;
-Lin, Kernighan's double bridge with short parts leads out of local optima.
+Every contour has options: a closed contour start points, an open one its directions. An option has
+a point of entry and a point of exit. The moves of the search are those of 2-opt and Or-opt; the
+double bridge of Lin and Kernighan with short parts leaves local optima.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernels import compiled
 
-# Longest part of a tour that an Or-opt move carries elsewhere.
+# Longest part of a tour that an Or-opt move relocates.
 LONGEST_PART = 3
 # Longest parts that are exchanged to leave a local optimum.
 LONGEST_EXCHANGE = 30
 # Up to this number of contours, an exchange also changes an option.
 FEW = 30
-# Changes of length below this share of a tour are rounding errors.
+# Changes of length below this fraction of a tour are rounding errors.
 NO_GAIN = 1e-12
 
 
@@ -48,7 +48,7 @@ class _Tour(NamedTuple):
         position: Position of every contour, (n,).
         chosen: The option at each position; -1 before the first one and after the last, (n + 2,).
         ahead: Length of the links up to each position, (n + 2,).
-        back: The same if they run backwards, (n + 2,).
+        back: The same in the opposite direction, (n + 2,).
     """
 
     order: IntArray
@@ -72,7 +72,7 @@ def distance(options: Options, a: int, b: int) -> float:
 
 @compiled(inner=True)
 def _refresh(options: Options, tour: _Tour, first: int) -> None:
-    """Set what follows from the order and the options, from a position on."""
+    """Update the dependent arrays of a tour from a position on."""
     order, option, position, chosen, ahead, back = tour
     for k in range(first, len(chosen)):
         chosen[k] = -1
@@ -86,7 +86,10 @@ def _refresh(options: Options, tour: _Tour, first: int) -> None:
 def _carry(
     options: Options, parent: IntArray, tour: _Tour, start: int, end: int, to: int, threshold: float
 ) -> bool:
-    """Carry a part of the tour elsewhere if that gains more than `threshold` and is allowed."""
+    """Move a part of the tour behind a position if the gain exceeds `threshold` and it is allowed.
+
+    A position inside the part reverses it.
+    """
     order, option, position, chosen, ahead, back = tour
     if start < 1 or end >= len(order):
         return False
@@ -122,7 +125,7 @@ def _carry(
 
 @compiled(inner=True, allocates=True)
 def _improve_at(options: Options, parent: IntArray, near: IntArray, tour: _Tour, c: int) -> bool:
-    """Make one move that shortens the tour at contour c; whether there was one."""
+    """Make one move that shortens the tour at contour c; return whether there is one."""
     order, option, position, chosen, ahead, _ = tour
     n, i = len(order) - 1, position[c]
     no_gain = NO_GAIN * (1 + ahead[-1])
@@ -155,7 +158,7 @@ def _improve_at(options: Options, parent: IntArray, near: IntArray, tour: _Tour,
                 for to in (k, k - 1):
                     if _carry(options, parent, tour, start, start + count - 1, to, no_gain):
                         return True
-    # Ends of the tour are next to nothing.
+    # Moves to the ends of the tour, which have no neighbour.
     for start, end, to in ((1, i, i), (i, i, 0), (i, n, n), (i, i, n)):
         if _carry(options, parent, tour, start, end, to, no_gain):
             return True
@@ -175,11 +178,11 @@ def search(
 
     Args:
         options: The options.
-        parent: Contour that may only come after each contour, or -1, (n,).
+        parent: Contour that each contour must precede, or -1, (n,).
         near: The nearest contours of every contour, (n, k).
         tour: The contours in order, (n,).
         option: The option of every contour, (n,).
-        numbers: Random numbers for exchanges of parts from which the search goes on, (tries, 4).
+        numbers: Random numbers for exchanges of parts from which the search continues, (tries, 4).
     """
     n = len(tour)
     order, position = np.append(-1, tour), np.zeros(n, dtype=np.intp)

@@ -15,10 +15,10 @@ from armcontour.geometry.segments import Segments
 
 # Angle of a quarter circle [rad].
 QUARTER = np.pi / 2
-# If the sine of the angle between tangent and `up` is below this, left and right are undefined.
+# Smallest sine of the angle between tangent and `up`; below it left and right are undefined.
 UPRIGHT = 1e-6
-# Sine of the angle of a vertex towards the side of an arc, above which the arc would cross the
-# contour by more than the share of its length in which contact is not judged.
+# Largest sine of the angle of a vertex towards the side of an arc. Above it the arc would cross the
+# contour by more than the fraction of its length on which contact is ignored.
 SHARP = 0.005
 
 
@@ -41,9 +41,9 @@ def lead_path(
         side: Side of the path on which an arc lies, seen in the direction of travel.
         up: In space, the upward direction, which defines left and right, (3,).
         after: True for the lead-out.
-        beyond: Unit tangent of a closed contour at the other side of the vertex that the lead
+        beyond: Unit tangent of a closed contour on the other side of the vertex that the lead
             touches. If the contour turns towards the side of an arc there, the lead is a line along
-            the bisector instead: a tangent arc would cross the contour.
+            the bisector, because a tangent arc would cross the contour.
 
     Raises:
         InvalidInput: The lead is an arc and the tangent goes straight up.
@@ -89,7 +89,7 @@ def lead_path(
 
 
 def _side_vector(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
-    """Unit vector perpendicular to a tangent, towards the given side."""
+    """Unit vector perpendicular to a tangent, towards `side`."""
     if len(tangent) == 2:
         normal = np.array([-tangent[1], tangent[0]])
     else:

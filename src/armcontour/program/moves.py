@@ -41,9 +41,9 @@ from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weave import Woven
 
 Value = bool | PlainNumber | Name
-# Output whose numbers and texts are tools, as of T words in G-code; True and False are on and off.
+# Output whose numbers and texts are tools, as T words in G-code; True and False are on and off.
 TOOL = "tool"
-# Largest numbers of moves and of segments of a repeated program: more take minutes to plan each.
+# Largest numbers of moves and of segments of a repeated program: more take minutes to plan.
 MOST_MOVES = 100_000
 MOST_SEGMENTS = 1_000_000
 
@@ -92,9 +92,9 @@ class Contour(Checked):
         work: Arc lengths at which the process goes on and off [m]; leads are before and after. By
             default the whole path.
         keep_start: Whether to keep the drawn start point, as in G-code.
-        ring: Whether the contour is closed, if leads and overlap hide this; None decides by the
+        ring: Whether the contour is closed, for a path with leads or overlap; None compares the
             ends of the path.
-        woven: Where the contour weaves along its seam; None if it does not weave.
+        woven: Result of weaving along its seam; None without weaving.
 
     Raises:
         InvalidInput: No path, an invalid name or layer, an event after the end of the path, or work
@@ -157,7 +157,7 @@ class Contour(Checked):
 
 
 def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
-    """A sentence with the layers that are not run and how much each has; none without such layers.
+    """A sentence with the layers that are not run and their counts; empty without such layers.
 
     Args:
         layers: Numbers of contours, or of entities of a drawing, by layer.
@@ -169,14 +169,14 @@ def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
 
 
 def contour_called(contour: Contour, number: int) -> str:
-    """Name of a contour for messages: its name, or its number, which is given from 0."""
+    """Name of a contour for messages: its name, or its number from 1."""
     if not contour.name:
         return f"contour {number + 1}"
     return contour.name if contour.name.startswith("contour ") else f"contour {contour.name}"
 
 
 def name_copy(name: str, row: int, column: int) -> str:
-    """Name of a copy of a contour in a row and a column, which are given from 0."""
+    """Name of a copy of a contour in a row and a column, counted from 0."""
     suffix = f"[{row + 1},{column + 1}]"
     return f"{shorten(name, checks.LONGEST_NAME - 1 - len(suffix))} {suffix}" if name else suffix
 
@@ -195,10 +195,10 @@ def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rapid(Checked):
-    """A free motion with the tool off, at the arm's limits.
+    """A positioning motion with the tool off, at the arm's limits.
 
     Args:
-        path: Path of the tool; None moves every joint directly to its goal.
+        path: Path of the tool; None moves every joint directly to its target.
 
     Raises:
         InvalidInput: Neither a path nor None.
@@ -225,13 +225,13 @@ Move = Contour | Rapid | Dwell | Event
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Program(Checked):
-    """Moves in order; between two contours that do not meet, a rapid is added.
+    """Moves in order; rapids between contours that do not meet are added by the planner.
 
     Args:
         moves: The moves.
         source: Origin of the program, such as the name of a file.
-        notes: Sentences on parts that were left out or changed when the program was read.
-        remarks: Sentences on what was found out or chosen, which nobody has to look at.
+        notes: Sentences on parts that were ignored or changed when the program was read.
+        remarks: Sentences on automatic choices that need no attention.
         rapid_speed: Largest tool speed of rapids without a path [m/s]; None for the limits of the
             joints only.
         other_layers: Names of the layers of the drawing that are not run.
@@ -249,7 +249,7 @@ class Program(Checked):
     other_layers: tuple[str, ...] = ()
 
     def _check_together(self) -> None:
-        # They contain text of files, and are printed on terminals.
+        # These texts come from files and are printed on terminals.
         object.__setattr__(self, "source", make_printable(self.source))
         for name in ("notes", "remarks"):
             texts = tuple(make_printable(shorten(x)) for x in getattr(self, name))
@@ -266,9 +266,7 @@ class Program(Checked):
 
     @classmethod
     def from_path(cls, path: Path | Program, needs: str = "A program is made of a Path") -> Program:
-        """Make a program of a path, whose start point is kept; return a program as it is.
-
-        All other code takes programs only.
+        """Make a program of a path, whose start point is kept; return a program unchanged.
 
         Args:
             path: The path or the program.
@@ -466,7 +464,7 @@ class Program(Checked):
         return dataclasses.replace(self, moves=tuple(moves))
 
     def _refuse_too_many(self, copies: int) -> None:
-        """Refuse copies with more than MOST_MOVES moves or MOST_SEGMENTS segments together."""
+        """Raise InvalidInput for copies with too many moves or segments together."""
         paths = [x.path for x in self.moves if isinstance(x, Contour | Rapid)]
         segments = sum(len(x) for x in paths if x is not None)
         for noun, count, maximum in (
@@ -482,7 +480,7 @@ class Program(Checked):
                 )
 
     def without_z(self) -> Program:
-        """The program without z; purely vertical moves are left out, their events stay.
+        """The program without z; vertical moves are removed, their events stay.
 
         Raises:
             InvalidInput: An arc that is not parallel to the plane.
@@ -503,7 +501,7 @@ class Program(Checked):
                 moves.append(Rapid(path=drop_z(x.path)))
         notes = self.notes
         if any(x.path.orientation is not None for x in self.contours):
-            notes = (*notes, "the tool orientation is left out together with z.")
+            notes = (*notes, "the tool orientation is removed together with z.")
         return dataclasses.replace(self, moves=tuple(moves), notes=notes)
 
     def selected(
@@ -516,7 +514,7 @@ class Program(Checked):
             names: Names of contours; None takes all.
 
         Raises:
-            InvalidInput: An unknown layer or name, or no contour that is left.
+            InvalidInput: An unknown layer or name, or no remaining contour.
         """
         if layers is None and names is None:
             return self
@@ -529,12 +527,12 @@ class Program(Checked):
             both = "fits both the layers and the names"
             reason = "is chosen" if layers is None or names is None else both
             raise InvalidInput(
-                f"{self.source or 'The program'} has no contour that {reason}: leave out the empty "
-                "list, or what excludes the other."
+                f"{self.source or 'The program'} has no contour that {reason}: remove the empty "
+                "list, or one of two lists that exclude each other."
             )
         notes = self.notes
         if len(self.contours) < len(self.moves):
-            note = "rapids, dwells and events between the chosen contours are left out."
+            note = "rapids, dwells and events between the chosen contours are removed."
             notes = (*notes, note)
         others = Counter(
             x.layer for x, chosen in zip(self.contours, by_layer, strict=True) if not chosen
@@ -563,18 +561,18 @@ class Program(Checked):
 
 
 def _refuse_move(move: Move) -> None:
-    """Refuse an event of its own with an arc length or a lead distance."""
+    """Raise InvalidInput for an event between contours with an arc length or a lead distance."""
     if isinstance(move, Event) and (move.s or move.lead_distance):
         raise InvalidInput(
-            f"The event {move.name} is a move of its own, at which the tool is at rest, and "
-            "can have no s and no lead distance: put it into a contour, or use a lead time."
+            f"The event {move.name} is a separate move, at which the tool is at rest, and can "
+            "have no s and no lead distance: put it into a contour, or use a lead time."
         )
 
 
 def is_meant(moves: Sequence[Move], i: int) -> bool:
-    """Whether a rapid, dwell or event comes before move i, a contour, so that its start is kept.
+    """Whether the start of contour i is deliberate, because a rapid, dwell or event leads to it.
 
-    Without a rapid, something must come between the contour and the contour before it.
+    Without a rapid, a dwell or event must come between the contour and the previous contour.
     """
     for k in range(i - 1, -1, -1):
         if isinstance(moves[k], Rapid):
@@ -585,7 +583,7 @@ def is_meant(moves: Sequence[Move], i: int) -> bool:
 
 
 def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
-    """Index of the first rapid in the given order, if it has a path and no contour comes first.
+    """Index of the first rapid in an order, if it has a path and no contour comes first.
 
     Args:
         moves: The moves of a program.
@@ -601,7 +599,7 @@ def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
 
 
 def leading_away(moves: Sequence[Move]) -> set[Rapid]:
-    """Rapids whose path starts at the end of the contour before them."""
+    """Rapids whose path starts at the end of the previous contour."""
     rapids = set()
     for i, x in enumerate(moves):
         k = next_rapid(moves, range(i + 1, len(moves))) if isinstance(x, Contour) else None
@@ -623,7 +621,7 @@ def last_end(moves: Sequence[Move]) -> FloatArray | None:
 def reroute(
     rapid: Move, *, start: FloatArray | None = None, end: FloatArray | None = None
 ) -> Rapid:
-    """A rapid with new end points, as leads and overlaps move the ends of contours.
+    """A rapid with new end points, because leads and overlaps move the ends of contours.
 
     A rapid whose points all coincide becomes a joint motion without a path.
 

@@ -1,8 +1,8 @@
-"""Offsets of lines and arcs in the plane, exact: arcs stay arcs, around the same centres.
+"""Exact offsets of lines and arcs in the plane: arcs stay arcs with the same centres.
 
 Points at distance d from a contour, on one of its sides, lie on its offset segments or on circles
-around its vertices. All of these are cut where they meet; the parts that no place of the contour is
-nearer to than d make the offset.
+around its vertices. All of these are cut where they meet. The parts whose distance from the whole
+contour is at least d form the offset.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from armcontour.program.crossings import (
     turns_between,
 )
 
-# By so much less than the offset a part may be away from the contour, by rounding [m]: points of
-# a path may be off by REPEATED_POINT.
+# Rounding error of the distance between a part and the contour [m]: points of a path have errors up
+# to REPEATED_POINT.
 SLACK = 3e-9
-# Gaps above the first are narrowed to the second; a path may have gaps of REPEATED_POINT [m].
+# Gaps above the first are narrowed to the second [m]; a path may have gaps of REPEATED_POINT.
 WIDE_GAP, NARROW_GAP = 0.9e-9, 0.5e-9
-# A closed part whose area is less than its length times this is two coinciding lines [m].
+# A closed part with a smaller ratio of area to length is two coinciding lines [m].
 THIN = 1e-8
 
 
@@ -45,7 +45,7 @@ class OffsetPart:
 
     Args:
         segments: Its segments, in the plane.
-        rows: The segment of the source that each comes from, or, around a vertex, ends at it, (n,).
+        rows: Source segment of each segment; around a vertex, the source segment before it, (n,).
         closed: Whether it is closed.
     """
 
@@ -63,7 +63,7 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
         closed: Whether the contour is closed.
 
     Returns:
-        The parts; none if no place at this side is so far from the contour.
+        The parts; none if no point on this side has this distance from the contour.
     """
     if distance == 0:
         return [OffsetPart(segments=source, rows=np.arange(len(source)), closed=closed)]
@@ -73,7 +73,7 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
         return []
     knives = np.empty((0, 6))
     if not closed:
-        # The other side of an open contour may be in the way, and so may its ends.
+        # The offset on the other side of an open contour and around its ends also limits the parts.
         other, _ = _raw_pieces(_table(source, mirror * [1, -1]), abs(distance), closed)
         ends = _end_circles(pieces, abs(distance))
         knives = np.concatenate([other * [1, -1, 1, -1, -1, 1], ends])
@@ -88,7 +88,7 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
 
 
 def crosses_itself(source: Segments, *, closed: bool) -> FloatArray | None:
-    """A point in which a path in the plane crosses or touches itself [m]; None if it does not."""
+    """A point at which a path in the plane crosses or touches itself [m]; None without one."""
     table = _table(source, np.ones(2))
     pairs, distances = crossings(table)
     n = len(table)
@@ -106,7 +106,7 @@ def crosses_itself(source: Segments, *, closed: bool) -> FloatArray | None:
 
 
 def crossing_owners(paths: Sequence[Segments]) -> tuple[int, int] | None:
-    """Two of several paths in the plane that cross or touch each other; None if none do."""
+    """Two of several paths in the plane that cross or touch each other; None without such paths."""
     table = np.concatenate([_table(x, np.ones(2)) for x in paths])
     owner = np.repeat(np.arange(len(paths)), [len(x) for x in paths])
     pairs = owner[crossings(table)[0]]
@@ -115,7 +115,7 @@ def crossing_owners(paths: Sequence[Segments]) -> tuple[int, int] | None:
 
 
 def _table(source: Segments, mirror: FloatArray) -> FloatArray:
-    """The table of pieces of `_crossings` of a path, mirrored."""
+    """The table of pieces (crossings.py) of a path, mirrored."""
     starts, tangents = source.starts * mirror, source.tangents * mirror
     normals = source.normals * mirror
     turn = np.sign(tangents[:, 0] * normals[:, 1] - tangents[:, 1] * normals[:, 0])
@@ -167,7 +167,7 @@ class _Parts:
         )
 
     def joined(self, ends: FloatArray | None) -> _Parts:
-        """The parts without those that lead nowhere."""
+        """The parts without dead ends; an open offset starts and ends at `ends`."""
         parts = self
         while len(parts.pieces):
             starts, stops = parts.nodes[:, 0], parts.nodes[:, 1]
@@ -184,12 +184,12 @@ class _Parts:
         return parts
 
     def chains(self) -> list[tuple[_Parts, bool]]:
-        """The parts, one after the other; and whether they close."""
+        """Chains of consecutive parts, and whether each closes."""
         leaving: dict[int, list[int]] = {}
         for i, node in enumerate(self.nodes[:, 0].tolist()):
             leaving.setdefault(node, []).append(i)
         arriving = set(self.nodes[:, 1].tolist())
-        # Open chains first: their starts are where nothing arrives.
+        # Open chains first: they start at nodes without an arriving part.
         order = np.argsort([x in arriving for x in self.nodes[:, 0].tolist()], kind="stable")
         used = np.zeros(len(self.pieces), dtype=bool)
         tips = points_at(self.pieces, self.pieces[:, LENGTH], 1)
@@ -208,14 +208,14 @@ class _Parts:
         return [(x._merged(ring), ring) for x, ring in chains if not (ring and x._is_thin())]
 
     def _rightness(self, tangent: FloatArray, k: int) -> float:
-        """Angle by which the path turns to the right into part k; the leftmost way is taken."""
+        """Angle by which the path turns to the right into part k."""
         tx, ty = self.pieces[k, TX], self.pieces[k, TY]
         return -float(
             np.arctan2(tangent[0] * ty - tangent[1] * tx, tangent[0] * tx + tangent[1] * ty)
         )
 
     def _is_thin(self) -> bool:
-        """Whether a closed chain has no area."""
+        """Whether a closed chain encloses no area."""
         p = self.pieces
         a, b = p[:, :2] - p[0, :2], points_at(p, p[:, LENGTH]) - p[0, :2]
         angle = p[:, CURVATURE] * p[:, LENGTH]
@@ -226,10 +226,10 @@ class _Parts:
         return abs(area) <= THIN * float(p[:, LENGTH].sum())
 
     def _merged(self, ring: bool) -> _Parts:
-        """The chain with consecutive parts of one piece as one part."""
+        """The chain with consecutive parts of one piece merged."""
         chain = self
         if ring and len(chain.pieces) > 1:
-            # It starts where a piece does, if any of them is whole at its start.
+            # Start the chain at the start of a piece.
             changes = chain.owners != np.roll(chain.owners, 1)
             if changes.any():
                 first = int(np.argmax(changes & (chain.owners == chain.owners[changes].min())))
@@ -274,7 +274,7 @@ def _cut(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Parts:
 
 
 def _made(chain: _Parts, ring: bool, mirror: FloatArray) -> OffsetPart:
-    """A chain of parts as segments."""
+    """A chain of parts as an `OffsetPart`."""
     p = chain.pieces
     starts = _closed_up(p[:, :2], points_at(p, p[:, LENGTH]), ring)
     tangents = p[:, [TX, TY]]
@@ -290,10 +290,10 @@ def _made(chain: _Parts, ring: bool, mirror: FloatArray) -> OffsetPart:
 
 
 def _closed_up(starts: FloatArray, ends: FloatArray, ring: bool) -> FloatArray:
-    """Starts of segments that are moved where gaps are wider than a path may have.
+    """Starts of segments, moved where gaps are too wide for a path.
 
-    Gaps of the source and those at its vertices add up. Whole segments are moved, because tangents
-    must stay.
+    Gaps of the source and at its vertices add up. Whole segments are moved, because tangents must
+    not change.
     """
     starts, ends, n = starts.copy(), ends.copy(), len(starts)
     for i in range(2 * n if ring else n - 1):

@@ -39,11 +39,11 @@ from armcontour.program.process import MOST_TABS, Lead, Leads, Process, Switch, 
 if TYPE_CHECKING:
     from armcontour.program.kerf import LeadPlacement
 
-# Tag of the way from the height of a pierce.
+# Tag of the path down from the height of a pierce.
 PIERCE = "pierce"
-# Free length between a tab and a corner, the start point or another tab, in widths of a tab.
+# Smallest distance from a tab to a corner, the start point or another tab, in widths of a tab.
 CLEAR = 1.0
-# Smaller turns are those of curves that are drawn as polylines, on which tabs may lie [rad].
+# Smallest turn of a corner [rad]; smaller turns are those of curves drawn as polylines.
 CORNER = np.radians(20)
 
 
@@ -54,9 +54,9 @@ def prepare(
     """The program with start points, leads, overlaps, approaches and events of the process.
 
     Args:
-        program: The program as it is drawn, or a path.
+        program: The program as drawn, or a path.
         process: Requirements of the process.
-        lengths: Lengths of leads without a given length, one item per contour after `resume_at`.
+        lengths: Lengths of automatic leads, one item per contour after `resume_at`.
 
     Raises:
         InvalidInput: `resume_at` is past the end of the program, a layer does not exist, a lead has
@@ -98,7 +98,7 @@ def prepare(
     if count != len(program.contours) and (process.automatic or lengths is not None):
         raise InvalidInput(
             f"Leads of automatic length need {len(program.contours)} lengths, one per contour, "
-            f"but there are {count}: run a job, which finds them, or give the leads a length."
+            f"but got {count}: run a job, which determines them, or give the leads a length."
         )
     contours: list[Contour] = []
     for k, x in enumerate(program.contours, len(drawn) - len(program.contours)):
@@ -118,15 +118,15 @@ def prepare(
 
 
 def _untimed(changes: int) -> str:
-    """A note on tool changes that take no time."""
+    """A note on tool changes without a duration."""
     return (
-        f"no time is stated for {count_noun(changes, 'tool change')}, so the program goes on "
+        f"no time is stated for {count_noun(changes, 'tool change')}, so the program continues "
         "at once: give process.tool_change, such as 5 s."
     )
 
 
 def _slow(rapid: Rapid, speed: float) -> Rapid:
-    """A rapid whose path has a largest speed, where it has none [m/s]."""
+    """A rapid with a largest speed on its path [m/s], where it has none."""
     path = rapid.path
     return rapid if path is None else Rapid(path=_with_limits(path, SegmentLimits(speed=speed)))
 
@@ -168,8 +168,8 @@ def arrange(program: Program, process: Process) -> Program:
 
 
 def _pass_again(contour: Contour, passes: int) -> list[Contour]:
-    """An open contour as often as its layer has passes; a closed one runs in laps."""
-    # Whether a contour is closed takes longer than all else here.
+    """One contour per pass for an open contour; the passes of a closed contour are laps."""
+    # `closed` takes longer than the rest of this function.
     if passes == 1 or contour.closed:
         return [contour]
     suffixes = [f" ({k})" for k in range(2, passes + 1)] if contour.name else [""] * (passes - 1)
@@ -178,7 +178,7 @@ def _pass_again(contour: Contour, passes: int) -> list[Contour]:
 
 
 def _keeps_lead(process: Process, contour: Contour, event: Event) -> bool:
-    """Whether an event that resuming switches again keeps its time advance."""
+    """Whether an event that is repeated when resuming keeps its time advance."""
     layer_process = process.of_layer(contour.layer)
     switched = layer_process.switch is not None and layer_process.switch.name == event.name
     return layer_process.lead_in is not None or (switched and bool(event.value))
@@ -218,7 +218,7 @@ def _link(
 
 
 def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int) -> Leads:
-    """Lengths of the leads of contour `number`: given by the process, else from `lengths`."""
+    """Lengths of the leads of contour `number`, from the process or else from `lengths`."""
     defaults = Leads() if lengths is None else lengths[number]
 
     def length_of(lead: Lead | None, automatic: float) -> float:
@@ -233,7 +233,7 @@ def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int
 
 
 def _refuse_unknown_layers(program: Program, layers: Sequence[str]) -> None:
-    """Refuse layers on which the program has no contour."""
+    """Raise InvalidInput for a layer without a contour."""
     available = {x.layer for x in program.contours}
     for name in layers:
         if name not in available:
@@ -248,8 +248,8 @@ def _refuse_plane(program: Program) -> None:
     """Raise InvalidInput for a program in the plane, which has no heights."""
     if program.dimension == 2:
         raise InvalidInput(
-            "approach, retract and the height of a pierce go up and down, which a program in the "
-            "plane cannot: leave them out, or use an arm in space."
+            "approach, retract and the height of a pierce are vertical motions, which a program in "
+            "the plane does not support: remove them, or use an arm in space."
         )
 
 
@@ -277,7 +277,7 @@ def _with_limits(path: Path, segment_limits: SegmentLimits) -> Path:
 def _start_contour(
     contour: Contour, process: Process, led: bool, called: str, switching: Switching
 ) -> Contour:
-    """A contour with its start point, overlap, demand of its layer and events of the process."""
+    """A contour with its start point, overlap, layer limits and events of the process."""
     contour = _add_limits(contour, process.layers.get(contour.layer))
     closed, lap = contour.closed, contour.path.length
     if closed:
@@ -298,7 +298,7 @@ def _start_contour(
 
 
 def _weave(contour: Contour, weave: Weave, up: FloatArray) -> Contour:
-    """A contour along which the tool weaves; events keep their share of the length."""
+    """A contour along which the tool weaves; events keep their fraction of the length."""
     with error_context(f"weave of {contour_called(contour, 0) if contour.name else 'a contour'}"):
         wishes = dataclasses.asdict(weave)
         path, woven = weave_seam(
@@ -332,7 +332,7 @@ def _add_leads(
     if placement and process.lead_out is not None and leads.after > REPEATED_POINT:
         parts.append(placement.lay(number, path, process.lead_out, leads.after, after=True))
     if process.pierce is not None and process.pierce.height > REPEATED_POINT:
-        # Rounding the corner at its end would cut the start of the contour off.
+        # Rounding the corner at its end would cut off the start of the contour.
         speed = None if np.isnan(path.speeds[0]) else float(path.speeds[0])
         drop = SegmentLimits(speed=speed, tolerance=0.0, tag=PIERCE)
         down = _axial_line(parts[0], 0.0, process.pierce.height, process.up, drop)
@@ -375,10 +375,7 @@ def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: 
 def _axial_line(
     path: Path, s: float, height: float, up: FloatArray, segment_limits: SegmentLimits
 ) -> Path:
-    """The line along the tool axis to arc length s of a path, with the orientation there.
-
-    Without a required tool axis it is along `up`.
-    """
+    """The line along the tool axis, or else along `up`, to arc length s of a path."""
     end, orientation = path(s), path.orientation
     if orientation is None:
         return Path.polyline([end + height * up, end], segment_limits=segment_limits)
@@ -390,10 +387,10 @@ def _axial_line(
 def resume(
     program: Program, resume_at: float, *, keeps_lead: Callable[[Contour, Event], bool]
 ) -> tuple[Program, Contour | None]:
-    """The rest of a program, and the part of the resumed contour before the arc length.
+    """The remaining program, and the part of the resumed contour before the arc length.
 
-    Outputs switched before the arc length are switched again: at the arc length if they were
-    switched on the same contour, else before the first move.
+    Outputs that are switched before the arc length are switched again: at the arc length if they
+    are switched on the same contour, else before the first move.
 
     Args:
         program: The program.
@@ -463,7 +460,7 @@ def _cut_before(contour: Contour, s: float) -> Contour:
 
 
 class Switching:
-    """State of the outputs of `switch` and `off_between`, from one contour to the next.
+    """States of the outputs of `switch` and `off_between`, from contour to contour.
 
     Args:
         moves: The moves of the program.
@@ -474,7 +471,7 @@ class Switching:
         switches = (x.switch.name for x in process.variants if x.switch is not None)
         self.names = tuple(dict.fromkeys([*switches, *process.off_between]))
         self.process = process
-        # Contours of a drawing can be reordered, so that none depends on the one before it.
+        # Contours of a drawing can be reordered, so they are independent of each other.
         self.in_order = any(not isinstance(x, Contour) for x in moves)
         self.states: dict[str, Event] = {}
         names: set[str] = set()
@@ -484,7 +481,7 @@ class Switching:
             for event in x.events if isinstance(x, Contour) else [x]:
                 if isinstance(event, Event) and event.name not in names:
                     names.add(event.name)
-                    # An output that is first switched on is off before.
+                    # An output is off before the first event that switches it on.
                     if event.value:
                         self.states[event.name] = dataclasses.replace(event, value=False)
 
@@ -522,7 +519,7 @@ class Switching:
 def _confined(
     events: Sequence[Event], state: Event | None, switch: Switch | None, name: str, end: float
 ) -> list[Event]:
-    """Events of one output of a contour that begins and ends with the output off."""
+    """Events of one output along a contour that starts and ends with the output off."""
     changes: list[Event] = []
     if state is not None and not (events and events[0].s <= REPEATED_POINT):
         events = [dataclasses.replace(state, s=0.0), *events]
@@ -541,7 +538,7 @@ def _confined(
 
 
 def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
-    """A closed contour whose process is switched off at tabs, at the same places of every lap.
+    """A closed contour whose process is switched off at tabs, at the same positions in every lap.
 
     Args:
         contour: The contour from its start point, with laps and overlap.
@@ -564,7 +561,7 @@ def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
         off_s, on = s - width / 2, min(s + width / 2, end)
         events = [x for x in events if x.name != switch.name or not off_s <= x.s < on]
         for position, lead in ((off_s, switch.off_lead), (on, switch.on_lead)):
-            # The output stays off in gaps of the program that begin or end on the tab.
+            # The output stays off in gaps of the program that start or end on the tab.
             value = next((x.value for x in reversed(switch_events) if x.s <= position), False)
             if value and position < end:
                 value = value if position == on else False
@@ -575,8 +572,8 @@ def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
 def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
     """Arc lengths of the middles of tabs on the first lap [m], (tabs,).
 
-    Tabs are as far from each other as corners and the start point allow: those that would lie on
-    one of them are moved beside it.
+    Tabs are evenly spaced. Tabs that would lie on a corner or on the start point are moved next to
+    it.
 
     Raises:
         InvalidInput: The contour has no room for its tabs.
@@ -597,8 +594,8 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
         raise InvalidInput(
             f"{_called(contour)} of {lap * 1e3:.4g} mm "
             f"has no room for {count} tab{'s' if count > 1 else ''} of {width * 1e3:.4g} mm, which "
-            "keep a width free to corners, to the start point and to each other: take fewer or "
-            "narrower ones, or leave them out with by_layer.",
+            "need the distance of a width from corners, the start point and each other: take fewer "
+            "or narrower tabs, or remove them with by_layer.",
             allowed=lap,
             needed=2 * count * width,
         )
@@ -619,7 +616,7 @@ def _count(contour: Contour, spacing: float, lap: float) -> int:
 
 
 def _called(contour: Contour) -> str:
-    """What messages call a contour."""
+    """Name of a contour for messages."""
     return contour_called(contour, 0) if contour.name else "A contour"
 
 

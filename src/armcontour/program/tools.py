@@ -1,4 +1,4 @@
-"""Tools of a program: which contours a tool runs, by the tool changes between contours."""
+"""Tools of a program, and the contours of each tool."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def tools_of_contours(program: Program) -> list[str]:
 
 
 def part_of_tool(program: Program, name: str) -> Program:
-    """The moves of a program between the changes to a tool and from it to another one.
+    """The moves of a program from the changes to a tool until the next tool change.
 
-    Outputs have the values that the moves before have given them.
+    Outputs keep the values from the moves before.
 
     Args:
         program: The program.
