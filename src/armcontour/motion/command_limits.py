@@ -13,14 +13,14 @@ from armcontour.robot.limit_use import use_of
 
 
 def check_commands(set_points: SetPoints, limits: Limits | None = None) -> None:
-    """Refuse set-points outside a joint range, or that move faster than a velocity limit.
+    """Refuse set-points outside a joint range, or faster than a velocity limit.
 
-    A compensated command is ahead of the joint by about `dq / K_p`, and so can exceed the limits
-    that the plan keeps. A controller that checks its set-points would then stop.
+    A compensated command leads the joint by approximately `dq / K_p`, so it can exceed the limits
+    that the plan satisfies. A controller that checks its set-points would then stop.
 
     Args:
         set_points: The set-points.
-        limits: Limits in place of those of the plan; by default the limits of commands.
+        limits: Limits instead of those of the plan; by default the limits of commands.
 
     Raises:
         CompensationError: A limit is exceeded; with the set-point of the largest excess.
@@ -52,7 +52,7 @@ def check_commands(set_points: SetPoints, limits: Limits | None = None) -> None:
 
 
 def describe_excess(set_points: SetPoints) -> str:
-    """The sentence of `check_commands` for the limits of the plan; empty if it refuses nothing."""
+    """The message of `check_commands` for the limits of the plan; empty without an excess."""
     try:
         check_commands(set_points)
     except CompensationError as error:
@@ -61,7 +61,10 @@ def describe_excess(set_points: SetPoints) -> str:
 
 
 def _refuse_beyond(set_points: SetPoints, name: str, values: FloatArray, bound: FloatArray) -> None:
-    """Raise CompensationError if set-points exceed the end `name` of the joint range."""
+    """Raise CompensationError if set-points exceed the end `name` of the joint range.
+
+    Values and bound have the opposite sign for "joint_lower".
+    """
     worst = _worst(values, bound)
     if worst is None:
         return

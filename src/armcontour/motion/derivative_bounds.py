@@ -1,4 +1,4 @@
-"""Bounds of what a motion along a joint path takes of limits, at all times."""
+"""Proven bounds of velocity, acceleration and path speed of a motion along a joint path."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ from numpy.polynomial.polynomial import polyval
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.motion.laws import PathLaw
 
-# Intervals are halved so often at most. What is not below its limit then counts with its bound.
+# Largest number of halvings of an interval. An interval that is still not proven counts with its
+# bound.
 HALVINGS = 40
 
-# A function and its derivatives at some places, each (n,) or (dof, n).
+# A function and its derivatives at n points, each (n,) or (dof, n).
 Derivatives: TypeAlias = list[FloatArray]
 
 
 def largest_shares(
     law: PathLaw, limits: FloatArray, speeds: FloatArray, allowed: float
 ) -> FloatArray:
-    """The largest shares of limits that a law takes: of joints' limits, and of path speeds.
+    """Largest ratios of joint motion and path speed to their limits, over all times of a law.
 
-    A share that is at most `allowed` is proven for all times of the law, but for the rounding of
-    numbers: an interval whose bound is above it is halved. A larger one is that of a place, or a
-    bound.
+    A ratio of at most `allowed` is proven for all times of the law, up to rounding errors: an
+    interval whose bound exceeds it is halved. A larger ratio is that of a point, or a bound.
 
     Args:
         law: The law.
         limits: Lower and upper bounds of acceleration [rad/s²] and of velocity [rad/s] of every
             joint, infinite without one, (4, dof).
         speeds: Two highest path speeds on every interval of the joint path [m/s], (m, 2).
-        allowed: The share that is to be proven.
+        allowed: The ratio to prove.
 
     Returns:
-        Of these four and of both path speeds, (6,).
+        The ratios of the four limits of joints and of both path speeds, (6,).
     """
     i = np.arange(len(law.breaks) - 1)
     begin, end = law.breaks[:-1], law.breaks[1:]
@@ -63,10 +63,10 @@ def _shares(
     limits: FloatArray,
     speeds: FloatArray,
 ) -> FloatArray:
-    """Shares of limits in the middle of parts of intervals, and bounds of them on these parts.
+    """Ratios to the limits in the middle of parts of intervals, and bounds on these parts, (n, 12).
 
-    A joint's velocity and acceleration, and the path speed, are quadratics about the middle, plus
-    the most that their third derivative can add.
+    `t` has start, middle and end of each part [s]. A joint's velocity and acceleration, and the
+    path speed, are quadratics about the middle, plus bounds of the terms of third order.
     """
     path, (begin, middle, end) = law.joint_path, t
     half = np.maximum(middle - begin, end - middle)
@@ -77,7 +77,7 @@ def _shares(
     piece = np.clip(path.locate(v[0]), first, path.locate(law.s[i + 1], side="left"))
     width = np.diff(path.breaks)[piece]
     x, coefficients = (v[0] - path.breaks[piece]) / width, path.coefficients[piece]
-    # Of all joints, (dof, n): rows of many numbers are fast.
+    # Arrays of shape (dof, n) for all joints, because long rows are fast.
     c, q = np.ascontiguousarray(np.moveaxis(coefficients, 0, -1)), []
     for _ in range(6):
         q.append(polyval(x, c, tensor=False))
@@ -107,17 +107,17 @@ def _shares(
 
 
 def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> Derivatives:
-    """The third and the fourth derivative of a law's arc length, and a bound of the fifth one.
+    """Third and fourth derivatives of a law's arc length, and a bound of the fifth.
 
     Args:
         law: The law.
         i: Intervals, (n,).
         t: Times in them [s], (n,).
-        half: The bound is valid so long before and after each of the times [s], (n,).
+        half: The bound is valid within this time before and after each of the times [s], (n,).
     """
     ds, dds, ddds = law.path_motion(i, t)[1:]
     slope = law.rates.slope[i]
-    # ds is a sum of cosh and sinh, or of cos and sin, whose bounds are smaller.
+    # ds is a sum of cosh and sinh, or of cos and sin, which have smaller bounds.
     root = np.sqrt(np.abs(slope))
     with np.errstate(invalid="ignore"):
         growth = np.where(root > 0, np.sinh(root * half) / root, half)
@@ -126,7 +126,7 @@ def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> De
 
 
 def _bound(values: Derivatives, reach: FloatArray) -> Derivatives:
-    """The function, and bounds of its derivatives within `reach`, by Taylor's polynomial."""
+    """The function, and bounds of its derivatives within `reach`, by Taylor polynomials."""
     n = len(values)
     magnitudes, powers = [np.abs(x) for x in values], [np.ones_like(reach)]
     for k in range(1, n):
@@ -136,7 +136,7 @@ def _bound(values: Derivatives, reach: FloatArray) -> Derivatives:
 
 
 def _highest(f: Derivatives, half: FloatArray) -> FloatArray:
-    """The largest values of f0 + f1 u + f2 u² / 2 for u from -half to half."""
+    """Largest values of f0 + f1 u + f2 u² / 2 for u from -half to half."""
     f0, f1, f2 = f
     ends = f0 + np.abs(f1) * half + f2 * half**2 / 2
     with np.errstate(divide="ignore", invalid="ignore"):

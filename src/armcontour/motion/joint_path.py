@@ -21,11 +21,11 @@ from armcontour.motion.kernels import Motion, examine, joint_motions, spline_pie
 
 # Rounding error of differences of arc lengths, over the largest arc length.
 PLAY = 4 * float(np.finfo(np.float64).eps)
-# Largest jump of a position at a break; no robot resolves it [rad].
+# Largest jump of a position at a break [rad]; no robot resolves it.
 LARGEST_JUMP = 1e-6
 # Largest relative jump of dq_ds at a break without a stop: traced paths have such errors.
 LARGEST_KINK = 1e-6
-# A dq_ds below this share of the sum of its terms is rounding: its direction means nothing.
+# A dq_ds below this fraction of the sum of its terms is a rounding error without direction.
 NO_DIRECTION = 1e-12
 NO_STOPS = checks.frozen_array([])
 
@@ -38,8 +38,8 @@ class JointPath(Checked):
     In interval i, `q(s) = sum_k coefficients[i, k] x^k` with `x = (s - breaks[i]) / width_i`.
 
     Args:
-        breaks: Arc lengths of the ends of the intervals [m], (n + 1,); without a tool path they are
-            values of any parameter s.
+        breaks: Arc lengths of the ends of the intervals [m], (n + 1,); without a tool path, values
+            of any parameter s.
         coefficients: Coefficients of the quintics [rad], (n, 6, dof).
         stops: Breaks at which the motion has to stop; breaks at which dq_ds jumps are added.
         tool_path: The tool path that was traced, if there is one.
@@ -68,7 +68,7 @@ class JointPath(Checked):
             object.__setattr__(self, "stops", checks.frozen_array(self._all_stops(kinks)))
 
     def __str__(self) -> str:
-        """Length, intervals, stops, and where the joints are at breaks."""
+        """Length, intervals, stops and joint positions at breaks."""
         ends = np.concatenate([self.coefficients[:, 0], self.coefficients[-1:].sum(axis=1)])
         return format_table(
             f"Joint path: {number(self.length, 'm')}, {count_noun(self.dof, 'joint')}, "
@@ -96,7 +96,7 @@ class JointPath(Checked):
         )
 
     def _all_stops(self, kinks: BoolArray) -> FloatArray:
-        """The given stops, and the inner breaks at which dq_ds jumps, (n - 1,)."""
+        """The specified stops, and the inner breaks at which dq_ds jumps."""
         inner = self.breaks[1:-1]
         is_break = np.isin(self.stops, inner)
         if not is_break.all():
@@ -114,7 +114,7 @@ class JointPath(Checked):
         stops: FloatArray = NO_STOPS,
         tool_path: Path | None = None,
     ) -> JointPath:
-        """The path of quintics with given q, dq_ds and d2q_ds2 at both ends of every interval.
+        """The path of quintics with specified q, dq_ds and d2q_ds2 at both ends of every interval.
 
         Args:
             breaks: Arc lengths of the ends of the intervals [m], (n + 1,).
@@ -170,10 +170,10 @@ class JointPath(Checked):
             parameters = checks.check_numbers("spline parameters", s)
         if parameters.shape != (len(knots),) or not (parameters[1:] > parameters[:-1]).all():
             raise InvalidInput(
-                "Spline parameters must be one per point and increase: leave repeated points out."
+                "Spline parameters must be one per point and increase: remove repeated points."
             )
         coefficients = spline_pieces(parameters, np.ascontiguousarray(knots), clamped)
-        # Nobody else has these arrays, so locking needs no copies.
+        # No other code has these arrays, so locking needs no copies.
         for values in (parameters, coefficients):
             values.setflags(write=False)
         return cls(breaks=parameters, coefficients=coefficients)
@@ -197,7 +197,7 @@ class JointPath(Checked):
             side: At a break, "right" for the interval after it, "left" for the interval before it.
 
         Raises:
-            InvalidInput: An arc length is no number or outside the path, or there is no such order.
+            InvalidInput: An arc length is no number or outside the path, or the order is invalid.
         """
         arc_lengths = checks.floats("arc lengths", s, "m")
         low, high = float(self.breaks[0]), float(self.breaks[-1])
@@ -244,12 +244,12 @@ class JointPath(Checked):
             s: Arc lengths from the start of the path [m], (n,).
 
         Raises:
-            InvalidInput: There is no such interval, or not one for each arc length.
+            InvalidInput: An interval is invalid, or their number differs from the arc lengths.
         """
         arc_lengths = np.require(np.ravel(checks.floats("arc lengths", s, "m")), np.float64, ["W"])
         pieces = np.require(np.ravel(checks.indices("intervals", i)), np.intp, ["W"])
         last = len(self.breaks) - 2
-        # Compiled code would read past the end.
+        # Compiled code would read beyond the end of the arrays.
         if pieces.shape != arc_lengths.shape or (
             len(pieces) and not 0 <= pieces.min() <= pieces.max() <= last
         ):

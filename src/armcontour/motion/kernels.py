@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.kernels import compiled
 
-# Below this size of slope times squared time a series is exact.
+# Below this product of slope and squared time a series is exact.
 SERIES_BELOW = 1e-4
 
 
@@ -54,15 +54,15 @@ def write_law(
     ds: FloatArray,
     dds: FloatArray,
 ) -> int:
-    """Write the law of squares of path speeds; return the first interval at rest, or -1.
+    """Write the time law from squared path speeds; return the first interval at rest, or -1.
 
     Args:
         s: Arc lengths at the breaks [m], (n + 1,).
         x: ds² at the breaks [m²/s²], (n + 1,).
         slope: Slopes of dds over s [1/s²], (n,).
-        breaks: Takes the breaks [s], (n + 1,).
-        ds: Takes the path speeds at the starts of the intervals [m/s], (n,).
-        dds: Takes the path accelerations there [m/s²], (n,).
+        breaks: Output: the breaks [s], (n + 1,).
+        ds: Output: path speeds at the starts of the intervals [m/s], (n,).
+        dds: Output: path accelerations there [m/s²], (n,).
     """
     stuck, begin, breaks[0] = -1, math.sqrt(x[0]), 0.0
     for i in range(len(slope)):
@@ -88,8 +88,8 @@ def examine(
     Args:
         breaks: Arc lengths of the ends of the pieces, (n + 1,).
         coefficients: Coefficients of the quintics, (n, 6, dof).
-        kink: Jumps of dq_ds above this share of dq_ds count.
-        no_direction: A dq_ds below this share of the sum of its terms is rounding.
+        kink: Smallest jump of dq_ds that counts, as a fraction of dq_ds.
+        no_direction: A dq_ds below this fraction of the sum of its terms is a rounding error.
         kinks: Output: whether dq_ds jumps at each inner break, (n - 1,).
 
     Returns:
@@ -130,18 +130,17 @@ def examine(
 def spline_pieces(knots: FloatArray, points: FloatArray, clamped: bool) -> FloatArray:
     """Coefficients of the cubic spline through points as those of a `JointPath`, (n, 6, dof).
 
-    Second derivatives solve a tridiagonal system; its diagonal outweighs the rest of every row, so
-    it is solved from one end to the other and back.
+    The second derivatives solve a diagonally dominant tridiagonal system by forward elimination and
+    back substitution.
 
     Args:
         knots: Parameters of the points, which increase, (n + 1,).
         points: The points, (n + 1, dof).
-        clamped: Whether the slopes are zero at both ends, where otherwise the second derivatives
-            are.
+        clamped: Whether the slopes are zero at both ends; otherwise the second derivatives are.
     """
     n, dof = len(knots) - 1, points.shape[1]
     coefficients, second, diagonal = np.zeros((n, 6, dof)), np.zeros((n + 1, dof)), np.empty(n + 1)
-    # The second derivatives at these points are not known to be zero.
+    # The points with unknown second derivatives.
     first, last = (0, n) if clamped else (1, n - 1)
     for i in range(first, last + 1):
         before = knots[i] - knots[i - 1] if i > 0 else 0.0
@@ -149,7 +148,7 @@ def spline_pieces(knots: FloatArray, points: FloatArray, clamped: bool) -> Float
         share = before / diagonal[i - 1] if i > first else 0.0
         diagonal[i] = 2 * (before + after) - share * before
         for j in range(dof):
-            # Beyond a clamped end the spline goes on without slope.
+            # Beyond a clamped end the spline has zero slope.
             slope = (points[i, j] - points[i - 1, j]) / before if i > 0 else 0.0
             next_ = (points[i + 1, j] - points[i, j]) / after if i < n else 0.0
             second[i, j] = 6 * (next_ - slope) - share * second[i - 1, j]
@@ -174,7 +173,7 @@ SHORT = 1e-2
 
 
 class Motion(NamedTuple):
-    """Joint positions and their derivatives over time, (n, dof) each; (0, dof) if not asked for."""
+    """Joint positions and their derivatives over time, (n, dof) each; (0, dof) if not requested."""
 
     q: FloatArray
     dq: FloatArray
@@ -193,17 +192,10 @@ def path_motions(
     slope: FloatArray,
     jerk: FloatArray,
 ) -> FloatArray:
-    """The arc length s and its first three derivatives at times of intervals, (4, n).
+    """The arc length s and its first three derivatives at times `t` of intervals `i`, (4, n).
 
-    Args:
-        i: The interval of each time, (n,).
-        t: Times [s], (n,).
-        breaks: Of the law [s], (m + 1,).
-        s: Arc lengths there [m], (m + 1,).
-        ds: Of the law's `Rates`, as are dds, slope and jerk, (m,).
-        dds: Of the rates.
-        slope: Of the rates.
-        jerk: Of the rates.
+    `breaks` and `s` are those of the law, (m + 1,); `ds`, `dds`, `slope` and `jerk` its `Rates`,
+    (m,).
     """
     motions = np.empty((4, len(t)))
     for k in range(len(t)):
@@ -262,22 +254,22 @@ def joint_motions(
 
     Args:
         along: s and its derivatives over time up to the third, (4, n).
-        end: End of the law's interval at each place [m], (n,): a break of the joint path there
-            ends the piece of the place.
-        law: The law of each place, (n,).
+        end: End of the law's interval at each point [m], (n,): a break of the joint path there
+            ends the piece of the point.
+        law: The law of each point, (n,).
         rows: Indices of the first breaks of the laws' joint paths, and the number of all breaks,
             (laws + 1,).
         breaks: Breaks of all joint paths [m], each counted from its own start, (m,).
         coefficients: The coefficients of the interval after each break, (m, 6, dof); those after
             the last break of a joint path are not read, and may be missing.
-        out: Where the results go; what has no rows is not computed.
+        out: Output; arrays without rows are not computed.
     """
     orders = len(out.q) > 0, len(out.dq) > 0, len(out.ddq) > 0, len(out.dddq) > 0
     piece = 0
     for k in range(along.shape[1]):
         s, ds, dds, ddds = along[0, k], along[1, k], along[2, k], along[3, k]
         low, high = rows[law[k]], rows[law[k] + 1] - 2
-        # The last piece that begins before s, mostly that of the place before.
+        # The last piece that begins before s, usually the piece of the previous point.
         if low <= piece <= high and breaks[piece] <= s and breaks[piece] < end[k]:
             low = piece
         if s < breaks[low + 1] or end[k] <= breaks[low + 1]:
@@ -319,16 +311,11 @@ def joint_motions(
 def fastest_joints(
     breaks: FloatArray, coefficients: FloatArray, s: FloatArray, speeds: FloatArray
 ) -> FloatArray:
-    """Bounds of the joint velocities between neighbouring arc lengths [rad/s], (n, dof).
+    """Bounds of the joint velocities between neighbouring arc lengths `s` [rad/s], (n, dof).
 
-    On each piece dq_ds is a polynomial of degree 4: over an interval it is between the least and
-    the largest of its Bernstein coefficients.
-
-    Args:
-        breaks: Of the joint path [m], (pieces + 1,).
-        coefficients: Of its pieces [rad], (pieces, 6, dof).
-        s: Arc lengths, which do not decrease [m], (n + 1,).
-        speeds: Bounds of the path speed between them [m/s], (n,).
+    On each piece dq_ds is a polynomial of degree 4: over an interval it lies between the smallest
+    and the largest of its Bernstein coefficients. `speeds` bounds the path speed on each interval
+    [m/s], (n,).
     """
     c, last = coefficients, len(breaks) - 2
     n, dof = len(s) - 1, c.shape[2]
@@ -342,7 +329,7 @@ def fastest_joints(
             piece += 1
         k = piece
         while True:
-            # Most laws have the breaks of their joint path, and those of uniform speed may not.
+            # Laws of uniform speed may lack breaks of their joint path.
             until = end if k == last else min(end, breaks[k + 1])
             width = breaks[k + 1] - breaks[k]
             x, h = (begin - breaks[k]) / width, (until - begin) / width

@@ -1,4 +1,4 @@
-"""Checks of logs: joints, ranges and speeds of the arm, and columns that are read wrongly."""
+"""Checks of logs: joints, ranges and speeds of the arm, and units, signs and order of columns."""
 
 from __future__ import annotations
 
@@ -17,44 +17,46 @@ from armcontour.core.text import list_some, show
 from armcontour.motion.log import Log
 from armcontour.robot import Arm
 
-# Names of joints that one message lists.
+# Largest number of names in one message.
 MOST_NAMED = 8
-# Shortest log [s] and longest sample interval [s] from which a robot is identified: between samples
-# farther apart the command is not known well enough.
+# Shortest log [s] and longest sample interval [s] for identification: between samples farther apart
+# the command is too uncertain.
 SHORTEST = 2.0
 COARSEST = 20e-3
-# Longest time of all its logs together [s], for memory: derivatives take 2 kB for a time and joint.
+# Longest time of all logs together [s], for memory: derivatives take 2 kB per time and joint.
 LONGEST = 240.0
-# A joint may measure a little beyond its range [rad].
+# Largest distance of a measured position from the range of its joint [rad].
 BEYOND = 0.1
-# No joint of an arm is faster than this [rad/s]: the last one of a fast delta robot turns at 60.
+# Largest speed of a joint [rad/s]: the last joint of a fast delta robot turns at 60.
 FASTEST = 100.0
-# Velocities are taken over so many samples that noise alone shows this share of it,
+# Velocities are averaged over the number of samples at which noise causes this fraction of FASTEST,
 NOISY = 0.05
-# and over no fewer than these.
+# and over at least this number.
 FEWEST = 5
-# A joint moves if it moves by more than this [rad].
+# Smallest range of a joint that moves [rad].
 MOVES = 1e-3
-# Share of the variance of a position that a command with a lag explains, if the joint follows it.
+# Fraction of the variance of a position that a command with a lag explains, if the joint follows
+# it.
 FOLLOWS = 0.5
 # Longest dead time of a joint that follows the command of another joint [s].
 LONGEST_DEAD_TIME = 0.25
 
-# Another reading of the numbers explains them if it leaves at most this share of the difference.
+# Another unit, sign or order explains the columns if it leaves at most this fraction of the
+# difference
 BETTER = 0.3
-# and of the variance of what moves, this: a lag is not all that a joint does.
+# and at most this fraction of the variance, because a joint differs from a pure lag.
 UNEXPLAINED = 0.2
-# A joint follows its command like a lag of one of these times [s], or none, after a dead time.
+# Candidates for the lag of a joint after its dead time [s].
 LAGS = (0.0, 0.01, 0.014, 0.02, 0.028, 0.04, 0.056, 0.08, 0.11, 0.16)
-# Dead times that are tried, and neighbouring samples that are compared.
+# Number of candidates for the dead time, and of consecutive samples that are compared.
 DEAD_TIMES = 26
 SAMPLES = 8000
-# Of two orders of columns that are as good, that of the file is preferred by this share.
+# Fraction by which the order of the file is preferred over an equally good order of columns.
 AS_GOOD = 1e-6
 
 
 def match_joints(names: Sequence[str], requested: Sequence[str], source: str) -> list[int] | None:
-    """Indices of the wanted joints by equal names, or by names with a prefix; None without.
+    """Indices of requested joints by equal names, or by names with a prefix; None without a match.
 
     Raises:
         InvalidInput: Several names end with that of a joint.
@@ -69,14 +71,14 @@ def match_joints(names: Sequence[str], requested: Sequence[str], source: str) ->
             other = names[alike[1]].removesuffix(joint)
             raise InvalidInput(
                 f"{source}: {' and '.join(show(names[i]) for i in alike[:2])} both may be the "
-                f"joint {joint}: leave the other out with --columns '-=*{other}*'."
+                f"joint {joint}: ignore the other with --columns '-=*{other}*'."
             )
         indices += alike
     return indices if len(set(indices)) == len(requested) and requested else None
 
 
 def _is_prefixed(long: str, short: str) -> bool:
-    """Whether one of two names is the other one with a prefix."""
+    """Whether one of two names is the other name with a prefix."""
     if len(long) < len(short):
         long, short = short, long
     return not short.isdigit() and re.fullmatch(rf".*[_\W]{re.escape(short)}", long) is not None
@@ -85,7 +87,7 @@ def _is_prefixed(long: str, short: str) -> bool:
 def describe_match(
     names: Sequence[str], requested: Sequence[str], order: Sequence[int]
 ) -> list[str]:
-    """A note on joints that were matched by names with a prefix; none for equal names."""
+    """A note on joints that were matched by names with a prefix; empty for equal names."""
     if not requested or names[order[0]] == requested[0]:
         return []
     return [
@@ -179,7 +181,7 @@ def check_logs(logs: Sequence[Log], arm: Arm) -> None:
 
 
 def check_distance(log: Log, arm: Arm) -> None:
-    """Refuse a log with positions that the arm cannot have.
+    """Refuse a log with positions outside the joint ranges.
 
     Args:
         log: The log, with as many joints as the arm.
@@ -202,16 +204,16 @@ def check_range_of_log(
     margin: float = BEYOND,
     degrees_only: bool = False,
 ) -> None:
-    """Refuse positions that the arm cannot have.
+    """Refuse positions outside the joint ranges.
 
     Args:
-        source: Where they come from, for messages.
+        source: Origin of the positions, for messages.
         t: Times [s], (n,).
         positions: Positions [rad], (n, dof), by their names.
         joint_names: Names of their joints.
         arm: The arm.
         margin: Allowed distance from the range of a joint [rad].
-        degrees_only: Whether to refuse only what would be within all ranges in degrees.
+        degrees_only: Whether to refuse only positions that are within all ranges as degrees.
 
     Raises:
         InvalidInput: A joint is outside its range.
@@ -227,7 +229,7 @@ def check_range_of_log(
         hint = "correct the number, or give the arm of the file"
         if degrees:
             hint = (
-                "all joints are within their ranges if the positions are degrees: are they? Then "
+                "all joints are within their ranges if the positions are in degrees. If they are, "
                 "give all positions and rates that unit, such as q1 [deg] and dq1 [deg/s]"
             )
         raise InvalidInput(
@@ -240,7 +242,7 @@ def check_range_of_log(
 
 
 def check_speeds(log: Log) -> None:
-    """Refuse a log in which a joint moves faster than any does.
+    """Refuse a log in which a joint moves faster than any robot.
 
     Raises:
         InvalidInput: It does: its times are too short.
@@ -288,7 +290,7 @@ def check_units(log: Log, longest: float, j: int, *, single: bool = True) -> Non
         log: The log.
         longest: Largest dead time [s].
         j: The joint, from 0.
-        single: Whether to consider other units and directions of this joint alone, too.
+        single: Whether to consider also other units and directions of this joint only.
 
     Raises:
         InvalidInput: Its columns are in another order, unit or direction.
@@ -306,7 +308,7 @@ def check_is_whole(source: str, t: FloatArray, duration: float, slack: float) ->
     """Refuse a recording that does not cover a whole motion.
 
     Args:
-        source: Where it comes from, for messages.
+        source: Origin of the recording, for messages.
         t: Its times from the start of the motion [s], (n,).
         duration: Duration of the motion [s].
         slack: Time that may be missing at either end [s].
@@ -358,7 +360,7 @@ def find_misreading(
         (1 / turn, "the measured positions look like degrees"),
         (turn, "the measured positions look like radians, but those they belong to like degrees"),
     ):
-        # As a share of what is measured, whatever its unit.
+        # Relative to the measured positions, so the unit does not matter.
         residual = np.diag(comparison.apart(factor)).mean() / factor**2
         if residual < min(BETTER * plain_errors.mean(), UNEXPLAINED * comparison.power.mean()):
             return f"{description}, so give their columns the right unit"
@@ -384,7 +386,7 @@ def find_misreading(
 
 
 class _Comparison:
-    """Second moments of measured and wanted positions, for every way in which joints may follow.
+    """Second moments of measured and reference positions, for all candidates of lag and dead time.
 
     Attributes:
         power: Mean squares of the measured columns [rad²], (dof,).
@@ -400,7 +402,7 @@ class _Comparison:
         self.power = self._yy[0, :, 0]
 
     def apart(self, factor: float = 1.0) -> FloatArray:
-        """Mean squares by which each measured column, times a factor, is off each wanted one."""
+        """Mean squared differences of each measured column, scaled, and each reference column."""
         deviations = factor**2 * self._yy - 2 * factor * self._yu + self._uu
         return np.asarray(np.maximum(deviations, 0.0).min(axis=0))
 
@@ -408,7 +410,7 @@ class _Comparison:
 def _followed(
     t: FloatArray, y: FloatArray, u: FloatArray, longest_delay: float
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Measured positions, and what joints do that follow u, both without their means."""
+    """Measured positions, and commands after each lag and dead time, both without their means."""
     step, pairs = float(t[-1] - t[0]) / (len(t) - 1), []
     delays = np.unique(np.round(np.linspace(0.0, longest_delay, DEAD_TIMES) / step).astype(int))
     for lag in LAGS:
@@ -426,7 +428,7 @@ def _lagged(t: FloatArray, u: FloatArray, lag: float) -> FloatArray:
     if lag == 0.0:
         return u
     share = np.exp(-np.diff(t) / lag)
-    # Row by row: what is left of the position before, and the rest of the command.
+    # Row by row: the decayed previous position, and the remaining part of the command.
     matrix = np.ones((2, len(u)))
     matrix[1, :-1] = -share
     driven = np.array(u)
@@ -435,7 +437,7 @@ def _lagged(t: FloatArray, u: FloatArray, lag: float) -> FloatArray:
 
 
 def _liveliest(u: FloatArray) -> slice:
-    """As many samples as are compared, where commands move most."""
+    """The slice of SAMPLES samples with the most motion of commands."""
     moved = np.concatenate([[0.0], np.cumsum(np.sum(np.diff(u, axis=0) ** 2, axis=1))])
     count = min(SAMPLES, len(u))
     first = int(np.argmax(moved[count - 1 :] - moved[: len(moved) - count + 1]))
@@ -443,7 +445,7 @@ def _liveliest(u: FloatArray) -> slice:
 
 
 def _order(apart: FloatArray) -> list[int]:
-    """Which column fits each joint best, all in all."""
+    """Assignment of columns to joints with the smallest total difference."""
     from scipy.optimize import linear_sum_assignment
 
     other = AS_GOOD * apart.max() * (1 - np.eye(len(apart)))

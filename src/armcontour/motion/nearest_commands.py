@@ -32,8 +32,8 @@ def check_command_limits(limits: Limits, dof: int) -> Limits:
     names = [x for x in UNITS if getattr(limits, x) is not None]
     if others := [x for x in names if x not in COMMAND_LIMITS]:
         raise InvalidInput(
-            f"command_limits has {others[0]}, but it limits set-points by "
-            f"{', '.join(COMMAND_LIMITS)}: give {others[0]} in limits."
+            f"command_limits has {others[0]}, but supports only {', '.join(COMMAND_LIMITS)}: give "
+            f"{others[0]} in limits."
         )
     return limits.for_joints(dof)
 
@@ -49,7 +49,7 @@ def command_bounds(limits: Limits, dof: int) -> FloatArray:
 
 
 def command_use(q: FloatArray, cycle: float, limits: Limits) -> dict[str, FloatArray]:
-    """Largest share of each limit that set-points use, per joint, by names of `BY_ORDER`.
+    """Largest ratio of set-points to each limit, per joint, by names of `BY_ORDER`.
 
     Args:
         q: Set-points [rad], (n, dof); constant before and after.
@@ -69,10 +69,10 @@ def excess(q: FloatArray, cycle: float, bounds: FloatArray) -> tuple[int, int, i
     Args:
         q: Set-points [rad], (n, dof).
         cycle: Cycle [s].
-        bounds: As of `command_bounds`; the first orders are enough.
+        bounds: As from `command_bounds`, or its first orders.
 
     Returns:
-        The row is that of the last set-point of the difference. None if all bounds are satisfied.
+        The row is that of the last set-point of the difference; None if all bounds are satisfied.
     """
     worst, violation = COMMAND_SLACK, None
     for order, (low, high) in enumerate(bounds):
@@ -91,7 +91,7 @@ def excess(q: FloatArray, cycle: float, bounds: FloatArray) -> tuple[int, int, i
 def nearest_commands(
     q: FloatArray, cycle: float, bounds: FloatArray, otherwise: FloatArray | None = None
 ) -> tuple[FloatArray, int | None]:
-    """The set-points nearest to given ones, in the mean square, within bounds.
+    """The set-points nearest to specified ones, in the mean square, within bounds.
 
     Joints within their bounds keep their set-points to the last bit. Others get set-points that are
     rounded to DECIMALS, and satisfy the bounds with this rounding.
@@ -99,11 +99,11 @@ def nearest_commands(
     Args:
         q: Set-points [rad], (n, dof), at rest before and after.
         cycle: Cycle [s].
-        bounds: As of `command_bounds`.
-        otherwise: Set-points of the joints for which none satisfy the bounds.
+        bounds: As from `command_bounds`.
+        otherwise: Set-points of joints whose bounds cannot be satisfied.
 
     Returns:
-        Set-points [rad], (n, dof), and the first joint for which none satisfy the bounds, or None.
+        Set-points [rad], (n, dof), and the first joint whose bounds cannot be satisfied, or None.
     """
     commands = q.copy()
     for j in range(q.shape[1]):

@@ -31,16 +31,16 @@ from armcontour.motion.kernels import Motion, joint_motions, path_motions
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
 from armcontour.robot import Arm, Limits
 
-# Cycle by default [s].
+# Default cycle [s].
 DEFAULT_CYCLE = 4e-3
-# Number of times that are computed together, to save memory.
+# Largest number of times that are computed together, to save memory.
 AT_ONCE = 50_000
-# Times of so many laws along joint paths are computed together.
+# Smallest number of laws along joint paths whose times are computed together.
 MANY = 4
 # Largest number of laws in the cached table (a few MB), and number of laws before and after the
 # requested range that the table includes.
 KEPT, MORE = 100, 3
-# Arc lengths and times may be outside by this fraction of the whole, due to rounding errors.
+# Arc lengths and times may be outside by this fraction of the range, due to rounding errors.
 SLACK = 1e-12
 # A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
 # rounding errors.
@@ -90,7 +90,7 @@ class Span:
         name: Name of the contour; may be empty.
         t: Times of start and end [s].
         s: Arc lengths of start and end, over all contours of the program [m].
-        work: For a contour, times from which and until which the process is at work [s].
+        work: For a contour, times at which the process goes on and off [s].
         trajectory: Trajectory of the move, from time 0; None if the tool is at rest.
     """
 
@@ -168,8 +168,8 @@ class Trajectory(Checked):
         events: Outputs that are switched during the motion, by time.
         limits: Limits with which it was planned, without the reserve; None if it was not planned
             with limits.
-        reserve: Share of the limits of joint acceleration and torque that was left to the servo.
-        arm: The arm that it was planned for; None if it is not known.
+        reserve: Fraction of the limits of joint acceleration and torque reserved for the servo.
+        arm: The arm that it was planned for; None if unknown.
 
     Attributes:
         starts: Start times of the laws, and the end of the last [s], (laws + 1,).
@@ -211,7 +211,7 @@ class Trajectory(Checked):
         return f"{number(self.duration, 's')}, {count_noun(self.dof, 'joint')}"
 
     def __str__(self) -> str:
-        """Method, duration, length, and what the motion consists of."""
+        """Method, duration, length, moves and outputs."""
         path, moves = self.path, Counter(x.kind for x in self.spans)
         return format_table(
             f"Trajectory: {self._size}",
@@ -249,8 +249,8 @@ class Trajectory(Checked):
 
         Args:
             limits: The limits, without the reserve.
-            reserve: Share of the limits that was left to the servo.
-            arm: Its arm; by default the one that it knows.
+            reserve: Fraction of the limits reserved for the servo.
+            arm: Its arm; by default that of the trajectory.
         """
         joints = limits.of_joints
         spans = tuple(
@@ -269,18 +269,18 @@ class Trajectory(Checked):
         """The arm.
 
         Raises:
-            InvalidInput: The trajectory does not know it.
+            InvalidInput: The trajectory has no arm.
         """
         if self.arm is None:
-            raise InvalidInput("This trajectory does not know its arm: plan it with an arm.")
+            raise InvalidInput("This trajectory has no arm: plan it with an arm.")
         return self.arm
 
     @checked
     def limits_for(self, limits: Limits | None) -> Limits:
-        """The given limits, and where they give none, those of the plan, one value per joint.
+        """The specified limits, completed by those of the plan, one value per joint.
 
         Args:
-            limits: The given limits, or None.
+            limits: The specified limits, or None.
         """
         specified = (limits or Limits()).for_joints(self.dof)
         return specified if self.limits is None else specified.over(self.limits)
@@ -305,9 +305,9 @@ class Trajectory(Checked):
         return tuple(x for x in self.spans if x.kind == "contour")
 
     def paths_at(self, t: FloatArray) -> list[tuple[Path, IntArray]]:
-        """Paths of the contours, and which times belong to each; empty if one has no path.
+        """Paths of the contours with the indices of their times; empty if a contour has no path.
 
-        A path has all times, a contour of a program those while the process is at work on it.
+        A path has all times, a contour of a program those at which the process works on it.
 
         Args:
             t: Times [s], (n,).
@@ -365,7 +365,7 @@ class Trajectory(Checked):
     ) -> tuple[FloatArray, ...]:
         """Joint positions and their derivatives up to an order, `t.shape + (dof,)` each.
 
-        Faster than a call for every order.
+        This is faster than a call for every order.
 
         Args:
             t: Times from 0 to `duration` [s], any shape.
@@ -380,12 +380,12 @@ class Trajectory(Checked):
     def _evaluate(
         self, t: FloatArray, side: str, orders: tuple[int, ...]
     ) -> tuple[FloatArray, ...]:
-        """Values of the laws at times, `t.shape + (dof,)` for each order: one, or all up to one."""
+        """Values of the laws at times, `t.shape + (dof,)` for each order."""
         flat = t.ravel()
         outputs: tuple[FloatArray, ...] = ()
         for indices, values in self._values(flat, side, orders):
             if len(indices) == t.size:
-                # They are in order; laws of users may give other arrays than ours do.
+                # The times are in order; laws of users may return arrays of other types.
                 outputs = tuple(np.require(x, np.float64, ("O", "W")) for x in values)
                 break
             if not outputs:
@@ -394,13 +394,13 @@ class Trajectory(Checked):
                 whole[indices] = part
         if not outputs:
             outputs = tuple(np.empty((0, self.dof)) for _ in orders)
-        # Not views of other arrays where none are needed, so that `frozen_array` makes no copies.
+        # No views of other arrays where possible, so `frozen_array` makes no copies.
         return outputs if t.ndim == 1 else tuple(x.reshape((*t.shape, x.shape[1])) for x in outputs)
 
     def _values(
         self, t: FloatArray, side: str, orders: tuple[int, ...]
     ) -> Iterator[tuple[IntArray, tuple[FloatArray, ...]]]:
-        """Values of laws at times: of each law, or of many laws at a time."""
+        """Indices of times and values of laws there, for each law or for many laws together."""
         law_index = self._law_at(t, side)
         touched = np.unique(law_index) if len(self.laws) >= MANY else law_index[:0]
         many = [k for k in touched.tolist() if type(self.laws[k]) is PathLaw]
@@ -427,7 +427,7 @@ class Trajectory(Checked):
         side: str,
         orders: tuple[int, ...],
     ) -> Iterator[tuple[IntArray, tuple[FloatArray, ...]]]:
-        """Values at the times of laws along joint paths, of AT_ONCE times together."""
+        """Values at the times `indices` of laws along joint paths, AT_ONCE times together."""
         for begin in range(0, len(indices), AT_ONCE):
             batch = indices[begin : begin + AT_ONCE]
             law, joined = self._join(law_index[batch])
@@ -436,7 +436,7 @@ class Trajectory(Checked):
     def _join(self, law_index: IntArray) -> tuple[IntArray, JoinedLaws]:
         """A table of the laws of some times, and the rows of these laws in it, (n,).
 
-        The last table of few laws is kept: who looks for clearance asks for them again and again.
+        The last table of few laws is cached, because the check of clearance requests it repeatedly.
         """
         first, last = int(law_index.min()), int(law_index.max()) + 1
         for begin, end, joined in self._joined[:]:
@@ -457,7 +457,7 @@ class Trajectory(Checked):
         return law, JoinedLaws.from_laws([self.laws[k] for k in laws.tolist()], self.starts[laws])
 
     def with_rests(self, t: FloatArray, order: int = 0) -> FloatArray:
-        """The motion at any times, at rest before and after it, (n, dof).
+        """The motion at any times, with rest before and after it, (n, dof).
 
         Args:
             t: Times [s], (n,).
@@ -470,9 +470,9 @@ class Trajectory(Checked):
         return values
 
     def motion_with_rests(self, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
-        """The motion at any times, at rest before and after it, up to an order, (n, dof) each.
+        """The motion at any times up to an order, with rest before and after it, (n, dof) each.
 
-        Faster than `with_rests` for every order.
+        This is faster than `with_rests` for every order.
 
         Args:
             t: Times [s], (n,).
@@ -555,7 +555,7 @@ class Trajectory(Checked):
         t = np.append(np.arange(0, self.duration - 1e-9 * cycle, cycle), self.duration)
         orders = self.motion(t)
         for values in orders:
-            # No copies: a long motion has gigabytes of samples.
+            # Lock without copies, because a long motion has gigabytes of samples.
             values.setflags(write=False)
         return Samples(t=t, q=orders[0], dq=orders[1], ddq=orders[2])
 
@@ -574,8 +574,8 @@ class Trajectory(Checked):
         """
         for k, indices in _group_by_law(self._law_at(t, side)):
             start, breaks = self.starts[k], self.laws[k].breaks
-            # A time less the start is rounded, to either side of the law's break. So times are
-            # compared with the very sums that `breaks` has.
+            # A time minus the start is rounded to either side of the law's break. Therefore times
+            # are compared with the same sums as in `breaks`.
             i = np.searchsorted(start + breaks, t[indices], side=checks.check_side(side)) - 1
             i = np.clip(i, 0, len(breaks) - 2)
             yield k, indices, i, np.clip(t[indices] - start, breaks[i], breaks[i + 1])
@@ -586,7 +586,7 @@ class Trajectory(Checked):
         return np.clip(index, 0, len(self.laws) - 1)
 
     def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
-        """Times clipped to the trajectory, after refusing those outside and other orders."""
+        """Times clipped to the trajectory; times outside and invalid orders are refused."""
         times = checks.floats("t", t, "s")
         checks.derivative(order, 3)
         slack = SLACK * self.duration
@@ -602,7 +602,7 @@ class Trajectory(Checked):
         return np.asarray(np.clip(times, 0, self.duration))
 
     def _clip_arc_lengths(self, s: npt.ArrayLike) -> FloatArray:
-        """Arc lengths clipped to the motion, after refusing those outside."""
+        """Arc lengths clipped to the motion; those outside are refused."""
         self._refuse_no_arc_length()
         arc_lengths = checks.check_numbers("s", s, "m")
         low, high = float(self._ends[0, 0]), float(self._ends[-1, 1])
@@ -621,7 +621,7 @@ class Trajectory(Checked):
     def _by_length(
         self, s: FloatArray, side: str
     ) -> Iterator[tuple[int, IntArray, IntArray, FloatArray]]:
-        """Group arc lengths by law, with the times at which the motion reaches or leaves them."""
+        """Group arc lengths by law, with the times in the law, as `locate` groups times."""
         ends = self._ends
         if checks.check_side(side) == "left":
             law_index = np.searchsorted(ends[:, 1], s, side="left")
@@ -641,7 +641,7 @@ class Trajectory(Checked):
                 yield k, indices, *part.law.reach(s[indices] - part.offset, side)
 
     def _refuse_no_arc_length(self) -> None:
-        """Refuse laws that do not follow each other along one path."""
+        """Raise InvalidInput for laws that do not follow each other along one path."""
         unknown = np.isnan(self._ends[:, 0])
         if unknown.any():
             raise InvalidInput(
@@ -654,7 +654,7 @@ class Trajectory(Checked):
             raise InvalidInput(
                 f"Law {k + 1} of the trajectory starts {gaps[k - 1]:.3g} m along the path away "
                 f"from the end of law {k}, so the trajectory has no single arc length: use the "
-                "motions along its paths one by one."
+                "motions along its paths separately."
             )
 
 

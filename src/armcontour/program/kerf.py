@@ -414,9 +414,7 @@ class LeadPlacement:
                 needed=length,
                 allowed=fits,
             )
-        description = (
-            f"the {kind} of {location}: {1e3 * fits:.4g} instead of {1e3 * length:.4g} mm"
-        )
+        description = f"the {kind} of {location}: {1e3 * fits:.4g} instead of {1e3 * length:.4g} mm"
         self._shortened.append((fits / length, description))
         return lead_of(fits)
 
