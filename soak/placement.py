@@ -66,7 +66,7 @@ def durations(found: Placement, job: Job) -> np.ndarray:
     moves = Moves(anchor=(vertices.min(axis=0) + vertices.max(axis=0)) / 2)
     known = []
     for k in range(len(found.verdicts)):
-        program = ac.Program.of(job.path).placed(moves.frame(found.place(k)))
+        program = ac.Program.from_path(job.path).placed(moves.frame(found.place(k)))
         path = ac.round_corners(program.single_path, tolerance=run.rounding.tolerance)
         try:
             known.append(ac.plan(path, job.arm, run.limits).duration)

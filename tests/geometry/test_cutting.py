@@ -11,7 +11,7 @@ from tests.geometry.tables import arc, each, jumps, line, path_of, refused
 import armcontour as ac
 from armcontour.core.frames import Frame
 from armcontour.geometry.biarcs import UNEVEN
-from armcontour.geometry.cutting import cut_path, drop_z, join_paths
+from armcontour.geometry.path_parts import cut_path, drop_z, join_paths
 
 TURN = 1.2
 END = (1 + 0.5 * np.sin(TURN), 0.5 - 0.5 * np.cos(TURN))
@@ -105,13 +105,13 @@ def test_what_cannot_be_cut_joined_placed_or_flattened_is_refused():
         (lambda: cut_path(PLANE, 0.5, 0.2), "no path between"),
         # Next to nothing on both sides of a joint.
         (lambda: cut_path(corner, 1 - 0.8e-9, 1 + 0.8e-9), "no path between"),
-        (lambda: join_paths([]), "no path to join"),
+        (lambda: join_paths([]), "at least one path"),
         (lambda: join_paths([flat, far]), "must be continuous"),
         (lambda: join_paths([flat, one]), "plane or all in space"),
         (lambda: join_paths([one, other]), "orientation, or none"),
         (lambda: PLANE.placed(FLAT, scale=0.0), "scale"),
         (lambda: drop_z(leaning), "Segment 1", "leaves the plane", {"index": 0}),
-        (lambda: drop_z(up), "only goes up and down"),
+        (lambda: drop_z(up), "path is vertical"),
     )
 
 
@@ -338,6 +338,6 @@ def test_columns_that_do_not_fit_are_refused(smooth):
 
 def test_a_kerf_runs_beside_transitions(smooth):
     process = ac.Process(kerf=1e-3, kerf_side="left")
-    beside = ac.prepare(ac.Program.of(smooth), process).path
+    beside = ac.prepare(ac.Program.from_path(smooth), process).path
     distance = smooth.project(beside(np.linspace(0, beside.length, 2001))).distance
     assert np.abs(distance - 0.5e-3).max() < 2e-7

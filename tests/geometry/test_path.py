@@ -13,7 +13,7 @@ from tests.geometry.tables import arc, each, line, path_of, refused
 import armcontour as ac
 from armcontour.core.frames import Frame, exp
 from armcontour.geometry import Segments, angle_between
-from armcontour.geometry.cutting import join_paths
+from armcontour.geometry.path_parts import join_paths
 
 R = 0.3
 NORMAL = np.array([1.0, -2.0, 0.5])
@@ -290,7 +290,9 @@ def test_segments_run_backwards_are_the_same_points():
     share = np.linspace(0, 1, 9)[:, None] * table.lengths
     every = np.broadcast_to(np.arange(n), share.shape)
     turned = np.where(np.arange(n) % 2 == 0, table.lengths - share, share)
-    np.testing.assert_allclose(back.at(every, turned), table.at(every, share), atol=1e-13)
+    np.testing.assert_allclose(
+        back.evaluate(every, turned), table.evaluate(every, share), atol=1e-13
+    )
 
 
 @each("dimension", [2, 3])

@@ -9,7 +9,7 @@ from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
 from armcontour.geometry import Outcome, corner_error, count_full_stops
-from armcontour.geometry.cutting import join_paths
+from armcontour.geometry.path_parts import join_paths
 
 TURNS = [0.01, 0.5, np.pi / 2, 2.5, 3.1]
 

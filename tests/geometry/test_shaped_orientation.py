@@ -9,7 +9,7 @@ from tests.geometry.tables import arc, each, path_of, refused
 import armcontour as ac
 from armcontour.core.frames import angle_between, exp, log, shortest
 from armcontour.geometry import orient_shaped, round_with_parabolas
-from armcontour.geometry.orienting import carry
+from armcontour.geometry.prescribed_orientation import carry
 
 POINTS = [(0, 0, 0), (0.1, 0, 0), (0.1, 0.1, 0.02), (0.2, 0.1, 0.05), (0.15, 0.02, 0)]
 AXES = [(0, 0, -1), (0, 0.5, -1), (0.5, 0, -1), (1, 0.3, -1), (0, 0, -1)]

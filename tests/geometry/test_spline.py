@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from tests.geometry.tables import each, refused
 
 import armcontour as ac
-from armcontour.geometry.fit import draw_with_arcs
+from armcontour.geometry.arc_fit import draw_with_arcs
 
 RANDOM = np.random.default_rng(0)
 CURVES = {

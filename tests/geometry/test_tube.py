@@ -8,12 +8,12 @@ from hypothesis.extra.numpy import arrays
 from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
-from armcontour.geometry import Segments, Tube, _tube, near_points, round_with_parabolas
-from armcontour.geometry.cutting import cut_path, join_paths
-from armcontour.geometry.fit import draw_with_arcs
-from armcontour.geometry.mending import mend_vertices
+from armcontour.geometry import Segments, Tube, kernels, near_points, round_with_parabolas
+from armcontour.geometry.arc_fit import draw_with_arcs
 from armcontour.geometry.near_points import group_points, nearest_points, pairs_within
-from armcontour.geometry.nearest import pack
+from armcontour.geometry.path_parts import cut_path, join_paths
+from armcontour.geometry.projection import pack
+from armcontour.geometry.tangent_repair import mend_vertices
 
 CORNER = [(0, 0), (0.1, 0), (0.1, 0.1)]
 
@@ -73,7 +73,7 @@ PIECES = [  # points, tolerance of the vertices, zones, breaks, tolerances, vert
 
 @each("points, tolerance, zones, breaks, tolerances, vertices", PIECES)
 def test_pieces_of_a_tube(points, tolerance, zones, breaks, tolerances, vertices):
-    tube = Tube.of(ac.Path.polyline(points), tolerance, **zones)
+    tube = Tube.around(ac.Path.polyline(points), tolerance, **zones)
     np.testing.assert_allclose(tube.breaks, breaks, atol=1e-15)
     np.testing.assert_array_equal(tube.tolerance, tolerances)
     np.testing.assert_array_equal(tube.vertex, vertices)
@@ -84,14 +84,14 @@ def test_pieces_of_a_tube(points, tolerance, zones, breaks, tolerances, vertices
 def test_the_paths_own_tolerances_cap_both_sides():
     second, third = ((1, 0), (1, 1)), ((1, 1), (0, 1))
     lines = line((0, 0), (1, 0)), line(*second, tolerance=1e-3), line(*third, tolerance=4e-3)
-    tube = Tube.of(path_of(*lines), 5e-3)
+    tube = Tube.around(path_of(*lines), 5e-3)
     np.testing.assert_array_equal(tube.tolerance, [5e-3, 1e-3, 4e-3])
     np.testing.assert_array_equal(tube.vertex_tolerance, [1e-3, 1e-3])
 
 
 def test_windows_hold_the_pieces_within_reach():
     path = ac.Path.polyline([(0, 0), (1, 0), (2, 1), (3, 1)])
-    tube = Tube.of(path, 1e-3)
+    tube = Tube.around(path, 1e-3)
     found = tube.windows([0.5, 0.95, 1.5, path.length], [0.1, 0.1, 9.0, 0.5])
     np.testing.assert_array_equal(found, [(0, 0), (0, 1), (0, 2), (2, 2)])
 
@@ -101,7 +101,7 @@ def test_room_is_that_of_the_best_piece_of_the_window(dimension):
     rng = np.random.default_rng(1)
     vertices = rng.normal(size=(9, dimension))
     path = ac.Path.polyline(vertices)
-    tube = Tube.of(path, 0.3)
+    tube = Tube.around(path, 0.3)
     points = rng.normal(size=(50, dimension))
     windows = np.sort(rng.integers(0, len(tube), size=(50, 2)), axis=1)
     room = tube.tolerance - distance_from_lines(points, np.vstack([path(tube.breaks)]))
@@ -111,7 +111,7 @@ def test_room_is_that_of_the_best_piece_of_the_window(dimension):
 
 def test_no_tolerance_reaches_out_of_its_zone():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 1)])
-    tube = Tube.of(path, 0.2, line_tolerance=0.01, zone=0.3)
+    tube = Tube.around(path, 0.2, line_tolerance=0.01, zone=0.3)
     # Before the zone, at its start and in it, 0.1 beside the line, and then 0.005 beside the line.
     points = np.array([(0.65, 0.1), (0.7, 0.1), (0.75, 0.1), (0.65, 0.005)])
     everything = np.tile([0, len(tube) - 1], (4, 1))
@@ -128,7 +128,7 @@ def test_no_tolerance_reaches_out_of_its_zone():
 def test_stopping_at_every_vertex_keeps_tolerance_zero():
     for points in (CORNER, [(0, 0, 0), (1, 0.3, 0.2), (0.01, 0.3, 0.1)]):
         path = ac.Path.polyline(points)
-        proof = Tube.of(path, 0.0).prove(path, evenly(path, path), 0.0)
+        proof = Tube.around(path, 0.0).prove(path, evenly(path, path), 0.0)
         assert proof.ok and abs(proof.excess) < 1e-15
 
 
@@ -138,11 +138,11 @@ def test_the_corner_is_what_binds_a_rounded_path(turn, shape):
     path = ac.Path.polyline([(-1, 0), (0, 0), (np.cos(turn), np.sin(turn))])
     rounded = shape(path, tolerance=5e-3)
     just, less = (
-        Tube.of(path, 5e-3 * x).prove(rounded, places_of(rounded), 0.5) for x in (1, 1 - 1e-6)
+        Tube.around(path, 5e-3 * x).prove(rounded, places_of(rounded), 0.5) for x in (1, 1 - 1e-6)
     )
     assert just.ok and abs(just.excess) < just.slack
     assert just.segments.max() < 0
-    assert less.violated and less.found == pytest.approx(5e-9, rel=1e-5)
+    assert less.violated and less.sampled_excess == pytest.approx(5e-9, rel=1e-5)
     assert less.place == pytest.approx(1.0)
 
 
@@ -152,7 +152,7 @@ def test_a_slight_corner_that_uses_all_of_its_tolerance_is_proven(turn):
     path = ac.Path.polyline([(-1, 0), (0, 0), (np.cos(turn), np.sin(turn))])
     rounded = ac.round_corners(path, tolerance=turn * 1e-3)
     assert rounded.corners.error[0] == pytest.approx(turn * 1e-3)
-    assert Tube.of(path, turn * 1e-3).prove(rounded, places_of(rounded), 0.5).ok
+    assert Tube.around(path, turn * 1e-3).prove(rounded, places_of(rounded), 0.5).ok
 
 
 def test_lines_bind_between_corners():
@@ -161,10 +161,10 @@ def test_lines_bind_between_corners():
     detour = ac.Path.polyline([(0, 0), (0.3, 1e-3), (0.6, 0), (0.6, 0.6)])
     places = evenly(path, detour)
     for line_tolerance, ok in ((1e-3, True), (0.999e-3, False)):
-        tube = Tube.of(path, 5e-3, line_tolerance=line_tolerance, zone=0.1)
+        tube = Tube.around(path, 5e-3, line_tolerance=line_tolerance, zone=0.1)
         proof = tube.prove(detour, places, 0.01)
         assert proof.ok is ok and proof.violated is not ok
-    assert proof.found == pytest.approx(1e-6) and proof.s == pytest.approx(0.3, abs=1e-5)
+    assert proof.sampled_excess == pytest.approx(1e-6) and proof.s == pytest.approx(0.3, abs=1e-5)
     assert proof.place == pytest.approx(0.3, abs=1e-5)
 
 
@@ -172,11 +172,11 @@ def test_a_hop_to_the_neighbouring_pass_is_no_way():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 0.004), (0, 0.004)])
     short = ac.Path.polyline([(0, 0), (0.5, 0), (0.5, 0.004), (0, 0.004)])
     assert path.project(short(np.linspace(0, short.length, 1001))).distance.max() < 0.0021
-    proof = Tube.of(path, 0.005).prove(short, evenly(path, short), 0.02)
+    proof = Tube.around(path, 0.005).prove(short, evenly(path, short), 0.02)
     assert proof.violated
     # Even if the places leave the rest of the path out, its corners are missed.
     jumps = [(0, 0), (0.502, 0.502), (1.502, 0.502), (2.004, 1.004)]
-    jump = Tube.of(path, 0.005).prove(short, np.array(jumps), 0.02)
+    jump = Tube.around(path, 0.005).prove(short, np.array(jumps), 0.02)
     np.testing.assert_allclose(jump.vertices, 0.5 - 0.005, rtol=1e-4)
     assert jump.violated and jump.segments.max() < 0
 
@@ -186,22 +186,22 @@ def test_a_crossing_is_not_a_way_to_turn_off():
     # At the crossing (0.5, 0) it takes the other line.
     turned = ac.Path.polyline([(0, 0), (0.5, 0), (0.5, -1)])
     assert path.project(turned(np.linspace(0, turned.length, 101))).distance.max() < 1e-12
-    assert Tube.of(path, 0.01).prove(turned, evenly(path, turned), 0.05).violated
-    same = Tube.of(path, 0.01).prove(path, evenly(path, path), 0.05)
+    assert Tube.around(path, 0.01).prove(turned, evenly(path, turned), 0.05).violated
+    same = Tube.around(path, 0.01).prove(path, evenly(path, path), 0.05)
     assert same.ok and same.segments.max() == pytest.approx(-0.01)
 
 
 def test_arcs_on_arcs_keep_tolerance_zero():
     points = np.random.default_rng(3).normal(size=(8, 3))
     path, _ = draw_with_arcs(ac.Path.spline(points), 1e-3)
-    proof = Tube.of(path, 0.0).prove(path, evenly(path, path), 0.0)
+    proof = Tube.around(path, 0.0).prove(path, evenly(path, path), 0.0)
     assert proof.ok
     # Cut at other places, too.
     cuts = np.linspace(0, path.length, 30)
     parts = [cut_path(path, a, b) for a, b in zip(cuts[:-1], cuts[1:], strict=True)]
     again = join_paths(parts)
-    assert Tube.of(path, 0.0).prove(again, evenly(path, again), 0.0).ok
-    assert Tube.of(again, 0.0).prove(path, evenly(again, path), 0.0).ok
+    assert Tube.around(path, 0.0).prove(again, evenly(path, again), 0.0).ok
+    assert Tube.around(again, 0.0).prove(path, evenly(again, path), 0.0).ok
 
 
 @each("dimension", [2, 3])
@@ -212,7 +212,7 @@ def test_circles_side_by_side_are_bound_to_a_millionth(dimension):
         return path_of(arc(start, np.zeros(dimension), 1.9 * np.pi, **plane))
 
     path, near = circle(0.05), circle(0.051)
-    tubes = (Tube.of(path, 1e-3 * x) for x in (1 + 1e-6, 1 - 1e-6))
+    tubes = (Tube.around(path, 1e-3 * x) for x in (1 + 1e-6, 1 - 1e-6))
     wide, narrow = (x.prove(near, evenly(path, near), 1e-3) for x in tubes)
     assert wide.ok and not narrow.ok and narrow.violated
 
@@ -231,17 +231,17 @@ def test_no_sample_exceeds_the_bounds(seed, dimension, bent):
         path, _ = draw_with_arcs(spline, rng.choice([0.1, 0.02]))
         places = evenly(objective, path)
     reach, tolerance = rng.choice([0.05, 0.3, 2.0]), rng.uniform(0.01, 0.4)
-    proof = Tube.of(objective, tolerance).prove(path, places, reach)
+    proof = Tube.around(objective, tolerance).prove(path, places, reach)
     distance, segment = sampled_distance(path, objective, places, reach, 12)
     excess = distance - tolerance
     assert (excess <= proof.segments[segment] + proof.slack).all()
-    assert proof.found <= proof.excess
+    assert proof.sampled_excess <= proof.excess
     # Whatever is not proven was found outside, but within the millionth that is left open.
     assert proof.ok or proof.violated or proof.excess < 2e-6 * tolerance
-    if not proof.ok and len(proof.vertices) and proof.vertices.max() < proof.found:
+    if not proof.ok and len(proof.vertices) and proof.vertices.max() < proof.sampled_excess:
         ends = max(proof.place - reach, 0), min(proof.place + reach, objective.length)
         found = cut_path(objective, *ends).project(path([proof.s])).distance[0]
-        assert found - tolerance == pytest.approx(proof.found, abs=1e-9)
+        assert found - tolerance == pytest.approx(proof.sampled_excess, abs=1e-9)
 
 
 @each("dimension", [2, 3])
@@ -265,8 +265,11 @@ def test_the_bulge_bounds_what_the_ends_do_not_show(dimension):
         )
         u, v = rng.uniform(0, 0.5, size=2), rng.uniform(0, 0.5, size=2)
         rows = pack(segments)
-        bulge = _tube.bulge(rows[0], *u, rows[1], *v)
-        p, q = (segments.at(np.full(101, k), x[0] + (x[1] - x[0]) * t) for k, x in ((0, u), (1, v)))
+        bulge = kernels.bulge(rows[0], *u, rows[1], *v)
+        p, q = (
+            segments.evaluate(np.full(101, k), x[0] + (x[1] - x[0]) * t)
+            for k, x in ((0, u), (1, v))
+        )
         line = (p - q)[:1] + t[:, None] * ((p - q)[-1:] - (p - q)[:1])
         off = np.linalg.norm(p - q - line, axis=1).max()
         assert off <= bulge * (1 + 1e-9) + 1e-15
@@ -279,7 +282,7 @@ def test_the_vertices_are_those_of_a_dense_sample():
     path = ac.Path.polyline(np.cumsum(rng.normal(size=(8, 3)), axis=0))
     rounded = ac.round_corners(path, tolerance=0.2)
     places = places_of(rounded)
-    proof = Tube.of(path, 0.1).prove(rounded, places, 0.5)
+    proof = Tube.around(path, 0.1).prove(rounded, places, 0.5)
     at = path.breaks[1:-1]
     for i, s in enumerate(at):
         low, high = np.interp([s - 0.5, s + 0.5], places[:, 0], places[:, 1])
@@ -290,18 +293,18 @@ def test_the_vertices_are_those_of_a_dense_sample():
 def test_reach_may_change_along_the_path():
     path = ac.Path.polyline([(0, 0), (1, 0), (1, 0.01), (0, 0.01)])
     places = np.array([(0, 0), (0.5, 0.5), (1.01, 1.01), (2.01, 2.01)])
-    assert Tube.of(path, 0.0).prove(path, places, [0, 0.1, 0.2, 0]).ok
+    assert Tube.around(path, 0.0).prove(path, places, [0, 0.1, 0.2, 0]).ok
 
 
 def test_what_is_refused():
     path, space = ac.Path.polyline(CORNER), ac.Path.polyline([(0, 0, 0), (0.2, 0, 0)])
     bent = ac.round_corners(path, tolerance=1e-3, continuity="curvature")
-    prove = Tube.of(path, 1e-3).prove
+    prove = Tube.around(path, 1e-3).prove
     refused(
-        (lambda: Tube.of(path, 1e-3, zone=0.1), "both line_tolerance and zone"),
-        (lambda: Tube.of(path, -1e-3), "tolerance must not be negative"),
-        (lambda: Tube.of(path, [1e-3, 1e-3]), "2 values, but the path has 1 vertices"),
-        (lambda: Tube.of(bent, 1e-3), "transition between", {"index": 1}),
+        (lambda: Tube.around(path, 1e-3, zone=0.1), "both line_tolerance and zone"),
+        (lambda: Tube.around(path, -1e-3), "tolerance must not be negative"),
+        (lambda: Tube.around(path, [1e-3, 1e-3]), "2 values, but the path has 1 vertices"),
+        (lambda: Tube.around(bent, 1e-3), "transition between", {"index": 1}),
         (lambda: prove(space, evenly(path, space), 0.1), "3 coordinates, its objective has 2"),
         (lambda: prove(path, [(0, 0), (0.1, 0.1)], 0.1), "from its start to its end"),
     )

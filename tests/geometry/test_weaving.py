@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from tests.geometry.tables import each, line, path_of, refused
 
 from armcontour.geometry import Arc, Path, SegmentLimits, round_corners
-from armcontour.geometry.weaving import weave_path
+from armcontour.geometry.weave import weave_path
 
 WIDTH, PITCH = 4e-3, 5e-3
 SLOW = {"speed": 0.01, "tolerance": 1e-4, "tag": "weld"}

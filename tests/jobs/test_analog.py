@@ -45,7 +45,7 @@ def test_values_follow_the_tool_along_free_corners():
     path = ac.Path.polyline([[0.30, 0.18], [0.34, 0.16], [0.36, 0.20], [0.32, 0.21]])
     fast = ARM.limits.replace(speed=0.1)
     shaped = ac.shape(path, ARM, fast, ac.Shaped(tolerance=2e-3))
-    program, trajectory = Program.of(shaped), ac.plan(shaped, ARM, fast)
+    program, trajectory = Program.from_path(shaped), ac.plan(shaped, ARM, fast)
     power = analog_outputs(program, trajectory, Process(analog=(POWER,)), fast)["power"]
     t = np.linspace(0, trajectory.duration, 2001)[:-1]
     speed = np.linalg.norm(ARM.tool_velocity(trajectory(t), trajectory(t, 1)), axis=1)
@@ -223,7 +223,7 @@ def test_corners_are_found_between_leads_and_in_reverse():
     path = Path.polyline([[0, 0], [0.1, 0], [0.1, 0.1], [0, 0.1]])
     lead = Lead(length=5e-3, shape="line", side="left")
     process = Process(lead_in=lead, lead_out=lead)
-    (contour,) = prepare(Program.of(path), process).contours
+    (contour,) = prepare(Program.from_path(path), process).contours
     assert len(contour.path) == 5
     assert corner_waypoints(path, contour.path).tolist() == [0, 2, 3, 0]
     back = Path.polyline(path.vertices[::-1])
@@ -232,7 +232,7 @@ def test_corners_are_found_between_leads_and_in_reverse():
 
 def test_what_is_no_corner_is_refused():
     one, drawn = job("2: 1 mm"), job("1: 0.1 mm", SQUARE, "process: {begin: drawn}")
-    moves = Program.of(Path.polyline([[0.3, 0.2], [0.36, 0.2], [0.36, 0.26]])).moves
+    moves = Program.from_path(Path.polyline([[0.3, 0.2], [0.36, 0.2], [0.36, 0.26]])).moves
     two = Program(moves=(*moves, ac.Rapid(), *moves))
     refused(
         (lambda: job("1: 1 mm"), "waypoint 1 is an end of the path"),

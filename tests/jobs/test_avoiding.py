@@ -178,7 +178,7 @@ def test_obstacles_of_an_arm_in_the_plane_stand_where_its_paths_are():
     planar = parse_job(JOB.replace("ur5e", "pmk3s").replace(", 0.1]", "]"), source="test")
     for fixed_to in ("base", "part"):
         post = box("post", [0.01, 0.01, 0.1], [0.50, 0.15, 0.0], fixed_to=fixed_to)
-        plan = plan_of(planar, path=ac.Program.of(path), scene=Scene(obstacles=(post,)))
+        plan = plan_of(planar, path=ac.Program.from_path(path), scene=Scene(obstacles=(post,)))
         (pair,) = (x for x in plan.clearance.pairs if {x.first, x.second} == {"link 2", "post"})
         # From the post to the stretch within the second link, over all of the motion.
         q = plan.trajectory(np.linspace(0, plan.trajectory.duration, 500))

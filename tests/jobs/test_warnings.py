@@ -144,7 +144,9 @@ def measured(noise, points=80):
 
 def slow(path, **values):
     """The warning of a job at 150 mm/s whose contours are far slower."""
-    arm = ac.load_arm("ur5e" if ac.Program.of(path).contours[0].path.dimension == 3 else "pmk3s")
+    arm = ac.load_arm(
+        "ur5e" if ac.Program.from_path(path).contours[0].path.dimension == 3 else "pmk3s"
+    )
     limits = arm.limits.replace(speed=0.15, joint_torque=np.inf, **values.pop("limits", {}))
     rounding = Rounding(tolerance=3e-4, angular_tolerance=0.03)
     asked = {"compensation": ac.NoCompensation(), "limits": limits, "rounding": rounding, **values}

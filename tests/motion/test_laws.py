@@ -14,7 +14,7 @@ from armcontour.motion import (
     dwell_law,
     largest_shares,
 )
-from armcontour.motion.bounding import path_rates
+from armcontour.motion.derivative_bounds import path_rates
 
 
 def test_laps_are_parabolas_21():

@@ -212,15 +212,15 @@ def _follow(u, lag=0.05, delay=0.02):
 def test_what_is_wrong(late):
     q = WANTED if late is None else _follow(WANTED) + [0.01, 0.0, -0.02]
     for words, change in CHANGES.items():
-        assert words in find_misreading(T, change(q), WANTED, names="abc", late=late)
+        assert words in find_misreading(T, change(q), WANTED, names="abc", longest_delay=late)
     for right in (q, np.roll(q[::-1], 777, axis=0) ** 3):
-        assert not find_misreading(T, right, WANTED, names="abc", late=late)
+        assert not find_misreading(T, right, WANTED, names="abc", longest_delay=late)
 
 
 def test_exchanged_columns_are_found_and_delays_are_no_turned_signs():
     q = _follow(WANTED)
-    assert "are exchanged" in find_misreading(T, WANTED, q, late=0.25)
+    assert "are exchanged" in find_misreading(T, WANTED, q, longest_delay=0.25)
     assert not find_misreading(T, WANTED, q)
     u = np.sin(2 * np.pi * 2.0 * T)[:, None]
     late = np.interp(T - 0.25, T, u[:, 0])[:, None]
-    assert not find_misreading(T, late, u, late=0.25)
+    assert not find_misreading(T, late, u, longest_delay=0.25)

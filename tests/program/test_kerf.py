@@ -169,7 +169,7 @@ def test_random_cuts_beside_open_contours_keep_their_distance_or_are_refused():
 def test_in_space_the_cut_lies_in_the_plane_of_the_contour_and_the_tool_keeps_its_way(held):
     frame = ac.Frame.rpy((0.4, 0.1, 0.2), (0.4, -0.3, 1.0))
     up = frame.rotation[:, 2]
-    placed = Program.of(SQUARE).placed(frame).path
+    placed = Program.from_path(SQUARE).placed(frame).path
     placed = placed.pointing(-up) if held == "pointing" else placed.following_tangent(up)
     done = cut(placed, kerf=2e-3, up=up).path
     expected = cut(SQUARE, kerf=2e-3).placed(frame).path

@@ -39,7 +39,7 @@ def test_refuses_what_makes_no_program():
         (lambda: program(contour(), Rapid(path=SPACE), contour()), "rapids"),
         (lambda: program(Event(name="a", s=0.1), contour()), "event a"),
         (lambda: program(Event(name="a", lead_distance=0.1), contour()), "event a"),
-        (lambda: Program.of([1, 2], "This needs a Path"), "This needs", "list"),
+        (lambda: Program.from_path([1, 2], "This needs a Path"), "This needs", "list"),
         (lambda: contour([[0, 0], [1, 1]]), "Path", "list"),
         (lambda: Rapid(path=[[0, 0], [1, 1]]), "rapid", "list"),
         (lambda: contour(name="c", events=late), "laser", "0.2", "0.1"),
@@ -144,15 +144,19 @@ def test_names_are_a_line_of_80_printable_characters():
 
 
 def test_a_path_becomes_a_program_whose_single_path_has_nothing_around_it():
-    found = Program.of(LINE)
+    found = Program.from_path(LINE)
     assert found.path is found.single_path is LINE and len(found.moves) == 1
-    assert Program.of(found) is found
+    assert Program.from_path(found) is found
     ring = ac.Path.polyline([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.0]])
-    kept, drawn = (ac.prepare(x, Process()) for x in (Program.of(ring), program(contour(ring))))
+    kept, drawn = (
+        ac.prepare(x, Process()) for x in (Program.from_path(ring), program(contour(ring)))
+    )
     assert kept.single_path is ring
     assert np.linalg.norm(drawn.path(0.0) - ring(0.0)) > 0.01  # off the corner
     # Rounding gives back what it was given.
-    rounded, by_program = (ac.round_corners(x, tolerance=1e-3) for x in (ring, Program.of(ring)))
+    rounded, by_program = (
+        ac.round_corners(x, tolerance=1e-3) for x in (ring, Program.from_path(ring))
+    )
     assert isinstance(rounded, ac.RoundedPath) and isinstance(by_program, Program)
     np.testing.assert_array_equal(by_program.path.breaks, rounded.breaks)
     assert by_program.single_path is by_program.path

@@ -16,7 +16,7 @@ import armcontour as ac
 from armcontour.core.render import number
 from armcontour.geometry import Arc, Path
 from armcontour.program import Contour, Event, Lead, Process, Program, prepare
-from armcontour.program.ordering import begin_places
+from armcontour.program.contour_order import begin_places
 
 WASTE = Lead(length=1e-3, shape="arc")
 SQUARE = Path.polyline([[0, 0], [0.1, 0], [0.1, 0.06], [0, 0.06], [0, 0]])

@@ -72,8 +72,8 @@ def test_loading_imports_nothing_that_only_compiling_needs():
 
 def test_a_compiled_function_is_not_compiled_again(tmp_path):
     point = "Tuple((float64, float64, float64, ))"
-    text = f"- armcontour.geometry._segments.find_foot({point}, float64[::1])\n"
-    gone = "- armcontour.geometry._segments.gone(float64)\n"
+    text = f"- armcontour.geometry.kernels.find_foot({point}, float64[::1])\n"
+    gone = "- armcontour.geometry.kernels.gone(float64)\n"
     (tmp_path / "list.txt").write_text(text + gone)
     own = {"NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONPATH": str(PACKAGE.parent)}
 
@@ -83,7 +83,7 @@ def test_a_compiled_function_is_not_compiled_again(tmp_path):
     functions, compiled, folder, *steps = warm()
     assert (functions, compiled) == ("2", "1") and folder.startswith(str(tmp_path / "kept"))
     assert steps[0].startswith("compiling, once: 2 functions in ")
-    assert steps[-1].endswith(": geometry._segments.find_foot")
+    assert steps[-1].endswith(": geometry.kernels.find_foot")
     # The second time it reports no steps.
     assert warm() == ["2", "0", folder]
     shutil.rmtree(tmp_path / "kept")

@@ -103,7 +103,7 @@ def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:
         return model.arm
     from armcontour.program.tools import tools_of_contours
 
-    names = list(dict.fromkeys(tools_of_contours(Program.of(drawn))))
+    names = list(dict.fromkeys(tools_of_contours(Program.from_path(drawn))))
     if names == [""]:
         return model.arm
     for name in names:

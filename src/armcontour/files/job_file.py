@@ -339,7 +339,7 @@ def add_process(
     """
     if drawing.file is None and process is None:
         return path, Process()
-    program = Program.of(path)
+    program = Program.from_path(path)
     if drawing.file is None:
         # The process sets the start point of a closed path of points, as for a drawing.
         contours = (dataclasses.replace(x, keep_start=False) for x in program.contours)

@@ -4,13 +4,13 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "corner_curves": "corner_error",
-    "nearest": "Projection",
+    "projection": "Projection",
     "orientation": "Orientation",
     "path": "Path",
     "primitives": "Arc Line SegmentLimits",
-    "rounding": "Corners RoundedPath count_full_stops round_corners round_with_parabolas",
+    "rounded_path": "Corners RoundedPath count_full_stops round_corners round_with_parabolas",
     "segments": "Segments",
-    "shaped": "Outcome ShapedPath SmoothCurve",
+    "shaped_path": "Outcome ShapedPath SmoothCurve",
     "shaped_orientation": "orient_shaped",
     "tube": "Proof Tube",
     "armcontour.core.frames": "angle_between",

@@ -1,9 +1,8 @@
-"""Biarcs and transitions: curves that join places with given tangents, and curvatures.
+"""Biarcs and transitions: curves that join points with given tangents and curvatures.
 
-A biarc is a pair of tangent arcs. A transition is a chain of quintics over arc length. Neighbours
-share point, tangent and curvature to the last digit, and so do the segments beside the chain;
-between its ends a quintic runs along the curve that it stands for, at a speed that is 1 within
-`UNEVEN`.
+A biarc is a pair of tangent arcs. A transition is a chain of quintics over arc length. Neighbouring
+segments share point, tangent and curvature to the last digit. Between its ends a quintic follows
+the curve that it approximates, at a speed that is 1 within `UNEVEN`.
 """
 
 from __future__ import annotations
@@ -19,14 +18,15 @@ from armcontour.geometry.segments import Segments, largest_bend
 STRAIGHT = 1e-12
 # Largest relative difference between the arc length and the parameter of a transition.
 UNEVEN = 1e-6
-# Arcs that stand for transitions are within this of them: no arm resolves a nanometre [m].
+# Largest distance between a transition and the arcs that replace it: no arm resolves a nanometre
+# [m].
 DRAWN = 1e-9
-# Distance of a biarc from a curve whose curvature changes evenly by d over a length w, over d w²;
-# and how much more parts are made than that needs.
+# Distance of a biarc from a curve whose curvature changes evenly by d over a length w, divided by
+# d w²; and safety factor on that distance.
 BIARC = 1 / 324
 MORE = 1.25
 
-# Points, unit tangents and curvature vectors of n places, (n, dimension) each.
+# Points, unit tangents and curvature vectors, (n, dimension) each.
 Contact = tuple[FloatArray, FloatArray, FloatArray]
 
 
@@ -65,7 +65,7 @@ def _arc(
 ) -> Segments:
     """Arcs from start points and tangents to end tangents, with given tangent lengths.
 
-    Arcs are computed from tangents and not from end points, so that even very short arcs have equal
+    Arcs are computed from tangents and not from end points, so even very short arcs have equal
     tangents where they meet.
     """
     half = np.arctan2(length(end_tangent - tangent), length(end_tangent + tangent))
@@ -75,13 +75,13 @@ def _arc(
     # The normal must be perpendicular to the tangent to the last digit.
     normal = normal - dot(normal, tangent)[:, None] * tangent
     normal = np.where(bent[:, None], unit(normal), 0.0)
-    bend = np.tan(half) / tangent_length
+    curvature = np.tan(half) / tangent_length
     return Segments(
         starts=start,
         tangents=tangent,
         normals=normal,
-        curvatures=np.where(bent, bend, 0.0),
-        lengths=np.where(bent, 2 * half / bend, 2 * tangent_length),
+        curvatures=np.where(bent, curvature, 0.0),
+        lengths=np.where(bent, 2 * half / curvature, 2 * tangent_length),
     )
 
 
@@ -106,13 +106,13 @@ def _from_circle(points: FloatArray, arcs: Segments) -> FloatArray:
     v = points - arcs.starts[:, None]
     x = dot(v, arcs.tangents[:, None])
     y = dot(v, arcs.normals[:, None])
-    rest = dot(v, v) - x * x - y * y
+    out_of_plane = dot(v, v) - x * x - y * y
     k = arcs.curvatures[:, None]
     # |p - c| - r, without cancellation if the radius is very large.
     power = k * (x * x + y * y) - 2 * y
     in_plane = power / (1 + np.sqrt(np.maximum(1 + k * power, 0.0)))
     line = np.where(k == 0, np.abs(y), np.abs(in_plane))
-    return np.asarray(np.hypot(line, np.sqrt(np.maximum(rest, 0.0))))
+    return np.asarray(np.hypot(line, np.sqrt(np.maximum(out_of_plane, 0.0))))
 
 
 def _finite(arcs: Segments) -> BoolArray:
@@ -140,18 +140,18 @@ def dot(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def join_up(begin: Contact, end: Contact, lengths: FloatArray) -> Segments:
-    """One quintic from each of n places to another, without speeds, tolerances and tags.
+    """One quintic from each of n contacts to another, without speeds, tolerances and tags.
 
     Args:
-        begin: Where the quintics begin.
-        end: Where they end; the points relative to those where they begin, so that even tiny ones
-            keep their digits.
+        begin: Contacts at the starts of the quintics.
+        end: Contacts at their ends; points are relative to the starts, so even tiny quintics keep
+            their digits.
         lengths: Their arc lengths [m], (n,).
     """
     none = np.zeros_like(begin[0])
     coefficients = quintic(lengths, (none, *begin[1:]), end)
-    bend = length(begin[2])
-    normals = np.divide(begin[2], bend[:, None], out=none.copy(), where=bend[:, None] > 0)
+    curvature = length(begin[2])
+    normals = np.divide(begin[2], curvature[:, None], out=none.copy(), where=curvature[:, None] > 0)
     return Segments(
         starts=begin[0],
         tangents=begin[1],
@@ -163,12 +163,12 @@ def join_up(begin: Contact, end: Contact, lengths: FloatArray) -> Segments:
 
 
 def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
-    """Segments with arcs for their transitions, within `DRAWN` of them.
+    """Segments with arcs instead of transitions, within `DRAWN` of the transitions.
 
     Returns:
-        Lines and arcs, which are the given segments if there are no transitions; and the arc
-        lengths of the given segments at which they start [m], (n,). None is longer than the part
-        that it stands for, from whose length it may differ as far as transitions are uneven.
+        Lines and arcs, which are the original segments if there are no transitions; and the arc
+        lengths of the original segments at which they start [m], (n,). An arc is never longer than
+        the part that it replaces.
     """
     bent = segments.bent
     if not bent.any():
@@ -184,32 +184,32 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
         for order in (0, 1)
     ]
     ends[1::2] = (unit(x) for x in ends[1::2])
-    with np.errstate(invalid="ignore"):  # straight ones have no normal
+    with np.errstate(invalid="ignore"):  # straight quintics have no normal
         halves = biarcs(*ends)
-    of = np.flatnonzero(bent)[row]
-    columns = {x: getattr(segments, x)[of] for x in ("speeds", "tolerances", "tags")}
+    source = np.flatnonzero(bent)[row]
+    columns = {x: getattr(segments, x)[source] for x in ("speeds", "tolerances", "tags")}
     share = step / (halves[0].lengths + halves[1].lengths)
-    breaks, rest = segments.breaks, np.flatnonzero(~bent)
-    first = breaks[of] + number * step
+    breaks, others = segments.breaks, np.flatnonzero(~bent)
+    first = breaks[source] + number * step
     middle = first + share * halves[0].lengths
     drawn = [
         x.replace(
-            starts=x.starts + segments.starts[of],
+            starts=x.starts + segments.starts[source],
             lengths=x.lengths * np.minimum(share, 1.0),
             **columns,
         )
         for x in halves
     ]
-    none = np.zeros(len(rest), dtype=np.intp)
+    none = np.zeros(len(others), dtype=np.intp)
     order = np.lexsort(
         [
             np.concatenate([none, np.zeros_like(row), np.ones_like(row)]),
             np.concatenate([none, number, number]),
-            np.concatenate([rest, of, of]),
+            np.concatenate([others, source, source]),
         ]
     )
-    plain = segments[~bent].replace(quintics=np.empty((len(rest), 0, 0)))
-    begin = np.concatenate([breaks[rest], first, middle])
+    plain = segments[~bent].replace(quintics=np.empty((len(others), 0, 0)))
+    begin = np.concatenate([breaks[others], first, middle])
     return Segments.join([plain, *drawn])[order], begin[order]
 
 
@@ -221,7 +221,7 @@ def contact_of(first: FloatArray, second: FloatArray) -> tuple[FloatArray, Float
 
 
 def largest_change(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
-    """Largest third derivatives of quintics by arc length, or slightly more [1/m²], (n,)."""
+    """Upper bounds of the third derivatives of quintics by arc length [1/m²], (n,)."""
     c3, c4, c5 = quintics[:, 3], quintics[:, 4], quintics[:, 5]
     control = np.stack([6 * c3, 6 * c3 + 12 * c4, 6 * c3 + 24 * c4 + 60 * c5], axis=1)
     return np.asarray(np.linalg.norm(control, axis=2).max(axis=1) / lengths**3)

@@ -1,18 +1,19 @@
-"""Kinds of curves that replace corners, one entry each; the kinds next to arcs are in blends.py.
+"""Curves that replace corners between two lines; those next to arcs are in blends.py.
 
-ARC, PARABOLA and SMOOTH, a smooth bend, replace corners between two lines. They are symmetric about
-the bisector and replace the same length of either line, the tangent length. Each is given by its
-smallest radius, that in the middle of the corner. h is half the turn.
+ARC, PARABOLA and SMOOTH are symmetric about the bisector and replace the same length of both lines,
+the tangent length. Each is given by its smallest radius, in the middle of the corner. h is half the
+turn.
 
-The parabola is that of a quadratic Bézier curve with the corner point as its middle control point:
-with smallest radius r it is y = x² / (2 r) about its apex. Its tangent length is r sin h / cos² h,
-and its corner error is r tan² h / 2, which is half the tangent length times sin h. It is drawn as
-tangent arcs. At the same corner error it is longer than the arc, and its middle is tighter: a tool
-with a constant acceleration moves on a parabola, slower in the middle than at its ends.
+The parabola is a quadratic Bézier curve with the corner point as its middle control point: with
+smallest radius r it is y = x² / (2 r) about its apex. Its tangent length is r sin h / cos² h, and
+its corner error is r tan² h / 2, which is half the tangent length times sin h. It is drawn as
+tangent arcs. At the same corner error it is longer than the arc, and its smallest radius is
+smaller: a tool with constant acceleration moves on a parabola and is slower in the middle than at
+the ends.
 
-The smooth bend starts and ends straight. Over its length its curvature is (1 - x²)² / r, where x
-runs from -1 to 1: neither the curvature nor its derivative jumps. Its length is BEND times that of
-the arc with the radius r. It is drawn as transitions.
+SMOOTH starts and ends straight. Over its length its curvature is (1 - x²)² / r, where x runs from
+-1 to 1, so neither the curvature nor its derivative jumps. Its length is BEND times that of the arc
+with the radius r. It is drawn as transitions.
 """
 
 from __future__ import annotations
@@ -25,35 +26,37 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampling import number_parts
-from armcontour.geometry.biarcs import biarcs, dot, join_up, unit
+from armcontour.geometry.biarcs import STRAIGHT, biarcs, dot, join_up, unit
 from armcontour.geometry.rounded_orientation import middle_of
 from armcontour.geometry.segments import REPEATED_POINT, Segments, share_limits
 
-# A parabola is drawn by two arcs for each step of asinh(tan(angle of its tangent)) up to this: from
-# one arc to the next the curvature changes by a factor of 1.7 at most, 1.34 at a turn of 90°, and
-# the arcs are within 3e-4 of its corner error from it.
+# Largest step of asinh(tan(angle of the tangent)) that two arcs of a parabola cover. The curvature
+# then changes by a factor of at most 1.7 from arc to arc, 1.34 at a turn of 90°, and the distance
+# of the arcs from the parabola is below 3e-4 of the corner error.
 STEP = 0.25
-# Largest curvature of a smooth bend over its mean curvature.
+# Largest curvature of SMOOTH over its mean curvature.
 BEND = 15 / 8
-# Quintics in each half of a smooth bend: this times the power 0.45 of half the turn. The arc length
-# then is that of the curve within 1e-6, see `transitions`.
+# Quintics in each half of SMOOTH: this times the power 0.45 of half the turn. The parameter then
+# equals the arc length within 1e-6, see biarcs.py.
 QUINTICS = 7.8
-# Places and weights by which smooth integrals over -1 to 1 are exact to rounding errors, and those
-# for half of a smooth bend, which turns farther.
+# Nodes and weights that integrate one quintic, and half of SMOOTH, exactly up to rounding errors.
 FEW, MANY = (np.polynomial.legendre.leggauss(n) for n in (10, 32))
+# A remainder of a line between two arcs that is shorter than this is a rounding error and is
+# discarded [m].
+SLIVER = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Bounds:
-    """What n corners have to keep, and the segments beside them.
+    """Constraints on n corners, and the segments next to them.
 
     Args:
         before: Segments before the corners, n.
         after: Segments after the corners, n.
         half: Half of the turns [rad], (n,).
         error: Largest corner errors [m], (n,).
-        radius: Radii that are large enough for the corner speeds [m], infinite without one, (n,).
-        turn: Largest `t / 2 - middle length` for a tangent length t, which the tool's orientation
+        radius: Smallest radii for the corner speeds [m], infinite without one, (n,).
+        turn: Largest `t / 2 - middle length` for a tangent length t that the tool orientation
             allows [m], (n,); see `middle_of`.
         tangent: Largest tangent lengths [m], (n,).
     """
@@ -75,18 +78,18 @@ class Bounds:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Drawn:
-    """What replaces n corners.
+    """Curves that replace n corners.
 
     Args:
         rows: The segments, in order at each corner.
-        of: The corner of each segment.
+        corner: The corner of each segment.
         radius: Smallest radii [m], infinite for a straight one, (n,).
         error: Corner errors [m], (n,).
-        shrunk: Mask of the corners that are rounded less than their bounds allow, (n,).
+        shrunk: Mask of the corners whose curve is smaller than their bounds allow, (n,).
     """
 
     rows: Segments
-    of: IntArray
+    corner: IntArray
     radius: FloatArray
     error: FloatArray
     shrunk: BoolArray
@@ -96,14 +99,14 @@ class CornerKind(ABC):
     """A kind of curve that replaces corners.
 
     Attributes:
-        smooth: Whether its curvature nowhere jumps, also at its ends.
+        smooth: Whether its curvature is continuous, also at its ends.
     """
 
     smooth: bool
 
     @abstractmethod
     def shortest(self, half: FloatArray) -> FloatArray:
-        """Tangent lengths up to which the curve is smaller than a point's resolution [m], (n,)."""
+        """Tangent lengths at which the curve is as small as the resolution of a point [m], (n,)."""
 
     @abstractmethod
     def fit(self, bounds: Bounds) -> FloatArray:
@@ -116,15 +119,15 @@ class CornerKind(ABC):
 
 @dataclass(frozen=True, slots=True)
 class LineCorner(CornerKind):
-    """A curve between two lines, given by its measures over its smallest radius.
+    """A curve between two lines, described by ratios to its smallest radius.
 
     Args:
-        gap: Corner error, by half the turn.
-        stretch: Tangent length.
-        length: Length of what is drawn.
-        least: As `shortest`, over `REPEATED_POINT`.
-        lay: Draws curves by bounds and smallest radii [m]; gives the segments and their corners.
-        smooth: Whether its curvature nowhere jumps.
+        gap: Corner error as a function of half the turn.
+        stretch: Tangent length as a function of half the turn.
+        length: Length of the drawn curve as a function of half the turn.
+        least: `shortest` over `REPEATED_POINT`.
+        lay: Draws curves from bounds and smallest radii [m]; returns segments and their corners.
+        smooth: Whether its curvature is continuous.
     """
 
     gap: Callable[[FloatArray], FloatArray]
@@ -135,7 +138,7 @@ class LineCorner(CornerKind):
     smooth: bool = False
 
     def shortest(self, half: FloatArray) -> FloatArray:
-        """Tangent lengths up to which the curve is too small [m], (n,)."""
+        """Tangent lengths at which the curve is as small as the resolution of a point [m], (n,)."""
         return REPEATED_POINT * self.least(half)
 
     def fit(self, bounds: Bounds) -> FloatArray:
@@ -150,11 +153,11 @@ class LineCorner(CornerKind):
         stretch, radius = self.stretch(bounds.half), self._radius(bounds)
         shrunk = tangent < radius * stretch * (1 - 1e-12)
         radius = np.where(shrunk, tangent / stretch, radius)
-        rows, of = self.lay(bounds, radius)
+        rows, corner = self.lay(bounds, radius)
         segment_limits = share_limits(bounds.before, bounds.after)
-        rows = rows.replace(**{name: column[of] for name, column in segment_limits.items()})
+        rows = rows.replace(**{name: column[corner] for name, column in segment_limits.items()})
         error = radius * self.gap(bounds.half)
-        return Drawn(rows=rows, of=of, radius=radius, error=error, shrunk=shrunk)
+        return Drawn(rows=rows, corner=corner, radius=radius, error=error, shrunk=shrunk)
 
     def _radius(self, bounds: Bounds) -> FloatArray:
         """Smallest radii of the curves by case I or case II [m], (n,)."""
@@ -195,7 +198,7 @@ def _lay_parabolas(bounds: Bounds, radius: FloatArray) -> tuple[Segments, IntArr
 
 
 def _lay_bends(bounds: Bounds, radius: FloatArray) -> tuple[Segments, IntArray]:
-    """One smooth bend per corner, drawn as transitions."""
+    """One SMOOTH curve per corner, drawn as transitions."""
     half = bounds.half
     parts = _count_quintics(half)
     corner, number = number_parts(2 * parts)
@@ -212,10 +215,10 @@ def _lay_bends(bounds: Bounds, radius: FloatArray) -> tuple[Segments, IntArray]:
         turned(-np.sin(angle), np.cos(angle)) * (h * BEND * (1 - end * end) ** 2 / size)[:, None]
         for angle, end in zip(angles, x, strict=True)
     ]
-    places = x[0] + (x[1] - x[0]) * (FEW[0][:, None] + 1) / 2
-    angle = h * _share_of_turn(places)
+    parameters = x[0] + (x[1] - x[0]) * (FEW[0][:, None] + 1) / 2
+    angle = h * _share_of_turn(parameters)
     step = size / parts[corner]
-    steps = turned(*(step / 2 * (FEW[1] @ of(angle)) for of in (np.cos, np.sin)))
+    steps = turned(*(step / 2 * (FEW[1] @ function(angle)) for function in (np.cos, np.sin)))
     back = (radius * _stretch_of_bends(half))[:, None] * bounds.before.tangents
     sums = np.cumsum(steps, axis=0) - steps
     starts = (bounds.after.starts - back)[corner] + sums - sums[number == 0][corner]
@@ -233,58 +236,52 @@ def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
 
 
 def _axes(bounds: Bounds) -> tuple[FloatArray, FloatArray]:
-    """Unit vectors along the middle tangents of corners between lines, and to their insides."""
+    """Unit vectors along the mean tangents of corners between lines, and towards their insides."""
     along = unit(bounds.before.tangents + bounds.after.tangents)
     across = unit(bounds.after.tangents - bounds.before.tangents)
-    # At a slight turn rounding errors have tilted the direction across.
+    # At a small turn rounding errors tilt the vector across.
     return along, unit(across - dot(across, along)[:, None] * along)
 
 
 def _share_of_turn(x: FloatArray) -> FloatArray:
-    """Angle of the tangent of a smooth bend at x from -1 to 1, over half the turn."""
+    """Angle of the tangent of SMOOTH at x from -1 to 1, over half the turn."""
     return np.asarray(x * (15 - 10 * x**2 + 3 * x**4) / 8)
 
 
-def _over_half(half: FloatArray, of: Callable[[FloatArray], FloatArray]) -> FloatArray:
-    """Mean of a function of the tangent's angle over half of a smooth bend, (n,)."""
+def _over_half(half: FloatArray, function: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Mean of a function of the tangent's angle over half of SMOOTH, (n,)."""
     angles = half * _share_of_turn((MANY[0][:, None] + 1) / 2)
-    return np.asarray(MANY[1] @ of(angles) / 2)
+    return np.asarray(MANY[1] @ function(angles) / 2)
 
 
 def _stretch_of_bends(half: FloatArray) -> FloatArray:
-    """Tangent lengths of smooth bends over their smallest radii, (n,)."""
+    """Tangent lengths of SMOOTH over its smallest radii, (n,)."""
     return np.asarray(half * BEND * _over_half(half, np.cos) / np.cos(half))
 
 
 def _count_quintics(half: FloatArray) -> IntArray:
-    """Number of quintics in half of a smooth bend, (n,)."""
+    """Number of quintics in half of SMOOTH, (n,)."""
     return np.maximum(np.ceil(QUINTICS * half**0.45), 1).astype(np.intp)
 
 
 def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
-    """Tangent arcs along the parabolas y = x² / 2, from tangent angle -h to h.
+    """Tangent arcs along the parabolas y = x² / 2 from tangent angle -h to h, and their parabolas.
 
-    Their nodes are on the parabola and have its tangents; one is the apex.
-
-    Args:
-        half: The angles h [rad], (n,).
-
-    Returns:
-        The arcs in the plane, in order, and the parabola of each.
+    The ends of the arc pairs are on the parabola and have its tangents; one is the apex.
     """
     # With w = asinh(tan(angle)) the curvature is cosh(w)**-3: it changes by 3 tanh(w) dw.
-    most = np.arcsinh(np.tan(half))
-    steps = 2 * np.maximum(np.ceil(most / STEP), 1.0).astype(np.intp)
-    which, k = number_parts(steps)
+    largest = np.arcsinh(np.tan(half))
+    steps = 2 * np.maximum(np.ceil(largest / STEP), 1.0).astype(np.intp)
+    parabola, k = number_parts(steps)
     ends = []
     for node in (k, k + 1):
-        w = most[which] * (2 * node / steps[which] - 1)
+        w = largest[parabola] * (2 * node / steps[parabola] - 1)
         tan = np.sinh(w)
         ends += [np.stack([tan, tan * tan / 2], axis=1)]
         ends += [np.stack([1 / np.cosh(w), np.tanh(w)], axis=1)]
     first, second = biarcs(*ends)
-    order = np.arange(2 * len(which)).reshape(2, -1).T.ravel()
-    return Segments.join([first, second])[order], np.repeat(which, 2)
+    order = np.arange(2 * len(parabola)).reshape(2, -1).T.ravel()
+    return Segments.join([first, second])[order], np.repeat(parabola, 2)
 
 
 def _length_of_parabolas(half: FloatArray) -> FloatArray:
@@ -314,8 +311,66 @@ SMOOTH = LineCorner(
     gap=lambda h: h * BEND * _over_half(h, lambda angle: np.sin(h - angle)) / np.cos(h),
     stretch=_stretch_of_bends,
     length=lambda h: 2 * h * BEND,
-    # Each of its quintics is longer than that resolution, and so is its smallest radius.
+    # Each of its quintics, and its smallest radius, is longer than the resolution.
     least=lambda h: np.maximum(2 * _count_quintics(h), _stretch_of_bends(h)),
     lay=_lay_bends,
     smooth=True,
 )
+
+
+def fit_lengths(requested: FloatArray, vertex: IntArray, lengths: FloatArray) -> FloatArray:
+    """Lengths next to vertices reduced to fit their segments [m], (n,).
+
+    A vertex may take half of a segment, or all that the vertex at its other end does not request.
+    This rule depends on direct neighbours only, is independent of the direction of travel, and
+    always has a solution.
+
+    Args:
+        requested: Requested lengths on either side [m], (n,).
+        vertex: Segments after which the vertices are, increasing, (n,).
+        lengths: Lengths of all segments [m].
+    """
+    by_vertex = np.zeros(len(lengths) + 1)
+    by_vertex[vertex + 1] = requested
+    room_before = np.maximum(
+        lengths / 2, lengths - by_vertex[:-1]
+    )  # for the vertex at a segment's end
+    room_after = np.maximum(lengths / 2, lengths - by_vertex[1:])  # for the vertex at its start
+    return np.asarray(
+        np.minimum(requested, np.minimum(room_before[vertex], room_after[vertex + 1]))
+    )
+
+
+def replace_vertices(
+    rows: Segments, cut: FloatArray, drawn: Segments, after: IntArray
+) -> tuple[Segments, IntArray, IntArray]:
+    """Replace parts of segments next to vertices by other segments.
+
+    Args:
+        rows: The segments, n of them.
+        cut: Length that is replaced on either side of each vertex [m], (n + 1,).
+        drawn: The replacing segments, in order at each vertex.
+        after: Index of the segment before the vertex of each replacing segment.
+
+    Returns:
+        The segments; for each, the index of its segment in `rows`, or of the segment before its
+        vertex; and its index in `drawn`, below 0 if it is from `rows`.
+    """
+    n = len(rows)
+    starts, lengths = (
+        rows.starts + cut[:-1, None] * rows.tangents,
+        rows.lengths - cut[:-1] - cut[1:],
+    )
+    shorter = rows.replace(starts=starts, lengths=lengths)
+    later = ((rows.curvatures > 0) & (cut[:-1] > 0)) | (rows.bent & (cut[1:] > 0))
+    if later.any():
+        ends = (rows.lengths - cut[1:])[later]
+        shorter = shorter.put(later, rows.cut(np.flatnonzero(later), cut[:-1][later], ends))
+    table = Segments.join([shorter, drawn])
+    source = np.concatenate([np.arange(n), after])
+    # A remainder of an arc is discarded only if the tangent jumps by no more than a rounding error.
+    used = table.lengths > SLIVER / np.maximum(1.0, SLIVER / STRAIGHT * table.curvatures)
+    used[n:] = True
+    order = np.argsort(source, kind="stable")
+    order = order[used[order]]
+    return table[order], source[order], order - n

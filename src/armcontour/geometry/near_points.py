@@ -1,4 +1,4 @@
-"""Which points are near which others: by a table of few distances, or by scipy's tree for many."""
+"""Near points of points: by a table of few distances, or by SciPy's tree for many."""
 
 from __future__ import annotations
 
@@ -8,59 +8,59 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
 
-# Largest number of distances in a table: 10 ms of work, where scipy's tree is loaded in 300 ms.
+# Largest number of distances in a table: it takes 10 ms, while SciPy's tree takes 300 ms to load.
 FEW = 250_000
 
 
-def pairs_within(places: FloatArray, points: FloatArray, near: float) -> tuple[IntArray, IntArray]:
-    """All pairs of a place and a point that are at most this far apart.
+def pairs_within(queries: FloatArray, points: FloatArray, near: float) -> tuple[IntArray, IntArray]:
+    """All pairs of a query and a point with at most a distance.
 
     Args:
-        places: The places, (n, d).
+        queries: The query points, (n, d).
         points: The points, (m, d).
         near: The distance.
 
     Returns:
-        Indices of the places, sorted, and those of their points, (pairs,) each.
+        Indices of the queries, sorted, and of their points, (pairs,) each.
     """
-    if len(places) * len(points) <= FEW:
-        found = np.nonzero(_squares(places, points) <= near**2)
-        return found[0], found[1]
+    if len(queries) * len(points) <= FEW:
+        indices = np.nonzero(_squares(queries, points) <= near**2)
+        return indices[0], indices[1]
     from scipy.spatial import cKDTree
 
-    lists: Any = cKDTree(points).query_ball_point(places, near, return_sorted=True)
-    owners = np.repeat(np.arange(len(places)), [len(x) for x in lists])
+    lists: Any = cKDTree(points).query_ball_point(queries, near, return_sorted=True)
+    owners = np.repeat(np.arange(len(queries)), [len(x) for x in lists])
     return owners, np.concatenate(lists).astype(np.intp)
 
 
 def nearest_points(
-    places: FloatArray, points: FloatArray, count: int, within: float = np.inf
+    queries: FloatArray, points: FloatArray, count: int, within: float = np.inf
 ) -> IntArray:
-    """The nearest points of every place, the nearest one first.
+    """The nearest points of every query, the nearest first.
 
     Args:
-        places: The places, (n, d).
+        queries: The query points, (n, d).
         points: The points, (m, d).
-        count: How many are wanted, at most m.
-        within: Only points nearer than this count.
+        count: Number of points per query, at most m.
+        within: Limit of the distance.
 
     Returns:
-        Indices of points, m where there is none as near, (n, count).
+        Indices of points, m where no further point is within the limit, (n, count).
     """
-    if len(places) * len(points) <= FEW:
-        squares = _squares(places, points)
+    if len(queries) * len(points) <= FEW:
+        squares = _squares(queries, points)
         order = np.argsort(squares, axis=1, kind="stable")[:, :count]
-        far = np.take_along_axis(squares, order, axis=1) >= within**2
-        return np.where(far, len(points), order)
+        beyond = np.take_along_axis(squares, order, axis=1) >= within**2
+        return np.where(beyond, len(points), order)
     from scipy.spatial import cKDTree
 
-    # A list of numbers has two dimensions also where one is wanted.
-    wanted = np.arange(1, count + 1)
-    return np.asarray(cKDTree(points).query(places, k=wanted, distance_upper_bound=within)[1])
+    # A list of ranks gives two dimensions also for a single rank.
+    ranks = np.arange(1, count + 1)
+    return np.asarray(cKDTree(points).query(queries, k=ranks, distance_upper_bound=within)[1])
 
 
 def group_points(points: FloatArray, near: float) -> IntArray:
-    """Groups of points: from each one of a group to each other go steps of at most `near`.
+    """Groups of points that are connected by steps of at most `near`.
 
     Args:
         points: The points, (n, d).
@@ -78,7 +78,7 @@ def group_points(points: FloatArray, near: float) -> IntArray:
         links = coo_array((np.ones(len(pairs)), pairs.T), shape=(n, n))
         return np.asarray(connected_components(links, directed=False)[1], dtype=np.intp)
     a, b = pairs_within(points, points, near)
-    # Every point takes the first point that its neighbours know, until nothing changes.
+    # Every point takes the smallest label of its neighbours, until no label changes.
     first, before = np.arange(len(points)), np.empty(0, dtype=np.intp)
     while not np.array_equal(first, before):
         before = first.copy()
@@ -87,6 +87,6 @@ def group_points(points: FloatArray, near: float) -> IntArray:
     return np.unique(first, return_inverse=True)[1]
 
 
-def _squares(places: FloatArray, points: FloatArray) -> FloatArray:
-    """Squares of the distances of places and points, (n, m)."""
-    return np.asarray(((places[:, None] - points[None]) ** 2).sum(axis=2))
+def _squares(queries: FloatArray, points: FloatArray) -> FloatArray:
+    """Squared distances between queries and points, (n, m)."""
+    return np.asarray(((queries[:, None] - points[None]) ** 2).sum(axis=2))

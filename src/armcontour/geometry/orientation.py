@@ -33,7 +33,7 @@ ROUNDING = 1e-15
 LINEAR = checks.frozen_array([0.0, 1.0, 0.0, 0.0])
 
 
-# Terms of fast rotations are large; only those that no float can have are refused.
+# Terms of fast rotations are large, so only values that are not finite are refused.
 FINITE = Quantity("", within=(-np.finfo(np.float64).max, np.finfo(np.float64).max))
 
 
@@ -75,12 +75,12 @@ class Orientation(Checked):
     fixed: bool = field(init=False, repr=False)
 
     def __str__(self) -> str:
-        """What is prescribed, and how the tool turns."""
-        what = "tool axis" if self.axis_only else "tool"
+        """Prescribed part of the orientation, and its kind of rotation."""
+        subject = "tool axis" if self.axis_only else "tool"
         if self.fixed:
-            return f"{what} constant"
-        how = "follows the tangent" if self.follows else "turns"
-        return f"{what} {how}, in {count_noun(len(self.starts), 'piece')}"
+            return f"{subject} constant"
+        motion = "follows the tangent" if self.follows else "turns"
+        return f"{subject} {motion}, in {count_noun(len(self.starts), 'piece')}"
 
     __repr__ = short_repr
 
@@ -155,9 +155,9 @@ class Orientation(Checked):
 
     def __call__(self, s: npt.ArrayLike, *, side: str = "right") -> FloatArray:
         """Rotation matrices at arc lengths, `s.shape + (3, 3)`."""
-        at = checks.floats("arc lengths", s, "m")
-        i = self.locate(at, side=side)
-        return self.on_piece(i, at - self.breaks[i])
+        arc_lengths = checks.floats("arc lengths", s, "m")
+        i = self.locate(arc_lengths, side=side)
+        return self.on_piece(i, arc_lengths - self.breaks[i])
 
     def rates(self, s: npt.ArrayLike, *, side: str = "right") -> tuple[FloatArray, FloatArray]:
         """Angular rate [rad/m] and its derivative [rad/m²] along s, `s.shape + (3,)` each.
@@ -166,9 +166,9 @@ class Orientation(Checked):
             s: Arc lengths [m], any shape.
             side: "right" for the piece after a break, "left" for the piece before the break.
         """
-        at = checks.floats("arc lengths", s, "m")
-        i = self.locate(at, side=side)
-        return self.rates_on_piece(i, at - self.breaks[i])
+        arc_lengths = checks.floats("arc lengths", s, "m")
+        i = self.locate(arc_lengths, side=side)
+        return self.rates_on_piece(i, arc_lengths - self.breaks[i])
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
         """Index of the piece that contains each arc length.
@@ -177,9 +177,9 @@ class Orientation(Checked):
             s: Arc lengths [m], any shape.
             side: "right" for the piece after a break, "left" for the piece before the break.
         """
-        at = checks.floats("arc lengths", s, "m")
-        found = np.searchsorted(self.breaks, at, side=checks.check_side(side)) - 1
-        return np.clip(found, 0, len(self) - 1)
+        arc_lengths = checks.floats("arc lengths", s, "m")
+        index = np.searchsorted(self.breaks, arc_lengths, side=checks.check_side(side)) - 1
+        return np.clip(index, 0, len(self) - 1)
 
     def on_piece(self, i: IntArray, u: FloatArray) -> FloatArray:
         """Rotation matrices at distance `u` after the start of piece `i`.
@@ -214,9 +214,9 @@ class Orientation(Checked):
 
     @property
     def constant(self) -> bool:
-        """Whether the tool is held in one way along the whole path."""
-        alone = len(self.starts) == 1
-        return self.fixed and (alone or bool((self.starts[1:] == self.starts[:-1]).all()))
+        """Whether the orientation is the same along the whole path."""
+        single = len(self.starts) == 1
+        return self.fixed and (single or bool((self.starts[1:] == self.starts[:-1]).all()))
 
     @property
     def jumps(self) -> FloatArray:
@@ -245,14 +245,14 @@ class Orientation(Checked):
             step = step - np.sum(step * axis, axis=1, keepdims=True) * axis
         kink = np.linalg.norm(step, axis=1)
         size = np.linalg.norm(before, axis=1) + np.linalg.norm(after, axis=1)
-        # At a tight corner the rate changes much within the rounding error of an arc length.
+        # At a tight corner the rate changes strongly within the rounding error of an arc length.
         slope = np.linalg.norm(slope_before, axis=1) + np.linalg.norm(slope_after, axis=1)
         rounding = SAME_RATE * size + RATE_FLOOR + ROUNDING * self.breaks[1:-1] * slope
         return np.asarray(np.where(kink > rounding, kink, 0.0))
 
     @property
     def stops(self) -> FloatArray:
-        """Arc lengths [m] at which orientation or angular rate jumps: the tool stops, (k,)."""
+        """Arc lengths at which orientation or angular rate jumps, so the tool stops [m], (k,)."""
         inner = self.breaks[1:-1].copy()
         return inner[(self.kinks > 0) | (self.jumps > SAME_ORIENTATION)] if len(inner) else inner
 
@@ -262,7 +262,7 @@ class Orientation(Checked):
         Args:
             begin: Arc length at which the part starts [m].
             length: Length of the part [m].
-            shortest: Pieces up to this length are left out [m].
+            shortest: Pieces up to this length are discarded [m].
         """
         breaks = self.breaks - begin
         i = np.flatnonzero((breaks[1:] > shortest) & (breaks[:-1] < length - shortest))
@@ -318,7 +318,7 @@ class Orientation(Checked):
 
 @lru_cache(maxsize=16)
 def _straight(n: int) -> Mapping[str, FloatArray]:
-    """Columns of an orientation of n pieces that turn at constant rates; many paths share them."""
+    """Columns of an orientation of n pieces with constant rates, shared by many paths."""
     columns = {"second": np.zeros((n, 3)), "f": np.tile(LINEAR, (n, 1)), "g": np.zeros((n, 4))}
     return {name: checks.frozen_array(x) for name, x in columns.items()}
 
@@ -369,7 +369,7 @@ def with_degree(c: FloatArray, degree: int) -> FloatArray:
 
 def value_of(c: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
     """Values of polynomials with coefficients c, (..., degree + 1), or of their derivatives."""
-    found = np.zeros(np.broadcast_shapes(c.shape[:-1], np.shape(u)))
+    values = np.zeros(np.broadcast_shapes(c.shape[:-1], np.shape(u)))
     for k in range(c.shape[-1] - 1, order - 1, -1):
-        found = found * u + math.perm(k, order) * c[..., k]
-    return found
+        values = values * u + math.perm(k, order) * c[..., k]
+    return values

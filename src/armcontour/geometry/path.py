@@ -17,16 +17,16 @@ from armcontour.core.fields import Checked, checked
 from armcontour.core.frames import Frame, Pose, angle_between
 from armcontour.core.quantities import Factor, Tolerance
 from armcontour.core.text import count_noun, digits, format_table, short_repr
-from armcontour.geometry.nearest import Projection, find_nearest
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.primitives import NO_LIMITS, Arc, Line, SegmentLimits, tabulate
+from armcontour.geometry.projection import Projection, find_nearest
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments, close_up
 
 PLANE = "A tool is oriented in space: give the points of the path three coordinates."
 EVERY_VERTEX = checks.lock_copy(np.empty(0, dtype=np.intp))
 # A break of an orientation within this distance of a vertex of its path, in metres plus the same
 # fraction of the path length, is moved to the vertex. The differences come from remainders that
-# corner rounding leaves out, and from rounding errors of summed lengths.
+# corner rounding discards, and from rounding errors of summed lengths.
 SAME_BREAK = 1e-12
 
 
@@ -36,15 +36,15 @@ SAME_BREAK = 1e-12
 class Path(Checked):
     """A continuous chain of lines and arcs in the plane or in space, callable in arc length.
 
-    Rounding and smoothing put transitions between them, along which the curvature changes. Splines
-    consist of transitions. Build one with `polyline`, `spline` or `from_segments`.
+    Rounding and smoothing insert transitions, along which the curvature changes. Splines consist of
+    transitions. Make a path with `polyline`, `spline` or `from_segments`.
 
     Args:
         segments: Table of the n lines, arcs and transitions, with columns that are properties of
             the path.
-        merged: Indices of the input points that were left out because they repeat the point before.
-        waypoints: Indices of the vertices at which the kept input points lie; by default all
-            vertices. A spline has more vertices than points.
+        merged: Indices of the input points that were removed because they repeat the point before.
+        waypoints: Indices of the vertices at which the other input points are located; by default
+            all vertices. A spline has more vertices than points.
         orientation: Tool orientation along a path in space, or None; `oriented`, `pointing` and
             `following_tangent` set it.
 
@@ -65,11 +65,11 @@ class Path(Checked):
         object.__setattr__(self, "segments", self.segments.check())
         n = len(self.segments)
         if self.waypoints is EVERY_VERTEX:
-            at = np.arange(n + 1)
-            at.setflags(write=False)
+            waypoints = np.arange(n + 1)
+            waypoints.setflags(write=False)
         else:
-            at = _increasing(self.waypoints, n)
-        object.__setattr__(self, "waypoints", at)
+            waypoints = _increasing(self.waypoints, n)
+        object.__setattr__(self, "waypoints", waypoints)
         object.__setattr__(self, "breaks", checks.frozen_array(self.segments.breaks))
         if self.orientation is not None:
             object.__setattr__(self, "orientation", self._fitting(self.orientation))
@@ -86,22 +86,24 @@ class Path(Checked):
         Raises:
             InvalidInput: The points have a wrong shape, or fewer than two of them differ.
         """
-        given = checks.points("points of a path", points)
-        kept = _without_repeats(given)
-        if len(kept) < 2:
+        coordinates = checks.points("points of a path", points)
+        indices = _without_repeats(coordinates)
+        if len(indices) < 2:
             raise InvalidInput(
-                f"A path needs at least two different points, but {len(given)} "
-                f"point{'s were' if len(given) != 1 else ' was'} given"
-                f"{' that are all the same' if len(given) > 1 else ''}."
+                f"A path needs at least two different points, but {len(coordinates)} "
+                f"point{'s were' if len(coordinates) != 1 else ' was'} given"
+                f"{' that are all the same' if len(coordinates) > 1 else ''}."
             )
         return Path(
-            segments=Segments.lines(given[kept], **segment_limits.columns(len(kept) - 1)),
-            merged=_left_out(len(given), kept),
+            segments=Segments.lines(
+                coordinates[indices], **segment_limits.columns(len(indices) - 1)
+            ),
+            merged=_left_out(len(coordinates), indices),
         )
 
     @classmethod
     def from_segments(cls, segments: Iterable[Line | Arc]) -> Path:
-        """The path of lines and arcs, each of which starts where the one before it ends.
+        """The path of lines and arcs, each of which starts at the end of the previous one.
 
         Args:
             segments: The lines and arcs, in the order of travel.
@@ -134,19 +136,19 @@ class Path(Checked):
         """
         from armcontour.geometry.spline import fit_spline
 
-        given = checks.points("points of a spline", points)
-        kept = _without_repeats(given)
-        if len(kept) < 2:
+        coordinates = checks.points("points of a spline", points)
+        indices = _without_repeats(coordinates)
+        if len(indices) < 2:
             raise InvalidInput("A spline needs at least two different points.")
         if tolerance < REPEATED_POINT:
             raise InvalidInput(
                 f"The spline tolerance must be at least {REPEATED_POINT:g} m, but is "
                 f"{tolerance:g} m."
             )
-        segments, waypoints = fit_spline(given[kept], tolerance, closed)
+        segments, waypoints = fit_spline(coordinates[indices], tolerance, closed)
         return Path(
             segments=segments.replace(**segment_limits.columns(len(segments))),
-            merged=_left_out(len(given), kept),
+            merged=_left_out(len(coordinates), indices),
             waypoints=waypoints,
         )
 
@@ -162,15 +164,15 @@ class Path(Checked):
             axis_only: Only the tool axis (z) is prescribed; rotation about it is free.
 
         Raises:
-            InvalidInput: The path lies in the plane, the rotations are not valid or not as many
-                as the waypoints, or neighbours differ by half a turn.
+            InvalidInput: The path lies in the plane, the rotations are not valid, their number
+                differs from that of the waypoints, or neighbours differ by half a turn.
         """
-        from armcontour.geometry import orienting
+        from armcontour.geometry import prescribed_orientation
 
-        found = orienting.orient(
+        orientation = prescribed_orientation.orient(
             self.segments, self.waypoints, self.merged, rotations, axis_only=axis_only
         )
-        return dataclasses.replace(self, orientation=found)
+        return dataclasses.replace(self, orientation=orientation)
 
     def pointing(self, directions: npt.ArrayLike) -> Path:
         """The path with a constant direction of the tool axis (z), or with one per waypoint.
@@ -183,10 +185,12 @@ class Path(Checked):
         Raises:
             InvalidInput: The path lies in the plane, or a direction is not a vector with a length.
         """
-        from armcontour.geometry import orienting
+        from armcontour.geometry import prescribed_orientation
 
-        found = orienting.point(self.segments, self.waypoints, self.merged, directions)
-        return dataclasses.replace(self, orientation=found)
+        orientation = prescribed_orientation.point(
+            self.segments, self.waypoints, self.merged, directions
+        )
+        return dataclasses.replace(self, orientation=orientation)
 
     def following_tangent(
         self, up: npt.ArrayLike, *, tool: Any | None = None, axis_only: bool = False
@@ -194,8 +198,8 @@ class Path(Checked):
         """The path with a tool orientation at a fixed angle to the tangent.
 
         Args:
-            up: Direction across the first tangent, (3,); made perpendicular to it, it is z of the
-                path's frame, whose x is the tangent. The frame never turns about the tangent.
+            up: Direction across the first tangent, (3,). Its perpendicular part is z of the path's
+                frame, whose x is the tangent. The frame never turns about the tangent.
             tool: Rotation of the tool in the path's frame; by default its axis points against `up`.
             axis_only: Only the tool axis (z) is prescribed; rotation about it is free.
 
@@ -203,19 +207,19 @@ class Path(Checked):
             InvalidInput: The path lies in the plane, `up` lies along the first tangent, or the
                 path turns back by 180°.
         """
-        from armcontour.geometry import orienting
+        from armcontour.geometry import prescribed_orientation
 
         if self.dimension != 3:
             raise InvalidInput(PLANE)
-        found = orienting.follow(self.segments, up, tool, axis_only=axis_only)
-        return dataclasses.replace(self, orientation=found)
+        orientation = prescribed_orientation.follow(self.segments, up, tool, axis_only=axis_only)
+        return dataclasses.replace(self, orientation=orientation)
 
     @checked
     def placed(self, frame: Pose, *, scale: Factor = 1.0) -> Path:
         """The path moved from the coordinates of a frame to those of the frame's parent.
 
-        Speeds, tolerances and tool orientation move with it. A path in the plane becomes one in
-        space where the frame lifts or tilts it.
+        Speeds, tolerances and tool orientation move with it. A path in the plane becomes a path in
+        space if the frame lifts or tilts it.
 
             seam = Path.polyline([(0, 0), (0.1, 0)]).placed(Frame((0.4, 0.0, 0.2)))
 
@@ -224,7 +228,7 @@ class Path(Checked):
             scale: Factor of all lengths, before the path is placed.
 
         Raises:
-            InvalidInput: It is no frame, or the scale is not above zero.
+            InvalidInput: `frame` is no frame, or the scale is not above zero.
         """
         frame, factor = Frame.of(frame), scale
         path = self if frame.keeps_plane else self.lifted()
@@ -235,13 +239,13 @@ class Path(Checked):
         return path._plain(segments=segments, orientation=orientation)
 
     def lifted(self) -> Path:
-        """A path in the plane as a path in space at z = 0; a path in space as it is."""
+        """A path in the plane as a path in space at z = 0; a path in space unchanged."""
         return self if self.dimension == 3 else self._plain(segments=self.segments.lift())
 
     def _plain(self, **changed: object) -> Path:
-        """A plain Path with some attributes changed, without the attributes of a subclass."""
-        kept = {x.name: getattr(self, x.name) for x in dataclasses.fields(Path) if x.init}
-        return Path(**{**kept, **changed})
+        """A `Path` with some attributes changed, without the attributes of a subclass."""
+        attributes = {x.name: getattr(self, x.name) for x in dataclasses.fields(Path) if x.init}
+        return Path(**{**attributes, **changed})
 
     def reversed(self) -> Path:
         """The path from its end to its start, with the same tool orientation at every point.
@@ -257,9 +261,9 @@ class Path(Checked):
         )
 
     def joined(self, *others: Path) -> Path:
-        """One path of this one and others, each of which starts where the one before it ends.
+        """This path and others as one path; each starts at the end of the previous one.
 
-        `path + other` does the same for one other path.
+        `path + other` joins one other path.
 
             contour = lead_in.joined(circle, lead_out)
 
@@ -280,7 +284,7 @@ class Path(Checked):
             raise InvalidInput("Paths to join must all have an orientation, or none.")
         ends = np.array([x.segments[-1:].ends[0] for x in paths[:-1]])
         gaps = np.linalg.norm(ends - [x.starts[0] for x in paths[1:]], axis=1)
-        # If a gap is too wide, the check of all segments names it.
+        # If a gap is too wide, the check of all segments reports it.
         fits = bool((gaps <= REPEATED_POINT).all())
         before = np.cumsum([0, *(len(x) for x in paths)])
         waypoints = [x.waypoints[:-1] + k for x, k in zip(paths, before, strict=False)]
@@ -360,11 +364,11 @@ class Path(Checked):
             Shape `s.shape + (dimension,)` [m, -, 1/m, ...].
 
         Raises:
-            InvalidInput: An arc length is no number or outside the path, or there is no such order.
+            InvalidInput: An arc length is no number or outside the path, or the order is invalid.
         """
-        at = check_arc_length(s, self.length)
-        i = self.locate(at, side=side)
-        return self.segments.at(i, at - self.breaks[i], checks.derivative(order))
+        arc_lengths = check_arc_length(s, self.length)
+        i = self.locate(arc_lengths, side=side)
+        return self.segments.evaluate(i, arc_lengths - self.breaks[i], checks.derivative(order))
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
         """Index of the segment that contains each arc length.
@@ -373,9 +377,9 @@ class Path(Checked):
             s: Arc lengths [m], any shape.
             side: "right" for the segment after a vertex, "left" for the segment before the vertex.
         """
-        at = checks.floats("arc lengths", s, "m")
-        found = np.searchsorted(self.breaks, at, side=checks.check_side(side)) - 1
-        return np.clip(found, 0, len(self) - 1)
+        arc_lengths = checks.floats("arc lengths", s, "m")
+        index = np.searchsorted(self.breaks, arc_lengths, side=checks.check_side(side)) - 1
+        return np.clip(index, 0, len(self) - 1)
 
     def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:
         """Point or derivative at distance `u` [m] from the start of segment `i`.
@@ -385,13 +389,13 @@ class Path(Checked):
             u: Distances from the starts of these segments [m], (n,).
             order: Order of the derivative, 0 for the point.
         """
-        return self.segments.at(i, u, order)
+        return self.segments.evaluate(i, u, order)
 
     def project(self, points: npt.ArrayLike) -> Projection:
         """The nearest point of the path for each of `points`, exact on lines and arcs.
 
-        A spatial index is built at the first call and kept. A query then takes time about
-        proportional to the logarithm of the number of segments.
+        The first call builds a spatial index, which later calls use. The time of a query is then
+        approximately proportional to the logarithm of the number of segments.
 
         Args:
             points: Query points [m], (n, dimension).
@@ -402,19 +406,19 @@ class Path(Checked):
         return find_nearest(self.segments, points)
 
     def __str__(self) -> str:
-        """Length, segments, corners, and what is asked of the tool."""
+        """Length, segments, corners and process requirements."""
         return format_table(self._title("Path"), self._rows)
 
     __repr__ = short_repr
 
-    def _title(self, what: str) -> str:
-        """What it is, with its length and the number of its segments."""
-        where = "in the plane" if self.dimension == 2 else "in space"
-        return f"{what} {where}: {digits(self.length)} m, {count_noun(len(self), 'segment')}"
+    def _title(self, kind: str) -> str:
+        """The kind of path with its length and number of segments."""
+        location = "in the plane" if self.dimension == 2 else "in space"
+        return f"{kind} {location}: {digits(self.length)} m, {count_noun(len(self), 'segment')}"
 
     @property
     def _rows(self) -> list[tuple[str, str]]:
-        """Ends, corners and demands as names and values."""
+        """Ends, corners and requirements as names and values."""
         ends = [", ".join(digits(x * 1e3) for x in self(s)) for s in (0.0, self.length)]
         corners = int((self.turns > TANGENT_TOLERANCE).sum())
         return [
@@ -438,9 +442,9 @@ class Path(Checked):
         """Arc lengths [m] at which tangent, orientation or angular rate jumps: the tool stops."""
         inner = self.breaks[1:-1].copy()
         corners = inner[self.turns > TANGENT_TOLERANCE] if len(inner) else inner
-        if self.orientation is None or not len(more := self.orientation.stops):
+        if self.orientation is None or not len(orientation_stops := self.orientation.stops):
             return corners
-        return np.union1d(corners, more)
+        return np.union1d(corners, orientation_stops)
 
     @property
     def vertices(self) -> FloatArray:
@@ -451,14 +455,10 @@ class Path(Checked):
     def end(self) -> FloatArray:
         """Last point of the path [m], (dimension,)."""
         last = slice(len(self) - 1, None)
-        return np.asarray(self.segments.at(last, self.lengths[last])[0])
+        return np.asarray(self.segments.evaluate(last, self.lengths[last])[0])
 
     def _fitting(self, orientation: Orientation) -> Orientation:
-        """The orientation, with breaks near the path's breaks moved onto them.
-
-        Raises:
-            InvalidInput: The path lies in the plane, or the orientation has another length.
-        """
+        """The orientation, with breaks near the path's breaks moved onto them."""
         if self.dimension != 3:
             raise InvalidInput(PLANE)
         whole = len(orientation) == 1 and orientation.breaks[1] == self.length
@@ -472,68 +472,69 @@ class Path(Checked):
             )
         nearest = np.clip(np.searchsorted(self.breaks, orientation.breaks), 1, len(self))
         low, high = self.breaks[nearest - 1], self.breaks[nearest]
-        own = np.where(orientation.breaks - low < high - orientation.breaks, low, high)
-        off = np.abs(own - orientation.breaks)
-        # If two breaks are near one vertex, only the nearer one is moved there.
-        first, again = np.append(np.inf, off[:-1]), np.append(off[1:], np.inf)
-        first[1:][own[1:] != own[:-1]] = np.inf
-        again[:-1][own[1:] != own[:-1]] = np.inf
-        nearer = (off < first) & (off <= again)
-        snapped = np.where((off <= slack) & nearer, own, orientation.breaks)
+        targets = np.where(orientation.breaks - low < high - orientation.breaks, low, high)
+        distances = np.abs(targets - orientation.breaks)
+        # If two breaks are near one vertex, only the nearer break is moved.
+        first, again = np.append(np.inf, distances[:-1]), np.append(distances[1:], np.inf)
+        first[1:][targets[1:] != targets[:-1]] = np.inf
+        again[:-1][targets[1:] != targets[:-1]] = np.inf
+        nearer = (distances < first) & (distances <= again)
+        snapped = np.where((distances <= slack) & nearer, targets, orientation.breaks)
         snapped[-1] = self.length
         return dataclasses.replace(orientation, breaks=snapped)
 
 
 def _increasing(waypoints: npt.ArrayLike, n: int) -> IntArray:
-    """Waypoints of a path of n segments, locked.
-
-    Raises:
-        InvalidInput: They do not increase from 0 to n.
-    """
-    at = checks.indices("waypoints of a path", waypoints)
-    if at.ndim != 1 or len(at) < 2 or (at[0], at[-1]) != (0, n) or not (at[1:] > at[:-1]).all():
+    """Checked and locked waypoints of a path of n segments."""
+    indices = checks.indices("waypoints of a path", waypoints)
+    if (
+        indices.ndim != 1
+        or len(indices) < 2
+        or (indices[0], indices[-1]) != (0, n)
+        or not (indices[1:] > indices[:-1]).all()
+    ):
         raise InvalidInput(f"waypoints of a path must increase from 0 to {n}.")
-    return checks.lock_copy(at)
+    return checks.lock_copy(indices)
 
 
 def _range(values: FloatArray, unit: str) -> str:
-    """The known ones of some values in SI units, in thousandths; "" for none."""
-    known = values[np.isfinite(values)] * 1e3
-    if not len(known):
+    """Range of the assigned values in SI units, in thousandths; "" for none."""
+    assigned = values[np.isfinite(values)] * 1e3
+    if not len(assigned):
         return ""
-    low, high = digits(known.min()), digits(known.max())
-    of = "" if len(known) == len(values) else f", on {count_noun(len(known), 'segment')}"
-    return f"{low} {unit}{of}" if low == high else f"{low} to {high} {unit}{of}"
+    low, high = digits(assigned.min()), digits(assigned.max())
+    suffix = "" if len(assigned) == len(values) else f", on {count_noun(len(assigned), 'segment')}"
+    return f"{low} {unit}{suffix}" if low == high else f"{low} to {high} {unit}{suffix}"
 
 
 def check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:
-    """Arc lengths clipped to the path, after refusing those outside by more than rounding errors.
+    """Arc lengths clipped to the path; those outside by more than rounding errors are refused.
 
     Raises:
         InvalidInput: An arc length is outside the path.
     """
-    at = checks.floats("arc lengths", s, "m")
+    arc_lengths = checks.floats("arc lengths", s, "m")
     slack = 1e-12 * max(length, 1e-3)
-    outside = ~((at >= -slack) & (at <= length + slack))
+    outside = ~((arc_lengths >= -slack) & (arc_lengths <= length + slack))
     if outside.any():
-        value = float(at[outside].flat[0])
+        value = float(arc_lengths[outside].flat[0])
         raise InvalidInput(
             f"Arc length {value:g} m lies outside the path, which runs from 0 to {length:.9g} m.",
             s=value,
             allowed=length,
         )
-    return np.asarray(np.clip(at, 0.0, length))
+    return np.asarray(np.clip(arc_lengths, 0.0, length))
 
 
-def _left_out(count: int, kept: IntArray) -> tuple[int, ...]:
-    """Indices below `count` that are not kept."""
-    if len(kept) == count:
+def _left_out(count: int, remaining: IntArray) -> tuple[int, ...]:
+    """Indices below `count` that are not in `remaining`."""
+    if len(remaining) == count:
         return ()
-    return tuple(np.setdiff1d(np.arange(count), kept).tolist())
+    return tuple(np.setdiff1d(np.arange(count), remaining).tolist())
 
 
 def _without_repeats(points: FloatArray) -> IntArray:
-    """Indices of the points that differ from the point kept before them."""
+    """Indices of the points that differ from the previous remaining point."""
     none = np.zeros(max(len(points) - 1, 0), dtype=bool)
-    _, kept = close_up(points[:-1], points[1:], none, REPEATED_POINT)
-    return np.flatnonzero(np.append(True, kept))
+    _, mask = close_up(points[:-1], points[1:], none, REPEATED_POINT)
+    return np.flatnonzero(np.append(True, mask))

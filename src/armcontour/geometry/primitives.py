@@ -97,7 +97,7 @@ class Arc:
         """The arc from `start` through `via` to `end`, in the plane or in space.
 
         In the plane, if `end` repeats `start`, this is the full circle with `start` and `via` at
-        the ends of a diameter. In space there are many such circles, so that none is given.
+        the ends of a diameter. In space such a circle is not unique and raises an error.
 
         Args:
             start: First point [m], 2 or 3 coordinates.
@@ -159,11 +159,7 @@ class Arc:
 def _circle_through(
     a: FloatArray, b: FloatArray, c: FloatArray
 ) -> tuple[list[float], float, list[float] | None]:
-    """Centre, swept angle and, in space, normal of the arc from a through b to c.
-
-    Raises:
-        InvalidInput: The points lie on one line.
-    """
+    """Centre, swept angle and, in space, normal of the arc from a through b to c."""
     u, v = b - a, c - a
     uu, vv, uv = u @ u, v @ v, u @ v
     # Squared area of the parallelogram of u and v. Computed from uu, vv and uv it would lose its
@@ -224,19 +220,15 @@ Row = tuple[FloatArray, FloatArray, FloatArray, float, float]
 
 
 def _line(line: Line, index: int) -> Row:
-    """The table row of a line.
-
-    Raises:
-        InvalidInput: The ends of the line coincide.
-    """
+    """The table row of a line."""
     start = check_numbers(f"start of segment {index + 1}", line.start, "m")
     end = check_numbers(f"end of segment {index + 1}", line.end, "m")
     _check_dimensions(index, start, end)
     length = float(np.linalg.norm(end - start))
     if length == 0:
         raise InvalidInput(
-            f"Segment {index + 1} is a line of zero length at {tuple(start.tolist())} m: leave it "
-            "out.",
+            f"Segment {index + 1} is a line of zero length at {tuple(start.tolist())} m: "
+            "remove it.",
             index=index,
             point=start.tolist(),
         )
@@ -244,12 +236,7 @@ def _line(line: Line, index: int) -> Row:
 
 
 def _arc(arc: Arc, index: int) -> Row:
-    """The table row of an arc.
-
-    Raises:
-        InvalidInput: The radius or angle is zero, the angle is more than a full circle, or the
-            normal is not perpendicular to the radius.
-    """
+    """The table row of an arc."""
     start = check_numbers(f"start of segment {index + 1}", arc.start, "m")
     center = check_numbers(f"centre of segment {index + 1}", arc.center, "m")
     _check_dimensions(index, start, center)
@@ -290,7 +277,7 @@ def _counter_clockwise(
 
 
 def _check_dimensions(index: int, first: FloatArray, second: FloatArray) -> None:
-    """Refuse two points of segment `index` that do not both have 2 or both have 3 coordinates."""
+    """Raise InvalidInput unless both points of a segment have 2 or both have 3 coordinates."""
     if first.shape not in ((2,), (3,)) or first.shape != second.shape:
         raise InvalidInput(
             f"The points of segment {index + 1} must both have 2 or both have 3 coordinates.",

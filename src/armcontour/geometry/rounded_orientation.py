@@ -2,10 +2,9 @@
 
 Across a rounded vertex the orientation is `exp(g b) exp(f a) R`, where R is the orientation at the
 vertex, and a and b are the angular rates before and after the vertex. f ends at 0 with slope 0, and
-g starts at 0 with slope 0, so that rate a fades out while rate b sets in. They are cubics; for
-continuous curvature they are quintics, whose second derivatives are 0 at the ends, so that the
-derivative of the angular rate does not jump either. The index of a vertex is that of the segment
-before it.
+g starts at 0 with slope 0, so rate a fades out while rate b sets in. They are cubics. For
+continuous curvature they are quintics with zero second derivatives at the ends, so the derivative
+of the angular rate is continuous as well. The index of a vertex is that of the segment before it.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ from armcontour.geometry.segments import Segments
 # In the middle of a blend of length b that takes t of either piece, f is b times this, less t / 2:
 # for cubics, and for quintics.
 MIDDLE, SMOOTH_MIDDLE = 1 / 8, 5 / 32
-# A remainder of constant rate between two blends that is shorter than this is left out [m].
+# A remainder of constant rate between two blends that is shorter than this is discarded [m].
 SLIVER = 1e-12
 # No vertices.
 NOWHERE = np.empty(0, dtype=np.intp)
@@ -58,7 +57,7 @@ def find_kinks(path: Path) -> IntArray:
 
 
 def middle_of(smooth: bool) -> float:
-    """The share of a blend's length by which its middle is nearer to the vertex's orientation.
+    """Fraction of a blend's length that reduces the deviation of its middle from the vertex.
 
     Args:
         smooth: Whether the derivative of the angular rate must not jump.
@@ -67,12 +66,12 @@ def middle_of(smooth: bool) -> float:
 
 
 def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
-    """Largest k that keeps the angular tolerance in the middle of each corner [m], (k,).
+    """Largest k that satisfies the angular tolerance in the middle of each corner [m], (k,).
 
-    With tangent length t and the length l of the curve, the middle is `exp(k b) exp(-k a) R` with
-    `k = t / 2 - l / 8`, or, where the derivative of the rate must not jump, `t / 2 - 5 l / 32`. It
-    is infinite if the rate does not jump or the orientation follows the tangent, and 0 where the
-    orientation jumps, so that the tool stops.
+    With tangent length t and length l of the curve, the middle is `exp(k b) exp(-k a) R` with `k =
+    t / 2 - l / 8`, or, for a continuous derivative of the rate, `t / 2 - 5 l / 32`. k is infinite
+    if the rate does not jump or the orientation follows the tangent, and 0 where the orientation
+    jumps, because the tool stops there.
 
     Args:
         path: The objective path.
@@ -82,8 +81,8 @@ def largest_blend(path: Path, vertex: IntArray, allowed: float) -> FloatArray:
     orientation = path.orientation
     if orientation is None or orientation.follows or not len(vertex):
         return np.full(len(vertex), np.inf)
-    found = _largest_blend(orientation, vertex, allowed)
-    return np.where(orientation.jumps[vertex] > SAME_ORIENTATION, 0.0, found)
+    blends = _largest_blend(orientation, vertex, allowed)
+    return np.where(orientation.jumps[vertex] > SAME_ORIENTATION, 0.0, blends)
 
 
 def round_orientation(
@@ -101,7 +100,7 @@ def round_orientation(
         objective: The path before rounding.
         vertex: Indices of the rounded vertices, (k,).
         tangent: Tangent length of each vertex [m], (k,); 0 for a vertex that stays sharp.
-        length: Length of what replaces each vertex [m], (k,).
+        length: Length of the curve that replaces each vertex [m], (k,).
         whole: Length of the rounded path [m].
         smooth: Whether the derivative of the angular rate must not jump.
 
@@ -110,22 +109,22 @@ def round_orientation(
         each blend [rad], (k,). For a path that prescribes the tool axis only, the angle is
         between the axes.
     """
-    own = objective.orientation
-    assert own is not None
+    orientation = objective.orientation
+    assert orientation is not None
     lengths, n = objective.lengths, len(objective)
-    if not own.first.any() and not (own.jumps > SAME_ORIENTATION).any():
+    if not orientation.first.any() and not (orientation.jumps > SAME_ORIENTATION).any():
         one = Orientation.even(
             np.array([whole]),
-            own.starts[:1],
+            orientation.starts[:1],
             np.zeros((1, 3)),
-            axis_only=own.axis_only,
+            axis_only=orientation.axis_only,
         )
         return one, np.zeros(len(vertex))
     cut, blend = np.zeros(n - 1), np.zeros(n - 1)
     cut[vertex] = tangent
     blend[vertex] = length
-    angles = _middle_angles(own, vertex, tangent / 2 - length * middle_of(smooth))
-    return _blend(lengths, own, cut, blend, smooth=smooth), angles
+    angles = _middle_angles(orientation, vertex, tangent / 2 - length * middle_of(smooth))
+    return _blend(lengths, orientation, cut, blend, smooth=smooth), angles
 
 
 def follow_rounded(
@@ -149,20 +148,22 @@ def follow_rounded(
             [rad].
         smooth: Whether the derivative of the angular rate must not jump.
     """
-    from armcontour.geometry.orienting import follow_on
+    from armcontour.geometry.prescribed_orientation import follow_on
 
-    own = objective.orientation
-    assert own is not None
-    # The corner's curve has turned the frame into that of the next segment, up to rounding.
-    kept = own.on_piece(np.arange(len(objective)), cut)
+    orientation = objective.orientation
+    assert orientation is not None
+    # The curve at the corner turns the frame into that of the next segment, up to rounding.
+    frames = orientation.on_piece(np.arange(len(objective)), cut)
     first = np.flatnonzero(np.diff(segment)) + 1
-    known = dict(zip(first.tolist(), kept[segment[first]], strict=True))
-    sharp = follow_on(rounded, own.starts[0], None, known, axis_only=own.axis_only)
+    start_frames = dict(zip(first.tolist(), frames[segment[first]], strict=True))
+    sharp = follow_on(
+        rounded, orientation.starts[0], None, start_frames, axis_only=orientation.axis_only
+    )
     return blend_kinks(sharp, largest_cuts(sharp, allowed, smooth=smooth), smooth=smooth)[0]
 
 
 def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) -> FloatArray:
-    """Lengths that blends may take from either piece, if the path has the same length [m].
+    """Largest lengths that blends may take from either piece, if the path keeps its length [m].
 
     Args:
         sharp: The orientation of constant rates, n pieces.
@@ -178,26 +179,26 @@ def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) ->
 
 
 def blend_kinks(
-    sharp: Orientation, wanted: FloatArray, *, smooth: bool = False
+    sharp: Orientation, requested: FloatArray, *, smooth: bool = False
 ) -> tuple[Orientation, FloatArray]:
-    """An orientation of constant rates with blends of twice the length that each piece gives.
+    """An orientation of constant rates with a blend at every jump of the rate.
 
-    A blend takes at most half of either piece, and nothing where the orientation jumps. It is
-    farthest from the constant rates at the break.
+    A blend takes at most half of either piece, and nothing where the orientation jumps. Its largest
+    deviation from the constant rates is at the break.
 
     Args:
         sharp: The orientation of constant rates, n pieces; where the rate does not jump at either
             end of a piece, it may change along it.
-        wanted: Length that each blend takes from either piece [m], (n - 1,).
+        requested: Length that each blend takes from either piece [m], (n - 1,).
         smooth: Whether the derivative of the angular rate must not jump.
 
     Returns:
-        The orientation, and the angle by which it is off at each break between pieces [rad],
-        (n - 1,); between the tool axes if only they are prescribed.
+        The orientation, and its deviation at each break between pieces [rad], (n - 1,); between the
+        tool axes if only they are prescribed.
     """
     vertex = np.arange(len(sharp) - 1)
     lengths = np.diff(sharp.breaks)
-    cut = np.minimum(wanted, np.minimum(lengths[:-1], lengths[1:]) / 2)
+    cut = np.minimum(requested, np.minimum(lengths[:-1], lengths[1:]) / 2)
     uneven = np.any(sharp.second != 0, axis=1)
     cut[(sharp.jumps > SAME_ORIENTATION) | uneven[:-1] | uneven[1:]] = 0.0
     middle = cut * (0.5 - 2 * middle_of(smooth))
@@ -212,9 +213,9 @@ def _middle_angles(sharp: Orientation, vertex: IntArray, k: FloatArray) -> Float
 
     For an orientation that prescribes the tool axis only, the angle is between the axes.
     """
-    a, b, own = sharp.first[vertex], sharp.first[vertex + 1], sharp.starts[vertex + 1]
+    a, b, rotation = sharp.first[vertex], sharp.first[vertex + 1], sharp.starts[vertex + 1]
     middle = exp(k[:, None] * b) @ exp(-k[:, None] * a)
-    return turns_between(middle @ own, own, axis_only=sharp.axis_only)
+    return turns_between(middle @ rotation, rotation, axis_only=sharp.axis_only)
 
 
 def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> FloatArray:
@@ -224,14 +225,6 @@ def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> Floa
     rotation is by at most `k |b - a|`. The tool axis alone turns by at most `k d + k² e m / 2`,
     where d and e are the parts of b - a across and along the axis, and m is the rate by which the
     slower of a and b tilts the axis: see docs/concepts/rounding.md.
-
-    Args:
-        sharp: The orientation of constant rates.
-        vertex: Indices of the vertices between its pieces, (k,).
-        allowed: Largest angle [rad].
-
-    Returns:
-        Values of k [m], (k,), infinite at vertices where the rate does not jump.
     """
     if sharp.fixed:
         return np.full(len(vertex), np.inf)
@@ -242,31 +235,23 @@ def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> Floa
     rates = np.linalg.norm(a, axis=1) + np.linalg.norm(b, axis=1)
     rounding = SAME_RATE * rates + RATE_FLOOR
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = np.where(size > rounding, allowed / size, np.inf)
+        largest = np.where(size > rounding, allowed / size, np.inf)
         if sharp.axis_only and np.isfinite(allowed):
             axis = sharp.starts[vertex + 1][:, :, 2]
             across = sharp.kinks[vertex]
             along = np.abs(np.sum(step * axis, axis=1))
             tilt = np.minimum(*(np.linalg.norm(np.cross(x, axis), axis=1) for x in (a, b)))
-            bend = along * np.where(tilt > rounding, tilt, 0.0)
-            root = across + np.sqrt(across**2 + 2 * allowed * bend)
-            free = np.where(root > 0, 2 * allowed / root, np.where(bend > 0, 0.0, np.inf))
-            found = np.maximum(found, free)
-    return np.asarray(found)
+            quadratic = along * np.where(tilt > rounding, tilt, 0.0)
+            root = across + np.sqrt(across**2 + 2 * allowed * quadratic)
+            free = np.where(root > 0, 2 * allowed / root, np.where(quadratic > 0, 0.0, np.inf))
+            largest = np.maximum(largest, free)
+    return np.asarray(largest)
 
 
 def _blend(
     lengths: FloatArray, sharp: Orientation, cut: FloatArray, blend: FloatArray, *, smooth: bool
 ) -> Orientation:
-    """Pieces of constant rate with blends between them.
-
-    Args:
-        lengths: Lengths of the pieces of constant rate [m], (n,).
-        sharp: The orientation of constant rates.
-        cut: Length that each vertex's blend takes from each of its two pieces [m], (n - 1,).
-        blend: Path length of each blend [m], (n - 1,).
-        smooth: Whether the derivative of the angular rate must not jump.
-    """
+    """Pieces of constant rate with blends between them."""
     n = len(lengths)
     size = 2 * n - 1
     degree = 5 if smooth else sharp.f.shape[1] - 1
@@ -298,16 +283,7 @@ def _blend(
 
 
 def _fade(cut: FloatArray, blend: FloatArray, *, smooth: bool) -> tuple[FloatArray, FloatArray]:
-    """The polynomials by which the rate before a vertex fades out, and that after it sets in.
-
-    Args:
-        cut: Length that each blend takes from each of its two pieces [m], (n,).
-        blend: Path length of each blend [m], (n,).
-        smooth: Whether their second derivatives are 0 at the ends.
-
-    Returns:
-        Coefficients of both, (n, 4) each, or (n, 6).
-    """
+    """Coefficients of f and g, which fade the rate out before a vertex and in after it."""
     none, one = np.zeros_like(cut), np.ones_like(cut)
     if not smooth:
         return fade(blend, (-cut, one), (none, none)), fade(blend, (none, none), (cut, one))
@@ -317,6 +293,6 @@ def _fade(cut: FloatArray, blend: FloatArray, *, smooth: bool) -> tuple[FloatArr
         for x in ((none, none), (-cut, none), (one, none), (none, cut), (none, one))
     ]
     zero, *begin, value, slope = ends
-    found = quintic(blend, (begin[0], begin[1], zero), (value, slope, zero))
-    f, g = np.moveaxis(found / blend[:, None, None] ** np.arange(6)[:, None], 2, 0)
+    coefficients = quintic(blend, (begin[0], begin[1], zero), (value, slope, zero))
+    f, g = np.moveaxis(coefficients / blend[:, None, None] ** np.arange(6)[:, None], 2, 0)
     return f, g

@@ -16,10 +16,10 @@ from armcontour.core.quintics import evaluate, re_expand
 
 # Points closer than this count as one point: no arm resolves a nanometre [m].
 REPEATED_POINT = 1e-9
-# Tangents that differ by less than this count as equal: at 1 m/s the velocity jumps by 1 nm/s
-# [rad].
+# Tangents that differ by less than this count as equal [rad]: at 1 m/s the velocity jumps by 1
+# nm/s.
 TANGENT_TOLERANCE = 1e-9
-# Rounding errors of coordinates beyond this come near the distance of repeated points [m].
+# Rounding errors of coordinates beyond this approach the distance of repeated points [m].
 FAR = 1e3
 EVERY = slice(None)
 # Halvings of a transition, at the end of which its coordinates are exact to rounding errors.
@@ -40,22 +40,22 @@ class Segments(Value):
     A line or arc i is `starts[i] + tangents[i] sin(k u)/k + normals[i] (1 - cos(k u))/k` with
     `k = curvatures[i]` and `0 <= u <= lengths[i]`; for a line k is 0. A transition is a segment
     whose curvature changes along it: `starts[i] + sum_k quintics[i, k] (u / lengths[i])^k`, where u
-    is the arc length within a millionth (transitions.py).
+    is the arc length within a millionth (biarcs.py).
 
     Args:
         starts: First points of the segments [m], (n, 2) or (n, 3).
         tangents: Unit tangents at the starts, same shape.
         normals: Unit normals at the starts towards the arcs' centres, zero where a segment starts
             straight, same shape.
-        curvatures: Curvatures of the segments [1/m], zero for lines, (n,); of a transition at least
-            its largest one.
+        curvatures: Curvatures of the segments [1/m], zero for lines, (n,); for a transition an
+            upper bound.
         lengths: Lengths of the segments, above zero [m], (n,).
-        speeds: Assigned velocities of the segments [m/s], NaN for segments without one, (n,).
-        tolerances: Largest corner errors of the segments [m], NaN for segments without one, (n,).
+        speeds: Assigned velocities [m/s], NaN for segments without one, (n,).
+        tolerances: Largest corner errors [m], NaN for segments without one, (n,).
         tags: Free text per segment, or None, (n,).
         quintics: Coefficients of the transitions from 1 to x⁵ [m], NaN for lines and arcs,
             (n, 6, dimension); (n, 0, 0) for a table without transitions.
-        checked: Whether `check` has found that the segments make a continuous path.
+        checked: Whether `check` has confirmed that the segments form a continuous path.
     """
 
     starts: FloatArray
@@ -114,7 +114,7 @@ class Segments(Value):
         return tables[0].replace(**columns, checked=checked)
 
     def _with_room(self) -> Segments:
-        """The table with a column in which transitions find room."""
+        """The table with a column for transitions."""
         if self.quintics.shape[1]:
             return self
         room = np.full((len(self), 6, self.dimension), np.nan)
@@ -136,9 +136,11 @@ class Segments(Value):
 
     def __getitem__(self, rows: Any) -> Segments:
         """The table of the selected rows; neighbours of a checked table stay checked."""
-        found = {name: getattr(self, name)[rows] for name in COLUMNS}
-        together = isinstance(rows, slice) and rows.step in (None, 1) and len(found["lengths"]) > 0
-        return self.replace(checked=self.checked and together, **found)
+        columns = {name: getattr(self, name)[rows] for name in COLUMNS}
+        together = (
+            isinstance(rows, slice) and rows.step in (None, 1) and len(columns["lengths"]) > 0
+        )
+        return self.replace(checked=self.checked and together, **columns)
 
     def split(self, bounds: IntArray) -> list[Segments]:
         """Tables of consecutive rows, each a continuous path; checked all at once.
@@ -174,16 +176,16 @@ class Segments(Value):
     @property
     def ends(self) -> FloatArray:
         """Last point of every segment [m], (n, dimension)."""
-        return self.at(EVERY, self.lengths)
+        return self.evaluate(EVERY, self.lengths)
 
     @property
     def end_tangents(self) -> FloatArray:
         """Unit tangents at the segments' ends, (n, dimension)."""
-        found, bent = self.at(EVERY, self.lengths, 1), self.bent
+        tangents, bent = self.evaluate(EVERY, self.lengths, 1), self.bent
         if bent.any():
-            # Inside a transition, where one may be cut, the parameter is not quite the arc length.
-            found[bent] = _unit_or_zero(found[bent])
-        return found
+            # Inside a transition that was cut, the parameter is not exactly the arc length.
+            tangents[bent] = _unit_or_zero(tangents[bent])
+        return tangents
 
     @property
     def extent(self) -> FloatArray:
@@ -192,18 +194,18 @@ class Segments(Value):
         bent = np.flatnonzero((self.curvatures > 0) & ~self.bent)
         sweeps = self.curvatures[bent] * self.lengths[bent]
         for axis in range(self.dimension):
-            # A coordinate of an arc is extreme where the tangent has no part along its axis.
+            # A coordinate of an arc is extreme where the tangent has no component along its axis.
             along, across = self.tangents[bent, axis], self.normals[bent, axis]
             for turn in (0.0, np.pi):
                 angle = (np.arctan2(-along, across) + turn) % (2 * np.pi)
                 on = angle < sweeps
                 i = bent[on]
-                points.append(self.at(i, angle[on] / self.curvatures[i]))
+                points.append(self.evaluate(i, angle[on] / self.curvatures[i]))
         everything = np.concatenate(points)
         return np.stack([everything.min(axis=0), everything.max(axis=0)])
 
     def _turning_points(self) -> list[FloatArray]:
-        """Points at which transitions turn from one side to the other along an axis [m]."""
+        """Points at which a coordinate of a transition is extreme [m]."""
         points = []
         for axis in range(self.dimension) if self.quintics.size else ():
             into, out = self.tangents[:, axis], self.end_tangents[:, axis]
@@ -211,26 +213,26 @@ class Segments(Value):
             low, high = np.zeros(len(i)), self.lengths[i]
             for _ in range(BISECTIONS):
                 middle = (low + high) / 2
-                before = self.at(i, middle, 1)[:, axis] * into[i] > 0
+                before = self.evaluate(i, middle, 1)[:, axis] * into[i] > 0
                 low, high = np.where(before, middle, low), np.where(before, high, middle)
-            points.append(self.at(i, low))
+            points.append(self.evaluate(i, low))
         return points
 
-    def at(self, i: IntArray | slice, u: FloatArray, order: int = 0) -> FloatArray:
+    def evaluate(self, i: IntArray | slice, u: FloatArray, order: int = 0) -> FloatArray:
         """Point or derivative at distance `u` [m] from the start of segment `i`."""
-        found = self._on_arcs(i, u, order)
+        values = self._on_arcs(i, u, order)
         if not self.quintics.shape[1]:
-            return found
-        bent = np.broadcast_to(self.bent[i], found.shape[:-1])
+            return values
+        bent = np.broadcast_to(self.bent[i], values.shape[:-1])
         if bent.any():
             rows = np.broadcast_to(np.arange(len(self))[i], bent.shape)[bent]
-            at = np.broadcast_to(u, bent.shape)[bent]
-            on = evaluate(self.quintics[rows], self.lengths[rows], at, order)
-            found[bent] = on + self.starts[rows] if order == 0 else on
-        return found
+            distances = np.broadcast_to(u, bent.shape)[bent]
+            on = evaluate(self.quintics[rows], self.lengths[rows], distances, order)
+            values[bent] = on + self.starts[rows] if order == 0 else on
+        return values
 
     def _on_arcs(self, i: IntArray | slice, u: FloatArray, order: int) -> FloatArray:
-        """What `at` gives for lines and arcs."""
+        """Point or derivative on lines and arcs; see `evaluate`."""
         k = self.curvatures[i]
         if order < 2 and not np.any(k):
             along = u if order == 0 else np.ones_like(u)
@@ -257,12 +259,12 @@ class Segments(Value):
     def normals_at(self, i: IntArray | slice, u: FloatArray) -> FloatArray:
         """Unit normals at distance `u` [m] from the start of segment `i`, towards the centre."""
         turn = (self.curvatures[i] * u)[..., None]
-        found = np.asarray(np.cos(turn) * self.normals[i] - np.sin(turn) * self.tangents[i])
+        normals = np.asarray(np.cos(turn) * self.normals[i] - np.sin(turn) * self.tangents[i])
         bent = self.bent[i]
         if bent.any():
-            # Where a transition is straight it has no normal.
-            found[bent] = _unit_or_zero(self.at(i, u, 2)[bent])
-        return found
+            # A transition has no normal where it is straight.
+            normals[bent] = _unit_or_zero(self.evaluate(i, u, 2)[bent])
+        return normals
 
     def cut(self, i: IntArray, begin: FloatArray, end: FloatArray) -> Segments:
         """Parts of segments `i`, each from distance `begin` to `end` along its segment [m]."""
@@ -271,15 +273,18 @@ class Segments(Value):
         return rows._with_parts(begin / lengths, (end - begin) / lengths)
 
     def _starting(self, i: IntArray, u: FloatArray, moved: BoolArray, sign: int = 1) -> Segments:
-        """Segments `i`, some of which start at a distance from their start, or run back from it."""
-        rows, at = self[i], (i[moved], u[moved])
+        """Segments `i`; those in mask `moved` start at distance `u`, reversed if sign is -1."""
+        rows, location = self[i], (i[moved], u[moved])
         starts, tangents, normals = (np.array(getattr(rows, name)) for name in VECTORS)
-        starts[moved], tangents[moved] = self.at(*at), sign * self.at(*at, 1)
-        normals[moved] = self.normals_at(*at)
+        starts[moved], tangents[moved] = (
+            self.evaluate(*location),
+            sign * self.evaluate(*location, 1),
+        )
+        normals[moved] = self.normals_at(*location)
         return rows.replace(starts=starts, tangents=tangents, normals=normals)
 
     def _with_parts(self, begin: FloatArray, factor: FloatArray) -> Segments:
-        """The table with parts of its transitions, by shares of their lengths; see `re_expand`."""
+        """The table with parts of its transitions, as fractions of their lengths."""
         changed = self.bent & ((begin != 0) | (factor != 1))
         if not changed.any():
             return self
@@ -298,13 +303,13 @@ class Segments(Value):
         turned = self._starting(i, self.lengths[i], back, -1)
         return turned._with_parts(np.where(back, 1.0, 0.0), np.where(back, -1.0, 1.0))
 
-    def put(self, which: BoolArray, rows: Segments) -> Segments:
-        """The table with the rows in mask `which` replaced by `rows`."""
+    def put(self, mask: BoolArray, rows: Segments) -> Segments:
+        """The table with the rows in mask `mask` replaced by `rows`."""
         if self.quintics.shape[1] != rows.quintics.shape[1]:
-            return self._with_room().put(which, rows._with_room())
+            return self._with_room().put(mask, rows._with_room())
         columns = {name: getattr(self, name).copy() for name in COLUMNS}
         for name, column in columns.items():
-            column[which] = getattr(rows, name)
+            column[mask] = getattr(rows, name)
         return self.replace(**columns)
 
     def place(self, rotation: FloatArray, origin: FloatArray, scale: float = 1.0) -> Segments:
@@ -343,7 +348,7 @@ class Segments(Value):
         return self.replace(checked=True)
 
     def _refuse_values(self) -> None:
-        """Refuse columns that do not fit together, or values that no segment has."""
+        """Raise InvalidInput for inconsistent columns or invalid values."""
         n = len(checks.points("starts", self.starts))
         if n == 0:
             raise InvalidInput("A path needs at least one segment.")
@@ -364,11 +369,11 @@ class Segments(Value):
             raise InvalidInput("The tangents of a path must be unit vectors.")
 
     def _refuse_quintics(self) -> None:
-        """Refuse coefficients of transitions that do not fit the other columns."""
-        found = self.quintics
-        if found.shape not in ((len(self), 0, 0), (len(self), 6, self.dimension)):
+        """Raise InvalidInput for coefficients of transitions that do not fit the other columns."""
+        quintics = self.quintics
+        if quintics.shape not in ((len(self), 0, 0), (len(self), 6, self.dimension)):
             raise InvalidInput("quintics of a path must have 6 coefficients per segment, or none.")
-        if found.size and not np.array_equal(np.isfinite(found).all(axis=(1, 2)), self.bent):
+        if quintics.size and not np.array_equal(np.isfinite(quintics).all(axis=(1, 2)), self.bent):
             raise InvalidInput("quintics of a path must be finite from 0 on, or NaN altogether.")
 
     def check_gaps(self, apart: IntArray | None = None) -> None:
@@ -399,16 +404,18 @@ class Segments(Value):
 
 
 def largest_bend(quintics: FloatArray, lengths: FloatArray) -> FloatArray:
-    """Largest second derivatives of quintics by arc length, or slightly more [1/m], (n,).
+    """Upper bounds of the second derivatives of quintics by arc length [1/m], (n,).
 
     Args:
         quintics: Coefficients, (n, 6, dimension).
-        lengths: Lengths [m], (n,); a quintic of no length, of which nothing is left, has 0.
+        lengths: Lengths [m], (n,); 0 for a quintic of no length.
     """
     # A polynomial stays within the hull of its control points; the first and the last are its ends.
     control = np.einsum("ck,nkd->ncd", BENDS, quintics[:, 2:])
-    bend = np.linalg.norm(control, axis=2).max(axis=1)
-    return np.asarray(np.divide(bend, lengths**2, out=np.zeros_like(bend), where=lengths > 0))
+    curvature = np.linalg.norm(control, axis=2).max(axis=1)
+    return np.asarray(
+        np.divide(curvature, lengths**2, out=np.zeros_like(curvature), where=lengths > 0)
+    )
 
 
 def _unit_or_zero(v: FloatArray) -> FloatArray:
@@ -439,19 +446,19 @@ def close_up(
     Args:
         starts: Starts of consecutive segments [m], (n, dimension).
         ends: Ends of these segments [m], (n, dimension).
-        stay: Mask of segments that are kept whatever their length, (n,).
-        nearest: Other segments are kept if they end farther than this from the last kept end [m],
-            so that many small steps are not lost.
+        stay: Mask of segments that remain whatever their length, (n,).
+        nearest: Other segments remain if they end farther than this from the last remaining end
+            [m], so many small steps are not lost.
 
     Returns:
-        The new starts, (n, dimension), and the mask of kept segments, (n,).
+        The new starts, (n, dimension), and the mask of remaining segments, (n,).
     """
-    kept = stay | (np.linalg.norm(ends - starts, axis=1) > nearest)
-    if kept.all():
-        return starts, kept
+    mask = stay | (np.linalg.norm(ends - starts, axis=1) > nearest)
+    if mask.all():
+        return starts, mask
     starts, tip = starts.copy(), starts[0]
-    for i in range(len(kept)):
+    for i in range(len(mask)):
         starts[i] = tip
-        kept[i] = stay[i] or np.linalg.norm(ends[i] - tip) > nearest
-        tip = ends[i] if kept[i] else tip
-    return starts, kept
+        mask[i] = stay[i] or np.linalg.norm(ends[i] - tip) > nearest
+        tip = ends[i] if mask[i] else tip
+    return starts, mask

@@ -1,4 +1,4 @@
-"""Directions of the tool axis that turn smoothly, within an angle of measured ones."""
+"""Directions of the tool axis that turn smoothly, within an angle of measured directions."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import angle_between
 from armcontour.core.quintics import solve_banded
 
-# Weights of smoothness, for waypoints one apart: the tool turns evenly with the largest of them.
-# They are bisected on a logarithmic scale in so many steps.
+# Range of the weight of smoothness for unit distance of waypoints, bisected on a logarithmic scale
+# in this number of steps. With the largest weight the tool turns evenly.
 WEAKEST, STRONGEST, BISECTIONS = 1e-6, 1e14, 40
-# Ends nearer than this, and axes that differ by less, belong together [m or 1].
+# Ends with a smaller distance, and axes with a smaller difference, are equal [m or 1].
 SAME = 1e-9
 
 
 def smooth_axes(points: npt.ArrayLike, axes: npt.ArrayLike, tolerance: float) -> FloatArray:
-    """Directions that turn as smoothly as they can within an angle of the given ones.
+    """Directions that turn as smoothly as possible within an angle of the specified directions.
 
-    A smoothing spline: it minimizes the squares of what the directions change by and, with a
-    weight, of their second derivatives along the points; the weight is the largest one with which
-    every direction is within the tolerance. A closed path stays closed.
+    A smoothing spline minimizes the squared changes of the directions plus, with a weight, their
+    squared second derivatives along the points. The weight is the largest with which every
+    direction is within the tolerance. A closed path stays closed.
 
     Args:
         points: Points of a path, which differ from their neighbours [m], (n, dimension).
         axes: Directions at the points, (n, 3).
-        tolerance: Largest angle between a direction and the given one [rad].
+        tolerance: Largest angle between a direction and the specified one [rad].
 
     Returns:
         Unit vectors, (n, 3).
@@ -37,46 +37,46 @@ def smooth_axes(points: npt.ArrayLike, axes: npt.ArrayLike, tolerance: float) ->
         InvalidInput: The tolerance is negative, neighbours are the same point, or a direction has
             no length.
     """
-    at, given = checks.check_numbers("points", points), checks.check_numbers("axes", axes)
+    positions, directions = (
+        checks.check_numbers("points", points),
+        checks.check_numbers("axes", axes),
+    )
     checks.not_negative("tolerance of axes", tolerance, "rad")
-    steps, size = np.linalg.norm(np.diff(at, axis=0), axis=1), np.linalg.norm(given, axis=1)
+    steps, size = (
+        np.linalg.norm(np.diff(positions, axis=0), axis=1),
+        np.linalg.norm(directions, axis=1),
+    )
     if not (steps > 0).all() or not (size > 0).all():
         raise InvalidInput("Smooth axes need points that differ, and directions with a length.")
-    unit: FloatArray = np.asarray(given / size[:, None])
-    if len(at) < 3 or tolerance == 0:
+    unit: FloatArray = np.asarray(directions / size[:, None])
+    if len(positions) < 3 or tolerance == 0:
         return unit
-    ends = np.linalg.norm(at[-1] - at[0]), np.linalg.norm(unit[-1] - unit[0])
+    ends = np.linalg.norm(positions[-1] - positions[0]), np.linalg.norm(unit[-1] - unit[0])
     closed = max(ends) <= SAME
-    # Three rounds, of which the middle one knows of no ends.
+    # Three rounds; the ends have no influence on the middle one.
     s = np.append(0.0, np.cumsum(np.tile(steps, 3) if closed else steps)) / steps.mean()
     rounds = np.concatenate([np.tile(unit[:-1], (3, 1)), unit[:1]]) if closed else unit
     first = len(steps) if closed else 0
 
     def smooth(weight: float) -> FloatArray:
-        found = _solve(s, rounds, weight)[first : first + len(unit)]
+        smoothed = _solve(s, rounds, weight)[first : first + len(unit)]
         if closed:
-            found[-1] = found[0]
-        return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+            smoothed[-1] = smoothed[0]
+        return np.asarray(smoothed / np.linalg.norm(smoothed, axis=1, keepdims=True))
 
     best, low, high = unit, np.log(WEAKEST), np.log(STRONGEST)
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
-        found = smooth(float(np.exp(middle)))
-        if np.isfinite(found).all() and angle_between(found, unit).max() <= tolerance:
-            best, low = found, middle
+        candidate = smooth(float(np.exp(middle)))
+        if np.isfinite(candidate).all() and angle_between(candidate, unit).max() <= tolerance:
+            best, low = candidate, middle
         else:
             high = middle
     return best
 
 
 def _solve(s: FloatArray, values: FloatArray, weight: float) -> FloatArray:
-    """Values that are near the given ones and bend little, (n, columns).
-
-    Args:
-        s: Places, increasing, (n,).
-        values: The given values, (n, columns).
-        weight: Weight of the squares of second derivatives.
-    """
+    """Smoothing spline of values at increasing parameters `s`, (n, columns)."""
     h = np.diff(s)
     width = (h[:-1] + h[1:]) / 2
     rows = np.stack([1 / h[:-1], -1 / h[:-1] - 1 / h[1:], 1 / h[1:]], axis=1) / width[:, None]

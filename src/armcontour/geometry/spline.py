@@ -12,14 +12,14 @@ from armcontour.core.quintics import re_expand
 from armcontour.geometry.biarcs import UNEVEN, contact_of, join_up, length
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 
-# Fractions of a piece at which its transition is compared with the spline, and the nodes and
-# weights with which the arc length between two of them is integrated.
+# Fractions of a piece at which its transition is compared with the spline; nodes and weights of the
+# integration of arc length between two of them.
 PLACES = np.linspace(0, 1, 17)
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
-# Part of the tolerance and of the unevenness that is allowed there, as both are a little larger
+# Fraction of the tolerance and of the unevenness allowed there, because both are slightly larger
 # between these fractions.
 SHARE = 0.9
-# If more pieces than this are needed, the tolerance is refused as too small for the spline.
+# Largest number of pieces; more raise an error because the tolerance is too small for the spline.
 MOST_PIECES = 500_000
 
 
@@ -40,7 +40,7 @@ def fit_spline(
         points: Points of the spline without equal neighbours [m], (n, dimension).
         tolerance: Largest distance between the transitions and the spline [m].
         closed: Whether the spline is periodic.
-        ends: End condition of a spline that is not, as of SciPy's `CubicSpline`.
+        ends: End condition of an open spline, as in SciPy's `CubicSpline`.
 
     Returns:
         The transitions, and the index of the vertex at each point, (n,).
@@ -56,14 +56,14 @@ def fit_spline(
         raise InvalidInput("A closed spline must end at its first point: repeat it at the end.")
     if closed:
         points = np.concatenate([points[:-1], points[:1]])
-    at = np.concatenate([[0.0], np.cumsum(length(np.diff(points, axis=0)))])
-    if not (np.diff(at) > 0).all():
+    parameters = np.concatenate([[0.0], np.cumsum(length(np.diff(points, axis=0)))])
+    if not (np.diff(parameters) > 0).all():
         raise InvalidInput(
-            f"The points of a spline lie as far as {np.abs(points).max():g} m apart, so that the "
-            "distances between others are lost in rounding: check their units."
+            f"Points of a spline have coordinates up to {np.abs(points).max():g} m, so rounding "
+            "loses the distances between others: check their units."
         )
-    curve = CubicSpline(at, points, bc_type="periodic" if closed else ends)
-    powers = np.diff(at)[:, None, None] ** np.arange(4)[:, None]
+    curve = CubicSpline(parameters, points, bc_type="periodic" if closed else ends)
+    powers = np.diff(parameters)[:, None, None] ** np.arange(4)[:, None]
     with np.errstate(all="ignore"):
         cubics, lengths, begin = _split(curve.c[::-1].swapaxes(0, 1) * powers, tolerance)
         start = _contact(cubics, 0.0)
@@ -76,13 +76,8 @@ def fit_spline(
 def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Cut cubics in halves until a transition follows each part.
 
-    Args:
-        cubics: Coefficients of powers of a parameter from 0 to 1 [m], (n, 4, dimension).
-        tolerance: As of `fit_spline` [m].
-
-    Returns:
-        The coefficients of the parts, (m, 4, dimension); their arc lengths [m], (m,); and where
-        they begin, as index of the cubic plus fraction, (m,).
+    Returns coefficients and arc lengths [m] of the parts, and their starts as index of the cubic
+    plus fraction.
     """
     begin, size = np.arange(len(cubics), dtype=np.float64), 1.0
     done: list[tuple[FloatArray, FloatArray, FloatArray]] = []
@@ -103,9 +98,9 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
                 f"{tolerance:g} m: give it a larger tolerance."
             )
         done.append((cubics[good], lengths[good], begin[good]))
-        rest, begin, size = np.repeat(cubics[~good], 2, axis=0), begin[~good], size / 2
+        halved, begin, size = np.repeat(cubics[~good], 2, axis=0), begin[~good], size / 2
         half = np.tile([0.0, 0.5], len(begin))
-        cubics = re_expand(rest, half, np.full(len(rest), 0.5))
+        cubics = re_expand(halved, half, np.full(len(halved), 0.5))
         begin = (begin[:, None] + [0.0, size]).ravel()
     cubics, lengths, begin = (np.concatenate(x) for x in zip(*done, strict=True))
     order = np.argsort(begin)
@@ -113,7 +108,7 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
 
 
 def _follow(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, BoolArray]:
-    """Arc lengths of cubics [m], and whether a transition follows each within the tolerance."""
+    """Arc lengths of cubics [m], and the mask of cubics that transitions follow closely enough."""
     x = (PLACES[:-1, None] + np.diff(PLACES)[:, None] * (NODES + 1) / 2).ravel()
     speed = length(_at(cubics, x, 1)).reshape(len(cubics), -1, len(NODES))
     steps = speed @ WEIGHTS / 2 * np.diff(PLACES)
@@ -123,10 +118,10 @@ def _follow(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, BoolArray
     rise = cubics[:, 1:].sum(axis=1)
     quintics = join_up((0 * rise, *start), (rise, *end), lengths).quintics
     y = (s / lengths[:, None])[..., None] ** np.arange(6)
-    off = length(y @ quintics - (_at(cubics, PLACES, 0) - cubics[:, :1]))
+    deviations = length(y @ quintics - (_at(cubics, PLACES, 0) - cubics[:, :1]))
     rate = (y[..., :-1] @ (quintics[:, 1:] * np.arange(1, 6)[:, None])) / lengths[:, None, None]
     uneven = np.abs(length(rate) - 1)
-    return lengths, np.maximum(off / tolerance, uneven / UNEVEN).max(axis=1) <= SHARE
+    return lengths, np.maximum(deviations / tolerance, uneven / UNEVEN).max(axis=1) <= SHARE
 
 
 def _contact(cubics: FloatArray, x: float) -> tuple[FloatArray, FloatArray]:
@@ -138,5 +133,5 @@ def _at(cubics: FloatArray, x: FloatArray, order: int) -> FloatArray:
     """Values or derivatives of cubics at parameters, (n, parameters, dimension)."""
     from numpy.polynomial.polynomial import polyder, polyval
 
-    found = polyval(x, polyder(np.moveaxis(cubics, 1, 0), order))
-    return np.asarray(np.moveaxis(found, -1, 1))
+    values = polyval(x, polyder(np.moveaxis(cubics, 1, 0), order))
+    return np.asarray(np.moveaxis(values, -1, 1))

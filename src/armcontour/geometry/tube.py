@@ -1,9 +1,9 @@
 """The tube around an objective path, and the proof that another path stays in it.
 
-A path keeps its tolerance if each of its points is within the tolerance of its own part of the
-objective, which is the objective within `reach` of the point's place, and if each corner of the
-objective is within the tolerance of its own part of the path. Own parts, and not the nearest point
-of all, so that no path hops to a line that crosses or to a neighbouring pass.
+A path satisfies its tolerance if each of its points is within the tolerance of the part of the
+objective within `reach` of the point's corresponding arc length, and if each corner of the
+objective is within the tolerance of its part of the path. The parts are local, so the path cannot
+switch to a crossing line or to a neighbouring pass.
 
 The proof. A part of a path segment with curvature k and length l, and a part of an objective piece
 with curvature k' and length l', are both passed evenly while t runs from 0 to 1. The difference D
@@ -15,12 +15,12 @@ interpolation of D misses it by |D''| / 8 at most, so that
 
 and |n - n'|, at most 2, exceeds its values at the ends by no more than ((k l)² + (k' l')²) / 8, or
 2 k' l' |b - b'| with the axes b and b' about which the tangents turn. The ends of the objective's
-part are the nearest points of the path part's ends within reach of their places; all matched points
-are then within reach, because places and reach change evenly along the part. So this bounds the
-distance of every point from its own part, and parts of the path are halved until the bound shows
-that the tolerance is kept for one piece, or until a point is found at which no piece keeps it.
-Where the tolerance changes, points whose nearest point of the piece with the larger one is the end
-towards its neighbour belong to the neighbour: no tolerance reaches out of its zone.
+part are the nearest points to the ends of the path's part within reach. Arc lengths and reach
+change linearly along the part, so all matched points are then within reach. Therefore this bounds
+the distance of every point from its part of the objective. Parts of the path are halved until the
+bound proves the tolerance for one piece, or until a point violates the tolerance of every piece.
+Where the tolerance changes, points whose nearest point of the piece with the larger tolerance is
+its end belong to the neighbour: no tolerance extends beyond its zone.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
-from armcontour.geometry.nearest import pack, pad
 from armcontour.geometry.path import Path
+from armcontour.geometry.projection import pack, pad
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
-from armcontour.geometry.shaped import check_places
+from armcontour.geometry.shaped_path import check_places
 
 # Rounding errors of distances and places, in metres plus the same fraction of the path's size:
 # tolerances and reach may be exceeded by this.
@@ -46,12 +46,12 @@ SLACK = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Proof:
-    """What is proven of a path in a tube; distances are less the tolerance there, above 0 outside.
+    """Result of a proof. Values are distance minus tolerance, above 0 outside the tube.
 
     Args:
         excess: Bound of the largest value over all points of the path and corners of the objective
-            [m]; at most `slack` if the path keeps its tolerance.
-        found: The largest value that was found at a point or corner [m]; not above `excess`.
+            [m]; at most `slack` if the path is within its tolerance.
+        sampled_excess: Largest value at the evaluated points and corners [m]; not above `excess`.
         place: Arc length on the objective of that point or corner [m].
         s: Arc length on the path of that point, or of the point nearest to that corner [m].
         segments: Bounds over the points of each segment of the path [m], (n,).
@@ -60,7 +60,7 @@ class Proof:
     """
 
     excess: float
-    found: float
+    sampled_excess: float
     place: float
     s: float
     segments: FloatArray
@@ -69,13 +69,13 @@ class Proof:
 
     @property
     def ok(self) -> bool:
-        """Whether the path is proven to keep its tolerance everywhere."""
+        """Whether the path is proven to be within its tolerance everywhere."""
         return bool(self.excess <= self.slack)
 
     @property
     def violated(self) -> bool:
-        """Whether a point or corner was found outside. If neither, the proof is not conclusive."""
-        return bool(self.found > self.slack)
+        """Whether an evaluated point or corner is outside the tube."""
+        return bool(self.sampled_excess > self.slack)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -103,14 +103,13 @@ class Tube(Checked):
         _refuse_transitions(self.segments)
         rows = pack(self.segments)
         rows[:, 11] = self.breaks[:-1]
-        # Where the tolerance changes, the smaller one holds: points beyond the end of the piece
-        # with the larger one belong to its neighbour.
+        # Points beyond the end of a piece with a larger tolerance belong to its neighbour.
         step = np.diff(self.tolerance)
         given_up = np.stack([np.append(False, step > 0), np.append(step < 0, False)], axis=1)
         object.__setattr__(self, "_pieces", (rows, np.array(self.tolerance), given_up))
 
     @classmethod
-    def of(
+    def around(
         cls,
         objective: Path,
         tolerance: npt.ArrayLike,
@@ -144,34 +143,38 @@ class Tube(Checked):
         corner = np.flatnonzero(objective.turns > TANGENT_TOLERANCE)
         # The vertices around which their tolerances hold.
         centre = np.arange(len(values)) if zone is None else corner
-        at = objective.breaks[1:-1][centre]
-        middles = (at[1:] + at[:-1]) / 2
+        centre_s = objective.breaks[1:-1][centre]
+        middles = (centre_s[1:] + centre_s[:-1]) / 2
         cuts = [middles] if np.ndim(tolerance) else []
-        cuts += [] if zone is None else [at - zone, at + zone]
-        inside = np.concatenate([*cuts, at[:0]])
+        cuts += [] if zone is None else [centre_s - zone, centre_s + zone]
+        inside = np.concatenate([*cuts, centre_s[:0]])
         inside = inside[(inside > 0) & (inside < objective.length)]
-        beside = objective.breaks[objective.locate(inside) + np.array([[0], [1]])]
-        inside = inside[np.abs(beside - inside).min(axis=0) > REPEATED_POINT]
+        neighbours = objective.breaks[objective.locate(inside) + np.array([[0], [1]])]
+        inside = inside[np.abs(neighbours - inside).min(axis=0) > REPEATED_POINT]
         breaks = np.unique(np.concatenate([objective.breaks, inside]))
         source = objective.locate((breaks[:-1] + breaks[1:]) / 2)
         begin = np.maximum(breaks[:-1] - objective.breaks[source], 0.0)
         segments = objective.segments.cut(source, begin, breaks[1:] - objective.breaks[source])
-        found = np.full(len(segments), 0.0 if np.ndim(tolerance) else tolerance)
+        tolerances = np.full(len(segments), 0.0 if np.ndim(tolerance) else tolerance)
         middle = (breaks[1:] + breaks[:-1]) / 2
         near = np.searchsorted(middles, middle)
-        if len(at):
-            found = values[centre][near]
+        if len(centre_s):
+            tolerances = values[centre][near]
         if zone is not None and line_tolerance is not None:
-            outside = np.abs(middle - at[near]) > zone if len(at) else np.full(len(found), True)
-            found = np.where(outside, line_tolerance, found)
-        own = np.where(np.isnan(objective.tolerances), np.inf, objective.tolerances)
+            outside = (
+                np.abs(middle - centre_s[near]) > zone
+                if len(centre_s)
+                else np.full(len(tolerances), True)
+            )
+            tolerances = np.where(outside, line_tolerance, tolerances)
+        caps = np.where(np.isnan(objective.tolerances), np.inf, objective.tolerances)
         return cls(
             objective=objective,
             segments=segments,
             breaks=breaks,
-            tolerance=np.minimum(found, own[source]),
+            tolerance=np.minimum(tolerances, caps[source]),
             vertex=corner + 1,
-            vertex_tolerance=np.minimum(values, np.minimum(own[:-1], own[1:]))[corner],
+            vertex_tolerance=np.minimum(values, np.minimum(caps[:-1], caps[1:]))[corner],
         )
 
     def __len__(self) -> int:
@@ -179,14 +182,16 @@ class Tube(Checked):
         return len(self.segments)
 
     def windows(self, places: npt.ArrayLike, reach: npt.ArrayLike) -> IntArray:
-        """First and last piece within reach of places on the objective, (n, 2).
+        """First and last piece within reach of arc lengths on the objective, (n, 2).
 
         Args:
             places: Arc lengths on the objective [m], (n,).
             reach: Distance along the objective to either side [m], a number or (n,).
         """
-        at, off = np.broadcast_arrays(np.asarray(places, float), np.asarray(reach, float))
-        return self.windows_between(at - off, at + off)
+        centres, half_width = np.broadcast_arrays(
+            np.asarray(places, float), np.asarray(reach, float)
+        )
+        return self.windows_between(centres - half_width, centres + half_width)
 
     def nearest(self, points: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
         """Arc lengths of the nearest points of the objective, each within a range [m], (n,).
@@ -198,18 +203,18 @@ class Tube(Checked):
         """
         ranges = np.stack([low, np.maximum(low, high)], axis=1)
         windows = self.windows_between(ranges[:, 0], ranges[:, 1])
-        _, found = _nearest_in_range(points, ranges, windows, self._pieces[0])
-        return np.asarray(np.clip(found, low, high))
+        _, s = _nearest_in_range(points, ranges, windows, self._pieces[0])
+        return np.asarray(np.clip(s, low, high))
 
     def margin(self, points: FloatArray, windows: IntArray) -> FloatArray:
-        """Room that is left to points: tolerance less distance, below 0 outside [m], (n,).
+        """Remaining distance to the boundary of the tube, below 0 outside [m], (n,).
 
         Args:
             points: The points [m], (n, dimension).
-            windows: First and last piece of each point's own part, as from `windows`, (n, 2); the
-                piece counts that leaves the most room.
+            windows: First and last piece of each point's part, as from `windows`, (n, 2). The piece
+                with the largest margin counts.
         """
-        from armcontour.geometry._tube import Pieces, find_excess
+        from armcontour.geometry.kernels import Pieces, find_excess
 
         everywhere = np.tile([-np.inf, np.inf], (len(points), 1))
         excess, _ = find_excess(pad(points), everywhere, windows, Pieces(*self._pieces))
@@ -218,20 +223,20 @@ class Tube(Checked):
     def prove(self, path: Path, places: npt.ArrayLike, reach: npt.ArrayLike) -> Proof:
         """Bound the distances of all points of a path, and of the objective's corners from it.
 
-        The bounds are rigorous but for rounding errors, see `Proof.slack`.
+        The bounds are rigorous up to rounding errors, see `Proof.slack`.
 
         Args:
             path: The path.
-            places: Arc lengths on the objective and on the path that belong together [m], from the
-                start to the end, neither decreasing, (n, 2); linear in between.
-            reach: How far a point's own part reaches to either side of its place along the
-                objective [m]: a number, or one per place, (n,), linear in between.
+            places: Corresponding arc lengths on the objective and on the path [m], from start to
+                end, neither decreasing, (n, 2); linear between them.
+            reach: Half length of a point's part of the objective [m]: a number, or one per row of
+                `places`, (n,), linear between them.
 
         Raises:
-            InvalidInput: The places do not lead along both paths, or the path has another
-                dimension than the objective, or transitions.
+            InvalidInput: The places do not run from start to end of both paths, the path has
+                another dimension than the objective, or the path has transitions.
         """
-        from armcontour.geometry._tube import Pieces, bound_excess
+        from armcontour.geometry.kernels import Pieces, bound_excess
 
         if path.dimension != self.objective.dimension:
             raise InvalidInput(
@@ -242,26 +247,26 @@ class Tube(Checked):
         pairs = check_places(places, self.objective, path)
         size = max(float(np.abs(self.objective.segments.extent).max()), self.breaks[-1])
         slack = SLACK * (1 + float(size))
-        # A place that rounding puts beyond the end of its piece still belongs to it.
+        # An arc length that rounding puts beyond the end of its piece still belongs to the piece.
         reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64) + slack, len(pairs))
         segment, parts = self._parts(path, pairs, reaches)
-        place, around = parts[:, 1::3], parts[:, 2::3]
-        windows = self.windows_between((place - around).min(axis=1), (place + around).max(axis=1))
-        bounds, found, where = bound_excess(
+        centre, around = parts[:, 1::3], parts[:, 2::3]
+        windows = self.windows_between((centre - around).min(axis=1), (centre + around).max(axis=1))
+        bounds, largest, path_s = bound_excess(
             pack(path.segments), segment, parts, windows, Pieces(*self._pieces), slack
         )
         segments = np.full(len(path), -np.inf)
         np.maximum.at(segments, segment, bounds)
         distance, nearest = self.nearest_to_corners(path, pairs, reaches)
         vertices = distance - self.vertex_tolerance
-        at = np.interp(where, pairs[:, 1], pairs[:, 0])
-        values = np.concatenate([found, vertices])
+        objective_s = np.interp(path_s, pairs[:, 1], pairs[:, 0])
+        values = np.concatenate([largest, vertices])
         worst = int(np.argmax(values))
         return Proof(
             excess=float(max(segments.max(), vertices.max(initial=-np.inf))),
-            found=float(values[worst]),
-            place=float(np.append(at, self.objective.breaks[self.vertex])[worst]),
-            s=float(np.append(where, nearest)[worst]),
+            sampled_excess=float(values[worst]),
+            place=float(np.append(objective_s, self.objective.breaks[self.vertex])[worst]),
+            s=float(np.append(path_s, nearest)[worst]),
             segments=segments,
             vertices=vertices,
             slack=slack,
@@ -277,46 +282,39 @@ class Tube(Checked):
     def _parts(
         self, path: Path, pairs: FloatArray, reach: FloatArray
     ) -> tuple[IntArray, FloatArray]:
-        """Parts of a path along which places and reach are linear and leave no piece.
-
-        Args:
-            path: The path.
-            pairs: Arc lengths on the objective and on the path that belong together [m], (n, 2).
-            reach: Reach at these places [m], (n,).
-
-        Returns:
-            The segment of each part, and its ends as `bound_excess` takes them.
-        """
-        own, along = pairs[:, 0], pairs[:, 1]
-        crossed = np.interp(self.breaks, own, along)
+        """Parts of a path with linear arc lengths and reach, as `bound_excess` takes them."""
+        objective_s, along = pairs[:, 0], pairs[:, 1]
+        crossed = np.interp(self.breaks, objective_s, along)
         cuts = np.unique(np.clip(np.concatenate([path.breaks, along, crossed]), 0, path.length))
         low, high = cuts[:-1], cuts[1:]
         middle = (low + high) / 2
         segment = path.locate(middle)
-        # Where the place jumps, each part takes the value on its own side.
+        # Where the arc length on the objective jumps, each part takes the value on its side.
         k = np.clip(np.searchsorted(along, middle, side="right") - 1, 0, len(along) - 2)
         ends = []
         for s in (low, high):
             share = np.clip((s - along[k]) / (along[k + 1] - along[k]), 0.0, 1.0)
             u = np.clip(s - path.breaks[segment], 0.0, path.lengths[segment])
-            place = np.clip(own[k] + share * (own[k + 1] - own[k]), 0.0, self.breaks[-1])
-            ends += [u, place, reach[k] + share * (reach[k + 1] - reach[k])]
+            centre = np.clip(
+                objective_s[k] + share * (objective_s[k + 1] - objective_s[k]), 0.0, self.breaks[-1]
+            )
+            ends += [u, centre, reach[k] + share * (reach[k + 1] - reach[k])]
         return segment, np.stack(ends, axis=1)
 
     def nearest_to_corners(
         self, path: Path, places: FloatArray, reach: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Distance of each corner from its own part of a path, and the nearest arc length [m].
+        """Distance of each corner from its part of a path, and the nearest arc length [m].
 
         Args:
             path: The path.
             places: As in `prove`, (n, 2).
-            reach: As in `prove`, one per place [m], (n,).
+            reach: As in `prove`, one per row of `places` [m], (n,).
         """
-        at = self.objective.breaks[self.vertex]
-        own, along = places[:, 0], places[:, 1]
-        around = np.interp(at, own, reach)
-        ends = [np.interp(x, own, along) for x in (at - around, at + around)]
+        corner_s = self.objective.breaks[self.vertex]
+        objective_s, along = places[:, 0], places[:, 1]
+        around = np.interp(corner_s, objective_s, reach)
+        ends = [np.interp(x, objective_s, along) for x in (corner_s - around, corner_s + around)]
         windows = np.stack([path.locate(ends[0]), path.locate(ends[1])], axis=1)
         points = self.objective.vertices[self.vertex]
         return _nearest_in_range(points, np.stack(ends, axis=1), windows, pack(path.segments))
@@ -325,30 +323,19 @@ class Tube(Checked):
 def _nearest_in_range(
     points: FloatArray, ranges: FloatArray, windows: IntArray, rows: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Distance and arc length of the nearest place within a range of a path, for each point.
-
-    Args:
-        points: Points [m], (n, dimension).
-        ranges: Arc lengths at which the range of each point starts and ends [m], (n, 2).
-        windows: First and last segment of that range, (n, 2).
-        rows: Segments of the path from `pack`, (m, 15).
-    """
-    from armcontour.geometry._tube import Pieces, find_excess
+    """Distance and arc length of the nearest point within a range of a path, for each point."""
+    from armcontour.geometry.kernels import Pieces, find_excess
 
     pieces = Pieces(rows, np.zeros(len(rows)), np.zeros((len(rows), 2), np.bool_))
     return find_excess(pad(points), ranges, windows, pieces)
 
 
 def _refuse_transitions(segments: Segments) -> None:
-    """Refuse segments whose curvature changes: the proof is for lines and arcs.
-
-    Raises:
-        InvalidInput: There is a transition; with its index.
-    """
+    """Raise InvalidInput for a transition, because the proof holds for lines and arcs only."""
     if segments.bent.any():
         i = int(np.argmax(segments.bent))
         raise InvalidInput(
-            f"Segment {i + 1} is a transition between curvatures, and a tube is of lines and arcs: "
-            "shape the path as it was before its curvature was smoothed.",
+            f"Segment {i + 1} is a transition between curvatures, but a tube supports lines and "
+            "arcs only: shape the path before its curvature is smoothed.",
             index=i,
         )

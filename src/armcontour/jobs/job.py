@@ -30,7 +30,7 @@ from armcontour.core.quantities import (
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry import Path
-from armcontour.geometry.rounding import CONTINUITIES, Continuity
+from armcontour.geometry.rounded_path import CONTINUITIES, Continuity
 from armcontour.jobs.analog import check_speeds
 from armcontour.jobs.experiment import Experiment
 from armcontour.jobs.goal import CertificateGoal
@@ -40,7 +40,7 @@ from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
 from armcontour.planning import Optimal, PlanOptions, Shaped, check_duration
 from armcontour.planning.options import FASTEST
 from armcontour.program import Process, Program
-from armcontour.program.preparing import check_process
+from armcontour.program.preparation import check_process
 from armcontour.robot import Arm, Limits
 from armcontour.robot.scene import Scene
 from armcontour.robot.servo import ServoModel
@@ -362,7 +362,7 @@ class Job(Checked):
         Checked.__post_init__(self)
 
     def _check_together(self) -> None:
-        program = Program.of(self.path, "A job needs a Path or a Program")
+        program = Program.from_path(self.path, "A job needs a Path or a Program")
         object.__setattr__(self, "program", program)
         for x in self.runs:
             with error_context(f"Run {x.name}"):

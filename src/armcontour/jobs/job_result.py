@@ -138,7 +138,7 @@ class RunResult(Planned, Result):
         """The executed motion; without a simulation that of joints that follow the plan exactly."""
         if self.execution is not None:
             return self.execution
-        return Execution.of_plan(self.trajectory, self.arm)
+        return Execution.from_plan(self.trajectory, self.arm)
 
     def _warnings(self, executed: Clearance | None = None) -> Iterator[str | None]:
         run = self.run

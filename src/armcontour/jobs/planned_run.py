@@ -10,7 +10,7 @@ from typing import Any, Self
 
 from armcontour.core.text import capitalise
 from armcontour.geometry import ShapedPath, count_full_stops
-from armcontour.geometry.shaped import SHAPED, doubt_search
+from armcontour.geometry.shaped_path import SHAPED, doubt_search
 from armcontour.jobs import run_warnings
 from armcontour.jobs.job import Run
 from armcontour.jobs.plan_quantities import (

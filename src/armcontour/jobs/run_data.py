@@ -17,7 +17,7 @@ from armcontour.geometry import RoundedPath, ShapedPath
 from armcontour.jobs.plan_quantities import Torques, angular_speed, assumed_numbers
 from armcontour.motion import Execution, Span, Trajectory
 from armcontour.program import Contour, Program
-from armcontour.program.preparing import PIERCE
+from armcontour.program.preparation import PIERCE
 from armcontour.robot import Arm
 from armcontour.robot.chain import Chain
 from armcontour.simulation import RigidBodyPlant

@@ -18,7 +18,7 @@ from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.motion.command_limits import describe_excess
 from armcontour.planning import Conventional
 from armcontour.program import Contour, Program, contour_called
-from armcontour.program.rounding import doubt_tolerance
+from armcontour.program.rounded_corners import doubt_tolerance
 from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation
 from armcontour.verification.clearance import Clearance

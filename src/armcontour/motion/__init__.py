@@ -3,8 +3,8 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "_intervals": "interval_times",
-    "bounding": "largest_shares",
+    "kernels": "interval_times",
+    "derivative_bounds": "largest_shares",
     "execution": "Execution FineMotion LONGEST_CLOCK LimitCost SetPoints check_cycle",
     "joint_path": "JointPath",
     "laws": "LapLaw Law LawAlongPath LineLaw PathLaw Rates dwell_law",

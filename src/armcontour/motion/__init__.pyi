@@ -1,6 +1,5 @@
 from armcontour.core.quintics import quintic as quintic
-from armcontour.motion._intervals import interval_times as interval_times
-from armcontour.motion.bounding import largest_shares as largest_shares
+from armcontour.motion.derivative_bounds import largest_shares as largest_shares
 from armcontour.motion.execution import Execution as Execution
 from armcontour.motion.execution import FineMotion as FineMotion
 from armcontour.motion.execution import LONGEST_CLOCK as LONGEST_CLOCK
@@ -8,6 +7,7 @@ from armcontour.motion.execution import LimitCost as LimitCost
 from armcontour.motion.execution import SetPoints as SetPoints
 from armcontour.motion.execution import check_cycle as check_cycle
 from armcontour.motion.joint_path import JointPath as JointPath
+from armcontour.motion.kernels import interval_times as interval_times
 from armcontour.motion.laws import LapLaw as LapLaw
 from armcontour.motion.laws import Law as Law
 from armcontour.motion.laws import LawAlongPath as LawAlongPath

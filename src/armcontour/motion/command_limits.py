@@ -13,31 +13,31 @@ from armcontour.robot.limit_use import use_of
 
 
 def check_commands(set_points: SetPoints, limits: Limits | None = None) -> None:
-    """Refuse set-points outside a joint range, or that move faster than a velocity limit.
+    """Refuse set-points outside a joint range, or faster than a velocity limit.
 
-    A compensated command is ahead of the joint by about `dq / K_p`, and so can exceed the limits
-    that the plan keeps. A controller that checks its set-points would then stop.
+    A compensated command leads the joint by approximately `dq / K_p`, so it can exceed the limits
+    that the plan satisfies. A controller that checks its set-points would then stop.
 
     Args:
         set_points: The set-points.
-        limits: Limits in place of those of the plan; by default the limits of commands.
+        limits: Limits instead of those of the plan; by default the limits of commands.
 
     Raises:
         CompensationError: A limit is exceeded; with the set-point of the largest excess.
     """
-    given = set_points.command_limits if limits is None else limits
-    dof, limits = set_points.q.shape[1], set_points.trajectory.limits_for(given)
+    specified = set_points.command_limits if limits is None else limits
+    dof, limits = set_points.q.shape[1], set_points.trajectory.limits_for(specified)
     lower, upper = limits.joint_range(dof)
     _refuse_beyond(set_points, "joint_upper", set_points.q, upper)
     _refuse_beyond(set_points, "joint_lower", -set_points.q, -lower)
     rate = np.diff(set_points.q, axis=0) / set_points.cycle
-    found = use_of("joint_velocity", limits, rate)
-    amounts, most = found.value, np.asarray(found.limit)
-    at = _worst(amounts, most)
-    if at is None:
+    use = use_of("joint_velocity", limits, rate)
+    amounts, highest = use.value, np.asarray(use.limit)
+    worst = _worst(amounts, highest)
+    if worst is None:
         return
-    k, j = at
-    allowed, t = float(np.broadcast_to(most, rate.shape)[k, j]), float(set_points.t[k])
+    k, j = worst
+    allowed, t = float(np.broadcast_to(highest, rate.shape)[k, j]), float(set_points.t[k])
     needed = float(amounts[k, j])
     raise CompensationError(
         f"The set-points of joint {j + 1} move at {needed:.6g} rad/s from t = {t:.6g} s on, above "
@@ -52,7 +52,7 @@ def check_commands(set_points: SetPoints, limits: Limits | None = None) -> None:
 
 
 def describe_excess(set_points: SetPoints) -> str:
-    """The sentence of `check_commands` for the limits of the plan; empty if it refuses nothing."""
+    """The message of `check_commands` for the limits of the plan; empty without an excess."""
     try:
         check_commands(set_points)
     except CompensationError as error:
@@ -60,21 +60,17 @@ def describe_excess(set_points: SetPoints) -> str:
     return ""
 
 
-def _refuse_beyond(set_points: SetPoints, name: str, values: FloatArray, most: FloatArray) -> None:
+def _refuse_beyond(set_points: SetPoints, name: str, values: FloatArray, bound: FloatArray) -> None:
     """Raise CompensationError if set-points exceed the end `name` of the joint range.
 
-    Args:
-        set_points: The set-points.
-        name: "joint_upper" or "joint_lower".
-        values: The set-points, with the opposite sign for "joint_lower" [rad], (n, dof).
-        most: The end of the range, with the opposite sign for "joint_lower" [rad], (dof,).
+    Values and bound have the opposite sign for "joint_lower".
     """
-    at = _worst(values, most)
-    if at is None:
+    worst = _worst(values, bound)
+    if worst is None:
         return
-    k, j = at
+    k, j = worst
     sign = 1.0 if name == "joint_upper" else -1.0
-    needed, allowed, t = sign * float(values[k, j]), sign * float(most[j]), float(set_points.t[k])
+    needed, allowed, t = sign * float(values[k, j]), sign * float(bound[j]), float(set_points.t[k])
     raise CompensationError(
         f"The set-point of joint {j + 1} at t = {t:.6g} s is {needed:.6g} rad, beyond its {name} "
         f"of {allowed:.6g} rad: plan {abs(needed - allowed):.2g} rad from it, or slower there.",
@@ -86,11 +82,11 @@ def _refuse_beyond(set_points: SetPoints, name: str, values: FloatArray, most: F
     )
 
 
-def _worst(values: FloatArray, most: FloatArray) -> tuple[int, int] | None:
+def _worst(values: FloatArray, bounds: FloatArray) -> tuple[int, int] | None:
     """Row and column of the value with the largest excess over its limit; None without excess."""
     if not values.size:
         return None
-    room = np.where(np.isfinite(most), COMMAND_SLACK * np.maximum(np.abs(most), 1.0), 0.0)
-    over = values - most - room
+    room = np.where(np.isfinite(bounds), COMMAND_SLACK * np.maximum(np.abs(bounds), 1.0), 0.0)
+    over = values - bounds - room
     k, j = (int(x) for x in np.unravel_index(int(np.argmax(over)), over.shape))
     return (k, j) if over[k, j] > 0 else None

@@ -25,27 +25,27 @@ from armcontour.core.text import (
 from armcontour.motion.trajectory import Trajectory, to_columns
 from armcontour.robot import Arm, Limits
 
-# A plant's motion ends at a result if it is as near to it as this [rad].
+# Largest distance at which a plant's motion ends at a sample [rad].
 SAME = 1e-9
-# Times are whole numbers of steps if they are so near to them [steps].
+# Largest distance of a time from a whole number of steps [steps].
 WHOLE = 1e-3
-# The start of the plan counts as a set-point's time if they differ by less than this fraction of a
+# The start of the plan equals a set-point's time if they differ by less than this fraction of a
 # cycle.
 WHOLE_CYCLES = 1e-9
-# Smallest and largest cycle [s]: shorter ones come near rounding errors of times; longer
-# ones say nothing about the motion between set-points.
+# Smallest and largest cycle [s]: shorter cycles approach rounding errors of times; longer cycles do
+# not determine the motion between set-points.
 INTERVALS = (1e-6, 1.0)
-# Time between the samples of a plan in place of an execution [s], and their largest number.
+# Time between samples of an execution made from a plan [s], and their largest number.
 PLANNED_STEP, MOST_PLANNED = 1e-3, 20_000
-# No controller takes set-points more slowly [s]; industrial ones take them every 1 to 40 ms.
+# Longest cycle of a controller [s]; industrial controllers have cycles of 1 to 40 ms.
 LONGEST_CLOCK = 0.1
 
 
 class Between(Protocol):
-    """What knows the motion between the results of an execution: a plant."""
+    """A plant that provides the motion between the samples of an execution."""
 
-    def motion_between(self, executed: Execution, which: IntArray) -> FineMotion | None:
-        """The motion from some results to the next ones; None where it is not known."""
+    def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion | None:
+        """The motion from samples `indices` to the next ones; None if it is unknown."""
 
 
 @checks.explain_calls
@@ -63,14 +63,14 @@ class Execution(Checked):
         saturated_time: Time in saturation of each joint [s], (dof,).
         torque: Torques of the drives [N m], (n, dof); None from a plant without torques.
         torque_demand: Torques before saturation [N m], (n, dof); None without `torque`.
-        motor_q: Positions of the motors, which is what encoders tell [rad], (n, dof), where springs
-            are between motors and links; None where they are those of the links, q.
-        unsettled: Distances of the joints from the last set-point at the end [rad], (dof,), where
-            they are not at rest there; None where they are.
+        motor_q: Positions of the motors of elastic joints, which encoders measure [rad], (n, dof);
+            None if they equal those of the links, q.
+        unsettled: Distances of the joints from the last set-point at the end [rad], (dof,); None if
+            the joints are at rest there.
         model_error: Largest error of each joint that the servo model of the plant does not explain
-            [rad], (dof,); None if it is not known.
-        plant: What tells the motion between the times `t`, so that `evaluate` finds peaks there;
-            None where only the results are known, as those of a log, or of changed arrays.
+            [rad], (dof,); None if unknown.
+        plant: The plant, which provides the motion between the times `t`, so `evaluate` includes
+            peaks there; None if only the samples are known, as from a log or changed arrays.
 
     Raises:
         InvalidInput: Only one of `torque` and `torque_demand` is given.
@@ -97,7 +97,7 @@ class Execution(Checked):
             raise InvalidInput("An execution has both torque and torque_demand, or neither.")
 
     def __str__(self) -> str:
-        """How every joint moved: ranges, and largest amounts."""
+        """Motion of every joint: ranges, and largest amounts."""
         t, step = self.t, float(self.t[-1] - self.t[0]) / max(len(self.t) - 1, 1)
         title = (
             f"Execution of {self.arm.name}: t = {number(t[0], 's')} to {number(t[-1], 's')}, "
@@ -113,9 +113,9 @@ class Execution(Checked):
         for j, name in enumerate(self.arm.joint_names):
             low, high = self.q[:, j].min(), self.q[:, j].max()
             velocity, acceleration, *torque = (f"{np.abs(x[:, j]).max():.4g}" for x in amounts)
-            held = number(self.saturated_time[j], "s")
+            saturated = number(self.saturated_time[j], "s")
             reach = f"{low:z.4f} to {high:z.4f}"
-            rows.append([name, reach, velocity, acceleration, held, *torque])
+            rows.append([name, reach, velocity, acceleration, saturated, *torque])
         return format_table(title, rows, columns=">")
 
     __repr__ = short_repr
@@ -124,7 +124,7 @@ class Execution(Checked):
     figure = draw
 
     def to_dict(self) -> dict[str, FloatArray]:
-        """Results as columns that `pandas.DataFrame` takes, as of `Trajectory.to_dict`.
+        """Samples as columns that `pandas.DataFrame` takes, as from `Trajectory.to_dict`.
 
         pandas.DataFrame(executed.to_dict()).plot(x="t", y="q1")
         """
@@ -132,7 +132,7 @@ class Execution(Checked):
 
     @classmethod
     @checked
-    def of_plan(cls, trajectory: Trajectory, arm: Arm) -> Execution:
+    def from_plan(cls, trajectory: Trajectory, arm: Arm) -> Execution:
         """The motion of joints that follow a plan exactly.
 
         Args:
@@ -154,34 +154,34 @@ class Execution(Checked):
             saturated_time=np.zeros(arm.dof),
         )
 
-    def between(self, which: IntArray) -> FineMotion | None:
-        """The motion from some results to the next ones; None where it is not known.
+    def between(self, indices: IntArray) -> FineMotion | None:
+        """The motion from samples to the next ones; None if it is unknown.
 
-        The plant is believed only where results are as far from each other as it gives them, and
-        its motion ends at the next ones: an execution that was cut or changed may have others.
+        The plant's motion is used only if the samples are at its steps and the motion ends at the
+        next samples, because a cut or changed execution may have other samples.
 
         Args:
-            which: Indices of the results before, increasing, (m,).
+            indices: Indices of the results before, increasing, (m,).
         """
-        if self.plant is None or not self._are_steps(which):
+        if self.plant is None or not self._are_steps(indices):
             return None
-        found = self.plant.motion_between(self, which)
-        if found is None:
+        motion = self.plant.motion_between(self, indices)
+        if motion is None:
             return None
-        off = np.abs(found(self.t[which + 1]) - self.q[which + 1])
-        return found if off.max(initial=0.0) < SAME else None
+        deviation = np.abs(motion(self.t[indices + 1]) - self.q[indices + 1])
+        return motion if deviation.max(initial=0.0) < SAME else None
 
-    def _are_steps(self, which: IntArray) -> bool:
-        """Whether some results and the next ones are at whole steps of the cycle."""
+    def _are_steps(self, indices: IntArray) -> bool:
+        """Whether samples and the next ones are at whole steps of the cycle."""
         step = float(self.t[1] - self.t[0])
         if not 0 < step < self.set_points.cycle * (1 + WHOLE):
             return False
         steps = self.set_points.cycle / step
-        at = (self.t[np.stack([which, which + 1])] - self.set_points.start_time) / step
-        whole = at.round()
+        numbers = (self.t[np.stack([indices, indices + 1])] - self.set_points.start_time) / step
+        whole = numbers.round()
         return bool(
             abs(steps - round(steps)) < WHOLE
-            and (abs(at - whole) < WHOLE).all()
+            and (abs(numbers - whole) < WHOLE).all()
             and (whole[1] - whole[0] == 1).all()
         )
 
@@ -203,10 +203,10 @@ class Execution(Checked):
     @property
     def saturated(self) -> BoolArray:
         """Mask of the times at which a joint is saturated, (n, dof)."""
-        asked, given = self.demand, self.ddq
+        demanded, achieved = self.demand, self.ddq
         if self.torque is not None and self.torque_demand is not None:
-            asked, given = self.torque_demand, self.torque
-        return np.asarray(np.abs(asked - given) > 1e-9 * np.abs(asked))
+            demanded, achieved = self.torque_demand, self.torque
+        return np.asarray(np.abs(demanded - achieved) > 1e-9 * np.abs(demanded))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -214,8 +214,8 @@ class FineMotion:
     """Joint motion as polynomials between nodes, with the velocities on both sides of each node.
 
     Args:
-        t: Times of the nodes [s], (n,); the same time twice where one stretch ends and another
-            one begins.
+        t: Times of the nodes [s], (n,); the same time twice where one interval ends and another
+            begins.
         q: Joint positions [rad], (n, dof).
         before: Joint velocities before each node [rad/s], (n, dof).
         after: Joint velocities after each node [rad/s], (n, dof).
@@ -230,7 +230,7 @@ class FineMotion:
     ddq: FloatArray | None = None
 
     def __call__(self, t: FloatArray) -> FloatArray:
-        """Joint positions at times between the nodes of a stretch [rad], (len(t), dof)."""
+        """Joint positions at times between the nodes of an interval [rad], (len(t), dof)."""
         nodes = self.t
         i: Any = slice(0, 1)
         if len(nodes) > 2:
@@ -244,27 +244,27 @@ class FineMotion:
         x = (t[:, None] - nodes[:-1][i, None]) / width
         rise = (self.q[1:] - self.q[:-1])[i]
         first, last = width * self.after[:-1][i], width * self.before[1:][i]
-        bend = first + last - 2 * rise
-        rest = x * (rise - first - bend + x * bend)
-        return np.asarray(self.q[:-1][i] + x * (first + rest))
+        second = first + last - 2 * rise
+        remainder = x * (rise - first - second + x * second)
+        return np.asarray(self.q[:-1][i] + x * (first + remainder))
 
     @classmethod
     def through(
-        cls, t: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray | None, which: IntArray
+        cls, t: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray | None, indices: IntArray
     ) -> FineMotion:
-        """The motion from each of some results to the next one, by polynomials.
+        """The motion from each of some samples to the next one, by polynomials.
 
         Args:
             t: Times of all results [s], (n,).
             q: Joint positions [rad], (n, dof).
             dq: Joint velocities [rad/s], (n, dof).
             ddq: Joint accelerations [rad/s²], (n, dof), or None.
-            which: Indices of the results before, increasing, (m,).
+            indices: Indices of the results before, increasing, (m,).
         """
-        i = (which[:, None] + np.arange(2)).ravel()
+        i = (indices[:, None] + np.arange(2)).ravel()
         rate = dq[i]
-        bend = None if ddq is None else ddq[i]
-        return cls(t=t[i], q=q[i], before=rate, after=rate, ddq=bend)
+        acceleration = None if ddq is None else ddq[i]
+        return cls(t=t[i], q=q[i], before=rate, after=rate, ddq=acceleration)
 
 
 def check_cycle(cycle: float) -> float:
@@ -287,12 +287,12 @@ def check_cycle(cycle: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LimitCost(Checked):
-    """What limits of commands cost: set-points differ from those without these limits.
+    """Cost of command limits: the changes of the set-points that the limits require.
 
     Args:
         deviation: Largest change of the set-points of each joint [rad], (dof,).
-        contour_rms: RMS contour error that the changes cause by the servo model, if the set-points
-            without limits cause none [m]; None if the plan knows no arm or has no path.
+        contour_rms: RMS contour error that the changes cause according to the servo model, if the
+            set-points without limits cause none [m]; None if the plan has no arm or no path.
         contour_max: Largest such contour error [m].
     """
 
@@ -304,8 +304,8 @@ class LimitCost(Checked):
         """Largest change of a set-point, and the contour error."""
         j = int(np.argmax(self.deviation))
         text = f"up to {number(self.deviation[j], 'rad')} at joint {j + 1}"
-        most = self.contour_max
-        return text if most is None else f"{text}, contour error {number(most, 'm')} at most"
+        largest = self.contour_max
+        return text if largest is None else f"{text}, contour error {number(largest, 'm')} at most"
 
 
 @checks.explain_calls
@@ -315,16 +315,16 @@ class SetPoints(Checked):
 
     Args:
         cycle: Cycle [s].
-        q: Set-points [rad], (n, dof); set-point k is due k periods after the first. Before the
+        q: Set-points [rad], (n, dof); set-point k is due k cycles after the first. Before the
             first and after the last set-point the command is constant.
         trajectory: The realizable trajectory that the joints should follow.
         method: Name of the compensation method that made the set-points.
         start_time: Time of the first set-point [s], not above 0. The planned motion starts at 0;
             set-points with a time advance start before.
         truncated: Bound of each joint's error after the planned motion because the transient of its
-            set-points is cut off [rad], (dof,); None if it is not.
-        command_limits: Limits of the set-points themselves, as in `compensate`; None without any.
-        limit_cost: Cost of these limits; None if all set-points are as without them.
+            set-points is cut off [rad], (dof,); None if it is complete.
+        command_limits: Limits of the set-points, as in `compensate`; None without limits.
+        limit_cost: Cost of these limits; None if they change no set-point.
 
     Raises:
         InvalidInput: The set-points are not finite numbers, (n, dof), the interval is outside
@@ -343,7 +343,7 @@ class SetPoints(Checked):
     def _check_together(self) -> None:
         check_cycle(self.cycle)
         if not len(self.q):
-            raise InvalidInput("Set-points needs at least one row of set-points, one per joint.")
+            raise InvalidInput("SetPoints need at least one row, with one set-point per joint.")
         if self.start_time > 0:
             raise InvalidInput(
                 "start_time must not be above zero, when the plan starts, but is "
@@ -351,14 +351,14 @@ class SetPoints(Checked):
             )
 
     def __str__(self) -> str:
-        """Number and interval of the set-points, and where the joints are sent."""
+        """Number and cycle of the set-points, and joint positions."""
         return format_table(self._title("Set-points"), self._rows)
 
     __repr__ = short_repr
 
-    def _title(self, what: str) -> str:
-        """What it is, with the number of set-points."""
-        return f"{what}: {count_noun(len(self.q), 'set-point')} every {number(self.cycle, 's')}"
+    def _title(self, kind: str) -> str:
+        """The kind of data and the number of set-points."""
+        return f"{kind}: {count_noun(len(self.q), 'set-point')} every {number(self.cycle, 's')}"
 
     @property
     def _rows(self) -> list[tuple[str, str]]:
@@ -375,10 +375,10 @@ class SetPoints(Checked):
 
     @property
     def command_use(self) -> dict[str, FloatArray]:
-        """Largest share of each command limit that set-points use, per joint, (dof,) each.
+        """Largest ratio of the set-points to each command limit, per joint, (dof,) each.
 
-        Velocities, accelerations and jerks are differences of the set-points over the command
-        interval, as controllers check them. Empty without command limits.
+        Velocities, accelerations and jerks are differences of the set-points over the cycle, as
+        controllers check them. Empty without command limits.
         """
         from armcontour.motion.nearest_commands import command_use
 
@@ -399,7 +399,7 @@ class SetPoints(Checked):
     def times(self, count: int, step: float) -> FloatArray:
         """Regular times from the first set-point on [s], (count,).
 
-        If the first time is a multiple of the step, all times are, without rounding errors.
+        If the first time is a multiple of the step, so are all times, without rounding errors.
 
         Args:
             count: Number of times.

@@ -17,16 +17,15 @@ from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, format_table, joint_rows, short_repr
 from armcontour.geometry import Path
-from armcontour.motion._joint_path import examine, spline_pieces
-from armcontour.motion._laws import Motion, joint_motions
+from armcontour.motion.kernels import Motion, examine, joint_motions, spline_pieces
 
 # Rounding error of differences of arc lengths, over the largest arc length.
 PLAY = 4 * float(np.finfo(np.float64).eps)
-# Largest jump of a position at a break; no robot resolves it [rad].
+# Largest jump of a position at a break [rad]; no robot resolves it.
 LARGEST_JUMP = 1e-6
 # Largest relative jump of dq_ds at a break without a stop: traced paths have such errors.
 LARGEST_KINK = 1e-6
-# A dq_ds below this share of the sum of its terms is rounding: its direction means nothing.
+# A dq_ds below this fraction of the sum of its terms is a rounding error without direction.
 NO_DIRECTION = 1e-12
 NO_STOPS = checks.frozen_array([])
 
@@ -39,8 +38,8 @@ class JointPath(Checked):
     In interval i, `q(s) = sum_k coefficients[i, k] x^k` with `x = (s - breaks[i]) / width_i`.
 
     Args:
-        breaks: Arc lengths of the ends of the intervals [m], (n + 1,); without a tool path they are
-            values of any parameter s.
+        breaks: Arc lengths of the ends of the intervals [m], (n + 1,); without a tool path, values
+            of any parameter s.
         coefficients: Coefficients of the quintics [rad], (n, 6, dof).
         stops: Breaks at which the motion has to stop; breaks at which dq_ds jumps are added.
         tool_path: The tool path that was traced, if there is one.
@@ -69,7 +68,7 @@ class JointPath(Checked):
             object.__setattr__(self, "stops", checks.frozen_array(self._all_stops(kinks)))
 
     def __str__(self) -> str:
-        """Length, intervals, stops, and where the joints are at breaks."""
+        """Length, intervals, stops and joint positions at breaks."""
         ends = np.concatenate([self.coefficients[:, 0], self.coefficients[-1:].sum(axis=1)])
         return format_table(
             f"Joint path: {number(self.length, 'm')}, {count_noun(self.dof, 'joint')}, "
@@ -97,15 +96,11 @@ class JointPath(Checked):
         )
 
     def _all_stops(self, kinks: BoolArray) -> FloatArray:
-        """The given stops, and the inner breaks at which dq_ds jumps, (n - 1,).
-
-        Raises:
-            InvalidInput: A given stop is not an inner break.
-        """
+        """The specified stops, and the inner breaks at which dq_ds jumps."""
         inner = self.breaks[1:-1]
-        known = np.isin(self.stops, inner)
-        if not known.all():
-            stop = self.stops[np.argmin(known)]
+        is_break = np.isin(self.stops, inner)
+        if not is_break.all():
+            stop = self.stops[np.argmin(is_break)]
             raise InvalidInput(f"A stop at s = {stop:g} is no inner break of the joint path.")
         return np.union1d(self.stops, inner[kinks]) if kinks.any() else self.stops
 
@@ -119,7 +114,7 @@ class JointPath(Checked):
         stops: FloatArray = NO_STOPS,
         tool_path: Path | None = None,
     ) -> JointPath:
-        """The path of quintics with given q, dq_ds and d2q_ds2 at both ends of every interval.
+        """The path of quintics with specified q, dq_ds and d2q_ds2 at both ends of every interval.
 
         Args:
             breaks: Arc lengths of the ends of the intervals [m], (n + 1,).
@@ -131,13 +126,13 @@ class JointPath(Checked):
         Raises:
             InvalidInput: As of the class, or shapes differ.
         """
-        at = checks.shaped("breaks of a joint path", breaks, (None,))
-        checks.raise_if(len(at) < 2, "A joint path needs at least two breaks.")
-        first = checks.shaped("begin", begin, (3, len(at) - 1, None))
+        knots = checks.shaped("breaks of a joint path", breaks, (None,))
+        checks.raise_if(len(knots) < 2, "A joint path needs at least two breaks.")
+        first = checks.shaped("begin", begin, (3, len(knots) - 1, None))
         last = checks.shaped("end", end, first.shape)
         return cls(
-            breaks=at,
-            coefficients=quintic(np.diff(at), first, last, PLAY * float(np.abs(at).max())),
+            breaks=knots,
+            coefficients=quintic(np.diff(knots), first, last, PLAY * float(np.abs(knots).max())),
             stops=stops,
             tool_path=tool_path,
         )
@@ -168,18 +163,20 @@ class JointPath(Checked):
         if knots.ndim != 2 or len(knots) < 2:
             raise InvalidInput("A spline needs at least two rows of joint positions.")
         if s is None:
-            at = np.concatenate([[0], np.cumsum(np.linalg.norm(knots[1:] - knots[:-1], axis=1))])
-        else:
-            at = checks.check_numbers("spline parameters", s)
-        if at.shape != (len(knots),) or not (at[1:] > at[:-1]).all():
-            raise InvalidInput(
-                "Spline parameters must be one per point and increase: leave repeated points out."
+            parameters = np.concatenate(
+                [[0], np.cumsum(np.linalg.norm(knots[1:] - knots[:-1], axis=1))]
             )
-        coefficients = spline_pieces(at, np.ascontiguousarray(knots), clamped)
-        # Nobody else has these arrays, so locking needs no copies.
-        for values in (at, coefficients):
+        else:
+            parameters = checks.check_numbers("spline parameters", s)
+        if parameters.shape != (len(knots),) or not (parameters[1:] > parameters[:-1]).all():
+            raise InvalidInput(
+                "Spline parameters must be one per point and increase: remove repeated points."
+            )
+        coefficients = spline_pieces(parameters, np.ascontiguousarray(knots), clamped)
+        # No other code has these arrays, so locking needs no copies.
+        for values in (parameters, coefficients):
             values.setflags(write=False)
-        return cls(breaks=at, coefficients=coefficients)
+        return cls(breaks=parameters, coefficients=coefficients)
 
     @property
     def length(self) -> float:
@@ -200,20 +197,22 @@ class JointPath(Checked):
             side: At a break, "right" for the interval after it, "left" for the interval before it.
 
         Raises:
-            InvalidInput: An arc length is no number or outside the path, or there is no such order.
+            InvalidInput: An arc length is no number or outside the path, or the order is invalid.
         """
-        at = checks.floats("arc lengths", s, "m")
+        arc_lengths = checks.floats("arc lengths", s, "m")
         low, high = float(self.breaks[0]), float(self.breaks[-1])
         slack = 1e-12 * (high - low)
-        outside = ~((at >= low - slack) & (at <= high + slack))
+        outside = ~((arc_lengths >= low - slack) & (arc_lengths <= high + slack))
         if outside.any():
-            value = float(at[outside].flat[0])
+            value = float(arc_lengths[outside].flat[0])
             raise InvalidInput(
                 f"Arc length {value:g} m lies outside the joint path, which runs from {low:g} "
                 f"to {high:.9g} m.",
                 s=value,
             )
-        return self.on_interval(self.locate(at, side=side), at, checks.derivative(order))
+        return self.on_interval(
+            self.locate(arc_lengths, side=side), arc_lengths, checks.derivative(order)
+        )
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
         """Index of the interval that contains each arc length.
@@ -222,9 +221,9 @@ class JointPath(Checked):
             s: Arc lengths [m], any shape.
             side: "right" for the interval after a break, "left" for the interval before the break.
         """
-        at = checks.floats("arc lengths", s, "m")
-        found = np.searchsorted(self.breaks, at, side=checks.check_side(side)) - 1
-        return np.clip(found, 0, len(self.breaks) - 2)
+        arc_lengths = checks.floats("arc lengths", s, "m")
+        index = np.searchsorted(self.breaks, arc_lengths, side=checks.check_side(side)) - 1
+        return np.clip(index, 0, len(self.breaks) - 2)
 
     def on_interval(self, i: IntArray, s: FloatArray, order: int = 0) -> FloatArray:
         """The polynomial of interval `i`, or a derivative, at arc length `s`.
@@ -245,23 +244,23 @@ class JointPath(Checked):
             s: Arc lengths from the start of the path [m], (n,).
 
         Raises:
-            InvalidInput: There is no such interval, or not one for each arc length.
+            InvalidInput: An interval is invalid, or their number differs from the arc lengths.
         """
-        at = np.require(np.ravel(checks.floats("arc lengths", s, "m")), np.float64, ["W"])
+        arc_lengths = np.require(np.ravel(checks.floats("arc lengths", s, "m")), np.float64, ["W"])
         pieces = np.require(np.ravel(checks.indices("intervals", i)), np.intp, ["W"])
         last = len(self.breaks) - 2
-        # Compiled code would read past the end.
-        if pieces.shape != at.shape or (
+        # Compiled code would read beyond the end of the arrays.
+        if pieces.shape != arc_lengths.shape or (
             len(pieces) and not 0 <= pieces.min() <= pieces.max() <= last
         ):
             raise InvalidInput(
                 f"A joint path needs one interval for each arc length, from 0 to {last}, but got "
-                f"{len(pieces)} for {len(at)}."
+                f"{len(pieces)} for {len(arc_lengths)}."
             )
-        q, first, second = np.empty((3, len(at), self.dof))
+        q, first, second = np.empty((3, len(arc_lengths), self.dof))
         # By the chain rule with s for the time; each piece is a path of its own.
-        along, end = np.zeros((4, len(at))), self.breaks[pieces + 1]
-        along[0], along[1] = at, 1.0
+        along, end = np.zeros((4, len(arc_lengths))), self.breaks[pieces + 1]
+        along[0], along[1] = arc_lengths, 1.0
         end.setflags(write=False)
         out = Motion(q, first, second, np.empty((0, self.dof)))
         rows = np.arange(last + 2)

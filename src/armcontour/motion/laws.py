@@ -14,12 +14,11 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Interval
-from armcontour.motion._intervals import interval_times, write_law
-from armcontour.motion._laws import Motion, joint_motions, path_motions
 from armcontour.motion.joint_path import JointPath
+from armcontour.motion.kernels import Motion, interval_times, joint_motions, path_motions, write_law
 from armcontour.robot import Arm
 
-# Bisection steps for the time at which a lap reaches an arc length, to the last digit.
+# Bisection steps for the time at which a lap reaches an arc length; exact to the last digit.
 HALVINGS = 50
 
 
@@ -39,7 +38,7 @@ class Law(Checked, ABC):
     def motion(self, i: IntArray, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
         """Q and its derivatives up to an order, at times `t` of interval `i`, (n, dof) each.
 
-        Faster than `on_interval` for every order.
+        This is faster than `on_interval` for every order.
         """
         return tuple(self.on_interval(i, t, k) for k in range(order + 1))
 
@@ -72,16 +71,16 @@ class LawAlongPath(Law):
         Returns:
             Indices of intervals, (n,), and times [s], (n,).
         """
-        found = np.searchsorted(self.s, s, side=checks.check_side(side)) - 1
-        i = np.clip(found, 0, len(self.breaks) - 2)
+        index = np.searchsorted(self.s, s, side=checks.check_side(side)) - 1
+        i = np.clip(index, 0, len(self.breaks) - 2)
         t = self.breaks[i]
         # At breaks the times are known exactly.
         t = np.where(s >= self.s[i + 1], self.breaks[i + 1], t)
         inside = (s > self.s[i]) & (s < self.s[i + 1])
         if inside.any():
-            at = i[inside]
-            times = self._reach_within(at, s[inside])
-            t[inside] = np.clip(times, self.breaks[at], self.breaks[at + 1])
+            rows = i[inside]
+            times = self._reach_within(rows, s[inside])
+            t[inside] = np.clip(times, self.breaks[rows], self.breaks[rows + 1])
         return i, t
 
 
@@ -117,28 +116,30 @@ class LapLaw(Law):
         """Q and its derivatives up to an order, at times `t` of interval `i`, (n, dof) each."""
         u = (t - self.breaks[i])[..., None]
         dq, ddq = self.dq[i], self.ddq[i]
-        found = [self.q[i] + u * (dq + u * ddq / 2), dq + u * ddq, ddq]
+        derivatives = [self.q[i] + u * (dq + u * ddq / 2), dq + u * ddq, ddq]
         if order == 3:
-            found.append(np.zeros_like(ddq))
-        return tuple(found[: order + 1])
+            derivatives.append(np.zeros_like(ddq))
+        return tuple(derivatives[: order + 1])
 
 
 @checked
 def dwell_law(q: FloatArray, duration: Interval) -> LapLaw:
-    """The law of joints that stand still.
+    """The law of joints at rest.
 
     Args:
-        q: Where they stand [rad], (dof,).
-        duration: For so long [s].
+        q: Joint positions [rad], (dof,).
+        duration: Duration of the rest [s].
 
     Raises:
         InvalidInput: No row of joint positions, or no duration above zero.
     """
-    at = checks.shaped(
+    position = checks.shaped(
         "joint positions", checks.check_numbers("joint positions", q, "rad"), (None,)
     )
-    rest = np.zeros((1, len(at)))
-    return LapLaw(breaks=np.array([0.0, duration]), q=np.tile(at, (2, 1)), dq=rest, ddq=rest)
+    zeros = np.zeros((1, len(position)))
+    return LapLaw(
+        breaks=np.array([0.0, duration]), q=np.tile(position, (2, 1)), dq=zeros, ddq=zeros
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -203,8 +204,8 @@ class Rates(NamedTuple):
         ds: Path speed at the start of every interval [m/s], (n,).
         dds: Path acceleration at the start of every interval [m/s²], (n,).
         slope: Slope of dds over s on every interval [1/s²], (n,).
-        jerk: Slope of dds over time [m/s³], (n,); not zero only on intervals without the other
-            slope that belong to a motion of uniform jerk from rest, or to rest.
+        jerk: Slope of dds over time [m/s³], (n,); not zero only on intervals with slope 0 in a
+            motion of uniform jerk from rest or to rest.
     """
 
     ds: FloatArray
@@ -217,7 +218,7 @@ class Rates(NamedTuple):
 class PathLaw(LawAlongPath):
     """Motion along a joint path with a path acceleration that is linear in s on every interval.
 
-    Next to rests it may be linear in time instead, so that it starts and ends at zero.
+    Next to rests it may be linear in time instead, so it starts and ends at zero.
 
     Every break of the joint path between the start and the end of the law must be a break of the
     law.
@@ -246,10 +247,10 @@ class PathLaw(LawAlongPath):
         object.__setattr__(self, "rates", Rates(*rates))
 
     @classmethod
-    def of_squares(
+    def from_squares(
         cls, joint_path: JointPath, s: FloatArray, x: FloatArray, slope: FloatArray
     ) -> PathLaw:
-        """The law with given squares of the path speed.
+        """The law with specified squares of the path speed.
 
         Args:
             joint_path: The joint path.
@@ -270,7 +271,7 @@ class PathLaw(LawAlongPath):
             )
         # Zeros of a new array take no memory until they are written.
         rates = Rates(ds=ds, dds=dds, slope=slope, jerk=np.zeros(len(slope)))
-        # Nobody else has these arrays, so locking needs no copies.
+        # No other code has these arrays, so locking needs no copies.
         for values in (breaks, *rates):
             values.setflags(write=False)
         return cls(joint_path=joint_path, breaks=breaks, s=s, rates=rates)
@@ -283,7 +284,7 @@ class PathLaw(LawAlongPath):
 
     @property
     def passages(self) -> FloatArray:
-        """Times at which the law passes breaks of the joint path, without its own breaks [s]."""
+        """Times at which the law passes breaks of the joint path that are not its own [s]."""
         passed = np.setdiff1d(self.joint_path.breaks, self.s)
         return self.reach(passed[(passed > self.s[0]) & (passed < self.s[-1])])[1]
 
@@ -295,8 +296,8 @@ class PathLaw(LawAlongPath):
         """s, ds, dds and ddds at times `t` by the formula of interval `i`, (4, n)."""
         shape = np.shape(t)
         flat = flatten(i, shape, np.intp), flatten(t, shape)
-        found = path_motions(*flat, self.breaks, self.s, *self.rates)
-        return np.asarray(found.reshape(4, *shape))
+        motion = path_motions(*flat, self.breaks, self.s, *self.rates)
+        return np.asarray(motion.reshape(4, *shape))
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
         """Q or a derivative by the chain rule."""
@@ -315,7 +316,7 @@ class PathLaw(LawAlongPath):
         end = np.sqrt(np.maximum(ds * ds + width * (2 * dds + slope * width), 0.0))
         with np.errstate(divide="ignore", invalid="ignore"):
             times = self.breaks[i] + interval_times(width, ds, end, slope)
-            # Uniform jerk: s grows with the third power of the time from the rest, or to it.
+            # Uniform jerk: s grows with the third power of the time from or to the rest.
             since = dds / jerk
             rests = self.breaks[i] + np.cbrt(since**3 + 6 * width / jerk) - since
         return np.asarray(np.where(jerk != 0, rests, times))
@@ -328,33 +329,33 @@ def join_path(
 
     Args:
         joint_path: The joint path.
-        end: Arc length of the end of the law's interval at each place [m]: a place at a break of
+        end: Arc length of the end of the law's interval at each point [m]: a point at a break of
             the joint path is before the break if the interval ends there.
         along: s and its derivatives over time up to the third, (4, n).
-        orders: The orders that are asked for; 0 for the positions.
+        orders: The requested orders; 0 for the positions.
 
     Returns:
         (n, dof) for each order.
     """
     shape, dof = np.shape(along)[1:], joint_path.dof
     count = along[0].size
-    found = Motion(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
+    motion = Motion(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
     only = np.zeros(count, dtype=np.intp)
     rows = np.array([0, len(joint_path.breaks)])
     tables = rows, joint_path.breaks, joint_path.coefficients
-    joint_motions(along.reshape(4, count), flatten(end, shape), only, *tables, found)
-    # Not views of other arrays where none are needed, so that `frozen_array` makes no copies.
-    return tuple(found[k] if len(shape) == 1 else found[k].reshape((*shape, dof)) for k in orders)
+    joint_motions(along.reshape(4, count), flatten(end, shape), only, *tables, motion)
+    # No views of other arrays where possible, so `frozen_array` makes no copies.
+    return tuple(motion[k] if len(shape) == 1 else motion[k].reshape((*shape, dof)) for k in orders)
 
 
 def flatten(
     values: npt.ArrayLike, shape: tuple[int, ...], dtype: npt.DTypeLike = np.float64
 ) -> npt.NDArray[Any]:
-    """Values of any shape as one read-only row, broadcast: all that a kernel is compiled for."""
-    found = np.asarray(values, dtype=dtype)
-    if found.shape != shape:
-        found = np.broadcast_to(found, shape)
-    row = np.ascontiguousarray(found).reshape(-1)
+    """Values broadcast to one read-only row, the type for which the kernels are compiled."""
+    array = np.asarray(values, dtype=dtype)
+    if array.shape != shape:
+        array = np.broadcast_to(array, shape)
+    row = np.ascontiguousarray(array).reshape(-1)
     row.setflags(write=False)
     return row
 

@@ -1,4 +1,4 @@
-"""A recorded motion: what each joint was told, and what it did."""
+"""A recorded motion: commanded and measured positions of each joint."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from armcontour.core.render import number
 from armcontour.core.sampling import GAP, LARGEST, check_samples, describe_bursts
 from armcontour.core.text import clock, count_noun, format_table, joint_rows, short_repr, show
 
-# What is known of a command between two samples of a log: not more.
+# Interpolation of the command between two samples of a log.
 INTERPOLATIONS = ("linear", "step")
 POSITIONS = ("command", "measured")
-# Fewer samples cannot tell four parameters and a noise from each other.
+# Fewer samples cannot separate four parameters and the noise.
 FEWEST = 50
-# A jump this close to a whole turn [rad] is the edge of a counter.
+# A jump this close to a whole turn is a wrapped angle [rad].
 NEAR_A_TURN = 0.6
 
 
@@ -33,20 +33,21 @@ NEAR_A_TURN = 0.6
 class Log(Checked):
     """Set-points and measured positions of joints at the same times.
 
+    A log may have gaps, as from lost packets, in which the commands are unknown.
+
     Args:
         t: Times [s], increasing, (n,).
         command: Set-points [rad], (n, dof).
         measured: Measured positions [rad], (n, dof).
         joint_names: One per joint; "joint 1", ... by default.
-        interpolation: What the controller does between set-points, "linear" or "step", if known.
-        source: Where it comes from, for messages.
-        notes: What a reader recognised in the file, or left out of it.
-
-    A log may have gaps, as of lost packets: nobody knows what was commanded in them.
+        interpolation: Interpolation of the controller between set-points, "linear" or "step"; None
+            if unknown.
+        source: Origin of the log, for messages.
+        notes: Notes of a reader on recognised and ignored parts of the file.
 
     Raises:
-        InvalidInput: Times that do not increase, or are too near; angles that wrap, too few
-            samples.
+        InvalidInput: Times that do not increase or are too near to each other; angles that wrap;
+            too few samples.
     """
 
     t: Annotated[FloatArray, Quantity("s"), Axes("n")] = field(kw_only=False)
@@ -82,7 +83,7 @@ class Log(Checked):
             self._check_turns(name, j)
 
     def __str__(self) -> str:
-        """Where it comes from, its times, and where the joints were."""
+        """Origin, times and joint positions."""
         return format_table(
             f"Log of {count_noun(self.dof, 'joint')}: {count_noun(len(self.t), 'sample')}, "
             f"t = {number(self.t[0], 's')} to {number(self.t[-1], 's')}",
@@ -124,8 +125,8 @@ class Log(Checked):
                 raise InvalidInput(bursts, index=i, t=float(self.t[i]))
             raise InvalidInput(
                 f"{self.source} has a gap of {step:g} s at t = {clock(self.t[i])} s, where samples "
-                f"usually come every {self.interval:g} s, and nobody knows what was commanded in "
-                "it: use the part before or after it.",
+                f"usually come every {self.interval:g} s, and the commands in it are unknown: use "
+                "the part before or after it.",
                 index=i,
                 t=float(self.t[i]),
                 needed=step,
@@ -156,17 +157,17 @@ class Log(Checked):
         return checks.frozen_array(np.ascontiguousarray(values))
 
     def _place(self, name: str, i: int, j: int) -> str:
-        """A time or a position, for messages."""
+        """Name of a time or a position for messages."""
         if name == "t":
             return f"{self.source}: the time of sample {i + 1}"
-        at = f"at t = {clock(self.t[i])} s"
-        return f"{self.source}: the {name} position of {self.joint_names[j]} {at}"
+        moment = f"at t = {clock(self.t[i])} s"
+        return f"{self.source}: the {name} position of {self.joint_names[j]} {moment}"
 
     def _check_turns(self, name: str, j: int) -> None:
         values = getattr(self, name)[:, j]
         steps = np.diff(values)
         i = int(np.argmax(np.abs(steps)))
-        # A joint that really goes a turn in one sample ends up outside one turn soon enough.
+        # A joint that really moves by a turn in one sample has a range above one turn.
         if abs(abs(steps[i]) - 2 * math.pi) < NEAR_A_TURN and np.ptp(values) < 2 * math.pi + 1e-3:
             raise InvalidInput(
                 f"{self.source}: the {name} position of {self.joint_names[j]} jumps by "
@@ -191,7 +192,7 @@ def cut(
     unwrap: bool = False,
     notes: Sequence[str] = (),
 ) -> Log:
-    """The log from `start` to `end` [s], of arrays that need not be a log as a whole.
+    """The log from `start` to `end` [s], from arrays that need not be a valid log as a whole.
 
     Args:
         t: Times [s].
@@ -224,17 +225,13 @@ def cut(
 
 
 def _used(t: FloatArray, start: float, end: float, source: str) -> BoolArray:
-    """Samples from `start` to `end`.
-
-    Raises:
-        InvalidInput: There are none.
-    """
+    """Mask of the samples from `start` to `end`."""
     for name, value in (("first", start), ("last", end)):
         if not isinstance(value, int | float | np.number):
             raise InvalidInput(
                 f"The {name} time of {source} must be a number in s, not {show(value)}."
             )
-        # NaN fails the comparison; numpy compares no larger whole number.
+        # NaN fails the comparison; NumPy cannot compare larger integers.
         if not abs(value) <= (checks.LARGEST if isinstance(value, int) else math.inf):
             raise InvalidInput(
                 f"The {name} time to use must be a number of seconds, not {show(value)}."
@@ -250,7 +247,7 @@ def _used(t: FloatArray, start: float, end: float, source: str) -> BoolArray:
 
 def _unwrapped(command: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Both without jumps of whole turns, starting in the same turn."""
-    # Jumps of numbers that no joint has are refused by Log, not undone.
+    # `Log` refuses numbers that no joint has, so their jumps stay.
     if max(np.abs(x).max() for x in (command, measured)) > LARGEST["q"]:
         return command, measured
     command, measured = np.unwrap(command, axis=0), np.unwrap(measured, axis=0)

@@ -1,4 +1,4 @@
-"""Checks of logs: joints, ranges and speeds of the arm, and columns that are read wrongly."""
+"""Checks of logs: joints, ranges and speeds of the arm, and units, signs and order of columns."""
 
 from __future__ import annotations
 
@@ -16,77 +16,82 @@ from armcontour.core.text import clock, count_noun, list_some, show
 from armcontour.motion.log import Log
 from armcontour.robot import Arm
 
-# Names of joints that one message lists.
+# Largest number of names in one message.
 MOST_NAMED = 8
-# Shortest log [s] and longest sample interval [s] from which a robot is identified: between samples
-# farther apart the command is not known well enough.
+# Shortest log [s] and longest sample interval [s] for identification: between samples farther apart
+# the command is too uncertain.
 SHORTEST = 2.0
 COARSEST = 20e-3
-# Longest time of all its logs together [s], for memory: derivatives take 2 kB for a time and joint.
+# Longest time of all logs together [s], for memory: derivatives take 2 kB per time and joint.
 LONGEST = 240.0
-# A joint may measure a little beyond its range [rad].
+# Largest distance of a measured position from the range of its joint [rad].
 BEYOND = 0.1
-# No joint of an arm is faster than this [rad/s]: the last one of a fast delta robot turns at 60.
+# Largest speed of a joint [rad/s]: the last joint of a fast delta robot turns at 60.
 FASTEST = 100.0
-# Velocities are taken over so many samples that noise alone shows this share of it,
+# Velocities are averaged over the number of samples at which noise causes this fraction of FASTEST,
 NOISY = 0.05
-# and over no fewer than these.
+# and over at least this number.
 FEWEST = 5
-# A joint moves if it moves by more than this [rad].
+# Smallest range of a joint that moves [rad].
 MOVES = 1e-3
-# Share of the variance of a position that a command with a lag explains, if the joint follows it.
+# Fraction of the variance of a position that a command with a lag explains, if the joint follows
+# it.
 FOLLOWS = 0.5
 # Longest dead time of a joint that follows the command of another joint [s].
 LONGEST_DEAD_TIME = 0.25
 
-# Another reading of the numbers explains them if it leaves at most this share of the difference.
+# Another unit, sign or order explains the columns if it leaves at most this fraction of the
+# difference
 BETTER = 0.3
-# and of the variance of what moves, this: a lag is not all that a joint does.
+# and at most this fraction of the variance, because a joint differs from a pure lag.
 UNEXPLAINED = 0.2
-# A joint follows its command like a lag of one of these times [s], or none, after a dead time.
+# Candidates for the lag of a joint after its dead time [s].
 LAGS = (0.0, 0.01, 0.014, 0.02, 0.028, 0.04, 0.056, 0.08, 0.11, 0.16)
-# Dead times that are tried, and neighbouring samples that are compared.
+# Number of candidates for the dead time, and of consecutive samples that are compared.
 DEAD_TIMES = 26
 SAMPLES = 8000
-# Of two orders of columns that are as good, that of the file is preferred by this share.
+# Fraction by which the order of the file is preferred over an equally good order of columns.
 AS_GOOD = 1e-6
 
 
-def match_joints(names: Sequence[str], wanted: Sequence[str], source: str) -> list[int] | None:
-    """Indices of the wanted joints by equal names, or by names with a prefix; None without.
+def match_joints(names: Sequence[str], requested: Sequence[str], source: str) -> list[int] | None:
+    """Indices of requested joints by equal names, or by names with a prefix; None without a match.
 
     Raises:
         InvalidInput: Several names end with that of a joint.
     """
-    if set(wanted) <= set(names):
-        return [names.index(x) for x in wanted]
-    found = []
-    for joint in wanted:
+    if set(requested) <= set(names):
+        return [names.index(x) for x in requested]
+    indices = []
+    for joint in requested:
         alike = [i for i, x in enumerate(names) if x == joint]
         alike = alike or [i for i, x in enumerate(names) if _is_prefixed(x, joint)]
         if len(alike) > 1:
             other = names[alike[1]].removesuffix(joint)
             raise InvalidInput(
                 f"{source}: {' and '.join(show(names[i]) for i in alike[:2])} both may be the "
-                f"joint {joint}: leave the other out with --columns '-=*{other}*'."
+                f"joint {joint}: ignore the other with --columns '-=*{other}*'."
             )
-        found += alike
-    return found if len(set(found)) == len(wanted) and wanted else None
+        indices += alike
+    return indices if len(set(indices)) == len(requested) and requested else None
 
 
 def _is_prefixed(long: str, short: str) -> bool:
-    """Whether one of two names is the other one with a prefix."""
+    """Whether one of two names is the other name with a prefix."""
     if len(long) < len(short):
         long, short = short, long
     return not short.isdigit() and re.fullmatch(rf".*[_\W]{re.escape(short)}", long) is not None
 
 
-def describe_match(names: Sequence[str], wanted: Sequence[str], order: Sequence[int]) -> list[str]:
-    """A note on joints that were matched by names with a prefix; none for equal names."""
-    if not wanted or names[order[0]] == wanted[0]:
+def describe_match(
+    names: Sequence[str], requested: Sequence[str], order: Sequence[int]
+) -> list[str]:
+    """A note on joints that were matched by names with a prefix; empty for equal names."""
+    if not requested or names[order[0]] == requested[0]:
         return []
     return [
-        f"Joints are matched by the ends of their names, such as {names[order[0]]} = {wanted[0]}."
+        "Joints are matched by the ends of their names, such as "
+        f"{names[order[0]]} = {requested[0]}."
     ]
 
 
@@ -107,15 +112,15 @@ def arrange(log: Log, joint_names: Sequence[str]) -> Log:
     numbered = all(re.fullmatch(r"joint \d+", x) for x in names)
     order = match_joints(names, joint_names, source)
     if order is None or (numbered and len(names) != len(joint_names)):
-        own, other = (list_some(x, MOST_NAMED) for x in (names, joint_names))
+        log_names, other = (list_some(x, MOST_NAMED) for x in (names, joint_names))
         if len(names) != len(joint_names):
             raise InvalidInput(
-                f"{source} has {count_noun(len(names), 'joint')} ({own}), but the arm has "
+                f"{source} has {count_noun(len(names), 'joint')} ({log_names}), but the arm has "
                 f"{len(joint_names)} ({other}): name its columns as the arm's joints, or give "
                 f"the arm of the log. {' '.join(log.notes)}".rstrip()
             )
-        places = zip(names, joint_names, strict=True)
-        if not numbered and any(x != y and x in joint_names for x, y in places):
+        pairs = zip(names, joint_names, strict=True)
+        if not numbered and any(x != y and x in joint_names for x, y in pairs):
             unknown = next(x for x in names if x not in joint_names)
             raise InvalidInput(
                 f"{source} has a joint {unknown}, but the joints of the arm are {other}: name all "
@@ -175,7 +180,7 @@ def check_logs(logs: Sequence[Log], arm: Arm) -> None:
 
 
 def check_distance(log: Log, arm: Arm) -> None:
-    """Refuse a log with positions that the arm cannot have.
+    """Refuse a log with positions outside the joint ranges.
 
     Args:
         log: The log, with as many joints as the arm.
@@ -198,16 +203,16 @@ def check_range_of_log(
     margin: float = BEYOND,
     degrees_only: bool = False,
 ) -> None:
-    """Refuse positions that the arm cannot have.
+    """Refuse positions outside the joint ranges.
 
     Args:
-        source: Where they come from, for messages.
+        source: Origin of the positions, for messages.
         t: Times [s], (n,).
         positions: Positions [rad], (n, dof), by their names.
         joint_names: Names of their joints.
         arm: The arm.
         margin: Allowed distance from the range of a joint [rad].
-        degrees_only: Whether to refuse only what would be within all ranges in degrees.
+        degrees_only: Whether to refuse only positions that are within all ranges as degrees.
 
     Raises:
         InvalidInput: A joint is outside its range.
@@ -223,7 +228,7 @@ def check_range_of_log(
         hint = "correct the number, or give the arm of the file"
         if degrees:
             hint = (
-                "all joints are within their ranges if the positions are degrees: are they? Then "
+                "all joints are within their ranges if the positions are in degrees. If they are, "
                 "give all positions and rates that unit, such as q1 [deg] and dq1 [deg/s]"
             )
         raise InvalidInput(
@@ -236,7 +241,7 @@ def check_range_of_log(
 
 
 def check_speeds(log: Log) -> None:
-    """Refuse a log in which a joint moves faster than any does.
+    """Refuse a log in which a joint moves faster than any robot.
 
     Raises:
         InvalidInput: It does: its times are too short.
@@ -266,32 +271,34 @@ def check_leading_rest(log: Log) -> None:
         InvalidInput: A joint moves, but does not follow its command with a lag.
     """
     for j, (command, measured) in enumerate(zip(log.command.T, log.measured.T, strict=True)):
-        rate, left = np.gradient(command), measured - command
+        rate, residual = np.gradient(command), measured - command
         a = np.stack([rate, np.ones_like(rate)], axis=1)
-        left = left - a @ np.linalg.lstsq(a, left, rcond=None)[0]
+        residual = residual - a @ np.linalg.lstsq(a, residual, rcond=None)[0]
         moves = max(np.ptp(command), np.ptp(measured)) >= MOVES
-        if not moves or np.sum(left**2) < (1 - FOLLOWS) * np.sum((measured - measured.mean()) ** 2):
+        if not moves or np.sum(residual**2) < (1 - FOLLOWS) * np.sum(
+            (measured - measured.mean()) ** 2
+        ):
             continue
-        check_units(log, LONGEST_DEAD_TIME, j, alone=False)
+        check_units(log, LONGEST_DEAD_TIME, j, single=False)
 
 
-def check_units(log: Log, longest: float, j: int, *, alone: bool = True) -> None:
+def check_units(log: Log, longest: float, j: int, *, single: bool = True) -> None:
     """Refuse a log whose joint j does not follow its command, if another reading explains it.
 
     Args:
         log: The log.
         longest: Largest dead time [s].
         j: The joint, from 0.
-        alone: Whether to consider other units and directions of this joint alone, too.
+        single: Whether to consider also other units and directions of this joint only.
 
     Raises:
         InvalidInput: Its columns are in another order, unit or direction.
     """
-    for some in (slice(None), slice(j, j + 1))[: 1 + alone]:
+    for some in (slice(None), slice(j, j + 1))[: 1 + single]:
         q, u, names = log.measured[:, some], log.command[:, some], log.joint_names[some]
-        if found := find_misreading(log.t, q, u, names=names, late=longest):
+        if reading := find_misreading(log.t, q, u, names=names, longest_delay=longest):
             raise InvalidInput(
-                f"{log.source}: {log.joint_names[j]} does not follow its commands: {found}.",
+                f"{log.source}: {log.joint_names[j]} does not follow its commands: {reading}.",
                 joint=j,
             )
 
@@ -300,7 +307,7 @@ def check_is_whole(source: str, t: FloatArray, duration: float, slack: float) ->
     """Refuse a recording that does not cover a whole motion.
 
     Args:
-        source: Where it comes from, for messages.
+        source: Origin of the recording, for messages.
         t: Its times from the start of the motion [s], (n,).
         duration: Duration of the motion [s].
         slack: Time that may be missing at either end [s].
@@ -319,88 +326,92 @@ def check_is_whole(source: str, t: FloatArray, duration: float, slack: float) ->
 def find_misreading(
     t: FloatArray,
     measured: FloatArray,
-    wanted: FloatArray,
+    reference: FloatArray,
     *,
     names: Sequence[str] = (),
-    late: float | None = None,
+    longest_delay: float | None = None,
 ) -> str:
-    """What explains measured positions better than that they are read rightly, and what mends it.
+    """Error in the columns of measured positions that explains them, and its correction.
 
-    Units, signs and the order of columns are tried; a reading is believed only if it leaves far
-    less.
+    Candidates are other units, signs and orders of the columns. A candidate is reported only if its
+    differences are much smaller.
 
     Args:
         t: Times [s], (n,).
         measured: Measured positions [rad], (n, dof).
-        wanted: What the joints should do [rad], or, with `late`, what they are told, (n, dof).
+        reference: Reference positions [rad], or, with `longest_delay`, commands [rad], (n, dof).
         names: Names of the joints; their numbers by default.
-        late: Largest dead time of joints that follow commands, with any lag and offset [s]; without
-            it positions are compared as they are.
+        longest_delay: Largest dead time with which joints follow commands, with any lag and offset
+            [s]; without it positions are compared directly.
 
     Returns:
-        What is wrong, as a part of a sentence; empty if no other reading explains the positions.
+        The error as a part of a sentence; empty if no candidate explains the positions.
     """
-    names = names or [str(j + 1) for j in range(wanted.shape[1])]
-    if late is not None:
-        piece = _liveliest(wanted)
-        t, measured, wanted = t[piece], measured[piece], wanted[piece]
-    found = _Comparison(t, measured, wanted, late)
-    plain = found.apart()
-    own, turn = np.diag(plain), 180 / math.pi
-    enough = np.minimum(BETTER**2 * own.mean(), UNEXPLAINED * found.power.mean())
-    for factor, what in (
+    names = names or [str(j + 1) for j in range(reference.shape[1])]
+    if longest_delay is not None:
+        piece = _liveliest(reference)
+        t, measured, reference = t[piece], measured[piece], reference[piece]
+    comparison = _Comparison(t, measured, reference, longest_delay)
+    plain = comparison.apart()
+    plain_errors, turn = np.diag(plain), 180 / math.pi
+    enough = np.minimum(BETTER**2 * plain_errors.mean(), UNEXPLAINED * comparison.power.mean())
+    for factor, description in (
         (1 / turn, "the measured positions look like degrees"),
         (turn, "the measured positions look like radians, but those they belong to like degrees"),
     ):
-        # As a share of what is measured, whatever its unit.
-        left = np.diag(found.apart(factor)).mean() / factor**2
-        if left < min(BETTER * own.mean(), UNEXPLAINED * found.power.mean()):
-            return f"{what}, so give their columns the right unit"
+        # Relative to the measured positions, so the unit does not matter.
+        residual = np.diag(comparison.apart(factor)).mean() / factor**2
+        if residual < min(BETTER * plain_errors.mean(), UNEXPLAINED * comparison.power.mean()):
+            return f"{description}, so give their columns the right unit"
     order = _order(plain)
     if plain[order, np.arange(len(order))].mean() < enough:
         return (
             f"its columns fit the joints in the order {', '.join(names[k] for k in order)}, so "
             "name them, or put them in that order"
         )
-    mirrored = np.diag(found.apart(-1.0))
-    turned = mirrored < np.minimum(BETTER**2 * own, UNEXPLAINED * found.power)
-    if np.where(turned, mirrored, own).mean() < enough:
-        of = ", ".join(x for x, y in zip(names, turned, strict=True) if y)
-        return f"commands and measured positions of {of} have opposite signs, so turn one of them"
-    if late is not None:
-        back = _Comparison(t, wanted, measured, late)
-        left = np.diag(back.apart()).mean()
-        if left < min(BETTER**2 * own.mean(), UNEXPLAINED * back.power.mean()):
+    mirrored = np.diag(comparison.apart(-1.0))
+    turned = mirrored < np.minimum(BETTER**2 * plain_errors, UNEXPLAINED * comparison.power)
+    if np.where(turned, mirrored, plain_errors).mean() < enough:
+        joints = ", ".join(x for x, y in zip(names, turned, strict=True) if y)
+        return (
+            f"commands and measured positions of {joints} have opposite signs, so turn one of them"
+        )
+    if longest_delay is not None:
+        back = _Comparison(t, reference, measured, longest_delay)
+        residual = np.diag(back.apart()).mean()
+        if residual < min(BETTER**2 * plain_errors.mean(), UNEXPLAINED * back.power.mean()):
             return "commands and measured positions are exchanged, so exchange their names"
     return ""
 
 
 class _Comparison:
-    """Second moments of measured and wanted positions, for every way in which joints may follow.
+    """Second moments of measured and reference positions, for all candidates of lag and dead time.
 
     Attributes:
         power: Mean squares of the measured columns [rad²], (dof,).
     """
 
-    def __init__(self, t: FloatArray, y: FloatArray, u: FloatArray, late: float | None) -> None:
-        pairs = [(y, u)] if late is None else _followed(t, y, u, late)
+    def __init__(
+        self, t: FloatArray, y: FloatArray, u: FloatArray, longest_delay: float | None
+    ) -> None:
+        pairs = [(y, u)] if longest_delay is None else _followed(t, y, u, longest_delay)
         self._yy = np.array([(a**2).mean(axis=0) for a, _ in pairs])[:, :, None]
         self._uu = np.array([(b**2).mean(axis=0) for _, b in pairs])[:, None, :]
         self._yu = np.array([a.T @ b / len(a) for a, b in pairs])
         self.power = self._yy[0, :, 0]
 
     def apart(self, factor: float = 1.0) -> FloatArray:
-        """Mean squares by which each measured column, times a factor, is off each wanted one."""
-        off = factor**2 * self._yy - 2 * factor * self._yu + self._uu
-        return np.asarray(np.maximum(off, 0.0).min(axis=0))
+        """Mean squared differences of each measured column, scaled, and each reference column."""
+        deviations = factor**2 * self._yy - 2 * factor * self._yu + self._uu
+        return np.asarray(np.maximum(deviations, 0.0).min(axis=0))
 
 
 def _followed(
-    t: FloatArray, y: FloatArray, u: FloatArray, late: float
+    t: FloatArray, y: FloatArray, u: FloatArray, longest_delay: float
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """Measured positions, and what joints do that follow u, both without their means."""
+    """Measured positions, and commands after each lag and dead time, both without their means."""
     step, pairs = float(t[-1] - t[0]) / (len(t) - 1), []
-    delays = np.unique(np.round(np.linspace(0.0, late, DEAD_TIMES) / step).astype(int))
+    delays = np.unique(np.round(np.linspace(0.0, longest_delay, DEAD_TIMES) / step).astype(int))
     for lag in LAGS:
         x = _lagged(t, u, lag)
         for k in delays[delays < len(t) // 2]:
@@ -416,7 +427,7 @@ def _lagged(t: FloatArray, u: FloatArray, lag: float) -> FloatArray:
     if lag == 0.0:
         return u
     share = np.exp(-np.diff(t) / lag)
-    # Row by row: what is left of the position before, and the rest of the command.
+    # Row by row: the decayed previous position, and the remaining part of the command.
     matrix = np.ones((2, len(u)))
     matrix[1, :-1] = -share
     driven = np.array(u)
@@ -425,7 +436,7 @@ def _lagged(t: FloatArray, u: FloatArray, lag: float) -> FloatArray:
 
 
 def _liveliest(u: FloatArray) -> slice:
-    """As many samples as are compared, where commands move most."""
+    """The slice of SAMPLES samples with the most motion of commands."""
     moved = np.concatenate([[0.0], np.cumsum(np.sum(np.diff(u, axis=0) ** 2, axis=1))])
     count = min(SAMPLES, len(u))
     first = int(np.argmax(moved[count - 1 :] - moved[: len(moved) - count + 1]))
@@ -433,7 +444,7 @@ def _liveliest(u: FloatArray) -> slice:
 
 
 def _order(apart: FloatArray) -> list[int]:
-    """Which column fits each joint best, all in all."""
+    """Assignment of columns to joints with the smallest total difference."""
     from scipy.optimize import linear_sum_assignment
 
     other = AS_GOOD * apart.max() * (1 - np.eye(len(apart)))

@@ -29,11 +29,11 @@ def check_command_limits(limits: Limits, dof: int) -> Limits:
     Raises:
         InvalidInput: A limit that is none of commands, no limit, or a wrong number of values.
     """
-    given = [x for x in UNITS if getattr(limits, x) is not None]
-    if others := [x for x in given if x not in COMMAND_LIMITS]:
+    names = [x for x in UNITS if getattr(limits, x) is not None]
+    if others := [x for x in names if x not in COMMAND_LIMITS]:
         raise InvalidInput(
-            f"command_limits has {others[0]}, but it limits set-points by "
-            f"{', '.join(COMMAND_LIMITS)}: give {others[0]} in limits."
+            f"command_limits has {others[0]}, but supports only {', '.join(COMMAND_LIMITS)}: give "
+            f"{others[0]} in limits."
         )
     return limits.for_joints(dof)
 
@@ -49,7 +49,7 @@ def command_bounds(limits: Limits, dof: int) -> FloatArray:
 
 
 def command_use(q: FloatArray, cycle: float, limits: Limits) -> dict[str, FloatArray]:
-    """Largest share of each limit that set-points use, per joint, by names of `BY_ORDER`.
+    """Largest ratio of set-points to each limit, per joint, by names of `BY_ORDER`.
 
     Args:
         q: Set-points [rad], (n, dof); constant before and after.
@@ -69,12 +69,12 @@ def excess(q: FloatArray, cycle: float, bounds: FloatArray) -> tuple[int, int, i
     Args:
         q: Set-points [rad], (n, dof).
         cycle: Cycle [s].
-        bounds: As of `command_bounds`; the first orders are enough.
+        bounds: As from `command_bounds`, or its first orders.
 
     Returns:
-        The row is that of the last set-point of the difference. None if all bounds are satisfied.
+        The row is that of the last set-point of the difference; None if all bounds are satisfied.
     """
-    worst, found = COMMAND_SLACK, None
+    worst, violation = COMMAND_SLACK, None
     for order, (low, high) in enumerate(bounds):
         if not (np.isfinite(low).any() or np.isfinite(high).any()):
             continue
@@ -84,14 +84,14 @@ def excess(q: FloatArray, cycle: float, bounds: FloatArray) -> tuple[int, int, i
         k, j = (int(i) for i in np.unravel_index(int(np.argmax(beyond)), beyond.shape))
         if beyond[k, j] > worst:
             row = min(k + (order == 0), len(q) - 1)
-            worst, found = float(beyond[k, j]), (order, row, j, float(x[k, j]))
-    return found
+            worst, violation = float(beyond[k, j]), (order, row, j, float(x[k, j]))
+    return violation
 
 
 def nearest_commands(
     q: FloatArray, cycle: float, bounds: FloatArray, otherwise: FloatArray | None = None
 ) -> tuple[FloatArray, int | None]:
-    """The set-points nearest to given ones, in the mean square, within bounds.
+    """The set-points nearest to specified ones, in the mean square, within bounds.
 
     Joints within their bounds keep their set-points to the last bit. Others get set-points that are
     rounded to DECIMALS, and satisfy the bounds with this rounding.
@@ -99,25 +99,30 @@ def nearest_commands(
     Args:
         q: Set-points [rad], (n, dof), at rest before and after.
         cycle: Cycle [s].
-        bounds: As of `command_bounds`.
-        otherwise: Set-points of the joints for which none satisfy the bounds.
+        bounds: As from `command_bounds`.
+        otherwise: Set-points of joints whose bounds cannot be satisfied.
 
     Returns:
-        Set-points [rad], (n, dof), and the first joint for which none satisfy the bounds, or None.
+        Set-points [rad], (n, dof), and the first joint whose bounds cannot be satisfied, or None.
     """
-    found = q.copy()
+    commands = q.copy()
     for j in range(q.shape[1]):
-        own, one = bounds[:, :, j], q[:, j : j + 1]
-        if excess(one, cycle, own[:, :, None]) is None:
+        joint_bounds, one = bounds[:, :, j], q[:, j : j + 1]
+        if excess(one, cycle, joint_bounds[:, :, None]) is None:
             continue
-        steps, digit = cycle ** np.arange(len(own))[:, None], 10.0**-DECIMALS
-        margin = digit * 2.0 ** np.arange(len(own))[:, None] + COMMAND_SLACK * np.abs(own * steps)
-        inside = own * steps + np.where(np.isfinite(own), margin, 0.0) * (1.0, -1.0)
+        steps, digit = cycle ** np.arange(len(joint_bounds))[:, None], 10.0**-DECIMALS
+        margin = digit * 2.0 ** np.arange(len(joint_bounds))[:, None] + COMMAND_SLACK * np.abs(
+            joint_bounds * steps
+        )
+        inside = joint_bounds * steps + np.where(np.isfinite(joint_bounds), margin, 0.0) * (
+            1.0,
+            -1.0,
+        )
         nearest = nearest_within(one[:, 0], [(float(x), float(y)) for x, y in inside])
         if nearest is None:
             if otherwise is None:
-                return found, j
-            found[:, j] = otherwise[:, j]
+                return commands, j
+            commands[:, j] = otherwise[:, j]
             continue
-        found[:, j] = np.round(nearest, DECIMALS)
-    return found, None
+        commands[:, j] = np.round(nearest, DECIMALS)
+    return commands, None

@@ -27,20 +27,20 @@ from armcontour.core.text import (
     to_html,
 )
 from armcontour.geometry import Path
-from armcontour.motion._laws import Motion, joint_motions, path_motions
+from armcontour.motion.kernels import Motion, joint_motions, path_motions
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
 from armcontour.robot import Arm, Limits
 
-# Cycle by default [s].
+# Default cycle [s].
 DEFAULT_CYCLE = 4e-3
-# Number of times that are computed together, to save memory.
+# Largest number of times that are computed together, to save memory.
 AT_ONCE = 50_000
-# Times of so many laws along joint paths are computed together.
+# Smallest number of laws along joint paths whose times are computed together.
 MANY = 4
 # Largest number of laws in the cached table (a few MB), and number of laws before and after the
 # requested range that the table includes.
 KEPT, MORE = 100, 3
-# Arc lengths and times may be outside by this fraction of the whole, due to rounding errors.
+# Arc lengths and times may be outside by this fraction of the range, due to rounding errors.
 SLACK = 1e-12
 # A set-point may exceed a limit by this fraction of the limit, or by this much [rad, rad/s], due to
 # rounding errors.
@@ -90,7 +90,7 @@ class Span:
         name: Name of the contour; may be empty.
         t: Times of start and end [s].
         s: Arc lengths of start and end, over all contours of the program [m].
-        work: For a contour, times from which and until which the process is at work [s].
+        work: For a contour, times at which the process goes on and off [s].
         trajectory: Trajectory of the move, from time 0; None if the tool is at rest.
     """
 
@@ -168,8 +168,8 @@ class Trajectory(Checked):
         events: Outputs that are switched during the motion, by time.
         limits: Limits with which it was planned, without the reserve; None if it was not planned
             with limits.
-        reserve: Share of the limits of joint acceleration and torque that was left to the servo.
-        arm: The arm that it was planned for; None if it is not known.
+        reserve: Fraction of the limits of joint acceleration and torque reserved for the servo.
+        arm: The arm that it was planned for; None if unknown.
 
     Attributes:
         starts: Start times of the laws, and the end of the last [s], (laws + 1,).
@@ -211,7 +211,7 @@ class Trajectory(Checked):
         return f"{number(self.duration, 's')}, {count_noun(self.dof, 'joint')}"
 
     def __str__(self) -> str:
-        """Method, duration, length, and what the motion consists of."""
+        """Method, duration, length, moves and outputs."""
         path, moves = self.path, Counter(x.kind for x in self.spans)
         return format_table(
             f"Trajectory: {self._size}",
@@ -249,8 +249,8 @@ class Trajectory(Checked):
 
         Args:
             limits: The limits, without the reserve.
-            reserve: Share of the limits that was left to the servo.
-            arm: Its arm; by default the one that it knows.
+            reserve: Fraction of the limits reserved for the servo.
+            arm: Its arm; by default that of the trajectory.
         """
         joints = limits.of_joints
         spans = tuple(
@@ -262,28 +262,28 @@ class Trajectory(Checked):
             )
             for x in self.spans
         )
-        own = self.arm if arm is None else arm
-        return replace(self, spans=spans, limits=limits, reserve=reserve, arm=own)
+        plan_arm = self.arm if arm is None else arm
+        return replace(self, spans=spans, limits=limits, reserve=reserve, arm=plan_arm)
 
     def require_arm(self) -> Arm:
         """The arm.
 
         Raises:
-            InvalidInput: The trajectory does not know it.
+            InvalidInput: The trajectory has no arm.
         """
         if self.arm is None:
-            raise InvalidInput("This trajectory does not know its arm: plan it with an arm.")
+            raise InvalidInput("This trajectory has no arm: plan it with an arm.")
         return self.arm
 
     @checked
     def limits_for(self, limits: Limits | None) -> Limits:
-        """The given limits, and where they give none, those of the plan, one value per joint.
+        """The specified limits, completed by those of the plan, one value per joint.
 
         Args:
-            limits: The given limits, or None.
+            limits: The specified limits, or None.
         """
-        given = (limits or Limits()).for_joints(self.dof)
-        return given if self.limits is None else given.over(self.limits)
+        specified = (limits or Limits()).for_joints(self.dof)
+        return specified if self.limits is None else specified.over(self.limits)
 
     @property
     def duration(self) -> float:
@@ -305,9 +305,9 @@ class Trajectory(Checked):
         return tuple(x for x in self.spans if x.kind == "contour")
 
     def paths_at(self, t: FloatArray) -> list[tuple[Path, IntArray]]:
-        """Paths of the contours, and which times belong to each; empty if one has no path.
+        """Paths of the contours with the indices of their times; empty if a contour has no path.
 
-        A path has all times, a contour of a program those while the process is at work on it.
+        A path has all times, a contour of a program those at which the process works on it.
 
         Args:
             t: Times [s], (n,).
@@ -318,13 +318,13 @@ class Trajectory(Checked):
         t = np.atleast_1d(checks.check_numbers("t", t, "s"))
         if not self.spans:
             return [] if self.path is None else [(self.path, np.arange(len(t)))]
-        found: list[tuple[Path, IntArray]] = []
+        paths: list[tuple[Path, IntArray]] = []
         for span in self.contour_spans:
             if span.trajectory is None or span.trajectory.path is None:
                 return []
             start, end = span.work or span.t
-            found.append((span.trajectory.path, np.flatnonzero((t >= start) & (t <= end))))
-        return [x for x in found if len(x[1])]
+            paths.append((span.trajectory.path, np.flatnonzero((t >= start) & (t <= end))))
+        return [x for x in paths if len(x[1])]
 
     @property
     def breaks(self) -> FloatArray:
@@ -365,7 +365,7 @@ class Trajectory(Checked):
     ) -> tuple[FloatArray, ...]:
         """Joint positions and their derivatives up to an order, `t.shape + (dof,)` each.
 
-        Faster than a call for every order.
+        This is faster than a call for every order.
 
         Args:
             t: Times from 0 to `duration` [s], any shape.
@@ -380,120 +380,110 @@ class Trajectory(Checked):
     def _evaluate(
         self, t: FloatArray, side: str, orders: tuple[int, ...]
     ) -> tuple[FloatArray, ...]:
-        """Values of the laws at times, `t.shape + (dof,)` for each order: one, or all up to one."""
+        """Values of the laws at times, `t.shape + (dof,)` for each order."""
         flat = t.ravel()
-        found: tuple[FloatArray, ...] = ()
-        for of, values in self._values(flat, side, orders):
-            if len(of) == t.size:
-                # They are in order; laws of users may give other arrays than ours do.
-                found = tuple(np.require(x, np.float64, ("O", "W")) for x in values)
+        outputs: tuple[FloatArray, ...] = ()
+        for indices, values in self._values(flat, side, orders):
+            if len(indices) == t.size:
+                # The times are in order; laws of users may return arrays of other types.
+                outputs = tuple(np.require(x, np.float64, ("O", "W")) for x in values)
                 break
-            if not found:
-                found = tuple(np.empty((t.size, x.shape[-1])) for x in values)
-            for whole, part in zip(found, values, strict=True):
-                whole[of] = part
-        if not found:
-            found = tuple(np.empty((0, self.dof)) for _ in orders)
-        # Not views of other arrays where none are needed, so that `frozen_array` makes no copies.
-        return found if t.ndim == 1 else tuple(x.reshape((*t.shape, x.shape[1])) for x in found)
+            if not outputs:
+                outputs = tuple(np.empty((t.size, x.shape[-1])) for x in values)
+            for whole, part in zip(outputs, values, strict=True):
+                whole[indices] = part
+        if not outputs:
+            outputs = tuple(np.empty((0, self.dof)) for _ in orders)
+        # No views of other arrays where possible, so `frozen_array` makes no copies.
+        return outputs if t.ndim == 1 else tuple(x.reshape((*t.shape, x.shape[1])) for x in outputs)
 
     def _values(
         self, t: FloatArray, side: str, orders: tuple[int, ...]
     ) -> Iterator[tuple[IntArray, tuple[FloatArray, ...]]]:
-        """Values of laws at times: of each law, or of many laws at a time.
-
-        Yields:
-            Indices of times in `t`, (m,), and the values there, (m, dof) for each order.
-        """
-        which = self._law_at(t, side)
-        touched = np.unique(which) if len(self.laws) >= MANY else which[:0]
+        """Indices of times and values of laws there, for each law or for many laws together."""
+        law_index = self._law_at(t, side)
+        touched = np.unique(law_index) if len(self.laws) >= MANY else law_index[:0]
         many = [k for k in touched.tolist() if type(self.laws[k]) is PathLaw]
-        alone = np.arange(len(t))
+        separate = np.arange(len(t))
         if len(many) >= MANY:
             together = np.zeros(len(self.laws), dtype=bool)
             together[many] = True
             yield from self._values_together(
-                np.flatnonzero(together[which]), which, t, side, orders
+                np.flatnonzero(together[law_index]), law_index, t, side, orders
             )
-            alone = np.flatnonzero(~together[which])
-        for k, of, i, local in self.locate(t[alone], side):
+            separate = np.flatnonzero(~together[law_index])
+        for k, indices, i, local in self.locate(t[separate], side):
             law = self.laws[k]
             if len(orders) == 1:
-                yield alone[of], (law.on_interval(i, local, orders[0]),)
+                yield separate[indices], (law.on_interval(i, local, orders[0]),)
             else:
-                yield alone[of], law.motion(i, local, orders[-1])
+                yield separate[indices], law.motion(i, local, orders[-1])
 
     def _values_together(
-        self, of: IntArray, which: IntArray, t: FloatArray, side: str, orders: tuple[int, ...]
+        self,
+        indices: IntArray,
+        law_index: IntArray,
+        t: FloatArray,
+        side: str,
+        orders: tuple[int, ...],
     ) -> Iterator[tuple[IntArray, tuple[FloatArray, ...]]]:
-        """Values at the times of laws along joint paths, of AT_ONCE times together.
+        """Values at the times `indices` of laws along joint paths, AT_ONCE times together."""
+        for begin in range(0, len(indices), AT_ONCE):
+            batch = indices[begin : begin + AT_ONCE]
+            law, joined = self._join(law_index[batch])
+            yield batch, joined.motion(law, t[batch], side, orders)
 
-        Args:
-            of: Indices of these times in `t`, (m,).
-            which: The law of every time in `t`, (n,).
-            t: As in `_values`.
-            side: As in `_values`.
-            orders: As in `_values`.
-        """
-        for begin in range(0, len(of), AT_ONCE):
-            here = of[begin : begin + AT_ONCE]
-            law, joined = self._join(which[here])
-            yield here, joined.motion(law, t[here], side, orders)
-
-    def _join(self, which: IntArray) -> tuple[IntArray, JoinedLaws]:
+    def _join(self, law_index: IntArray) -> tuple[IntArray, JoinedLaws]:
         """A table of the laws of some times, and the rows of these laws in it, (n,).
 
-        The last table of few laws is kept: who looks for clearance asks for them again and again.
-
-        Args:
-            which: The law of every time, (n,).
+        The last table of few laws is cached, because the check of clearance requests it repeatedly.
         """
-        first, last = int(which.min()), int(which.max()) + 1
+        first, last = int(law_index.min()), int(law_index.max()) + 1
         for begin, end, joined in self._joined[:]:
             if begin <= first and last <= end:
-                return which - begin, joined
+                return law_index - begin, joined
         if last - first <= KEPT:
             begin, end = first, last
             while begin > max(first - MORE, 0) and type(self.laws[begin - 1]) is PathLaw:
                 begin -= 1
             while end < min(last + MORE, len(self.laws)) and type(self.laws[end]) is PathLaw:
                 end += 1
-            own = [x for x in self.laws[begin:end] if type(x) is PathLaw]
-            if len(own) == end - begin:
-                joined = JoinedLaws.of(own, np.array(self.starts[begin:end]))
+            path_laws = [x for x in self.laws[begin:end] if type(x) is PathLaw]
+            if len(path_laws) == end - begin:
+                joined = JoinedLaws.from_laws(path_laws, np.array(self.starts[begin:end]))
                 self._joined[:] = [(begin, end, joined)]
-                return which - begin, joined
-        laws, law = np.unique(which, return_inverse=True)
-        return law, JoinedLaws.of([self.laws[k] for k in laws.tolist()], self.starts[laws])
+                return law_index - begin, joined
+        laws, law = np.unique(law_index, return_inverse=True)
+        return law, JoinedLaws.from_laws([self.laws[k] for k in laws.tolist()], self.starts[laws])
 
     def with_rests(self, t: FloatArray, order: int = 0) -> FloatArray:
-        """The motion at any times, at rest before and after it, (n, dof).
+        """The motion at any times, with rest before and after it, (n, dof).
 
         Args:
             t: Times [s], (n,).
             order: 0, 1, 2 or 3.
         """
         t = checks.floats("t", t, "s")
-        found = self(np.clip(t, 0.0, self.duration), order)
+        values = self(np.clip(t, 0.0, self.duration), order)
         if order:
-            found[(t < 0) | (t > self.duration)] = 0.0
-        return found
+            values[(t < 0) | (t > self.duration)] = 0.0
+        return values
 
     def motion_with_rests(self, t: FloatArray, order: int = 2) -> tuple[FloatArray, ...]:
-        """The motion at any times, at rest before and after it, up to an order, (n, dof) each.
+        """The motion at any times up to an order, with rest before and after it, (n, dof) each.
 
-        Faster than `with_rests` for every order.
+        This is faster than `with_rests` for every order.
 
         Args:
             t: Times [s], (n,).
             order: 0, 1, 2 or 3.
         """
         t = checks.floats("t", t, "s")
-        found = self.motion(np.clip(t, 0.0, self.duration), order)
+        motion = self.motion(np.clip(t, 0.0, self.duration), order)
         rests = (t < 0) | (t > self.duration)
-        for values in found[1:]:
+        for values in motion[1:]:
             values[rests] = 0.0
-        return found
+        return motion
 
     def s(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
         """Arc length or its derivatives over time, with the shape of `t` [m, m/s, m/s², m/s³].
@@ -510,15 +500,15 @@ class Trajectory(Checked):
             InvalidInput: A time is outside the trajectory, the order is not 0, 1, 2 or 3, or the
                 laws are not along one path.
         """
-        at = self._clip_times(t, order)
+        times = self._clip_times(t, order)
         self._refuse_no_arc_length()
-        found = np.empty(at.size)
-        for k, of, i, local in self.locate(at.ravel(), side):
+        lengths = np.empty(times.size)
+        for k, indices, i, local in self.locate(times.ravel(), side):
             part = self._parts[k]
-            found[of] = part.offset if order == 0 else 0.0
+            lengths[indices] = part.offset if order == 0 else 0.0
             if part.law is not None:
-                found[of] += part.law.path_position(i, local, order)
-        return found.reshape(at.shape)
+                lengths[indices] += part.law.path_position(i, local, order)
+        return lengths.reshape(times.shape)
 
     def time_at(self, s: npt.ArrayLike, *, side: str = "left") -> FloatArray:
         """Times at which the motion reaches or leaves arc lengths, with the shape of `s` [s].
@@ -531,11 +521,11 @@ class Trajectory(Checked):
         Raises:
             InvalidInput: An arc length is outside the path, or the laws are not along one path.
         """
-        at = self._clip_arc_lengths(s)
-        found = np.empty(at.size)
-        for k, of, _, local in self._by_length(at.ravel(), side):
-            found[of] = np.minimum(self.starts[k] + local, self.starts[k + 1])
-        return found.reshape(at.shape)
+        arc_lengths = self._clip_arc_lengths(s)
+        times = np.empty(arc_lengths.size)
+        for k, indices, _, local in self._by_length(arc_lengths.ravel(), side):
+            times[indices] = np.minimum(self.starts[k] + local, self.starts[k + 1])
+        return times.reshape(arc_lengths.shape)
 
     def speed_at(self, s: npt.ArrayLike, *, side: str = "right") -> FloatArray:
         """Path speeds at arc lengths, with the shape of `s` [m/s].
@@ -547,13 +537,13 @@ class Trajectory(Checked):
         Raises:
             InvalidInput: An arc length is outside the path, or the laws are not along one path.
         """
-        at = self._clip_arc_lengths(s)
-        found = np.zeros(at.size)
-        for k, of, i, local in self._by_length(at.ravel(), side):
+        arc_lengths = self._clip_arc_lengths(s)
+        speeds = np.zeros(arc_lengths.size)
+        for k, indices, i, local in self._by_length(arc_lengths.ravel(), side):
             law = self._parts[k].law
             if law is not None:
-                found[of] = law.path_position(i, local, 1)
-        return found.reshape(at.shape)
+                speeds[indices] = law.path_position(i, local, 1)
+        return speeds.reshape(arc_lengths.shape)
 
     @checked
     def sample(self, cycle: Interval) -> Samples:
@@ -565,7 +555,7 @@ class Trajectory(Checked):
         t = np.append(np.arange(0, self.duration - 1e-9 * cycle, cycle), self.duration)
         orders = self.motion(t)
         for values in orders:
-            # No copies: a long motion has gigabytes of samples.
+            # Lock without copies, because a long motion has gigabytes of samples.
             values.setflags(write=False)
         return Samples(t=t, q=orders[0], dq=orders[1], ddq=orders[2])
 
@@ -582,88 +572,76 @@ class Trajectory(Checked):
             Index of the law, indices of its times in `t`, their intervals, and their times since
             the start of the law [s].
         """
-        for k, of in _group_by_law(self._law_at(t, side)):
-            start, own = self.starts[k], self.laws[k].breaks
-            # A time less the start is rounded, to either side of the law's break. So times are
-            # compared with the very sums that `breaks` has.
-            i = np.searchsorted(start + own, t[of], side=checks.check_side(side)) - 1
-            i = np.clip(i, 0, len(own) - 2)
-            yield k, of, i, np.clip(t[of] - start, own[i], own[i + 1])
+        for k, indices in _group_by_law(self._law_at(t, side)):
+            start, breaks = self.starts[k], self.laws[k].breaks
+            # A time minus the start is rounded to either side of the law's break. Therefore times
+            # are compared with the same sums as in `breaks`.
+            i = np.searchsorted(start + breaks, t[indices], side=checks.check_side(side)) - 1
+            i = np.clip(i, 0, len(breaks) - 2)
+            yield k, indices, i, np.clip(t[indices] - start, breaks[i], breaks[i + 1])
 
     def _law_at(self, t: FloatArray, side: str) -> IntArray:
         """Index of the law at each time [s], (n,)."""
-        found = np.searchsorted(self.starts, t, side=checks.check_side(side)) - 1
-        return np.clip(found, 0, len(self.laws) - 1)
+        index = np.searchsorted(self.starts, t, side=checks.check_side(side)) - 1
+        return np.clip(index, 0, len(self.laws) - 1)
 
     def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
-        """Times clipped to the trajectory, after refusing those outside and other orders.
-
-        Raises:
-            InvalidInput: A time is outside the trajectory, or the order is not 0, 1, 2 or 3.
-        """
-        at = checks.floats("t", t, "s")
+        """Times clipped to the trajectory; times outside and invalid orders are refused."""
+        times = checks.floats("t", t, "s")
         checks.derivative(order, 3)
         slack = SLACK * self.duration
-        outside = ~((at >= -slack) & (at <= self.duration + slack))
+        outside = ~((times >= -slack) & (times <= self.duration + slack))
         if outside.any():
-            value = float(at[outside].flat[0])
+            value = float(times[outside].flat[0])
             raise InvalidInput(
                 f"Time {value:g} s lies outside the trajectory, which runs from 0 to "
                 f"{self.duration:.9g} s.",
                 t=value,
                 allowed=self.duration,
             )
-        return np.asarray(np.clip(at, 0, self.duration))
+        return np.asarray(np.clip(times, 0, self.duration))
 
     def _clip_arc_lengths(self, s: npt.ArrayLike) -> FloatArray:
-        """Arc lengths clipped to the motion, after refusing those outside.
-
-        Raises:
-            InvalidInput: An arc length is outside the motion, or the laws are not along one path.
-        """
+        """Arc lengths clipped to the motion; those outside are refused."""
         self._refuse_no_arc_length()
-        at = checks.check_numbers("s", s, "m")
+        arc_lengths = checks.check_numbers("s", s, "m")
         low, high = float(self._ends[0, 0]), float(self._ends[-1, 1])
         slack = SLACK * max(high - low, 1e-3)
-        outside = ~((at >= low - slack) & (at <= high + slack))
+        outside = ~((arc_lengths >= low - slack) & (arc_lengths <= high + slack))
         if outside.any():
-            value = float(at[outside].flat[0])
+            value = float(arc_lengths[outside].flat[0])
             raise InvalidInput(
                 f"Arc length {value:g} m lies outside the motion, which runs from {low:g} to "
                 f"{high:.9g} m.",
                 s=value,
                 allowed=high,
             )
-        return np.asarray(np.clip(at, low, high))
+        return np.asarray(np.clip(arc_lengths, low, high))
 
     def _by_length(
         self, s: FloatArray, side: str
     ) -> Iterator[tuple[int, IntArray, IntArray, FloatArray]]:
-        """Group arc lengths by law, with the times at which the motion reaches or leaves them.
-
-        Yields:
-            Index of the law, indices of its arc lengths in `s`, their intervals, and the times
-            since the start of the law [s].
-        """
+        """Group arc lengths by law, with the times in the law, as `locate` groups times."""
         ends = self._ends
         if checks.check_side(side) == "left":
-            which = np.searchsorted(ends[:, 1], s, side="left")
+            law_index = np.searchsorted(ends[:, 1], s, side="left")
         else:
-            which = np.searchsorted(ends[:, 0], s, side="right") - 1
-        for k, of in _group_by_law(np.clip(which, 0, len(ends) - 1)):
+            law_index = np.searchsorted(ends[:, 0], s, side="right") - 1
+        for k, indices in _group_by_law(np.clip(law_index, 0, len(ends) - 1)):
             part = self._parts[k]
             if part.law is None:
                 still = 0.0 if side == "left" else self.laws[k].breaks[-1]
-                yield k, of, np.zeros(len(of), dtype=np.intp), np.full(len(of), still)
+                yield (
+                    k,
+                    indices,
+                    np.zeros(len(indices), dtype=np.intp),
+                    np.full(len(indices), still),
+                )
             else:
-                yield k, of, *part.law.reach(s[of] - part.offset, side)
+                yield k, indices, *part.law.reach(s[indices] - part.offset, side)
 
     def _refuse_no_arc_length(self) -> None:
-        """Refuse laws that do not follow each other along one path.
-
-        Raises:
-            InvalidInput: A law has no arc length, or does not start where the law before it ends.
-        """
+        """Raise InvalidInput for laws that do not follow each other along one path."""
         unknown = np.isnan(self._ends[:, 0])
         if unknown.any():
             raise InvalidInput(
@@ -676,7 +654,7 @@ class Trajectory(Checked):
             raise InvalidInput(
                 f"Law {k + 1} of the trajectory starts {gaps[k - 1]:.3g} m along the path away "
                 f"from the end of law {k}, so the trajectory has no single arc length: use the "
-                "motions along its paths one by one."
+                "motions along its paths separately."
             )
 
 
@@ -696,25 +674,23 @@ class _Part:
 
 
 def _parts(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_Part, ...]:
-    """Arc lengths of every law of a trajectory.
-
-    Raises:
-        InvalidInput: The laws of the spans are not those of the trajectory.
-    """
+    """Arc lengths of every law of a trajectory."""
     if not spans:
         return tuple(_along(law, 0.0) for law in laws)
-    found: list[_Part] = []
+    parts: list[_Part] = []
     for span in spans:
         count = 1 if span.trajectory is None else len(span.trajectory.laws)
-        own = laws[len(found) : len(found) + count]
-        if len(own) < count or (span.trajectory is not None and own != span.trajectory.laws):
+        span_laws = laws[len(parts) : len(parts) + count]
+        if len(span_laws) < count or (
+            span.trajectory is not None and span_laws != span.trajectory.laws
+        ):
             raise InvalidInput("The spans of a trajectory must have its laws, in the same order.")
         counts = span.kind == "contour"
         still = _Part(None, span.s, span.s[0])
-        found += [_along(law, span.s[0]) if counts else still for law in own]
-    if len(found) < len(laws):
+        parts += [_along(law, span.s[0]) if counts else still for law in span_laws]
+    if len(parts) < len(laws):
         raise InvalidInput("The spans of a trajectory must have all of its laws.")
-    return tuple(found)
+    return tuple(parts)
 
 
 def _along(law: Law, offset: float) -> _Part:
@@ -724,26 +700,19 @@ def _along(law: Law, offset: float) -> _Part:
     return _Part(law, (offset + float(law.s[0]), offset + float(law.s[-1])), offset)
 
 
-def _group_by_law(which: IntArray) -> Iterator[tuple[int, IntArray]]:
-    """Group indices by law, in groups of limited size to save memory.
-
-    Args:
-        which: Index of the law of each time or arc length, (n,).
-
-    Yields:
-        Index of a law, and indices into `which`.
-    """
-    if (np.diff(which) < 0).any():
-        order = np.argsort(which, kind="stable")
-        which = which[order]
+def _group_by_law(law_index: IntArray) -> Iterator[tuple[int, IntArray]]:
+    """Group indices by law, in groups of limited size to save memory."""
+    if (np.diff(law_index) < 0).any():
+        order = np.argsort(law_index, kind="stable")
+        law_index = law_index[order]
     else:
-        order = np.arange(len(which))
-    edges = np.flatnonzero(np.diff(which)) + 1
-    if len(which) > AT_ONCE:
-        edges = np.union1d(edges, np.arange(AT_ONCE, len(which), AT_ONCE))
-    bounds = [0, *edges.tolist(), len(which)]
-    for begin, end in zip(bounds[:-1], bounds[1:], strict=True) if len(which) else ():
-        yield int(which[begin]), order[begin:end]
+        order = np.arange(len(law_index))
+    edges = np.flatnonzero(np.diff(law_index)) + 1
+    if len(law_index) > AT_ONCE:
+        edges = np.union1d(edges, np.arange(AT_ONCE, len(law_index), AT_ONCE))
+    bounds = [0, *edges.tolist(), len(law_index)]
+    for begin, end in zip(bounds[:-1], bounds[1:], strict=True) if len(law_index) else ():
+        yield int(law_index[begin]), order[begin:end]
 
 
 @dataclass(frozen=True, slots=True)
@@ -774,7 +743,7 @@ class JoinedLaws:
     coefficients: FloatArray
 
     @classmethod
-    def of(cls, laws: Sequence[PathLaw], starts: FloatArray) -> JoinedLaws:
+    def from_laws(cls, laws: Sequence[PathLaw], starts: FloatArray) -> JoinedLaws:
         """The table of some laws with their start times [s]."""
         paths = [x.joint_path for x in laws]
         return cls(
@@ -807,10 +776,10 @@ class JoinedLaws:
             x.setflags(write=False)
         along = path_motions(row, local, self.breaks, self.s, *self.rates)
         dof = self.coefficients.shape[2]
-        found = Motion(*(np.empty((len(t) if k in orders else 0, dof)) for k in range(4)))
+        motion = Motion(*(np.empty((len(t) if k in orders else 0, dof)) for k in range(4)))
         tables = self.path_rows, self.path_breaks, self.coefficients
-        joint_motions(along, _locked(self.s[row + 1]), law, *tables, found)
-        return tuple(found[k] for k in orders)
+        joint_motions(along, _locked(self.s[row + 1]), law, *tables, motion)
+        return tuple(motion[k] for k in orders)
 
 
 def _locked(values: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""How far joints can move, at most, in every part of a motion."""
+"""Upper bounds of joint velocities and travel in every part of a motion."""
 
 from __future__ import annotations
 
@@ -9,26 +9,26 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.motion import _travel
+from armcontour.motion import kernels
 from armcontour.motion.execution import Execution
 from armcontour.motion.joint_path import JointPath
 from armcontour.motion.laws import LapLaw, Law, PathLaw
 from armcontour.motion.trajectory import Trajectory
 
-# Bounds are larger than their formulas by this share, as numbers are rounded.
+# Relative allowance of the bounds for rounding.
 ROUNDING = 1e-12
 
 
 def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray, FloatArray]:
-    """How far each joint has moved since the start, at most; back and forth counts twice.
+    """Upper bound of each joint's travel since the start; back and forth counts twice.
 
-    Between the times the bound grows linearly, and holds there, too: between any two times a joint
-    moves no farther than the bound grows.
+    Between the times the bound grows linearly and is valid there, too: between any two times a
+    joint moves no farther than the bound grows.
 
     Args:
-        motion: A planned or an executed motion, or a joint path, for which arc length stands for
-            time. An executed motion moves between its samples with accelerations of at most the
-            largest that was demanded.
+        motion: A planned or an executed motion, or a joint path, for which arc length replaces
+            time. Between its samples, the accelerations of an executed motion are assumed to be at
+            most the largest demand.
 
     Returns:
         Times from the start to the end [s], (n,), and the bounds at these times [rad], (n, dof).
@@ -46,7 +46,7 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
         inner = [a + x.breaks[:-1] for a, x in zip(motion.starts, motion.laws, strict=False)]
         t = np.append(np.concatenate(inner), motion.starts[-1])
         dof, parts = motion.dof, map(fastest_joints, motion.laws)
-    # One array for all: a long motion has millions of intervals.
+    # A single array, because a long motion has millions of intervals.
     travel, done = np.zeros((len(t), dof)), 1
     for fastest in parts:
         travel[done : done + len(fastest)] = fastest
@@ -77,8 +77,8 @@ def fastest_joints(law: Law) -> FloatArray:
         InvalidInput: The law is of a kind without known bounds.
     """
     raise InvalidInput(
-        f"There is no bound of joint velocities for a law of the kind {type(law).__name__}: laws "
-        "of plans have bounds."
+        f"A law of the kind {type(law).__name__} has no bound of joint velocities; laws of plans "
+        "have one."
     )
 
 
@@ -106,14 +106,8 @@ def _fastest_along(law: PathLaw) -> FloatArray:
 
 
 def _along(joint_path: JointPath, s: FloatArray, speeds: FloatArray) -> FloatArray:
-    """Bounds of the joint velocities between neighbouring arc lengths [rad/s], (n, dof).
-
-    Args:
-        joint_path: The joint path.
-        s: Arc lengths, which do not decrease [m], (n + 1,).
-        speeds: Bounds of the path speed between them [m/s], (n,).
-    """
-    return np.asarray(_travel.fastest_joints(joint_path.breaks, joint_path.coefficients, s, speeds))
+    """Bounds of the joint velocities between neighbouring arc lengths [rad/s], (n, dof)."""
+    return np.asarray(kernels.fastest_joints(joint_path.breaks, joint_path.coefficients, s, speeds))
 
 
 def _fastest_executed(motion: Execution) -> FloatArray:

@@ -292,7 +292,7 @@ def _law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
         NotRealizable: Two neighbouring points are at rest.
     """
     try:
-        return PathLaw.of_squares(grid.joint_path, grid.s, grid_plan.x, grid_plan.k)
+        return PathLaw.from_squares(grid.joint_path, grid.s, grid_plan.x, grid_plan.k)
     except InvalidInput as error:
         if error.index is None:
             raise

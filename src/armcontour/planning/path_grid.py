@@ -13,7 +13,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.kernels import compiled
 from armcontour.motion import JointPath
-from armcontour.motion._laws import value_and_slopes
+from armcontour.motion.kernels import value_and_slopes
 
 # By default the grid has this many intervals, and at least this many per piece of the joint path.
 DEFAULT_INTERVALS = 4000

@@ -16,7 +16,7 @@ from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
 from armcontour.core.text import capitalise, count_noun
 from armcontour.geometry import Path
-from armcontour.geometry.shaped import doubt_search
+from armcontour.geometry.shaped_path import doubt_search
 from armcontour.motion import JointPath, Trajectory
 from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.options import FASTEST, LONGEST_MOTION, Optimal, PlanOptions, Shaped
@@ -87,7 +87,7 @@ def plan(
     if isinstance(path, JointPath | Tracing):
         traced = _refuse_foreign(path, arm, bounds, options)
     else:
-        program = Program.of(path, "plan needs a Path, a JointPath or a Program")
+        program = Program.from_path(path, "plan needs a Path, a JointPath or a Program")
         check_duration(program, bounds)
         if isinstance(options, Shaped):
             from armcontour.planning.shaping import Shaping

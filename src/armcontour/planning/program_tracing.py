@@ -16,8 +16,8 @@ from armcontour.core.errors import ArmContourError, Unreachable, error_context
 from armcontour.core.frames import exp, log, shortest
 from armcontour.core.progress import Progress, Step
 from armcontour.geometry import Path, ShapedPath
-from armcontour.geometry.cutting import cut_path
 from armcontour.geometry.orientation import Orientation
+from armcontour.geometry.path_parts import cut_path
 from armcontour.motion import JointPath
 from armcontour.planning.duration_bound import bound_duration
 from armcontour.planning.optimal import plan_optimal
@@ -87,7 +87,9 @@ class Tracing:
     @classmethod
     def along(cls, joint_path: JointPath, path: Path) -> Tracing:
         """The tracing of one path that is traced already."""
-        return cls(program=Program.of(path), steps=(TracedMove(move=0, joint_path=joint_path),))
+        return cls(
+            program=Program.from_path(path), steps=(TracedMove(move=0, joint_path=joint_path),)
+        )
 
     def is_contour(self, step: TracedMove) -> bool:
         """Whether a step is a contour of the program."""

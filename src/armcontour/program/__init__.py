@@ -5,8 +5,8 @@ from armcontour.core.lazy import lazy_names
 _HOME = {
     "kerf": "cut_parts",
     "moves": "Contour Dwell Event Move Program Rapid contour_called",
-    "preparing": "arrange prepare",
+    "preparation": "arrange prepare",
     "process": "Analog LayerProcess Lead Leads Pierce Process Switch Tabs Weave",
-    "rounding": "draw_with_arcs put_on_path round_corners smooth_curvature",
+    "rounded_corners": "draw_with_arcs put_on_path round_corners smooth_curvature",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -6,8 +6,8 @@ from armcontour.program.moves import Move as Move
 from armcontour.program.moves import Program as Program
 from armcontour.program.moves import Rapid as Rapid
 from armcontour.program.moves import contour_called as contour_called
-from armcontour.program.preparing import arrange as arrange
-from armcontour.program.preparing import prepare as prepare
+from armcontour.program.preparation import arrange as arrange
+from armcontour.program.preparation import prepare as prepare
 from armcontour.program.process import Analog as Analog
 from armcontour.program.process import LayerProcess as LayerProcess
 from armcontour.program.process import Lead as Lead
@@ -17,7 +17,7 @@ from armcontour.program.process import Process as Process
 from armcontour.program.process import Switch as Switch
 from armcontour.program.process import Tabs as Tabs
 from armcontour.program.process import Weave as Weave
-from armcontour.program.rounding import draw_with_arcs as draw_with_arcs
-from armcontour.program.rounding import put_on_path as put_on_path
-from armcontour.program.rounding import round_corners as round_corners
-from armcontour.program.rounding import smooth_curvature as smooth_curvature
+from armcontour.program.rounded_corners import draw_with_arcs as draw_with_arcs
+from armcontour.program.rounded_corners import put_on_path as put_on_path
+from armcontour.program.rounded_corners import round_corners as round_corners
+from armcontour.program.rounded_corners import smooth_curvature as smooth_curvature

@@ -38,19 +38,19 @@ from armcontour.core.text import (
     shorten,
 )
 from armcontour.geometry import Path
-from armcontour.geometry.cutting import (
+from armcontour.geometry.path_parts import (
     arc_length_without_z,
     drop_z,
     has_length_without_z,
     join_paths,
 )
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.geometry.weaving import Woven
+from armcontour.geometry.weave import Woven
 
 Value = bool | PlainNumber | Name
-# Output whose numbers and texts are tools, as of T words in G-code; True and False are on and off.
+# Output whose numbers and texts are tools, as T words in G-code; True and False are on and off.
 TOOL = "tool"
-# Largest numbers of moves and of segments of a repeated program: more take minutes to plan each.
+# Largest numbers of moves and of segments of a repeated program: more take minutes to plan.
 MOST_MOVES = 100_000
 MOST_SEGMENTS = 1_000_000
 
@@ -99,9 +99,9 @@ class Contour(Checked):
         work: Arc lengths at which the process goes on and off [m]; leads are before and after. By
             default the whole path.
         keep_start: Whether to keep the drawn start point, as in G-code.
-        ring: Whether the contour is closed, if leads and overlap hide this; None decides by the
+        ring: Whether the contour is closed, for a path with leads or overlap; None compares the
             ends of the path.
-        woven: Where the contour weaves along its seam; None if it does not weave.
+        woven: Result of weaving along its seam; None without weaving.
 
     Raises:
         InvalidInput: No path, an invalid name or layer, an event after the end of the path, or work
@@ -153,18 +153,18 @@ class Contour(Checked):
         path, work = self.path, self.work
         if not has_length_without_z(path):
             return tuple(dataclasses.replace(x, s=0.0, lead_distance=0.0) for x in self.events)
-        at = partial(arc_length_without_z, path)
+        flat_s = partial(arc_length_without_z, path)
         flat = dataclasses.replace(
             self,
             path=drop_z(path),
-            events=tuple(dataclasses.replace(x, s=at(x.s)) for x in self.events),
-            work=None if work is None else (at(work[0]), at(work[1])),
+            events=tuple(dataclasses.replace(x, s=flat_s(x.s)) for x in self.events),
+            work=None if work is None else (flat_s(work[0]), flat_s(work[1])),
         )
         return (flat,)
 
 
 def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
-    """A sentence with the layers that are not run and how much each has; none without such layers.
+    """A sentence with the layers that are not run and their counts; empty without such layers.
 
     Args:
         layers: Numbers of contours, or of entities of a drawing, by layer.
@@ -176,24 +176,20 @@ def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
 
 
 def contour_called(contour: Contour, number: int) -> str:
-    """Name of a contour for messages: its name, or its number, which is given from 0."""
+    """Name of a contour for messages: its name, or its number from 1."""
     if not contour.name:
         return f"contour {number + 1}"
     return contour.name if contour.name.startswith("contour ") else f"contour {contour.name}"
 
 
 def name_copy(name: str, row: int, column: int) -> str:
-    """Name of a copy of a contour in a row and a column, which are given from 0."""
-    place = f"[{row + 1},{column + 1}]"
-    return f"{shorten(name, checks.LONGEST_NAME - 1 - len(place))} {place}" if name else place
+    """Name of a copy of a contour in a row and a column, counted from 0."""
+    suffix = f"[{row + 1},{column + 1}]"
+    return f"{shorten(name, checks.LONGEST_NAME - 1 - len(suffix))} {suffix}" if name else suffix
 
 
 def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
-    """The distance between copies [m]; 0 for a single copy.
-
-    Raises:
-        InvalidInput: Several copies without a distance, or with the distance 0.
-    """
+    """The distance between copies [m]; 0 for a single copy."""
     distance = 0.0 if spacing is None else checks.check_number(name, spacing, "m")
     if copies > 1 and abs(distance) <= REPEATED_POINT:
         raise InvalidInput(
@@ -206,10 +202,10 @@ def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rapid(Checked):
-    """A free motion with the tool off, at the arm's limits.
+    """A positioning motion with the tool off, at the arm's limits.
 
     Args:
-        path: Path of the tool; None moves every joint directly to its goal.
+        path: Path of the tool; None moves every joint directly to its target.
 
     Raises:
         InvalidInput: Neither a path nor None.
@@ -236,13 +232,13 @@ Move = Contour | Rapid | Dwell | Event
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Program(Checked):
-    """Moves in order; between two contours that do not meet, a rapid is added.
+    """Moves in order; rapids between contours that do not meet are added by the planner.
 
     Args:
         moves: The moves.
         source: Origin of the program, such as the name of a file.
-        notes: Sentences on parts that were left out or changed when the program was read.
-        remarks: Sentences on what was found out or chosen, which nobody has to look at.
+        notes: Sentences on parts that were ignored or changed when the program was read.
+        remarks: Sentences on automatic choices that need no attention.
         rapid_speed: Largest tool speed of rapids without a path [m/s]; None for the limits of the
             joints only.
         other_layers: Names of the layers of the drawing that are not run.
@@ -260,11 +256,11 @@ class Program(Checked):
     other_layers: tuple[str, ...] = ()
 
     def _check_together(self) -> None:
-        # They contain text of files, and are printed on terminals.
+        # These texts come from files and are printed on terminals.
         object.__setattr__(self, "source", make_printable(self.source))
         for name in ("notes", "remarks"):
-            said = tuple(make_printable(shorten(x)) for x in getattr(self, name))
-            object.__setattr__(self, name, said)
+            texts = tuple(make_printable(shorten(x)) for x in getattr(self, name))
+            object.__setattr__(self, name, texts)
         for x in self.moves:
             _refuse_move(x)
         if not self.contours:
@@ -276,10 +272,8 @@ class Program(Checked):
             )
 
     @classmethod
-    def of(cls, path: Path | Program, needs: str = "A program is made of a Path") -> Program:
-        """Make a program of a path, whose start point is kept; return a program as it is.
-
-        All other code takes programs only.
+    def from_path(cls, path: Path | Program, needs: str = "A program is made of a Path") -> Program:
+        """Make a program of a path, whose start point is kept; return a program unchanged.
 
         Args:
             path: The path or the program.
@@ -402,9 +396,9 @@ class Program(Checked):
         )
         moves = Counter(type(x).__name__.lower() for x in self.moves)
         named = [f"{name or 'none'} {n}" for name, n in layers.most_common()]
-        where = "in the plane" if self.dimension == 2 else "in space"
+        location = "in the plane" if self.dimension == 2 else "in space"
         return format_table(
-            f"Program {where}: {count_noun(len(contours), 'contour')}, {digits(self.length)} m",
+            f"Program {location}: {count_noun(len(contours), 'contour')}, {digits(self.length)} m",
             [
                 ("source", self.source),
                 ("closed", f"{sum(x.closed for x in contours)}"),
@@ -477,27 +471,23 @@ class Program(Checked):
         return dataclasses.replace(self, moves=tuple(moves))
 
     def _refuse_too_many(self, copies: int) -> None:
-        """Refuse copies with more than MOST_MOVES moves or MOST_SEGMENTS segments together.
-
-        Raises:
-            InvalidInput: There are more.
-        """
+        """Raise InvalidInput for copies with too many moves or segments together."""
         paths = [x.path for x in self.moves if isinstance(x, Contour | Rapid)]
         segments = sum(len(x) for x in paths if x is not None)
-        for what, count, most in (
+        for noun, count, maximum in (
             ("moves", len(self.moves), MOST_MOVES),
             ("segments", segments, MOST_SEGMENTS),
         ):
-            if copies * count > most:
+            if copies * count > maximum:
                 raise InvalidInput(
-                    f"{copies} copies of {count} {what} are more than {most} {what}: take fewer "
+                    f"{copies} copies of {count} {noun} are more than {maximum} {noun}: take fewer "
                     "columns or rows.",
                     needed=copies * count,
-                    allowed=most,
+                    allowed=maximum,
                 )
 
     def without_z(self) -> Program:
-        """The program without z; purely vertical moves are left out, their events stay.
+        """The program without z; vertical moves are removed, their events stay.
 
         Raises:
             InvalidInput: An arc that is not parallel to the plane.
@@ -510,15 +500,15 @@ class Program(Checked):
                 try:
                     moves += x.without_z()
                 except InvalidInput as error:
-                    where = f"{self.source}: {called}" if self.source else called
-                    raise InvalidInput(f"{where}: {error}") from None
+                    location = f"{self.source}: {called}" if self.source else called
+                    raise InvalidInput(f"{location}: {error}") from None
             elif not isinstance(x, Rapid) or x.path is None:
                 moves.append(x)
             elif has_length_without_z(x.path):
                 moves.append(Rapid(path=drop_z(x.path)))
         notes = self.notes
         if any(x.path.orientation is not None for x in self.contours):
-            notes = (*notes, "the tool orientation is left out together with z.")
+            notes = (*notes, "the tool orientation is removed together with z.")
         return dataclasses.replace(self, moves=tuple(moves), notes=notes)
 
     def selected(
@@ -531,73 +521,65 @@ class Program(Checked):
             names: Names of contours; None takes all.
 
         Raises:
-            InvalidInput: An unknown layer or name, or no contour that is left.
+            InvalidInput: An unknown layer or name, or no remaining contour.
         """
         if layers is None and names is None:
             return self
         by_layer = self._chosen("layer", layers, [x.layer for x in self.contours])
         by_name = self._chosen("contour", names, [x.name for x in self.contours])
-        kept = tuple(
+        contours = tuple(
             x for x, *chosen in zip(self.contours, by_layer, by_name, strict=True) if all(chosen)
         )
-        if not kept:
+        if not contours:
             both = "fits both the layers and the names"
-            why = "is chosen" if layers is None or names is None else both
+            reason = "is chosen" if layers is None or names is None else both
             raise InvalidInput(
-                f"{self.source or 'The program'} has no contour that {why}: leave out the empty "
-                "list, or what excludes the other."
+                f"{self.source or 'The program'} has no contour that {reason}: remove the empty "
+                "list, or one of two lists that exclude each other."
             )
         notes = self.notes
         if len(self.contours) < len(self.moves):
-            left = "rapids, dwells and events between the chosen contours are left out."
-            notes = (*notes, left)
+            note = "rapids, dwells and events between the chosen contours are removed."
+            notes = (*notes, note)
         others = Counter(
             x.layer for x, chosen in zip(self.contours, by_layer, strict=True) if not chosen
         )
         remarks = (*self.remarks, *describe_not_run(others))
         other = (*self.other_layers, *others)
         return dataclasses.replace(
-            self, moves=kept, notes=notes, remarks=remarks, other_layers=other
+            self, moves=contours, notes=notes, remarks=remarks, other_layers=other
         )
 
     def _chosen(
-        self, what: str, wanted: Collection[str] | None, known: Sequence[str]
+        self, kind: str, requested: Collection[str] | None, available: Sequence[str]
     ) -> Sequence[bool]:
-        """Whether each contour, by its layer or name in `known`, is one of those that are wanted.
-
-        Raises:
-            InvalidInput: No names are wanted, or one that no contour has.
-        """
-        if wanted is None:
-            return [True] * len(known)
-        named = (wanted,) if isinstance(wanted, str) else wanted
-        wanted = checks.check_names(f"names of a {what}", named)
-        unknown = sorted(set(wanted) - set(known), key=str)
+        """Mask of the contours whose layer or name in `available` is requested."""
+        if requested is None:
+            return [True] * len(available)
+        named = (requested,) if isinstance(requested, str) else requested
+        requested = checks.check_names(f"names of a {kind}", named)
+        unknown = sorted(set(requested) - set(available), key=str)
         if unknown:
             raise InvalidInput(
-                f"{self.source or 'The program'} has no {what} {unknown[0]!r}: it has "
-                f"{list_some([repr(x) for x in sorted(set(known))], 12)}."
+                f"{self.source or 'The program'} has no {kind} {unknown[0]!r}: it has "
+                f"{list_some([repr(x) for x in sorted(set(available))], 12)}."
             )
-        return [x in wanted for x in known]
+        return [x in requested for x in available]
 
 
 def _refuse_move(move: Move) -> None:
-    """Refuse an event of its own with an arc length or a lead distance.
-
-    Raises:
-        InvalidInput: The event has one.
-    """
+    """Raise InvalidInput for an event between contours with an arc length or a lead distance."""
     if isinstance(move, Event) and (move.s or move.lead_distance):
         raise InvalidInput(
-            f"The event {move.name} is a move of its own, at which the tool is at rest, and "
-            "can have no s and no lead distance: put it into a contour, or use a lead time."
+            f"The event {move.name} is a separate move, at which the tool is at rest, and can "
+            "have no s and no lead distance: put it into a contour, or use a lead time."
         )
 
 
 def is_meant(moves: Sequence[Move], i: int) -> bool:
-    """Whether a rapid, dwell or event comes before move i, a contour, so that its start is kept.
+    """Whether the start of contour i is deliberate, because a rapid, dwell or event leads to it.
 
-    Without a rapid, something must come between the contour and the contour before it.
+    Without a rapid, a dwell or event must come between the contour and the previous contour.
     """
     for k in range(i - 1, -1, -1):
         if isinstance(moves[k], Rapid):
@@ -608,7 +590,7 @@ def is_meant(moves: Sequence[Move], i: int) -> bool:
 
 
 def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
-    """Index of the first rapid in the given order, if it has a path and no contour comes first.
+    """Index of the first rapid in an order, if it has a path and no contour comes first.
 
     Args:
         moves: The moves of a program.
@@ -624,8 +606,8 @@ def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
 
 
 def leading_away(moves: Sequence[Move]) -> set[Rapid]:
-    """Rapids whose path starts at the end of the contour before them."""
-    found = set()
+    """Rapids whose path starts at the end of the previous contour."""
+    rapids = set()
     for i, x in enumerate(moves):
         k = next_rapid(moves, range(i + 1, len(moves))) if isinstance(x, Contour) else None
         if k is None or not isinstance(x, Contour):
@@ -633,8 +615,8 @@ def leading_away(moves: Sequence[Move]) -> set[Rapid]:
         rapid = moves[k]
         assert isinstance(rapid, Rapid) and rapid.path is not None
         if np.linalg.norm(rapid.path(0.0) - x.path(x.path.length)) <= REPEATED_POINT:
-            found.add(rapid)
-    return found
+            rapids.add(rapid)
+    return rapids
 
 
 def last_end(moves: Sequence[Move]) -> FloatArray | None:
@@ -646,7 +628,7 @@ def last_end(moves: Sequence[Move]) -> FloatArray | None:
 def reroute(
     rapid: Move, *, start: FloatArray | None = None, end: FloatArray | None = None
 ) -> Rapid:
-    """A rapid with new end points, as leads and overlaps move the ends of contours.
+    """A rapid with new end points, because leads and overlaps move the ends of contours.
 
     A rapid whose points all coincide becomes a joint motion without a path.
 

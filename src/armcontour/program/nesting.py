@@ -1,6 +1,6 @@
-"""Which closed contours hold which contours, seen from above; exact for lines and arcs.
+"""Closed contours and the contours inside them, seen from above; exact for lines and arcs.
 
-A point is inside a contour if its winding number is not zero. That is the winding number of the
+A point is inside a contour if its winding number is not zero. This is the winding number of the
 polygon of chords, plus one turn for every arc between whose chord and curve the point lies.
 """
 
@@ -18,21 +18,21 @@ from armcontour.geometry.biarcs import draw_arcs
 from armcontour.geometry.segments import Segments
 from armcontour.program.moves import Contour
 
-# Chords of a quarter circle that is not seen from above as an arc.
+# Number of chords of a quarter circle that is tilted, so its projection is no arc.
 CHORDS = 32
-# A unit vector whose part across another is smaller is parallel to it.
+# Two unit vectors are parallel if the perpendicular component is smaller.
 PARALLEL = 1e-6
 NONE = np.empty((0, 8))
-# Number of pairs of a point and a chord that are judged at a time, about, to bound the memory.
+# Approximate number of pairs of a point and a chord that are tested together, to bound the memory.
 PAIRS = 200_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Nesting:
-    """Contours inside of others.
+    """Contours inside other contours.
 
     Args:
-        holds: True in row i and column k if the closed contour i holds contour k, (n, n).
+        holds: True in row i and column k if contour k is inside the closed contour i, (n, n).
         areas: Area of every contour [m²], positive if it is counter-clockwise; 0 if open, (n,).
     """
 
@@ -41,14 +41,14 @@ class Nesting:
 
     @property
     def parents(self) -> IntArray:
-        """The smallest contour that holds each contour; -1 for a contour that none holds, (n,)."""
+        """The smallest contour around each contour; -1 for outer contours, (n,)."""
         sizes = np.where(self.holds, np.abs(self.areas)[:, None], np.inf)
-        found = np.argmin(sizes, axis=0)
-        return np.where(self.holds.any(axis=0), found, -1)
+        smallest = np.argmin(sizes, axis=0)
+        return np.where(self.holds.any(axis=0), smallest, -1)
 
 
 def nest(contours: Sequence[Contour], up: FloatArray) -> Nesting:
-    """Which closed contours hold which contours; these are taken not to cross.
+    """Determine which contours are inside which closed contours; contours must not cross.
 
     Args:
         contours: The contours.
@@ -59,18 +59,18 @@ def nest(contours: Sequence[Contour], up: FloatArray) -> Nesting:
     holds = np.array([_inside(x, starts) for x in chords])
     np.fill_diagonal(holds, False)
     areas = np.array([_area(x) for x in chords])
-    # Of two contours from which each seems to hold the other, the larger one holds.
+    # If two contours seem to be inside each other, the smaller one is inside.
     holds &= np.abs(areas)[:, None] > np.where(areas == 0, 0.0, np.abs(areas))[None, :]
     return Nesting(holds=holds, areas=areas)
 
 
 def seen_from_above(points: FloatArray, up: FloatArray) -> FloatArray:
-    """Points or vectors projected along `up`, (..., 2); those in the plane as they are."""
+    """Points or vectors projected along `up`, (..., 2); those in the plane unchanged."""
     return points if points.shape[-1] == 2 else np.asarray(points @ axes_across(up))
 
 
 def axes_across(up: FloatArray) -> FloatArray:
-    """Two axes across `up`, as columns; with it they are right-handed, (3, 2)."""
+    """Two unit vectors across `up` as columns, right-handed with it, (3, 2)."""
     first = np.cross(np.eye(3)[int(np.argmin(np.abs(up)))], up)
     first /= np.linalg.norm(first)
     return np.stack([first, np.cross(up, first)], axis=1)
@@ -116,41 +116,41 @@ def _halved(rows: Segments, up: FloatArray) -> Segments:
 
 
 def _closed(chords: FloatArray) -> FloatArray:
-    """Chords without any gap, with the line that closes them if leads or an overlap opened them."""
+    """Chords with a line that closes the gap of leads or an overlap."""
     line = np.concatenate([chords[-1, 2:4], chords[0, :2], np.zeros(4)])
-    found = np.vstack([chords, line])
-    # A ray through a gap, however small, would miss the contour.
-    found[:, 2:4] = np.roll(found[:, :2], -1, axis=0)
-    return found
+    ring = np.vstack([chords, line])
+    # A ray through even a tiny gap would miss the contour.
+    ring[:, 2:4] = np.roll(ring[:, :2], -1, axis=0)
+    return ring
 
 
 def _inside(chords: FloatArray, points: FloatArray) -> BoolArray:
-    """Whether points, (n, 2), are inside of a closed contour; none is in that without chords."""
+    """Mask of the points, (n, 2), inside a closed contour; false without chords."""
     if not len(chords):
         return np.zeros(len(points), np.bool_)
-    # Circles of arcs bound them.
+    # The box of the chords and of the circles of arcs contains the contour.
     centers, radius = chords[:, 4:6], chords[:, 6:7]
     bent = chords[:, 7:8] != 0
     low = np.minimum(chords[:, :2], np.where(bent, centers - radius, np.inf)).min(axis=0)
     high = np.maximum(chords[:, :2], np.where(bent, centers + radius, -np.inf)).max(axis=0)
-    found: BoolArray = ((points >= low) & (points <= high)).all(axis=1)
-    near = np.flatnonzero(found)
+    inside: BoolArray = ((points >= low) & (points <= high)).all(axis=1)
+    near = np.flatnonzero(inside)
     for part in np.array_split(near, 1 + len(near) * len(chords) // PAIRS):
-        found[part] = _windings(chords, points[part]) != 0
-    return found
+        inside[part] = _windings(chords, points[part]) != 0
+    return inside
 
 
 def _windings(chords: FloatArray, points: FloatArray) -> IntArray:
     """Winding numbers of a closed contour around points, (n,)."""
     x, y = points[:, :1], points[:, 1:]
     ax, ay, bx, by, cx, cy, radius, turn = chords.T
-    # Points on a chord count as if they were a little higher, then a little to the right.
+    # Points on a chord are treated as slightly higher, then as slightly farther to the right.
     side = (bx - ax) * (y - ay) - (x - ax) * (by - ay)
-    left = (side > 0) | ((side == 0) & ((by < ay) | ((by == ay) & (bx > ax))))
-    upward, downward = (ay <= y) & (y < by) & left, (by <= y) & (y < ay) & ~left
-    beyond = (left == (turn < 0)) & (np.hypot(x - cx, y - cy) < radius)
-    found = upward.astype(int) - downward + np.where(beyond, turn, 0).astype(int)
-    return np.asarray(found.sum(axis=1))
+    on_left = (side > 0) | ((side == 0) & ((by < ay) | ((by == ay) & (bx > ax))))
+    upward, downward = (ay <= y) & (y < by) & on_left, (by <= y) & (y < ay) & ~on_left
+    beyond = (on_left == (turn < 0)) & (np.hypot(x - cx, y - cy) < radius)
+    windings = upward.astype(int) - downward + np.where(beyond, turn, 0).astype(int)
+    return np.asarray(windings.sum(axis=1))
 
 
 def _area(chords: FloatArray) -> float:

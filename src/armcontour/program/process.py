@@ -32,20 +32,20 @@ from armcontour.core.quantities import (
     Tolerance,
 )
 from armcontour.geometry import SegmentLimits
-from armcontour.geometry.weaving import SHAPES as WEAVES
+from armcontour.geometry.weave import SHAPES as WEAVES
 from armcontour.program.moves import Event, Value
 
 SHAPES = ("line", "arc")
 SIDES = ("left", "right")
-# The scrap side: the side on which the material is thrown away.
+# The scrap side of a contour.
 WASTE = "waste"
 UP = checks.frozen_array([0.0, 0.0, 1.0])
 NO_LAYERS: Mapping[str, SegmentLimits] = MappingProxyType({})
-# Values of a layer for null, where the process has no None.
+# Values of a layer that null means, for keys of the process without None.
 NONE: Mapping[str, Any] = {"overlap": 0.0, "dwell": 0.0, "events": (), "analog": ()}
 # Start point of a closed contour: "auto" moves it away from a corner, "drawn" keeps it.
 AUTO, DRAWN = "auto", "drawn"
-# Most laps and tabs of a contour: more are a mistake in the unit or in a digit.
+# Largest number of laps and tabs of a contour: more are a mistake in the unit or in a digit.
 MOST_PASSES, MOST_TABS = 1000, 1000
 ORDERS = ("auto", "drawn", "inside_first", "nearest", "shortest")
 # Side of the tool in the direction of travel, for a spindle that turns clockwise (M3).
@@ -56,14 +56,14 @@ DIRECTIONS = (DRAWN, *TOOL_SIDES, "clockwise", "counterclockwise")
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lead(Checked):
-    """A piece of path before or after a contour, for a tool that is at speed on the contour.
+    """A part of the path before or after a contour, on which the tool reaches or leaves its speed.
 
     Args:
-        length: Length of the lead [m]; None for the length in which the arm reaches the assigned
-            velocity.
+        length: Length of the lead [m]; None for the length that the arm needs to reach the
+            assigned velocity.
         shape: "line", along the tangent, or "arc", a quarter circle that touches the tangent.
-        side: Side of the contour on which an arc lies: "left" or "right" in the direction of
-            travel, or "waste": inside of holes, outside of outer contours, left of open contours.
+        side: Side of the contour of an arc: "left" or "right" in the direction of travel, or
+            "waste": inside of holes, outside of outer contours, left of open contours.
         active: Whether the process is on along the lead, as in cutting.
     """
 
@@ -100,7 +100,7 @@ class Switch(Checked):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pierce(Checked):
-    """How the tool pierces the material before every contour, with the process on.
+    """Piercing of the material before every contour, with the process on.
 
     Args:
         time: Time at rest with the process on [s].
@@ -118,18 +118,18 @@ class Analog(Checked):
     """An analog output, such as a power or a flow, that follows the planned tool speed.
 
     Its value is linear in the speed, from `rest` for a tool at rest to `full` at the full speed,
-    and `full` above. Exports have it as a column.
+    and is constant above it. Exports have a column for it.
 
     Args:
         name: Name of the output.
-        rest: Value for a tool at rest on a contour, also while it pierces.
+        rest: Value for a tool at rest on a contour, also during a pierce.
         full: Value at the full speed.
-        speed: The full speed [m/s]; None is the assigned velocity at the place of the tool.
-        off: Value while the process is off: in rapids, dwells, leads that are not active, and where
-            it is switched off.
+        speed: The full speed [m/s]; None means the assigned velocity at the tool's position.
+        off: Value while the process is off: in rapids, dwells, leads that are not active, and after
+            an event that switches the process off.
         lead_time: Time by which the output leads the tool [s]; after it if negative.
-        follows: Name of the on/off output with which the process is switched off. By default it is
-            off while any on/off output of the program or of `switch` is off, except coolant.
+        follows: Name of the on/off output of the process. By default the process is off while any
+            on/off output of the program or of `switch` is off, except coolant.
     """
 
     name: NeededName = field(kw_only=False)
@@ -144,12 +144,12 @@ class Analog(Checked):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tabs(Checked):
-    """Places of closed contours where the switch of the process is off, so that parts stay put.
+    """Parts of closed contours without cut, where the switch of the process is off.
 
     Args:
         width: Length along the contour over which the process is off [m].
         count: Number of tabs of every contour.
-        spacing: Approximate length of contour per tab, in the place of a number [m].
+        spacing: Approximate length of contour per tab, instead of a number [m].
     """
 
     width: Size = field(kw_only=False)
@@ -161,25 +161,25 @@ class Tabs(Checked):
             raise InvalidInput("Tabs need either their count or their spacing.")
 
 
-# Directions that a weave can be perpendicular to, besides its seam.
+# Directions that a weave can be perpendicular to, in addition to its seam.
 PLANES = ("tool", "frame")
 
 
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weave(Checked):
-    """How the tool weaves to both sides of a seam, perpendicular to the seam and to the tool axis.
+    """Weaving to both sides of a seam, perpendicular to the seam and to the tool axis.
 
     Args:
         width: Distance between the crests on both sides [m].
         pitch: Length of the seam per wave [m]; give this or the frequency.
         frequency: Waves per second at the assigned velocity [1/s].
-        dwell: Time for which the tool stays at each edge, while it goes on along the seam at its
-            assigned velocity [s].
+        dwell: Time at each edge, during which the tool moves along the seam at its assigned
+            velocity [s].
         speed: Assigned velocity along the seam [m/s]; by default that of the contour.
         plane: "tool" weaves perpendicular to the tool axis, "frame" perpendicular to `up` of the
             process, which is z of `path.frame`.
-        shape: "sine", or "zigzag", lines from crest to crest whose corners are rounded as others.
+        shape: "sine", or "zigzag": lines from crest to crest with rounded corners.
         tolerance: Largest distance of the arcs from the sine [m].
     """
 
@@ -200,7 +200,7 @@ class Weave(Checked):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayerProcess:
-    """Values for the contours of one layer, in the place of those of the process.
+    """Values for the contours of one layer, instead of those of the process.
 
     Args:
         lead_in, lead_out, pierce, switch, tabs, weave: As in the process; None for none.
@@ -231,11 +231,11 @@ class Process(Checked):
 
     Args:
         begin: Start point of closed contours. "drawn" keeps it. "auto" keeps it unless it is a
-            corner; then it is moved to the middle of the longest segment, so that all corners are
-            rounded, except if a rapid, dwell or event leads to the contour or the contour has
+            corner; then it is moved to the middle of the longest segment, so all corners are
+            rounded. It stays if a rapid, dwell or event leads to the contour or the contour has
             events. A number is an arc length [m], modulo the length of the contour. A point means
             the nearest point of the contour.
-        overlap: Length travelled again past the start of a closed contour [m].
+        overlap: Length of a closed contour that is repeated after its end [m].
         lead_in: Lead before every contour.
         lead_out: Lead after every contour.
         approach: Distance from which the tool approaches every contour along its axis, or along
@@ -253,31 +253,30 @@ class Process(Checked):
             the end of a contour, and on again at the start of the next one.
         events: Events on every contour; an event past the end of a contour is refused.
         analog: Analog outputs that follow the planned tool speed.
-        passes: How often every contour is run. Closed contours are run in laps without a stop;
-            open ones again from their start, as contours of their own.
-        tabs: Places at which closed contours are not cut.
-        weave: How the tool weaves along contours; speeds are along the seam.
-        by_layer: Values of some of these for the contours of a layer, by their names; those of
-            `LayerProcess`.
+        passes: Number of passes of every contour. Closed contours run in laps without a stop; open
+            contours run again from their start, as separate contours.
+        tabs: Parts of closed contours that are not cut.
+        weave: Weaving along contours; speeds are along the seam.
+        by_layer: Values for the contours of a layer, by the names of the fields of `LayerProcess`.
         layers: Speed and tolerance of contours by layer, for segments that have none.
-        order: Order of the contours of a drawing. "drawn" keeps it. "inside_first" has each contour
-            after all that lie in it. "nearest" goes on with the nearest contour. "shortest" looks
-            for the shortest way over all contours; closed contours begin where this is the
-            shortest, if `begin` is "auto". A cutting process, which has a kerf or an arc lead in
-            the waste, keeps to inside first in the last two as well. "auto" is "inside_first" for
-            drawings that are cut, else "drawn".
+        order: Order of the contours of a drawing. "drawn" keeps it. "inside_first" runs each
+            contour after all contours inside it. "nearest" continues with the nearest contour.
+            "shortest" minimizes the total distance between contours; if `begin` is "auto", it also
+            chooses the start points of closed contours. A cutting process, which has a kerf or an
+            arc lead in the waste, also cuts inside first in the last two orders. "auto" is
+            "inside_first" for drawings that are cut, else "drawn".
         reverse_open: Whether "nearest" and "shortest" may run open contours from their end.
-        kerf: Width of the cut [m]; the tool goes beside the contour by half of it. None for a
-            process that does not cut. If any layer has a kerf, contours without one, such as
+        kerf: Width of the cut [m]; the tool path is offset from the contour by half of it. None for
+            a process that does not cut. If any layer has a kerf, contours without one, such as
             marks, neither are holes nor have holes.
-        kerf_side: Side of the contour on which the cut lies: "waste", which leaves open contours as
-            they are, or "left" or "right" in the direction of travel.
+        kerf_side: Side of the cut: "waste", which does not offset open contours, or "left" or
+            "right" in the direction of travel.
         direction: Direction of travel along closed contours, seen from `up`: "drawn", "clockwise",
             "counterclockwise", or for a spindle that turns clockwise "climb", with the tool to the
             left of the part's edge, or "conventional". The tool is on the waste side.
         tool_change: Time for which the tool rests at a tool change of a program [s], after the
-            event `tool`. None for a change that takes no time, with a note. The first tool is
-            mounted already.
+            event `tool`. None for a change without duration, with a note. The first tool is
+            already mounted.
         resume_at: Arc length at which to resume the program, over all contours from their start
             points, with overlaps and without leads or rounding [m].
 
@@ -321,7 +320,7 @@ class Process(Checked):
         if self.kerf_side not in (WASTE, side):
             raise InvalidInput(
                 f"direction {self.direction} has the tool to the {side} of the contour, but "
-                f"kerf_side is {self.kerf_side}: leave one of them out."
+                f"kerf_side is {self.kerf_side}: remove one of them."
             )
         object.__setattr__(self, "begin", _checked_begin(self.begin))
         names = [x.name for x in self.analog]
@@ -334,11 +333,7 @@ class Process(Checked):
         self._make_layers()
 
     def _refuse_unswitched(self) -> None:
-        """Refuse tabs and a pierce that have no effect.
-
-        Raises:
-            InvalidInput: There is no switch, or it is off where the tool pierces.
-        """
+        """Raise InvalidInput for tabs or a pierce on which the switch has no effect."""
         if self.tabs is not None and self.switch is None:
             raise InvalidInput("Tabs need a switch, which is off there: give switch, or no tabs.")
         if self.pierce is None:
@@ -352,29 +347,25 @@ class Process(Checked):
             )
 
     def _make_layers(self) -> None:
-        """Make the processes of layers.
-
-        Raises:
-            InvalidInput: A layer has a value that is not valid, or one that no layer can have.
-        """
-        known = tuple(x.name for x in fields(LayerProcess))
+        """Make the processes of layers."""
+        allowed = tuple(x.name for x in fields(LayerProcess))
         made: dict[str, Process] = {}
-        for layer, given in self.by_layer.items():
+        for layer, values in self.by_layer.items():
             with error_context(f"by_layer.{layer}"):
-                for name in given:
-                    checks.check_choice("name of a value", name, known)
-                own: dict[str, Any] = {
-                    name: NONE.get(name) if x is None else x for name, x in given.items()
+                for name in values:
+                    checks.check_choice("name of a value", name, allowed)
+                layer_values: dict[str, Any] = {
+                    name: NONE.get(name) if x is None else x for name, x in values.items()
                 }
-                made[layer] = replace(self, by_layer={}, **own)
+                made[layer] = replace(self, by_layer={}, **layer_values)
         object.__setattr__(self, "by_layer", MappingProxyType(dict(self.by_layer)))
         object.__setattr__(self, "_of_layers", MappingProxyType(made))
 
     def __reduce__(self) -> tuple[Callable[[], Process], tuple[()]]:
-        """How it is copied to other processes, where mappings that do not change cannot go."""
-        given = {x.name: getattr(self, x.name) for x in fields(self) if x.init}
-        given |= {"by_layer": dict(self.by_layer), "layers": dict(self.layers)}
-        return partial(type(self), **given), ()
+        """Pickle without read-only mappings, which cannot be copied to other processes."""
+        values = {x.name: getattr(self, x.name) for x in fields(self) if x.init}
+        values |= {"by_layer": dict(self.by_layer), "layers": dict(self.layers)}
+        return partial(type(self), **values), ()
 
     @checked
     def of_layer(self, layer: str) -> Process:
@@ -393,7 +384,7 @@ class Process(Checked):
     @property
     def analog_names(self) -> tuple[str, ...]:
         """Names of the analog outputs of all layers."""
-        return tuple(dict.fromkeys(x.name for own in self.variants for x in own.analog))
+        return tuple(dict.fromkeys(x.name for variant in self.variants for x in variant.analog))
 
     @property
     def leads(self) -> tuple[Lead, ...]:
@@ -413,12 +404,12 @@ class Process(Checked):
 
     @property
     def automatic(self) -> bool:
-        """Whether a lead has no given length."""
+        """Whether a lead has no specified length."""
         return any(x.length is None for x in self.leads)
 
     @property
     def cuts(self) -> bool:
-        """Whether material is thrown away: there is a kerf, or an arc lead lies in the waste."""
+        """Whether material is cut off: a layer has a kerf, or an arc lead lies in the waste."""
         return any(x.kerf is not None for x in self.variants) or any(
             x.shape == "arc" and x.side == WASTE for x in self.leads
         )
@@ -438,15 +429,11 @@ class Leads(Checked):
 
 
 def _checked_begin(begin: str | float | Sequence[float]) -> str | float | tuple[float, ...]:
-    """A start point of closed contours: a name, an arc length, or a point.
-
-    Raises:
-        InvalidInput: Something else.
-    """
+    """A start point of closed contours: a name, an arc length, or a point."""
     if isinstance(begin, str):
         checks.check_choice("begin", begin, (AUTO, DRAWN))
         return begin
-    found = checks.check_numbers("begin", begin, "m")
-    if found.ndim > 1:
+    coordinates = checks.check_numbers("begin", begin, "m")
+    if coordinates.ndim > 1:
         raise InvalidInput("begin must be one arc length or one point in m.")
-    return tuple(found.tolist()) if found.ndim else float(found)
+    return tuple(coordinates.tolist()) if coordinates.ndim else float(coordinates)

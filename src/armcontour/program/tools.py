@@ -1,4 +1,4 @@
-"""Tools of a program: which contours a tool runs, by the tool changes between contours."""
+"""Tools of a program, and the contours of each tool."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ def tools_of_contours(program: Program) -> list[str]:
 
 
 def part_of_tool(program: Program, name: str) -> Program:
-    """The moves of a program between the changes to a tool and from it to another one.
+    """The moves of a program from the changes to a tool until the next tool change.
 
-    Outputs have the values that the moves before have given them.
+    Outputs keep the values from the moves before.
 
     Args:
         program: The program.
@@ -38,9 +38,10 @@ def part_of_tool(program: Program, name: str) -> Program:
     """
     names = tools_of_contours(program)
     if name not in names:
-        known = ", ".join(dict.fromkeys(x for x in names if x)) or "no tool"
+        available = ", ".join(dict.fromkeys(x for x in names if x)) or "no tool"
         raise InvalidInput(
-            f"{program.source or 'The program'} has no contour of the tool {name}, but of {known}."
+            f"{program.source or 'The program'} has no contour of the tool {name}, but of "
+            f"{available}."
         )
     tool, moves = "", list[Move]()
     states: dict[str, Event] = {}
@@ -54,9 +55,9 @@ def part_of_tool(program: Program, name: str) -> Program:
             moves.append(x)
         else:
             events = x.events if isinstance(x, Contour) else (x,)
-            found = (y for y in events if isinstance(y, Event))
+            output_events = (y for y in events if isinstance(y, Event))
             states |= {
                 y.name: dataclasses.replace(y, s=0.0, lead_time=0.0, lead_distance=0.0)
-                for y in found
+                for y in output_events
             }
     return dataclasses.replace(program, moves=tuple(moves))

@@ -41,7 +41,9 @@ def study_of(result: Result) -> JobResult:
         return _study(result)
     if isinstance(result, Trajectory):
         plan = _planned(result)
-        return _study(RunResult.of(plan, set_points=Execution.of_plan(result, plan.arm).set_points))
+        return _study(
+            RunResult.of(plan, set_points=Execution.from_plan(result, plan.arm).set_points)
+        )
     if isinstance(result, Execution):
         result = evaluate(result, _planned(result.set_points.trajectory, result.arm).path)
     if result.judged is None:
@@ -118,7 +120,7 @@ def _planned(
     sharp = getattr(program.single_path, "objective", None)
     return Planned(
         run=_run("plan", plan, "none", limits, DEFAULT_CYCLE),
-        objective=program if sharp is None else Program.of(sharp, "A plan needs a path"),
+        objective=program if sharp is None else Program.from_path(sharp, "A plan needs a path"),
         path=program,
         trajectory=plan,
         explanation=explanation,
@@ -140,9 +142,9 @@ def _program_of(plan: Trajectory, arm: Arm) -> Program:
     if plan.spans:
         return Program(tuple(_move_of(x) for x in plan.spans if x.move is not None))
     if plan.path is not None:
-        return Program.of(plan.path, "A plan needs a path")
+        return Program.from_path(plan.path, "A plan needs a path")
     tool = arm.tool_position(plan(np.linspace(0, plan.duration, PLACES)))
-    return Program.of(Path.polyline(tool), "A plan needs a path")
+    return Program.from_path(Path.polyline(tool), "A plan needs a path")
 
 
 def _move_of(span: Span) -> Move:

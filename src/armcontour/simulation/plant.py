@@ -53,12 +53,12 @@ class Plant(ABC):
             resolution: Largest time between two results [s].
         """
 
-    def motion_between(self, executed: Execution, which: IntArray) -> FineMotion | None:
+    def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion | None:
         """The motion from some results of an execution on this plant to the next ones.
 
         Args:
             executed: The execution, with all of its results.
-            which: Indices of the results before, increasing, (m,).
+            indices: Indices of the results before, increasing, (m,).
 
         Returns:
             The motion; None where the plant does not know it, as by default.
@@ -439,7 +439,7 @@ class ServoPlant(LimitedPlant):
             plant=self,
         )
 
-    def motion_between(self, executed: Execution, which: IntArray) -> FineMotion | None:
+    def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion | None:
         """The motion from some results of an execution on this plant to the next ones.
 
         Quintics where the motion is smooth. Else exact at PARTS times, and where a set-point
@@ -447,7 +447,7 @@ class ServoPlant(LimitedPlant):
 
         Args:
             executed: The execution, at regular times.
-            which: Indices of the results before, increasing, (m,).
+            indices: Indices of the results before, increasing, (m,).
 
         Returns:
             The motion; None if the torque limits of its cycle follow from a result that
@@ -456,11 +456,11 @@ class ServoPlant(LimitedPlant):
         motion, set_points = executed, executed.set_points
         steps = round(set_points.cycle / float(motion.t[1] - motion.t[0]))
         width = set_points.cycle / steps
-        demand = np.stack([motion.demand[which], motion.demand[which + 1]])
+        demand = np.stack([motion.demand[indices], motion.demand[indices + 1]])
         if self._smooth_between(demand, width):
-            return FineMotion.through(motion.t, motion.q, motion.dq, motion.ddq, which)
+            return FineMotion.through(motion.t, motion.q, motion.dq, motion.ddq, indices)
         parts = []
-        for i in which.tolist():
+        for i in indices.tolist():
             k, phase = divmod(round(float(motion.t[i] - set_points.start_time) / width), steps)
             bounds = self.lower, self.acceleration
             if self.torque_limit is not None:

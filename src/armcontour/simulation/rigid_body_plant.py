@@ -349,14 +349,14 @@ class RigidBodyPlant(LimitedPlant):
             plant=self,
         )
 
-    def motion_between(self, executed: Execution, which: IntArray) -> FineMotion:
+    def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion:
         """The motion from some results of an execution to the next ones: cubics of the joints.
 
         Args:
             executed: The execution, with all of its results.
-            which: Indices of the results before, increasing, (m,).
+            indices: Indices of the results before, increasing, (m,).
         """
-        return FineMotion.through(executed.t, executed.q, executed.dq, None, which)
+        return FineMotion.through(executed.t, executed.q, executed.dq, None, indices)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

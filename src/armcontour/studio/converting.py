@@ -124,7 +124,9 @@ def _segments(path: Path, write: Write, demands: list[dict[str, Any]]) -> dict[s
         elif angle <= THROUGH:
             listed.append(
                 {
-                    "via": write(path.segments.at(slice(i, i + 1), path.lengths[i : i + 1] / 2)[0]),
+                    "via": write(
+                        path.segments.evaluate(slice(i, i + 1), path.lengths[i : i + 1] / 2)[0]
+                    ),
                     "to": to,
                     **demand,
                 }

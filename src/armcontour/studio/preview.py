@@ -181,7 +181,7 @@ class CoarsePlanner:
             InvalidInput: Values that do not make an arm and a path.
         """
         _, path = self._arm_and_path(self._model(data), data)
-        return self._reuse.get("program", path, lambda: Program.of(path))
+        return self._reuse.get("program", path, lambda: Program.from_path(path))
 
     def is_long(self, data: Mapping[str, Any]) -> bool:
         """Whether the program is too long to be planned at every move."""

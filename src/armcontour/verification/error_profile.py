@@ -15,8 +15,8 @@ from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row
 from armcontour.core.text import place_and_time, short_repr
 from armcontour.geometry import Orientation, Path, Projection
-from armcontour.geometry.nearest import pack
 from armcontour.geometry.orientation import turns_between
+from armcontour.geometry.projection import pack
 
 # What is between samples may be higher than what was found by this share, or by so much [m or rad].
 CLOSE, ROUNDING = 3e-7, 1e-13

@@ -290,9 +290,9 @@ def evaluate(
         InvalidInput: The path has another dimension than the arm, `end_time` is not above zero, or
             the program was not planned.
     """
-    program, before = Program.of(path, "evaluate needs a Path or a Program"), None
+    program, before = Program.from_path(path, "evaluate needs a Path or a Program"), None
     if objective is not None:
-        before = Program.of(objective, "evaluate needs a Path or a Program as its objective")
+        before = Program.from_path(objective, "evaluate needs a Path or a Program as its objective")
     if end_time is not None and program.single_path is None:
         raise InvalidInput(
             "end_time is for one path: the contours of a program are judged while the process is "

@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernels import compiled
 from armcontour.core.sampling import number_parts
-from armcontour.geometry._segments import Point, distance2, find_foot, point_at
+from armcontour.geometry.kernels import Point, distance2, find_foot, point_at
 
 # Distances that differ by less than this are equal [m]: coordinates are not more exact.
 EQUAL = 1e-9
@@ -135,7 +135,7 @@ def follow(
 
     Args:
         points: Tool points in order, padded to space [m], (n, 3).
-        rows: Segments from `geometry.nearest.pack`, (segments, 15).
+        rows: Segments from `geometry.projection.pack`, (segments, 15).
         start: The first place is at or before this one [m].
         leash: Largest distance between tool and place [m].
         needed: So many points must be followed; those after them, as long as they can.
@@ -168,7 +168,7 @@ def find_places(
 
     Args:
         points: The points, padded to space [m], (n, 3).
-        rows: Segments from `geometry.nearest.pack`, (segments, 15).
+        rows: Segments from `geometry.projection.pack`, (segments, 15).
         reach: The distances; what is further by rounding counts, too [m], (n,).
 
     Returns:
@@ -271,7 +271,7 @@ def _measure_parts(
 
     Args:
         way: The way of the tool.
-        rows: Segments from `geometry.nearest.pack`, (segments, 15).
+        rows: Segments from `geometry.projection.pack`, (segments, 15).
         order: The order in which parts are measured.
         parts: The step of the tool that passes each part, its segment, and whether the part is the
             step's last one, (m, 3).
@@ -324,7 +324,7 @@ def measure_coverage(
 
     Args:
         way: The way of the tool.
-        rows: Segments from `geometry.nearest.pack`, (rows, 15).
+        rows: Segments from `geometry.projection.pack`, (rows, 15).
         begin: Places before this one do not count [m].
         end: Nor do places after this one [m].
 

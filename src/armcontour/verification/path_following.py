@@ -14,7 +14,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.geometry import Path
 from armcontour.geometry.biarcs import length
-from armcontour.geometry.nearest import find_nearest, pack, pad
+from armcontour.geometry.projection import find_nearest, pack, pad
 
 # The leash is at least this many times the largest distance of some of the points from the path,
 # and this many steps of the tool; it is doubled until it is long enough.
@@ -33,7 +33,7 @@ class Followed:
         coverage_error: Largest distance from the path to the tool, of the places that are passed
             from each point to the next [m], (n,); -1 where it cannot be the largest one.
         coverage_error_s: Where these distances are [m], (n,).
-        geometry: The path from `geometry.nearest.pack`, (rows, 15).
+        geometry: The path from `geometry.projection.pack`, (rows, 15).
     """
 
     distance: FloatArray

@@ -251,7 +251,9 @@ def check(
     Raises:
         InvalidInput: Samples that are not a trajectory of this arm; names the row, counted from 1.
     """
-    program = None if path is None else Program.of(path, "check compares with a Path or a Program")
+    program = (
+        None if path is None else Program.from_path(path, "check compares with a Path or a Program")
+    )
     for on in [None] if program is None else [x.path for x in program.contours]:
         _refuse_path(arm, on, deviation, coverage_error, orientation_deviation)
     uses: dict[str, LimitUse] = {}

@@ -218,7 +218,7 @@ def test_a_plan_warns_of_stops_that_limits_of_jerk_add(arm):
     path = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15), (0.28, 0.3)])
     arcs = ac.round_corners(path, tolerance=5e-3)
     limits = arm.limits.replace(speed=0.15, joint_jerk=36.0)
-    for given in (arcs, ac.Program.of(arcs), ac.trace(arcs, arm)):
+    for given in (arcs, ac.Program.from_path(arcs), ac.trace(arcs, arm)):
         with pytest.warns(UserWarning, match="2 full stops, the first at s = "):
             ac.plan(given, arm, limits)
     # Without a limit of jerk, or with continuous curvature, there are none.

@@ -29,7 +29,7 @@ def test_every_iteration_is_within_the_tube_and_no_slower(arm, centripetal):
     limits = ac.Limits.only(
         speed=0.15, joint_acceleration=0.72, centripetal_acceleration=centripetal
     ).for_joints(2)
-    tube, options = Tube.of(LINES, 1e-3), ac.Shaped(tolerance=1e-3)
+    tube, options = Tube.around(LINES, 1e-3), ac.Shaped(tolerance=1e-3)
     timer = Timer(arm, limits, "positive", None, 800)
     search = next(make_searches(LINES, tube, timer, options))
     durations = []
@@ -51,7 +51,7 @@ def test_what_is_not_shaped(arm, limits):
     path = ac.shape(LINES, arm, limits, ac.Shaped(tolerance=1e-3, line_tolerance=0.0, zone=0.01))
     assert "lines without a tolerance" in path.outcome.note
     assert path.outcome.durations["shaped"] == min(path.outcome.durations.values())
-    assert why_not(LINES, Tube.of(LINES, 1e-3)) is None
+    assert why_not(LINES, Tube.around(LINES, 1e-3)) is None
     # A tolerance of zero stops at every vertex.
     plan = ac.plan(LINES, arm, limits, ac.Shaped(tolerance=0.0))
     np.testing.assert_allclose(plan.path.stops, LINES.breaks[1:-1])
@@ -60,7 +60,7 @@ def test_what_is_not_shaped(arm, limits):
 
 
 def tube_of(path, options):
-    return Tube.of(
+    return Tube.around(
         path, options.tolerance, line_tolerance=options.line_tolerance, zone=options.zone
     )
 
@@ -136,7 +136,7 @@ def case(request):
     if arm.dimension == 3:
         objective = objective.oriented(DOWN)
         configuration, start = None, ac.trace(objective, arm)(0.0)
-    tube, options = Tube.of(objective, TOLERANCE), ac.Shaped(tolerance=TOLERANCE)
+    tube, options = Tube.around(objective, TOLERANCE), ac.Shaped(tolerance=TOLERANCE)
     timer = Timer(arm, arm.limits.for_joints(arm.dof), configuration, start)
     path, places = make_starts(objective, tube, options, 0.7)[PARABOLAS]
     candidate = timer.candidate(PARABOLAS, path, places)

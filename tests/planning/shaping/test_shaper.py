@@ -125,7 +125,7 @@ def test_wrong_options_are_refused(arm, limits, refuses):
     refuses(ac.Shaped, ac.InvalidInput, "tolerance")
     refuses(lambda: ac.Shaped(tolerance=1e-3, duration=9.0), ac.InvalidInput, "duration")
     path = ac.Path.polyline(LINES)
-    for given in (ac.trace(path, arm), trace_program(ac.Program.of(path), arm, limits)):
+    for given in (ac.trace(path, arm), trace_program(ac.Program.from_path(path), arm, limits)):
         own = functools.partial(ac.plan, given, arm, limits, ac.Shaped(tolerance=1e-3))
         refuses(own, ac.InvalidInput)
     refuses(lambda: ac.shape(path, arm, limits, ac.Optimal()), ac.InvalidInput, "Shaped")

@@ -8,8 +8,8 @@ from soak.certificates import random_job
 
 import armcontour as ac
 from armcontour.control.compensation import METHODS
-from armcontour.geometry._segments import search_along
-from armcontour.geometry.nearest import pack
+from armcontour.geometry.kernels import search_along
+from armcontour.geometry.projection import pack
 from armcontour.motion import LapLaw
 from armcontour.robot.planar import Tube
 from armcontour.simulation.robustness import monte_carlo as robustness

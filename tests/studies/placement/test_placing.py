@@ -48,7 +48,7 @@ MIDDLE = np.array([0.53, 0.03, 0.2])
 
 def moved(job, frame):
     """The job with its path moved, where `place` moves the frame that the path is given in."""
-    path = ac.Program.of(job.path).placed(frame).single_path
+    path = ac.Program.from_path(job.path).placed(frame).single_path
     return replace(job, path=path)
 
 

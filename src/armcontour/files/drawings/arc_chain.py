@@ -11,7 +11,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampling import number_parts
 from armcontour.geometry import Segments
-from armcontour.geometry.fit import fit_arcs
+from armcontour.geometry.arc_fit import fit_arcs
 from armcontour.geometry.segments import REPEATED_POINT, close_up
 
 # An ellipse counts as a circle if its semi-axes differ by at most this fraction of the chord

@@ -223,7 +223,7 @@ class EntitySegments:
         breaks = self.segments.breaks
         half = breaks[self.first[:-1]] + self.lengths / 2
         i = np.clip(np.searchsorted(breaks, half) - 1, self.first[:-1], self.first[1:] - 1)
-        return self.segments.at(i, np.clip(half - breaks[i], 0.0, self.segments.lengths[i]))
+        return self.segments.evaluate(i, np.clip(half - breaks[i], 0.0, self.segments.lengths[i]))
 
     def join(self, entries: Sequence[int], closed: bool, tolerance: float) -> Path:
         """The path through pieces in the given order, with the gaps between them closed.

@@ -15,7 +15,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.files.drawings.arc_chain import Affine, ArcChain, draw_plain
 from armcontour.geometry import Path, Segments
-from armcontour.geometry.fit import fit_many
+from armcontour.geometry.arc_fit import fit_many
 from armcontour.geometry.segments import REPEATED_POINT
 
 # Number of Bézier curves that are fitted at once: enough to make numpy's overhead small, and few

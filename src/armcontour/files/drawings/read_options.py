@@ -28,8 +28,8 @@ from armcontour.core.quantities import (
 from armcontour.core.text import digits, make_printable, show
 from armcontour.files.units import parse
 from armcontour.geometry import SegmentLimits
-from armcontour.geometry.mending import Mended, mend_vertices
-from armcontour.geometry.rounding import Continuity
+from armcontour.geometry.rounded_path import Continuity
+from armcontour.geometry.tangent_repair import Mended, mend_vertices
 from armcontour.program import Contour, Program
 from armcontour.program.moves import Move
 

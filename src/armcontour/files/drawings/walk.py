@@ -60,7 +60,7 @@ def _clip_once(path: Path, clip: Clip) -> list[Path]:
     """The parts of a path that one clip keeps."""
     table, polygon = path.segments, clip.corners
     i, begin, end = _cut_at_edges(table, polygon)
-    inside = _kept(table.at(i, (begin + end) / 2), clip)
+    inside = _kept(table.evaluate(i, (begin + end) / 2), clip)
     if not inside.any():
         return []
     if inside.all():
@@ -87,7 +87,7 @@ def _cut_at_edges(table: Segments, polygon: FloatArray) -> tuple[IntArray, Float
             # Crossings at the ends of a segment or outside of the edge do not cut.
             good = (u > REPEATED_POINT) & (u < table.lengths - REPEATED_POINT)
             i = np.flatnonzero(good)
-            x = (table.at(i, u[i]) - a) @ along
+            x = (table.evaluate(i, u[i]) - a) @ along
             i = i[(x >= -REPEATED_POINT) & (x <= size + REPEATED_POINT)]
             rows.append(i)
             distances.append(u[i])

@@ -209,6 +209,6 @@ def _spreads(segments: Segments, breaks: FloatArray, coefficients: FloatArray) -
     half = segments.lengths[::2][:, None]
     second = u > half
     row = 2 * np.arange(len(width))[:, None] + second
-    arc_points = segments.at(row.ravel(), np.where(second, u - half, u).ravel())
+    arc_points = segments.evaluate(row.ravel(), np.where(second, u - half, u).ravel())
     deviation = np.linalg.norm(arc_points.reshape(points.shape) - points, axis=2)
     return np.asarray(SURE * deviation.max(axis=1))

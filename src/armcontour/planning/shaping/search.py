@@ -15,7 +15,7 @@ from armcontour.core.sampling import number_parts
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube, orient_shaped
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.geometry.shaped import ARCS, PARABOLAS, SHAPED
+from armcontour.geometry.shaped_path import ARCS, PARABOLAS, SHAPED
 from armcontour.planning.options import Shaped
 from armcontour.planning.shaping.curves import DrawnPath, draw
 from armcontour.planning.shaping.kinematics import NearPath

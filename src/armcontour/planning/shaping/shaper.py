@@ -19,7 +19,7 @@ from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step
 from armcontour.core.text import capitalise
 from armcontour.geometry import Outcome, Path, ShapedPath, Tube
-from armcontour.geometry.shaped import ARCS, SHAPED, STOPS, doubt_search
+from armcontour.geometry.shaped_path import ARCS, SHAPED, STOPS, doubt_search
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.options import Optimal, Shaped
@@ -90,7 +90,7 @@ def shape(
     """
     bounds = resolve_limits("shape", arm, limits)
     check_jerk_support(Method.SHAPED, bounds)
-    program = Program.of(path, "shape needs a Path or a Program")
+    program = Program.from_path(path, "shape needs a Path or a Program")
     shaped = Shaping(arm, bounds, options).shape(program, progress, named=program is path)
     if program is path:
         return shaped

@@ -11,7 +11,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ArmContourError
 from armcontour.core.sampling import number_parts
 from armcontour.geometry import Path, Proof, RoundedPath, Tube, round_corners, round_with_parabolas
-from armcontour.geometry.shaped import ARCS, PARABOLAS, STOPS
+from armcontour.geometry.shaped_path import ARCS, PARABOLAS, STOPS
 from armcontour.motion import JointPath, Trajectory
 from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal, Shaped
@@ -149,7 +149,7 @@ class Timer:
 
 def tube_of(objective: Path, options: Shaped) -> Tube:
     """The tube of the tolerance around an objective path."""
-    return Tube.of(
+    return Tube.around(
         objective, options.tolerance, line_tolerance=options.line_tolerance, zone=options.zone
     )
 

@@ -26,7 +26,7 @@ from armcontour.core.simd import (
     size,
     store,
 )
-from armcontour.motion._intervals import interval_time
+from armcontour.motion.kernels import interval_time
 from armcontour.planning.topp.limit_forms import (
     ALONE,
     BACK,

@@ -9,7 +9,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.kernels import FUSED, compiled
 from armcontour.core.simd import choose, highest, load
-from armcontour.motion._intervals import interval_time
+from armcontour.motion.kernels import interval_time
 from armcontour.planning.topp.kernels import GridPlan, acceleration_range, next_joint, path_slopes
 from armcontour.planning.topp.limit_forms import BACK, FORTH, ROWS, GridLimits, Intervals
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from armcontour.core import result
 from armcontour.core.result import Row
 from armcontour.geometry import ShapedPath
-from armcontour.geometry.shaped import ARCS, PARABOLAS, SHAPED, STOPS
+from armcontour.geometry.shaped_path import ARCS, PARABOLAS, SHAPED, STOPS
 from armcontour.jobs import JobResult
 from armcontour.report.section import Section, Table, table_of
 from armcontour.report.sections.corners import alike

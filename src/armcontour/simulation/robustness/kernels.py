@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.kernels import FUSED, compiled
-from armcontour.geometry._segments import Point, search_along
+from armcontour.geometry.kernels import Point, search_along
 from armcontour.robot.kernels import tool_point
 from armcontour.robot.servo.joint_response import Motion, Servo
 from armcontour.robot.servo.march import march

@@ -20,7 +20,7 @@ from armcontour.core.result import VERDICT, Data, Row
 from armcontour.core.text import short_repr
 from armcontour.geometry import Path, angle_between
 from armcontour.geometry.biarcs import draw_arcs
-from armcontour.geometry.nearest import pack_arcs
+from armcontour.geometry.projection import pack_arcs
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.motion import SetPoints
 from armcontour.robot import Arm, Limits, resolve_limits

@@ -74,7 +74,7 @@ def place_job(job: Job, frame: Frame, what: str = PART) -> Job:
     path, part = job.path, job.part
     if not isinstance(arm, SerialArm):
         way = _of_part(frame, what)
-        path, part = Program.of(path).placed(way), way @ part
+        path, part = Program.from_path(path).placed(way), way @ part
         path = path.single_path or path
     return replace(job, arm=arm, path=path, scene=scene, part=part)
 

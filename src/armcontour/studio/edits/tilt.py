@@ -18,7 +18,7 @@ from armcontour.files.job_edits import Change, Keys, value_at
 from armcontour.files.job_model import OrientationModel
 from armcontour.files.scene_file import rotation_of
 from armcontour.files.units import read_quantity, write_like
-from armcontour.geometry.orienting import POINTING_DOWN
+from armcontour.geometry.prescribed_orientation import POINTING_DOWN
 from armcontour.studio.edits.state import EditState
 from armcontour.studio.handles import ANGLE, Handles
 

@@ -23,7 +23,7 @@ from armcontour.files.drawings.gcode.arcs import Point as InPlane
 from armcontour.files.drawings.gcode.draft import Feed, Point, ProgramDraft
 from armcontour.files.drawings.gcode.words import Fault
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.program._crossings import (
+from armcontour.program.crossings import (
     CURVATURE,
     LENGTH,
     TX,

@@ -10,15 +10,15 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.geometry.orientation import Orientation
-from armcontour.geometry.orienting import tangent_rates
+from armcontour.geometry.prescribed_orientation import tangent_rates
 from armcontour.geometry.segments import Segments
 
 # Angle of a quarter circle [rad].
 QUARTER = np.pi / 2
-# If the sine of the angle between tangent and `up` is below this, left and right are undefined.
+# Smallest sine of the angle between tangent and `up`; below it left and right are undefined.
 UPRIGHT = 1e-6
-# Sine of the angle of a vertex towards the side of an arc, above which the arc would cross the
-# contour by more than the share of its length in which contact is not judged.
+# Largest sine of the angle of a vertex towards the side of an arc. Above it the arc would cross the
+# contour by more than the fraction of its length on which contact is ignored.
 SHARP = 0.005
 
 
@@ -41,16 +41,16 @@ def lead_path(
         side: Side of the path on which an arc lies, seen in the direction of travel.
         up: In space, the upward direction, which defines left and right, (3,).
         after: True for the lead-out.
-        beyond: Unit tangent of a closed contour at the other side of the vertex that the lead
+        beyond: Unit tangent of a closed contour on the other side of the vertex that the lead
             touches. If the contour turns towards the side of an arc there, the lead is a line along
-            the bisector instead: a tangent arc would cross the contour.
+            the bisector, because a tangent arc would cross the contour.
 
     Raises:
         InvalidInput: The lead is an arc and the tangent goes straight up.
     """
     s = path.length if after else 0.0
-    which = "left" if after else "right"
-    point, tangent = path(s), path(s, 1, side=which)
+    direction = "left" if after else "right"
+    point, tangent = path(s), path(s, 1, side=direction)
     row = -1 if after else 0
     if shape == "arc" and beyond is not None:
         entering, leaving = (tangent, beyond) if after else (beyond, tangent)
@@ -82,45 +82,34 @@ def lead_path(
     )
     if path.orientation is None:
         return lead
-    rotation = path.orientation(s, side=which)
+    rotation = path.orientation(s, side=direction)
     return dataclasses.replace(
         lead, orientation=_lead_orientation(path.orientation, rotation, lead, after)
     )
 
 
 def _side_vector(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:
-    """Unit vector perpendicular to a tangent, towards the given side.
-
-    Raises:
-        InvalidInput: The tangent goes straight up.
-    """
+    """Unit vector perpendicular to a tangent, towards `side`."""
     if len(tangent) == 2:
-        left = np.array([-tangent[1], tangent[0]])
+        normal = np.array([-tangent[1], tangent[0]])
     else:
-        left = np.cross(up, tangent)
-        size = float(np.linalg.norm(left))
+        normal = np.cross(up, tangent)
+        size = float(np.linalg.norm(normal))
         if size < UPRIGHT:
             raise InvalidInput(
                 "A lead in the shape of an arc has no side where the contour goes straight up: "
                 "take the shape line."
             )
-        left = left / size
-        left -= (left @ tangent) * tangent
-        left /= np.linalg.norm(left)
-    return np.asarray(left if side == "left" else -left)
+        normal = normal / size
+        normal -= (normal @ tangent) * tangent
+        normal /= np.linalg.norm(normal)
+    return np.asarray(normal if side == "left" else -normal)
 
 
 def _lead_orientation(
     orientation: Orientation, rotation: FloatArray, lead: Path, after: bool
 ) -> Orientation:
-    """Tool orientation along a lead: constant, or following the tangent if the path's does.
-
-    Args:
-        orientation: Orientation of the path.
-        rotation: Rotation matrix at the end of the path that the lead touches, (3, 3).
-        lead: The lead.
-        after: True for the lead-out.
-    """
+    """Tool orientation along a lead: constant, or following the tangent if the path's does."""
     rate = np.zeros(3)
     if orientation.follows and lead.curvatures[0] > 0:
         rate = tangent_rates(lead.segments)[0]

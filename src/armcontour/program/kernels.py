@@ -1,8 +1,8 @@
-"""Short open tours over contours, compiled: local search.
+"""Compiled local search for a short open tour over contours.
 
-Every contour has options: a closed one places where it may begin, an open one its directions. An
-option has a point of entry and a point of exit. Moves of the search are those of 2-opt and Or-opt;
-Lin, Kernighan's double bridge with short parts leads out of local optima.
+Every contour has options: a closed contour start points, an open one its directions. An option has
+a point of entry and a point of exit. The moves of the search are those of 2-opt and Or-opt; the
+double bridge of Lin and Kernighan with short parts leaves local optima.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernels import compiled
 
-# Longest part of a tour that an Or-opt move carries elsewhere.
+# Longest part of a tour that an Or-opt move relocates.
 LONGEST_PART = 3
 # Longest parts that are exchanged to leave a local optimum.
 LONGEST_EXCHANGE = 30
 # Up to this number of contours, an exchange also changes an option.
 FEW = 30
-# Changes of length below this share of a tour are rounding errors.
+# Changes of length below this fraction of a tour are rounding errors.
 NO_GAIN = 1e-12
 
 
@@ -45,16 +45,16 @@ class _Tour(NamedTuple):
     Attributes:
         order: The contour at each position, (n + 1,).
         option: The option of every contour, (n,).
-        place: Position of every contour, (n,).
-        at: The option at each position; -1 before the first one and after the last, (n + 2,).
+        position: Position of every contour, (n,).
+        chosen: The option at each position; -1 before the first one and after the last, (n + 2,).
         ahead: Length of the links up to each position, (n + 2,).
-        back: The same if they run backwards, (n + 2,).
+        back: The same in the opposite direction, (n + 2,).
     """
 
     order: IntArray
     option: IntArray
-    place: IntArray
-    at: IntArray
+    position: IntArray
+    chosen: IntArray
     ahead: FloatArray
     back: FloatArray
 
@@ -72,44 +72,37 @@ def distance(options: Options, a: int, b: int) -> float:
 
 @compiled(inner=True)
 def _refresh(options: Options, tour: _Tour, first: int) -> None:
-    """Set what follows from the order and the options, from a position on."""
-    order, option, place, at, ahead, back = tour
-    for k in range(first, len(at)):
-        at[k] = -1
+    """Update the dependent arrays of a tour from a position on."""
+    order, option, position, chosen, ahead, back = tour
+    for k in range(first, len(chosen)):
+        chosen[k] = -1
         if k < len(order):
-            place[order[k]], at[k] = k, option[order[k]]
-        ahead[k] = ahead[k - 1] + distance(options, at[k - 1], at[k])
-        back[k] = back[k - 1] + distance(options, at[k], at[k - 1])
+            position[order[k]], chosen[k] = k, option[order[k]]
+        ahead[k] = ahead[k - 1] + distance(options, chosen[k - 1], chosen[k])
+        back[k] = back[k - 1] + distance(options, chosen[k], chosen[k - 1])
 
 
 @compiled(inner=True, allocates=True)
 def _carry(
-    options: Options, parent: IntArray, tour: _Tour, start: int, end: int, to: int, least: float
+    options: Options, parent: IntArray, tour: _Tour, start: int, end: int, to: int, threshold: float
 ) -> bool:
-    """Carry a part of the tour elsewhere if that gains more than `least` and is allowed.
+    """Move a part of the tour behind a position if the gain exceeds `threshold` and it is allowed.
 
-    Args:
-        options: The options.
-        parent: As in `search`.
-        tour: The tour, changed if the move is made.
-        start: Position of the part's first contour.
-        end: Position of its last contour.
-        to: Position after which it goes, forwards or backwards; after one of its own it stays.
-        least: Smallest gain of length.
+    A position inside the part reverses it.
     """
-    order, option, place, at, ahead, back = tour
+    order, option, position, chosen, ahead, back = tour
     if start < 1 or end >= len(order):
         return False
-    before, after, a, z = at[start - 1], at[end + 1], at[start], at[end]
+    before, after, a, z = chosen[start - 1], chosen[end + 1], chosen[start], chosen[end]
     x, y = before, after
     gain = distance(options, before, a) + distance(options, z, after)
     if not start - 1 <= to <= end:
-        x, y = at[to], at[to + 1]
+        x, y = chosen[to], chosen[to + 1]
         gain += distance(options, x, y) - distance(options, before, after)
     onward = gain - distance(options, x, a) - distance(options, z, y)
     backward = gain - distance(options, x, z) - distance(options, a, y)
     backward += ahead[end] - ahead[start] - back[end] + back[start]
-    if max(onward, backward) <= least:
+    if max(onward, backward) <= threshold:
         return False
     # The part comes after the others, or before them.
     low, high, size = min(start, to + 1), max(end, to), end - start + 1
@@ -119,10 +112,10 @@ def _carry(
     order[begin : begin + size] = part[::-1] if backward > onward else part
     order[middle : middle + len(others)] = others
     for k in range(low, high + 1):
-        place[order[k]] = k
+        position[order[k]] = k
     for k in range(low, high + 1):
         p = parent[order[k]]
-        if p >= 0 and place[p] < k:
+        if p >= 0 and position[p] < k:
             order[low : high + 1] = old
             _refresh(options, tour, low)
             return False
@@ -132,24 +125,29 @@ def _carry(
 
 @compiled(inner=True, allocates=True)
 def _improve_at(options: Options, parent: IntArray, near: IntArray, tour: _Tour, c: int) -> bool:
-    """Make one move that shortens the tour at contour c; whether there was one."""
-    order, option, place, at, ahead, _ = tour
-    n, i = len(order) - 1, place[c]
+    """Make one move that shortens the tour at contour c; return whether there is one."""
+    order, option, position, chosen, ahead, _ = tour
+    n, i = len(order) - 1, position[c]
     no_gain = NO_GAIN * (1 + ahead[-1])
-    before, after = distance(options, at[i - 1], at[i]), distance(options, at[i], at[i + 1])
-    least, best = before + after - no_gain, at[i]
+    before, after = (
+        distance(options, chosen[i - 1], chosen[i]),
+        distance(options, chosen[i], chosen[i + 1]),
+    )
+    shortest, best = before + after - no_gain, chosen[i]
     for o in range(options.first[c], options.first[c + 1]):
-        d = distance(options, at[i - 1], o) + distance(options, o, at[i + 1])
-        if d < least:
-            least, best = d, o
-    if best != at[i]:
+        d = distance(options, chosen[i - 1], o) + distance(options, o, chosen[i + 1])
+        if d < shortest:
+            shortest, best = d, o
+    if best != chosen[i]:
         option[c] = best
         _refresh(options, tour, i)
         return True
     for m in near[c]:
-        k, o = place[m], option[m]
+        k, o = position[m], option[m]
         # A move gains only if it adds a link that is shorter than one that it removes.
-        if min(distance(options, at[i], o), distance(options, o, at[i])) >= max(before, after):
+        if min(distance(options, chosen[i], o), distance(options, o, chosen[i])) >= max(
+            before, after
+        ):
             continue
         low, high = min(i, k), max(i, k)
         for start, end in ((low + 1, high), (low, high - 1)):
@@ -160,7 +158,7 @@ def _improve_at(options: Options, parent: IntArray, near: IntArray, tour: _Tour,
                 for to in (k, k - 1):
                     if _carry(options, parent, tour, start, start + count - 1, to, no_gain):
                         return True
-    # Ends of the tour are next to nothing.
+    # Moves to the ends of the tour, which have no neighbour.
     for start, end, to in ((1, i, i), (i, i, 0), (i, n, n), (i, i, n)):
         if _carry(options, parent, tour, start, end, to, no_gain):
             return True
@@ -180,18 +178,20 @@ def search(
 
     Args:
         options: The options.
-        parent: Contour that may only come after each contour, or -1, (n,).
+        parent: Contour that each contour must precede, or -1, (n,).
         near: The nearest contours of every contour, (n, k).
         tour: The contours in order, (n,).
         option: The option of every contour, (n,).
-        numbers: Random numbers for exchanges of parts from which the search goes on, (tries, 4).
+        numbers: Random numbers for exchanges of parts from which the search continues, (tries, 4).
     """
     n = len(tour)
-    order, place = np.append(-1, tour), np.zeros(n, dtype=np.intp)
-    now = _Tour(order, option.copy(), place, np.full(n + 2, -1), np.zeros(n + 2), np.zeros(n + 2))
+    order, position = np.append(-1, tour), np.zeros(n, dtype=np.intp)
+    now = _Tour(
+        order, option.copy(), position, np.full(n + 2, -1), np.zeros(n + 2), np.zeros(n + 2)
+    )
     _refresh(options, now, 1)
     queue, queued, count = tour.copy(), np.ones(n, dtype=np.bool_), n
-    least = np.inf
+    shortest = np.inf
     for trial in range(len(numbers) + 1):
         if trial:
             number = numbers[trial - 1]
@@ -214,16 +214,16 @@ def search(
             count -= 1
             c = queue[count]
             queued[c] = False
-            a, b = order[max(place[c] - 1, 1)], order[min(place[c] + 1, n)]
+            a, b = order[max(position[c] - 1, 1)], order[min(position[c] + 1, n)]
             if _improve_at(options, parent, near, now, c):
                 # Contours that were next to it, and those that are now.
-                for m in (a, b, order[max(place[c] - 1, 1)], order[min(place[c] + 1, n)], c):
+                for m in (a, b, order[max(position[c] - 1, 1)], order[min(position[c] + 1, n)], c):
                     if not queued[m]:
                         queue[count] = m
                         queued[m] = True
                         count += 1
-        if now.ahead[-1] < least * (1 - NO_GAIN) - NO_GAIN:
-            least = now.ahead[-1]
+        if now.ahead[-1] < shortest * (1 - NO_GAIN) - NO_GAIN:
+            shortest = now.ahead[-1]
             tour[:], option[:] = order[1:], now.option
         else:
             order[1:], now.option[:] = tour, option

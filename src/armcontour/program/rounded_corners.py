@@ -16,10 +16,10 @@ from armcontour.core.fields import checked
 from armcontour.core.text import capitalise
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry import round_corners as round_path
-from armcontour.geometry.rounding import Continuity
+from armcontour.geometry.rounded_path import Continuity
 from armcontour.program.moves import Contour, Program
 
-# Points of a path of which the extent is taken, and a tolerance that no process allows [m].
+# Number of points for the extent of a path, and a tolerance that no process allows [m].
 SAMPLES, LARGE = 65, 0.02
 
 
@@ -65,15 +65,15 @@ def round_corners(
             `tolerance` may be a function that gives these values for the path of a contour.
         speed: Lowest speed on a corner [m/s].
         acceleration: Centripetal acceleration at that speed [m/s²]. With `tolerance` alone this
-            value only sets the corner speeds that are reported.
+            value only sets the reported corner speeds.
         angular_tolerance: Largest angle between the tool orientation and its value at the vertex
             [rad].
-        continuity: "tangent", or "curvature" for corners that can be run without stopping under a
-            limit of jerk.
+        continuity: "tangent", or "curvature" for corners that a motion with a jerk limit passes
+            without a stop.
 
     Raises:
         InvalidInput: Neither case is given, a value is negative, the number of values is wrong, or
-            the orientation needs an angular tolerance and there is none.
+            the orientation needs an angular tolerance.
 
     Warns:
         UserWarning: The tolerance is larger than the path.
@@ -90,11 +90,11 @@ def round_corners(
         )
 
     if isinstance(path, Path):
-        found = rounded(path)
+        rounded_path = rounded(path)
         for doubt in () if callable(tolerance) else doubt_tolerance(path, tolerance):
             warnings.warn(capitalise(doubt), stacklevel=3)
-        return found
-    program = Program.of(path, "round_corners needs a Path or a Program")
+        return rounded_path
+    program = Program.from_path(path, "round_corners needs a Path or a Program")
     moves = [
         put_on_path(x, rounded(x.path)) if isinstance(x, Contour) else x for x in program.moves
     ]
@@ -102,7 +102,7 @@ def round_corners(
 
 
 def doubt_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> list[str]:
-    """A sentence on a corner tolerance [m] that is large, and larger than the path, or none."""
+    """A sentence on a corner tolerance [m] that is larger than the path; empty otherwise."""
     largest = 0.0 if tolerance is None else float(np.max(tolerance, initial=0.0))
     if largest <= LARGE:
         return []
@@ -122,16 +122,17 @@ def smooth_curvature(path: Path, *, tolerance: float) -> Path: ...
 def smooth_curvature(path: Program, *, tolerance: float) -> Program: ...
 @checked
 def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Program:
-    """Put transitions where the curvature of a path, or of a program's contours, jumps.
+    """Insert transitions where the curvature of a path, or of a program's contours, jumps.
 
-    Where lines and arcs meet without a corner the curvature jumps, so that a motion with a limit of
-    jerk stops there. A transition takes as much of both as the tolerance and their lengths allow,
-    and leaves the path by at most the tolerance, which is proven. Corners stay: `round_corners`
-    with continuity "curvature" rounds them, before or after. Where less than a micrometre is left
-    for a transition, or the tool orientation makes the tool stop anyway, the jump stays.
+    Where lines and arcs meet without a corner the curvature jumps, so a motion with a jerk limit
+    stops there. A transition uses as much of both segments as the tolerance and their lengths
+    allow, and deviates from the path by at most the tolerance, which is proven. Corners stay:
+    `round_corners` with continuity "curvature" rounds them, before or after. Where less than a
+    micrometre is available for a transition, or the tool orientation requires a stop anyway, the
+    jump stays.
 
     Speeds, tolerances and tags stay on their sides of each vertex; events and the tool orientation
-    keep their places.
+    keep their positions.
 
     Args:
         path: The path, or the program.
@@ -144,29 +145,29 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
     """
     from armcontour.geometry.curvature import smooth_curvature as smooth_path
 
-    program = Program.of(path, "smooth_curvature needs a Path or a Program")
+    program = Program.from_path(path, "smooth_curvature needs a Path or a Program")
     moves = []
     for x in program.moves:
         if isinstance(x, Contour):
-            found, places = smooth_path(x.path, tolerance)
-            x = _put(x, found, partial(_interpolate, places))
+            smoothed, pairs = smooth_path(x.path, tolerance)
+            x = _put(x, smoothed, partial(_interpolate, pairs))
         moves.append(x)
     smooth = dataclasses.replace(program, moves=tuple(moves))
     return smooth if program is path else smooth.path
 
 
 def draw_with_arcs(contour: Contour) -> Contour:
-    """The contour with arcs for the transitions of its path, where there are any."""
-    from armcontour.geometry.fit import draw_with_arcs as draw_path
+    """The contour with arcs instead of the transitions of its path."""
+    from armcontour.geometry.arc_fit import draw_with_arcs as draw_path
 
     if not contour.path.segments.bent.any():
         return contour
-    path, places = draw_path(contour.path)
-    return _put(contour, path, partial(_interpolate, places))
+    path, pairs = draw_path(contour.path)
+    return _put(contour, path, partial(_interpolate, pairs))
 
 
 def put_on_path(contour: Contour, path: RoundedPath | ShapedPath) -> Contour:
-    """The contour on the path that replaces its own, with events and work at their places there.
+    """The contour on another path, with events and work at the corresponding arc lengths.
 
     Args:
         contour: The contour on its objective path.
@@ -175,23 +176,23 @@ def put_on_path(contour: Contour, path: RoundedPath | ShapedPath) -> Contour:
     return _put(contour, path, path.place)
 
 
-def _interpolate(places: FloatArray, s: npt.ArrayLike) -> FloatArray:
-    """Arc lengths that belong to others, by pairs that belong together, (n, 2) [m]."""
-    return np.asarray(np.interp(np.asarray(s, dtype=np.float64), places[:, 0], places[:, 1]))
+def _interpolate(pairs: FloatArray, s: npt.ArrayLike) -> FloatArray:
+    """Corresponding arc lengths, by pairs of arc lengths, (n, 2) [m]."""
+    return np.asarray(np.interp(np.asarray(s, dtype=np.float64), pairs[:, 0], pairs[:, 1]))
 
 
-def _put(contour: Contour, path: Path, place: Callable[[npt.ArrayLike], FloatArray]) -> Contour:
-    """The contour on a path, on which `place` gives the arc lengths of events and work."""
+def _put(contour: Contour, path: Path, map_s: Callable[[npt.ArrayLike], FloatArray]) -> Contour:
+    """The contour on a path; `map_s` maps arc lengths of events and work."""
     if not contour.events and contour.work is None:
         return dataclasses.replace(contour, path=path)
     events = contour.events
     if events:
-        places = place([x.s for x in events])
+        event_s = map_s([x.s for x in events])
         events = tuple(
-            dataclasses.replace(x, s=float(s)) for x, s in zip(events, places, strict=True)
+            dataclasses.replace(x, s=float(s)) for x, s in zip(events, event_s, strict=True)
         )
     work = None
     if contour.work is not None:
-        start, end = place(contour.work)
+        start, end = map_s(contour.work)
         work = (float(start), float(end))
     return dataclasses.replace(contour, path=path, events=events, work=work)

@@ -15,9 +15,10 @@ from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.fields import checked
 from armcontour.core.text import count_noun, shorten
 from armcontour.geometry import Path, SegmentLimits
-from armcontour.geometry.cutting import cut_path, join_paths
+from armcontour.geometry.path_parts import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.geometry.weaving import weave_seam
+from armcontour.geometry.weave import weave_seam
+from armcontour.program.contour_order import close_contour, direct_contours, order_contours
 from armcontour.program.moves import (
     Contour,
     Dwell,
@@ -32,17 +33,16 @@ from armcontour.program.moves import (
     next_rapid,
     reroute,
 )
-from armcontour.program.ordering import close_contour, direct_contours, order_contours
 from armcontour.program.process import MOST_TABS, Lead, Leads, Process, Switch, Tabs, Weave
 
 if TYPE_CHECKING:
     from armcontour.program.kerf import LeadPlacement
 
-# Tag of the way from the height of a pierce.
+# Tag of the path down from the height of a pierce.
 PIERCE = "pierce"
-# Free length between a tab and a corner, the start point or another tab, in widths of a tab.
+# Smallest distance from a tab to a corner, the start point or another tab, in widths of a tab.
 CLEAR = 1.0
-# Smaller turns are those of curves that are drawn as polylines, on which tabs may lie [rad].
+# Smallest turn of a corner [rad]; smaller turns are those of curves drawn as polylines.
 CORNER = np.radians(20)
 
 
@@ -53,16 +53,16 @@ def prepare(
     """The program with start points, leads, overlaps, approaches and events of the process.
 
     Args:
-        program: The program as it is drawn, or a path.
+        program: The program as drawn, or a path.
         process: Requirements of the process.
-        lengths: Lengths of leads without a given length, one item per contour after `resume_at`.
+        lengths: Lengths of automatic leads, one item per contour after `resume_at`.
 
     Raises:
         InvalidInput: `resume_at` is past the end of the program, a layer does not exist, a lead has
             no side, lengths of leads are missing, or a program in the plane has an approach, a
             retract or the height of a pierce.
     """
-    program = Program.of(program, "prepare needs a Path or a Program")
+    program = Program.from_path(program, "prepare needs a Path or a Program")
     if lengths is not None:
         lengths = checks.check_sequence("lengths", lengths, Leads, "Leads")
     check_process(program, process)
@@ -74,10 +74,10 @@ def prepare(
     changes = 0
     for i, x in enumerate(program.moves):
         if isinstance(x, Contour):
-            own, called = process.of_layer(x.layer), contour_called(x, len(drawn))
-            passes = _pass_again(x, own.passes)
+            layer_process, called = process.of_layer(x.layer), contour_called(x, len(drawn))
+            passes = _pass_again(x, layer_process.passes)
             drawn += passes
-            x = _start_contour(x, own, is_meant(program.moves, i), called, switching)
+            x = _start_contour(x, layer_process, is_meant(program.moves, i), called, switching)
             moves += [dataclasses.replace(x, name=y.name) for y in passes]
         elif isinstance(x, Event) and x.changes_tool:
             moves.append(x)
@@ -93,17 +93,19 @@ def prepare(
         placement = LeadPlacement(drawn, process)
     program = dataclasses.replace(program, moves=tuple(moves))
     program, run_in = resume(program, process.resume_at, keeps_lead=partial(_keeps_lead, process))
-    given = 0 if lengths is None else len(lengths)
-    if given != len(program.contours) and (process.automatic or lengths is not None):
+    count = 0 if lengths is None else len(lengths)
+    if count != len(program.contours) and (process.automatic or lengths is not None):
         raise InvalidInput(
             f"Leads of automatic length need {len(program.contours)} lengths, one per contour, "
-            f"but there are {given}: run a job, which finds them, or give the leads a length."
+            f"but got {count}: run a job, which determines them, or give the leads a length."
         )
     contours: list[Contour] = []
     for k, x in enumerate(program.contours, len(drawn) - len(program.contours)):
-        own = process.of_layer(x.layer)
-        leads = _lead_lengths(own, lengths, len(contours))
-        contours.append(_add_leads(x, own, leads, run_in if not contours else None, placement, k))
+        layer_process = process.of_layer(x.layer)
+        leads = _lead_lengths(layer_process, lengths, len(contours))
+        contours.append(
+            _add_leads(x, layer_process, leads, run_in if not contours else None, placement, k)
+        )
     result = _link(program.moves, contours, process, rapids_away)
     notes = (*program.notes, *(() if placement is None else placement.notes))
     if changes and process.tool_change is None:
@@ -115,15 +117,15 @@ def prepare(
 
 
 def _untimed(changes: int) -> str:
-    """A note on tool changes that take no time."""
+    """A note on tool changes without a duration."""
     return (
-        f"no time is stated for {count_noun(changes, 'tool change')}, so the program goes on "
+        f"no time is stated for {count_noun(changes, 'tool change')}, so the program continues "
         "at once: give process.tool_change, such as 5 s."
     )
 
 
 def _slow(rapid: Rapid, speed: float) -> Rapid:
-    """A rapid whose path has a largest speed, where it has none [m/s]."""
+    """A rapid with a largest speed on its path [m/s], where it has none."""
     path = rapid.path
     return rapid if path is None else Rapid(path=_with_limits(path, SegmentLimits(speed=speed)))
 
@@ -165,8 +167,8 @@ def arrange(program: Program, process: Process) -> Program:
 
 
 def _pass_again(contour: Contour, passes: int) -> list[Contour]:
-    """An open contour as often as its layer has passes; a closed one runs in laps."""
-    # Whether a contour is closed takes longer than all else here.
+    """One contour per pass for an open contour; the passes of a closed contour are laps."""
+    # `closed` takes longer than the rest of this function.
     if passes == 1 or contour.closed:
         return [contour]
     suffixes = [f" ({k})" for k in range(2, passes + 1)] if contour.name else [""] * (passes - 1)
@@ -175,29 +177,22 @@ def _pass_again(contour: Contour, passes: int) -> list[Contour]:
 
 
 def _keeps_lead(process: Process, contour: Contour, event: Event) -> bool:
-    """Whether an event that resuming switches again keeps its time advance."""
-    own = process.of_layer(contour.layer)
-    switched = own.switch is not None and own.switch.name == event.name
-    return own.lead_in is not None or (switched and bool(event.value))
+    """Whether an event that is repeated when resuming keeps its time advance."""
+    layer_process = process.of_layer(contour.layer)
+    switched = layer_process.switch is not None and layer_process.switch.name == event.name
+    return layer_process.lead_in is not None or (switched and bool(event.value))
 
 
 def _link(
     moves: Sequence[Move], contours: Sequence[Contour], process: Process, rapids_away: set[Rapid]
 ) -> list[Move]:
-    """The moves with other contours, rapids to their new ends, approaches, retracts and dwells.
-
-    Args:
-        moves: The moves of the program.
-        contours: One contour for each contour among the moves, with leads.
-        process: Requirements of the process.
-        rapids_away: Rapids that start at the end of the contour before them.
-    """
+    """The moves with other contours, rapids to their new ends, approaches, retracts and dwells."""
     result: list[Move] = []
     # Index in `result` of each move of the program.
-    places: list[int] = []
+    positions: list[int] = []
     number = 0
     for i, move in enumerate(moves):
-        places.append(len(result))
+        positions.append(len(result))
         if isinstance(move, Rapid) and move in rapids_away:
             move = reroute(move, start=last_end(result))
         if not isinstance(move, Contour):
@@ -206,12 +201,14 @@ def _link(
         contour = contours[number]
         before = next_rapid(moves, range(i - 1, -1, -1))
         if before is not None:
-            k = places[before]
+            k = positions[before]
             result[k] = reroute(result[k], end=contour.path(0.0))
         followed = next_rapid(moves, range(i + 1, len(moves))) is not None
         added = _add_heights(contour, process, linked=before is not None, followed=followed)
-        own = process.of_layer(contour.layer)
-        dwell = own.dwell + (0.0 if own.pierce is None else own.pierce.time)
+        layer_process = process.of_layer(contour.layer)
+        dwell = layer_process.dwell + (
+            0.0 if layer_process.pierce is None else layer_process.pierce.time
+        )
         if dwell:
             added.insert(added.index(contour), Dwell(duration=dwell))
         result += added
@@ -220,8 +217,8 @@ def _link(
 
 
 def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int) -> Leads:
-    """Lengths of the leads of contour `number`: given by the process, else from `lengths`."""
-    given = Leads() if lengths is None else lengths[number]
+    """Lengths of the leads of contour `number`, from the process or else from `lengths`."""
+    defaults = Leads() if lengths is None else lengths[number]
 
     def length_of(lead: Lead | None, automatic: float) -> float:
         if lead is None:
@@ -229,21 +226,17 @@ def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int
         return automatic if lead.length is None else lead.length
 
     return Leads(
-        before=length_of(process.lead_in, given.before),
-        after=length_of(process.lead_out, given.after),
+        before=length_of(process.lead_in, defaults.before),
+        after=length_of(process.lead_out, defaults.after),
     )
 
 
 def _refuse_unknown_layers(program: Program, layers: Sequence[str]) -> None:
-    """Refuse layers on which the program has no contour.
-
-    Raises:
-        InvalidInput: A layer has no contour.
-    """
-    known = {x.layer for x in program.contours}
+    """Raise InvalidInput for a layer without a contour."""
+    available = {x.layer for x in program.contours}
     for name in layers:
-        if name not in known:
-            listed = ", ".join(repr(x) for x in sorted(known)[:12])
+        if name not in available:
+            listed = ", ".join(repr(x) for x in sorted(available)[:12])
             raise InvalidInput(
                 f"{program.source or 'The program'} has no contour on a layer {name!r}, only on "
                 f"{listed}."
@@ -254,8 +247,8 @@ def _refuse_plane(program: Program) -> None:
     """Raise InvalidInput for a program in the plane, which has no heights."""
     if program.dimension == 2:
         raise InvalidInput(
-            "approach, retract and the height of a pierce go up and down, which a program in the "
-            "plane cannot: leave them out, or use an arm in space."
+            "approach, retract and the height of a pierce are vertical motions, which a program in "
+            "the plane does not support: remove them, or use an arm in space."
         )
 
 
@@ -269,8 +262,8 @@ def _add_limits(contour: Contour, segment_limits: SegmentLimits | None) -> Conto
 def _with_limits(path: Path, segment_limits: SegmentLimits) -> Path:
     """A path with speed and tolerance on segments that have none."""
     speeds, tolerances = (
-        values if given is None else np.where(np.isnan(values), given, values)
-        for values, given in (
+        values if limit is None else np.where(np.isnan(values), limit, values)
+        for values, limit in (
             (path.speeds, segment_limits.speed),
             (path.tolerances, segment_limits.tolerance),
         )
@@ -283,18 +276,7 @@ def _with_limits(path: Path, segment_limits: SegmentLimits) -> Path:
 def _start_contour(
     contour: Contour, process: Process, led: bool, called: str, switching: Switching
 ) -> Contour:
-    """A contour with its start point, overlap, demand of its layer and events of the process.
-
-    Args:
-        contour: The contour.
-        process: Requirements of the process.
-        led: Whether a rapid, dwell or event of the program leads to the start of the contour.
-        called: What messages call the contour.
-        switching: State of the outputs before the contour.
-
-    Raises:
-        InvalidInput: An event is past the end of the contour, or as in `close_contour`.
-    """
+    """A contour with its start point, overlap, layer limits and events of the process."""
     contour = _add_limits(contour, process.layers.get(contour.layer))
     closed, lap = contour.closed, contour.path.length
     if closed:
@@ -315,11 +297,7 @@ def _start_contour(
 
 
 def _weave(contour: Contour, weave: Weave, up: FloatArray) -> Contour:
-    """A contour along which the tool weaves; events keep their share of the length.
-
-    Raises:
-        InvalidInput: The contour is too tight for the weave, or goes straight up.
-    """
+    """A contour along which the tool weaves; events keep their fraction of the length."""
     with error_context(f"weave of {contour_called(contour, 0) if contour.name else 'a contour'}"):
         wishes = dataclasses.asdict(weave)
         path, woven = weave_seam(
@@ -338,17 +316,7 @@ def _add_leads(
     placement: LeadPlacement | None,
     number: int,
 ) -> Contour:
-    """A contour with its leads.
-
-    Args:
-        contour: The contour.
-        process: Requirements of the process.
-        leads: Lengths of the leads.
-        run_in: Part of the contour before `resume_at`, which serves as lead-in if it is long
-            enough.
-        placement: Where leads are laid; None without leads.
-        number: Number of the contour there.
-    """
+    """A contour with its leads."""
     path, before = contour.path, 0.0
     parts = [path]
     if process.lead_in is not None and leads.before > REPEATED_POINT:
@@ -363,7 +331,7 @@ def _add_leads(
     if placement and process.lead_out is not None and leads.after > REPEATED_POINT:
         parts.append(placement.lay(number, path, process.lead_out, leads.after, after=True))
     if process.pierce is not None and process.pierce.height > REPEATED_POINT:
-        # Rounding the corner at its end would cut the start of the contour off.
+        # Rounding the corner at its end would cut off the start of the contour.
         speed = None if np.isnan(path.speeds[0]) else float(path.speeds[0])
         drop = SegmentLimits(speed=speed, tolerance=0.0, tag=PIERCE)
         down = _axial_line(parts[0], 0.0, process.pierce.height, process.up, drop)
@@ -375,14 +343,7 @@ def _add_leads(
 
 
 def _move_to_lead(event: Event, process: Process, work: tuple[float, float], end: float) -> Event:
-    """An event on a contour with leads; switching at its ends moves to the ends of active leads.
-
-    Args:
-        event: The event on the contour without leads.
-        process: Requirements of the process.
-        work: Arc lengths at which the contour starts and ends between its leads [m].
-        end: Length of the contour with its leads [m].
-    """
+    """An event on a contour with leads; switching at its ends moves to the ends of active leads."""
     moved = dataclasses.replace(event, s=event.s + work[0])
     if process.switch is None or event.name != process.switch.name:
         return moved
@@ -396,14 +357,7 @@ def _move_to_lead(event: Event, process: Process, work: tuple[float, float], end
 
 
 def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: bool) -> list[Move]:
-    """A contour with its approach and retract.
-
-    Args:
-        contour: The contour.
-        process: Requirements of the process.
-        linked: Whether a rapid of the program leads to the contour, so that no approach is added.
-        followed: Whether a rapid of the program leaves the contour, so that no retract is added.
-    """
+    """A contour with its approach and retract."""
     path, pierce = contour.path, process.of_layer(contour.layer).pierce
     result: list[Move] = [contour]
     segment_limits = SegmentLimits(speed=process.approach_speed)
@@ -420,32 +374,22 @@ def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: 
 def _axial_line(
     path: Path, s: float, height: float, up: FloatArray, segment_limits: SegmentLimits
 ) -> Path:
-    """The line along the tool axis to arc length s of a path, with the orientation there.
-
-    Without a required tool axis it is along `up`.
-
-    Args:
-        path: The path.
-        s: The arc length, 0 or the length of the path [m].
-        height: Length of the line [m].
-        up: Upward direction, (3,).
-        segment_limits: Speed and tolerance of the line.
-    """
-    end, given = path(s), path.orientation
-    if given is None:
+    """The line along the tool axis, or else along `up`, to arc length s of a path."""
+    end, orientation = path(s), path.orientation
+    if orientation is None:
         return Path.polyline([end + height * up, end], segment_limits=segment_limits)
-    rotation = given(s, side="right" if s == 0 else "left")
+    rotation = orientation(s, side="right" if s == 0 else "left")
     line = Path.polyline([end - height * rotation[:, 2], end], segment_limits=segment_limits)
-    return line.oriented(rotation, axis_only=given.axis_only)
+    return line.oriented(rotation, axis_only=orientation.axis_only)
 
 
 def resume(
     program: Program, resume_at: float, *, keeps_lead: Callable[[Contour, Event], bool]
 ) -> tuple[Program, Contour | None]:
-    """The rest of a program, and the part of the resumed contour before the arc length.
+    """The remaining program, and the part of the resumed contour before the arc length.
 
-    Outputs switched before the arc length are switched again: at the arc length if they were
-    switched on the same contour, else before the first move.
+    Outputs that are switched before the arc length are switched again: at the arc length if they
+    are switched on the same contour, else before the first move.
 
     Args:
         program: The program.
@@ -469,8 +413,8 @@ def resume(
             allowed=program.length,
         )
     # The end of a contour counts as the start of the next one.
-    which = int(np.searchsorted(program.breaks, resume_at + REPEATED_POINT, side="right")) - 1
-    s = max(resume_at - float(program.breaks[which]), 0.0)
+    index = int(np.searchsorted(program.breaks, resume_at + REPEATED_POINT, side="right")) - 1
+    s = max(resume_at - float(program.breaks[index]), 0.0)
     number = -1
     switched: dict[str, Event] = {}
     for i, move in enumerate(program.moves):
@@ -479,12 +423,12 @@ def resume(
         if not isinstance(move, Contour):
             continue
         number += 1
-        if number < which:
+        if number < index:
             for x in move.events:
                 switched[x.name] = dataclasses.replace(x, s=0.0, lead_time=0, lead_distance=0)
             continue
-        rest = _cut_after(move, s, keeps_lead)
-        moves = (*switched.values(), rest, *program.moves[i + 1 :])
+        remaining = _cut_after(move, s, keeps_lead)
+        moves = (*switched.values(), remaining, *program.moves[i + 1 :])
         resumed = dataclasses.replace(program, moves=moves)
         return resumed, (_cut_before(move, s) if s > REPEATED_POINT else None)
     raise AssertionError("the arc length is within the contours")
@@ -515,7 +459,7 @@ def _cut_before(contour: Contour, s: float) -> Contour:
 
 
 class Switching:
-    """State of the outputs of `switch` and `off_between`, from one contour to the next.
+    """States of the outputs of `switch` and `off_between`, from contour to contour.
 
     Args:
         moves: The moves of the program.
@@ -526,17 +470,17 @@ class Switching:
         switches = (x.switch.name for x in process.variants if x.switch is not None)
         self.names = tuple(dict.fromkeys([*switches, *process.off_between]))
         self.process = process
-        # Contours of a drawing can be reordered, so that none depends on the one before it.
+        # Contours of a drawing can be reordered, so they are independent of each other.
         self.in_order = any(not isinstance(x, Contour) for x in moves)
         self.states: dict[str, Event] = {}
-        known: set[str] = set()
+        names: set[str] = set()
         for x in moves if self.in_order else ():
             if isinstance(x, Event) and x.changes_tool:
                 continue
             for event in x.events if isinstance(x, Contour) else [x]:
-                if isinstance(event, Event) and event.name not in known:
-                    known.add(event.name)
-                    # An output that is first switched on is off before.
+                if isinstance(event, Event) and event.name not in names:
+                    names.add(event.name)
+                    # An output is off before the first event that switches it on.
                     if event.value:
                         self.states[event.name] = dataclasses.replace(event, value=False)
 
@@ -553,7 +497,7 @@ class Switching:
             contour: The contour from its start point, with laps and overlap.
             events: Events of the process on the contour.
         """
-        found = sorted((*contour.events, *events), key=lambda x: x.s)
+        merged = sorted((*contour.events, *events), key=lambda x: x.s)
         layer = self.process.of_layer(contour.layer).switch
         confined: list[Event] = []
         for name in self.names:
@@ -562,46 +506,38 @@ class Switching:
             if state is None and switch is not None:
                 drawn = next((x.value for x in contour.events if x.name == name), False)
                 state = Event(name=name, value=not drawn)
-            own = [x for x in found if x.name == name]
-            last = own[-1] if own else state
+            output_events = [x for x in merged if x.name == name]
+            last = output_events[-1] if output_events else state
             if last is not None:
                 self.states[name] = last
-            confined += _confined(own, state, switch, name, contour.path.length)
-        others = [x for x in found if x.name not in self.names]
+            confined += _confined(output_events, state, switch, name, contour.path.length)
+        others = [x for x in merged if x.name not in self.names]
         return dataclasses.replace(contour, events=(*others, *confined))
 
 
 def _confined(
-    own: Sequence[Event], state: Event | None, switch: Switch | None, name: str, end: float
+    events: Sequence[Event], state: Event | None, switch: Switch | None, name: str, end: float
 ) -> list[Event]:
-    """Events of one output of a contour that begins and ends with the output off.
-
-    Args:
-        own: The events along the contour, by arc length.
-        state: The last event before the contour, if any.
-        switch: Value and leads of events that have none, if any.
-        name: Name of the output.
-        end: Length of the contour [m].
-    """
-    kept: list[Event] = []
-    if state is not None and not (own and own[0].s <= REPEATED_POINT):
-        own = [dataclasses.replace(state, s=0.0), *own]
-    own = [x for x in own if x.s < end - REPEATED_POINT]
+    """Events of one output along a contour that starts and ends with the output off."""
+    changes: list[Event] = []
+    if state is not None and not (events and events[0].s <= REPEATED_POINT):
+        events = [dataclasses.replace(state, s=0.0), *events]
+    events = [x for x in events if x.s < end - REPEATED_POINT]
     before: object = False
-    for x in (*own, Event(name=name, value=False, s=end)):
+    for x in (*events, Event(name=name, value=False, s=end)):
         if switch is not None:
             x = dataclasses.replace(x, value=switch.value) if x.value is True else x
             if not (x.lead_time or x.lead_distance):
                 lead = switch.on_lead if x.value else switch.off_lead
                 x = dataclasses.replace(x, lead_time=lead)
         if (type(x.value), x.value) != (type(before), before):
-            kept.append(x)
+            changes.append(x)
             before = x.value
-    return kept
+    return changes
 
 
 def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
-    """A closed contour whose process is switched off at tabs, at the same places of every lap.
+    """A closed contour whose process is switched off at tabs, at the same positions in every lap.
 
     Args:
         contour: The contour from its start point, with laps and overlap.
@@ -617,60 +553,56 @@ def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
     switch, width = process.switch, process.tabs.width
     end = contour.path.length
     events = list(contour.events)
-    own = [x for x in events if x.name == switch.name]
+    switch_events = [x for x in events if x.name == switch.name]
     first = find_tabs(contour, process.tabs, lap)
     laps = np.arange(int(np.ceil(end / lap))) * lap
     for s in (laps[:, None] + first).ravel().tolist():
-        off, on = s - width / 2, min(s + width / 2, end)
-        events = [x for x in events if x.name != switch.name or not off <= x.s < on]
-        for place, lead in ((off, switch.off_lead), (on, switch.on_lead)):
-            # The output stays off in gaps of the program that begin or end on the tab.
-            value = next((x.value for x in reversed(own) if x.s <= place), False)
-            if value and place < end:
-                value = value if place == on else False
-                events.append(Event(name=switch.name, value=value, s=place, lead_time=lead))
+        off_s, on = s - width / 2, min(s + width / 2, end)
+        events = [x for x in events if x.name != switch.name or not off_s <= x.s < on]
+        for position, lead in ((off_s, switch.off_lead), (on, switch.on_lead)):
+            # The output stays off in gaps of the program that start or end on the tab.
+            value = next((x.value for x in reversed(switch_events) if x.s <= position), False)
+            if value and position < end:
+                value = value if position == on else False
+                events.append(Event(name=switch.name, value=value, s=position, lead_time=lead))
     return dataclasses.replace(contour, events=tuple(events))
 
 
 def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
     """Arc lengths of the middles of tabs on the first lap [m], (tabs,).
 
-    Tabs are as far from each other as corners and the start point allow: those that would lie on
-    one of them are moved beside it.
+    Tabs are evenly spaced. Tabs that would lie on a corner or on the start point are moved next to
+    it.
 
     Raises:
         InvalidInput: The contour has no room for its tabs.
     """
     width = tabs.width
     count = tabs.count or _count(contour, tabs.spacing or lap, lap)
-    wanted = (np.arange(count) + 0.5) * lap / count
+    even = (np.arange(count) + 0.5) * lap / count
     corners = _corners(contour.path, lap)
     margin = (0.5 + CLEAR) * width
     low, high = corners[:-1] + margin, corners[1:] - margin
     free = low <= high
-    moved = np.clip(wanted[:, None], low[free], high[free])
-    places = np.empty(0)
+    moved = np.clip(even[:, None], low[free], high[free])
+    positions = np.empty(0)
     if free.any():
-        nearest = np.argmin(np.abs(moved - wanted[:, None]), axis=1)
-        places = np.sort(moved[np.arange(count), nearest])
-    if not free.any() or (np.diff(places) < (1 + CLEAR) * width).any():
+        nearest = np.argmin(np.abs(moved - even[:, None]), axis=1)
+        positions = np.sort(moved[np.arange(count), nearest])
+    if not free.any() or (np.diff(positions) < (1 + CLEAR) * width).any():
         raise InvalidInput(
             f"{_called(contour)} of {lap * 1e3:.4g} mm "
             f"has no room for {count} tab{'s' if count > 1 else ''} of {width * 1e3:.4g} mm, which "
-            "keep a width free to corners, to the start point and to each other: take fewer or "
-            "narrower ones, or leave them out with by_layer.",
+            "need the distance of a width from corners, the start point and each other: take fewer "
+            "or narrower tabs, or remove them with by_layer.",
             allowed=lap,
             needed=2 * count * width,
         )
-    return places
+    return positions
 
 
 def _count(contour: Contour, spacing: float, lap: float) -> int:
-    """The number of tabs of a lap with a spacing [m].
-
-    Raises:
-        InvalidInput: There are more than MOST_TABS.
-    """
+    """The number of tabs of a lap with a spacing [m]."""
     count = max(1, round(lap / spacing))
     if count > MOST_TABS:
         raise InvalidInput(
@@ -683,7 +615,7 @@ def _count(contour: Contour, spacing: float, lap: float) -> int:
 
 
 def _called(contour: Contour) -> str:
-    """What messages call a contour."""
+    """Name of a contour for messages."""
     return contour_called(contour, 0) if contour.name else "A contour"
 
 

@@ -1,11 +1,10 @@
 """Corner rounding: replaces corners by arcs within a corner error, (10)-(16), or by parabolas.
 
 The *corner error* is the gap between the corner point and the arc, as in the paper's Fig. 3:
-`gap = r (1 - cos h) / cos h` for radius r and half the turn h. Elsewhere two other lengths are
-called tolerance: the arc's distance from the path, `r (1 - cos h) = gap cos h`, and the tangent
-length, `r tan h`, which is the part of each line that the arc replaces. Beside an arc a corner is
-replaced by two tangent arcs (blends.py); parabolas are in corner_curves.py. See
-docs/concepts/rounding.md.
+`gap = r (1 - cos h) / cos h` for radius r and half the turn h. Other texts call two other lengths
+tolerance: the arc's distance from the path, `r (1 - cos h) = gap cos h`, and the tangent length,
+`r tan h`, which is the part of each line that the arc replaces. Next to an arc a corner is replaced
+by two tangent arcs (blends.py); parabolas are in corner_curves.py. See docs/concepts/rounding.md.
 """
 
 from __future__ import annotations
@@ -31,10 +30,11 @@ from armcontour.geometry.corner_curves import (
     Bounds,
     CornerKind,
     LineCorner,
+    fit_lengths,
+    replace_vertices,
 )
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.path import EVERY_VERTEX, Path
-from armcontour.geometry.replacing import fit_lengths, replace_vertices
 from armcontour.geometry.rounded_orientation import (
     NOWHERE,
     find_kinks,
@@ -44,17 +44,17 @@ from armcontour.geometry.rounded_orientation import (
     round_orientation,
 )
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
-from armcontour.geometry.shaped import ShapedPath
+from armcontour.geometry.shaped_path import ShapedPath
 
-# What does not jump along a rounded path: its tangent, or its curvature, too.
+# Continuity of a rounded path: of its tangent only, or also of its curvature.
 Continuity: TypeAlias = Literal["tangent", "curvature"]
 CONTINUITIES: tuple[Continuity, ...] = get_args(Continuity)
-# A blend of continuous curvature is at least this long on either side: shorter ones have too few
-# digits, and no motion passes them faster than a full stop [m].
+# Smallest length of a blend of continuous curvature on either side [m]. Shorter ones have too few
+# digits, and no motion passes them faster than a full stop.
 SHORTEST_SMOOTH = 1e-6
-# Planes that differ by less than this are one [rad].
+# Planes that differ by less than this count as equal [rad].
 SAME_PLANE = 1e-9
-# Why the tool stops at a corner.
+# Reasons for a stop at a corner.
 TURN_BACK = "turn-back"
 NO_TOLERANCE = "tolerance zero"
 NO_ANGLE = "angular tolerance zero"
@@ -73,20 +73,20 @@ class Corners(Checked):
         vertex: Index of the corner among the vertices of the objective path, from 0, (n,).
         point: The corner points [m], (n, dimension).
         turn: Angle between the lines [rad], above 0 and at most pi, (n,).
-        radius: Radius of the arc, beside an arc the smaller one of the two [m], 0 if the tool stops
-            at the corner, (n,).
+        radius: Radius of the arc, next to an arc the smaller of the two radii [m], 0 if the tool
+            stops at the corner, (n,).
         error: Corner error: gap between corner point and arc [m], (n,).
         tangent: Tangent length [m], (n,).
         start, end: Arc lengths on the rounded path at which the arc starts and ends [m], (n,).
         shrunk: True if the arc is smaller than its case requires, because its lines are too short
             or its orientation turns too much, (n,).
-        speed: Largest speed on the arc under the given acceleration, (16) [m/s], (n,); NaN if no
-            acceleration was given.
+        speed: Largest speed on the arc under the specified acceleration, (16) [m/s], (n,); NaN
+            without an acceleration.
         angular_error: Angle between the tool orientation in the middle of the arc and that at the
             corner point [rad], (n,); between the tool axes if only they are prescribed; 0 if the
             orientation follows the tangent or is missing.
-        reason: Why the tool stops at the corner, such as "turn-back", "tolerance zero" or
-            "no room"; None if it does not, (n,).
+        reason: Reason for the stop at the corner, such as "turn-back", "tolerance zero" or
+            "no room"; None without a stop, (n,).
     """
 
     vertex: IntArray
@@ -130,7 +130,7 @@ class RoundedPath(Path):
         return float(self.corners.error.max(initial=0.0))
 
     def __str__(self) -> str:
-        """As of any path, and how the corners were rounded."""
+        """Summary of the path and of its corners."""
         c = self.corners
         stops = int((c.radius == 0).sum())
         rounded = count_noun(len(c) - stops, "corner")
@@ -156,12 +156,14 @@ class RoundedPath(Path):
         s, c = checks.floats("arc lengths", s, "m"), self.corners
         if self.segments is self.objective.segments:
             return np.clip(s, 0.0, self.length)
-        at = self.objective.breaks[c.vertex]
-        before = np.concatenate([[0.0], np.stack([at - c.tangent, at + c.tangent], axis=1).ravel()])
+        corner_s = self.objective.breaks[c.vertex]
+        before = np.concatenate(
+            [[0.0], np.stack([corner_s - c.tangent, corner_s + c.tangent], axis=1).ravel()]
+        )
         after = np.concatenate([[0.0], np.stack([c.start, c.end], axis=1).ravel()])
         ends = self.objective.length, self.length
-        places = np.interp(s, np.append(before, ends[0]), np.append(after, ends[1]))
-        return np.asarray(places)
+        arc_lengths = np.interp(s, np.append(before, ends[0]), np.append(after, ends[1]))
+        return np.asarray(arc_lengths)
 
 
 def round_corners(
@@ -175,40 +177,41 @@ def round_corners(
 ) -> RoundedPath:
     """Replace every corner of a path by an arc, by the paper's case I or case II.
 
-    Case II: `tolerance` bounds the corner error, and the radius is the largest that keeps it, (15).
-    Case I: `speed` is the lowest speed allowed on the corner; under `acceleration` this gives the
-    smallest radius (13) and the smallest corner error (14). With both, `tolerance` caps the corner
-    error of case I.
+    Case II: `tolerance` bounds the corner error, and the radius is the largest that satisfies it,
+    (15). Case I: `speed` is the lowest speed allowed on the corner; under `acceleration` it gives
+    the smallest radius (13) and the smallest corner error (14). With both, `tolerance` caps the
+    corner error of case I.
 
-    Each value holds for all corners, or there is one per vertex between segments (values of
-    vertices without a corner are ignored). Tolerances of the path's own segments cap the corner
-    error. Arcs that would overlap shrink until they fit their segments. Where no arc is possible
-    (zero tolerance, a turn of 180°, segments without room) the corner stays sharp, and the tool
-    stops there; `corners.reason` says why. A corner beside an arc becomes two tangent arcs.
+    Each value is one number for all corners, or one per vertex between segments (values of vertices
+    without a corner are ignored). Tolerances of the path's segments cap the corner error. Arcs that
+    would overlap shrink until they fit their segments. Where no arc is possible (zero tolerance, a
+    turn of 180°, segments without room) the corner stays sharp, and the tool stops there;
+    `corners.reason` reports the cause. A corner next to an arc becomes two tangent arcs.
 
-    With continuity "curvature" the curvature does not jump either, so that a motion with a limit of
-    jerk need not stop: a corner between two lines becomes a smooth bend, with the same corner error
-    on more of both lines, whose radius in the middle is `corners.radius`. Beside an arc it becomes
-    a connection; where the turn is too sharp for one, two tangent arcs, at whose ends it jumps.
+    With continuity "curvature" the curvature is continuous, too, so a motion with a jerk limit need
+    not stop. A corner between two lines becomes a curve with the same corner error that uses more
+    of both lines; `corners.radius` is its radius in the middle. A corner next to an arc becomes a
+    connection. Where the turn is too sharp for a connection it becomes two tangent arcs, at whose
+    ends the curvature jumps.
 
     The tool orientation is rounded with the position. `angular_tolerance` bounds its deviation in
-    the middle of a corner, and reduces arcs if necessary. It also rounds vertices at which only the
-    angular rate jumps. An orientation that follows the tangent may leave it by that angle where
-    lines and arcs meet.
+    the middle of a corner, and reduces arcs if necessary. It also applies to vertices at which only
+    the angular rate jumps. An orientation that follows the tangent may deviate from it by that
+    angle where lines and arcs meet.
 
     Args:
         path: The objective path.
         tolerance: Largest corner error [m], a number or (vertices,).
         speed: Lowest corner speed [m/s], a number or (vertices,).
         acceleration: Centripetal acceleration at that speed [m/s²], a number or (vertices,); with
-            `tolerance` alone it is only used to report the corner speed (16).
+            `tolerance` alone it only sets the reported corner speed (16).
         angular_tolerance: Largest angle between the orientation and its value at the vertex [rad].
-        continuity: "tangent", or "curvature" for corners that can be run without stopping under a
-            limit of jerk.
+        continuity: "tangent", or "curvature" for corners that a motion with a jerk limit passes
+            without a stop.
 
     Raises:
         InvalidInput: Neither case is given, a value is negative, the number of values is wrong, the
-            continuity is neither of them, or the orientation needs an angular tolerance.
+            continuity is unknown, or the orientation needs an angular tolerance.
     """
     checks.check_choice("continuity", continuity, CONTINUITIES)
     if tolerance is None and (speed is None or acceleration is None):
@@ -226,16 +229,16 @@ def round_with_parabolas(
 ) -> RoundedPath:
     """Replace every corner between two lines by a parabola, drawn as tangent arcs.
 
-    This is a shape for a tool whose acceleration is limited, and that is slower in the middle of a
-    corner: a parabola is longer than the arc with the same corner error, and bends less at its
-    ends. Stops, room and tolerances are those of `round_corners`, and so are corners beside arcs
-    and the tool orientation. In `corners`, `radius` is the smallest one, in the middle. A corner
-    at which it would be less than a nanometre stays sharp: "no room".
+    This shape suits a tool with limited acceleration that is slower in the middle of a corner: a
+    parabola is longer than the arc with the same corner error, and has less curvature at its ends.
+    Stops, room, tolerances, corners next to arcs and the tool orientation are as in
+    `round_corners`. In `corners`, `radius` is the smallest radius, in the middle. A corner at which
+    it would be less than a nanometre stays sharp: "no room".
 
     Args:
         path: The objective path.
-        tolerance: Largest corner error [m], a number or (vertices,); every point of a parabola is
-            within it of one of both lines.
+        tolerance: Largest corner error [m], a number or (vertices,). Every point of a parabola is
+            within this distance of one of its lines.
         angular_tolerance: As in `round_corners` [rad].
 
     Raises:
@@ -246,10 +249,10 @@ def round_with_parabolas(
 
 
 def count_full_stops(path: Path) -> dict[str, int]:
-    """How many full stops a path has inside, by their reasons.
+    """Number of full stops inside a path, by reason.
 
     The reasons are those of `Corners.reason`, "rounding off" for corners that were not rounded,
-    "faster than a curve" for those of a shaped path, and "tool orientation" where only the
+    "faster than a curve" for corners of a shaped path, and "tool orientation" where only the
     orientation or its rate jumps.
 
     Args:
@@ -260,17 +263,17 @@ def count_full_stops(path: Path) -> dict[str, int]:
     else:
         sharp = path.turns > TANGENT_TOLERANCE
         back = np.pi - path.turns <= TANGENT_TOLERANCE
-        why = np.full(len(sharp), NOT_ROUNDED, dtype=object)
+        sharp_reasons = np.full(len(sharp), NOT_ROUNDED, dtype=object)
         if isinstance(path, ShapedPath):
             # Tolerances at the objective's vertices nearest to those of the path.
             objective = path.objective
             s = np.interp(path.breaks[1:-1], path.places[:, 1], path.places[:, 0])
             middles = (objective.breaks[1:] + objective.breaks[:-1]) / 2
             vertex = np.searchsorted(middles, s).clip(1, max(len(objective) - 1, 1))
-            own = np.append(objective.tolerances, np.nan)
-            allowed = np.fmin(np.fmin(own[vertex - 1], own[vertex]), path.tolerance)
-            why[:] = np.where(allowed == 0, NO_TOLERANCE, NOT_FASTER)
-        reasons = np.where(back, TURN_BACK, why)[sharp].tolist()
+            tolerances = np.append(objective.tolerances, np.nan)
+            allowed = np.fmin(np.fmin(tolerances[vertex - 1], tolerances[vertex]), path.tolerance)
+            sharp_reasons[:] = np.where(allowed == 0, NO_TOLERANCE, NOT_FASTER)
+        reasons = np.where(back, TURN_BACK, sharp_reasons)[sharp].tolist()
     reasons += [ORIENTATION] * (len(path.stops) - len(reasons))
     return dict(sorted(Counter(reasons).items()))
 
@@ -278,9 +281,7 @@ def count_full_stops(path: Path) -> dict[str, int]:
 def blend_vertices(
     path: Path, vertex: IntArray, turn: FloatArray, tolerance: FloatArray
 ) -> RoundedPath:
-    """The path with some of its vertices blended and all others kept.
-
-    A blend takes at most half of either segment.
+    """The path with some of its vertices blended; a blend takes at most half of either segment.
 
     Args:
         path: The path, without tool orientation.
@@ -289,18 +290,20 @@ def blend_vertices(
         tolerance: Largest distance of each vertex from the new path [m], (n,).
     """
     none = np.full(len(vertex), np.inf)
-    most = np.minimum(path.lengths[vertex], path.lengths[vertex + 1]) / 2
-    return _round(path, vertex, turn, (tolerance, none, most, np.nan * none), ARC, NOWHERE, np.inf)
+    tangent_limits = np.minimum(path.lengths[vertex], path.lengths[vertex + 1]) / 2
+    return _round(
+        path, vertex, turn, (tolerance, none, tangent_limits, np.nan * none), ARC, NOWHERE, np.inf
+    )
 
 
 def _round_all(
     path: Path,
-    given: tuple[npt.ArrayLike | None, npt.ArrayLike | None, npt.ArrayLike | None],
+    values: tuple[npt.ArrayLike | None, npt.ArrayLike | None, npt.ArrayLike | None],
     angular_tolerance: float | None,
     curve: LineCorner,
 ) -> RoundedPath:
-    """The path with all corners replaced; tolerance, speed and acceleration are given."""
-    tolerance, speed, acceleration = given
+    """The path with all corners replaced, for `values` of tolerance, speed and acceleration."""
+    tolerance, speed, acceleration = values
     n = len(path) - 1
     error = checks.per_vertex("corner error tolerance", tolerance, n, "m")
     slowest = checks.per_vertex("corner speed", speed, n, "m/s")
@@ -317,12 +320,12 @@ def _round_all(
     if n == 0 and (path.orientation is None or path.orientation.fixed):
         # Programs have thousands of circles.
         return _without_corners(path)
-    own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
-    error = np.minimum(error, np.minimum(own[:-1], own[1:]))[corner]
+    tolerances = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
+    error = np.minimum(error, np.minimum(tolerances[:-1], tolerances[1:]))[corner]
     none = np.full(len(corner), np.inf)
     enough = none if speed is None else slowest[corner] ** 2 / accelerations[corner]
-    wanted = error, enough, none, accelerations[corner]
-    return _round(path, corner, turn[corner], wanted, curve, kinked, angle)
+    requirements = error, enough, none, accelerations[corner]
+    return _round(path, corner, turn[corner], requirements, curve, kinked, angle)
 
 
 def _without_corners(path: Path) -> RoundedPath:
@@ -336,34 +339,22 @@ def _without_corners(path: Path) -> RoundedPath:
         reason=none.astype(object),
         **dict.fromkeys(numbers, none),
     )
-    kept = {x.name: getattr(path, x.name) for x in fields(Path) if x.init}
-    return RoundedPath(**kept, objective=path, corners=corners)
+    attributes = {x.name: getattr(path, x.name) for x in fields(Path) if x.init}
+    return RoundedPath(**attributes, objective=path, corners=corners)
 
 
 def _round(
     path: Path,
     corner: IntArray,
     turn: FloatArray,
-    wanted: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    requirements: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     curve: LineCorner,
     kinked: IntArray,
     angle: float,
 ) -> RoundedPath:
-    """The rounded path.
-
-    Args:
-        path: The objective path.
-        corner: Segments after which there is a corner, (n,).
-        turn: The path's turns there [rad], (n,).
-        wanted: Largest corner errors [m], radii that are large enough for the corner speeds [m],
-            largest tangent lengths [m], and centripetal accelerations of the corner speeds [m/s²],
-            (n,) each.
-        curve: The curve that replaces corners between two lines.
-        kinked: Segments after which only the angular rate jumps, (k,).
-        angle: Angular tolerance [rad].
-    """
+    """The rounded path."""
     n, rows = len(corner), path.segments
-    *limits, acceleration = wanted
+    *limits, acceleration = requirements
     bounds = Bounds(
         before=rows[corner],
         after=rows[corner + 1],
@@ -373,37 +364,37 @@ def _round(
     )
     follows = path.orientation is not None and path.orientation.follows
     turns_back = np.pi - 2 * bounds.half <= TANGENT_TOLERANCE
-    # A frame that follows the tangent out of the plane would come round turned about it.
+    # A frame that follows the tangent out of the plane would end up turned about the tangent.
     flat = _in_plane(bounds) if follows else np.ones(n, dtype=bool)
     free = (bounds.error > 0) & (bounds.radius > 0) & flat & ~turns_back
     bent = (bounds.before.curvatures > 0) | (bounds.after.curvatures > 0)
-    # A connection that is too short or not possible leaves the corner to a pair of arcs.
+    # Where a connection is too short or not possible, a pair of arcs replaces the corner.
     kinds: list[tuple[CornerKind, float]] = [(curve, 0.0)]
     if (free & bent).any():
         from armcontour.geometry.blends import CONNECTION, PAIR
 
         kinds += [(CONNECTION, SHORTEST_SMOOTH)] if curve.smooth else []
         kinds.append((PAIR, 0.0))
-    fitted, least, parts = np.zeros(n), np.zeros(n), []
+    fitted, minimum, parts = np.zeros(n), np.zeros(n), []
     for kind, shortest in kinds:
         part = np.flatnonzero(free & (bent != isinstance(kind, LineCorner)))
         if len(part):
-            found, small = kind.fit(bounds[part]), kind.shortest(bounds.half[part])
-            fits = found > np.maximum(small, shortest)
+            candidates, small = kind.fit(bounds[part]), kind.shortest(bounds.half[part])
+            fits = candidates > np.maximum(small, shortest)
             part = part[fits]
-            fitted[part], least[part], free[part] = found[fits], small[fits], False
+            fitted[part], minimum[part], free[part] = candidates[fits], small[fits], False
         parts.append(part)
     # Blends of the orientation alone share the segments with the corners' curves.
-    which = np.concatenate([corner, kinked])
+    vertices = np.concatenate([corner, kinked])
     middle = middle_of(curve.smooth)
-    order, tangents = np.argsort(which), np.empty(len(which))
+    order, tangents = np.argsort(vertices), np.empty(len(vertices))
     kinks = largest_blend(path, kinked, angle) / (0.5 - 2 * middle)
     tangents[order] = fit_lengths(
-        np.concatenate([fitted, kinks])[order], which[order], rows.lengths
+        np.concatenate([fitted, kinks])[order], vertices[order], rows.lengths
     )
     # On a very short segment between two corners the curves may be too small.
     tangent = tangents[:n]
-    tangent[tangent <= least / 4] = 0.0
+    tangent[tangent <= minimum / 4] = 0.0
     radius, error, length, shrunk = np.zeros(n), np.zeros(n), np.zeros(n), fitted > 0
     tables, after = [rows[:0]], [NOWHERE]
     for (kind, _), part in zip(kinds, parts, strict=True):
@@ -411,22 +402,22 @@ def _round(
         if len(part):
             drawn = kind.draw(bounds[part], tangent[part])
             radius[part], error[part], shrunk[part] = drawn.radius, drawn.error, drawn.shrunk
-            length[part] = np.bincount(drawn.of, drawn.rows.lengths, minlength=len(part))
-            tables, after = [*tables, drawn.rows], [*after, corner[part[drawn.of]]]
+            length[part] = np.bincount(drawn.corner, drawn.rows.lengths, minlength=len(part))
+            tables, after = [*tables, drawn.rows], [*after, corner[part[drawn.corner]]]
     cut = np.zeros(len(path) + 1)
-    cut[which + 1] = np.append(tangent, np.zeros(len(kinked)))
+    cut[vertices + 1] = np.append(tangent, np.zeros(len(kinked)))
     table, source, _ = replace_vertices(rows, cut, Segments.join(tables), np.concatenate(after))
     table = table.check()
     ends = np.append(0.0, table.breaks[1:])[np.searchsorted(source, corner, side="right")]
     lengths = np.append(length, 2 * tangents[n:])
-    orientation, off = path.orientation, np.zeros(len(which))
+    orientation, angular_errors = path.orientation, np.zeros(len(vertices))
     if follows:
-        cut[which + 1] = tangents
+        cut[vertices + 1] = tangents
         orientation = follow_rounded(table, path, source, cut[:-1], angle, smooth=curve.smooth)
     elif orientation is not None:
         whole = table.breaks[-1]
-        orientation, off = round_orientation(
-            path, which, tangents, lengths, whole, smooth=curve.smooth
+        orientation, angular_errors = round_orientation(
+            path, vertices, tangents, lengths, whole, smooth=curve.smooth
         )
     reasons = np.full(n, NO_ROOM, dtype=object)
     reasons[(angle == 0) & (bounds.turn == 0)] = NO_ANGLE
@@ -454,7 +445,7 @@ def _round(
             end=ends,
             shrunk=shrunk,
             speed=np.sqrt(acceleration * radius),
-            angular_error=off[:n],
+            angular_error=angular_errors[:n],
             reason=reasons,
         ),
     )
@@ -470,33 +461,33 @@ def _in_plane(bounds: Bounds) -> BoolArray:
         np.cross(after.tangents, after.normals),
         np.cross(before.end_tangents, after.tangents),
     ]
-    off = [np.linalg.norm(np.cross(a, b), axis=1) for a, b in combinations(sides, 2)]
-    return np.asarray(np.max(off, axis=0) <= SAME_PLANE)
+    tilts = [np.linalg.norm(np.cross(a, b), axis=1) for a, b in combinations(sides, 2)]
+    return np.asarray(np.max(tilts, axis=0) <= SAME_PLANE)
 
 
-def needed_angle(path: Path, given: float | None, kinked: IntArray) -> float:
-    """The angular tolerance [rad], infinite if none is given and none is needed.
+def needed_angle(path: Path, tolerance: float | None, kinked: IntArray) -> float:
+    """The angular tolerance [rad]; infinite if none is specified and none is needed.
 
     Args:
         path: The objective path.
-        given: The given tolerance [rad].
+        tolerance: The specified tolerance [rad].
         kinked: Segments after which only the angular rate jumps, (k,).
 
     Raises:
         InvalidInput: The tolerance is negative, or missing though the orientation needs one.
     """
-    if given is not None:
-        return checks.not_negative("angular tolerance", given, "rad")
+    if tolerance is not None:
+        return checks.not_negative("angular tolerance", tolerance, "rad")
     orientation = path.orientation
     if orientation is not None and (orientation.follows or len(kinked)):
-        why = (
+        cause = (
             "follows the tangent"
             if orientation.follows
             else f"turns at another rate after segment {int(kinked[0]) + 1}, where the path goes "
             "straight on"
         )
         raise InvalidInput(
-            f"The tool's orientation {why}: give an angular tolerance by which it may be off (in "
+            f"The tool's orientation {cause}: give an angular tolerance for its deviation (in "
             "Python round_corners(angular_tolerance=...) in rad, in a job "
             "corners.angular_tolerance; 0 stops there)."
         )

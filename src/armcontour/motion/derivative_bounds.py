@@ -1,4 +1,4 @@
-"""Bounds of what a motion along a joint path takes of limits, at all times."""
+"""Proven bounds of velocity, acceleration and path speed of a motion along a joint path."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ from numpy.polynomial.polynomial import polyval
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.motion.laws import PathLaw
 
-# Intervals are halved so often at most. What is not below its limit then counts with its bound.
+# Largest number of halvings of an interval. An interval that is still not proven counts with its
+# bound.
 HALVINGS = 40
 
-# A function and its derivatives at some places, each (n,) or (dof, n).
+# A function and its derivatives at n points, each (n,) or (dof, n).
 Derivatives: TypeAlias = list[FloatArray]
 
 
 def largest_shares(
     law: PathLaw, limits: FloatArray, speeds: FloatArray, allowed: float
 ) -> FloatArray:
-    """The largest shares of limits that a law takes: of joints' limits, and of path speeds.
+    """Largest ratios of joint motion and path speed to their limits, over all times of a law.
 
-    A share that is at most `allowed` is proven for all times of the law, but for the rounding of
-    numbers: an interval whose bound is above it is halved. A larger one is that of a place, or a
-    bound.
+    A ratio of at most `allowed` is proven for all times of the law, up to rounding errors: an
+    interval whose bound exceeds it is halved. A larger ratio is that of a point, or a bound.
 
     Args:
         law: The law.
         limits: Lower and upper bounds of acceleration [rad/s²] and of velocity [rad/s] of every
             joint, infinite without one, (4, dof).
         speeds: Two highest path speeds on every interval of the joint path [m/s], (m, 2).
-        allowed: The share that is to be proven.
+        allowed: The ratio to prove.
 
     Returns:
-        Of these four and of both path speeds, (6,).
+        The ratios of the four limits of joints and of both path speeds, (6,).
     """
     i = np.arange(len(law.breaks) - 1)
     begin, end = law.breaks[:-1], law.breaks[1:]
@@ -42,9 +42,9 @@ def largest_shares(
     for _ in range(HALVINGS):
         middle = (begin + end) / 2
         shares = _shares(law, i, (begin, middle, end), limits, speeds)
-        here, bound = shares[:, :6], shares[:, 6:]
-        largest = np.maximum(largest, here.max(axis=0))
-        unknown = ((bound > allowed) & (here <= allowed)).any(axis=1)
+        values, bound = shares[:, :6], shares[:, 6:]
+        largest = np.maximum(largest, values.max(axis=0))
+        unknown = ((bound > allowed) & (values <= allowed)).any(axis=1)
         if not unknown.any():
             break
         highest = np.maximum(largest, bound[unknown].max(axis=0))
@@ -63,65 +63,61 @@ def _shares(
     limits: FloatArray,
     speeds: FloatArray,
 ) -> FloatArray:
-    """Shares of limits in the middle of parts of intervals, and bounds of them on these parts.
+    """Ratios to the limits in the middle of parts of intervals, and bounds on these parts, (n, 12).
 
-    A joint's velocity and acceleration, and the path speed, are quadratics about the middle, plus
-    the most that their third derivative can add.
-
-    Args:
-        law: The law.
-        i: Intervals, (n,).
-        t: Begin, middle and end of a part of each [s], (n,) each.
-        limits: As in `largest_shares`.
-        speeds: As in `largest_shares`.
-
-    Returns:
-        The largest shares of the limits of all joints and of both path speeds in the middle, then
-        the bounds of the six, (n, 12).
+    `t` has start, middle and end of each part [s]. A joint's velocity and acceleration, and the
+    path speed, are quadratics about the middle, plus bounds of the terms of third order.
     """
     path, (begin, middle, end) = law.joint_path, t
     half = np.maximum(middle - begin, end - middle)
     v = [*law.path_motion(i, middle)[:3], *path_rates(law, i, middle, half)]
-    most = _bound(v, half)
+    path_bounds = _bound(v, half)
     # No break of the joint path lies within an interval of a law.
     first = path.locate(law.s[i], side="right")
     piece = np.clip(path.locate(v[0]), first, path.locate(law.s[i + 1], side="left"))
     width = np.diff(path.breaks)[piece]
     x, coefficients = (v[0] - path.breaks[piece]) / width, path.coefficients[piece]
-    # Of all joints, (dof, n): rows of many numbers are fast.
+    # Arrays of shape (dof, n) for all joints, because long rows are fast.
     c, q = np.ascontiguousarray(np.moveaxis(coefficients, 0, -1)), []
     for _ in range(6):
         q.append(polyval(x, c, tensor=False))
         c = np.arange(1, len(c))[:, None, None] * c[1:] / width
-    far, cube = _bound(q, half * most[1]), half**3 / 6
+    joint_bounds, cube = _bound(q, half * path_bounds[1]), half**3 / 6
     ds, dds = q[1] * v[1], q[2] * v[1] ** 2 + q[1] * v[2]
     ddds = q[3] * v[1] ** 3 + 3 * q[2] * v[1] * v[2] + q[1] * v[3]
-    fourth, more, rest = _fourth(q, v), _fifth(far, most) * cube, _fourth(far, most) * cube
+    fourth, acceleration_margin, velocity_margin = (
+        _fourth(q, v),
+        _fifth(joint_bounds, path_bounds) * cube,
+        _fourth(joint_bounds, path_bounds) * cube,
+    )
     values, ends = [], []
-    for f, left in (([dds, ddds, fourth], more), ([ds, dds, ddds], rest)):
+    for f, margin in (
+        ([dds, ddds, fourth], acceleration_margin),
+        ([ds, dds, ddds], velocity_margin),
+    ):
         for sign in (-1, 1):
             values.append(f[0])
-            ends.append(sign * (_highest([sign * x for x in f], half) + left))
+            ends.append(sign * (_highest([sign * x for x in f], half) + margin))
     joints = [
         x / y for x, y in zip(values + ends, np.tile(limits, (2, 1))[:, :, None], strict=True)
     ]
-    here, bounds = np.maximum([x.max(axis=0) for x in joints], 0.0).reshape(2, 4, -1)
-    along, highest = _highest(v[1:4], half) + most[4] * cube, speeds[piece].T
-    return np.concatenate([here, v[1] / highest, bounds, along / highest]).T
+    at_middle, bounds = np.maximum([x.max(axis=0) for x in joints], 0.0).reshape(2, 4, -1)
+    along, highest = _highest(v[1:4], half) + path_bounds[4] * cube, speeds[piece].T
+    return np.concatenate([at_middle, v[1] / highest, bounds, along / highest]).T
 
 
 def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> Derivatives:
-    """The third and the fourth derivative of a law's arc length, and a bound of the fifth one.
+    """Third and fourth derivatives of a law's arc length, and a bound of the fifth.
 
     Args:
         law: The law.
         i: Intervals, (n,).
         t: Times in them [s], (n,).
-        half: The bound is valid so long before and after each of the times [s], (n,).
+        half: The bound is valid within this time before and after each of the times [s], (n,).
     """
     ds, dds, ddds = law.path_motion(i, t)[1:]
     slope = law.rates.slope[i]
-    # ds is a sum of cosh and sinh, or of cos and sin, whose bounds are smaller.
+    # ds is a sum of cosh and sinh, or of cos and sin, which have smaller bounds.
     root = np.sqrt(np.abs(slope))
     with np.errstate(invalid="ignore"):
         growth = np.where(root > 0, np.sinh(root * half) / root, half)
@@ -130,17 +126,17 @@ def path_rates(law: PathLaw, i: IntArray, t: FloatArray, half: FloatArray) -> De
 
 
 def _bound(values: Derivatives, reach: FloatArray) -> Derivatives:
-    """The function, and bounds of its derivatives within `reach`, by Taylor's polynomial."""
+    """The function, and bounds of its derivatives within `reach`, by Taylor polynomials."""
     n = len(values)
-    own, powers = [np.abs(x) for x in values], [np.ones_like(reach)]
+    magnitudes, powers = [np.abs(x) for x in values], [np.ones_like(reach)]
     for k in range(1, n):
         powers.append(powers[-1] * reach / k)
-    bounds = [sum(own[m] * powers[m - k] for m in range(k, n)) for k in range(1, n)]
+    bounds = [sum(magnitudes[m] * powers[m - k] for m in range(k, n)) for k in range(1, n)]
     return [values[0], *map(np.asarray, bounds)]
 
 
 def _highest(f: Derivatives, half: FloatArray) -> FloatArray:
-    """The largest values of f0 + f1 u + f2 u² / 2 for u from -half to half."""
+    """Largest values of f0 + f1 u + f2 u² / 2 for u from -half to half."""
     f0, f1, f2 = f
     ends = f0 + np.abs(f1) * half + f2 * half**2 / 2
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -19,8 +19,8 @@ from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import draw_arcs
 from armcontour.geometry.segments import Segments
 
-# Long segments are split into pieces with smaller boxes, until a point lies in about this many
-# boxes, but into at most this many pieces per segment on average.
+# Long segments are split into pieces with smaller boxes until a point lies in approximately this
+# many boxes; and largest number of pieces per segment on average.
 OVERLAP = 8
 PIECES_PER_SEGMENT = 32
 # Pieces in a leaf of the tree: with fewer, searching nodes dominates; with more, searching pieces.
@@ -45,15 +45,15 @@ def find_nearest(
 ) -> Projection:
     """The nearest point of a path for each of `points`, exact on lines and arcs.
 
-    On transitions it is the nearest one of arcs within a nanometre of them (`draw_arcs`).
+    On transitions it is the nearest point of arcs within a nanometre of them (`draw_arcs`).
 
-    A tree is built at the first call for a table of segments and kept as long as the table. A
-    query then takes time about proportional to the logarithm of the number of segments.
+    The first call for a table of segments builds a tree, which exists as long as the table. The
+    time of a query is then approximately proportional to the logarithm of the number of segments.
 
     Args:
         segments: Segments of the path.
         points: Query points [m], (n, dimension).
-        in_order: Whether each point is near the one before, so that they need not be sorted.
+        in_order: Whether each point is near the previous one, so they need not be sorted.
 
     Raises:
         InvalidInput: The points have another dimension than the path, or are not finite.
@@ -66,14 +66,14 @@ def find_nearest(
         )
     if not len(queries):
         return Projection(np.empty(0), np.empty(0))
-    from armcontour.geometry._segments import search_tree
+    from armcontour.geometry.kernels import search_tree
 
     tree = _trees.get(segments)
     if tree is None:
         tree = _trees[segments] = _build_tree(segments)
     if in_order:
         return Projection(*search_tree(pad(queries), *tree))
-    # Queries are searched in spatial order: each starts from a good guess and finds memory cached.
+    # In spatial order each search starts from a good guess, and its memory is in the cache.
     order = _sort_along_a_curve(queries)
     distance, s = np.empty(len(queries)), np.empty(len(queries))
     distance[order], s[order] = search_tree(pad(queries[order]), *tree)
@@ -83,15 +83,14 @@ def find_nearest(
 def pack(segments: Segments) -> FloatArray:
     """Segments as an array for compiled functions, padded to space, (n, 15).
 
-    Transitions are drawn as arcs (`draw_arcs`), so that there may be more rows than segments.
-    Columns: start (3), tangent (3), normal (3), curvature, length, arc length at the start, end
-    (3).
+    Transitions are drawn as arcs (`draw_arcs`), so there may be more rows than segments. Columns:
+    start (3), tangent (3), normal (3), curvature, length, arc length at the start, end (3).
     """
     return pack_arcs(*draw_arcs(segments))
 
 
 def pack_arcs(arcs: Segments, begin: FloatArray) -> FloatArray:
-    """What `pack` gives, from what `draw_arcs` gives."""
+    """The array of `pack` from the result of `draw_arcs`."""
     vectors = [pad(x) for x in (arcs.starts, arcs.tangents, arcs.normals)]
     return np.column_stack([*vectors, arcs.curvatures, arcs.lengths, begin, pad(arcs.ends)])
 
@@ -115,7 +114,7 @@ def _build_tree(segments: Segments) -> Tree:
     segment, low, high = _divide(arcs)
     order = _sort_along_a_curve((low + high) / 2, digits=4)
     leaves = 1 << max(0, int(np.ceil(np.log2(len(order) / LEAF_SIZE))))
-    # Leaf k has the pieces order[k n / leaves : (k + 1) n / leaves], so that none is empty.
+    # Leaf k has the pieces order[k n / leaves : (k + 1) n / leaves], so no leaf is empty.
     first = (np.arange(leaves) * len(order)) // leaves
     # Lower corners and the negative of upper corners, from the leaves to the root.
     levels = [np.minimum.reduceat(np.hstack([low, -high])[order], first, axis=0)]
@@ -126,13 +125,10 @@ def _build_tree(segments: Segments) -> Tree:
 
 
 def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Divide segments into pieces, of at most a quarter circle each.
+    """Divide segments into pieces of at most a quarter circle, with their segments and boxes.
 
-    The box of a piece of length l has an area of about l² / pi, so that of N pieces of a path of
-    length L in an area A, about L² / (pi A N) boxes contain a point.
-
-    Returns:
-        Index of the segment of every piece, and lower and upper corner of its box, (pieces, 3).
+    The box of a piece of length l has an area of approximately l² / pi. Of N pieces of a path of
+    length L in an area A, approximately L² / (pi A N) boxes contain a point.
     """
     n, lengths, curvatures = len(segments), segments.lengths, segments.curvatures
     extent = np.sort(np.ptp(np.concatenate([segments.starts, segments[-1:].ends]), axis=0))[-2:]
@@ -144,7 +140,7 @@ def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
     count = np.maximum(1, np.maximum(by_length, by_turn)).astype(np.intp)
     segment, number = number_parts(count)
     step = lengths[segment] / count[segment]
-    start, end = (segments.at(segment, k * step) for k in (number, number + 1))
+    start, end = (segments.evaluate(segment, k * step) for k in (number, number + 1))
     # An arc leaves its chord by at most the sagitta, (1 - cos(turn / 2)) / curvature.
     sagitta = step * np.tan(curvatures[segment] * step / 4) / 2
     rounding = 1e-15 * (np.abs(start) + np.abs(end)).max(axis=1)
@@ -153,12 +149,9 @@ def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
 
 
 def _sort_along_a_curve(points: FloatArray, digits: int = 1) -> IntArray:
-    """Indices that sort points along a Morton curve, so that points next in order are near.
+    """Indices that sort points along a Morton curve, so consecutive points are near each other.
 
-    Args:
-        points: The points, (n, 2) or (n, 3).
-        digits: Fineness of the curve's cells: each digit is 8 bits per axis in the plane, 5 in
-            space.
+    Each of `digits` refines the cells by 8 bits per axis in the plane, 5 in space.
     """
     axes = points.shape[1]
     bits = 16 // axes

@@ -19,26 +19,26 @@ from armcontour.core.render import number
 from armcontour.core.text import count_noun, format_table, short_repr
 from armcontour.geometry.path import Path, check_arc_length
 
-# Name of the duration of the shaped path itself, beside those of its starts.
+# Name of the duration of the shaped path, next to those of its starts.
 SHAPED = "shaped"
-# Evenly spaced places at which the largest distance from the objective is looked for.
+# Number of evenly spaced points at which the distance from the objective is evaluated.
 PLACES = 15_000
-# and those of known shapes, from which a search starts.
+# Names of the shapes from which a search starts.
 ARCS, PARABOLAS, STOPS = "arcs", "parabolas", "stops"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Outcome(Checked):
-    """How the shape of a path was found.
+    """Result of the search for the shape of a path.
 
     Args:
         start: Name of the fastest start: "arcs", "parabolas" or "stops".
         durations: Least durations of all starts by their names, and of the path itself as "shaped"
             [s].
         history: Least duration after each iteration, the first before any [s], (iterations + 1,).
-        note: Why the path has the shape of a start, one clause; None if another was looked for.
+        note: Reason for the shape of a start, one clause; None if a search was made.
         joints: Joint positions at the start of the program with this path, near which an arm in
-            space has these durations [rad]; None for those that it would have anyway.
+            space has these durations [rad]; None for the default configuration.
         unfinished: Whether the search ended early, because a smaller tolerance takes more steps.
     """
 
@@ -54,12 +54,12 @@ class Outcome(Checked):
 
     def __reduce__(self) -> tuple[partial[Outcome], tuple[()]]:
         # Mapping proxies cannot be pickled.
-        given = {x.name: getattr(self, x.name) for x in fields(self)}
-        return partial(Outcome, **given | {"durations": dict(self.durations)}), ()
+        values = {x.name: getattr(self, x.name) for x in fields(self)}
+        return partial(Outcome, **values | {"durations": dict(self.durations)}), ()
 
     @property
     def gain(self) -> float:
-        """Share of the duration of the fastest start that the shape saves."""
+        """Fraction of the duration of the fastest start that the shape saves."""
         return 1 - self.durations[SHAPED] / self.durations[self.start]
 
 
@@ -67,12 +67,12 @@ class Outcome(Checked):
 class SmoothCurve(Checked):
     """A curve of quintics over arc length, which a chain of arcs follows closely.
 
-    Its curvature varies along each quintic, and jumps between quintics only where the shape wants
-    a jump. The arcs, whose curvatures are constant, would jump everywhere.
+    Its curvature varies along each quintic, and jumps between quintics only where the shape has a
+    jump. The curvature of the arcs would jump at every vertex.
 
     Args:
         breaks: Arc lengths of the ends of the quintics [m], (n + 1,).
-        coefficients: Coefficients of the quintics [m], (n, 6, dimension), as `quintic` gives them.
+        coefficients: Coefficients of the quintics [m], (n, 6, dimension), as from `quintic`.
         spreads: Largest distance of the arcs from each quintic [m], (n,).
     """
 
@@ -89,18 +89,18 @@ class SmoothCurve(Checked):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShapedPath(Path):
-    """A path whose shape was found together with its timing, within a tolerance of its objective.
+    """A path whose shape was optimized together with its timing, near its objective.
 
     Args:
         objective: The path before shaping.
-        places: Arc lengths on the objective and on this path that belong together [m], from the
-            start to the end, both increasing, (n, 2).
-        tolerance: The given tolerance [m].
-        line_tolerance: The given tolerance outside the zones of the vertices [m]; None if there
-            are no zones.
-        zone: Distance from a vertex, along the objective, within which `tolerance` holds [m].
-        outcome: How the shape was found.
-        curve: The curve that the tool follows; None if it is the lines and arcs themselves.
+        places: Corresponding arc lengths on the objective and on this path [m], from start to end,
+            both increasing, (n, 2).
+        tolerance: The specified tolerance [m].
+        line_tolerance: The specified tolerance outside the zones of the vertices [m]; None without
+            zones.
+        zone: Distance from a vertex, along the objective, within which `tolerance` applies [m].
+        outcome: Result of the search for the shape.
+        curve: The curve that the tool follows; None if it follows the lines and arcs.
 
     Raises:
         InvalidInput: The places do not increase from start to end of both paths.
@@ -129,13 +129,13 @@ class ShapedPath(Path):
 
     @cached_property
     def deviation(self) -> float:
-        """Largest distance of its points from their places on the objective [m], of 15,000."""
+        """Largest distance from the corresponding points of the objective, of 15,000 [m]."""
         s = np.union1d(np.linspace(0.0, self.length, PLACES), self.places[:, 1])
         points = self.objective(np.interp(s, self.places[:, 1], self.places[:, 0]))
         return float(np.linalg.norm(self(s) - points, axis=1).max())
 
     def __str__(self) -> str:
-        """As of any path, and what the shape gained."""
+        """Summary of the path and of the gain of its shape."""
         durations = self.outcome.durations
         return format_table(
             self._title("Shaped path"),
@@ -145,7 +145,7 @@ class ShapedPath(Path):
                     "off the vertices",
                     "" if self.line_tolerance is None else number(self.line_tolerance, "m"),
                 ),
-                ("least durations", ", ".join(f"{k} {x:.4g} s" for k, x in durations.items())),
+                ("shortest durations", ", ".join(f"{k} {x:.4g} s" for k, x in durations.items())),
                 *self._rows,
             ],
         )
@@ -153,15 +153,15 @@ class ShapedPath(Path):
     __repr__ = short_repr
 
     def __call__(self, s: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
-        """Point or derivative of the curve that the tool follows, as of any path."""
+        """Point or derivative of the curve that the tool follows."""
         if self.curve is None:
             return super().__call__(s, order, side=side)
-        at = check_arc_length(s, self.length)
-        i = self.locate(at, side=side)
-        return self.on_segment(i, at - self.breaks[i], checks.derivative(order))
+        arc_lengths = check_arc_length(s, self.length)
+        i = self.locate(arc_lengths, side=side)
+        return self.on_segment(i, arc_lengths - self.breaks[i], checks.derivative(order))
 
     def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:
-        """Point or derivative at distance `u` [m] from the start of segment `i`, of the curve.
+        """Point or derivative of the curve at distance `u` [m] from the start of segment `i`.
 
         Args:
             i: Indices of segments, (n,).
@@ -178,28 +178,28 @@ class ShapedPath(Path):
         Args:
             s: Arc lengths of the objective path [m], any shape.
         """
-        found = np.interp(
+        arc_lengths = np.interp(
             checks.floats("arc lengths", s, "m"), self.places[:, 0], self.places[:, 1]
         )
-        return np.asarray(np.clip(found, 0.0, self.length))
+        return np.asarray(np.clip(arc_lengths, 0.0, self.length))
 
 
 def doubt_search(paths: Iterable[Path]) -> list[str]:
-    """A sentence on paths whose search for a shape ended early, or none."""
-    found = [x for x in paths if isinstance(x, ShapedPath)]
-    early = [x for x in found if x.outcome.unfinished]
+    """A sentence on paths whose search for a shape ended early; empty without such paths."""
+    shaped = [x for x in paths if isinstance(x, ShapedPath)]
+    early = [x for x in shaped if x.outcome.unfinished]
     if not early:
         return []
-    which = f" of {count_noun(len(early), 'contour')}" if len(found) > 1 else ""
+    subject = f" of {count_noun(len(early), 'contour')}" if len(shaped) > 1 else ""
     return [
-        f"the search for the shape{which} ended early, because a tolerance of "
-        f"{number(early[0].tolerance, 'm')} needs too many nodes. The path is the fastest one so "
-        "far. A larger tolerance lets the search end, and rounded corners need no search."
+        f"the search for the shape{subject} ended early, because a tolerance of "
+        f"{number(early[0].tolerance, 'm')} needs too many nodes. The path is the fastest until "
+        "then. A larger tolerance lets the search finish, and rounded corners need no search."
     ]
 
 
 def check_places(places: npt.ArrayLike, objective: Path, path: Path) -> FloatArray:
-    """Places that belong together, locked, after a check that they lead along both paths.
+    """Corresponding arc lengths, locked, after a check that they cover both paths.
 
     Args:
         places: Arc lengths on the objective and on the path [m], (n, 2).
@@ -209,11 +209,11 @@ def check_places(places: npt.ArrayLike, objective: Path, path: Path) -> FloatArr
     Raises:
         InvalidInput: The places do not increase from start to end of both paths.
     """
-    found = checks.frozen_array(places)
+    pairs = checks.frozen_array(places)
     ends = np.array([[0.0, 0.0], [objective.length, path.length]])
     near = 1e-9 * (1 + ends[1])
-    if found.ndim != 2 or not found.size or (np.abs(found[[0, -1]] - ends) > near).any():
+    if pairs.ndim != 2 or not pairs.size or (np.abs(pairs[[0, -1]] - ends) > near).any():
         raise InvalidInput("The places of a shaped path must lead from its start to its end.")
-    if (np.diff(found, axis=0) < 0).any():
+    if (np.diff(pairs, axis=0) < 0).any():
         raise InvalidInput("The places of a shaped path must not decrease.")
-    return found
+    return pairs

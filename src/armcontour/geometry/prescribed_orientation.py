@@ -1,4 +1,4 @@
-"""Constructors of the tool orientation along a path whose corners are not rounded yet."""
+"""Tool orientation along a path before corner rounding: from rotations, axes or the tangent."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from armcontour.geometry.biarcs import dot, unit
 from armcontour.geometry.orientation import LINEAR, SAME_ORIENTATION, Orientation, value_of
 from armcontour.geometry.segments import Segments
 
-# Between orientations that differ by more than this there is no shortest rotation [rad].
+# Orientations that differ by more than this have no unique shortest rotation [rad].
 HALF_TURN = np.pi - 1e-6
 # Rotations by less than this are rounding errors [rad].
 NO_TURN = 1e-14
-# A transition turns about the axis of its bend, and not about that from its first tangent to its
-# last, if the latter turn is this much smaller: then it bends to both sides.
+# A transition that curves to both sides may turn by nothing from its first tangent to its last.
+# Below this ratio of the turns, the axis of its curvature is used instead.
 NO_AXIS = 1e-6
 # Tool in the frame of the path: its x axis along the path, its z axis (the tool axis) against `up`.
 POINTING_DOWN = checks.frozen_array(np.diag([1.0, -1.0, -1.0]))
@@ -50,12 +50,12 @@ def orient(
         InvalidInput: The values are not rotations, their number is wrong, a repeated point has two
             orientations, or neighbours differ by half a turn.
     """
-    given = rotations("tool orientation", values)
-    if given.ndim == 2:
-        return _constant(segments, given, axis_only)
-    at, names = _per_waypoint("tool orientation", given, waypoints, merged)
-    turn = _check_turns(log(at[1:] @ np.swapaxes(at[:-1], 1, 2)), names)
-    return _turn_evenly(segments, waypoints, at[:-1], turn, axis_only)
+    specified = rotations("tool orientation", values)
+    if specified.ndim == 2:
+        return _constant(segments, specified, axis_only)
+    matrices, names = _per_waypoint("tool orientation", specified, waypoints, merged)
+    turn = _check_turns(log(matrices[1:] @ np.swapaxes(matrices[:-1], 1, 2)), names)
+    return _turn_evenly(segments, waypoints, matrices[:-1], turn, axis_only)
 
 
 def point(
@@ -72,16 +72,16 @@ def point(
     Raises:
         InvalidInput: As in `orient`, or a direction has no length.
     """
-    given = checks.check_numbers("direction of the tool axis", values)
-    if given.shape[-1:] != (3,) or given.ndim > 2:
+    directions = checks.check_numbers("direction of the tool axis", values)
+    if directions.shape[-1:] != (3,) or directions.ndim > 2:
         raise InvalidInput("The direction of the tool axis is 3 numbers, once or per waypoint.")
-    if given.ndim == 1 and given.any():
-        return _constant(segments, _pointing(*given.tolist()), axis_only=True)
-    size = np.linalg.norm(given, axis=-1, keepdims=True)
+    if directions.ndim == 1 and directions.any():
+        return _constant(segments, _pointing(*directions.tolist()), axis_only=True)
+    size = np.linalg.norm(directions, axis=-1, keepdims=True)
     if (size == 0).any():
         raise InvalidInput("The direction of the tool axis has no length.")
-    unit = given / size
-    start = _pointing(*given[0].tolist())
+    unit = directions / size
+    start = _pointing(*directions[0].tolist())
     axes, names = _per_waypoint("direction of the tool axis", unit, waypoints, merged)
     turn = _check_turns(shortest(axes[:-1], axes[1:]), names)
     starts = np.empty((len(turn), 3, 3))
@@ -103,7 +103,7 @@ def _pointing(x: float, y: float, z: float) -> FloatArray:
 def follow(
     segments: Segments, up: npt.ArrayLike, tool: Any | None = None, *, axis_only: bool = False
 ) -> Orientation:
-    """An orientation that stays at a fixed angle to the tangent of a path.
+    """An orientation at a fixed angle to the tangent of a path.
 
     The tool never turns about the tangent: its orientation is constant on a line, turns with the
     tangent on an arc, and jumps by the turn at a corner until the corner is rounded.
@@ -129,8 +129,8 @@ def follow(
     if upward.shape != (3,):
         raise InvalidInput("The direction up is 3 numbers.")
     z = upward - (upward @ tangent) * tangent
-    size, least = np.linalg.norm(z), 1e-6 * np.linalg.norm(upward)
-    if size < least or not least > 0:
+    size, smallest = np.linalg.norm(z), 1e-6 * np.linalg.norm(upward)
+    if size < smallest or not smallest > 0:
         raise InvalidInput(
             "up lies along the first tangent of the path: give a direction across it."
         )
@@ -156,7 +156,7 @@ def carry(segments: Segments, frame: FloatArray, *, axis_only: bool = False) -> 
         i = int(np.argmax(turn > HALF_TURN))
         raise InvalidInput(
             f"At the vertex after segment {i + 1} the path turns back by 180°, where a tool "
-            "that follows the tangent could turn either way: leave the tool's orientation fixed "
+            "that follows the tangent could turn either way: use a constant tool orientation "
             "there, or split the path.",
             index=i,
             point=segments.starts[i + 1].tolist(),
@@ -168,7 +168,7 @@ def follow_on(
     segments: Segments,
     frame: FloatArray,
     corners: FloatArray | None,
-    known: Mapping[int, FloatArray],
+    frames: Mapping[int, FloatArray],
     *,
     axis_only: bool,
 ) -> Orientation:
@@ -178,7 +178,7 @@ def follow_on(
         segments: The segments, n of them.
         frame: Rotation matrix at the start, (3, 3).
         corners: Rotations at the vertices between segments, (n - 1, 3, 3); None for none.
-        known: Rotation matrices that are known at the starts of some segments, (3, 3) each.
+        frames: Rotation matrices that are known at the starts of some segments, (3, 3) each.
         axis_only: Rotation about the tool axis is free.
     """
     columns = tangent_turns(segments)
@@ -188,7 +188,7 @@ def follow_on(
         turns[:-1] = corners @ turns[:-1]
     starts = np.empty((len(segments), 3, 3))
     for k in range(len(segments)):
-        starts[k] = frame = known.get(k, frame)
+        starts[k] = frame = frames.get(k, frame)
         frame = turns[k] @ frame
     return Orientation(
         breaks=segments.breaks, starts=starts, **columns, axis_only=axis_only, follows=True
@@ -203,18 +203,19 @@ def tangent_rates(segments: Segments) -> FloatArray:
 def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
     """Turns of the tangents along segments, as `first`, `second`, `f` and `g` of an `Orientation`.
 
-    On a transition `second` is the axis from its first tangent to its last, and `first` is that of
-    the tilt out of this plane. Both angles are quintics: with the tangent and the curvature at both
-    ends, and with the change of curvature there that both neighbours share, so that the derivative
-    of the rate does not jump in a plane.
+    On a transition `second` is the axis from the first tangent to the last, and `first` is the axis
+    of the tilt out of this plane. Both angles are quintics that match the tangent, the curvature
+    and, in a plane, the shared derivative of the angular rate at both ends.
     """
     first, f = tangent_rates(segments), np.tile(LINEAR, (len(segments), 1))
     second, g = np.zeros_like(first), np.zeros_like(f)
     bent = np.flatnonzero(segments.bent)
     if len(bent):
         ends = np.zeros(len(bent)), segments.lengths[bent]
-        tangents = [segments.at(bent, u, 1) for u in ends]
-        rates = [np.cross(t, segments.at(bent, u, 2)) for t, u in zip(tangents, ends, strict=True)]
+        tangents = [segments.evaluate(bent, u, 1) for u in ends]
+        rates = [
+            np.cross(t, segments.evaluate(bent, u, 2)) for t, u in zip(tangents, ends, strict=True)
+        ]
         axis = _axes_of_turns(segments, bent)
         tilt = np.cross(axis, tangents[0])
         t0, t1 = (unit(x) for x in tangents)
@@ -222,7 +223,7 @@ def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
         out = -np.arcsin(dot(t1, axis).clip(-1, 1))[:, None]
         change = _shared_changes(segments)
         tilted = np.cos(turn) * tilt - np.sin(turn) * t0
-        rate, bend = (
+        rate, rate_change = (
             [
                 np.stack([dot(x, y), dot(x, axis)], axis=1)
                 for x, y in zip(pair, (tilt, tilted), strict=True)
@@ -231,7 +232,9 @@ def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
         )
         angles = np.hstack([out, turn])
         none = np.zeros_like(angles)
-        turned = quintic(ends[1], (none, rate[0], bend[0]), (angles, rate[1], bend[1]))
+        turned = quintic(
+            ends[1], (none, rate[0], rate_change[0]), (angles, rate[1], rate_change[1])
+        )
         f, g = (np.pad(x, ((0, 0), (0, 2))) for x in (f, g))
         f[bent], g[bent] = np.moveaxis(turned, 2, 0) / ends[1][:, None] ** np.arange(6)
         first[bent], second[bent] = tilt, axis
@@ -239,30 +242,33 @@ def tangent_turns(segments: Segments) -> dict[str, FloatArray]:
 
 
 def _axes_of_turns(segments: Segments, bent: IntArray) -> FloatArray:
-    """Unit vectors about which the tangents turn along transitions; zero where they do not."""
+    """Unit axes about which the tangents turn along transitions; zero for straight ones."""
     lengths = segments.lengths[bent]
-    into, out = segments.at(bent, 0 * lengths, 1), segments.at(bent, lengths, 1)
-    found = np.cross(into, out)
-    # A transition that bends to both sides may turn by nothing.
+    into, out = segments.evaluate(bent, 0 * lengths, 1), segments.evaluate(bent, lengths, 1)
+    axes = np.cross(into, out)
+    # A transition that curves to both sides may turn by nothing.
     for share in (0.0, 0.5, 1.0):
         u = share * lengths
-        other = np.cross(segments.at(bent, u, 1), segments.at(bent, u, 2)) * lengths[:, None]
-        size = [np.linalg.norm(x, axis=1, keepdims=True) for x in (found, other)]
-        found = np.where(size[0] < NO_AXIS * size[1], other, found)
-    across = found - dot(found, into)[:, None] * into / dot(into, into)[:, None]
+        other = (
+            np.cross(segments.evaluate(bent, u, 1), segments.evaluate(bent, u, 2))
+            * lengths[:, None]
+        )
+        size = [np.linalg.norm(x, axis=1, keepdims=True) for x in (axes, other)]
+        axes = np.where(size[0] < NO_AXIS * size[1], other, axes)
+    across = axes - dot(axes, into)[:, None] * into / dot(into, into)[:, None]
     size = np.linalg.norm(across, axis=1, keepdims=True)
-    return np.asarray(np.divide(across, size, out=np.zeros_like(found), where=size > 0))
+    return np.asarray(np.divide(across, size, out=np.zeros_like(axes), where=size > 0))
 
 
 def _shared_changes(segments: Segments) -> FloatArray:
     """Derivatives of the tangents' angular rates at all vertices [rad/m²], (n + 1, 3).
 
-    At a vertex between transitions it is the mean of both; lines and arcs turn evenly, so that it
-    is zero at their ends.
+    At a vertex between transitions this is the mean of both sides. Lines and arcs turn at a
+    constant rate, so the derivative is zero at their ends.
     """
     every = np.arange(len(segments))
     sides = [
-        np.cross(segments.at(every, u, 1), segments.at(every, u, 3))
+        np.cross(segments.evaluate(every, u, 1), segments.evaluate(every, u, 3))
         for u in (segments.lengths, 0 * segments.lengths)
     ]
     bent = np.concatenate([segments.bent[:1], segments.bent, segments.bent[-1:]])
@@ -281,15 +287,7 @@ def _constant(segments: Segments, rotation: FloatArray, axis_only: bool) -> Orie
 def _turn_evenly(
     segments: Segments, waypoints: IntArray, starts: FloatArray, turn: FloatArray, axis_only: bool
 ) -> Orientation:
-    """An orientation with a constant angular rate from waypoint to waypoint.
-
-    Args:
-        segments: Segments of the path.
-        waypoints: Indices of the vertices that are waypoints, (k + 1,).
-        starts: Rotation matrices at all waypoints but the last, (k, 3, 3).
-        turn: Rotation vectors from each waypoint to the next [rad], (k, 3).
-        axis_only: Rotation about the tool axis is free.
-    """
+    """An orientation with a constant angular rate from waypoint to waypoint."""
     first, breaks = waypoints[:-1], segments.breaks
     section = np.repeat(np.arange(len(turn)), np.diff(waypoints))
     rates = (turn / np.add.reduceat(segments.lengths, first)[:, None])[section]
@@ -299,45 +297,31 @@ def _turn_evenly(
 
 
 def _per_waypoint(
-    name: str, given: FloatArray, waypoints: IntArray, merged: tuple[int, ...]
+    name: str, values: FloatArray, waypoints: IntArray, merged: tuple[int, ...]
 ) -> tuple[FloatArray, IntArray]:
-    """One value per waypoint of the path, and the indices of these waypoints in the input points.
-
-    Args:
-        name: Name of the values in refusals.
-        given: One value per input point, or per input point without repeated ones.
-        waypoints: Indices of the vertices that are waypoints.
-        merged: Indices of the input points that repeat the point before them.
-
-    Raises:
-        InvalidInput: The number of values is wrong, or two values at one point differ.
-    """
-    kept = len(waypoints)
-    points = kept + len(merged)
-    if len(given) not in (points, kept):
+    """One value per waypoint, and the index of each waypoint among the input points."""
+    count = len(waypoints)
+    points = count + len(merged)
+    if len(values) not in (points, count):
         raise InvalidInput(
-            f"{name} has {len(given)} values, but the path has {points} waypoints: give one for "
+            f"{name} has {len(values)} values, but the path has {points} waypoints: give one for "
             f"the whole path or {points}."
         )
-    if len(given) == kept:
-        return given, np.arange(kept)
+    if len(values) == count:
+        return values, np.arange(count)
     for i in merged:
-        if np.abs(given[i] - given[i - 1]).max() > SAME_ORIENTATION:
+        if np.abs(values[i] - values[i - 1]).max() > SAME_ORIENTATION:
             raise InvalidInput(
                 f"Waypoint {i + 1} is the same point as the one before but with another {name}: a "
                 "path cannot turn the tool on the spot; move the point or split the path.",
                 index=i,
             )
     names = np.delete(np.arange(points), merged)
-    return given[names], names
+    return values[names], names
 
 
 def _check_turns(turn: FloatArray, names: IntArray) -> FloatArray:
-    """Rotation vectors from waypoint to waypoint, with rounding errors set to zero.
-
-    Raises:
-        InvalidInput: A rotation is half a turn, so that no shortest rotation exists.
-    """
+    """Rotation vectors from waypoint to waypoint, with rounding errors set to zero."""
     angle = np.linalg.norm(turn, axis=1)
     if (angle > HALF_TURN).any():
         i = int(np.argmax(angle > HALF_TURN))

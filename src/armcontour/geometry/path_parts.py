@@ -34,11 +34,11 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
                 allowed=path.length,
             )
     begin, end = max(begin, 0.0), min(end, path.length)
-    # Remainders of segments shorter than the resolution of a point are left out.
+    # Remainders of segments shorter than the resolution of a point are discarded.
     first = int(path.locate(begin + REPEATED_POINT))
     last = int(path.locate(end - REPEATED_POINT, side="left"))
     if end - begin <= REPEATED_POINT or first > last:
-        raise InvalidInput(f"There is no path between {begin:.9g} and {end:.9g} m along it.")
+        raise InvalidInput(f"The part from {begin:.9g} to {end:.9g} m of the path has no length.")
     # The orientation is cut at the same arc lengths as the segments.
     begin = max(begin, float(path.breaks[first]))
     end = min(end, float(path.breaks[last + 1]))
@@ -54,7 +54,7 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
 
 
 def join_paths(paths: Sequence[Path]) -> Path:
-    """One path made of several, each of which starts where the one before it ends.
+    """One path made of several, each of which starts at the end of the previous one.
 
     Args:
         paths: The paths in order.
@@ -63,7 +63,7 @@ def join_paths(paths: Sequence[Path]) -> Path:
         InvalidInput: There is a gap or no path, or only some of the paths have an orientation.
     """
     if not paths:
-        raise InvalidInput("There is no path to join.")
+        raise InvalidInput("Joining needs at least one path.")
     return paths[0].joined(*paths[1:])
 
 
@@ -84,13 +84,13 @@ def drop_z(path: Path) -> Path:
     if across.any():
         i = int(np.argmax(across))
         raise InvalidInput(
-            f"Segment {i + 1} is a curve that leaves the plane, which cannot be flattened.", index=i
+            f"Segment {i + 1} is a curve that leaves the plane and cannot be projected.", index=i
         )
     run = np.linalg.norm(path.tangents[:, :2], axis=1)
-    kept = run * path.lengths > REPEATED_POINT
-    if not kept.any():
-        raise InvalidInput("The path only goes up and down: nothing is left of it in the plane.")
-    rows, shortening = path.segments[kept], run[kept]
+    mask = run * path.lengths > REPEATED_POINT
+    if not mask.any():
+        raise InvalidInput("The path is vertical, so its projection onto the plane has no length.")
+    rows, shortening = path.segments[mask], run[mask]
     return Path(
         segments=rows.replace(
             starts=rows.starts[:, :2],

@@ -23,24 +23,26 @@ from armcontour.core.quantities import (
     Speed,
     Tolerance,
 )
-from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import Path
+from armcontour.geometry.path_parts import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
 
 SHAPES = ("sine", "zigzag")
 UP = checks.frozen_array([0.0, 0.0, 1.0])
-# Points of a sine per pitch at first, how often their number may double, and the most points.
+# Initial number of points of a sine per pitch, largest number of doublings, and largest number of
+# points.
 SAMPLES, MOST_DOUBLINGS, MOST_POINTS = 64, 6, 2_000_000
-# Smallest sine of the angle between the tool axis and the tangent: below it a seam has no sides.
+# Smallest sine of the angle between the tool axis and the tangent; below it a seam has no sides.
 PARALLEL = 1e-6
-# Points between two samples at which a sine is compared with its spline, as fractions.
+# Fractions between two samples at which a sine is compared with its spline.
 BETWEEN = np.array([0.25, 0.5, 0.75])
 # A vertex is a corner of the seam if it turns by more than the first angle [rad], or by more than
-# the second and so many times as much as both neighbours; others are waypoints of a smooth seam.
+# the second angle and by this factor more than both neighbours; others are waypoints of a smooth
+# seam.
 CORNER, BEND, TIMES = np.radians(30.0), np.radians(5.0), 3.0
-# Waypoints nearer to each other than this share of the pitch are left out, if the smooth seam is
-# within this share of the width of them.
+# Waypoints with a distance below this fraction of the pitch are removed if the smooth seam stays
+# within this fraction of the width of them.
 THIN, CLOSE = 0.25, 0.005
 # Largest turn of an arc between two waypoints [rad].
 TURN = np.radians(10.0)
@@ -52,7 +54,7 @@ MOST_DWELL = 0.8
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
 class Woven:
-    """Where a path weaves along its seam.
+    """Result of weaving along a seam.
 
     Args:
         seam: The smooth seam.
@@ -60,7 +62,7 @@ class Woven:
         width: Distance between the crests on both sides [m].
         pitch: Length of the seam per wave [m].
         frequency: Waves per second at the assigned velocity [1/s]; NaN without a single one.
-        left_out: Length of the seam in parts that are too short to be woven [m].
+        left_out: Length of the seam in parts that are too short for the weave [m].
     """
 
     seam: Path
@@ -93,8 +95,8 @@ def weave_seam(
 
     Vertices that turn by no more than 30° are waypoints of a smooth seam, a spline through them,
     unless a vertex turns by more than 5° and three times as much as both of its neighbours. All
-    others are corners. Each part between two corners starts and ends on the seam: a sine grows
-    from nothing within the first half pitch and fades in the last one, so that it leaves and meets
+    others are corners. Each part between two corners starts and ends on the seam: the amplitude of
+    a sine grows within the first half pitch and fades in the last one, so the sine leaves and meets
     the seam along its tangent. A part of less than half a pitch is not woven. Speeds are along the
     seam: the assigned velocity of the woven path is greater by the ratio of the lengths, piece by
     piece. Tolerances, tags and the tool orientation are those of the seam.
@@ -104,8 +106,8 @@ def weave_seam(
         width: Distance between the crests on both sides [m].
         pitch: Length of the seam per wave [m]; give this or the frequency.
         frequency: Waves per second at the assigned velocity of the seam [1/s].
-        dwell: Time for which the tool stays at each edge, while it goes on along the seam at its
-            assigned velocity [s].
+        dwell: Time at each edge, during which the tool moves along the seam at its assigned
+            velocity [s].
         speed: Assigned velocity along the seam [m/s]; by default that of its segments.
         shape: "sine", as tangent arcs, or "zigzag", as lines from crest to crest.
         up: For a seam in space, the direction that weaving is perpendicular to, (3,). By default it
@@ -136,11 +138,11 @@ def weave_seam(
     parts, seams, crests, left_out, done = [], [], [], 0.0, 0.0
     for begin, end in zip(ends[:-1], ends[1:], strict=True):
         part = path if len(ends) == 2 else cut_path(path, begin, end)
-        seam, places = _smooth(part, pitch, width)
+        seam, matched_s = _smooth(part, pitch, width)
         wave = _Wave(
             part=part,
             seam=seam,
-            places=places,
+            places=matched_s,
             width=width,
             pitch=pitch,
             edge=edge,
@@ -178,7 +180,7 @@ def weave_seam(
 def _pitch_and_edge(
     path: Path, pitch: float | None, frequency: float | None, dwell: float
 ) -> tuple[float, float]:
-    """Length of the seam per wave and per dwell at an edge [m]."""
+    """Lengths of the seam per wave and per dwell at an edge [m]."""
     if (pitch is None) == (frequency is None):
         raise InvalidInput("A weave needs either a pitch or a frequency.")
     speed = float(path.speeds[0])
@@ -204,20 +206,15 @@ def _pitch_and_edge(
 
 
 def _corners(path: Path) -> npt.NDArray[np.bool_]:
-    """Which inner vertices of a path are corners of its seam, (segments - 1,)."""
+    """Mask of the inner vertices that are corners of the seam, (segments - 1,)."""
     turns = np.concatenate([[0.0], path.turns, [0.0]])
-    beside = np.maximum(turns[:-2], turns[2:])
-    sharp = (turns[1:-1] > BEND) & (turns[1:-1] > TIMES * beside)
+    neighbours = np.maximum(turns[:-2], turns[2:])
+    sharp = (turns[1:-1] > BEND) & (turns[1:-1] > TIMES * neighbours)
     return np.asarray((turns[1:-1] > CORNER) | sharp)
 
 
 def _smooth(path: Path, pitch: float, width: float) -> tuple[Path, FloatArray]:
-    """The smooth seam through the waypoints of a path without corners.
-
-    Returns:
-        The seam without orientation, and arc lengths of the seam and of the path that belong
-        together [m], (n, 2).
-    """
+    """The smooth seam, and corresponding arc lengths of seam and path [m], (n, 2)."""
     from armcontour.geometry.spline import fit_spline
 
     bare = dataclasses.replace(path, orientation=None)
@@ -226,28 +223,28 @@ def _smooth(path: Path, pitch: float, width: float) -> tuple[Path, FloatArray]:
         return bare, ends
     parts = np.maximum(1, np.ceil(path.curvatures * path.lengths / TURN)).astype(int)
     steps = np.repeat(path.lengths / parts, parts)
-    at = np.append(np.concatenate([[0.0], np.cumsum(steps)])[:-1], path.length)
-    points = path(at)
+    s = np.append(np.concatenate([[0.0], np.cumsum(steps)])[:-1], path.length)
+    points = path(s)
     closed = bool(np.linalg.norm(points[-1] - points[0]) <= REPEATED_POINT)
-    gaps = np.floor(at / (THIN * pitch))
-    kept = np.append(np.diff(gaps, prepend=-1) > 0, True)[: len(at)]
-    kept[-1] = True
-    if (path.length - at[:-1][kept[:-1]][-1]) < THIN * pitch / 2 and kept[:-1].sum() > 2:
-        kept[np.flatnonzero(kept[:-1])[-1]] = False
+    gaps = np.floor(s / (THIN * pitch))
+    mask = np.append(np.diff(gaps, prepend=-1) > 0, True)[: len(s)]
+    mask[-1] = True
+    if (path.length - s[:-1][mask[:-1]][-1]) < THIN * pitch / 2 and mask[:-1].sum() > 2:
+        mask[np.flatnonzero(mask[:-1])[-1]] = False
     while True:
-        table, vertices = fit_spline(points[kept], CLOSE * width / 10, closed, ends="not-a-knot")
+        table, vertices = fit_spline(points[mask], CLOSE * width / 10, closed, ends="not-a-knot")
         seam = Path(segments=table)
-        if kept.all():
+        if mask.all():
             break
-        off = np.where(kept, 0.0, seam.project(points).distance)
-        if off.max() <= CLOSE * width:
+        deviations = np.where(mask, 0.0, seam.project(points).distance)
+        if deviations.max() <= CLOSE * width:
             break
-        # The farthest point of each interval between kept ones is kept as well.
-        group = np.cumsum(kept)
-        order = np.lexsort((-off, group))
+        # The farthest point of each interval is added to the waypoints of the spline.
+        group = np.cumsum(mask)
+        order = np.lexsort((-deviations, group))
         first = order[np.unique(group[order], return_index=True)[1]]
-        kept[first[off[first] > CLOSE * width]] = True
-    return seam, np.column_stack([table.breaks[vertices], at[kept]])
+        mask[first[deviations[first] > CLOSE * width]] = True
+    return seam, np.column_stack([table.breaks[vertices], s[mask]])
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -255,9 +252,9 @@ class _Wave:
     """A weave along a part of a seam without corners.
 
     Args:
-        part: The part as it was given.
+        part: The original part.
         seam: The smooth seam.
-        places: Arc lengths of the seam and of the part that belong together [m], (n, 2).
+        places: Corresponding arc lengths of the seam and of the part [m], (n, 2).
         width: Distance between crests [m].
         pitch: Length of the seam per wave [m].
         edge: Length of the seam at each edge without change of the offset [m].
@@ -276,37 +273,37 @@ class _Wave:
         """Arc lengths of the part at arc lengths of the seam [m]."""
         return np.asarray(np.interp(s, *self.places.T))
 
-    def beside(self, s: FloatArray, off: FloatArray) -> FloatArray:
+    def offset_points(self, s: FloatArray, offset: FloatArray) -> FloatArray:
         """Points at distances to the left of the seam [m], (n, dimension)."""
         tangents = self.seam(s, 1)
         if self.seam.dimension == 2:
-            left = np.column_stack([-tangents[:, 1], tangents[:, 0]])
+            side = np.column_stack([-tangents[:, 1], tangents[:, 0]])
         else:
             up, orientation = UP if self.up is None else self.up, self.part.orientation
             if self.up is None and orientation is not None:
                 # The tool axis points from the tool to the work.
                 up = -orientation(self.on_part(s))[:, :, 2]
-            left = np.cross(up, tangents)
-            size = np.linalg.norm(left, axis=1)
+            side = np.cross(up, tangents)
+            size = np.linalg.norm(side, axis=1)
             if size.min() < PARALLEL:
                 k = int(np.argmin(size))
                 raise InvalidInput(
                     "A seam that is parallel to the tool axis, or to the direction up, has no "
-                    f"sides to weave to: see the place {s[k] * 1e3:.4g} mm along it."
+                    f"sides to weave to: see the point {s[k] * 1e3:.4g} mm along it."
                 )
-            left /= size[:, None]
-        return np.asarray(self.seam(s) + off[:, None] * left)
+            side /= size[:, None]
+        return np.asarray(self.seam(s) + offset[:, None] * side)
 
     def turning_points(self) -> FloatArray:
-        """Begin and end of the edges of all waves that the seam has room for [m]."""
+        """Start and end of the edges of all waves that fit on the seam [m]."""
         count = int(np.ceil(self.seam.length / self.pitch))
         middle = (2 * np.arange(2 * count) + 1) / 4 * self.pitch
-        found = middle[:, None] + np.array([-0.5, 0.5]) * self.edge
+        edges = middle[:, None] + np.array([-0.5, 0.5]) * self.edge
         room = self.seam.length * (1 + ROUNDING) - (self.pitch / 2 - self.edge) / 2
-        return np.asarray(found[found[:, 1] <= room])
+        return np.asarray(edges[edges[:, 1] <= room])
 
     def full_crests(self) -> FloatArray:
-        """Middles of the edges at which a sine has its full width [m]."""
+        """Middles of the edges at which a sine has its full amplitude [m]."""
         middle = self.turning_points().mean(axis=1)
         half = (self.pitch + self.edge) / 2
         return np.asarray(middle[(middle >= half) & (middle <= self.seam.length - half)])
@@ -317,62 +314,59 @@ class _Wave:
         knots = [0.0, 0.25 - share, 0.25 + share, 0.75 - share, 0.75 + share, 1.0]
         phase = np.interp(s / self.pitch % 1, knots, [0.0, 0.25, 0.25, 0.75, 0.75, 1.0])
         grown = np.clip(2 * np.minimum(s, self.seam.length - s) / self.pitch, 0.0, 1.0)
-        off = self.width / 2 * grown**2 * (3 - 2 * grown) * np.sin(2 * np.pi * phase)
-        return self.beside(s, off)
+        offset = self.width / 2 * grown**2 * (3 - 2 * grown) * np.sin(2 * np.pi * phase)
+        return self.offset_points(s, offset)
 
 
 def _woven(wave: _Wave, shape: str, tolerance: float) -> Path:
-    """The woven path of a part, with speeds, tolerances, tags and orientation of the part."""
-    from armcontour.geometry.orienting import carry
+    """The woven path of a part, with its speeds, tolerances, tags and orientation."""
+    from armcontour.geometry.prescribed_orientation import carry
 
     part, seam = wave.part, wave.seam
     turning = wave.turning_points()
     if shape == "zigzag":
         s = turning[:, :1].ravel() if not wave.edge else turning.ravel()
         side = np.where(np.arange(len(turning)) % 2, -1.0, 1.0) * wave.width / 2
-        crests = wave.beside(s, side if not wave.edge else np.repeat(side, 2))
+        crests = wave.offset_points(s, side if not wave.edge else np.repeat(side, 2))
         segments = Segments.lines(np.concatenate([seam([0.0]), crests, seam([seam.length])]))
-        places = np.concatenate([[0.0], s, [seam.length]])
-        ratio = segments.lengths / np.diff(places)
+        seam_s = np.concatenate([[0.0], s, [seam.length]])
+        ratio = segments.lengths / np.diff(seam_s)
     else:
         pieces = np.unique([0.0, *turning.ravel(), seam.length])
         segments, vertices = _fit_sine(wave, pieces, tolerance)
         ratio = np.repeat(np.diff(segments.breaks[vertices]) / np.diff(pieces), np.diff(vertices))
-        places = np.interp(segments.breaks, segments.breaks[vertices], pieces)
-    rows = part.locate(wave.on_part((places[:-1] + places[1:]) / 2))
+        seam_s = np.interp(segments.breaks, segments.breaks[vertices], pieces)
+    rows = part.locate(wave.on_part((seam_s[:-1] + seam_s[1:]) / 2))
     columns = {name: getattr(part.segments, name)[rows] for name in ("tolerances", "tags")}
     segments = segments.replace(speeds=part.speeds[rows] * ratio, **columns)
-    own = part.orientation
-    if own is None:
+    orientation = part.orientation
+    if orientation is None:
         return Path(segments=segments)
     # In proportion to the length of the woven path: the tool turns evenly, not with each wave.
-    places = segments.breaks / segments.breaks[-1] * seam.length
-    if own.follows:
-        own = carry(seam.segments, own.starts[0], axis_only=own.axis_only)
+    seam_s = segments.breaks / segments.breaks[-1] * seam.length
+    if orientation.follows:
+        orientation = carry(seam.segments, orientation.starts[0], axis_only=orientation.axis_only)
     else:
-        places = wave.on_part(places)
-    starts, ends = own(places[:-1]), own(places[1:], side="left")
+        seam_s = wave.on_part(seam_s)
+    starts, ends = orientation(seam_s[:-1]), orientation(seam_s[1:], side="left")
     rates = np.zeros((len(segments), 3))
-    if not own.fixed:
+    if not orientation.fixed:
         rates = log(ends @ starts.transpose(0, 2, 1)) / segments.lengths[:, None]
-    turned = Orientation.even(segments.lengths, starts, rates, axis_only=own.axis_only)
+    turned = Orientation.even(segments.lengths, starts, rates, axis_only=orientation.axis_only)
     return Path(segments=segments, orientation=turned)
 
 
 def _fit_sine(
     wave: _Wave, pieces: FloatArray, tolerance: float
 ) -> tuple[Segments, npt.NDArray[np.intp]]:
-    """Tangent arcs along the sine of a part, and the index of the vertex at the end of each piece.
+    """Tangent arcs along the sine of a part, and the vertex at the end of each piece.
 
-    Where the curvature of the seam jumps, the sine has a slight bend, which a cubic spline through
+    Where the curvature of the seam jumps, the sine has a slight kink, which a cubic spline through
     its points rounds.
-
-    Raises:
-        InvalidInput: The tolerance is too small.
     """
     from scipy.interpolate import CubicSpline
 
-    from armcontour.geometry.fit import fit_through
+    from armcontour.geometry.arc_fit import fit_through
 
     length = wave.seam.length
     ends = wave.seam([0.0, length], 1, side="left")
@@ -382,9 +376,9 @@ def _fit_sine(
             break
         s = np.linspace(0.0, length, count + 1)
         spline = CubicSpline(s, wave.sine(s), bc_type=((1, ends[0]), (1, ends[1])))
-        at = (s[:-1, None] + BETWEEN * (length / count)).ravel()
-        off = np.linalg.norm(spline(at) - wave.sine(at), axis=1)
-        if off.max() <= tolerance / 2:
+        midpoints = (s[:-1, None] + BETWEEN * (length / count)).ravel()
+        deviations = np.linalg.norm(spline(midpoints) - wave.sine(midpoints), axis=1)
+        if deviations.max() <= tolerance / 2:
             return fit_through(spline, pieces, tolerance / 2)
     raise InvalidInput(
         f"The tolerance of {tolerance:g} m of a weave is too small for its seam: take a larger one."
@@ -392,10 +386,10 @@ def _fit_sine(
 
 
 def _refuse_tight(seam: Path, width: float) -> None:
-    """Refuse seams around whose centre of curvature a weave would turn back."""
+    """Raise InvalidInput for a seam with a radius below half the width."""
     middle = (seam.breaks[:-1] + seam.breaks[1:]) / 2
-    places = np.concatenate([seam.breaks, middle])
-    tightest = float(np.linalg.norm(seam(places, 2), axis=1).max())
+    samples = np.concatenate([seam.breaks, middle])
+    tightest = float(np.linalg.norm(seam(samples, 2), axis=1).max())
     if tightest * width / 2 >= 1:
         raise InvalidInput(
             f"A weave of {width * 1e3:.4g} mm is too wide for a seam that has an arc with a radius "

@@ -1,4 +1,4 @@
-"""The order of contours, and where closed ones begin for the sake of the order."""
+"""Order and direction of contours, and start points of closed contours."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import angle_between, exp, log, shortest
 from armcontour.core.render import number
 from armcontour.geometry import Path
-from armcontour.geometry.cutting import cut_path, join_paths
+from armcontour.geometry.path_parts import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.program.moves import Contour, Event, Program, contour_called
 from armcontour.program.process import AUTO, DRAWN, TOOL_SIDES, Process
 
-# What makes the contour of an option, and its first and last point [m], (2, dimension).
+# A function that makes the contour of an option, and its first and last point [m], (2, dimension).
 Option = tuple[Callable[[], Contour], FloatArray]
 
-# Places at which a closed contour may begin; fewer where all contours have more than MOST_PLACES.
+# Number of start points of a closed contour; fewer if all contours have more than MOST_PLACES.
 PLACES, FEWEST_PLACES, MOST_PLACES = 24, 4, 20_000
-# Neighbours of a contour that moves of the search bring next to it.
+# Number of neighbours of a contour that the search tries next to it.
 NEIGHBOURS = 10
-# Exchanges from which the search goes on: per contour, at least, and the most of exchanges times
-# contours, which bounds the time of the search to a few seconds.
-# Without exchanges, tours of 6 to 100 random contours are 0.6 to 15 % longer on average.
+# Exchanges of the search: number per contour, smallest number, and largest product with the number
+# of contours, which bounds the time to a few seconds. Without exchanges, tours of 6 to 100 random
+# contours are 0.6 to 15 % longer on average.
 TRIES, LEAST_TRIES, MOST_WORK = 3, 200, 1_000_000
 # Orientations at both ends of a contour that differ by less than this count as equal: summed turns
 # have rounding errors [rad].
@@ -45,26 +45,27 @@ def direct_contours(program: Program, process: Process) -> Program:
         InvalidInput: A contour that would run backwards has events on its way.
     """
     contours = program.contours
-    wanted = [process.of_layer(x.layer).direction if x.closed else DRAWN for x in contours]
-    if all(x == DRAWN for x in wanted):
+    directions = [process.of_layer(x.layer).direction if x.closed else DRAWN for x in contours]
+    if all(x == DRAWN for x in directions):
         return program
     from armcontour.program.kerf import waste_sides
     from armcontour.program.nesting import nest
 
     areas, sides = nest(contours, process.up).areas, waste_sides(contours, process)
     turned: dict[Contour, Contour] = {}
-    for i, (x, how) in enumerate(zip(contours, wanted, strict=True)):
-        if how in TOOL_SIDES:
-            back = sides[i] != TOOL_SIDES[how]
+    for i, (x, direction) in enumerate(zip(contours, directions, strict=True)):
+        if direction in TOOL_SIDES:
+            back = sides[i] != TOOL_SIDES[direction]
         else:
-            back = how != DRAWN and (areas[i] > 0) != (how == "counterclockwise")
+            back = direction != DRAWN and (areas[i] > 0) != (direction == "counterclockwise")
         if not back:
             continue
         inner = [y for y in x.events if REPEATED_POINT < y.s < x.path.length - REPEATED_POINT]
         if inner:
             raise InvalidInput(
-                f"{contour_called(x, i)} cannot run backwards for the direction {how}, because it "
-                f"switches {inner[0].name} on its way: give direction drawn, for its layer too."
+                f"{contour_called(x, i)} cannot run backwards for the direction {direction}, "
+                f"because it switches {inner[0].name} on its way: give direction drawn, for its "
+                "layer too."
             )
         turned[x] = _backwards(x)
     moves = tuple(turned.get(x, x) if isinstance(x, Contour) else x for x in program.moves)
@@ -74,9 +75,9 @@ def direct_contours(program: Program, process: Process) -> Program:
 def order_contours(program: Program, process: Process) -> Program:
     """The program with its contours in the order of the process.
 
-    Contours that begin elsewhere or run backwards for a shorter way are changed accordingly, and
-    keep this start. A note says how long the ways between contours are, and which contour is cut
-    before one that it holds.
+    Contours that start elsewhere or run backwards for a shorter tour are changed accordingly, and
+    keep this start. A note reports the length of the links between contours, and a contour that is
+    cut before one inside it.
 
     Raises:
         InvalidInput: A given order for a program with rapids, dwells or events.
@@ -103,7 +104,7 @@ def order_contours(program: Program, process: Process) -> Program:
     if order == "inside_first":
         moves = [contours[i] for i in _inside_first(parents)]
         return dataclasses.replace(program, moves=tuple(moves))
-    choices = _Choices.of(contours, process, free=order == "shortest")
+    choices = _Choices.from_contours(contours, process, free=order == "shortest")
     if order == "nearest":
         return dataclasses.replace(program, moves=choices.taken(*choices.nearest(parents)))
     tour, option = choices.shortest(parents)
@@ -112,51 +113,51 @@ def order_contours(program: Program, process: Process) -> Program:
 
 
 def _with_warning(program: Program, process: Process) -> Program:
-    """The program as it is; with a note if a contour is cut before one that it holds."""
+    """The program with a note if a contour is cut before one inside it."""
     contours = program.contours
     if not process.cuts or len(contours) == 1:
         return program
     from armcontour.program.nesting import nest
 
     parents = nest(contours, process.up).parents
-    late = [i for i, x in enumerate(parents.tolist()) if 0 <= x < i]
-    if not late:
+    misordered = [i for i, x in enumerate(parents.tolist()) if 0 <= x < i]
+    if not misordered:
         return program
-    i = late[0]
-    more = f"; so are {len(late) - 1} more" if len(late) > 1 else ""
+    i = misordered[0]
+    suffix = f"; so are {len(misordered) - 1} more" if len(misordered) > 1 else ""
     outer = int(parents[i])
     note = (
         f"{contour_called(contours[outer], outer)} is cut before "
         f"{contour_called(contours[i], i)}, which lies in it and may have dropped out or moved by "
-        f"then{more}: the order inside_first cuts what lies inside first."
+        f"then{suffix}: the order inside_first cuts inner contours first."
     )
     return dataclasses.replace(program, notes=(*program.notes, note))
 
 
 def _inside_first(parents: IntArray) -> list[int]:
-    """The drawn order, but each contour directly after all that it holds."""
-    held: dict[int, list[int]] = {}
+    """The drawn order, but each contour directly after all contours inside it."""
+    children: dict[int, list[int]] = {}
     for i, x in enumerate(parents.tolist()):
-        held.setdefault(x, []).append(i)
-    found: list[int] = []
-    open_ones = list(held.get(-1, ()))[::-1]
+        children.setdefault(x, []).append(i)
+    order: list[int] = []
+    open_ones = list(children.get(-1, ()))[::-1]
     while open_ones:
         i = open_ones.pop()
-        inner = held.pop(i, None)
+        inner = children.pop(i, None)
         if inner is None:
-            found.append(i)
+            order.append(i)
         else:
             open_ones += [i, *inner[::-1]]
-    return found
+    return order
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Choices:
-    """Where each contour may begin and end.
+    """Options for start and end of each contour.
 
     Args:
         contours: The contours as they are drawn.
-        made: Makes the contour of each option.
+        made: Functions that make the contour of each option.
         ends: First and last points of the options [m], (m, 2, 3).
         first: Index of the first option of every contour, and m, (n + 1,).
     """
@@ -167,23 +168,25 @@ class _Choices:
     first: IntArray
 
     @classmethod
-    def of(cls, contours: tuple[Contour, ...], process: Process, *, free: bool) -> _Choices:
-        """The options of contours; `free` contours may begin at several places."""
+    def from_contours(
+        cls, contours: tuple[Contour, ...], process: Process, *, free: bool
+    ) -> _Choices:
+        """The options of contours; `free` contours may start at several points."""
         count = int(np.clip(MOST_PLACES // len(contours), FEWEST_PLACES, PLACES))
         made: list[Callable[[], Contour]] = []
         ends: list[FloatArray] = []
         first = [0]
         for x in contours:
-            found = _options(x, process, count if free else 1)
-            made += [option[0] for option in found]
-            ends += [option[1] for option in found]
+            options = _options(x, process, count if free else 1)
+            made += [option[0] for option in options]
+            ends += [option[1] for option in options]
             first.append(len(made))
         table = np.zeros((len(ends), 2, 3))
         table[:, :, : contours[0].path.dimension] = ends
         return cls(contours=contours, made=made, ends=table, first=np.array(first))
 
     def nearest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
-        """The tour that begins as drawn and goes on to the nearest contour."""
+        """The tour that starts as drawn and continues with the nearest contour."""
         from scipy.spatial.distance import cdist
 
         n, (exits, entries, first) = len(self.contours), self._options
@@ -203,30 +206,30 @@ class _Choices:
             if parent >= 0:
                 waits[parent] -= 1
                 if not waits[parent]:
-                    own = slice(first[parent], first[parent + 1])
-                    near[own] = entries[own]
+                    rows = slice(first[parent], first[parent + 1])
+                    near[rows] = entries[rows]
         return tour, option
 
     def shortest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
-        """A short tour: 2-opt and Or-opt moves, repeated from many exchanges of parts."""
-        from armcontour.program._tours import Options, search
+        """A short tour from 2-opt and Or-opt moves, restarted from many exchanges of parts."""
+        from armcontour.program.kernels import Options, search
 
         tour, _ = self.nearest(parents)
         n, option = len(tour), self._best_options(tour)
         tries = min(max(TRIES * n, LEAST_TRIES), MOST_WORK // n)
-        # Numbers of a fixed sequence, so that the same program has the same order.
+        # A fixed sequence of numbers, so the same program has the same order.
         numbers = (np.random.PCG64(0).random_raw((tries, 4)) >> np.uint64(32)).astype(np.intp)
         search(Options(*self._options), parents, self._neighbours(), tour, option, numbers)
         return tour, self._best_options(tour)
 
     def _best_options(self, tour: IntArray) -> IntArray:
-        """The options with which a tour is the shortest in its order, by dynamic programming."""
+        """The options that make a tour shortest in its order, by dynamic programming."""
         from scipy.spatial.distance import cdist
 
         exits, entries, first = self._options
-        own = [slice(first[c], first[c + 1]) for c in tour]
-        length, before = np.zeros(own[0].stop - own[0].start), []
-        for last, now in itertools.pairwise(own):
+        slices = [slice(first[c], first[c + 1]) for c in tour]
+        length, before = np.zeros(slices[0].stop - slices[0].start), []
+        for last, now in itertools.pairwise(slices):
             lengths = length[:, None] + cdist(exits[last], entries[now])
             before.append(np.argmin(lengths, axis=0))
             length = lengths.min(axis=0)
@@ -254,9 +257,9 @@ class _Choices:
         centers = np.array([points[owners == i].mean(axis=0) for i in range(n)])
         most_places = int(np.diff(self.first).max()) * 2
         near = owners[nearest_points(centers, points, min(len(points), most_places * (k + 1)))]
-        # Where too few contours are near, the first ones of all.
-        found = (dict.fromkeys([*row, *range(k + 1)]) for row in near.tolist())
-        return np.array([[x for x in row if x != i][:k] for i, row in enumerate(found)])
+        # If too few contours are near, the first contours are added.
+        candidates = (dict.fromkeys([*row, *range(k + 1)]) for row in near.tolist())
+        return np.array([[x for x in row if x != i][:k] for i, row in enumerate(candidates)])
 
     def describe(self, tour: IntArray, option: IntArray) -> str:
         """A sentence on the length of a tour."""
@@ -267,8 +270,8 @@ class _Choices:
 
         length, drawn = length_of(option[tour]), length_of(self.first[:-1])
         return (
-            "In the order shortest, the straight ways between contours have "
-            f"{number(length, 'm')} in all ({number(drawn, 'm')} in the order of the file)."
+            "In the order shortest, the straight links between contours have a total length of "
+            f"{number(length, 'm')} ({number(drawn, 'm')} in the order of the file)."
         )
 
     def taken(self, tour: IntArray, option: IntArray) -> tuple[Contour, ...]:
@@ -282,35 +285,35 @@ def _options(contour: Contour, process: Process, count: int) -> list[Option]:
 
     as_drawn = partial(_same, contour)
     if not contour.closed:
-        found: list[Option] = [(as_drawn, path([0.0, path.length]))]
+        options: list[Option] = [(as_drawn, path([0.0, path.length]))]
         if process.reverse_open and not contour.keep_start and not contour.events:
-            found.append((partial(_backwards, contour), found[0][1][::-1]))
-        return found
+            options.append((partial(_backwards, contour), options[0][1][::-1]))
+        return options
     if count == 1 or process.begin != "auto" or keeps_drawn_start(contour, led=False):
-        places = [find_start(contour, process, led=False)]
+        starts = [find_start(contour, process, led=False)]
         makers: Sequence[Callable[[], Contour]] = [as_drawn]
     else:
-        places = begin_places(path, count).tolist()
-        makers = [partial(_begun_at, contour, s) for s in places]
+        starts = begin_places(path, count).tolist()
+        makers = [partial(_begun_at, contour, s) for s in starts]
     overlap = process.of_layer(contour.layer).overlap
     return [
         (maker, path([s, (s + overlap) % path.length]))
-        for maker, s in zip(makers, places, strict=True)
+        for maker, s in zip(makers, starts, strict=True)
     ]
 
 
 def _same(contour: Contour) -> Contour:
-    """The contour as it is drawn."""
+    """The contour as drawn."""
     return contour
 
 
 def _begun_at(contour: Contour, start: float) -> Contour:
-    """A closed contour that begins at an arc length [m], and keeps this start."""
+    """A closed contour that starts at an arc length [m], and keeps this start."""
     return dataclasses.replace(begin_at(contour, start), keep_start=True)
 
 
 def _backwards(contour: Contour) -> Contour:
-    """A contour without events on its way, run from its end."""
+    """A contour without events, run from its end."""
     work = contour.work
     if work is not None:
         work = contour.path.length - work[1], contour.path.length - work[0]
@@ -318,13 +321,13 @@ def _backwards(contour: Contour) -> Contour:
 
 
 def begin_places(path: Path, count: int) -> FloatArray:
-    """Arc lengths at which a closed path may begin [m], away from its corners.
+    """Arc lengths at which a closed path may start [m], away from its corners.
 
-    Between two corners these lie in the middle half, so that both corners can be rounded.
+    Between two corners they lie in the middle half, so both corners can be rounded.
 
     Args:
         path: The closed path.
-        count: Largest number of places.
+        count: Largest number of start points.
     """
     length = path.length
     closing = np.linalg.norm(path(0.0, 1) - path(length, 1, side="left")) > TANGENT_TOLERANCE
@@ -334,12 +337,12 @@ def begin_places(path: Path, count: int) -> FloatArray:
         return np.linspace(0.0, length, count, endpoint=False)
     smooth = np.diff(np.append(corners, corners[0] + length))
     longest = np.sort(np.argsort(-smooth, kind="stable")[:count])
-    found = []
+    starts = []
     for i in longest.tolist():
         parts = max(1, int(count * smooth[i] / length))
         shares = 0.25 + 0.5 * (np.arange(parts) + 0.5) / parts
-        found.append(corners[i] + shares * smooth[i])
-    return np.concatenate(found) % length
+        starts.append(corners[i] + shares * smooth[i])
+    return np.concatenate(starts) % length
 
 
 def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
@@ -360,11 +363,11 @@ def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
     """
     start = find_start(contour, process, led=led)
     lap = contour.path.length
-    more = (process.passes - 1) * lap + process.overlap
-    if more > REPEATED_POINT:
+    extra_length = (process.passes - 1) * lap + process.overlap
+    if extra_length > REPEATED_POINT:
         _refuse_turned_end(contour)
     contour = begin_at(contour, start)
-    longer = _add_overlap(contour.path, more)
+    longer = _add_overlap(contour.path, extra_length)
     events = (
         *_move_last_events(contour.events, lap, longer.length),
         *_repeat_events(contour.events, lap, process.passes),
@@ -407,12 +410,12 @@ def begin_at(contour: Contour, start: float) -> Contour:
 
 
 def _refuse_turned_end(contour: Contour) -> None:
-    """Refuse a closed contour that ends with another tool orientation than it begins with."""
+    """Raise InvalidInput for a closed contour whose tool orientations at both ends differ."""
     if not _has_equal_end_orientations(contour.path):
         raise InvalidInput(
             f"{contour_called(contour, 0) if contour.name else 'A closed contour'} ends at its "
-            "start point with another tool orientation, so that the tool cannot continue there: "
-            "give both ends the same orientation, or leave out begin and overlap."
+            "start point with another tool orientation, so the tool cannot continue there: give "
+            "both ends the same orientation, or remove begin and overlap."
         )
 
 
@@ -447,45 +450,36 @@ def _has_equal_end_orientations(path: Path) -> bool:
 
 
 def _add_overlap(path: Path, overlap: float) -> Path:
-    """A closed path continued past its end by the overlap [m], several times around if needed.
-
-    Raises:
-        InvalidInput: The path gets more than MOST_SEGMENTS segments.
-    """
+    """A closed path continued past its end by the overlap [m], with several laps if needed."""
     rounds = overlap / path.length
     if rounds * len(path) > MOST_SEGMENTS:
         raise InvalidInput(
-            f"Overlap and further passes of {overlap:g} m go {rounds:.3g} times around a contour "
-            f"of {path.length:.4g} m, which makes more than {MOST_SEGMENTS} segments: take a "
-            "shorter overlap or fewer passes."
+            f"Overlap and further passes of {overlap:g} m are {rounds:.3g} laps of a contour of "
+            f"{path.length:.4g} m and need more than {MOST_SEGMENTS} segments: take a shorter "
+            "overlap or fewer passes."
         )
-    parts, rest = [path], overlap
-    while rest > REPEATED_POINT:
-        more = min(rest, path.length)
-        parts.append(path if more == path.length else cut_path(path, 0.0, more))
-        rest -= more
+    parts, remaining = [path], overlap
+    while remaining > REPEATED_POINT:
+        step = min(remaining, path.length)
+        parts.append(path if step == path.length else cut_path(path, 0.0, step))
+        remaining -= step
     return join_paths(parts)
 
 
 def _refuse_cut_switching(contour: Contour, start: float) -> None:
-    """Refuse a new start point that would change where an output is switched on along a contour.
-
-    Raises:
-        InvalidInput: An output has another value at the drawn start or the new start than at the
-            drawn end.
-    """
+    """Raise InvalidInput for a start point at which an output has another value than at the end."""
     inner = {x.name for x in contour.events if 0 < x.s < contour.path.length - REPEATED_POINT}
     for name in sorted(inner):
-        own = [x for x in contour.events if x.name == name]
-        before = [x for x in own if x.s <= start]
+        events = [x for x in contour.events if x.name == name]
+        before = [x for x in events if x.s <= start]
         # Events that set the values at the drawn end, the drawn start and the new start.
-        at_ends = [own[-1], *(x for x in own[:1] if x.s <= REPEATED_POINT), *before[-1:]]
-        if any(x.value != own[-1].value for x in at_ends):
+        at_ends = [events[-1], *(x for x in events[:1] if x.s <= REPEATED_POINT), *before[-1:]]
+        if any(x.value != events[-1].value for x in at_ends):
             raise InvalidInput(
                 f"{contour_called(contour, 0) if contour.name else 'A closed contour'} switches "
-                f"{name} along its path, and would switch it at other places than drawn if it "
-                f"started at {start:g} m: leave out begin, or start at a place where {name} has "
-                "the same value as at the end.",
+                f"{name} along its path, and would switch it at other points than drawn if it "
+                f"started at {start:g} m: remove begin, or start at a point where {name} has the "
+                "same value as at the end.",
                 s=start,
             )
 
@@ -498,7 +492,7 @@ def _move_event(event: Event, start: float, length: float) -> Event:
 
 
 def _find_start(path: Path, begin: str | float | Sequence[float]) -> float:
-    """Arc length of the start point that `Process.begin` means on a closed path [m]."""
+    """Arc length of the start point that `Process.begin` specifies on a closed path [m]."""
     if begin == DRAWN:
         return 0.0
     if isinstance(begin, tuple):
@@ -511,7 +505,7 @@ def _find_start(path: Path, begin: str | float | Sequence[float]) -> float:
     if isinstance(begin, float):
         return begin % path.length
     last = slice(len(path) - 1, None)
-    end = path.segments.at(last, path.lengths[last], 1)
+    end = path.segments.evaluate(last, path.lengths[last], 1)
     if np.linalg.norm(path.tangents[0] - end[0]) <= TANGENT_TOLERANCE:
         return 0.0
     longest = int(np.argmax(path.lengths))

@@ -15,8 +15,8 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import biarcs, distance, dot, length, unit
 from armcontour.geometry.orientation import Orientation
-from armcontour.geometry.orienting import carry
 from armcontour.geometry.path import Path
+from armcontour.geometry.prescribed_orientation import carry
 from armcontour.geometry.segments import (
     EVERY,
     REPEATED_POINT,
@@ -31,13 +31,14 @@ Curves = Callable[[IntArray, FloatArray, int], FloatArray]
 
 # Fractions of an interval at which its arcs are compared with the curve.
 PLACES = np.linspace(0, 1, 17)
-# Part of the tolerance allowed at these points, as the distance between them is a little larger.
+# Fraction of the tolerance allowed at these points, because the distance between them is slightly
+# larger.
 SHARE = 0.9
 # Largest number of parts into which an interval out of tolerance is split at once.
 MOST_PARTS = 8
-# If more intervals than this are needed, the tolerance is refused as too small for the curve.
+# Largest number of intervals; more raise an error because the tolerance is too small for the curve.
 MOST_INTERVALS = 500_000
-# Arcs that stand for transitions are within this of them by default [m].
+# Default distance between transitions and the arcs that replace them [m].
 DRAWN = 1e-7
 # An interval out of tolerance that is shorter than this fraction of the tolerance becomes a corner.
 CORNER = 1e-3
@@ -48,7 +49,7 @@ NEAR_END = 2e-3 * 0.5 ** np.arange(4)
 TO_ZERO = np.array([np.prod([-b / (a - b) for b in NEAR_END if b != a]) for a in NEAR_END])
 # Fractions of an interval at which the norm of the derivative ("speed") is sampled for cusps, where
 # the derivative vanishes. Minima are refined if the speed is below a fraction of the largest, by
-# steps of a golden-section search; more would not give more digits.
+# steps of a golden-section search; more steps give no more digits.
 CUSP_PLACES = np.linspace(0, 1, 33)
 SLOW, STEPS, GOLDEN = 0.5, 45, (np.sqrt(5) - 1) / 2
 # The derivative vanishes if the least speed is at most this fraction of the largest. A larger least
@@ -58,11 +59,11 @@ AT_CUSP = 1e-6
 ROUGH = 64 * np.finfo(float).eps
 # Largest difference of two tangents, both computed as limits, that count as equal [rad].
 SAME_LIMIT = 1e-4
-# Largest fraction of an interval's length between two neighbouring sample points; beyond it the
-# curve could leave its arcs unseen. A parametrization that starts from rest stays below it.
+# Largest fraction of an interval's length between two neighbouring samples; beyond it a deviation
+# between samples could be missed. A parametrization that starts from rest stays below it.
 RUSH = 0.35
 # An interval is a line if the curve stays within this fraction of its chord, or within the rounding
-# errors of its points if these are small enough to tell the direction of the chord.
+# errors of its points if these determine the direction of the chord.
 ON_CHORD = 1e-12
 ROUNDING = 16 * np.finfo(float).eps
 # Rounding errors up to which neighbours lie on one line (difference of tangents [rad]) or on one
@@ -91,18 +92,18 @@ def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
         InvalidInput: The breaks do not increase, the curve is not finite or has no length, or the
             tolerance is below a nanometre or far too small for the curve.
     """
-    at = checks.check_numbers("breaks of a curve", breaks)
-    if at.ndim != 1 or len(at) < 2 or (np.diff(at) <= 0).any():
+    knots = checks.check_numbers("breaks of a curve", breaks)
+    if knots.ndim != 1 or len(knots) < 2 or (np.diff(knots) <= 0).any():
         raise InvalidInput("The breaks of a curve must be two or more increasing numbers.")
     _refuse_fine(tolerance)
-    row = np.zeros(len(at), dtype=np.intp)
-    return _fit(_single(curve), at, row, tolerance, through=False)[0]
+    row = np.zeros(len(knots), dtype=np.intp)
+    return _fit(_single(curve), knots, row, tolerance, through=False)[0]
 
 
 def fit_many(
     curves: Curves, breaks: FloatArray, rows: IntArray, tolerance: float
 ) -> list[Segments]:
-    """Lines and tangent arcs along many curves, each as by `fit_arcs`, in one go.
+    """Lines and tangent arcs along many curves, each as by `fit_arcs`.
 
     Args:
         curves: `curves(row, t, order)` gives points or derivatives of the curves `row` at `t`, as
@@ -136,55 +137,49 @@ def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Seg
 
 
 def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArray]:
-    """The path with tangent arcs for its transitions, within a tolerance of them [m].
+    """The path with tangent arcs instead of its transitions, within a tolerance [m].
 
     Returns:
-        The path, and arc lengths on both paths that belong together, at the vertices [m], (n, 2).
+        The path, and corresponding arc lengths on both paths at the vertices [m], (n, 2).
     """
-    rows, at = path.segments, path.breaks
-    arcs, vertices = fit_through(path, at, tolerance)
+    rows, breaks = path.segments, path.breaks
+    arcs, vertices = fit_through(path, breaks, tolerance)
     source = np.repeat(np.arange(len(rows)), np.diff(vertices))
-    drawn, rest = np.flatnonzero(rows.bent[source]), np.flatnonzero(~rows.bent)
+    drawn, unchanged = np.flatnonzero(rows.bent[source]), np.flatnonzero(~rows.bent)
     columns = {x: getattr(rows, x)[source[drawn]] for x in ("speeds", "tolerances", "tags")}
-    lines = rows[rest].replace(quintics=np.empty((len(rest), 0, 0)))
-    source = np.concatenate([rest, source[drawn]])
+    lines = rows[unchanged].replace(quintics=np.empty((len(unchanged), 0, 0)))
+    source = np.concatenate([unchanged, source[drawn]])
     order = np.argsort(source, kind="stable")
     table = Segments.join([lines, arcs[drawn].replace(**columns)])[order]
     first = np.searchsorted(source[order], np.arange(len(rows) + 1))
-    places = np.stack([at, table.breaks[first]], axis=1)
-    waypoints, own = first[path.waypoints], path.orientation
+    matched_s = np.stack([breaks, table.breaks[first]], axis=1)
+    waypoints, orientation = first[path.waypoints], path.orientation
     return Path(
         segments=table,
         merged=path.merged,
         waypoints=waypoints,
-        orientation=None if own is None else _orient(own, table, places[path.waypoints]),
-    ), places
+        orientation=None
+        if orientation is None
+        else _orient(orientation, table, matched_s[path.waypoints]),
+    ), matched_s
 
 
-def _orient(own: Orientation, table: Segments, places: FloatArray) -> Orientation:
-    """An orientation along other segments, whose waypoints have other arc lengths.
-
-    Args:
-        own: The orientation, which is not rounded.
-        table: The other segments.
-        places: Arc lengths of the waypoints on the own segments and on the others [m], (n, 2).
-    """
-    if own.follows:
-        return carry(table, own.starts[0], axis_only=own.axis_only)
+def _orient(orientation: Orientation, table: Segments, matched_s: FloatArray) -> Orientation:
+    """The orientation along other segments, whose waypoints have other arc lengths."""
+    if orientation.follows:
+        return carry(table, orientation.starts[0], axis_only=orientation.axis_only)
     middle = (table.breaks[:-1] + table.breaks[1:]) / 2
-    before, after = places.T
+    before, after = matched_s.T
     ratio = (np.diff(before) / np.diff(after))[np.searchsorted(after[1:-1], middle)]
-    rates, _ = own.rates(np.interp(middle, after, before))
-    starts = own(np.interp(table.breaks[:-1], after, before))
-    return Orientation.even(table.lengths, starts, ratio[:, None] * rates, axis_only=own.axis_only)
+    rates, _ = orientation.rates(np.interp(middle, after, before))
+    starts = orientation(np.interp(table.breaks[:-1], after, before))
+    return Orientation.even(
+        table.lengths, starts, ratio[:, None] * rates, axis_only=orientation.axis_only
+    )
 
 
 def _refuse_fine(tolerance: float) -> None:
-    """Refuse a tolerance that points cannot be compared with.
-
-    Raises:
-        InvalidInput: The tolerance is below a nanometre.
-    """
+    """Raise InvalidInput for a tolerance below the resolution of a point."""
     if checks.positive("tolerance of a curve", tolerance, "m") < REPEATED_POINT:
         raise InvalidInput(
             f"The tolerance of a curve must be at least {REPEATED_POINT:g} m, but is "
@@ -198,31 +193,23 @@ def _single(curve: Curve) -> Curves:
 
 
 def _fit(
-    curves: Curves, at: FloatArray, row: IntArray, tolerance: float, *, through: bool
+    curves: Curves, breaks: FloatArray, row: IntArray, tolerance: float, *, through: bool
 ) -> tuple[Segments, IntArray]:
-    """The segments of all curves in sequence, and the vertices that are never merged away.
+    """The segments of all curves, and the indices of the vertices that are never merged.
 
-    Args:
-        curves: As in `fit_many`.
-        at: The breaks, (n,).
-        row: Curve of each break, (n,).
-        tolerance: As in `fit_arcs` [m].
-        through: Keep a vertex at every break, and use no lines; else only the start of each curve
-            stays.
-
-    Returns:
-        The segments, and the indices of the kept vertices, then the number of segments.
+    With `through` every break is such a vertex, and no lines are used; otherwise the start of each
+    curve.
     """
     with np.errstate(all="ignore"):
-        intervals = _split(curves, _intervals_of(curves, at, row), tolerance, lines=not through)
+        intervals = _split(curves, _intervals_of(curves, breaks, row), tolerance, lines=not through)
         intervals = _drop_points(intervals)
         arcs, first = _arcs(intervals)
         if through:
-            kept = first[np.searchsorted(intervals.begin, at[:-1])]
+            vertices = first[np.searchsorted(intervals.begin, breaks[:-1])]
         else:
-            kept = first[np.flatnonzero(np.diff(intervals.row, prepend=-1))]
-        merged, rows = _merge(arcs, kept)
-    return merged, np.append(np.searchsorted(rows, kept), len(merged))
+            vertices = first[np.flatnonzero(np.diff(intervals.row, prepend=-1))]
+        merged, rows = _merge(arcs, vertices)
+    return merged, np.append(np.searchsorted(rows, vertices), len(merged))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -251,14 +238,14 @@ class _Intervals:
 
     def select(self, chosen: Any, **changed: Any) -> _Intervals:
         """The chosen intervals, with some attributes changed."""
-        kept = {name: getattr(self, name)[chosen] for name in self.__slots__}
-        return _Intervals(**{**kept, **changed})
+        columns = {name: getattr(self, name)[chosen] for name in self.__slots__}
+        return _Intervals(**{**columns, **changed})
 
 
-def _intervals_of(curves: Curves, at: FloatArray, row: IntArray) -> _Intervals:
+def _intervals_of(curves: Curves, breaks: FloatArray, row: IntArray) -> _Intervals:
     """The intervals between the breaks and cusps of curves."""
-    at, row, cusp = _split_at_cusps(curves, at, row)
-    points = np.array(curves(row, at, 0), dtype=np.float64)
+    breaks, row, cusp = _split_at_cusps(curves, breaks, row)
+    points = np.array(curves(row, breaks, 0), dtype=np.float64)
     if not np.isfinite(points).all():
         raise InvalidInput("A curve must be finite at its breaks.")
     first = np.flatnonzero(np.diff(row, prepend=-1))
@@ -268,7 +255,7 @@ def _intervals_of(curves: Curves, at: FloatArray, row: IntArray) -> _Intervals:
     size = np.maximum.reduceat(np.abs(points).max(axis=1), first)[row]
     # Every break but the last of a curve begins an interval; interval k ends at break k + 1.
     starts = np.delete(np.arange(len(row)), last)
-    (t0, slack0), (t1, slack1) = _tangents(curves, at, row, starts, size[starts], cusp)
+    (t0, slack0), (t1, slack1) = _tangents(curves, breaks, row, starts, size[starts], cusp)
     # The interval that follows each one: of the last one the first, if the curve is closed.
     n, curve = len(starts), row[starts]
     begin = np.flatnonzero(np.diff(curve, prepend=-1))
@@ -283,8 +270,8 @@ def _intervals_of(curves: Curves, at: FloatArray, row: IntArray) -> _Intervals:
     t1[before], t0[after[before]] = common, common
     return _Intervals(
         row=curve,
-        begin=at[starts],
-        end=at[starts + 1],
+        begin=breaks[starts],
+        end=breaks[starts + 1],
         p0=points[starts],
         p1=points[starts + 1],
         t0=t0,
@@ -296,97 +283,72 @@ def _intervals_of(curves: Curves, at: FloatArray, row: IntArray) -> _Intervals:
 def _split_at_cusps(
     curves: Curves, breaks: FloatArray, rows: IntArray
 ) -> tuple[FloatArray, IntArray, BoolArray]:
-    """Add the parameter values between breaks at which the derivative of a curve vanishes.
+    """The breaks with the cusps of the curves added, their curves, and a mask of the cusps.
 
-    Args:
-        curves: The curves.
-        breaks: Parameter values, increasing along each curve, (n,).
-        rows: Curve of each break, ascending, (n,).
-
-    Returns:
-        The breaks with the added ones, their curves, and a mask of the added ones.
+    The derivative of a curve vanishes at a cusp.
     """
     one = np.flatnonzero(rows[:-1] == rows[1:])
     begin, end = breaks[one], breaks[one + 1]
-    places = begin[:, None] + (end - begin)[:, None] * CUSP_PLACES
-    places = np.minimum(places, np.nextafter(end, -np.inf)[:, None])
-    speed = length(_at(curves, rows[one], places, 1))
+    parameters = begin[:, None] + (end - begin)[:, None] * CUSP_PLACES
+    parameters = np.minimum(parameters, np.nextafter(end, -np.inf)[:, None])
+    speed = length(_at(curves, rows[one], parameters, 1))
     inner = speed[:, 1:-1]
-    most = inner.max(axis=1)
-    least = (inner <= speed[:, :-2]) & (inner <= speed[:, 2:]) & (inner < SLOW * most[:, None])
-    i, k = np.nonzero(least)
+    largest = inner.max(axis=1)
+    minima = (inner <= speed[:, :-2]) & (inner <= speed[:, 2:]) & (inner < SLOW * largest[:, None])
+    i, k = np.nonzero(minima)
     if len(i) == 0:
         return breaks, rows, np.zeros(len(breaks), dtype=bool)
-    row, low, high = rows[one][i], places[i, k], places[i, k + 2]
+    row, low, high = rows[one][i], parameters[i, k], parameters[i, k + 2]
     for _ in range(STEPS):
         span = GOLDEN * (high - low)
         left, right = high - span, low + span
         falls = length(curves(row, left, 1)) > length(curves(row, right, 1))
         low, high = np.where(falls, left, low), np.where(falls, high, right)
-    at = (low + high) / 2
-    found = length(curves(row, at, 1)) <= AT_CUSP * most[i]
-    together = np.concatenate([breaks, at[found]])
-    curve = np.concatenate([rows, row[found]])
+    cusps = (low + high) / 2
+    vanishes = length(curves(row, cusps, 1)) <= AT_CUSP * largest[i]
+    together = np.concatenate([breaks, cusps[vanishes]])
+    curve = np.concatenate([rows, row[vanishes]])
     order = np.lexsort([together, curve])
     together, curve = together[order], curve[order]
-    # A value found at a break is that break.
-    kept = np.concatenate([[True], (np.diff(together) > 0) | (np.diff(curve) > 0)])
-    return together[kept], curve[kept], (order >= len(breaks))[kept]
+    # A cusp at a break is that break.
+    distinct = np.concatenate([[True], (np.diff(together) > 0) | (np.diff(curve) > 0)])
+    return together[distinct], curve[distinct], (order >= len(breaks))[distinct]
 
 
 def _tangents(
     curves: Curves,
-    at: FloatArray,
+    breaks: FloatArray,
     row: IntArray,
     starts: IntArray,
     size: FloatArray,
     cusp: BoolArray,
 ) -> list[tuple[FloatArray, FloatArray]]:
-    """One-sided unit tangents of intervals and their uncertainty, at the starts and at the ends.
-
-    Args:
-        curves: The curves.
-        at: Parameters of the breaks, (m,).
-        row: Curve of each break, (m,).
-        starts: The break at which each interval starts; it ends at the next one, (n,).
-        size: Largest coordinate of the curve of each interval [m], (n,).
-        cusp: Mask of the breaks at which the derivative vanishes, (m,).
-
-    Returns:
-        Two pairs of tangents, (n, dimension), and uncertainties [rad], (n,).
-    """
-    row, begin, end = row[starts], at[starts], at[starts + 1]
+    """One-sided unit tangents at the starts and ends of intervals, and uncertainties [rad]."""
+    row, begin, end = row[starts], breaks[starts], breaks[starts + 1]
     span = end - begin
-    places = begin[:, None] + span[:, None] * PLACES[1:-1]
-    speed = length(_at(curves, row, places, 1)).max(axis=1)
+    parameters = begin[:, None] + span[:, None] * PLACES[1:-1]
+    speed = length(_at(curves, row, parameters, 1)).max(axis=1)
     still = STILL * speed + ROUNDING * size / span
-    found = []
-    for here, sign, vanishes in ((begin, 1.0, cusp[starts]), (end, -1.0, cusp[starts + 1])):
-        # The derivative may jump at a break, so it is taken at the next number inside.
-        derivative = curves(row, np.nextafter(here, here + sign * span), 1)
+    tangents = []
+    for t, sign, vanishes in ((begin, 1.0, cusp[starts]), (end, -1.0, cusp[starts + 1])):
+        # The derivative may jump at a break, so it is evaluated at the next number inside.
+        derivative = curves(row, np.nextafter(t, t + sign * span), 1)
         weak = (length(derivative) <= still) | vanishes
         direction = unit(derivative)
         if weak.any():
-            near = here[weak, None] + sign * span[weak, None] * NEAR_END
+            near = t[weak, None] + sign * span[weak, None] * NEAR_END
             directions = unit(_at(curves, row[weak], near, 1))
             direction[weak] = unit(np.einsum("k,nkd->nd", TO_ZERO, directions))
         slack = ROUGH * size / (span * length(derivative))
         slack = np.clip(slack, TANGENT_TOLERANCE, SAME_LIMIT)
-        found.append((direction, np.where(weak, SAME_LIMIT, slack)))
-    return found
+        tangents.append((direction, np.where(weak, SAME_LIMIT, slack)))
+    return tangents
 
 
-def _at(curves: Curves, row: IntArray, places: FloatArray, order: int) -> FloatArray:
-    """Points or derivatives at k places of each interval, (n, k, dimension).
-
-    Args:
-        curves: The curves.
-        row: Curve of each interval, (n,).
-        places: Parameters, (n, k).
-        order: 0 for points, 1 for derivatives.
-    """
-    every = np.repeat(row, places.shape[1])
-    return np.asarray(curves(every, places.ravel(), order)).reshape(*places.shape, -1)
+def _at(curves: Curves, row: IntArray, parameters: FloatArray, order: int) -> FloatArray:
+    """Points or derivatives at k parameters of each interval, (n, k, dimension)."""
+    every = np.repeat(row, parameters.shape[1])
+    return np.asarray(curves(every, parameters.ravel(), order)).reshape(*parameters.shape, -1)
 
 
 def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -> _Intervals:
@@ -398,8 +360,8 @@ def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -
     done: list[_Intervals] = []
     count = 0
     while len(todo.begin):
-        places = todo.begin[:, None] + (todo.end - todo.begin)[:, None] * PLACES[1:-1]
-        points = _at(curves, todo.row, places, 0)
+        parameters = todo.begin[:, None] + (todo.end - todo.begin)[:, None] * PLACES[1:-1]
+        points = _at(curves, todo.row, parameters, 0)
         if not np.isfinite(points).all():
             raise InvalidInput("A curve must be finite between its breaks.")
         distances = _distances_from_arcs(todo, points)
@@ -413,8 +375,8 @@ def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -
         line = (_is_straight(todo, points) & np.isfinite(distances) & lines) | corner
         ready = line | (distances <= SHARE * tolerance)
         done.append(todo.select(ready, line=line[ready]))
-        rest = ~ready
-        todo = _divide(curves, todo.select(rest), distances[rest] / (SHARE * tolerance))
+        pending = ~ready
+        todo = _divide(curves, todo.select(pending), distances[pending] / (SHARE * tolerance))
         count += int(ready.sum())
         if count + len(todo.begin) > MOST_INTERVALS:
             raise InvalidInput(
@@ -446,7 +408,7 @@ def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArra
 
 
 def _is_straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
-    """Whether the curve runs straight along its chord without turning back, (n,)."""
+    """Mask of the intervals on which the curve runs straight along its chord, (n,)."""
     chord = intervals.p1 - intervals.p0
     size = length(chord)
     along = unit(chord)
@@ -460,14 +422,9 @@ def _is_straight(intervals: _Intervals, points: FloatArray) -> BoolArray:
 
 
 def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Intervals:
-    """Divide intervals into equal parts, as many as their distances need.
+    """Divide intervals into equal parts until the distance fits.
 
     The distance between curve and biarc falls with the cube of the interval's length.
-
-    Args:
-        curves: The curves.
-        intervals: Intervals out of tolerance, n of them.
-        excess: Their distances over the allowed distance, (n,).
     """
     parts = np.where(np.isfinite(excess), np.ceil(np.cbrt(excess)), 2)
     parts = np.clip(parts, 2, MOST_PARTS).astype(np.intp)
@@ -481,8 +438,8 @@ def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Inter
         point = tuple(np.round(old.p0[int(np.argmax(begin >= end))], 6).tolist())
         raise InvalidInput(f"A curve jumps near {point} m, or its derivative does not fit it.")
     inner = np.flatnonzero(~first)
-    row, at = old.row[inner], begin[inner]
-    points, tangents = curves(row, at, 0), unit(curves(row, at, 1))
+    row, t = old.row[inner], begin[inner]
+    points, tangents = curves(row, t, 0), unit(curves(row, t, 1))
     p0, p1, t0, t1 = old.p0, old.p1, old.t0, old.t1
     p0[inner], t0[inner] = points, tangents
     p1[inner - 1], t1[inner - 1] = points, tangents
@@ -495,17 +452,17 @@ def _drop_points(intervals: _Intervals) -> _Intervals:
     short = x.line & (length(x.p1 - x.p0) <= REPEATED_POINT)
     if not short.any():
         return x
-    p0, p1, kept = x.p0.copy(), x.p1.copy(), np.ones(len(short), dtype=bool)
+    p0, p1, mask = x.p0.copy(), x.p1.copy(), np.ones(len(short), dtype=bool)
     for row in np.unique(x.row[short]).tolist():
         a, b = np.searchsorted(x.row, [row, row + 1]).tolist()
         one = slice(a, b)
-        p0[one], kept[one] = close_up(x.p0[one], x.p1[one], ~x.line[one], REPEATED_POINT)
-        left = a + np.flatnonzero(kept[one])
-        if len(left) == 0:
+        p0[one], mask[one] = close_up(x.p0[one], x.p1[one], ~x.line[one], REPEATED_POINT)
+        remaining = a + np.flatnonzero(mask[one])
+        if len(remaining) == 0:
             raise InvalidInput(f"A curve has no length at {tuple(x.p0[a].tolist())} m.")
         if length(x.p1[b - 1] - x.p0[a]) <= REPEATED_POINT:
-            p1[left[-1]] = p0[left[0]]
-    return x.select(kept, p0=p0[kept], p1=p1[kept])
+            p1[remaining[-1]] = p0[remaining[0]]
+    return x.select(mask, p0=p0[mask], p1=p1[mask])
 
 
 def _arcs(intervals: _Intervals) -> tuple[Segments, IntArray]:
@@ -525,16 +482,8 @@ def _arcs(intervals: _Intervals) -> tuple[Segments, IntArray]:
     return Segments.join([first, second])[in_order], np.append(0, used.sum(axis=1).cumsum()[:-1])
 
 
-def _merge(arcs: Segments, kept: IntArray) -> tuple[Segments, IntArray]:
-    """Merge neighbours that lie on one line or one circle.
-
-    Args:
-        arcs: The lines and arcs.
-        kept: Rows that are not merged into the segment before them.
-
-    Returns:
-        The merged lines and arcs, and the row in `arcs` at which each starts.
-    """
+def _merge(arcs: Segments, vertices: IntArray) -> tuple[Segments, IntArray]:
+    """Merge neighbours on one line or circle; returns also the first row of each merged segment."""
     k, u = arcs.curvatures, arcs.lengths
     turn = k * u
     same = (
@@ -542,7 +491,7 @@ def _merge(arcs: Segments, kept: IntArray) -> tuple[Segments, IntArray]:
         & (np.abs(k[1:] - k[:-1]) <= SAME_CIRCLE * k[1:])
         & (length(arcs.normals_at(EVERY, u)[:-1] - arcs.normals[1:]) <= SAME_CIRCLE)
     )
-    same[kept[1:] - 1] = False
+    same[vertices[1:] - 1] = False
     first = np.concatenate([[0], np.flatnonzero(~same) + 1])
     # No arc may be more than a full circle. A longer run is cut at three quarters of a circle,
     # as the arcs of the run are quarters at most.
@@ -553,16 +502,16 @@ def _merge(arcs: Segments, kept: IntArray) -> tuple[Segments, IntArray]:
     same &= (np.diff(around) <= 0) | (whole[1:] <= 2 * np.pi + SAME_CIRCLE)
     first = np.concatenate([[0], np.flatnonzero(~same) + 1])
     size = np.add.reduceat(u, first)
-    bend = np.add.reduceat(turn, first) / size
-    joined = arcs[first].replace(curvatures=bend, lengths=size)
+    curvature = np.add.reduceat(turn, first) / size
+    joined = arcs[first].replace(curvatures=curvature, lengths=size)
     ends = np.concatenate([arcs.starts[first[1:]], arcs[-1:].ends])
-    off = length(joined.ends - ends) > SAME_POINT
+    moved = length(joined.ends - ends) > SAME_POINT
     # A run is not merged if the end of its arc would move.
     run = np.cumsum(np.concatenate([[False], ~same]))
-    rows = np.union1d(first, np.flatnonzero(off[run]))
+    rows = np.union1d(first, np.flatnonzero(moved[run]))
     if len(rows) == len(u):
         return arcs, rows
-    one = ~off[run[rows]]
+    one = ~moved[run[rows]]
     curvatures, lengths = k[rows], u[rows]
-    curvatures[one], lengths[one] = bend[~off], size[~off]
+    curvatures[one], lengths[one] = curvature[~moved], size[~moved]
     return arcs[rows].replace(curvatures=curvatures, lengths=lengths), rows

@@ -1,4 +1,4 @@
-"""Mending of vertices that rounded coordinates have bent: exactly tangent again."""
+"""Repair of vertices that are almost tangent because of rounded coordinates."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ from armcontour.core.frames import angle_between
 from armcontour.geometry.biarcs import biarcs, distance, unit
 from armcontour.geometry.blends import WIDEST
 from armcontour.geometry.path import Path
-from armcontour.geometry.rounding import blend_vertices
+from armcontour.geometry.rounded_path import blend_vertices
 from armcontour.geometry.segments import EVERY, REPEATED_POINT, TANGENT_TOLERANCE, Segments
 
-# Turns above this are corners however short their segments are [rad].
+# Largest turn of a repaired vertex [rad]; larger turns are corners.
 LARGEST_KINK = 0.05
-# Places at which the blends of a seam are compared with the path, as shares of their lengths.
+# Fractions of the blends of a closing vertex at which they are compared with the path.
 SHARES = np.linspace(0.0, 1.0, 9)
 ALL = np.zeros(len(SHARES), dtype=np.intp)
-# How often the blends of a seam are halved before the seam is left as it is.
+# Largest number of halvings of these blends before the closing vertex stays unchanged.
 MOST_HALVINGS = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mended:
-    """A path with mended vertices.
+    """A path with repaired vertices.
 
     Args:
         path: The path.
         before: Arc lengths on the path before [m], increasing, (n,).
         after: The arc lengths on this path that correspond to them [m], (n,).
-        count: Number of mended vertices.
+        count: Number of repaired vertices.
         kink: Largest turn at one of them [rad].
         deviation: Largest distance between both paths [m].
     """
@@ -49,42 +49,46 @@ class Mended:
         return np.asarray(np.interp(np.asarray(s, dtype=np.float64), self.before, self.after))
 
 
-def mend_vertices(path: Path, tolerance: float, most: float = np.inf) -> Mended | None:
-    """Make vertices tangent whose turn disappears if points move a little; None if there are none.
+def mend_vertices(path: Path, tolerance: float, deviation_limit: float = np.inf) -> Mended | None:
+    """Make almost tangent vertices exactly tangent; None without such vertices.
 
-    Moving both ends of a line by a distance turns it by up to twice the distance over its length,
-    the ends of an arc over its length or radius. At most half of each segment changes per vertex.
-    Vertices stay if a segment beside them has the tolerance 0. The vertex at which a closed path
-    starts and ends stays where it is.
+    A vertex is almost tangent if small movements of points explain its turn. Moving both ends of a
+    line by a distance turns it by up to twice the distance over its length, the ends of an arc over
+    its length or radius. At most half of each segment changes per vertex. Vertices next to a
+    segment with tolerance 0 stay. On a closed path the point at which it closes stays.
 
     Args:
         path: A path without tool orientation.
-        tolerance: Distance by which points can move, and between both paths [m].
-        most: Largest distance between both paths [m], if it is less.
+        tolerance: Largest movement of points, and largest distance between both paths [m].
+        deviation_limit: Largest distance between both paths [m], if it is less.
     """
     rows, turns = path.segments, path.turns
     size = np.minimum(rows.lengths, 1 / np.maximum(rows.curvatures, 1 / rows.lengths))
-    held = 2 * tolerance / size
-    own = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
-    own = np.minimum(own, min(tolerance, most))
-    allowed = np.minimum(own[:-1], own[1:])
-    largest = np.minimum(held[:-1] + held[1:], LARGEST_KINK)
+    possible_turns = 2 * tolerance / size
+    tolerances = np.where(np.isnan(path.tolerances), np.inf, path.tolerances)
+    tolerances = np.minimum(tolerances, min(tolerance, deviation_limit))
+    allowed = np.minimum(tolerances[:-1], tolerances[1:])
+    largest = np.minimum(possible_turns[:-1] + possible_turns[1:], LARGEST_KINK)
     vertex = np.flatnonzero((turns > TANGENT_TOLERANCE) & (turns <= largest) & (allowed > 0))
     inner = None
     if len(vertex):
-        found = blend_vertices(path, vertex, turns[vertex], allowed[vertex])
-        corners, done = found.corners, ~found.corners.stopped
+        blended = blend_vertices(path, vertex, turns[vertex], allowed[vertex])
+        corners, done = blended.corners, ~blended.corners.stopped
         if done.any():
             inner = Mended(
-                path=Path(segments=found.segments, merged=path.merged),
+                path=Path(segments=blended.segments, merged=path.merged),
                 before=path.breaks,
-                after=np.minimum(found.place(path.breaks), found.length),
+                after=np.minimum(blended.place(path.breaks), blended.length),
                 count=int(done.sum()),
                 kink=float(corners.turn[done].max()),
                 deviation=float(corners.error[done].max()),
             )
     start = path if inner is None else inner.path
-    seam = _mend_seam(start, min(held[0] + held[-1], LARGEST_KINK), min(own[0], own[-1]))
+    seam = _mend_seam(
+        start,
+        min(possible_turns[0] + possible_turns[-1], LARGEST_KINK),
+        min(tolerances[0], tolerances[-1]),
+    )
     if inner is None or seam is None:
         return inner or seam
     return Mended(
@@ -97,15 +101,10 @@ def mend_vertices(path: Path, tolerance: float, most: float = np.inf) -> Mended 
     )
 
 
-def _mend_seam(path: Path, most: float, allowed: float) -> Mended | None:
+def _mend_seam(path: Path, largest_turn: float, allowed: float) -> Mended | None:
     """Replace both ends of a closed path by two arcs each, which are tangent where it closes.
 
-    Their lengths are halved from half of a segment on, until the distance is allowed.
-
-    Args:
-        path: The path.
-        most: Largest turn to mend [rad].
-        allowed: Largest distance between both paths [m].
+    Their lengths start at half of a segment and are halved until the distance is allowed.
     """
     rows = path.segments
     first, last = rows[:1], rows[-1:]
@@ -113,7 +112,7 @@ def _mend_seam(path: Path, most: float, allowed: float) -> Mended | None:
     apart = float(np.linalg.norm(last.ends - first.starts))
     if len(rows) == 1 or apart > REPEATED_POINT or not allowed > 0:
         return None
-    if not TANGENT_TOLERANCE < kink <= most:
+    if not TANGENT_TOLERANCE < kink <= largest_turn:
         return None
     middle = unit(first.tangents + last.end_tangents)
     size = np.minimum(first.lengths, last.lengths) / 2
@@ -122,13 +121,17 @@ def _mend_seam(path: Path, most: float, allowed: float) -> Mended | None:
     )
     for _ in range(MOST_HALVINGS):
         begin = last.lengths - size
-        leaving = biarcs(first.starts, middle, first.at(EVERY, size), first.at(EVERY, size, 1))
-        arriving = biarcs(last.at(EVERY, begin), last.at(EVERY, begin, 1), last.ends, middle)
-        off = max(
-            float(distance(row.at(ALL, start + size * SHARES)[None], *arcs)[0])
+        leaving = biarcs(
+            first.starts, middle, first.evaluate(EVERY, size), first.evaluate(EVERY, size, 1)
+        )
+        arriving = biarcs(
+            last.evaluate(EVERY, begin), last.evaluate(EVERY, begin, 1), last.ends, middle
+        )
+        deviation = max(
+            float(distance(row.evaluate(ALL, start + size * SHARES)[None], *arcs)[0])
             for row, start, arcs in ((first, 0.0, leaving), (last, begin, arriving))
         )
-        if off <= allowed:
+        if deviation <= allowed:
             break
         size = size / 2
     else:
@@ -150,5 +153,5 @@ def _mend_seam(path: Path, most: float, allowed: float) -> Mended | None:
         after=np.cumsum([0.0, new[0], total - 2 * t, new[1]]),
         count=1,
         kink=kink,
-        deviation=off,
+        deviation=deviation,
     )

@@ -10,11 +10,11 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.sampling import number_parts
 
-# Points nearer than this are one [m].
+# Points with a smaller distance are equal [m].
 SAME_PLACE = 1e-9
 # Sine of the angle between two lines below which they are parallel.
 PARALLEL = 1e-12
-# Number of pairs of pieces that are intersected at a time, about, which bounds the memory.
+# Approximate number of pairs of pieces that are intersected together, which bounds the memory.
 PAIRS = 200_000
 
 # Columns of a table of pieces: start x, y, unit tangent x, y, curvature, positive to the left,
@@ -35,7 +35,7 @@ def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
 
 
 def parallels(pieces: FloatArray, d: float) -> FloatArray:
-    """Pieces at a distance d to the left [m], (n, 6); arcs that turn inside out have lengths <= 0.
+    """Pieces at a distance d to the left [m], (n, 6); arcs with negative radius get lengths <= 0.
 
     Arcs keep their centres.
     """
@@ -47,21 +47,21 @@ def parallels(pieces: FloatArray, d: float) -> FloatArray:
 
 
 def turns_between(arriving: FloatArray, leaving: FloatArray) -> FloatArray:
-    """Angles from tangents to others, positive to the left [rad], (n,)."""
+    """Angles from arriving to leaving tangents, positive to the left [rad], (n,)."""
     return np.asarray(np.arctan2(_cross(arriving, leaving), (arriving * leaving).sum(axis=1)))
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
 def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Lengths by which an inside corner shortens two pieces, up to where they cross [m], (n,) each.
+    """Lengths by which an inside corner shortens two pieces, up to their crossing [m], (n,) each.
 
     Args:
         before: The pieces that lead to the corners, (n, 6).
         after: The pieces that lead away, (n, 6).
 
     Returns:
-        The lengths, of the crossing nearest to the end of the first piece; NaN if none follows the
-        start of the second one. They may be longer than the pieces.
+        The lengths to the crossing nearest to the end of the first piece; NaN without a crossing
+        after the start of the second piece. They may be longer than the pieces.
     """
     points = _common_points(before, after)
     ahead = _places(after, points)
@@ -77,13 +77,13 @@ def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, Floa
 
 @np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
 def crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
-    """All places at which pieces meet each other, their own ends included.
+    """All points at which pieces meet each other, including their ends.
 
     Args:
         pieces: The pieces, (n, 6).
 
     Returns:
-        The two pieces of each meeting, (m, 2), and how far along each of them it is [m], (m, 2).
+        The two pieces of each meeting, (m, 2), and its distances along them [m], (m, 2).
     """
     low, high = _boxes(pieces)
     order = np.argsort(low[:, 0])
@@ -91,22 +91,22 @@ def crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     last = np.searchsorted(low[order, 0], high[order, 0] + SAME_PLACE, side="right")
     count = np.maximum(last - np.arange(len(order)) - 1, 0)
     parts = np.cumsum(count) // PAIRS
-    which, places = [np.empty((0, 2), np.intp)], [np.empty((0, 2))]
+    meetings, distances = [np.empty((0, 2), np.intp)], [np.empty((0, 2))]
     for part in np.unique(parts):
-        of, number = number_parts(np.where(parts == part, count, 0))
-        i, j = order[of], order[of + 1 + number]
+        owner, number = number_parts(np.where(parts == part, count, 0))
+        i, j = order[owner], order[owner + 1 + number]
         near = (low[j, 1] <= high[i, 1] + SAME_PLACE) & (low[i, 1] <= high[j, 1] + SAME_PLACE)
         pairs = np.stack([i, j], axis=1)[near]
         points = _common_points(pieces[pairs[:, 0]], pieces[pairs[:, 1]])
-        at = np.stack([_places(pieces[x], points) for x in pairs.T], axis=2)
+        along = np.stack([_places(pieces[x], points) for x in pairs.T], axis=2)
         ends = pieces[pairs, LENGTH][:, None, :]
-        row, point = np.nonzero(((at >= -SAME_PLACE) & (at <= ends + SAME_PLACE)).all(axis=2))
-        at, ends = at[row, point], ends[row, 0]
-        # A place near an end is this end.
-        at = np.where(ends - at <= SAME_PLACE, ends, at)
-        which.append(pairs[row])
-        places.append(np.where(at <= SAME_PLACE, 0.0, at))
-    return np.concatenate(which), np.concatenate(places)
+        row, point = np.nonzero(((along >= -SAME_PLACE) & (along <= ends + SAME_PLACE)).all(axis=2))
+        along, ends = along[row, point], ends[row, 0]
+        # A point near an end is this end.
+        along = np.where(ends - along <= SAME_PLACE, ends, along)
+        meetings.append(pairs[row])
+        distances.append(np.where(along <= SAME_PLACE, 0.0, along))
+    return np.concatenate(meetings), np.concatenate(distances)
 
 
 def left_of(vectors: FloatArray) -> FloatArray:
@@ -138,34 +138,27 @@ def _boxes(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _places(pieces: FloatArray, points: FloatArray) -> FloatArray:
-    """Distances along pieces at which these, if continued, come to points on them, (n, m).
-
-    Args:
-        pieces: The pieces, (n, 6).
-        points: Points of each piece, (n, m, 2).
-    """
+    """Distances along pieces, extended beyond their ends, of points (n, m, 2) on them, (n, m)."""
     offset, tangents = points - pieces[:, None, :2], pieces[:, None, TX : TY + 1]
     along, k = (offset * tangents).sum(axis=2), pieces[:, CURVATURE, None]
     # The direction from the centre: angle 0 at the start, growing along the arc.
     angle = np.arctan2(along * np.abs(k), 1 - _cross(tangents, offset) * k)
     radius = 1 / np.where(k == 0, np.inf, np.abs(k))
     u = np.where(angle < 0, angle + 2 * np.pi, angle) * radius
-    # Just before the start, and not after nearly a full turn.
+    # A point just before the start has a small negative distance, not nearly a full turn.
     before = (u > pieces[:, LENGTH, None]) & (2 * np.pi * radius - u <= SAME_PLACE)
     return np.asarray(np.where(k == 0, along, np.where(before, u - 2 * np.pi * radius, u)))
 
 
 def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Points that pieces have in common two by two if continued; ends where they run together.
+    """Common points of pairs of extended pieces, (n, 4, 2), NaN for missing ones.
 
     A line or circle with curvature k and left normal n at its point 0 has k x.x / 2 = n.x at its
-    points x. The difference of two such equations is the straight line w.x = r. So neither centres
-    nor radii are needed, and nearly straight arcs lose no digits.
-
-    Returns:
-        The points, NaN where there are fewer than four, (n, 4, 2).
+    points x. The difference of two such equations is the straight line w.x = r. This needs neither
+    centres nor radii, so nearly straight arcs lose no digits. Where pieces coincide, their ends are
+    the points.
     """
-    # The more curved one comes first.
+    # The piece with more curvature comes first.
     turned = (np.abs(b[:, CURVATURE]) > np.abs(a[:, CURVATURE]))[:, None]
     a, b = np.where(turned, b, a), np.where(turned, a, b)
     ka, kb = a[:, CURVATURE], b[:, CURVATURE]
@@ -176,24 +169,24 @@ def _common_points(a: FloatArray, b: FloatArray) -> FloatArray:
     size = np.hypot(w[:, 0], w[:, 1])
     foot, along = (r / size**2)[:, None] * w, left_of(w) / size[:, None]
     slope = (na * along).sum(axis=1)
-    rest = ka * (foot * foot).sum(axis=1) / 2 - (na * foot).sum(axis=1)
+    constant = ka * (foot * foot).sum(axis=1) / 2 - (na * foot).sum(axis=1)
     # The points foot + s along with ka s² / 2 - slope s + rest = 0; touching ones miss by rounding.
-    inside = slope**2 - 2 * ka * rest
+    inside = slope**2 - 2 * ka * constant
     inside[inside < -2 * np.abs(ka) * SAME_PLACE / size] = np.nan
     parallel = (ka == 0) & (np.abs(slope) < PARALLEL)
     slope = np.where(parallel, np.nan, slope)
     larger = slope + np.copysign(np.sqrt(np.maximum(inside, 0.0)), slope)
-    far = np.where(ka == 0, np.nan, larger / ka)
-    near = np.where(inside > 0, 2 * rest / larger, far)
-    found = np.full((len(a), 4, 2), np.nan)
-    for i, s in enumerate((near, far)):
-        found[:, i] = a[:, :2] + foot + s[:, None] * along
+    second = np.where(ka == 0, np.nan, larger / ka)
+    first = np.where(inside > 0, 2 * constant / larger, second)
+    points = np.full((len(a), 4, 2), np.nan)
+    for i, s in enumerate((first, second)):
+        points[:, i] = a[:, :2] + foot + s[:, None] * along
     one_circle = (size <= np.abs(kb) * SAME_PLACE) & (
         np.abs(1 / ka) - np.abs(1 / kb) >= -SAME_PLACE
     )
-    together = np.where(ka == 0, parallel & (np.abs(rest) <= SAME_PLACE), one_circle)
+    together = np.where(ka == 0, parallel & (np.abs(constant) <= SAME_PLACE), one_circle)
     ends = [x[together] for x in (a, b)]
-    found[together] = np.stack(
+    points[together] = np.stack(
         [y for x in ends for y in (x[:, :2], points_at(x, x[:, LENGTH]))], axis=1
     )
-    return found
+    return points

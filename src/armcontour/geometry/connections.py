@@ -1,0 +1,265 @@
+"""Smooth connections across a vertex, between a point before and a point after it.
+
+A connection has the points, tangents, curvatures and changes of curvature of the segments at both
+ends. It is a polynomial of degree 7, drawn as transitions: quintics between points on it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.quintics import re_expand
+from armcontour.core.sampling import number_parts
+from armcontour.geometry.biarcs import (
+    UNEVEN,
+    Contact,
+    contact_of,
+    dot,
+    join_up,
+    largest_change,
+    length,
+    unit,
+)
+from armcontour.geometry.segments import EVERY, Segments, largest_bend
+
+DEGREE = 7
+# Maps the residuals of the end's value and derivatives, after the first four coefficients, to the
+# last four coefficients.
+LAST = np.linalg.inv([[math.perm(j, k) for j in range(4, 8)] for k in range(4)])
+# Nodes and weights of the integration of arc length, exact to rounding errors for the curves here.
+PLACES, WEIGHTS = np.polynomial.legendre.leggauss(16)
+SHARES = (PLACES + 1) / 2
+# Iterations that adapt the length of a connection to its parametrization, which need not be exact.
+ROUNDS = 3
+# Newton steps to a parameter of a connection; they converge to rounding errors.
+STEPS = 8
+# Largest number of quintics in each half of a connection, and the fractions of each quintic at
+# which its speed is checked.
+MOST_PARTS = 64
+LOOKS = np.linspace(0.1, 0.9, 5)
+# Parameters at which the shape of a connection is checked.
+MANY = np.linspace(0.0, 1.0, 33)
+# Limits on the relative speed, on the turn from the middle direction, and on the largest curvature
+# times the length. A connection beyond them is not a single even curve.
+SLOWEST, FASTEST = 0.5, 1.6
+FARTHEST = np.cos(np.radians(72))
+TIGHTEST = 10.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Connections:
+    """The connections across n vertices.
+
+    Args:
+        begin: Start points relative to the vertices [m], (n, dimension).
+        coefficients: Coefficients of 1 to x⁷ of the position relative to the start, x from 0 to 1
+            [m], (n, 8, dimension).
+    """
+
+    begin: FloatArray
+    coefficients: FloatArray
+
+    def __len__(self) -> int:
+        """Number of connections."""
+        return len(self.begin)
+
+    def evaluate(self, i: IntArray | slice, x: FloatArray, order: int = 0) -> FloatArray:
+        """Positions relative to the starts of connections `i` at x, or their derivatives by x."""
+        c = self.coefficients[i]
+        values = np.zeros(np.shape(x) + c.shape[-1:])
+        for k in range(DEGREE, order - 1, -1):
+            values = values * x[..., None] + math.perm(k, order) * c[..., k, :]
+        return np.asarray(values)
+
+    def lengths_to(self, i: IntArray | slice, x: FloatArray) -> FloatArray:
+        """Arc lengths from the starts of connections `i` to x [m], (n,)."""
+        return np.asarray(WEIGHTS @ length(self.evaluate(i, SHARES[:, None] * x, 1)) * x / 2)
+
+    @property
+    def nearest(self) -> FloatArray:
+        """Parameters x of the points nearest to the vertices, from 0 to 1, (n,)."""
+        parameters = self._many[1:-1]
+        x = MANY[1 + length(self.begin + self.evaluate(EVERY, parameters)).argmin(axis=0)]
+        for _ in range(STEPS):
+            offset = self.begin + self.evaluate(EVERY, x)
+            first, second = self.evaluate(EVERY, x, 1), self.evaluate(EVERY, x, 2)
+            slope = np.maximum(dot(first, first) + dot(offset, second), 0.1 * dot(first, first))
+            x = np.clip(x - dot(offset, first) / slope, MANY[1], MANY[-2])
+        return np.asarray(x)
+
+    @property
+    def largest_bend(self) -> FloatArray:
+        """Largest curvatures over the sampled parameters [1/m], (n,)."""
+        return np.asarray(length(self.contact(EVERY, self._many)[2]).max(axis=0))
+
+    @property
+    def _many(self) -> FloatArray:
+        """Sampled parameters of every connection, (samples, n)."""
+        return np.tile(MANY[:, None], len(self))
+
+    @property
+    def sound(self) -> BoolArray:
+        """Mask of the connections without loops, cusps and strong variation of speed, (n,)."""
+        first = self.evaluate(EVERY, self._many, 1)
+        speeds = length(first)
+        along = dot(first, unit(first[0] + first[-1])) / speeds
+        mean = speeds.mean(axis=0)
+        even = (speeds.min(axis=0) > SLOWEST * mean) & (speeds.max(axis=0) < FASTEST * mean)
+        tight = self.largest_bend * mean > TIGHTEST
+        return np.asarray(even & ~tight & (along.min(axis=0) > FARTHEST))
+
+    def contact(self, i: IntArray | slice, x: FloatArray) -> Contact:
+        """Relative positions, unit tangents and curvature vectors of connections `i` at x."""
+        return self.evaluate(i, x), *contact_of(self.evaluate(i, x, 1), self.evaluate(i, x, 2))
+
+
+def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
+    """Connections that replace the length t of the segments on either side of vertices.
+
+    Args:
+        before: Segments before the vertices, n.
+        after: Segments after the vertices, n.
+        t: Lengths, no longer than the segments [m], (n,).
+    """
+    every = np.arange(len(t))
+    back, ahead = around_vertices(before, after)
+    begin = [(-1) ** k * back.evaluate(every, t, k) for k in range(4)]
+    end = [ahead.evaluate(every, t, k) for k in range(4)]
+    chord, size = end[0] - begin[0], 2 * t
+    for _ in range(ROUNDS):
+        scale = [size[:, None] ** k for k in range(4)]
+        c = np.zeros((len(t), DEGREE + 1, chord.shape[1]))
+        for k, factor in ((1, 1), (2, 2), (3, 6)):
+            c[:, k] = begin[k] * scale[k] / factor
+        residuals = [
+            (chord if k == 0 else end[k] * scale[k])
+            - sum(math.perm(j, k) * c[:, j] for j in range(max(k, 1), 4))
+            for k in range(4)
+        ]
+        c[:, 4:] = np.einsum("jk,knd->njd", LAST, np.stack(residuals))
+        connections = Connections(begin=begin[0], coefficients=c)
+        size = connections.lengths_to(EVERY, np.ones(len(t)))
+    return connections
+
+
+def around_vertices(before: Segments, after: Segments) -> tuple[Segments, Segments]:
+    """Segments before vertices, reversed, and those after them, all starting at the origin.
+
+    Points near a vertex then keep all their digits.
+    """
+    zero = np.zeros_like(after.starts)
+    back = before.run(np.arange(len(before)), np.full(len(before), True))
+    return back.replace(starts=zero), after.replace(starts=zero)
+
+
+def draw_connections(
+    connections: Connections, vertices: FloatArray, middle: FloatArray
+) -> tuple[Segments, IntArray, BoolArray]:
+    """Transitions along connections, with a speed that is 1 within `UNEVEN`.
+
+    Args:
+        connections: The connections, n.
+        vertices: Their vertices [m], (n, dimension).
+        middle: Parameters x at which their halves meet, from 0 to 1, (n,).
+
+    Returns:
+        The transitions in order, the connection of each, and the mask of those before the middle.
+    """
+    parts = np.full(len(connections), 1)
+    drawn, owners, first = _draw(connections, vertices, middle, parts)
+    while True:
+        speeds = [length(drawn.evaluate(EVERY, share * drawn.lengths, 1)) for share in LOOKS]
+        uneven = np.abs(np.stack(speeds) - 1).max(axis=0)
+        rough = np.unique(owners[uneven > UNEVEN / 2])
+        rough = rough[parts[rough] < MOST_PARTS]
+        if not len(rough):
+            return drawn, owners, first
+        worst = np.zeros(len(connections))
+        np.maximum.at(worst, owners, uneven)
+        # The unevenness falls with about the fifth power of the lengths.
+        count = np.ceil(parts[rough] * (worst[rough] / (UNEVEN / 2)) ** 0.2)
+        parts[rough] = np.minimum(np.maximum(count, parts[rough] + 1), MOST_PARTS)
+        drawn, owners, first = _draw(connections, vertices, middle, parts)
+
+
+def _draw(
+    connections: Connections, vertices: FloatArray, middle: FloatArray, parts: IntArray
+) -> tuple[Segments, IntArray, BoolArray]:
+    """Transitions along connections, with `parts` quintics in each half, (n,)."""
+    every = np.arange(len(connections))
+    half = connections.lengths_to(EVERY, middle)
+    whole = connections.lengths_to(EVERY, np.ones(len(connections)))
+    owners, number = number_parts(2 * parts)
+    first = number < parts[owners]
+    step = np.where(first, half[owners], (whole - half)[owners]) / parts[owners]
+    # Parameters of the connections at the ends of the quintics.
+    node = np.where(first, number, number - parts[owners])
+    s = np.where(first, 0.0, half[owners]) + node * step
+    low, high = np.where(first, 0.0, middle[owners]), np.where(first, middle[owners], 1.0)
+    x = low + (high - low) * node / parts[owners]
+    inner = node > 0
+    i, parameter, goal = owners[inner], x[inner], s[inner]
+    for _ in range(STEPS):
+        error = connections.lengths_to(i, parameter) - goal
+        parameter = np.clip(
+            parameter - error / length(connections.evaluate(i, parameter, 1)), 0.0, 1.0
+        )
+    x[inner] = parameter
+    begin = connections.contact(owners, x)
+    last = number == 2 * parts[owners] - 1
+    final = connections.contact(every, np.ones(len(connections)))
+    end = [np.empty_like(v) for v in begin]
+    for k in range(3):
+        end[k][:-1] = begin[k][1:]
+        end[k][last] = final[k]
+    chord = end[0] - begin[0]
+    starts = vertices[owners] + connections.begin[owners] + begin[0]
+    return join_up((starts, *begin[1:]), (chord, end[1], end[2]), step), owners, first
+
+
+def bound_deviation(
+    drawn: Segments, old: Segments, i: IntArray, ends: tuple[FloatArray, FloatArray], parts: int
+) -> FloatArray:
+    """Bounds of the distances between transitions and the parts of a path that they replace [m].
+
+    Both are passed evenly. On each of the `parts`, the difference D of their points is at most the
+    larger value at the ends plus an eighth of the largest D''.
+
+    Args:
+        drawn: The transitions, n.
+        old: The segments of the path.
+        i: The segment that each transition replaces a part of, (n,).
+        ends: Distances along these segments of the ends of these parts [m], (n,) each.
+        parts: Number of parts.
+
+    Returns:
+        Bounds of the distance of either from the other, (n,).
+    """
+    row, number = number_parts(np.full(len(drawn), parts))
+    h = drawn.lengths[row] / parts
+    step = ((ends[1] - ends[0]) / parts)[row]
+    low = ends[0][row] + number * step
+    segment, ratio = i[row], step / h
+    distances = [
+        length(
+            drawn.evaluate(row, (number + share) * h) - old.evaluate(segment, low + share * step)
+        )
+        for share in (0, 1)
+    ]
+    # The second derivative of the old path by the arc length of the transition at the middle of the
+    # part, and its largest change on either side.
+    second_derivative = ratio[:, None] ** 2 * old.evaluate(segment, low + step / 2, 2)
+    change = old.curvatures[segment] ** 2
+    if old.quintics.size:
+        bent = old.bent[segment]
+        rows = segment[bent]
+        change[bent] = largest_change(old.quintics[rows], old.lengths[rows])
+    allowance = ratio**2 * change * step / 2
+    relative = re_expand(drawn.quintics[row], number / parts, np.full(len(row), 1 / parts))
+    relative[:, 2] -= second_derivative * (h**2 / 2)[:, None]
+    bound = np.maximum(*distances) + h**2 / 8 * (largest_bend(relative, h) + allowance)
+    return np.asarray(bound.reshape(len(drawn), parts).max(axis=1))

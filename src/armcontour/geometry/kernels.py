@@ -1,0 +1,381 @@
+"""Compiled functions: nearest points of lines and arcs, and distances within a tube.
+
+The rows of a table of segments are those of `projection.pack`: start (3), tangent (3), normal (3),
+curvature, length, arc length at the start, end (3). Points are tuples of three coordinates.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.kernels import FUSED, compiled
+
+Point: TypeAlias = tuple[float, float, float]
+# Size of the stack of a tree search: one waiting node per level.
+STACK = 128
+# A search along the path continues beyond its window while vertices are closer to the point than
+# this many times the point's distance from the first segment.
+REACH = 5.0
+
+
+class Foot(NamedTuple):
+    """A point relative to a segment.
+
+    Attributes:
+        off2: Squared distance from the segment's line or full circle [m²].
+        along: Distance of the nearest point along a line [m]; for a circle the sine of the angle
+            around the centre, times the ratio of the radii of point and circle.
+        across: 0 for a line; for a circle the cosine of this angle, times the same ratio.
+    """
+
+    off2: float
+    along: float
+    across: float
+
+
+@compiled(inner=True, fastmath=FUSED, forceinline=True)
+def find_foot(p: Point, g: FloatArray) -> Foot:
+    """The foot of a point on the line or full circle of segment `g`."""
+    x, y, z = p[0] - g[0], p[1] - g[1], p[2] - g[2]
+    along, k = x * g[3] + y * g[4] + z * g[5], g[9]
+    if k == 0.0:
+        x, y, z = x - along * g[3], y - along * g[4], z - along * g[5]
+        return Foot(x * x + y * y + z * z, along, 0.0)
+    across = x * g[6] + y * g[7] + z * g[8]
+    a, b = k * along, 1 - k * across
+    # The difference of both radii without cancellation.
+    radial = (2 * across - k * (along * along + across * across)) / (1 + math.sqrt(a * a + b * b))
+    x -= along * g[3] + across * g[6]
+    y -= along * g[4] + across * g[7]
+    z -= along * g[5] + across * g[8]
+    return Foot(x * x + y * y + z * z + radial * radial, a, b)
+
+
+@compiled(inner=True, fastmath=FUSED)
+def distance2(foot: Foot, k: float, away: float) -> float:
+    """Squared distance from the point to the position `away` along the segment from the foot [m²].
+
+    Args:
+        foot: The foot.
+        k: The curvature [1/m].
+        away: Distance along the segment from the foot [m].
+    """
+    if k == 0.0:
+        return foot.off2 + away**2
+    # The product of the radii of circle and point.
+    product = math.sqrt(foot.along * foot.along + foot.across * foot.across) / (k * k)
+    return foot.off2 + 4 * product * math.sin(k * away / 2) ** 2
+
+
+@compiled(inner=True, fastmath=FUSED, forceinline=True)
+def nearest_within(
+    p: Point, g: FloatArray, low: float, high: float, limit: float
+) -> tuple[float, float]:
+    """Squared distance to segment `g` between `low` and `high`, and the nearest point's arc length.
+
+    Distances of `limit` [m²] or more are not computed exactly.
+    """
+    foot, k = find_foot(p, g), g[9]
+    if foot.off2 >= limit:
+        return foot.off2, low
+    u = foot.along
+    if k != 0.0:
+        u = math.atan2(foot.along, foot.across) / k
+        if u < low and u + 2 * math.pi / k <= high:
+            u += 2 * math.pi / k
+    if low <= u <= high:
+        return foot.off2, u
+    at_low, at_high = distance2(foot, k, u - low), distance2(foot, k, u - high)
+    return (at_high, high) if at_high < at_low else (at_low, low)
+
+
+@compiled(inner=True)
+def point_at(g: FloatArray, u: float) -> Point:
+    """The point at distance u along segment `g` [m]."""
+    along, across, k = u, 0.0, g[9]
+    if k != 0.0:
+        half = math.sin(k * u / 2)
+        along, across = math.sin(k * u) / k, 2 * half * half / k
+    return (
+        g[0] + along * g[3] + across * g[6],
+        g[1] + along * g[4] + across * g[7],
+        g[2] + along * g[5] + across * g[8],
+    )
+
+
+@compiled(inner=True, forceinline=True)
+def box_gap2(p: Point, boxes: FloatArray, k: int) -> float:
+    """Squared distance of a point to box k [m²], 0 inside it."""
+    x: float = max(boxes[k, 0] - p[0], p[0] - boxes[k, 3], 0.0)
+    y: float = max(boxes[k, 1] - p[1], p[1] - boxes[k, 4], 0.0)
+    z: float = max(boxes[k, 2] - p[2], p[2] - boxes[k, 5], 0.0)
+    return x * x + y * y + z * z
+
+
+@compiled()
+def search_tree(
+    queries: FloatArray, rows: FloatArray, pieces: IntArray, boxes: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Distance and arc length of the nearest point for each query, by a tree of boxes.
+
+    `queries` are padded to space, (n, 3); `pieces` has the segment of each piece in tree order;
+    `boxes` has the corners of the nodes' boxes in heap order, (2 m - 1, 6).
+    """
+    n, leaves = len(queries), (len(boxes) + 1) // 2
+    distance, s = np.empty(n), np.empty(n)
+    stack, bound = np.empty(STACK, np.intp), np.empty(STACK)
+    segment = pieces[0]
+    for i in range(n):
+        p = queries[i, 0], queries[i, 1], queries[i, 2]
+        # The segment of the last query is a good first guess, because queries follow a motion.
+        best, u = nearest_within(p, rows[segment], 0.0, rows[segment, 10], math.inf)
+        depth, stack[0], bound[0] = 0, 0, 0.0
+        while depth >= 0:
+            node, gap2 = stack[depth], bound[depth]
+            depth -= 1
+            # Descend to the nearest leaf; the other child of each node is pushed on the stack.
+            while node < leaves - 1 and gap2 < best:
+                node, other = 2 * node + 1, 2 * node + 2
+                gap2, far2 = box_gap2(p, boxes, node), box_gap2(p, boxes, other)
+                if far2 < gap2:
+                    node, gap2, other, far2 = other, far2, node, gap2
+                if far2 < best:
+                    depth += 1
+                    stack[depth], bound[depth] = other, far2
+            if gap2 >= best:
+                continue
+            leaf, previous = node - (leaves - 1), -1
+            for j in range(leaf * len(pieces) // leaves, (leaf + 1) * len(pieces) // leaves):
+                if pieces[j] != previous:
+                    previous = pieces[j]
+                    g = rows[previous]
+                    d2, along = nearest_within(p, g, 0.0, g[10], best)
+                    if d2 < best:
+                        best, u, segment = d2, along, previous
+        distance[i], s[i] = math.sqrt(best), rows[segment, 11] + u
+    return distance, s
+
+
+@compiled(fastmath=FUSED)
+def search_along(
+    p: Point, rows: FloatArray, around: float, segment: int, low: float, high: float
+) -> tuple[float, int]:
+    """Squared distance of a point from the path near a segment, and the nearest segment.
+
+    The search covers a window of arc lengths and continues beyond it up to a vertex that is farther
+    away than `REACH` allows. A point that is closer than the best distance d is at least D - d
+    farther along the path than a vertex at distance D, because arc length grows at least as fast as
+    distance. Segments before that are skipped.
+
+    Args:
+        p: The point [m].
+        rows: Segments from `pack`, (n, 15).
+        around: Length of a closed path, on which the search passes the start point; 0 for an open
+            path [m].
+        segment: The segment at which the search starts.
+        low: Smallest arc length of the window [m].
+        high: Largest arc length of the window [m].
+    """
+    n = len(rows)
+    best, _ = nearest_within(p, rows[segment], 0.0, rows[segment, 10], math.inf)
+    nearest, far2 = segment, REACH * REACH * best
+    for ahead in (True, False):
+        stop, near = (high, 0) if ahead else (-low, 12)
+        j, turn, free, d = segment, 0.0, -math.inf, math.sqrt(best)
+        for _ in range(n - 1):
+            j += 1 if ahead else -1
+            if not 0 <= j < n:
+                if around == 0.0:
+                    break
+                j = 0 if ahead else n - 1
+                turn += around
+            g = rows[j]
+            begin = turn + (g[11] if ahead else -g[11] - g[10])
+            end = begin + g[10]
+            if begin <= stop and end <= free:
+                continue
+            x, y, z = p[0] - g[near], p[1] - g[near + 1], p[2] - g[near + 2]
+            gap2 = x * x + y * y + z * z
+            if begin > stop and gap2 > far2:
+                break
+            free = max(free, begin + math.sqrt(gap2) - d)
+            if end <= free:
+                continue
+            d2, _ = nearest_within(p, g, 0.0, g[10], best)
+            if d2 < best:
+                best, nearest, d = d2, j, math.sqrt(d2)
+    return best, nearest
+
+
+# Largest number of halvings of a part, and largest number of parts.
+DEPTH = 48
+PARTS = 20_000
+# Where the tolerance is exceeded, a bound is accepted if it exceeds the largest value at points by
+# less than this fraction of the tolerance. Elsewhere a bound is refined up to rounding, with at
+# most this number of halvings per part on average.
+CLOSE = 1e-6
+FINE = 50
+
+
+class Pieces(NamedTuple):
+    """The m pieces of a tube.
+
+    Attributes:
+        rows: The pieces from `pack`, (m, 15).
+        tolerance: Their tolerances [m], (m,).
+        given_up: Whether points at the start, and at the end, of each piece belong to a neighbour
+            with a smaller tolerance, (m, 2).
+    """
+
+    rows: FloatArray
+    tolerance: FloatArray
+    given_up: BoolArray
+
+
+@compiled(inner=True)
+def _excess(p: Point, pieces: Pieces, j: int, low: float, high: float) -> tuple[float, float]:
+    """Distance of a point from a part of piece j, minus its tolerance, and the nearest arc length.
+
+    The distance is infinite if the part is empty or a neighbour has the nearest point.
+    """
+    if low > high:
+        return math.inf, 0.0
+    g = pieces.rows[j]
+    d2, u = nearest_within(p, g, low, high, math.inf)
+    if (pieces.given_up[j, 0] and u <= 0.0) or (pieces.given_up[j, 1] and u >= g[10]):
+        return math.inf, u
+    return math.sqrt(d2) - pieces.tolerance[j], u
+
+
+@compiled()
+def find_excess(
+    points: FloatArray, ranges: FloatArray, windows: IntArray, pieces: Pieces
+) -> tuple[FloatArray, FloatArray]:
+    """Smallest distance minus tolerance within a range of the path, and its arc length, per point.
+
+    `ranges` has the arc lengths of each range [m], (n, 2); `windows` its first and last piece, (n,
+    2).
+    """
+    excess, s = np.full(len(points), np.inf), np.zeros(len(points))
+    for i in range(len(points)):
+        p = points[i, 0], points[i, 1], points[i, 2]
+        for j in range(windows[i, 0], windows[i, 1] + 1):
+            g = pieces.rows[j]
+            low = min(max(ranges[i, 0] - g[11], 0.0), g[10])
+            high = min(max(ranges[i, 1] - g[11], low), g[10])
+            candidate, u = _excess(p, pieces, j, low, high)
+            if candidate < excess[i]:
+                excess[i], s[i] = candidate, g[11] + u
+    return excess, s
+
+
+@compiled()
+def bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v1: float) -> Any:
+    """Largest distance between two matched parts of segments, minus that at their ends.
+
+    One part runs from u0 to u1 along g, the other from v0 to v1 along h, both evenly. The bound is
+    an eighth of the largest second derivative of their difference; see tube.py.
+    """
+    turn_g, turn_h = g[9] * (u1 - u0), h[9] * (v1 - v0)
+    bend_g, bend_h = turn_g * (u1 - u0), turn_h * (v1 - v0)
+    if bend_g == 0.0 or bend_h == 0.0 or abs(turn_g) + abs(turn_h) > 1.0:
+        return (bend_g + bend_h) / 8
+    # Distances of the unit normals at both ends, and of the axes about which the tangents turn.
+    apart2, plane2 = 0.0, 0.0
+    for u, v in ((u0, v0), (u1, v1)):
+        cg, sg, ch, sh = (
+            math.cos(g[9] * u),
+            math.sin(g[9] * u),
+            math.cos(h[9] * v),
+            math.sin(h[9] * v),
+        )
+        total = 0.0
+        for a in range(3):
+            total += (cg * g[6 + a] - sg * g[3 + a] - ch * h[6 + a] + sh * h[3 + a]) ** 2
+        apart2 = max(apart2, total)
+    if apart2 > 1.0:
+        return (bend_g + bend_h) / 8
+    for axis in range(3):
+        a, b = (axis + 1) % 3, (axis + 2) % 3
+        gap = g[3 + a] * g[6 + b] - g[3 + b] * g[6 + a] - h[3 + a] * h[6 + b] + h[3 + b] * h[6 + a]
+        plane2 += gap * gap
+    apart = math.sqrt(apart2)
+    apart += min((turn_g * turn_g + turn_h * turn_h) / 8, 2 * abs(turn_h) * math.sqrt(plane2))
+    return (abs(bend_g - bend_h) + min(bend_g, bend_h) * apart) / 8
+
+
+@compiled()
+def bound_excess(
+    rows: FloatArray,
+    segment: IntArray,
+    parts: FloatArray,
+    windows: IntArray,
+    pieces: Pieces,
+    slack: float,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Bounds of distance minus tolerance over parts of a path, and the largest values at points.
+
+    Args:
+        rows: Segments of the path from `pack`, (n, 15).
+        segment: The segment of each part, (k,).
+        parts: Distance along the segment, arc length on the objective and reach at the start of
+            each part, then at its end [m], (k, 6).
+        windows: First and last piece within reach of each part, (k, 2).
+        pieces: The pieces.
+        slack: A bound up to this is not refined [m].
+
+    Returns:
+        The bounds [m], the largest values at points [m], and the arc lengths of these points on
+        the path [m], (k,) each.
+    """
+    n = len(parts)
+    bounds, largest, s = np.full(n, -np.inf), np.full(n, -np.inf), np.zeros(n)
+    stack, depths = np.empty((DEPTH + 2, 6)), np.empty(DEPTH + 2, np.intp)
+    enough, remaining = slack, FINE * (n + 1000)
+    for i in range(n):
+        g = rows[segment[i]]
+        stack[0], depths[0] = parts[i], 0
+        top, count = 0, 0
+        while top >= 0:
+            part = stack[top]
+            depth = depths[top]
+            top -= 1
+            count += 1
+            # The excess at both ends, a bound over the whole part and the tolerance of its piece.
+            u0, u1 = part[0], part[3]
+            p, q = point_at(g, u0), point_at(g, u1)
+            at_start, at_end, bound, tolerance = np.inf, np.inf, np.inf, 0.0
+            for j in range(windows[i, 0], windows[i, 1] + 1):
+                h = pieces.rows[j]
+                low = max(part[1] - part[2] - h[11], 0.0), max(part[4] - part[5] - h[11], 0.0)
+                high = min(part[1] + part[2] - h[11], h[10]), min(part[4] + part[5] - h[11], h[10])
+                d0, v0 = _excess(p, pieces, j, low[0], high[0])
+                d1, v1 = _excess(q, pieces, j, low[1], high[1])
+                at_start, at_end = min(at_start, d0), min(at_end, d1)
+                if max(d0, d1) < bound:
+                    candidate = max(d0, d1) + bulge(g, u0, u1, h, v0, v1)
+                    if candidate < bound:
+                        bound, tolerance = candidate, pieces.tolerance[j]
+            at_ends = max(at_start, at_end)
+            if at_ends > largest[i]:
+                largest[i] = at_ends
+                s[i] = g[11] + (u0 if at_start >= at_end else u1)
+            enough = max(enough, at_ends)
+            remaining -= 1
+            fine = at_ends <= slack / 2 and remaining > 0
+            close = bound - at_ends <= (slack / 2 if fine else CLOSE * tolerance)
+            if bound <= enough or close or depth == DEPTH or count > PARTS:
+                bounds[i] = max(bounds[i], bound)
+                continue
+            # The second half replaces the whole part on the stack; the first half is pushed.
+            for c in range(3):
+                middle = (part[c] + part[3 + c]) / 2
+                stack[top + 2, c], stack[top + 2, 3 + c] = part[c], middle
+                stack[top + 1, c] = middle
+            depths[top + 1] = depths[top + 2] = depth + 1
+            top += 2
+    return bounds, largest, s

@@ -1,0 +1,360 @@
+"""Compiled functions: motions of laws, and extremes of polynomials along joint paths."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.kernels import compiled
+
+# Below this product of slope and squared time a series is exact.
+SERIES_BELOW = 1e-4
+
+
+@compiled(inner=True)
+def interval_time(width: float, begin: float, end: float, slope: float) -> float:
+    """Duration of one interval, see `interval_times`."""
+    simple = 2 * width / (begin + end)
+    z = slope * simple * simple / 4
+    if abs(z) < SERIES_BELOW:
+        return simple * (1 + z * (1 / 3 + z * (1 / 5 + z * (1 / 7 + z / 9))))
+    size = math.sqrt(abs(z))
+    return simple * (math.atanh(size) if z > 0 else math.atan(size)) / size
+
+
+@compiled()
+def interval_times(
+    width: FloatArray, begin: FloatArray, end: FloatArray, slope: FloatArray
+) -> FloatArray:
+    """Durations of intervals with a path acceleration linear in s [s], (n,).
+
+    `(2 / k) atanh(k width / (begin + end))` with `k² = slope`.
+
+    Args:
+        width: Lengths of the intervals [m], (n,).
+        begin: Path speeds at the starts [m/s], (n,).
+        end: Path speeds at the ends [m/s], (n,).
+        slope: Slopes of dds over s [1/s²], (n,).
+    """
+    times = np.empty(len(width))
+    for i in range(len(width)):
+        times[i] = interval_time(width[i], begin[i], end[i], slope[i])
+    return times
+
+
+@compiled()
+def write_law(
+    s: FloatArray,
+    x: FloatArray,
+    slope: FloatArray,
+    breaks: FloatArray,
+    ds: FloatArray,
+    dds: FloatArray,
+) -> int:
+    """Write the time law from squared path speeds; return the first interval at rest, or -1.
+
+    Args:
+        s: Arc lengths at the breaks [m], (n + 1,).
+        x: ds² at the breaks [m²/s²], (n + 1,).
+        slope: Slopes of dds over s [1/s²], (n,).
+        breaks: Output: the breaks [s], (n + 1,).
+        ds: Output: path speeds at the starts of the intervals [m/s], (n,).
+        dds: Output: path accelerations there [m/s²], (n,).
+    """
+    stuck, begin, breaks[0] = -1, math.sqrt(x[0]), 0.0
+    for i in range(len(slope)):
+        width, end = s[i + 1] - s[i], math.sqrt(x[i + 1])
+        if begin + end == 0.0 and stuck < 0:
+            stuck = i
+        ds[i], dds[i] = begin, (x[i + 1] - x[i]) / (2 * width) - slope[i] * width / 2
+        breaks[i + 1] = breaks[i] + interval_time(width, begin, end, slope[i])
+        begin = end
+    return stuck
+
+
+@compiled()
+def examine(
+    breaks: FloatArray,
+    coefficients: FloatArray,
+    kink: float,
+    no_direction: float,
+    kinks: BoolArray,
+) -> tuple[bool, float]:
+    """Check the pieces of a joint path, and mark the breaks at which dq_ds jumps.
+
+    Args:
+        breaks: Arc lengths of the ends of the pieces, (n + 1,).
+        coefficients: Coefficients of the quintics, (n, 6, dof).
+        kink: Smallest jump of dq_ds that counts, as a fraction of dq_ds.
+        no_direction: A dq_ds below this fraction of the sum of its terms is a rounding error.
+        kinks: Output: whether dq_ds jumps at each inner break, (n - 1,).
+
+    Returns:
+        Whether all numbers are finite and the breaks increase, and the largest jump of a joint
+        position at a break [rad].
+    """
+    n, dof = coefficients.shape[0], coefficients.shape[2]
+    sound, largest, terms_before = True, 0.0, 0.0
+    for i in range(n):
+        width = breaks[i + 1] - breaks[i]
+        jump = size = terms = 0.0
+        for j in range(dof):
+            total = 0.0
+            for k in range(6):
+                total += abs(coefficients[i, k, j])
+                terms += k * abs(coefficients[i, k, j])
+            sound = sound and total < float("inf")
+            if i == 0:
+                continue
+            end = slope = 0.0
+            for k in range(6):
+                end += coefficients[i - 1, k, j]
+                slope += k * coefficients[i - 1, k, j]
+            before = slope / (breaks[i] - breaks[i - 1])
+            after = coefficients[i, 1, j] / width
+            largest = max(largest, abs(end - coefficients[i, 0, j]))
+            jump += abs(after - before)
+            size += abs(before) + abs(after)
+        terms /= width
+        if i > 0:
+            kinks[i - 1] = jump > max(kink * size, no_direction * (terms_before + terms))
+        terms_before = terms
+        sound = sound and 0.0 < width < float("inf")
+    return sound, largest
+
+
+@compiled()
+def spline_pieces(knots: FloatArray, points: FloatArray, clamped: bool) -> FloatArray:
+    """Coefficients of the cubic spline through points as those of a `JointPath`, (n, 6, dof).
+
+    The second derivatives solve a diagonally dominant tridiagonal system by forward elimination and
+    back substitution.
+
+    Args:
+        knots: Parameters of the points, which increase, (n + 1,).
+        points: The points, (n + 1, dof).
+        clamped: Whether the slopes are zero at both ends; otherwise the second derivatives are.
+    """
+    n, dof = len(knots) - 1, points.shape[1]
+    coefficients, second, diagonal = np.zeros((n, 6, dof)), np.zeros((n + 1, dof)), np.empty(n + 1)
+    # The points with unknown second derivatives.
+    first, last = (0, n) if clamped else (1, n - 1)
+    for i in range(first, last + 1):
+        before = knots[i] - knots[i - 1] if i > 0 else 0.0
+        after = knots[i + 1] - knots[i] if i < n else 0.0
+        share = before / diagonal[i - 1] if i > first else 0.0
+        diagonal[i] = 2 * (before + after) - share * before
+        for j in range(dof):
+            # Beyond a clamped end the spline has zero slope.
+            slope = (points[i, j] - points[i - 1, j]) / before if i > 0 else 0.0
+            next_ = (points[i + 1, j] - points[i, j]) / after if i < n else 0.0
+            second[i, j] = 6 * (next_ - slope) - share * second[i - 1, j]
+    for i in range(last, first - 1, -1):
+        after = knots[i + 1] - knots[i] if i < last else 0.0
+        for j in range(dof):
+            second[i, j] = (second[i, j] - after * second[min(i + 1, n), j]) / diagonal[i]
+    for i in range(n):
+        width = knots[i + 1] - knots[i]
+        for j in range(dof):
+            slope = (points[i + 1, j] - points[i, j]) / width
+            start, end = second[i, j], second[i + 1, j]
+            coefficients[i, 0, j] = points[i, j]
+            coefficients[i, 1, j] = (slope - width * (2 * start + end) / 6) * width
+            coefficients[i, 2, j] = start / 2 * width**2
+            coefficients[i, 3, j] = (end - start) / 6 * width**2
+    return coefficients
+
+
+# Below this angle, hyperbolic and circular functions are computed by their series.
+SHORT = 1e-2
+
+
+class Motion(NamedTuple):
+    """Joint positions and their derivatives over time, (n, dof) each; (0, dof) if not requested."""
+
+    q: FloatArray
+    dq: FloatArray
+    ddq: FloatArray
+    dddq: FloatArray
+
+
+@compiled()
+def path_motions(
+    i: IntArray,
+    t: FloatArray,
+    breaks: FloatArray,
+    s: FloatArray,
+    ds: FloatArray,
+    dds: FloatArray,
+    slope: FloatArray,
+    jerk: FloatArray,
+) -> FloatArray:
+    """The arc length s and its first three derivatives at times `t` of intervals `i`, (4, n).
+
+    `breaks` and `s` are those of the law, (m + 1,); `ds`, `dds`, `slope` and `jerk` its `Rates`,
+    (m,).
+    """
+    motions = np.empty((4, len(t)))
+    for k in range(len(t)):
+        j = i[k]
+        u = t[k] - breaks[j]
+        # The solution of `dds = dds_j + slope (s - s_j)` has cosh(w u), sinh(w u) / w and
+        # (cosh(w u) - 1) / w² with `w² = slope`, which are circular functions if it is negative.
+        z = slope[j] * u * u
+        size = math.sqrt(abs(z))
+        if size < SHORT:
+            c = 1 + z / 2 * (1 + z / 12 * (1 + z / 30))
+            h = 1 + z / 6 * (1 + z / 20 * (1 + z / 42))
+            p = 0.5 * (1 + z / 12 * (1 + z / 30 * (1 + z / 56)))
+        elif z > 0.0:
+            c, h = math.cosh(size), math.sinh(size) / size
+            p = 2 * (math.sinh(size / 2) / size) ** 2
+        else:
+            c, h = math.cos(size), math.sin(size) / size
+            p = 2 * (math.sin(size / 2) / size) ** 2
+        h, p = u * h, u * u * p
+        distance = s[j] + ds[j] * h + dds[j] * p + jerk[j] * u**3 / 6
+        # Rounding errors must not move s past a break, at which derivatives may jump.
+        motions[0, k] = min(max(distance, s[j]), s[j + 1])
+        speed = ds[j] * c + dds[j] * h + jerk[j] * u**2 / 2
+        motions[1, k] = speed
+        motions[2, k] = ds[j] * slope[j] * h + dds[j] * c + jerk[j] * u
+        motions[3, k] = slope[j] * speed + jerk[j]
+    return motions
+
+
+@compiled(inner=True, inline="always")
+def value_and_slopes(
+    a0: float, a1: float, a2: float, a3: float, a4: float, a5: float, x: float
+) -> tuple[float, float, float]:
+    """The polynomial with these coefficients at x, and its first and second derivative."""
+    # Horner's rule for all three.
+    slope, value, second = a5, a5 * x + a4, 0.0
+    second, slope, value = second * x + 2 * slope, slope * x + value, value * x + a3
+    second, slope, value = second * x + 2 * slope, slope * x + value, value * x + a2
+    second, slope, value = second * x + 2 * slope, slope * x + value, value * x + a1
+    second, slope, value = second * x + 2 * slope, slope * x + value, value * x + a0
+    return value, slope, second
+
+
+@compiled()
+def joint_motions(
+    along: FloatArray,
+    end: FloatArray,
+    law: IntArray,
+    rows: IntArray,
+    breaks: FloatArray,
+    coefficients: FloatArray,
+    out: Motion,
+) -> None:
+    """Joint positions and their derivatives over time along joint paths, by the chain rule.
+
+    Args:
+        along: s and its derivatives over time up to the third, (4, n).
+        end: End of the law's interval at each point [m], (n,): a break of the joint path there
+            ends the piece of the point.
+        law: The law of each point, (n,).
+        rows: Indices of the first breaks of the laws' joint paths, and the number of all breaks,
+            (laws + 1,).
+        breaks: Breaks of all joint paths [m], each counted from its own start, (m,).
+        coefficients: The coefficients of the interval after each break, (m, 6, dof); those after
+            the last break of a joint path are not read, and may be missing.
+        out: Output; arrays without rows are not computed.
+    """
+    orders = len(out.q) > 0, len(out.dq) > 0, len(out.ddq) > 0, len(out.dddq) > 0
+    piece = 0
+    for k in range(along.shape[1]):
+        s, ds, dds, ddds = along[0, k], along[1, k], along[2, k], along[3, k]
+        low, high = rows[law[k]], rows[law[k] + 1] - 2
+        # The last piece that begins before s, usually the piece of the previous point.
+        if low <= piece <= high and breaks[piece] <= s and breaks[piece] < end[k]:
+            low = piece
+        if s < breaks[low + 1] or end[k] <= breaks[low + 1]:
+            high = low
+        while low < high:
+            middle = (low + high + 1) // 2
+            if breaks[middle] <= s and breaks[middle] < end[k]:
+                low = middle
+            else:
+                high = middle - 1
+        piece = low
+        width = breaks[piece + 1] - breaks[piece]
+        x = (s - breaks[piece]) / width
+        for j in range(coefficients.shape[2]):
+            c0, c1, c2 = (
+                coefficients[piece, 0, j],
+                coefficients[piece, 1, j],
+                coefficients[piece, 2, j],
+            )
+            c3, c4, c5 = (
+                coefficients[piece, 3, j],
+                coefficients[piece, 4, j],
+                coefficients[piece, 5, j],
+            )
+            value, slope, second = value_and_slopes(c0, c1, c2, c3, c4, c5, x)
+            slope, second = slope / width, second / (width * width)
+            if orders[0]:
+                out.q[k, j] = value
+            if orders[1]:
+                out.dq[k, j] = slope * ds
+            if orders[2]:
+                out.ddq[k, j] = second * (ds * ds) + slope * dds
+            if orders[3]:
+                third = (((60 * c5) * x + 24 * c4) * x + 6 * c3) / (width * width * width)
+                out.dddq[k, j] = third * (ds * ds * ds) + 3 * second * ds * dds + slope * ddds
+
+
+@compiled()
+def fastest_joints(
+    breaks: FloatArray, coefficients: FloatArray, s: FloatArray, speeds: FloatArray
+) -> FloatArray:
+    """Bounds of the joint velocities between neighbouring arc lengths `s` [rad/s], (n, dof).
+
+    On each piece dq_ds is a polynomial of degree 4: over an interval it lies between the smallest
+    and the largest of its Bernstein coefficients. `speeds` bounds the path speed on each interval
+    [m/s], (n,).
+    """
+    c, last = coefficients, len(breaks) - 2
+    n, dof = len(s) - 1, c.shape[2]
+    bounds = np.empty((n, dof))
+    piece = 0
+    for i in range(n):
+        for j in range(dof):
+            bounds[i, j] = 0.0
+        begin, end = s[i], s[i + 1]
+        while piece < last and breaks[piece + 1] <= begin:
+            piece += 1
+        k = piece
+        while True:
+            # Laws of uniform speed may lack breaks of their joint path.
+            until = end if k == last else min(end, breaks[k + 1])
+            width = breaks[k + 1] - breaks[k]
+            x, h = (begin - breaks[k]) / width, (until - begin) / width
+            for j in range(dof):
+                a, b, d = c[k, 1, j], 2 * c[k, 2, j], 3 * c[k, 3, j]
+                e, f = 4 * c[k, 4, j], 5 * c[k, 5, j]
+                # Coefficients about the start of the interval, by repeated division by z - x.
+                e += x * f
+                d += x * e
+                b += x * d
+                a += x * b
+                e += x * f
+                d += x * e
+                b += x * d
+                e += x * f
+                d += x * e
+                e += x * f
+                # Coefficients over 0 to 1 within it.
+                b, d, e, f = h * b, h * h * d, h * h * h * e, h * h * h * h * f
+                largest = max(abs(a), abs(a + b / 4), abs(a + b / 2 + d / 6))
+                largest = max(largest, abs(a + 3 * b / 4 + d / 2 + e / 4), abs(a + b + d + e + f))
+                bounds[i, j] = max(bounds[i, j], largest / width)
+            if until >= end:
+                break
+            k, begin = k + 1, until
+        for j in range(dof):
+            bounds[i, j] *= speeds[i]
+    return bounds
