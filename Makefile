@@ -133,9 +133,11 @@ figures: $(VENV)/docs  ## Draw the figures of docs/ and make its gallery
 kernels: $(VENV)/test  ## Rewrite the list of what compiled functions are called with
 	$(BIN)/python -m tools.kernels
 
-vendor:  ## Bundle what the Studio's page takes from others (needs node)
+vendor:  ## Bundle what reports and the Studio's page take from others (needs node)
 	npm --prefix $(TOOLS) ci
 	node $(TOOLS)/build.mjs
+	npm --prefix $(TOOLS)/report ci --ignore-scripts
+	node $(TOOLS)/report/build.mjs
 
 clean:  ## Remove the environment, the demo's results, and what was built
 	rm -rf $(VENV) demo dist docs/_build docs/reference/pages

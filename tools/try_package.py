@@ -27,6 +27,7 @@ LICENCES = (
     "LICENSE",
     PACKAGE + "io/robots/library/hulls/LICENSE-universal-robots.txt",
     PACKAGE + "io/robots/library/hulls/NOTICE-franka.txt",
+    PACKAGE + "report/vendor/LICENSES.txt",
     PACKAGE + "studio/static/vendor/LICENSES.txt",
 )
 # Of the paper's method, as README.md has them: motion [s] and RMS contour error [m]; to a

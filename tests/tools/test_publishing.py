@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(not GITHUB.exists(), reason="not a checkout of t
 WORKFLOWS = sorted(GITHUB.glob("workflows/*.yml"))
 FORMS = [x for x in sorted(GITHUB.glob("ISSUE_TEMPLATE/*.yml")) if x.stem != "config"]
 # Extras for users; the others are for developers.
-EXTRAS = ("experiment", "ros", "drawings", "tables", "cluster", "studio")
+EXTRAS = ("experiment", "figures", "ros", "drawings", "tables", "cluster", "studio")
 # Packages that have another name on conda-forge.
 CONDA_NAMES = {"pin": "pinocchio", "mujoco": "mujoco-python"}
 
