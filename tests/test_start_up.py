@@ -32,7 +32,7 @@ NOT_COUNTED = ("__editable", "_sysconfigdata")
 # Own modules: the package, its lazy names; for help also the commands and what they print with.
 OWN_OF_IMPORT, OWN_OF_HELP = 2, 16
 # Modules of the standard library. Python 3.14 needs more for the same imports than 3.11.
-STANDARD_OF_IMPORT, STANDARD_OF_HELP = 15, 100
+STANDARD_OF_IMPORT, STANDARD_OF_HELP = 40, 125
 
 
 def loaded(statement, folder):
