@@ -25,8 +25,8 @@ NOT_IN_SOURCES = (".ci/", ".github/", ".pre-commit-config.yaml", "conda/")
 # The licences of what the package contains from others, as they are called in the repository.
 LICENCES = (
     "LICENSE",
-    PACKAGE + "io/robots/library/hulls/LICENSE-universal-robots.txt",
-    PACKAGE + "io/robots/library/hulls/NOTICE-franka.txt",
+    PACKAGE + "files/robots/library/hulls/LICENSE-universal-robots.txt",
+    PACKAGE + "files/robots/library/hulls/NOTICE-franka.txt",
     PACKAGE + "report/vendor/LICENSES.txt",
     PACKAGE + "studio/static/vendor/LICENSES.txt",
 )

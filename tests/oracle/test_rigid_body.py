@@ -5,10 +5,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armcontour as ac
-from armcontour.arms.chain import Chain, Payload
-from armcontour.arms.serial import SerialArm
-from armcontour.frames import Frame, from_rpy
+from armcontour.core.frames import Frame, from_rpy
 from armcontour.motion import LapLaw
+from armcontour.robot.chain import Chain, Payload
+from armcontour.robot.serial import SerialArm
 
 pytest.importorskip("mujoco")
 pin = pytest.importorskip("pinocchio")

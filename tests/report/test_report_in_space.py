@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from armcontour.io import parse_job
+from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.report import render_report, sections
 
