@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 from soak.certificates import random_job
 
 import armcontour as ac
@@ -95,7 +96,7 @@ def test_errors_between_two_times(job, since, until):
         inside = executed.t[(executed.t > since) & (executed.t < until)]
         t = np.concatenate([[since], inside, [until]])
         error = np.interp(t, executed.t, off)
-        rms = np.sqrt(np.trapezoid(error**2, t) / (until - since))
+        rms = np.sqrt(trapezoid(error**2, t) / (until - since))
         assert (found.rms[i], found.max[i]) == pytest.approx((rms, error.max()), rel=1e-3)
 
 
