@@ -14,7 +14,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, exp, from_rpy, to_rpy
 from armcontour.core.text import list_some, plain_number, show
 from armcontour.files.robots.tree import Joint, Tree
-from armcontour.robot.chain import Chain, refuse_inertia
+from armcontour.robot.chain import Chain, check_inertia
 from armcontour.robot.dynamics import pinocchio
 
 # Longest sequence of joints of which each mimics the next; grippers have about 3.
@@ -170,7 +170,7 @@ class Description:
             return 0.0
         if joint.master is not None and given is None:
             return self._mimicking_position(joint, (*mimics, joint.name))
-        value = 0.0 if given is None else checks.number(f"position of {joint.name}", given)
+        value = 0.0 if given is None else checks.check_number(f"position of {joint.name}", given)
         lower, upper = (joint.number("limit", key, file) for key in ("lower", "upper"))
         if joint.kind != "continuous" and lower is not None and upper is not None:
             if given is None and lower <= upper:
@@ -282,7 +282,7 @@ class Description:
         tensor = inertial.find("inertia")
         xx, xy, xz, yy, yz, zz = (attribute(where, tensor, "inertia", key) for key in TENSOR)
         try:
-            refuse_inertia(f"the link {link}", [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            check_inertia(f"the link {link}", [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         except InvalidInput as error:
             text = str(error).rstrip(".")
             faults.append(text[0].lower() + text[1:])
