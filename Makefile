@@ -45,7 +45,7 @@ TOOLS := tools/vendor
 TSC := $(TOOLS)/node_modules/.bin/tsc
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test slow newest lowest constraints check page package docs site links soak bench figures kernels vendor clean
+.PHONY: help demo test slow newest lowest constraints check types layers page package release docs site links soak bench figures kernels vendor clean
 
 help:  ## List the targets
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{printf "  make %-8s %s\n", $$1, $$2}'
@@ -71,13 +71,21 @@ constraints: $(VENV)/bin/python  ## Write the newest versions to constraints.txt
 		--all-extras --no-header --no-annotate -o $(VENV)/constraints.txt pyproject.toml -
 	{ echo '# The versions with which the suite passed, by make constraints.'; \
 		cat $(VENV)/constraints.txt; } > constraints.txt
+	sed -i.old "s/rev: v.*/rev: v$$(sed -n 's/^ruff==//p' constraints.txt)/" .pre-commit-config.yaml
+	rm .pre-commit-config.yaml.old
 
 check: $(VENV)/dev  ## Check format, lint, types and layers
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
-	$(BIN)/mypy
-	$(BIN)/lint-imports
+	@$(MAKE) --no-print-directory types
+	@$(MAKE) --no-print-directory layers
 	@$(MAKE) --no-print-directory page
+
+types: $(VENV)/dev  ## Check the types of the package
+	$(BIN)/mypy
+
+layers: $(VENV)/dev  ## Check which packages import which
+	$(BIN)/lint-imports
 
 page:  ## Check the types of the Studio's page, where node is found
 	@if [ -x $(TSC) ] || { command -v npm >/dev/null && npm --prefix $(TOOLS) ci --silent; }; then \
@@ -91,6 +99,10 @@ package: $(VENV)/dev  ## Build the source archive and the wheel, compare their f
 	UV_BUILD_CONSTRAINT=$(CURDIR)/constraints.txt PIP_CONSTRAINT=$(CURDIR)/constraints.txt \
 		$(BIN)/python -m build --installer $(if $(PIP),pip,uv) --outdir dist > $(VENV)/build.log 2>&1 || { cat $(VENV)/build.log; exit 1; }
 	$(BIN)/python tools/try_package.py dist
+
+release: $(VENV)/bin/python  ## Check that a release can be built (TAG=v1.2.3: that of a tag), and build its archives
+	$(BIN)/python tools/release.py check $(TAG)
+	@$(MAKE) --no-print-directory package
 
 soak: $(VENV)/test  ## Hours: random problems, broken files, signals; each judged independently
 	$(BIN)/python -m soak
@@ -121,9 +133,11 @@ figures: $(VENV)/docs  ## Draw the figures of docs/ and make its gallery
 kernels: $(VENV)/test  ## Rewrite the list of what compiled functions are called with
 	$(BIN)/python -m tools.kernels
 
-vendor:  ## Bundle what the Studio's page takes from others (needs node)
+vendor:  ## Bundle what reports and the Studio's page take from others (needs node)
 	npm --prefix $(TOOLS) ci
 	node $(TOOLS)/build.mjs
+	npm --prefix $(TOOLS)/report ci --ignore-scripts
+	node $(TOOLS)/report/build.mjs
 
 clean:  ## Remove the environment, the demo's results, and what was built
 	rm -rf $(VENV) demo dist docs/_build docs/reference/pages

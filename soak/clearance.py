@@ -78,7 +78,7 @@ def random_scene(rng: np.random.Generator) -> Scene:
         way = rng.normal(size=3)
         place = Frame(
             position=way / np.linalg.norm(way) * rng.uniform(0.4, 1.1),
-            rotation=Rotation.random(rng=rng).as_matrix(),
+            rotation=Rotation.random(None, rng).as_matrix(),
         )
         obstacles.append(Obstacle(name=f"body {k}", shape=random_shape(rng), place=place))
     return Scene(obstacles=tuple(obstacles))

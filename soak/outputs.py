@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from scipy.integrate import trapezoid
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
@@ -397,7 +398,7 @@ def judge_job(seed: int) -> list[str]:
         ("lead-out", end.work[1], end.t[1], drawn.lead_out),
     ):
         here = (t >= low) & (t <= high)
-        run_length = float(np.trapezoid(speed[here], t[here]))
+        run_length = float(trapezoid(speed[here], t[here]))
         found[f"length of the {name}"] = (abs(run_length - length), 1e-4 * length + 1e-7)
     resting = (t > begin.t[0] - drawn.dwell) & (t < begin.t[0])
     found["speed in the dwell"] = (speed[resting].max(initial=0.0), NEAR)

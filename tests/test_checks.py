@@ -232,7 +232,7 @@ def test_exp_and_log_at_every_angle():
 
 
 def test_exp_log_and_quaternions_agree_with_scipy():
-    turns = Rotation.random(5000, rng=np.random.default_rng(1))
+    turns = Rotation.random(5000, np.random.default_rng(1))
     found = quaternions(turns.as_matrix())
     np.testing.assert_allclose(found, turns.as_quat(canonical=True), atol=1e-14)
     np.testing.assert_allclose(log(turns.as_matrix()), turns.as_rotvec(), atol=1e-14)
@@ -280,7 +280,7 @@ def test_rotations_in_every_form():
         np.testing.assert_allclose(found.T @ found, np.eye(3), atol=1e-15)
     # Of three or four, the arrays look like one of another form.
     for count in (1, 3, 4, 7):
-        turns = Rotation.random(count, rng=np.random.default_rng(5))
+        turns = Rotation.random(count, np.random.default_rng(5))
         for form in (turns, turns.as_matrix(), turns.as_quat()):
             np.testing.assert_allclose(rotations("it", form), turns.as_matrix(), atol=1e-15)
     last = Rotation.concatenate([turns[:3], Rotation.identity()])
@@ -337,7 +337,7 @@ def test_frames_are_chained_like_matrices_and_stay_rotations():
         return np.block([[frame.rotation, frame.position[:, None]], [np.zeros(3), 1.0]])
 
     a, b, c = (
-        Frame(position=random.normal(size=3), rotation=Rotation.random(rng=random))
+        Frame(position=random.normal(size=3), rotation=Rotation.random(None, random))
         for _ in range(3)
     )
     np.testing.assert_allclose(homogeneous(a @ b), homogeneous(a) @ homogeneous(b), atol=1e-14)

@@ -21,12 +21,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "src/armcontour/"
 # Of the repository, but of no use to who has a source archive.
-NOT_IN_SOURCES = (".ci/", ".github/")
+NOT_IN_SOURCES = (".ci/", ".github/", ".pre-commit-config.yaml", "conda/")
 # The licences of what the package contains from others, as they are called in the repository.
 LICENCES = (
     "LICENSE",
     PACKAGE + "files/robots/library/hulls/LICENSE-universal-robots.txt",
     PACKAGE + "files/robots/library/hulls/NOTICE-franka.txt",
+    PACKAGE + "report/vendor/LICENSES.txt",
     PACKAGE + "studio/static/vendor/LICENSES.txt",
 )
 # Of the paper's method, as README.md has them: motion [s] and RMS contour error [m]; to a

@@ -62,8 +62,8 @@ def folder(tmp_path):
 
 def test_every_extra_of_users_is_tested():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    # Without the tables of pyarrow a batch writes lines of JSON.
-    users = set(project["optional-dependencies"]) - FOR_DEVELOPERS - {"tables"}
+    # Without the tables of pyarrow a batch writes lines of JSON. No command needs plotly.
+    users = set(project["optional-dependencies"]) - FOR_DEVELOPERS - {"tables", "figures"}
     assert users == set(NEEDS)
 
 

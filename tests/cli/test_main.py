@@ -216,19 +216,6 @@ def test_other_texts_are_refused_with_the_option():
         read_option("--servo-error", " -0.5 mm ", Tolerance)
 
 
-@pytest.mark.parametrize("line", [["--help"], ["check", "--help"]])
-def test_help_imports_nothing_heavy(line):
-    code = (
-        "import sys\n"
-        f"sys.argv = ['armcontour', *{line!r}]\n"
-        "from armcontour.cli import main\n"
-        "try:\n    main()\nexcept SystemExit:\n    pass\n"
-        "heavy = {'numpy', 'scipy', 'numba', 'plotly', 'pint', 'yaml', 'jinja2'}\n"
-        "sys.exit(len(heavy & set(sys.modules)))\n"
-    )
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True).returncode == 0
-
-
 @pytest.mark.parametrize("ignored", [True, False])
 def test_an_ignored_signal_stays_ignored(ignored):
     handler = signal.SIG_IGN if ignored else signal.SIG_DFL

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 import yaml
+from scipy.integrate import trapezoid
 from tests.corner_job import CORNER_JOB
 from tests.geometry.tables import refused
 from tests.jobs.making import a_run
@@ -262,7 +263,7 @@ def test_torques_and_angular_speed_are_those_of_the_arm(job, study, in_space):
     assert not bare.arm.has_bodies and found.evaluation.orientation_error is None
     turned = in_space.path.oriented(from_rpy([[np.pi, 0, 0], [np.pi, 0, 0.4]]))
     found = ac.run(dataclasses.replace(in_space, path=turned)).runs["one"]
-    angle = np.trapezoid(angular_speed(found.execution), found.execution.t)
+    angle = trapezoid(angular_speed(found.execution), found.execution.t)
     assert angle == pytest.approx(0.4, rel=1e-3)
 
 

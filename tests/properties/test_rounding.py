@@ -280,7 +280,7 @@ def test_the_rotation_on_a_corner_is_as_near_as_its_blend_allows(seed):
 def test_what_follows_the_tangent_leaves_it_by_no_more_than_its_tolerance(seed):
     rng = np.random.default_rng(seed)
     path, _, scale = random_path(rng)
-    path = path.following_tangent(rng.normal(size=3), tool=Rotation.random(rng=rng))
+    path = path.following_tangent(rng.normal(size=3), tool=Rotation.random(None, rng))
     angular = 10.0 ** rng.uniform(-4, -0.5)
     made = rounded(path, scale * 10.0 ** rng.uniform(-4, 0), angular)
     # The tangent as the tool sees it is one direction, but for the tolerance.

@@ -2,15 +2,11 @@
 
 import base64
 import dataclasses
-import gzip
 import json
-import re
 
 import numpy as np
 import plotly.graph_objects as go
-import plotly.io as pio
 import pytest
-from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots as plots_of_plotly
 from tests.corner_job import CORNER_JOB
 
@@ -23,7 +19,7 @@ from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.jobs.run_learning import LearningStudy, learn_run, plan_run
 from armcontour.report import render_report, sections, write_report
-from armcontour.report.figure import Node, make_subplots, make_trace, render_page, to_json
+from armcontour.report.figure import Node, make_subplots, make_trace, to_json
 from armcontour.report.sections import clearance
 from armcontour.report.sections.bodies import draw_surroundings, seen_from_base
 from armcontour.report.sections.placement import GREYS
@@ -167,15 +163,6 @@ def test_several_plots_are_where_plotly_puts_them():
         layout = {x: y for x, y in expected["layout"].items() if x not in ("title", "template")}
         assert written(ours)[1:3] == [expected["data"], layout], options
         assert ">several</figcaption>" in ours.to_html("key")
-
-
-def test_a_page_has_plotly_packed_and_its_template_once():
-    page = render_page(title="a", about="", source="", chapters=[])
-    packed = re.search(r'<script type="text/plain" id="plotly">(.*?)</script>', page)
-    assert gzip.decompress(base64.b64decode(packed[1])).decode() == get_plotlyjs()
-    assert len(page) < 0.45 * len(get_plotlyjs())
-    (template,) = re.findall(r"const template = (.*);\n", page)
-    assert json.loads(template) == pio.templates["plotly_white"].to_plotly_json()
 
 
 def test_arrays_are_written_in_base64_and_cannot_end_a_script():

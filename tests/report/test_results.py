@@ -1,6 +1,7 @@
 """Figures, tables and reports of single results, as of a plan that was made in Python."""
 
 import re
+import sys
 from html import unescape
 
 import numpy as np
@@ -69,6 +70,11 @@ def test_figures_are_those_of_the_results(made):
         last = x.figure("path").data[-1]
         ends = [known(getattr(last, a))[-1] for a in "xyz"[: len(end)]]
         np.testing.assert_allclose(ends, end, atol=0.05)
+
+
+def test_figures_without_plotly_name_the_extra(in_plane, refuses, monkeypatch):
+    monkeypatch.setitem(sys.modules, "plotly.graph_objects", None)
+    refuses(lambda: in_plane[0].figure("path"), ac.InvalidInput, "armcontour[figures]")
 
 
 def test_figures_that_do_not_exist_are_refused(in_plane, refuses):

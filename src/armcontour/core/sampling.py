@@ -141,6 +141,11 @@ def interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray
     return np.stack([np.interp(at, t, x) for x in values.T], axis=1)
 
 
+def integrate(values: FloatArray, t: FloatArray) -> float:
+    """Integral of values over time by the trapezoidal rule; `numpy.trapezoid` needs numpy 2."""
+    return float((np.diff(t) * (values[1:] + values[:-1]) / 2.0).sum())
+
+
 def number_parts(count: IntArray) -> tuple[IntArray, IntArray]:
     """The whole that each part belongs to, and the number of the part in it, both from 0.
 

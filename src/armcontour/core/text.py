@@ -196,7 +196,8 @@ def draw(value: Any, kind: str = "path") -> Any:
             velocity; "error", the contour error.
 
     Raises:
-        InvalidInput: There is no such kind, or the result has nothing of it.
+        InvalidInput: There is no such kind, the result has nothing of it, or plotly is not
+            installed.
     """
     # An import by name: what draws knows the results.
     return import_module("armcontour.report.results").draw_result(value, kind)

@@ -6,7 +6,6 @@ The classes of plotly.py check and copy every value, which takes longer than all
 from __future__ import annotations
 
 import base64
-import gzip
 import json
 import pkgutil
 from collections.abc import Iterable, Mapping, Sequence
@@ -31,8 +30,6 @@ TYPES = {
 UNSAFE = {"<": "\\u003c", ">": "\\u003e", "/": "\\u002f"}
 # Nothing is done with points that are selected.
 CONFIG = {"displaylogo": False, "modeBarButtonsToRemove": ["select2d", "lasso2d"]}
-# How hard plotly.js is packed: 9 takes twice as long and saves 0.5 %.
-PACKED = 6
 # Least width of a plot of several in a row [pixels].
 LEAST_WIDTH = 260
 # A sentence that is seen where a figure is wider than the page.
@@ -269,22 +266,22 @@ def render_page(**values: Any) -> str:
         version=__version__,
         verdicts=VERDICTS,
         plotly=Markup(_packed_plotly()),
-        template=Markup(to_json(json.loads(_packaged("templates/plotly_white.json")))),
+        template=Markup(to_json(json.loads(_vendored("plotly_white.json")))),
         **values,
     )
 
 
 @cache
 def _packed_plotly() -> str:
-    """The script that draws figures, plotly.js, packed: a third of its size."""
-    return base64.b64encode(gzip.compress(_packaged("plotly.min.js"), PACKED, mtime=0)).decode()
+    """The script that draws figures, compressed by gzip, in base64."""
+    return base64.b64encode(_vendored("plotly.js.gz")).decode()
 
 
-def _packaged(name: str) -> bytes:
-    """A file that comes with the package plotly."""
-    found = pkgutil.get_data("plotly", f"package_data/{name}")
-    assert found is not None
-    return found
+def _vendored(name: str) -> bytes:
+    """A file of the folder `vendor`, which `make vendor` writes."""
+    content = pkgutil.get_data("armcontour.report", f"vendor/{name}")
+    assert content is not None
+    return content
 
 
 def to_json(value: Any) -> str:

@@ -68,7 +68,13 @@ def draw_result(result: Result, kind: str) -> Any:
     """As `armcontour.core.text.draw`."""
     checks.check_choice("kind", kind, tuple(KINDS))
     drawn = KINDS[kind](study_of(result))
-    from plotly.graph_objects import Figure as Plotly
+    try:
+        from plotly.graph_objects import Figure as Plotly
+    except ImportError:
+        raise InvalidInput(
+            "Figures need the library plotly: pip install 'armcontour[figures]'. "
+            "`write_report` needs no extra."
+        ) from None
 
     figure = Plotly({"data": drawn.data, "layout": drawn.layout}, skip_invalid=False)
     return figure.update_layout(template="plotly_white", margin={"t": 60}, width=None)

@@ -13,6 +13,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.fields import Checked
 from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row
+from armcontour.core.sampling import integrate
 from armcontour.core.text import place_and_time, short_repr
 from armcontour.geometry import Orientation, Path, Projection
 from armcontour.geometry.orientation import turns_between
@@ -147,7 +148,7 @@ class ErrorProfile(Result, Checked):
         t, (values, s) = _cut(t, end_time, values, s)
         span = float(times[-1] - times[0])
         # A profile without duration has one value.
-        square = np.trapezoid(weighted**2, times) / span if span > 0 else weighted[-1] ** 2
+        square = integrate(weighted**2, times) / span if span > 0 else weighted[-1] ** 2
         if peak is not None:
             # One peak of many: it would count for more than its share of the mean.
             k = int(np.searchsorted(t, peak.t))

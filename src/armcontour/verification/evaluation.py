@@ -17,6 +17,7 @@ from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Interval
 from armcontour.core.render import Result, number
 from armcontour.core.result import FILE, FIRST, Data, Row, Table
+from armcontour.core.sampling import integrate
 from armcontour.core.text import draw, short_repr
 from armcontour.geometry import Path
 from armcontour.motion import Execution, SetPoints
@@ -338,7 +339,7 @@ def evaluate(
             for piece, share in zip(pieces, shares, strict=True)
         ),
         path_velocity=float(
-            sum(np.trapezoid(y, x) for x, y in times)
+            sum(integrate(y, x) for x, y in times)
             / (duration if program.single_path else sum(x[-1] - x[0] for x, _ in times))
         ),
         **_compute_demands(executed, bounds, end),

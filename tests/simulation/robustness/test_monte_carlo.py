@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 from soak.certificates import random_job
 
 import armcontour as ac
@@ -102,7 +103,7 @@ def test_errors_between_two_times(job, since, end_time):
         inside = executed.t[(executed.t > since) & (executed.t < end_time)]
         t = np.concatenate([[since], inside, [end_time]])
         error = np.interp(t, executed.t, off)
-        rms = np.sqrt(np.trapezoid(error**2, t) / (end_time - since))
+        rms = np.sqrt(trapezoid(error**2, t) / (end_time - since))
         assert (found.rms[i], found.max[i]) == pytest.approx((rms, error.max()), rel=1e-3)
 
 

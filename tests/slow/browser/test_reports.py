@@ -27,7 +27,7 @@ from armcontour.report.sections.batch import Axis, BatchView
 pytestmark = pytest.mark.browser
 DRAWINGS = FilePath(__file__).parents[3] / "examples" / "drawings"
 # Largest height of a page at 1400 px, closed and opened, and largest size of the usual ones [B].
-CLOSED, OPENED, SIZE = 1500, 5000, 2.7e6
+CLOSED, OPENED, SIZE = 1500, 5000, 1.7e6
 # Two parts of a drawing on the UR5e, before a table; two runs whose rapids differ.
 PARTS = """
 name: parts

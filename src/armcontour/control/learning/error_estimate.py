@@ -219,7 +219,8 @@ class Estimate:
             columns = apart[others, :, j]
             variance = LINEAR**2 * squares[others, j] + count * (noise[others, j] + spread[j])
             square = columns @ columns.T + np.diag(variance)
-            weights[others, j] = np.linalg.lstsq(square, -columns @ errors[best, :, j])[0]
+            right = -columns @ errors[best, :, j]
+            weights[others, j] = np.linalg.lstsq(square, right, rcond=None)[0]
         weights[best] = 1 - weights.sum(axis=0)
         q = np.einsum("kj,knj->nj", weights, [x.q for x in self.runs])
         change = self.lifted.respond(q - self.runs[best].q)

@@ -1,0 +1,71 @@
+"""What start-up loads, counted in modules: times depend on the machine."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+# Prints the modules that a statement loads, one a line. Site packages load some before it.
+LOADED = """
+import atexit, os, sys
+before = set(sys.modules)
+{statement}
+names = sorted(set(sys.modules) - before)
+open(sys.argv.pop(), "w").write("\\n".join(names))
+"""
+COMMAND = """
+sys.argv[1:1] = {arguments}
+from armcontour.cli import main
+sys.stdout = open(os.devnull, "w")
+try:
+    main()
+except SystemExit:
+    pass
+del sys.argv[1:-1]
+"""
+# What typer needs to print help; its versions differ.
+TYPER = {"typer", "annotated_doc", "click", "colorama", "shellingham", "typing_extensions"}
+# What it also needs to read the types of options.
+PYDANTIC = {"annotated_types", "pydantic", "pydantic_core", "typing_inspection"}
+NOT_COUNTED = ("__editable", "_sysconfigdata")
+# Own modules: the package and its lazy names; for help also the commands and what they print with.
+OWN_OF_IMPORT, OWN_OF_HELP = 3, 16
+# Modules of the standard library. Python 3.14 needs more for the same imports than 3.11.
+STANDARD_OF_IMPORT, STANDARD_OF_HELP = 40, 125
+
+
+def loaded(statement, folder):
+    """Modules that a statement loads: own ones, of the standard library, and other packages."""
+    file = folder / "modules.txt"
+    code = LOADED.format(statement=statement)
+    environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": "1"}
+    subprocess.run([sys.executable, "-c", code, str(file)], check=True, env=environment)
+    names = file.read_text(encoding="utf-8").split()
+    own = {x for x in names if x.partition(".")[0] == "armcontour"}
+    standard = {x for x in names if x.partition(".")[0] in sys.stdlib_module_names}
+    # Without finders of installed packages, and files that are named after the system.
+    others = (x for x in {*names} - own - standard if not x.startswith(NOT_COUNTED))
+    return own, standard, {x.partition(".")[0] for x in others}
+
+
+def test_importing_the_package_loads_its_names_only(tmp_path):
+    own, standard, packages = loaded("import armcontour", tmp_path)
+    assert len(own) <= OWN_OF_IMPORT, own
+    assert len(standard) <= STANDARD_OF_IMPORT, standard
+    assert not packages
+
+
+def test_help_loads_the_commands_and_typer(tmp_path):
+    own, standard, packages = loaded(COMMAND.format(arguments=["--help"]), tmp_path)
+    assert "armcontour.cli.commands" in own
+    assert len(own) <= OWN_OF_HELP, own
+    assert len(standard) <= STANDARD_OF_HELP, standard
+    assert packages <= TYPER
+
+
+@pytest.mark.parametrize("command", ["run", "check", "studio"])
+def test_help_of_a_command_loads_no_more_of_its_own(tmp_path, command):
+    own, _, packages = loaded(COMMAND.format(arguments=[command, "--help"]), tmp_path)
+    assert len(own) <= OWN_OF_HELP, own
+    assert packages <= TYPER | PYDANTIC
