@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from tests.dynamics_extra import pinocchio
 from tests.geometry.tables import each, refused
 
 import armcontour as ac
@@ -151,7 +152,7 @@ def random_chain(seed, dof):
 
 def by_pinocchio(bodies):
     """Torques with and without gravity, and mass matrices, of single states, without armature."""
-    pin = pytest.importorskip("pinocchio")
+    pin = pinocchio()
     model, joint = pin.Model(), 0
     for k, name in enumerate(bodies.joints):
         place = pin.SE3(np.array(bodies.rotations[k]), np.array(bodies.positions[k]))

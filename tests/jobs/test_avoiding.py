@@ -154,8 +154,10 @@ def test_without_its_library_no_clearance_is_a_warning(job, monkeypatch):
     monkeypatch.setitem(sys.modules, "coal", None)
     plan = plan_of(job)
     assert plan.clearance is None and plan.clearance_note is None
-    assert [x for x in plan.warnings if "how near the arm comes to itself" in x and "pin" in x]
-    refused((lambda: plan_of(job, scene=Scene()), "coal"))
+    assert [
+        x for x in plan.warnings if "how near the arm comes to itself" in x and "[dynamics]" in x
+    ]
+    refused((lambda: plan_of(job, scene=Scene()), "coal", "[dynamics]"))
 
 
 def test_the_executed_motion_is_looked_at_too(job):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from tests.dynamics_extra import pinocchio
 
 import armcontour as ac
 from armcontour.arms.chain import Chain, Payload
@@ -11,7 +12,7 @@ from armcontour.frames import Frame, from_rpy
 from armcontour.motion import LapLaw
 
 pytest.importorskip("mujoco")
-pin = pytest.importorskip("pinocchio")
+pin = pinocchio()
 
 KP, KV = np.array([20.0, 30.0, 40.0]), np.array([120.0, 150.0, 90.0])
 
