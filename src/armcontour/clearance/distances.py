@@ -158,7 +158,7 @@ def _coal() -> Any:
     except ImportError:
         raise InvalidInput(
             "Clearance needs the package coal: pip install 'armcontour[dynamics]' (there are no "
-            "wheels for Windows)."
+            "wheels for Windows), or take scene out of the job."
         ) from None
     return coal
 

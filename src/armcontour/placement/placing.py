@@ -15,6 +15,7 @@ from armcontour._checks import FloatArray
 from armcontour._progress import Progress, under
 from armcontour._quantities import Workers
 from armcontour.arms import SerialArm
+from armcontour.clearance.distances import can_measure
 from armcontour.core.fields import checked
 from armcontour.errors import InvalidInput, NotRealizable, Unreachable, locate_errors
 from armcontour.jobs.axes import LENGTHS, Axis, read_axes, read_uncertainty
@@ -176,7 +177,8 @@ def _refuse_objective(judge: Judge) -> None:
         InvalidInput: No shapes for the clearance, or no masses or limits for torques.
     """
     arm, scene = judge.job.arm, judge.job.scene
-    if arm.shapes is not None or scene is not None:
+    measured = judge.objective == CLEARANCE or can_measure()
+    if scene is not None or (arm.shapes is not None and measured):
         # Refuses a scene without shapes of the arm, and what is wrong in it.
         _ = judge.job.cell
     if judge.objective == CLEARANCE and arm.shapes is None:
