@@ -19,12 +19,12 @@ from functools import partial
 import numpy as np
 
 import armcontour as ac
-from armcontour._checks import FloatArray
+from armcontour.core.checks import FloatArray
 from armcontour.motion import quintic
-from armcontour.tracing.configurations import Solution
-from armcontour.tracing.knots import Knots, first_knots
-from armcontour.tracing.numeric import Numeric
-from armcontour.tracing.poses import FirstPoses, motion_at
+from armcontour.planning.tracing.configurations import Solution
+from armcontour.planning.tracing.knots import Knots, first_knots
+from armcontour.planning.tracing.numeric import Numeric
+from armcontour.planning.tracing.poses import FirstPoses, motion_at
 from benchmarks import ur5e
 from benchmarks.measured import Bar, Line, Pair, timed
 

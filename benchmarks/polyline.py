@@ -16,7 +16,7 @@ from importlib.util import find_spec
 import numpy as np
 
 import armcontour as ac
-from armcontour._checks import FloatArray
+from armcontour.core.checks import FloatArray
 from benchmarks.measured import Bar, Line, Missing, Pair, timed
 
 SEGMENTS = 10_000

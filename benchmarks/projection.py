@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 import armcontour as ac
-from armcontour._checks import FloatArray
+from armcontour.core.checks import FloatArray
 from benchmarks.measured import Bar, Line, Pair, timed
 
 SEGMENTS = 10_000

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 
 import armcontour as ac
-from armcontour.compensation import METHODS
-from armcontour.robustness.monte_carlo import Box, spread
+from armcontour.control.compensation import METHODS
+from armcontour.simulation.robustness.monte_carlo import Box, spread
 from benchmarks import reference
 from benchmarks.measured import Bar, Line, Pair, timed
 

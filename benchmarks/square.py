@@ -37,7 +37,7 @@ from typing import Any
 import numpy as np
 
 import armcontour as ac
-from armcontour._checks import FloatArray
+from armcontour.core.checks import FloatArray
 from benchmarks import torque, ur5e
 from benchmarks.measured import Bar, Line, Missing, Pair, Taken, timed
 

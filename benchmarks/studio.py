@@ -14,7 +14,7 @@ from typing import Any
 
 from tools.studio_page import SQUARE
 
-from armcontour._yaml import load
+from armcontour.core.yaml_layout import load
 from benchmarks import reference
 from benchmarks.measured import Bar, Line, Pair, timed
 

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 import armcontour as ac
-from armcontour._checks import FloatArray
+from armcontour.core.checks import FloatArray
 
 # A corner of the square [m], its side [m], and a tool that looks down.
 CORNER, SIDE = (0.45, 0.08, 0.2), 0.1

@@ -1,7 +1,7 @@
 """Learning from run to run: a simulated robot with load, friction and gains that nobody knows."""
 
 import armcontour as ac
-from armcontour.arms import Payload
+from armcontour.robot import Payload
 
 arm = ac.load_arm("ur5e").with_dynamics(armature=0.1)
 servo = ac.ServoModel(kp=25.0, kv=150.0)

@@ -1,7 +1,7 @@
 """A post beside a seam: does the arm touch it, when and where, or is it proven clear?"""
 
 import armcontour as ac
-from armcontour.scene import Box, HalfSpace
+from armcontour.robot.scene import Box, HalfSpace
 
 arm = ac.load_arm("ur5e", tool=ac.Frame(position=(0.0, 0.0, 0.15)))
 seam = ac.Path.polyline([(0.45, -0.25, 0.10), (0.45, 0.25, 0.10)]).pointing((0.0, 0.0, -1.0))

@@ -19,8 +19,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import armcontour as ac
-from armcontour import geometry, io, robustness, scene
-from armcontour.timing.constraints import SecondOrder
+from armcontour import files, geometry
+from armcontour.planning.constraints import SecondOrder
+from armcontour.robot import scene
+from armcontour.simulation import robustness
 from soak import Outcome
 
 ROWS = [f"{t:.3f},{np.sin(t):.5f},{np.sin(t - 0.01):.5f}" for t in np.arange(300) * 4e-3]
@@ -85,7 +87,7 @@ def right() -> dict[str, Any]:
     """Right arguments by their names."""
     arm, servo = ac.load_arm("pmk3s"), ac.ServoModel(kp=25.0, kv=150.0, dead_time=4e-3)
     limits = arm.limits.replace(speed=0.1, joint_acceleration=[3.0, 3.0])
-    job = io.parse_job(FILES["bend.yaml"])
+    job = files.parse_job(FILES["bend.yaml"])
     study = ac.run(job)
     straight = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20)])
     objective = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20), (0.33, 0.23)])
@@ -151,7 +153,7 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.write_report, {"study": x["study"], "file": "a.html"}),
         # Names on the pages that only a package has.
         (geometry.round_with_parabolas, {"path": x["objective"], "tolerance": 1e-3}),
-        (io.parse_job, {"text": FILES["bend.yaml"]}),
+        (files.parse_job, {"text": FILES["bend.yaml"]}),
         (robustness.spread, robot | {"samples": 10}),
         (robustness.worst_corner, robot),
         (plan_with, {"coefficients": nothing}),

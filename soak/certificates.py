@@ -8,11 +8,11 @@ from pathlib import Path as FilePath
 import numpy as np
 
 import armcontour as ac
-from armcontour._checks import FloatArray
-from armcontour.io import parse_job
-from armcontour.io.cell import read_cell
-from armcontour.robustness.bodies import BodyRuns, spread_on_bodies
-from armcontour.robustness.unknowns import Unknowns
+from armcontour.core.checks import FloatArray
+from armcontour.files import parse_job
+from armcontour.files.cell import read_cell
+from armcontour.simulation.robustness.bodies import BodyRuns, spread_on_bodies
+from armcontour.simulation.robustness.unknowns import Unknowns
 from soak import Outcome
 
 SQUARE = """

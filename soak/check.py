@@ -16,8 +16,8 @@ from functools import cache
 import numpy as np
 
 import armcontour as ac
-from armcontour.errors import InvalidInput
-from armcontour.io import parse_trajectory
+from armcontour.core.errors import InvalidInput
+from armcontour.files import parse_trajectory
 from soak import Outcome
 
 # A proof counts from this part above the limit on, and what is below it by this part is no proof:

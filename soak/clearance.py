@@ -20,12 +20,10 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
-from armcontour.arms import Chain
-from armcontour.clearance.distances import Distances
-from armcontour.clearance.pairs import Body, Pair, pairs_of
-from armcontour.frames import Frame
+from armcontour.core.frames import Frame
 from armcontour.motion import LapLaw, Trajectory
-from armcontour.scene import (
+from armcontour.robot import Chain
+from armcontour.robot.scene import (
     Box,
     Capsule,
     Cylinder,
@@ -35,6 +33,8 @@ from armcontour.scene import (
     Shape,
     Sphere,
 )
+from armcontour.verification.clearance.distances import Distances
+from armcontour.verification.clearance.pairs import Body, Pair, pairs_of
 from soak import Outcome
 
 ARMS = ("ur5e", "ur10e", "panda")

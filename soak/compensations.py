@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 import armcontour as ac
-from armcontour.compensation import METHODS
+from armcontour.control.compensation import METHODS
 from soak import Outcome
 
 NAMES = ("none", "inverse", "pole_placement", "inverse_dynamics")

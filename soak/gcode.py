@@ -14,9 +14,9 @@ from collections import Counter
 from pathlib import Path
 from types import ModuleType
 
-from armcontour.errors import InvalidInput
-from armcontour.io.drawings.options import ReadOptions
-from armcontour.io.drawings.read import read_path
+from armcontour.core.errors import InvalidInput
+from armcontour.files.drawings.options import ReadOptions
+from armcontour.files.drawings.read import read_path
 
 ORACLES = Path(__file__).parents[1] / "tests" / "oracle"
 

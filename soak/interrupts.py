@@ -131,9 +131,9 @@ class Bench:
         """A log of the run: the set-points, and what a servo made of them."""
         import numpy as np
 
-        from armcontour.execution import ServoPlant, execute
-        from armcontour.io import read_job
+        from armcontour.files import read_job
         from armcontour.jobs import run
+        from armcontour.simulation import ServoPlant, execute
 
         job = read_job(self.folder / "job.yaml")
         plan = run(job, simulate=False).runs["only"]

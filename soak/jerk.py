@@ -19,7 +19,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
-from armcontour.timing.jerk import limiting
+from armcontour.planning.jerk import limiting
 from soak import Outcome
 from soak.timing import answer
 

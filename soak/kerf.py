@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 import armcontour as ac
-from armcontour.errors import InvalidInput
+from armcontour.core.errors import InvalidInput
 from soak import Outcome
 from soak.corners import Piece
 

@@ -22,8 +22,8 @@ import numpy as np
 import yaml
 
 import armcontour as ac
-from armcontour.errors import InvalidInput
-from armcontour.io import parse_job
+from armcontour.core.errors import InvalidInput
+from armcontour.files import parse_job
 from armcontour.jobs import RunResult, analog_outputs
 from soak import Outcome
 

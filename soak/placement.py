@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 import armcontour as ac
-from armcontour.errors import ArmContourError, Unreachable
-from armcontour.io import parse_job
+from armcontour.core.errors import ArmContourError, Unreachable
+from armcontour.files import parse_job
 from armcontour.jobs import Job
-from armcontour.placement import Moves, Placement
+from armcontour.studies.placement import Moves, Placement
 from soak import Outcome
 
 # Plans of a path that is moved differ from those in a moved frame by this share, as rounding

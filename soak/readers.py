@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 
 import armcontour as ac
-from armcontour._checks import LONGEST_NAME
-from armcontour._text import LONGEST_SENTENCE
-from armcontour.io.drawings.endings import READERS
-from armcontour.io.drawings.options import ReadOptions
+from armcontour.core.checks import LONGEST_NAME
+from armcontour.core.text import LONGEST_SENTENCE
+from armcontour.files.drawings.endings import READERS
+from armcontour.files.drawings.options import ReadOptions
 from soak import Outcome
 from soak.samples import samples
 
@@ -158,7 +158,7 @@ def _read_as(kind: str, name: str, data: bytes, how: ReadOptions) -> tuple[float
     if kind in BODIES:
         return _read_bodies(kind, name, data)
     if kind == "job":
-        from armcontour.io import parse_job
+        from armcontour.files import parse_job
 
         job = parse_job(data.decode("utf-8", errors="replace"), source=name)
         path = job.path
@@ -166,7 +166,9 @@ def _read_as(kind: str, name: str, data: bytes, how: ReadOptions) -> tuple[float
             return path.length, [job.name]
     else:
         module, function = READERS[KINDS[kind]]
-        reader: Any = getattr(importlib.import_module(f"armcontour.io.drawings.{module}"), function)
+        reader: Any = getattr(
+            importlib.import_module(f"armcontour.files.drawings.{module}"), function
+        )
         path = reader(data, source=name, options=how)
     names = [text for x in path.contours for text in (x.name, x.layer)]
     return path.length, [*names, *(e.name for x in path.contours for e in x.events)]
@@ -174,9 +176,9 @@ def _read_as(kind: str, name: str, data: bytes, how: ReadOptions) -> tuple[float
 
 def _read_bodies(kind: str, name: str, data: bytes) -> tuple[float, list[str]]:
     """Largest size of what is read [m], and all names in it."""
-    from armcontour.io.mesh_file import read_mesh
-    from armcontour.io.robots.srdf import read_left_out
-    from armcontour.io.scene_files import read_scene_file
+    from armcontour.files.mesh_file import read_mesh
+    from armcontour.files.robots.srdf import read_left_out
+    from armcontour.files.scene_files import read_scene_file
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / name

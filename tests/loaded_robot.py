@@ -1,8 +1,8 @@
 """A robot with a load, friction, gains and noise that the controller of the corner job ignores."""
 
-from armcontour.arms import Payload
-from armcontour.execution import RigidBodyPlant
 from armcontour.jobs import Experiment, build_plant
+from armcontour.robot import Payload
+from armcontour.simulation import RigidBodyPlant
 
 
 def loaded_robot(job, plan, seed=0) -> RigidBodyPlant:

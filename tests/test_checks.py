@@ -17,10 +17,23 @@ from scipy.spatial.transform import Rotation
 from tests.geometry.tables import refused
 
 import armcontour as ac
-from armcontour import InvalidInput, _checks, errors
-from armcontour._banded import solve_banded
-from armcontour._checks import FloatArray, check_name, for_kernel
-from armcontour._quantities import (
+from armcontour import InvalidInput
+from armcontour.core import checks, errors
+from armcontour.core._banded import solve_banded
+from armcontour.core.checks import FloatArray, check_name, for_kernel
+from armcontour.core.fields import Checked, checked
+from armcontour.core.frames import (
+    Frame,
+    cross_matrix,
+    exp,
+    from_rpy,
+    log,
+    perpendicular,
+    quaternions,
+    rotations,
+    shortest,
+)
+from armcontour.core.quantities import (
     AtLeast,
     Axes,
     Choice,
@@ -33,30 +46,18 @@ from armcontour._quantities import (
     Seed,
     SpeedLimit,
 )
-from armcontour._sampling import interpolate
-from armcontour.core.fields import Checked, checked
-from armcontour.frames import (
-    Frame,
-    cross_matrix,
-    exp,
-    from_rpy,
-    log,
-    perpendicular,
-    quaternions,
-    rotations,
-    shortest,
-)
-from armcontour.scene import Box, Obstacle, Scene
+from armcontour.core.sampling import interpolate
+from armcontour.robot.scene import Box, Obstacle, Scene
 
 
 def test_what_is_no_number_is_refused(refuses):
     # A value that is missing must not come back as whatever stands below the mask.
     masked = np.ma.masked_array([0.1, 0.2], mask=[False, True])
     for wrong in (masked, None, "5 mm", [0.1, np.nan]):
-        refuses(lambda x=wrong: _checks.numbers("x", x, "m"), InvalidInput)
-    refuses(lambda: _checks.number("speed", [0.1], "m/s"), InvalidInput, "not an array of 1.")
+        refuses(lambda x=wrong: checks.numbers("x", x, "m"), InvalidInput)
+    refuses(lambda: checks.number("speed", [0.1], "m/s"), InvalidInput, "not an array of 1.")
     given = np.ma.masked_array([0.1, 0.2], mask=False)
-    assert _checks.numbers("x", given, "m").tolist() == [0.1, 0.2]
+    assert checks.numbers("x", given, "m").tolist() == [0.1, 0.2]
 
 
 def test_arrays_for_kernels_are_copied_where_needed_only():

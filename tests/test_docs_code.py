@@ -21,10 +21,10 @@ from soak.identification import move
 
 import armcontour as ac
 from armcontour.cli.commands import app
-from armcontour.io import json_schema, parse_job
-from armcontour.io.cell import read_cell
-from armcontour.io.drawings.endings import READERS
-from armcontour.io.limits_file import read_limits
+from armcontour.files import json_schema, parse_job
+from armcontour.files.cell import read_cell
+from armcontour.files.drawings.endings import READERS
+from armcontour.files.limits_file import read_limits
 
 ROOT = Path(__file__).parents[1]
 # Where `make docs` writes pages: what it copies is judged here as it stands in the repository.
@@ -38,7 +38,7 @@ PAGES = {place: x for x in FOUND if not (place := x.relative_to(ROOT).as_posix()
 COMMAND = re.compile(r"^(?:\.venv/bin/)?(armcontour .*)$", re.MULTILINE)
 SCHEMA = json_schema()
 # A part of a job. `jsonschema.validate` would check the schema itself again for each block; that it
-# is one is checked in tests/io/test_job_file.py.
+# is one is checked in tests/files/test_job_file.py.
 PART = jsonschema.Draft202012Validator({**SCHEMA, "required": []})
 BLOCKS = [x for file in PAGES.values() for x in blocks(file)]
 # Pages that a reader does from begin to end, and that say what their blocks print.
@@ -61,7 +61,7 @@ def folder(tmp_path, monkeypatch):
         here.mkdir(exist_ok=True)
         for x in (ROOT / "examples/drawings").iterdir():
             shutil.copy(x, here)
-        data = ROOT / "tests/io/robots/data"
+        data = ROOT / "tests/files/robots/data"
         shutil.copy(data / "joint_limits.yaml", here)
         robot = (data / "robot.urdf").read_text(encoding="utf-8").replace('"tcp"', '"tool0"')
         robot = robot.replace('name="lift" type="prismatic"', 'name="lift" type="fixed"')

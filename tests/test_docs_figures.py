@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 import armcontour as ac
-from armcontour.compensation.poles import pole_behaviour
+from armcontour.control.compensation.poles import pole_behaviour
 
 ROOT = Path(__file__).parent.parent
 PERIOD = 4e-3

@@ -10,12 +10,12 @@ import re
 from pathlib import Path
 
 import typer
-from docs.site.names import NO_LIBRARY
+from docs.site.names import NO_LIBRARY, rooms
 from docs.site.written import written
 
 import armcontour as ac
-from armcontour import errors
 from armcontour.cli.commands import app
+from armcontour.core import errors
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -48,13 +48,13 @@ def test_every_public_name_and_every_name_of_a_room_has_one_entry():
     parts = (x.rpartition(".") for x in found)
     known = {id(getattr(importlib.import_module(module), name)) for module, _, name in parts}
     missing = []
-    for module in pkgutil.iter_modules(ac.__path__):
-        if module.name.startswith("_") or module.name in NO_LIBRARY:
-            continue
-        room = importlib.import_module(f"armcontour.{module.name}")
+    packages = {x.name for x in pkgutil.iter_modules(ac.__path__) if x.ispkg}
+    assert packages - set(rooms()) == set(NO_LIBRARY)
+    for name in rooms():
+        room = importlib.import_module(f"armcontour.{name}")
         own = {name: getattr(room, name) for name in getattr(room, "__all__", ())}
-        called = {name: x for name, x in own.items() if inspect.isclass(x) or inspect.isfunction(x)}
-        missing += [f"{module.name}.{name}" for name, x in called.items() if id(x) not in known]
+        called = {key: x for key, x in own.items() if inspect.isclass(x) or inspect.isfunction(x)}
+        missing += [f"{name}.{key}" for key, x in called.items() if id(x) not in known]
     assert missing == []
 
 

@@ -12,15 +12,15 @@ import pytest
 from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
-from armcontour._describing import MOST_LINES, line_up
-from armcontour.identification.options import DRIVE_CYCLE, LONGEST_DELAY
-from armcontour.io import parse_job
+from armcontour.control.identification.options import DRIVE_CYCLE, LONGEST_DELAY
+from armcontour.core.describing import MOST_LINES, line_up
+from armcontour.files import parse_job
 from armcontour.jobs import PlaceSearch
-from armcontour.placement.judging import Verdict
-from armcontour.placement.moving import Moves
-from armcontour.placement.placement import Place
-from armcontour.scene.scene import MARGINS
-from armcontour.timing.grid import DEFAULT_INTERVALS
+from armcontour.planning.grid import DEFAULT_INTERVALS
+from armcontour.robot.scene.scene import MARGINS
+from armcontour.studies.placement.judging import Verdict
+from armcontour.studies.placement.moving import Moves
+from armcontour.studies.placement.placement import Place
 
 SECTIONS = ("Args", "Attributes", "Raises")
 ENTRY = re.compile(r"(\*{0,2}\w+(?:, \*{0,2}\w+)*): *(.*)")
@@ -173,7 +173,7 @@ STATED = [
     ),
     ("docs/concepts/programs.md", r"\| `(\w+)` \(default\) \| `inside", field(ac.Process, "order")),
     ("docs/guides/optimal.md", r"The method `(\w+)` is the default", ac.Optimal.method),
-    ("src/armcontour/timing/options.py", r"by default (\d+), fewer", DEFAULT_INTERVALS),
+    ("src/armcontour/planning/options.py", r"by default (\d+), fewer", DEFAULT_INTERVALS),
 ]
 
 

@@ -16,11 +16,11 @@ from tools.kernels import to_text
 
 import armcontour
 import armcontour as ac
-from armcontour import _warming
-from armcontour._kernels import KERNELS, compiled
-from armcontour._pool import InProcess
-from armcontour._process import pack, unpack
-from armcontour._warming import Order, from_text, read_list
+from armcontour.core import compiling
+from armcontour.core.compiling import Order, from_text, read_list
+from armcontour.core.kernels import KERNELS, compiled
+from armcontour.core.pool import InProcess
+from armcontour.core.process import pack, unpack
 
 
 @compiled(inner=True)
@@ -119,7 +119,7 @@ PACKAGE = Path(armcontour.__file__).parent
 def kernels():
     """All compiled functions of the package, by module and name."""
     for file in PACKAGE.rglob("_*.py"):
-        if "_kernels import" in file.read_text(encoding="utf-8"):
+        if "kernels import" in file.read_text(encoding="utf-8"):
             place = file.relative_to(PACKAGE.parent).with_suffix("")
             import_module(".".join(place.parts))
     return {key: x for key, x in KERNELS.items() if key[0].startswith("armcontour.")}
@@ -140,7 +140,7 @@ def test_usual_runs_leave_out_what_they_do_not_need():
     usual, everything = read_list("usual"), read_list("all")
     assert 0 < len(usual) < len(everything)
     names = {module for module, _ in usual}
-    assert "armcontour.servo._simulation" in names
+    assert "armcontour.robot.servo._simulation" in names
     assert not any(".jerk." in x or ".robustness." in x for x in names)
     assert all("_newton" not in module for module, _ in read_list("plane"))
     assert any("_newton" in module for module, _ in read_list("space"))
@@ -160,7 +160,7 @@ class Watched(InProcess):
 
 def test_a_function_comes_after_those_that_it_calls(kernels, monkeypatch):
     watched = Watched()
-    monkeypatch.setattr(_warming, "open_executor", lambda workers: nullcontext(watched))
+    monkeypatch.setattr(compiling, "open_executor", lambda workers: nullcontext(watched))
     listed, steps = read_list("usual"), []
     order = Order(listed, steps.append)
     order.work_off()

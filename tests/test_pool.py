@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armcontour as ac
-from armcontour import _pool
-from armcontour._pool import (
+from armcontour.core import pool
+from armcontour.core.errors import ExecutionError, InvalidInput
+from armcontour.core.pool import (
     Crew,
     InProcess,
     ProcessPool,
@@ -24,8 +25,7 @@ from armcontour._pool import (
     split_evenly,
     workers_of,
 )
-from armcontour._process import ProcessEnded, pack, unpack
-from armcontour.errors import ExecutionError, InvalidInput
+from armcontour.core.process import ProcessEnded, pack, unpack
 
 # Functions that other processes can import.
 halve = partial(truediv, 1.0)
@@ -44,7 +44,7 @@ def test_results_come_in_order(processes):
 
 
 def test_threads_give_results_in_order_and_their_errors(monkeypatch):
-    monkeypatch.setattr(_pool, "processors", lambda: 3)
+    monkeypatch.setattr(pool, "processors", lambda: 3)
     assert map_in_threads(halve, list(range(1, 31))) == [1 / x for x in range(1, 31)]
     assert map_in_threads(halve, []) == []
     with pytest.raises(ZeroDivisionError):
@@ -67,8 +67,8 @@ def test_packed_arrays_are_read_only():
 @pytest.fixture
 def eager(monkeypatch):
     """Processes are worth their start after the first item."""
-    monkeypatch.setattr(_pool, "START", 1e-9)
-    monkeypatch.setattr(_pool, "processors", lambda: 2)
+    monkeypatch.setattr(pool, "START", 1e-9)
+    monkeypatch.setattr(pool, "processors", lambda: 2)
 
 
 def test_an_error_comes_in_the_place_of_its_item(eager):
@@ -102,7 +102,7 @@ def test_a_pool_is_an_executor_of_other_processes():
         with pytest.raises(RuntimeError, match="ZeroDivisionError"):
             pool.submit(eval, "1 / 0").result()
         told = []
-        tell = "__import__('armcontour._process', fromlist=['tell']).tell"
+        tell = "__import__('armcontour.core.process', fromlist=['tell']).tell"
         work = partial(eval, f"[{tell}(x) for x in 'ab'] and 3")
         assert pool.submit_heard(told.append, work).result() == 3 and told == ["a", "b"]
         # An answer that is not read to its end is not taken for that of the next work.
@@ -168,9 +168,9 @@ def test_this_process_works_when_an_item_is_given():
 
 
 def test_options_that_do_not_go_together_are_refused(monkeypatch):
-    with ProcessPool(3) as pool:
-        assert workers_of(pool) == 3 and workers_of(InProcess()) == 1
-    monkeypatch.setattr(_pool, "find_spec", lambda name: None)
+    with ProcessPool(3) as opened:
+        assert workers_of(opened) == 3 and workers_of(InProcess()) == 1
+    monkeypatch.setattr(pool, "find_spec", lambda name: None)
     for arguments, words in (
         ((2, "tcp://127.0.0.1:1", None), "A cluster or an executor has its own workers"),
         ((-1, None, None), "workers must be 0 or more, but is -1"),

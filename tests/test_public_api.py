@@ -13,8 +13,9 @@ from tools.stubs import stubs
 
 import armcontour
 import armcontour as ac
-from armcontour import io, robustness
+from armcontour import files
 from armcontour.cli.running import built_in_job
+from armcontour.simulation import robustness
 
 
 def test_every_public_name_exists():
@@ -37,7 +38,7 @@ def test_stubs_have_the_names_of_the_packages():
     assert len(written) > 10
     for file, text in written.items():
         assert file.read_text(encoding="utf-8") == text
-    for package in (ac, io, robustness):
+    for package in (ac, files, robustness):
         names = [x for homes in package._HOME.values() for x in homes.split()]
         assert len(names) == len(set(names))
 
@@ -52,7 +53,7 @@ def test_importing_the_package_imports_nothing_heavy():
 
 
 def test_every_name_is_there_and_kept():
-    for package in (armcontour, io, robustness):
+    for package in (armcontour, files, robustness):
         for name in package.__all__:
             assert getattr(package, name) is vars(package)[name]
         with pytest.raises(AttributeError, match=f"'{package.__name__}' has no attribute 'no_na"):
@@ -63,14 +64,18 @@ def test_a_plan_without_limits_of_jerk_loads_nothing_of_them():
     code = """if True:
         import sys
         import armcontour as ac
-        from armcontour.robustness.box import Box
+        from armcontour.simulation.robustness.box import Box
         arm = ac.load_arm("pmk3s")
         ac.plan(ac.Path.polyline([[0.30, 0.20], [0.34, 0.20]]), arm, arm.limits.replace(speed=0.1))
         print(*(x for x in sys.modules if x.startswith("armcontour.")))
     """
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
-    assert "armcontour.timing.optimal" in loaded.split()
-    for name in ("timing.jerk.limiting", "timing.jerk._interior_point", "robustness.monte_carlo"):
+    assert "armcontour.planning.optimal" in loaded.split()
+    for name in (
+        "planning.jerk.limiting",
+        "planning.jerk._interior_point",
+        "simulation.robustness.monte_carlo",
+    ):
         assert f"armcontour.{name}" not in loaded.split()
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.identification.bodies.robots import (
+from tests.control.identification.bodies.robots import (
     HOME,
     NOMINAL,
     nominal_arm,
@@ -18,7 +18,7 @@ from tests.identification.bodies.robots import (
 )
 
 import armcontour as ac
-from armcontour.frames import to_rpy
+from armcontour.core.frames import to_rpy
 
 ROOT = Path(__file__).parents[1]
 BLOCKED = (

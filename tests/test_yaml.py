@@ -12,10 +12,10 @@ from tests.properties.number_cases import PLANE, put
 
 import armcontour
 import armcontour as ac
-from armcontour._yaml import MOST_CHARACTERS, AngleLoader, Loader, QuickLoader, load
-from armcontour.errors import InvalidInput
-from armcontour.io import parse_job
-from armcontour.io.cell import read_cell
+from armcontour.core.errors import InvalidInput
+from armcontour.core.yaml_layout import MOST_CHARACTERS, AngleLoader, Loader, QuickLoader, load
+from armcontour.files import parse_job
+from armcontour.files.cell import read_cell
 from armcontour.jobs import Experiment, run
 
 

@@ -36,37 +36,40 @@ ROOT = SOURCE.parent.parent
 # Names of each option, and files that do not count.
 OPTIONS = {
     # Words of G-code, and the units of figures in JSON, have the same name.
-    "path.units": ("units", ".*gcode|io/(certificate|learning|summary)|jobs/results|placement"),
+    "path.units": (
+        "units",
+        ".*gcode|files/(certificate|learning|summary)|jobs/results|studies/placement",
+    ),
     "path.join_tolerance": ("join_tolerance", ""),
     # The fit of a spline; the distance that a contour was shaped with, a figure; `Shaped`, the
     # arguments of the function `shape`, as those of `round_corners` in geometry.
     "corners.tolerance": (
         "tolerance",
-        "geometry|(io|files)/(drawings|certificate)|evaluation|verification|certification|studies"
-        "|tracing|.*/tracing|program|.*/jerk|.*shaping/(curves|nodes|search|starts)|control"
-        "|jobs/(goal|single_corners|programs|planning)|cli/(certifying|checking)|io/job_(path|model)"
-        "|report/sections/shaping|.*shaping/shaper|timing/options"
+        "geometry|files/(drawings|certificate)|verification|studies"
+        "|.*/tracing|program|.*/jerk|.*shaping/(curves|nodes|search|starts)|control"
+        "|jobs/(goal|single_corners|programs|planning)|cli/(certifying|checking)|files/job_(path|model)"
+        "|report/sections/shaping|.*shaping/shaper|planning/options"
         "|studio/(converting|tasks|static/taskforms)",
     ),
     # Tool speeds as figures; how much of a limit is used; the corner speed of `Rounding`.
     "limits.speed": (
         "speed",
-        "geometry|io/(drawings|summary)|.*(evaluation|certification|identification)|motion|program"
-        "|drives|robot/drives|report|batches|.*constraints|.*/(jerk|topp)|_text|verification"
-        "|(timing|planning)/(common|mac|_laps|end_sp|expl|conv|program|limit_use|planner)"
-        "|studio/(line|picture)|arms/limit_use"
+        "geometry|files/(drawings|summary)|.*(certification|identification)|motion|program"
+        "|robot/drives|report|batches|.*constraints|.*/(jerk|topp)|core/text|verification"
+        "|planning/(common|mac|_laps|end_sp|expl|conv|program|limit_use|planner)"
+        "|studio/(line|picture)|robot/limit_use"
         "|jobs/(analog|programs|planning|warnings|results|run_data|job)|studio/(converting|static)",
     ),
     # Exports have an interval of their own, and so has `Paper`, the arguments of a function; a
     # preview chooses a longer one.
     "command_interval": (
         "command_interval|period",
-        "(io|files)/(exports|stored_run)|cli/(exporting|options)|timing/options"
-        "|studio/preview|(control/)?(compensation|learning)"
-        "|certification|simulation|robustness|servo|robot|report|motion|jobs/study|studio/tasks",
+        "files/(exports|stored_run)|cli/(exporting|options)|planning/options"
+        "|studio/preview|control/(compensation|learning)"
+        "|studies/certification|simulation|robot|report|motion|jobs/study|studio/tasks",
     ),
     # `with_reserve` subtracts it.
-    "timing.reserve": ("reserve", "certification|motion|jobs/planning|timing/common"),
+    "timing.reserve": ("reserve", "studies/certification|motion|jobs/planning|planning/common"),
 }
 # Attributes that hold each quantity, and files that do not count.
 SCRIPTS = "|studio/static/(arm3d|layers|motion|notes|playback|trail|view2d)"
@@ -74,29 +77,29 @@ QUANTITIES = {
     # Other figures are those of a fit, a recorded run, drawn robots; and a search compares them.
     "RMS of the contour error": (
         r"\.(contour_)?rms\b",
-        "identification|learning|robustness|certification/_",
+        "control/(identification|learning)|simulation/robustness|studies/certification/_",
     ),
     # Programs for controllers have it as data; logs have one; a refusal's message names it.
     "duration": (
         r"\.duration\b",
-        "timing|planning|jobs/job|program/moves|io/exports|certification/_|identification|learning",
+        "planning|jobs/job|program/moves|files/exports|studies/certification/_|control",
     ),
     # Shares of the assigned speed, of jerk and of a contour error are other figures; a search
     # computes uses.
     "limit use": (
         r"\.(limit_ratios|certain|used?|limits_used)\b",
-        "timing|planning|certification/_",
+        "planning|studies/certification/_",
     ),
     # `least` is a pair of bodies; estimates and ranges of limits have ends, too.
     "clearance": (
         r"\.(low|high|clearance)\b",
-        ".*identification|io/(robot|servo)_file|timing|planning",
+        ".*identification|files/(robot|servo)_file|planning",
     ),
 }
 FORMAT = re.compile(r"^(mm|digits|\w*seconds|clock|percent|degrees|number|signed|format|str)$")
 MECHANISMS = {
-    "command line": ("def override(", "io/job_overrides.py"),
-    "placement": ("def _override_keys(", "io/placement.py"),
+    "command line": ("def override(", "files/job_overrides.py"),
+    "placement": ("def _override_keys(", "files/placement.py"),
     "Studio": ("def place_of(", "studio/edits/keys.py"),
     "batches": ("def _put(", "batches/resolving.py"),
     "sweep": ("changes_of(", "studio/tasks/searching.py"),

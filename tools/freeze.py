@@ -89,10 +89,10 @@ GROUPS = [
     ["certify {library}/paper.yaml --run optimal --servo '0.02 mm' --out out"],
     ["certify {library}/paper.yaml --run optimal --servo '1 nm' --out out"],
     ["certify {library}/paper.yaml --run optimal --total-tolerance '3 mm' --out out"],
-    ["identify {tests}/identification/kuka_kr300/A.csv --json --out out"],
+    ["identify {tests}/control/identification/kuka_kr300/A.csv --json --out out"],
     [
-        "identify {tests}/identification/kuka_kr300/A.csv "
-        "--predict {tests}/identification/kuka_kr300/B.csv --json"
+        "identify {tests}/control/identification/kuka_kr300/A.csv "
+        "--predict {tests}/control/identification/kuka_kr300/B.csv --json"
     ],
     [
         "run {drawings}/gasket.dxf --cell {drawings}/laser.yaml --out out --export csv",
@@ -115,7 +115,7 @@ def corpus(folder: Path) -> list[tuple[str, str]]:
     from soak.samples import samples
 
     found = []
-    drawings = sorted((ROOT / "tests" / "io" / "drawings" / "gcode").rglob("*.ngc"))
+    drawings = sorted((ROOT / "tests" / "files" / "drawings" / "gcode").rglob("*.ngc"))
     texts = [(x.suffix, x.read_bytes()) for x in drawings]
     kinds = (("dxf", ".dxf"), ("svg", ".svg"), ("gcode", ".ngc"), ("csv", ".csv"))
     for seed in range(CHANGED):

@@ -32,10 +32,10 @@ import numpy.typing as npt
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 import armcontour as ac
-from armcontour.arms.chain import link_poses
-from armcontour.io.robots import loading
-from armcontour.io.robots.loading import STEP
-from armcontour.scene import ArmShapes, LinkShape, Mesh
+from armcontour.files.robots import loading
+from armcontour.files.robots.loading import STEP
+from armcontour.robot.chain import link_poses
+from armcontour.robot.scene import ArmShapes, LinkShape, Mesh
 
 # How far a hull may be from the convex hull of the mesh [m].
 EXCESS = 3e-4

@@ -1,4 +1,4 @@
-"""`python -m tools.kernels`: write src/armcontour/_kernels.txt anew.
+"""`python -m tools.kernels`: write src/armcontour/core/kernels.txt anew.
 
 The list says what compiled functions are called with by a run on a plane arm, by one on an arm in
 space, and by the tests. `armcontour warm` compiles it. Each of the three runs here in a process
@@ -19,7 +19,7 @@ from typing import Any
 from numba import types
 
 ROOT = Path(__file__).parents[1]
-LIST = ROOT / "src" / "armcontour" / "_kernels.txt"
+LIST = ROOT / "src" / "armcontour" / "core" / "kernels.txt"
 RUNS = {
     "plane": ["run", "paper"],
     "space": ["run", str(ROOT / "examples" / "drawings" / "gasket.dxf"), "--cell", "ur5e"],
@@ -28,7 +28,7 @@ TESTS = "-"
 
 
 def to_text(arguments: Sequence[Any]) -> str:
-    """Types of arguments as text, which `armcontour._warming.from_text` reads.
+    """Types of arguments as text, which `armcontour.core.compiling.from_text` reads.
 
     Raises:
         ValueError: A type that has no text.
@@ -66,7 +66,7 @@ def _text(kind: Any) -> str:
 
 def calls() -> set[str]:
     """Calls that Python made to compiled functions of the package in this process."""
-    from armcontour._kernels import KERNELS
+    from armcontour.core.kernels import KERNELS
 
     return {
         f"{module}.{name}({to_text(arguments)})"
@@ -85,10 +85,10 @@ def record(run: str, arguments: list[str], out: Path) -> None:
     """Run a command of armcontour, or tests, and write what is compiled meanwhile."""
     from numba.core import event
 
-    from armcontour import _warming
+    from armcontour.core import compiling
 
     # Nothing is compiled ahead.
-    _warming.LIST = Path(os.devnull)
+    compiling.LIST = Path(os.devnull)
     found: dict[str, None] = {}
 
     class Listener(event.Listener):

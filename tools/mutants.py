@@ -25,14 +25,22 @@ SOURCES = ROOT / "src" / "armcontour"
 LONGEST = 1200  # a mutant whose tests take longer does not end [s]
 # Tests by package, the nearest first. Names are patterns.
 TESTS = {
-    "timing": (
-        *("timing", "golden", "oracle/test_optimal_*.py", "oracle/test_jerk_*.py"),
+    "planning": (
+        *("planning", "golden", "oracle/test_optimal_*.py", "oracle/test_jerk_*.py"),
         *("oracle/test_torque_*.py", "oracle/test_laps.py", "properties/test_*timing.py"),
     ),
-    "geometry": ("geometry", "program", "tracing", "golden", "properties/test_rounding*.py"),
-    "servo": ("servo", "execution", "compensation", "golden", "oracle/test_servo*.py"),
-    "io/drawings": ("io/drawings", "oracle/test_gcode.py", "properties/test_broken_files.py"),
-    "io/robots": ("io/robots", "arms", "properties/test_broken_files.py"),
+    "geometry": (
+        "geometry",
+        "program",
+        "planning/tracing",
+        "golden",
+        "properties/test_rounding*.py",
+    ),
+    "robot/servo": (
+        *("robot/servo", "simulation", "control/compensation", "golden", "oracle/test_servo*.py"),
+    ),
+    "files/drawings": ("files/drawings", "oracle/test_gcode.py", "properties/test_broken_files.py"),
+    "files/robots": ("files/robots", "robot", "properties/test_broken_files.py"),
 }
 SWAPS: dict[type[ast.AST], str] = {
     **{ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*"},

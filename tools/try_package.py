@@ -25,8 +25,8 @@ NOT_IN_SOURCES = (".ci/", ".github/")
 # The licences of what the package contains from others, as they are called in the repository.
 LICENCES = (
     "LICENSE",
-    PACKAGE + "io/robots/library/hulls/LICENSE-universal-robots.txt",
-    PACKAGE + "io/robots/library/hulls/NOTICE-franka.txt",
+    PACKAGE + "files/robots/library/hulls/LICENSE-universal-robots.txt",
+    PACKAGE + "files/robots/library/hulls/NOTICE-franka.txt",
     PACKAGE + "studio/static/vendor/LICENSES.txt",
 )
 # Of the paper's method, as README.md has them: motion [s] and RMS contour error [m]; to a

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Arc, Circle
 
 import armcontour as ac
-from armcontour.compensation import METHODS
-from armcontour.timing.mac_line import Line
+from armcontour.control.compensation import METHODS
+from armcontour.planning.mac_line import Line
 
 FINE = 2e-4  # s: nearly a continuous command
 PERIOD = 4e-3  # s: a usual command interval

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
-from armcontour import _quantities
-from armcontour.io import json_schema
-from armcontour.servo import ServoModel
+from armcontour.core import quantities
+from armcontour.files import json_schema
+from armcontour.robot.servo import ServoModel
 
 HERE = Path(__file__).parent
 SCHEMA, PAGE = HERE / "job.schema.json", HERE / "job_keys.md"
@@ -23,7 +23,7 @@ out. `NAME` stands for a name of your own.
 """
 # The unit of SI for each example of a quantity. Quantities with one example have one unit.
 KINDS = (
-    *vars(_quantities).values(),
+    *vars(quantities).values(),
     *get_type_hints(ServoModel, include_extras=True).values(),
 )
 UNITS = {
@@ -31,7 +31,7 @@ UNITS = {
     for kind in KINDS
     for part in (kind, *get_args(kind))
     for x in (kind, *getattr(part, "__metadata__", ()))
-    if isinstance(x, _quantities.Quantity)
+    if isinstance(x, quantities.Quantity)
 } | {"10 deg": "rad, m"}
 WORDS = {
     "boolean": "true or false",

@@ -5,8 +5,8 @@ from __future__ import annotations
 import functools
 import importlib
 import inspect
-import pkgutil
 from collections.abc import Iterator
+from pathlib import Path as FilePath
 from typing import Any
 
 from docs.site.tables import contents, table
@@ -15,11 +15,16 @@ import armcontour as ac
 
 # Rooms that are used by commands, not by programs.
 NO_LIBRARY = ("cli", "studio")
+# Packages whose names the package around them has.
+PARTS = (
+    *("files.drawings", "files.exports", "files.robots", "report.sections"),
+    *("planning.constraints", "planning.jerk", "planning.shaping", "planning.topp"),
+)
 HEAD = """# Python
 
 Names of `armcontour` itself stay: `import armcontour as ac`, then `ac.plan(...)`. Names that only a
-room has, such as `armcontour.robustness.Box`, may move between versions. What takes or gives a
-quantity does so in [SI units and radians](../../../conventions.md); arrays are time first.
+room has, such as `armcontour.simulation.robustness.Box`, may move between versions. What takes or
+gives a quantity does so in [SI units and radians](../../../conventions.md); arrays are time first.
 `FloatArray` is an array of NumPy with float64, `ArrayLike` what NumPy makes one of.
 `armcontour.__version__` is the version.
 
@@ -57,14 +62,23 @@ def by_room() -> dict[str, list[tuple[str, Any]]]:
     """Public classes and functions of each room; what two rooms have is of the first one."""
     found: dict[str, list[tuple[str, Any]]] = {}
     known = set[int]()
-    for module in pkgutil.iter_modules(ac.__path__):
-        if module.name.startswith("_") or module.name in NO_LIBRARY:
-            continue
-        own = [(name, x) for name, x in public_of(module.name) if id(x) not in known]
+    for room in rooms():
+        own = [(name, x) for name, x in public_of(room) if id(x) not in known]
         known.update(id(x) for _, x in own)
         if own:
-            found[module.name] = own
+            found[room] = own
     return found
+
+
+@functools.cache
+def rooms() -> tuple[str, ...]:
+    """Packages and packages inside them with public names, and two modules."""
+    found = ["core.errors", "core.frames"]
+    for folder in sorted(FilePath(*ac.__path__).glob("[a-z]*/")):
+        if folder.name not in NO_LIBRARY:
+            inside = sorted(x.parent for x in folder.glob("*/__init__.py"))
+            found += [folder.name, *(f"{folder.name}.{x.name}" for x in inside)]
+    return tuple(x for x in found if x not in PARTS)
 
 
 def public_of(room: str) -> list[tuple[str, Any]]:
@@ -83,7 +97,9 @@ def public_of(room: str) -> list[tuple[str, Any]]:
     # Some names of the package are of a module inside a room.
     for name in ac.__all__:
         value = getattr(ac, name)
-        if getattr(value, "__module__", "").split(".")[1:2] == [room]:
+        home = f"{getattr(value, '__module__', '')}."
+        homes = [x for x in rooms() if home.startswith(f"armcontour.{x}.")]
+        if room == max(homes, key=len, default=""):
             found[name] = value
     at_top = {name for name in ac.__all__ if getattr(ac, name) is found.get(name)}
     return [

@@ -9,13 +9,13 @@ from typing import Any
 
 from docs.site.names import by_room
 
-from armcontour import _quantities
+from armcontour.core import quantities
 
 # Kinds of quantities are numbers, or arrays of them: their units stand in the descriptions.
 KINDS = {
     name: "float" if kind.__origin__ is float else "FloatArray"
-    for name, kind in vars(_quantities).items()
-    if isinstance(getattr(kind, "__metadata__", (None,))[0], _quantities.Quantity)
+    for name, kind in vars(quantities).items()
+    if isinstance(getattr(kind, "__metadata__", (None,))[0], quantities.Quantity)
 }
 WORDS = {
     "npt.ArrayLike": "ArrayLike",

@@ -7,43 +7,44 @@ Each arrow is one function of this package; `run(job)` is all of them at once. N
 they are first used, so that importing the package costs nothing.
 """
 
-from armcontour._lazy import lazy_names
+from armcontour.core.lazy import lazy_names
 
 # The public names by their modules; `tools/stubs.py` writes them for type checkers.
 _HOME = {
-    "arms": "Arm Limits Payload PlanarTwoLink SerialArm",
     "batches": "Batch Tally batch",
-    "certification": "Certificate certify sweep",
-    "clearance": "Cell Clearance check_clearance",
-    "compensation": "CompensationOptions Inverse InverseDynamics NoCompensation PolePlacement "
-    "compensate",
-    "compensation.poles": "fastest_poles",
-    "errors": "ArmContourError Collision CompensationError ExecutionError InvalidInput "
+    "control.compensation": "CompensationOptions Inverse InverseDynamics NoCompensation "
+    "PolePlacement compensate",
+    "control.compensation.poles": "fastest_poles",
+    "control.identification": "BodyFit BodyIdentification Identification ServoFit identify "
+    "identify_bodies",
+    "control.learning": "LearnedRun Lesson Recording learn",
+    "core.errors": "ArmContourError Collision CompensationError ExecutionError InvalidInput "
     "NotRealizable Unreachable",
-    "evaluation": "Check Evaluation LimitUse check evaluate",
-    "execution": "Plant RigidBodyPlant ServoPlant execute",
-    "frames": "Frame",
-    "geometry": "Arc Demand Line Orientation Path RoundedPath ShapedPath",
-    "identification": "BodyFit BodyIdentification Identification ServoFit identify identify_bodies",
-    "io": "read_job read_trajectory",
-    "io.drawings.options": "ReadOptions",
-    "io.drawings.read": "read_path",
-    "io.exports": "CsvFormat McapFormat NpzFormat RosYamlFormat TemplateFormat URScriptFormat "
+    "core.frames": "Frame",
+    "files": "read_job read_trajectory",
+    "files.drawings.options": "ReadOptions",
+    "files.drawings.read": "read_path",
+    "files.exports": "CsvFormat McapFormat NpzFormat RosYamlFormat TemplateFormat URScriptFormat "
     "export",
-    "io.log_file": "read_log",
-    "io.robots.loading": "arm_names load_arm",
-    "io.robots.options": "ArmOptions",
+    "files.log_file": "read_log",
+    "files.robots.loading": "arm_names load_arm",
+    "files.robots.options": "ArmOptions",
+    "geometry": "Arc Demand Line Orientation Path RoundedPath ShapedPath",
     "jobs": "Goal Job PlaceSearch Rounding Run Study run",
-    "learning": "LearnedRun Lesson Recording learn",
     "motion": "Execution JointPath Log TaughtData Trajectory stand_still",
-    "placement": "Placement place",
+    "planning": "Conventional Explanation Optimal Paper PlanOptions Shaped explain plan shape",
+    "planning.tracing": "trace",
     "program": "Analog Contour Dwell Event Lead Pierce Process Program Rapid Switch Tabs Weave "
     "prepare round_corners smooth_curvature",
     "report": "write_report",
-    "scene": "Obstacle Scene",
-    "servo": "ServoModel",
-    "timing": "Conventional Explanation Optimal Paper PlanOptions Shaped explain plan shape",
-    "tracing": "trace",
+    "robot": "Arm Limits Payload PlanarTwoLink SerialArm",
+    "robot.scene": "Obstacle Scene",
+    "robot.servo": "ServoModel",
+    "simulation": "Plant RigidBodyPlant ServoPlant execute",
+    "studies.certification": "Certificate certify sweep",
+    "studies.placement": "Placement place",
+    "verification": "Check Evaluation LimitUse check evaluate",
+    "verification.clearance": "Cell Clearance check_clearance",
     "_version": "__version__",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -10,7 +10,7 @@ import pytest
 import armcontour as ac
 from armcontour.batches import read_plan
 from armcontour.batches.columns import COLUMNS, figures_of
-from armcontour.errors import InvalidInput
+from armcontour.core.errors import InvalidInput
 
 # Names of columns that may differ from one run to the next.
 UNREPRODUCIBLE = "(not reproducible)"

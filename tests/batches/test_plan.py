@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from armcontour.batches import read_plan
-from armcontour.errors import InvalidInput
+from armcontour.core.errors import InvalidInput
 
 SPEED, TOLERANCE = "limits.speed", "corners.tolerance"
 

@@ -9,8 +9,8 @@ from tests.studio.robot_logs import HEAD, TRUE, write_table
 import armcontour as ac
 from armcontour.cli import main
 from armcontour.core.render import number
-from armcontour.io import parse_job
-from armcontour.io.log_file import read_log, read_run_log
+from armcontour.files import parse_job
+from armcontour.files.log_file import read_log, read_run_log
 from armcontour.jobs.learning import judge_log
 
 pytestmark = pytest.mark.browser

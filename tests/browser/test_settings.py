@@ -5,8 +5,8 @@ import pytest
 from playwright.sync_api import expect
 from tools.studio_page import serving
 
-from armcontour._yaml import load
-from armcontour.io import parse_job
+from armcontour.core.yaml_layout import load
+from armcontour.files import parse_job
 
 pytestmark = pytest.mark.browser
 DRAWING = """\

@@ -173,7 +173,7 @@ def test_samples_that_allow_no_verdict_end_with_7(tmp_path, check):
 
 
 def test_an_arm_from_a_description_with_its_limits(tmp_path, check):
-    data = FilePath(__file__).parents[1] / "io" / "robots" / "data"
+    data = FilePath(__file__).parents[1] / "files" / "robots" / "data"
     t = np.linspace(0, 1, 51)
     q = np.outer(3 * t**2 - 2 * t**3, [1.0, 0.2, 0.2, 0.2])
     write(tmp_path / "log.csv", "t [s],pan [rad],tilt [rad],elbow [rad],roll [rad]", t, q)

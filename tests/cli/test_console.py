@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armcontour.cli
-from armcontour._text import to_line
 from armcontour.cli.console import Console
+from armcontour.core.text import to_line
 
 CLIPBOARD = "x\x1b]52;c;cHduZWQ=\x1b\\y"
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.cli.helpers import summary
 
-from armcontour.io import ResultFolder
+from armcontour.files import ResultFolder
 
 PLAIN = "x [mm],y [mm]\n0,0\n60,0\n60,40\n"
 TWO = "contour,x [mm],y [mm]\na,0,0\na,60,0\nb,0,30\nb,60,30\nb,60,60\nb,0,30\n"

@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
-from armcontour.io.cell import cell_text, read_cell
+from armcontour.files.cell import cell_text, read_cell
 
 PART = """G21 G90 F6000
 S1000 M3

@@ -10,11 +10,11 @@ import pytest
 from tests.cli.helpers import summary
 
 import armcontour
-from armcontour import _warming
-from armcontour._progress import Step
 from armcontour.cli.options import StudioOptions
 from armcontour.cli.serving import open_studio
-from armcontour.errors import InvalidInput
+from armcontour.core import compiling
+from armcontour.core.errors import InvalidInput
+from armcontour.core.progress import Step
 
 ROOT = FilePath(__file__).parents[2]
 # Extras for those who develop armcontour.
@@ -134,9 +134,9 @@ def asked(monkeypatch):
     def warm(which, progress):
         asked.append(which)
         progress(Step(("compiling, once", "5 functions in 2 processes"), 0.0))
-        return _warming.Warmed(5, 2, KEPT)
+        return compiling.Warmed(5, 2, KEPT)
 
-    monkeypatch.setattr(_warming, "warm", warm)
+    monkeypatch.setattr(compiling, "warm", warm)
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     return asked
 
@@ -185,7 +185,7 @@ ADDRESS = """
 import sys
 sys.argv = ['armcontour', 'studio', '--no-open', 'part.svg', '--cell', 'ur5e']
 from armcontour.cli import console, serving
-heavy = {'numpy', 'scipy', 'numba', 'pint', 'yaml', 'uvicorn', 'armcontour.io.keys'}
+heavy = {'numpy', 'scipy', 'numba', 'pint', 'yaml', 'uvicorn', 'armcontour.files.keys'}
 def tell(text):
     print(*(heavy & set(sys.modules)))
     raise KeyboardInterrupt

@@ -9,11 +9,11 @@ from tests.corner_job import CORNER_JOB
 from tests.loaded_robot import loaded_robot
 
 from armcontour.cli.running import run_job
-from armcontour.execution import execute
-from armcontour.io import read_job
-from armcontour.io.stored_run import read_run
-from armcontour.io.taught_file import read_taught
+from armcontour.files import read_job
+from armcontour.files.stored_run import read_run
+from armcontour.files.taught_file import read_taught
 from armcontour.jobs.learning import plan_run
+from armcontour.simulation import execute
 
 DEGREES = np.degrees(1.0)
 TITLES = "t [s],command 1 [deg],command 2 [deg],measured 1 [deg],measured 2 [deg]"

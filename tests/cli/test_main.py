@@ -15,12 +15,12 @@ from tests.cli.helpers import summary
 from typer.testing import CliRunner
 
 import armcontour as ac
-from armcontour._quantities import Speed, Time, Tolerance
 from armcontour.cli.commands import app
 from armcontour.cli.interrupts import run_interruptibly
 from armcontour.cli.quantities import read_option
-from armcontour.errors import InvalidInput
-from armcontour.io.cell import cell_names
+from armcontour.core.errors import InvalidInput
+from armcontour.core.quantities import Speed, Time, Tolerance
+from armcontour.files.cell import cell_names
 
 JOB = {
     "name": "bracket",

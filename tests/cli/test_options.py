@@ -8,7 +8,7 @@ writes the file again.
 from pathlib import Path as FilePath
 
 from armcontour.cli import options
-from armcontour.io.job_options import options_text
+from armcontour.files.job_options import options_text
 
 FILE = FilePath(options.__file__).with_name("job_options.json")
 

@@ -7,7 +7,7 @@ import yaml
 from typer.testing import CliRunner
 
 from armcontour.cli.commands import app
-from armcontour.errors import InvalidInput
+from armcontour.core.errors import InvalidInput
 
 pytest.importorskip("xacro")
 

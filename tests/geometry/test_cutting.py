@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from tests.geometry.tables import arc, each, jumps, line, path_of, refused
 
 import armcontour as ac
-from armcontour.frames import Frame
+from armcontour.core.frames import Frame
 from armcontour.geometry.biarcs import UNEVEN
 from armcontour.geometry.cutting import cut_path, drop_z, join_paths
 

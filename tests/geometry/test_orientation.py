@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
-from armcontour.frames import angle_between, exp, log
+from armcontour.core.frames import angle_between, exp, log
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.smooth_axes import smooth_axes
 

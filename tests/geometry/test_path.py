@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
-from armcontour.frames import Frame, exp
+from armcontour.core.frames import Frame, exp
 from armcontour.geometry import Segments, angle_between
 from armcontour.geometry.cutting import join_paths
 

@@ -7,7 +7,7 @@ import pytest
 from tests.geometry.tables import refused
 
 import armcontour as ac
-from armcontour._quintics import quintic
+from armcontour.core._quintics import quintic
 from armcontour.geometry import Outcome, ShapedPath, SmoothCurve
 from armcontour.geometry.biarcs import biarcs
 from armcontour.geometry.segments import Segments

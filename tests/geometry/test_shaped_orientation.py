@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tests.geometry.tables import arc, each, path_of, refused
 
 import armcontour as ac
-from armcontour.frames import angle_between, exp, log, shortest
+from armcontour.core.frames import angle_between, exp, log, shortest
 from armcontour.geometry import orient_shaped, round_with_parabolas
 from armcontour.geometry.orienting import carry
 

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from tests.geometry.tables import each
 
 import armcontour as ac
-from armcontour.frames import angle_between, log
+from armcontour.core.frames import angle_between, log
 
 POINTS = [(0.4, 0.0, 0.2), (0.5, 0.0, 0.2), (0.5, 0.1, 0.2), (0.4, 0.1, 0.2), (0.3, 0.1, 0.2)]
 DOWN = np.diag([1.0, -1.0, -1.0])

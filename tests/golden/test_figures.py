@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 import armcontour as ac
-from armcontour.compensation import METHODS
+from armcontour.control.compensation import METHODS
 
 FIGURES = yaml.safe_load((Path(__file__).parent / "figures.yaml").read_text(encoding="utf-8"))
 FIELDS = set("id quantity source section table_or_figure value unit erratum".split())

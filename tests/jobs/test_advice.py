@@ -8,10 +8,10 @@ import yaml
 
 import armcontour as ac
 from armcontour.core.render import plain
-from armcontour.io import parse_job
-from armcontour.io.cell import drawing_text
-from armcontour.io.job_edits import change_data
-from armcontour.io.patch import key_of, resolve
+from armcontour.files import parse_job
+from armcontour.files.cell import drawing_text
+from armcontour.files.job_edits import change_data
+from armcontour.files.patch import key_of, resolve
 from armcontour.jobs import advise
 from armcontour.jobs.advice import advised, is_small
 

@@ -9,10 +9,10 @@ from tests.geometry.tables import each, line, path_of, refused
 from tests.jobs.making import ARM
 
 import armcontour as ac
+from armcontour.files import parse_job
+from armcontour.files.drawings.gcode import read_gcode
+from armcontour.files.drawings.options import ReadOptions
 from armcontour.geometry import Path
-from armcontour.io import parse_job
-from armcontour.io.drawings.gcode import read_gcode
-from armcontour.io.drawings.options import ReadOptions
 from armcontour.jobs import analog_outputs, programs_of
 from armcontour.jobs.single_corners import corner_waypoints
 from armcontour.program import Analog, Contour, Event, Lead, Process, Program, Switch, prepare

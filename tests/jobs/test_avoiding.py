@@ -9,12 +9,12 @@ import pytest
 from tests.geometry.tables import refused
 
 import armcontour as ac
+from armcontour.core.errors import Collision
+from armcontour.core.frames import Frame
 from armcontour.core.render import plain
-from armcontour.errors import Collision
-from armcontour.frames import Frame
-from armcontour.io import parse_job
+from armcontour.files import parse_job
 from armcontour.jobs import Study, run
-from armcontour.scene import ArmShapes, Box, Capsule, Cylinder, LinkShape, Obstacle, Scene
+from armcontour.robot.scene import ArmShapes, Box, Capsule, Cylinder, LinkShape, Obstacle, Scene
 
 # Stand-ins of the links of a UR5e.
 LINKS = (

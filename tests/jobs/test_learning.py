@@ -8,7 +8,7 @@ from tests.corner_job import CORNER_JOB
 from tests.loaded_robot import loaded_robot
 
 import armcontour as ac
-from armcontour.io import parse_job
+from armcontour.files import parse_job
 from armcontour.jobs.learning import (
     LearningStudy,
     feeds_gravity_forward,

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.arms import resolve_limits
-from armcontour.arms.limits import JOINT_LIMITS, JOINT_RANGE, TOOL_LIMITS, UNITS
-from armcontour.io.job_file import parse_job
+from armcontour.files.job_file import parse_job
 from armcontour.jobs import warnings_of
+from armcontour.robot import resolve_limits
+from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, TOOL_LIMITS, UNITS
 
 ARMS = ("fr3", "panda", "pmk3s", "ur10e", "ur5e")
 DOWN = np.diag([1.0, -1.0, -1.0])

@@ -9,11 +9,11 @@ from tests.geometry.tables import arc, each, line, path_of, refused
 from tests.jobs.making import ARM, a_job, a_run
 
 import armcontour as ac
-from armcontour._progress import Step
-from armcontour.errors import Unreachable
-from armcontour.frames import from_rpy
+from armcontour.core.errors import Unreachable
+from armcontour.core.frames import from_rpy
+from armcontour.core.progress import Step
+from armcontour.files.cell import read_cell
 from armcontour.geometry import Arc, Path
-from armcontour.io.cell import read_cell
 from armcontour.jobs import Rounding, run, warnings_of
 from armcontour.jobs.planning import plan_one, programs_of
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch

@@ -13,13 +13,13 @@ from tests.jobs.making import a_run
 from tests.properties.number_cases import PLANE, SPACE
 
 import armcontour as ac
-from armcontour.errors import NotRealizable
-from armcontour.frames import from_rpy
-from armcontour.io import parse_job
+from armcontour.core.errors import NotRealizable
+from armcontour.core.frames import from_rpy
+from armcontour.files import parse_job
 from armcontour.jobs import Experiment, Rounding, build_plant, programs_of, run
 from armcontour.jobs.job import choose_run
 from armcontour.jobs.quantities import angular_speed, planned_torques
-from armcontour.tracing.tracer import trace_all
+from armcontour.planning.tracing.tracer import trace_all
 
 
 @pytest.fixture(scope="module")

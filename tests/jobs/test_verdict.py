@@ -9,8 +9,8 @@ import yaml
 import armcontour as ac
 from armcontour.core import render
 from armcontour.core.render import plain
-from armcontour.io import parse_job
-from armcontour.io.cell import read_cell
+from armcontour.files import parse_job
+from armcontour.files.cell import read_cell
 
 DRAWINGS = Path(__file__).parents[2] / "examples" / "drawings"
 JOB = {

@@ -12,8 +12,8 @@ from tests.jobs.making import ARM, a_job, a_run
 import armcontour as ac
 from armcontour.jobs import Experiment, PlaceSearch, Rounding, run
 from armcontour.jobs.axes import corners_of, read_axes, read_uncertainty
-from armcontour.placement import Moves
 from armcontour.program import Contour, Program, Rapid
+from armcontour.studies.placement import Moves
 
 LINES = [(0.3, 0.1), (0.36, 0.1), (0.36, 0.14)]
 LIMITS = ARM.limits.replace(speed=0.1, centripetal_acceleration=0.09)

@@ -4,7 +4,7 @@ import pytest
 from tests.geometry.tables import each
 
 from armcontour.core.render import plain
-from armcontour.io.job_file import parse_job
+from armcontour.files.job_file import parse_job
 from armcontour.jobs import advise
 from armcontour.jobs.study import run
 

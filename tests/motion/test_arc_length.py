@@ -9,8 +9,8 @@ import pytest
 import armcontour as ac
 from armcontour.geometry import Path
 from armcontour.motion import Method, Rates, Span, stand_still
+from armcontour.planning import METHODS
 from armcontour.program import Contour, Dwell, Program
-from armcontour.timing import METHODS
 
 ARM = ac.load_arm("pmk3s")
 LIMITS = ARM.limits.replace(speed=0.1, centripetal_acceleration=0.09)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from armcontour.errors import InvalidInput
+from armcontour.core.errors import InvalidInput
 from armcontour.motion.log import Log, cut
 
 T = np.arange(100) * 1e-3

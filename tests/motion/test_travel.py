@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.errors import InvalidInput
+from armcontour.core.errors import InvalidInput
 from armcontour.motion import Law
 from armcontour.motion.travel import fastest_joints, joint_travel
 

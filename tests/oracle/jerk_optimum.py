@@ -1,8 +1,8 @@
 """The fastest timing of a joint path with limits of jerk, by IPOPT.
 
-It shares nothing with `armcontour.timing`. Unknown is ds² over the path, a quadratic on every cell
-with a slope that is continuous; next to a rest the jerk of s is uniform. Limits are kept at the
-nodes only, on both sides of each, so that an answer may be a little too fast. Answers are local
+It shares nothing with `armcontour.planning`. Unknown is ds² over the path, a quadratic on every
+cell with a slope that is continuous; next to a rest the jerk of s is uniform. Limits are kept at
+the nodes only, on both sides of each, so that an answer may be a little too fast. Answers are local
 optima.
 """
 

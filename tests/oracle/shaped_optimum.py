@@ -1,6 +1,6 @@
 """The fastest motion within a tolerance, by IPOPT, for an arm of two links along a polyline.
 
-It shares nothing with `armcontour.timing.shaping` but the starts, which are plans of arcs and of
+It shares nothing with `armcontour.planning.shaping` but the starts, which are plans of arcs and of
 full stops. Joint accelerations are uniform over steps, of which every line has the same number, all
 equally long; how long is free for every line. Every node of a line's part of the motion lies within
 the tolerance of that line, and the node between two lines within the tolerance of their vertex. All

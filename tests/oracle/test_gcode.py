@@ -9,11 +9,11 @@ import pytest
 from tests.oracle import gcode_author
 from tests.oracle import gcode_interpreter as oracle
 
-from armcontour.io.drawings.gcode import read_gcode
-from armcontour.io.drawings.options import ReadOptions
+from armcontour.files.drawings.gcode import read_gcode
+from armcontour.files.drawings.options import ReadOptions
 from armcontour.program import Contour, Dwell, Event, Rapid
 
-CORPUS = Path(__file__).parents[1] / "io" / "drawings" / "gcode"
+CORPUS = Path(__file__).parents[1] / "files" / "drawings" / "gcode"
 SHARES = np.linspace(0.0, 1.0, 9)
 NANOMETRE = 1e-9
 # `make soak` compares 20,000.

@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armcontour as ac
-from armcontour.timing._laps import laps
-from armcontour.timing.mac_line import Line
+from armcontour.planning._laps import laps
+from armcontour.planning.mac_line import Line
 
 
 def shortest_time(step, velocity, limit):

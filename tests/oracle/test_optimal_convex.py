@@ -12,10 +12,10 @@ import pytest
 from scipy import sparse
 
 import armcontour as ac
-from armcontour.timing import optimal
-from armcontour.timing.constraints import OnGrid, limits_on
-from armcontour.timing.grid import grid_through
-from armcontour.timing.topp._kernel import Rules, plan_on_grid
+from armcontour.planning import optimal
+from armcontour.planning.constraints import OnGrid, limits_on
+from armcontour.planning.grid import grid_through
+from armcontour.planning.topp._kernel import Rules, plan_on_grid
 
 clarabel = pytest.importorskip("clarabel")
 

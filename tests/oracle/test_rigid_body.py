@@ -6,10 +6,10 @@ from scipy.integrate import solve_ivp
 from tests.dynamics_extra import pinocchio
 
 import armcontour as ac
-from armcontour.arms.chain import Chain, Payload
-from armcontour.arms.serial import SerialArm
-from armcontour.frames import Frame, from_rpy
+from armcontour.core.frames import Frame, from_rpy
 from armcontour.motion import LapLaw
+from armcontour.robot.chain import Chain, Payload
+from armcontour.robot.serial import SerialArm
 
 pytest.importorskip("mujoco")
 pin = pinocchio()

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from tests.oracle.toppra_kept import SAME, kept
 
 import armcontour as ac
-from armcontour.arms.chain import Payload
-from armcontour.arms.serial import SerialArm
+from armcontour.robot.chain import Payload
+from armcontour.robot.serial import SerialArm
 
 mujoco = pytest.importorskip("mujoco")
 pytest.importorskip("toppra", reason="toppra has wheels for linux-x86_64 only")

@@ -6,9 +6,9 @@ from scipy.spatial.transform import Rotation
 from tests.oracle import ur_inverse
 
 import armcontour as ac
-from armcontour.arms.inverse import configurations
-from armcontour.frames import Frame
-from armcontour.tracing import trace_all
+from armcontour.core.frames import Frame
+from armcontour.planning.tracing import trace_all
+from armcontour.robot.inverse import configurations
 
 POSES = 60
 # Closer than this to where two configurations meet, one is as good as two.

@@ -6,7 +6,7 @@ from soak import kerf as judge
 from tests.geometry.tables import each, line, path_of, refused
 
 import armcontour as ac
-from armcontour.errors import InvalidInput
+from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Arc, Path
 from armcontour.program import Contour, Event, Lead, Process, Program, Rapid, prepare
 

@@ -5,7 +5,7 @@ import pytest
 from tests.geometry.tables import refused
 
 import armcontour as ac
-from armcontour.frames import Frame
+from armcontour.core.frames import Frame
 from armcontour.program import Contour, Dwell, Event, Process, Program, Rapid, contour_called
 
 LINE = ac.Path.polyline([[0.0, 0.0], [0.1, 0.0]])

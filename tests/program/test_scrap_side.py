@@ -5,7 +5,7 @@ import pytest
 from tests.geometry.tables import each
 
 import armcontour as ac
-from armcontour.errors import InvalidInput
+from armcontour.core.errors import InvalidInput
 from armcontour.program import Leads
 from armcontour.program.kerf import waste_sides
 

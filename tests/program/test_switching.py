@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.io.drawings.gcode import read_gcode
-from armcontour.io.drawings.options import ReadOptions
+from armcontour.files.drawings.gcode import read_gcode
+from armcontour.files.drawings.options import ReadOptions
 
 LASER = b"""G21 G90 F1200
 M4 S800

@@ -14,7 +14,7 @@ from pathlib import Path as FilePath
 from typing import Any, get_args
 
 from armcontour.cli.commands import app
-from armcontour.io import json_schema
+from armcontour.files import json_schema
 
 Place = tuple[str | int, ...]
 # What no field may take without a result or one sentence: as YAML has it.

@@ -5,7 +5,7 @@ import pytest
 from soak import calls
 
 import armcontour as ac
-from armcontour.timing.constraints import SecondOrder
+from armcontour.planning.constraints import SecondOrder
 
 # Base classes, errors, and what is identified from logs of a whole arm.
 NOT_MADE = {

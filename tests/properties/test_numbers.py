@@ -22,7 +22,7 @@ from tests.properties.number_cases import (
 )
 
 from armcontour import ArmContourError
-from armcontour.io import parse_job
+from armcontour.files import parse_job
 
 FIELDS = fields()
 # libyaml's writer, ten times as fast, where PyYAML has it.

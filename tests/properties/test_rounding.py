@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
-from armcontour.frames import log
+from armcontour.core.frames import log
 from armcontour.geometry import angle_between
 
 BATCH = 800  # tests/slow has 10,000

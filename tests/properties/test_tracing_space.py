@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import armcontour as ac
-from armcontour.frames import Frame, log
-from armcontour.tracing import trace_all
+from armcontour.core.frames import Frame, log
+from armcontour.planning.tracing import trace_all
 
 DOWN = Rotation.from_matrix(np.diag([1.0, -1.0, -1.0]))
 REACH = {"ur5e": 0.35, "panda": 0.3, "ur10e": 0.5}

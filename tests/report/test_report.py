@@ -15,22 +15,22 @@ from plotly.subplots import make_subplots as plots_of_plotly
 from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
-from armcontour import scene as cell
 from armcontour.cli.running import built_in_job
+from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import Frame
 from armcontour.core.render import number
-from armcontour.errors import InvalidInput
-from armcontour.frames import Frame
-from armcontour.io import parse_job
+from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.jobs.learning import LearningStudy, learn_run, plan_run
-from armcontour.placement import KINDS, Axis, Moves, Place, Placement, Verdict
 from armcontour.report import render_report, sections, write_report
 from armcontour.report.figure import Node, make_subplots, make_trace, render_page, to_json
 from armcontour.report.sections import clearance
 from armcontour.report.sections.bodies import draw_surroundings, seen_from_base
 from armcontour.report.sections.placement import GREYS
 from armcontour.report.style import finish, thin
-from armcontour.servo import ServoModel
+from armcontour.robot import scene as cell
+from armcontour.robot.servo import ServoModel
+from armcontour.studies.placement import KINDS, Axis, Moves, Place, Placement, Verdict
 
 FIRST_ORDER = """
 name: first

@@ -8,7 +8,7 @@ import pytest
 import yaml
 from plotly.offline import get_plotlyjs
 
-from armcontour.io import parse_job
+from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.report import render_report, sections
 

@@ -15,15 +15,15 @@ from plotly.offline import get_plotlyjs
 import armcontour as ac
 from armcontour.core.palette import LIMITS
 from armcontour.core.render import number
-from armcontour.io.cell import read_cell
-from armcontour.io.drawings.read import read_path
+from armcontour.files.cell import read_cell
+from armcontour.files.drawings.read import read_path
 from armcontour.jobs import run
+from armcontour.planning.explanation import Binding
 from armcontour.program import Lead, Pierce, Process, Switch
 from armcontour.report import render_report, sections
 from armcontour.report.drawing import draw_plan, view_of
 from armcontour.report.outline import VISIBLE, simplify
 from armcontour.report.sections.motion import MOST_BARS, list_bars
-from armcontour.timing.explanation import Binding
 
 DRAWINGS = FilePath(__file__).parents[2] / "examples" / "drawings"
 GCODE = """G21 G90 G64 P0.5

@@ -15,7 +15,7 @@ PACKAGE = Path(armcontour.__file__).parent
 FREED_AGAIN = """
 import resource
 import numpy as np
-import armcontour._kernels
+import armcontour.core.kernels
 
 def work():
     arrays = [np.ones(24_000) for _ in range(8)]
@@ -30,7 +30,7 @@ print(min(work() for _ in range(5)))
 LOADED = """
 import sys
 import numpy as np
-from armcontour.timing import _laps
+from armcontour.planning import _laps
 
 ends = np.zeros((2, 2)), np.ones((2, 2))
 before = set(sys.modules)
@@ -42,10 +42,10 @@ print(*(x for x in set(sys.modules) - before if x.startswith("numba.core.typing"
 WARM = """
 import sys
 from pathlib import Path
-from armcontour import _warming
-_warming.LIST = Path(sys.argv[1])
+from armcontour.core import compiling
+compiling.LIST = Path(sys.argv[1])
 steps = []
-found = _warming.warm("all", steps.append)
+found = compiling.warm("all", steps.append)
 print(found.functions, found.compiled, found.folder, *map(str, steps), sep="|")
 """
 
@@ -64,7 +64,7 @@ def test_memory_that_is_freed_is_used_again():
 
 def test_loading_imports_nothing_that_only_compiling_needs():
     # It takes longer than a short plan.
-    from armcontour.timing import _laps
+    from armcontour.planning import _laps
 
     _laps.laps(np.zeros((2, 2)), np.ones((2, 2)), 0.1, np.arange(2.0))
     assert run(LOADED).stdout.split() == []

@@ -12,8 +12,9 @@ from threading import Timer
 
 import pytest
 
-from armcontour import _pool
-from armcontour._pool import (
+from armcontour.core import pool
+from armcontour.core.errors import ExecutionError
+from armcontour.core.pool import (
     Crew,
     ProcessPool,
     map_in_order,
@@ -21,8 +22,7 @@ from armcontour._pool import (
     open_executor,
     workers_of,
 )
-from armcontour._process import ProcessEnded
-from armcontour.errors import ExecutionError
+from armcontour.core.process import ProcessEnded
 
 halve = partial(truediv, 1.0)
 PID = "__import__('os').getpid()"
@@ -32,8 +32,8 @@ resource_tracker.ensure_running()
 
 
 def test_moves_are_shared_by_all_processes(monkeypatch):
-    monkeypatch.setattr(_pool, "START", 1e-9)
-    monkeypatch.setattr(_pool, "processors", lambda: 2)
+    monkeypatch.setattr(pool, "START", 1e-9)
+    monkeypatch.setattr(pool, "processors", lambda: 2)
     items = [f"({SLEEP.format(0.02)}, {k}, {PID})[1:]" for k in range(200)]
     found = list(map_in_order(eval, items))
     assert [k for k, _ in found] == list(range(200))

@@ -11,7 +11,7 @@ from tests.studio.robot_logs import log, robot
 from tests.studio.talking import JOB, Tab, session_of
 from tools.studio_page import SQUARE
 
-from armcontour._yaml import load
+from armcontour.core.yaml_layout import load
 from armcontour.studio import planner
 from armcontour.studio.preview import Previewer
 from armcontour.studio.view import View

@@ -12,14 +12,14 @@ import pytest
 
 import armcontour as ac
 import armcontour.studio as studio
-from armcontour.arms.chain import link_poses
 from armcontour.core import palette
+from armcontour.core.frames import Frame
 from armcontour.core.render import jsonable
-from armcontour.frames import Frame
+from armcontour.robot.chain import link_poses
 from armcontour.studio.robot import arm_frame
 
 STATIC = FilePath(studio.__file__).parent / "static"
-URDF = FilePath(__file__).parents[1] / "io" / "robots" / "data" / "robot.urdf"
+URDF = FilePath(__file__).parents[1] / "files" / "robots" / "data" / "robot.urdf"
 
 
 def find_node():

@@ -5,9 +5,9 @@ import pytest
 import yaml
 from tests.studio.conftest import PAPER
 
+from armcontour.core.errors import InvalidInput
 from armcontour.core.render import cells, number
-from armcontour.errors import InvalidInput
-from armcontour.io import parse_job
+from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.jobs.differences import differences
 from armcontour.studio.tasks.working import do

@@ -7,11 +7,11 @@ import shutil
 import pytest
 from tests.studio.conftest import DRAWINGS
 
-from armcontour._files import reading_below
-from armcontour._yaml import load
-from armcontour.errors import InvalidInput
-from armcontour.io import parse_job
-from armcontour.io.job_edits import Change, change_data
+from armcontour.core.errors import InvalidInput
+from armcontour.core.file_access import reading_below
+from armcontour.core.yaml_layout import load
+from armcontour.files import parse_job
+from armcontour.files.job_edits import Change, change_data
 from armcontour.studio.document import Document
 from armcontour.studio.edits import EditState, changes_of
 from armcontour.studio.handles import handles_of

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from armcontour._yaml import load
-from armcontour.errors import InvalidInput
-from armcontour.io import parse_job
-from armcontour.io.cell import cell_names, cell_text
-from armcontour.io.job_edits import change_data, change_text, value_at
-from armcontour.io.patch import key_of, place
-from armcontour.io.units import parse
+from armcontour.core.errors import InvalidInput
+from armcontour.core.yaml_layout import load
+from armcontour.files import parse_job
+from armcontour.files.cell import cell_names, cell_text
+from armcontour.files.job_edits import change_data, change_text, value_at
+from armcontour.files.patch import key_of, place
+from armcontour.files.units import parse
 from armcontour.studio.edits import EDITS, EditState, changes_of
 from armcontour.studio.edits.runs import remove_run
 from armcontour.studio.edits.tilt import tilt_of

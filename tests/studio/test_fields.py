@@ -5,7 +5,7 @@
 writes the file again.
 """
 
-from armcontour.io.job_form import form_text
+from armcontour.files.job_form import form_text
 from armcontour.studio import server
 
 FILE = server.STATIC / "form.json"

@@ -13,10 +13,9 @@ from tests.studio.conftest import PAPER
 from tests.studio.talking import figure
 
 from armcontour.core import render
+from armcontour.core.errors import Collision, ExecutionError, InvalidInput, Unreachable
 from armcontour.core.palette import LIMITS
-from armcontour.errors import Collision, ExecutionError, InvalidInput, Unreachable
-from armcontour.evaluation import check, evaluate
-from armcontour.io import parse_job
+from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.studio.executed import executed_frame
 from armcontour.studio.line import NOTHING
@@ -25,6 +24,7 @@ from armcontour.studio.preview import CONFIGURATION, MOVING_SAMPLES, Previewer, 
 from armcontour.studio.refusals import refusal_header
 from armcontour.studio.thinning import thin
 from armcontour.studio.wire import TYPES, Frame
+from armcontour.verification import check, evaluate
 
 
 def packed(frame):

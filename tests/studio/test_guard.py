@@ -5,9 +5,9 @@ import asyncio
 import numpy as np
 import pytest
 
-from armcontour.errors import InvalidInput
-from armcontour.io import parse_job
-from armcontour.scene import Box, Capsule, Cylinder, Mesh, Sphere
+from armcontour.core.errors import InvalidInput
+from armcontour.files import parse_job
+from armcontour.robot.scene import Box, Capsule, Cylinder, Mesh, Sphere
 from armcontour.studio.guard import (
     BURST,
     LARGEST_UPLOAD,

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armcontour as ac
-from armcontour._yaml import load
-from armcontour.errors import InvalidInput
-from armcontour.io import parse_job
-from armcontour.io.job_edits import change_text
+from armcontour.core.errors import InvalidInput
+from armcontour.core.yaml_layout import load
+from armcontour.files import parse_job
+from armcontour.files.job_edits import change_text
 from armcontour.studio.converting import is_convertible
 from armcontour.studio.edits import EditState, changes_of
 from armcontour.studio.handles import handles_of, obstacles_of
@@ -70,7 +70,7 @@ def test_points_of_any_plane_lie_in_it_and_keep_their_distances(uv, turned):
     points = np.array([frame.position + frame.rotation @ [*x, 0] for x in uv])
     try:
         path = ac.Path.polyline(points)
-    except ac.errors.InvalidInput:
+    except ac.InvalidInput:
         return
     found = handles_of(replace(BARE, path=path), {"path": {"points": points.tolist()}})
     plane = found.plane

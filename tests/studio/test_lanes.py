@@ -6,8 +6,8 @@ from threading import Condition, Event, Thread
 import pytest
 from tests.studio.talking import figure
 
-from armcontour._process import ProcessEnded
-from armcontour.errors import Unreachable
+from armcontour.core.errors import Unreachable
+from armcontour.core.process import ProcessEnded
 from armcontour.studio import lanes
 from armcontour.studio.lanes import FastLane, SlowLane
 from armcontour.studio.tasks.working import SMALL, WARM

@@ -9,10 +9,10 @@ from tests.studio.robot_logs import BEGIN, HEAD, TRUE, write_bag, write_table
 from tests.studio.talking import NoLane, Tab, figure, session_of
 
 import armcontour as ac
+from armcontour.core.errors import InvalidInput
 from armcontour.core.render import cells
-from armcontour.errors import InvalidInput
-from armcontour.io import parse_job, ros_files
-from armcontour.io.log_file import read_log, read_run_log
+from armcontour.files import parse_job, ros_files
+from armcontour.files.log_file import read_log, read_run_log
 from armcontour.jobs.learning import judge_log
 from armcontour.studio.disk import state_folder
 from armcontour.studio.tasks.working import do

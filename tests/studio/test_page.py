@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.studio.test_arithmetic import NODE, compute
 
-from armcontour.frames import Frame as Pose
+from armcontour.core.frames import Frame as Pose
 from armcontour.studio.executed import executed_frame
 from armcontour.studio.preview import Previewer
 from armcontour.studio.wire import Frame

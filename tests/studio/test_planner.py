@@ -22,10 +22,10 @@ from tests.studio.talking import (
 from tools.studio_page import SQUARE
 
 import armcontour as ac
-from armcontour._progress import Step
-from armcontour._yaml import load
-from armcontour.io import parse_job
-from armcontour.io.job_edits import Change, change_text
+from armcontour.core.progress import Step
+from armcontour.core.yaml_layout import load
+from armcontour.files import parse_job
+from armcontour.files.job_edits import Change, change_text
 from armcontour.studio import planner
 from armcontour.studio.preview import Previewer, Tier
 from armcontour.studio.wire import Frame

@@ -9,7 +9,7 @@ from tests.studio.serving import running
 from tests.studio.talking import JOB
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from armcontour.errors import InvalidInput
+from armcontour.core.errors import InvalidInput
 from armcontour.studio import guard, server
 from armcontour.studio.guard import LARGEST_UPLOAD
 from armcontour.studio.tasks.working import do

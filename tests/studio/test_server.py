@@ -10,7 +10,7 @@ import pytest
 from tests.studio.serving import running
 from tests.studio.talking import MOVE
 
-from armcontour.errors import InvalidInput
+from armcontour.core.errors import InvalidInput
 from armcontour.studio import server
 from armcontour.studio.desk import MOST_WAITING, Desk, Tab
 from armcontour.studio.opening import open_session

@@ -10,8 +10,8 @@ from tests.studio.conftest import DRAWINGS
 from tests.studio.talking import JOB, AtOnce, NoLane, Tab
 
 import armcontour as ac
-from armcontour.io.cell import cell_names
-from armcontour.io.job_edits import Change
+from armcontour.files.cell import cell_names
+from armcontour.files.job_edits import Change
 from armcontour.studio.document import Document
 from armcontour.studio.opening import open_session
 from armcontour.studio.starting import DRAWINGS as CARDS

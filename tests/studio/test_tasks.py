@@ -12,8 +12,8 @@ from tests.studio.conftest import DRAWINGS
 from tests.studio.talking import figure
 
 import armcontour as ac
-from armcontour.errors import InvalidInput
-from armcontour.io import parse_job
+from armcontour.core.errors import InvalidInput
+from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.studio.tasks import working
 from armcontour.studio.tasks.working import SMALL, do, work

@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any
 
-from armcontour._describing import digits, line_up, several
-from armcontour._pool import Crew, InProcess, open_executor
-from armcontour._progress import Progress
-from armcontour._warming import warm
 from armcontour.batches.plan import Plan, read_plan
 from armcontour.batches.results import Results
 from armcontour.batches.working import Outcome, Work, killed
+from armcontour.core.compiling import warm
+from armcontour.core.describing import digits, line_up, several
 from armcontour.core.fields import checked
+from armcontour.core.pool import Crew, InProcess, open_executor
+from armcontour.core.progress import Progress
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from armcontour._text import suggest
+from armcontour.core.errors import InvalidInput
 from armcontour.core.result import Row
-from armcontour.errors import InvalidInput
+from armcontour.core.text import suggest
 from armcontour.jobs.axes import UNITS
 
 # What is done with each job: each more than the one before, or something else.

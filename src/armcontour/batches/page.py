@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
 from armcontour.batches.columns import COLUMNS
 from armcontour.batches.plan import Plan
 from armcontour.batches.working import DONE
+from armcontour.core.checks import FloatArray
 from armcontour.report import render_batch
 from armcontour.report.sections.batch import Axis, BatchView
 

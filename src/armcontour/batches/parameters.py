@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from armcontour import _checks
-from armcontour._checks import FloatArray, refuse_if
-from armcontour._quantities import Quantity
-from armcontour._text import show, suggest
-from armcontour.errors import InvalidInput, locate_errors
-from armcontour.io.job_edits import Change, Keys, change_data, value_at
-from armcontour.io.job_model import JobModel
-from armcontour.io.patch import full_key, key_of
-from armcontour.io.si_data import in_si, quantity_of
-from armcontour.io.units import parse, read_quantity
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray, refuse_if
+from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.quantities import Quantity
+from armcontour.core.text import show, suggest
+from armcontour.files.job_edits import Change, Keys, change_data, value_at
+from armcontour.files.job_model import JobModel
+from armcontour.files.patch import full_key, key_of
+from armcontour.files.si_data import in_si, quantity_of
+from armcontour.files.units import parse, read_quantity
 
 RANGE = ("from", "to", "steps", "scale")
 SCALES = ("linear", "log")
@@ -124,7 +124,7 @@ def _read_range(
         f"{place}.steps: the plan draws samples, whose number stands in combine.sobol: leave "
         "steps out.",
     )
-    scale = _checks.choice(f"{place}.scale", given.get("scale", "linear"), SCALES)
+    scale = checks.choice(f"{place}.scale", given.get("scale", "linear"), SCALES)
     low, high = (_read_end(f"{place}.{x}", given[x], quantity) for x in ("from", "to"))
     count = 2 if sampled else given["steps"]
     if not (_whole(count) and 1 <= count <= MOST_VALUES):

@@ -11,11 +11,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from armcontour import _checks
-from armcontour._checks import FloatArray
-from armcontour._files import read_text
-from armcontour._quantities import AtLeast, Choice
-from armcontour._yaml import load
 from armcontour.batches.columns import COLUMNS, PLACE, RUN, WORKS, read_columns
 from armcontour.batches.parameters import Parameter, read_parameter
 from armcontour.batches.resolving import (
@@ -24,8 +19,13 @@ from armcontour.batches.resolving import (
     read_base,
     refuse_unplaced,
 )
-from armcontour.errors import InvalidInput, locate_errors
-from armcontour.io.keys import Keys, read_keys
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.file_access import read_text
+from armcontour.core.quantities import AtLeast, Choice
+from armcontour.core.yaml_layout import load
+from armcontour.files.keys import Keys, read_keys
 
 PRODUCT, ZIP = "product", "zip"
 # Largest number of jobs of a plan: their rows take about 1 kB each.
@@ -232,7 +232,7 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
             refuse_unplaced(base, _first(base, parameters))
         _refuse_unreadable(base, parameters)
     found = Plan(
-        name=_checks.check_name("name of the plan", model.name or name),
+        name=checks.check_name("name of the plan", model.name or name),
         bases=tuple(_heard(x, parameters, trust_xacro) for x in bases),
         parameters=parameters,
         work=model.do,

@@ -10,24 +10,24 @@ from functools import lru_cache
 from pathlib import Path as FilePath
 from typing import Any
 
-from armcontour import _files
-from armcontour._checks import refuse_if
-from armcontour._text import show
 from armcontour._version import __version__
-from armcontour.arms import Arm
 from armcontour.batches.columns import CERTIFY, PLACE
-from armcontour.errors import InvalidInput, locate_errors
+from armcontour.core import file_access
+from armcontour.core.checks import refuse_if
+from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.text import show
+from armcontour.files.cell import cell_data
+from armcontour.files.job_arm import ARM_FILES
+from armcontour.files.job_edits import Keys
+from armcontour.files.job_file import job_on, job_text, model_of, parts_of, read_data
+from armcontour.files.job_model import JobModel
+from armcontour.files.patch import apply
+from armcontour.files.si_data import in_si
 from armcontour.geometry import Path
-from armcontour.io.cell import cell_data
-from armcontour.io.job_arm import ARM_FILES
-from armcontour.io.job_edits import Keys
-from armcontour.io.job_file import job_on, job_text, model_of, parts_of, read_data
-from armcontour.io.job_model import JobModel
-from armcontour.io.patch import apply
-from armcontour.io.si_data import in_si
 from armcontour.jobs import Job
 from armcontour.program import Program
-from armcontour.scene import Scene
+from armcontour.robot import Arm
+from armcontour.robot.scene import Scene
 
 # Keys of a job that read files, and keys inside of these that name them.
 WITH_FILES = ("arm", "tools", "path", "scene")
@@ -127,7 +127,7 @@ class Base:
         def hear(file: FilePath, content: bytes) -> None:
             found[file.resolve()] = hashlib.sha256(content).hexdigest()
 
-        with _files.hear_reading(hear), locate_errors(self.source):
+        with file_access.hear_reading(hear), locate_errors(self.source):
             arm, *_ = _Made(self.model(data), self.folder, trust_xacro).make()
             # Reads the meshes, which are read when shapes are first asked for.
             arm.knows_shapes  # noqa: B018
@@ -281,4 +281,4 @@ def _digest_of(file: FilePath) -> str:
 @lru_cache(maxsize=10_000)
 def _digest(file: FilePath, state: tuple[int, int]) -> str:
     """The digest of a file of a size and time."""
-    return hashlib.sha256(_files.read_bytes(file, "file", most=_files.LARGE)).hexdigest()
+    return hashlib.sha256(file_access.read_bytes(file, "file", most=file_access.LARGE)).hexdigest()

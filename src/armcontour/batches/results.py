@@ -10,11 +10,11 @@ from importlib.util import find_spec
 from pathlib import Path as FilePath
 from typing import Any
 
-from armcontour import _staging
 from armcontour.batches.page import render_page
 from armcontour.batches.plan import Plan
 from armcontour.batches.working import FAILED, STATUSES, Outcome
-from armcontour.errors import InvalidInput
+from armcontour.core import staging
+from armcontour.core.errors import InvalidInput
 
 ROWS, TABLE, REPORT = "results.jsonl", "results.parquet", "report.html"
 # A column that differs from one run of the same batch to the next.
@@ -47,14 +47,14 @@ class Results:
         with self._closing as opened:
             try:
                 self.folder.mkdir(parents=True, exist_ok=True)
-                place = self.folder / f"{_staging.PREFIX}batch"
+                place = self.folder / f"{staging.PREFIX}batch"
                 self._staging = opened.enter_context(
-                    _staging.Staging(place, self.folder, growing=True)
+                    staging.Staging(place, self.folder, growing=True)
                 )
                 self._read()
                 self._lines = opened.enter_context(self._file.open("a", encoding="utf-8"))
             except OSError as error:
-                raise _staging.unwritable(f"to the folder {self.folder}", error) from None
+                raise staging.unwritable(f"to the folder {self.folder}", error) from None
             self._closing = opened.pop_all()
         return self
 
@@ -128,7 +128,7 @@ class Results:
         """Write a file whole."""
         fresh = self._staging.place / name
         fresh.write_bytes(content)
-        with _staging.moving():
+        with staging.moving():
             os.replace(fresh, self.folder / name)
 
     def _refuse_others(self) -> None:
@@ -136,7 +136,7 @@ class Results:
         if self.folder.exists() and not self.folder.is_dir():
             raise InvalidInput(f"{self.folder} is a file, not a folder: choose another --out.")
         there = self.folder.iterdir() if self.folder.exists() else ()
-        names = [x.name for x in there if not x.name.startswith(_staging.PREFIX)]
+        names = [x.name for x in there if not x.name.startswith(staging.PREFIX)]
         if names and ROWS not in names:
             raise InvalidInput(
                 f"The folder {self.folder} is not empty and holds no {ROWS} of a batch: choose "

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from armcontour.batches.columns import CERTIFY, PLACE, TEACH, figures_of
 from armcontour.batches.plan import Plan
-from armcontour.errors import ArmContourError
+from armcontour.core.errors import ArmContourError
 from armcontour.jobs import Job
 
 # What can come of a job: figures, a refusal by this library, or neither, which may be tried again.
@@ -71,11 +71,11 @@ def killed() -> Outcome:
 def _do(work: str, job: Job, run: str | None) -> Any:
     """Do what the plan says with a job."""
     if work == CERTIFY:
-        from armcontour.certification import certify
+        from armcontour.studies.certification import certify
 
         return certify(job, run)
     if work == PLACE:
-        from armcontour.placement import place
+        from armcontour.studies.placement import place
 
         # Others have jobs of their own.
         return place(job, run=run, processes=1)

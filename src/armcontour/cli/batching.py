@@ -13,9 +13,9 @@ from armcontour.cli.console import Console, open_page
 from armcontour.cli.progress import batch_progress
 
 if TYPE_CHECKING:
-    from armcontour._progress import Progress
     from armcontour.batches import Batch, Tally
     from armcontour.cli.options import BatchOptions
+    from armcontour.core.progress import Progress
 
 # Time between two lines of JSON [s].
 EVERY = 1.0

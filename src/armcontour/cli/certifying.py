@@ -6,13 +6,13 @@ from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from armcontour._progress import under
 from armcontour.cli.console import Console, open_page
+from armcontour.core.progress import under
 
 if TYPE_CHECKING:
-    from armcontour.certification import Certificate
     from armcontour.cli.options import CertifyOptions, JobOptions
     from armcontour.jobs import Goal
+    from armcontour.studies.certification import Certificate
 
 
 def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> None:
@@ -27,11 +27,11 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
     Raises:
         ArmContourError: An invalid job, or no plan that meets the goal; then nothing is written.
     """
-    from armcontour._pool import open_executor
     from armcontour.cli.opening import open_job
     from armcontour.cli.progress import search_progress
-    from armcontour.errors import InvalidInput
-    from armcontour.io import ResultFolder, certificate_json
+    from armcontour.core.errors import InvalidInput
+    from armcontour.core.pool import open_executor
+    from armcontour.files import ResultFolder, certificate_json
 
     if x.out is None and (x.open_report or x.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
@@ -40,8 +40,8 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
         open_executor(x.workers, x.cluster) if shared else nullcontext() as executor,
         nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder,
     ):
-        from armcontour.certification import certify
-        from armcontour.certification.certifying import goal_of
+        from armcontour.studies.certification import certify
+        from armcontour.studies.certification.certifying import goal_of
 
         with search_progress("certifying") as progress:
             job = open_job(file, job_options, under(progress, "reading"), x)
@@ -64,7 +64,7 @@ def _refuse_nothing_shared(goal: Goal) -> None:
     Raises:
         InvalidInput: No robots of a box are executed as rigid bodies.
     """
-    from armcontour.errors import InvalidInput
+    from armcontour.core.errors import InvalidInput
 
     if goal.plant != "rigid_body" or goal.box is None:
         raise InvalidInput(
@@ -77,7 +77,7 @@ def _refuse_nothing_shared(goal: Goal) -> None:
 def _write(found: Certificate, folder: Any) -> None:
     """Write the plan, its taught data, the derating, the report and the summary."""
     from armcontour.cli.running import write_motions
-    from armcontour.io import certificate_json, derating_csv
+    from armcontour.files import certificate_json, derating_csv
     from armcontour.report import render_report
 
     write_motions(folder, found.job, found.study.runs)

@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armcontour._describing import digits, joint_called
-from armcontour._text import list_some, show
 from armcontour.cli.console import Console
+from armcontour.core.describing import digits, joint_called
+from armcontour.core.text import list_some, show
 
 if TYPE_CHECKING:
-    from armcontour._checks import FloatArray
-    from armcontour.arms import Arm, Limits
-    from armcontour.clearance import Clearance
     from armcontour.cli.options import ArmOptions, CheckOptions
-    from armcontour.evaluation import Check
-    from armcontour.io.joint_table import TrajectoryFile
+    from armcontour.core.checks import FloatArray
+    from armcontour.files.joint_table import TrajectoryFile
     from armcontour.jobs import Job, Run
     from armcontour.program import Program
-    from armcontour.scene import Scene
+    from armcontour.robot import Arm, Limits
+    from armcontour.robot.scene import Scene
+    from armcontour.verification import Check
+    from armcontour.verification.clearance import Clearance
 
 # Less noise [rad] is rounding: an encoder of 32 bits has steps of 1.5e-9 rad.
 LEAST_NOISE = 1e-9
@@ -43,11 +43,11 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     Raises:
         InvalidInput: A file or an option that cannot be used.
     """
+    from armcontour.core.errors import InvalidInput
     from armcontour.core.result import Row
-    from armcontour.errors import InvalidInput
-    from armcontour.evaluation import check
-    from armcontour.io import read_job
-    from armcontour.io.json_text import data_json
+    from armcontour.files import read_job
+    from armcontour.files.json_text import data_json
+    from armcontour.verification import check
 
     job = None if x.path is None else read_job(x.path, trust_xacro=x.trust_xacro)
     arm, scene = _arm_and_scene(x, None if job is None else job.arm)
@@ -81,8 +81,8 @@ def _limits_and_path(
     x: CheckOptions, job: Job | None, arm: Arm
 ) -> tuple[Limits, Program | None, float | None, float | None]:
     """The limits, the path, and the allowed deviations from the path [m] and [rad]."""
-    from armcontour.errors import InvalidInput
-    from armcontour.io import read_limits
+    from armcontour.core.errors import InvalidInput
+    from armcontour.files import read_limits
     from armcontour.jobs import programs_of
 
     path, limits = None, arm.limits
@@ -101,7 +101,7 @@ def _limits_and_path(
 
 def _clearance(samples: TrajectoryFile, arm: Arm, scene: Scene) -> Clearance:
     """How far an arm stays from itself and from its cell; its times are those of the file."""
-    from armcontour.clearance import check_clearance
+    from armcontour.verification.clearance import check_clearance
 
     return check_clearance(samples.straight, arm, scene).later(float(samples.t[0]))
 
@@ -111,9 +111,9 @@ def _arm_and_scene(x: CheckOptions, own: Arm | None) -> tuple[Arm, Scene | None]
 
     The arm is that of `--arm`, or of the job `own`, or of the cell of the scene.
     """
-    from armcontour.io.cell import cell_names, read_cell_scene
-    from armcontour.io.scene_files import read_scene_file
-    from armcontour.scene import Scene
+    from armcontour.files.cell import cell_names, read_cell_scene
+    from armcontour.files.scene_files import read_scene_file
+    from armcontour.robot.scene import Scene
 
     if x.scene is None:
         return _arm(x, own), None
@@ -125,7 +125,7 @@ def _arm_and_scene(x: CheckOptions, own: Arm | None) -> tuple[Arm, Scene | None]
 
 def _arm(x: CheckOptions, own: Arm | None) -> Arm:
     """The arm that the options name; by default that of a job or a cell."""
-    from armcontour.errors import InvalidInput
+    from armcontour.core.errors import InvalidInput
 
     if x.arm is not None:
         return named_arm(x.arm, x)
@@ -143,8 +143,8 @@ def _arm(x: CheckOptions, own: Arm | None) -> Arm:
 
 def named_arm(name: str, x: ArmOptions) -> Arm:
     """The arm of a name or file, by the options of robot descriptions."""
-    from armcontour.io.robots import options
-    from armcontour.io.robots.loading import load_arm
+    from armcontour.files.robots import options
+    from armcontour.files.robots.loading import load_arm
 
     given = options.ArmOptions(
         tip=x.tip,
@@ -158,7 +158,7 @@ def named_arm(name: str, x: ArmOptions) -> Arm:
 
 def _pairs(option: str, given: list[str] | None) -> dict[str, str]:
     """The values of an option that is given as NAME=VALUE, by name."""
-    from armcontour.errors import InvalidInput
+    from armcontour.core.errors import InvalidInput
 
     found = {}
     for text in given or []:
@@ -171,8 +171,8 @@ def _pairs(option: str, given: list[str] | None) -> dict[str, str]:
 
 def _samples(trajectory: FilePath, arm: Arm, x: CheckOptions) -> TrajectoryFile:
     """Read a trajectory file, which must have as many joints as the arm."""
-    from armcontour.errors import InvalidInput
-    from armcontour.io import read_trajectory
+    from armcontour.core.errors import InvalidInput
+    from armcontour.files import read_trajectory
     from armcontour.motion.log_checks import refuse_beyond
 
     samples = read_trajectory(trajectory, arm.joint_names, columns=x.columns, topic=x.topic)
@@ -195,9 +195,9 @@ def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
     Raises:
         InvalidInput: No such quantities, or an error of velocities that the file does not have.
     """
-    from armcontour._quantities import AngularDistance, AngularRate
     from armcontour.cli.quantities import read_option
-    from armcontour.errors import InvalidInput
+    from armcontour.core.errors import InvalidInput
+    from armcontour.core.quantities import AngularDistance, AngularRate
 
     if noise is None:
         return samples
@@ -258,7 +258,7 @@ def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
 
     Without a name, the first run that rounds corners, if all such runs round alike.
     """
-    from armcontour.errors import InvalidInput
+    from armcontour.core.errors import InvalidInput
     from armcontour.jobs.job import find_run
     from armcontour.jobs.planning import path_inputs
     from armcontour.jobs.reuse import comparable

@@ -345,6 +345,6 @@ def schema() -> None:
     """Print the JSON Schema of job files."""
     import json
 
-    from armcontour.io import json_schema
+    from armcontour.files import json_schema
 
     typer.echo(json.dumps(json_schema(), indent=2))

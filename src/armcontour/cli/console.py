@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Literal
 
-from armcontour._text import to_line
+from armcontour.core.text import to_line
 
 if TYPE_CHECKING:
     from armcontour.core.result import Data

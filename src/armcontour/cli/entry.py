@@ -6,10 +6,10 @@ import os
 import sys
 from contextlib import suppress
 
-from armcontour._process import end_at_once, import_path, look_for_garbage_less
-from armcontour._text import to_line
 from armcontour.cli.interrupts import run_interruptibly
-from armcontour.errors import ArmContourError
+from armcontour.core.errors import ArmContourError
+from armcontour.core.process import end_at_once, import_path, look_for_garbage_less
+from armcontour.core.text import to_line
 
 # Exit code for a pipe whose reader has ended, as in `armcontour arms | head -1`.
 BROKEN_PIPE = 128 + 13

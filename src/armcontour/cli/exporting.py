@@ -9,19 +9,19 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from armcontour._describing import digits, several
-from armcontour._files import MEGABYTE
 from armcontour.cli.quantities import read_option
+from armcontour.core.describing import digits, several
+from armcontour.core.file_access import MEGABYTE
 
 if TYPE_CHECKING:
-    from armcontour.arms import Arm, Limits
     from armcontour.cli.options import ExportOptions, StoredExportOptions
-    from armcontour.io import ResultFolder
-    from armcontour.io.exports.formats import ExportFormat
-    from armcontour.io.exports.table import Table
+    from armcontour.files import ResultFolder
+    from armcontour.files.exports.formats import ExportFormat
+    from armcontour.files.exports.table import Table
     from armcontour.jobs import Job, RunResult
     from armcontour.motion import TaughtData, Trajectory
     from armcontour.program import Event
+    from armcontour.robot import Arm, Limits
 
 # Labels of the set-points for the robot, and of the plan without compensation.
 TAUGHT, REFERENCE = "taught", "reference"
@@ -48,7 +48,7 @@ class Target:
     @property
     def plans(self) -> bool:
         """Whether the controller plans between the points: such files get the plan only."""
-        from armcontour.io.exports.template import templates
+        from armcontour.files.exports.template import templates
 
         return self.format.label in templates()
 
@@ -84,8 +84,8 @@ class Exports:
         Raises:
             InvalidInput: The format cannot hold the table; names the option of the format.
         """
-        from armcontour.errors import locate_errors
-        from armcontour.io.exports.formats import WITH_ANALOG
+        from armcontour.core.errors import locate_errors
+        from armcontour.files.exports.formats import WITH_ANALOG
 
         if not isinstance(target.format, WITH_ANALOG):
             table = dataclasses.replace(table, analog={})
@@ -98,8 +98,8 @@ class Exports:
 
     def warn_of_events(self, target: Target, table: Table) -> list[str]:
         """Sentences on outputs that one of the files does not switch."""
-        from armcontour.io.exports.formats import outputs_of
-        from armcontour.io.exports.template import describe_program
+        from armcontour.files.exports.formats import outputs_of
+        from armcontour.files.exports.template import describe_program
 
         return describe_program(
             table,
@@ -128,10 +128,10 @@ def exports_of(x: ExportOptions) -> Exports:
     Raises:
         InvalidInput: An unknown format, or an option that needs a format.
     """
-    from armcontour._quantities import Interval
-    from armcontour.errors import InvalidInput
-    from armcontour.io.exports.formats import TemplateFormat, format_named
-    from armcontour.io.exports.template import ending_of
+    from armcontour.core.errors import InvalidInput
+    from armcontour.core.quantities import Interval
+    from armcontour.files.exports.formats import TemplateFormat, format_named
+    from armcontour.files.exports.template import ending_of
 
     kinds = [format_named(name) for name in x.export or ()]
     if TemplateFormat in kinds:
@@ -172,9 +172,9 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -
     Raises:
         InvalidInput: No format takes outputs, or a text is not "event=output".
     """
-    from armcontour.errors import InvalidInput
-    from armcontour.io.exports.formats import FORMATS, WITH_OUTPUTS, URScriptFormat
-    from armcontour.io.exports.template import templates
+    from armcontour.core.errors import InvalidInput
+    from armcontour.files.exports.formats import FORMATS, WITH_OUTPUTS, URScriptFormat
+    from armcontour.files.exports.template import templates
 
     takers = [x.format.label for x in targets if isinstance(x.format, WITH_OUTPUTS)]
     if texts and not takers:
@@ -212,7 +212,7 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -
 
 def _refuse_same_files(targets: list[Target]) -> None:
     """Refuse two exports that would be written to the same file."""
-    from armcontour.errors import InvalidInput
+    from armcontour.core.errors import InvalidInput
 
     taken: dict[str, str] = {}
     for x in targets:
@@ -238,7 +238,7 @@ def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
         InvalidInput: A format that cannot be written, or an output for an event that the job
             does not have.
     """
-    from armcontour.errors import InvalidInput
+    from armcontour.core.errors import InvalidInput
 
     events = _events_of(job)
     _refuse_outputs(x, {*(event.name for event in events), *job.process.analog_names}, "the job")
@@ -259,7 +259,7 @@ def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
 
 def _refuse_outputs(x: Exports, events: Iterable[str], owner: str) -> None:
     """Refuse outputs for events that do not exist."""
-    from armcontour.io.exports.formats import outputs_of, refuse_unknown_outputs
+    from armcontour.files.exports.formats import outputs_of, refuse_unknown_outputs
 
     names = {name: 0 for target in x.targets for name in outputs_of(target.format)}
     refuse_unknown_outputs(names, events, option="--output", owner=owner)
@@ -286,7 +286,7 @@ def _two_points(job: Job, period: float, events: Sequence[Event], x: Exports) ->
     """A table of two points with the joints and events of a job."""
     import numpy as np
 
-    from armcontour.io.exports.table import tabulate
+    from armcontour.files.exports.table import tabulate
     from armcontour.motion import Samples, TimedEvent
 
     zeros = np.zeros((2, job.arm.dof))
@@ -316,8 +316,8 @@ def write_exports(
 
     Returns sentences on the files with their sizes, and warnings.
     """
-    from armcontour.io.exports import make_table
-    from armcontour.io.exports.formats import FORMATS, WITH_ANALOG
+    from armcontour.files.exports import make_table
+    from armcontour.files.exports.formats import FORMATS, WITH_ANALOG
     from armcontour.jobs import analog_outputs
 
     analog = analog_outputs(result.path, result.trajectory, job.process, result.run.limits)
@@ -378,7 +378,7 @@ def _warn_of_jumps(target: Target, table: Table, limits: Limits, name: str) -> l
     """Warn of a curve through set-points that needs far more than the limits of acceleration."""
     import numpy as np
 
-    from armcontour.arms.limit_use import use_of
+    from armcontour.robot.limit_use import use_of
 
     if table.ddq is None or limits.joint_acceleration is None:
         return []
@@ -414,15 +414,15 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
         InvalidInput: No result, an unknown format, an option that does not fit, or a destination
             that exists already.
     """
-    from armcontour._quantities import Interval
-    from armcontour._text import capitalise
     from armcontour.cli.console import Console
+    from armcontour.core.errors import InvalidInput
+    from armcontour.core.quantities import Interval
     from armcontour.core.render import figure
-    from armcontour.errors import InvalidInput
-    from armcontour.evaluation.evaluation import duration_row
-    from armcontour.io.cell import read_cell_arm
-    from armcontour.io.exports.formats import put
-    from armcontour.io.stored_run import read_run
+    from armcontour.core.text import capitalise
+    from armcontour.files.cell import read_cell_arm
+    from armcontour.files.exports.formats import put
+    from armcontour.files.stored_run import read_run
+    from armcontour.verification.evaluation import duration_row
 
     (target,) = _with_outputs(
         [Target(format=_format(file, options), ending=file.suffix)],
@@ -465,8 +465,8 @@ def _format(file: FilePath, options: StoredExportOptions) -> ExportFormat:
     Raises:
         InvalidInput: No such format, or a template without its format.
     """
-    from armcontour.errors import InvalidInput
-    from armcontour.io.exports.formats import TemplateFormat, format_named, format_of
+    from armcontour.core.errors import InvalidInput
+    from armcontour.files.exports.formats import TemplateFormat, format_named, format_of
 
     if options.template is not None:
         if options.format not in (None, "template"):

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 from armcontour.cli.console import Console, open_page, show_notes
 
 if TYPE_CHECKING:
-    from armcontour.arms import Arm
     from armcontour.cli.options import IdentifyOptions
     from armcontour.core.result import Data, Row
     from armcontour.motion import Log
+    from armcontour.robot import Arm
 
 # Exit codes: all joints have a good model and compensation is trusted (with masses: all is
 # determined), not so, and so on one program only. No error has the code 9.
@@ -30,8 +30,8 @@ def identify_files(logs: list[FilePath], x: IdentifyOptions) -> int:
     Raises:
         InvalidInput: A file or option that cannot be used.
     """
-    from armcontour._checks import refuse_if
     from armcontour.cli.checking import named_arm
+    from armcontour.core.checks import refuse_if
 
     lonely = x.out is None and (x.open_report or x.force)
     refuse_if(lonely, "--open and --force go with --out, the folder for the report.")
@@ -57,10 +57,10 @@ def identify_files(logs: list[FilePath], x: IdentifyOptions) -> int:
 def _identify_servos(logs: list[FilePath], x: IdentifyOptions, arm: Arm | None) -> int:
     """Identify the servo of every joint of some logs; the arm gives errors at the tool."""
     from armcontour.cli.progress import search_progress
+    from armcontour.control.identification import ServoFit, identify
     from armcontour.core.render import plain
     from armcontour.core.result import Row
-    from armcontour.identification import ServoFit, identify
-    from armcontour.io.servo_file import servo_yaml
+    from armcontour.files.servo_file import servo_yaml
 
     unseen = [_read(log, x) for log in x.predict or []]
     options = ServoFit(model=x.model, kinematics=arm, **_shared_options(x))
@@ -80,10 +80,10 @@ def _identify_servos(logs: list[FilePath], x: IdentifyOptions, arm: Arm | None) 
 def _identify_bodies(logs: list[FilePath], x: IdentifyOptions, name: str, arm: Arm) -> int:
     """Identify an arm with masses from logs."""
     from armcontour.cli.progress import search_progress
-    from armcontour.errors import InvalidInput
-    from armcontour.identification import BodyFit, identify_bodies
-    from armcontour.io.robot_file import read_servo, robot_servo_yaml, robot_yaml
-    from armcontour.io.robots.loading import arm_names
+    from armcontour.control.identification import BodyFit, identify_bodies
+    from armcontour.core.errors import InvalidInput
+    from armcontour.files.robot_file import read_servo, robot_servo_yaml, robot_yaml
+    from armcontour.files.robots.loading import arm_names
 
     servo = None if x.servo is None else read_servo(x.servo, arm.dof)
     options = BodyFit(gravity=x.gravity, **_shared_options(x))
@@ -109,8 +109,8 @@ def _identify_bodies(logs: list[FilePath], x: IdentifyOptions, name: str, arm: A
 
 def _shared_options(x: IdentifyOptions) -> dict[str, Any]:
     """The options that both kinds of identification have; without those that are not given."""
-    from armcontour._quantities import Interval
     from armcontour.cli.quantities import read_option
+    from armcontour.core.quantities import Interval
 
     given = {
         "interpolation": x.interpolation,
@@ -123,7 +123,7 @@ def _shared_options(x: IdentifyOptions) -> dict[str, Any]:
 def _read(log: FilePath, x: IdentifyOptions) -> Log:
     """Read a log."""
     from armcontour.cli.quantities import read_window
-    from armcontour.io.log_file import read_log
+    from armcontour.files.log_file import read_log
 
     start, end = read_window(x.start, x.end)
     found = read_log(
@@ -157,8 +157,8 @@ def _conclude(
         remark: What is said of the files.
     """
     from armcontour.core.result import Row
-    from armcontour.io import ResultFolder
-    from armcontour.io.json_text import data_json
+    from armcontour.files import ResultFolder
+    from armcontour.files.json_text import data_json
     from armcontour.report.identification import render_identification
 
     data = found.to_data()

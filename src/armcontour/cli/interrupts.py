@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, NoReturn
 
-from armcontour import _staging
+from armcontour.core import staging
 
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 # Longest wait for results that are being moved [s].
@@ -111,7 +111,7 @@ def _end(number: int) -> NoReturn:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     said = _bid_farewell()
-    unwritten = _staging.abandon(PATIENCE)
+    unwritten = staging.abandon(PATIENCE)
     message = f"Interrupted ({signal.Signals(number).name})"
     message += f": nothing was written to {', '.join(unwritten)}." if unwritten else "."
     message = " ".join([message, *said])

@@ -8,19 +8,19 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, TypeVar
 
-from armcontour._progress import Progress, Step, under
 from armcontour.cli.console import Console, open_page, show_notes
 from armcontour.cli.opening import open_job
 from armcontour.cli.progress import search_progress
 from armcontour.cli.quantities import read_window
+from armcontour.core.progress import Progress, Step, under
 
 if TYPE_CHECKING:
-    from armcontour._checks import FloatArray
     from armcontour.cli.options import JobOptions, LearnOptions
-    from armcontour.io import ResultFolder
+    from armcontour.control.learning import Recording
+    from armcontour.core.checks import FloatArray
+    from armcontour.files import ResultFolder
     from armcontour.jobs import Job, RunResult
     from armcontour.jobs.learning import JudgedStudy, LearningStudy
-    from armcontour.learning import Recording
     from armcontour.motion import Log, TaughtData
 
 Found = TypeVar("Found", "JudgedStudy", "LearningStudy")
@@ -65,8 +65,8 @@ def _do(
         write: Writes what was found.
         show: Prints what was found.
     """
-    from armcontour.io import ResultFolder
-    from armcontour.io.json_text import data_json
+    from armcontour.files import ResultFolder
+    from armcontour.files.json_text import data_json
 
     with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
         with search_progress(what) as progress:
@@ -87,7 +87,7 @@ def _refuse_missing(x: LearnOptions) -> None:
     Raises:
         InvalidInput: An option is missing.
     """
-    from armcontour.errors import InvalidInput
+    from armcontour.core.errors import InvalidInput
 
     if x.out is None and (x.open_report or x.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
@@ -144,8 +144,8 @@ def _read(
     job: Job, plan: RunResult, x: LearnOptions, window: tuple[float, float], progress: Progress
 ) -> tuple[TaughtData, Log | Recording, tuple[FloatArray, FloatArray] | None]:
     """What the robot executed, its log, and positions of its tool if there are any."""
-    from armcontour.io.log_file import read_run_log, read_tool_positions
-    from armcontour.io.taught_file import read_taught
+    from armcontour.files.log_file import read_run_log, read_tool_positions
+    from armcontour.files.taught_file import read_taught
 
     assert x.log is not None
     progress(Step(("reading the log",)))
@@ -171,9 +171,9 @@ def _write(found: LearningStudy, folder: ResultFolder) -> None:
     import dataclasses
 
     from armcontour.cli.running import write_motions
-    from armcontour.io.json_text import data_json
-    from armcontour.io.lesson_file import write_lesson
-    from armcontour.io.taught_file import LESSON
+    from armcontour.files.json_text import data_json
+    from armcontour.files.lesson_file import write_lesson
+    from armcontour.files.taught_file import LESSON
     from armcontour.report import render_learning
 
     name = found.plan.run.name
@@ -200,7 +200,7 @@ def _print(found: LearningStudy, out: FilePath | None) -> None:
 
 def _write_judged(study: JudgedStudy, folder: ResultFolder) -> None:
     """Write the summary of a judged run."""
-    from armcontour.io.json_text import data_json
+    from armcontour.files.json_text import data_json
 
     folder.write("summary.json", data_json(study.to_data([*folder.files, "summary.json"])))
 

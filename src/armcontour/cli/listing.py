@@ -11,7 +11,7 @@ WIDTH = 100
 
 def list_arms() -> Iterator[str]:
     """Lines with the name of every built-in arm, the source of its numbers and what is assumed."""
-    from armcontour.io.robots.loading import arm_names, load_arm
+    from armcontour.files.robots.loading import arm_names, load_arm
 
     for name in arm_names():
         arm = load_arm(name)

@@ -13,9 +13,9 @@ from armcontour.cli import quantities
 from armcontour.cli.options import SHORT
 
 if TYPE_CHECKING:
-    from armcontour._progress import Progress
     from armcontour.cli.options import JobOptions
-    from armcontour.io.patch import Patch
+    from armcontour.core.progress import Progress
+    from armcontour.files.patch import Patch
     from armcontour.jobs import Job
 
 # A job may have one of these endings, or none.
@@ -36,7 +36,7 @@ def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
     Raises:
         InvalidInput: Text of another form, or a key that two options set.
     """
-    from armcontour.errors import InvalidInput, locate_errors
+    from armcontour.core.errors import InvalidInput, locate_errors
 
     patch: dict[tuple[str | int, ...], Any] = {}
     options: dict[str, str] = {}
@@ -55,7 +55,7 @@ def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
             options[row["key"].removesuffix(".*")] = option
         for text in getattr(group, "sets", None) or ():
             # Loads the checks of jobs.
-            from armcontour.io import parse_set
+            from armcontour.files import parse_set
 
             with locate_errors("--set"):
                 [(keys, value)] = parse_set(text).items()
@@ -73,7 +73,7 @@ def name_options(options: Mapping[str, str]) -> Iterator[None]:
     Args:
         options: The options by keys with dots.
     """
-    from armcontour.errors import InvalidInput
+    from armcontour.core.errors import InvalidInput
 
     try:
         yield
@@ -93,7 +93,7 @@ def library_file(name: str) -> FilePath:
 
 def is_job(file: FilePath) -> bool:
     """Whether a file is a job by its name; else it is a drawing."""
-    from armcontour.errors import InvalidInput
+    from armcontour.core.errors import InvalidInput
 
     if file.is_dir():
         raise InvalidInput(f"{file} is a folder: name a job file or a drawing.")
@@ -112,10 +112,10 @@ def open_job(file: FilePath, x: JobOptions, progress: Progress, *groups: Any) ->
     Raises:
         InvalidInput: A drawing without a cell, a job file with a cell, or an invalid file.
     """
-    from armcontour.errors import InvalidInput
-    from armcontour.io import read_job
-    from armcontour.io.cell import cell_names, read_cell
-    from armcontour.io.drawings.endings import find_reader
+    from armcontour.core.errors import InvalidInput
+    from armcontour.files import read_job
+    from armcontour.files.cell import cell_names, read_cell
+    from armcontour.files.drawings.endings import find_reader
 
     patch, options = read_patch(x, *groups)
     if is_job(file):

@@ -16,7 +16,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.models import OptionInfo
 
-from armcontour._text import describe_fields
+from armcontour.core.text import describe_fields
 
 # The short options, from the keys of a job; `tests/cli/test_options.py` writes the file.
 SHORT: dict[str, dict[str, Any]] = {

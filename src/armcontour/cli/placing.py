@@ -6,12 +6,12 @@ from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour._progress import under
 from armcontour.cli.console import Console, open_page
+from armcontour.core.progress import under
 
 if TYPE_CHECKING:
     from armcontour.cli.options import JobOptions, PlaceOptions
-    from armcontour.placement import Placement
+    from armcontour.studies.placement import Placement
 
 # The job in its best place.
 JOB = "job.yaml"
@@ -29,12 +29,12 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
     Raises:
         ArmContourError: An invalid job, or no feasible place; then nothing is written.
     """
-    from armcontour._pool import open_executor
     from armcontour.cli.opening import open_job
     from armcontour.cli.progress import share_progress
-    from armcontour.errors import InvalidInput
-    from armcontour.io import ResultFolder, placement_csv, placement_json
-    from armcontour.placement import place
+    from armcontour.core.errors import InvalidInput
+    from armcontour.core.pool import open_executor
+    from armcontour.files import ResultFolder, placement_csv, placement_json
+    from armcontour.studies.placement import place
 
     # By default places decide by their number.
     own = x.workers is None and x.cluster is None
@@ -74,9 +74,9 @@ def _job_text(found: Placement, file: FilePath, out: FilePath, options: JobOptio
         InvalidInput: It cannot be written with keys of a job.
     """
     from armcontour.cli.opening import is_job, read_patch
-    from armcontour.io import placed_job_text
-    from armcontour.io.cell import drawing_text
-    from armcontour.io.job_file import job_text
+    from armcontour.files import placed_job_text
+    from armcontour.files.cell import drawing_text
+    from armcontour.files.job_file import job_text
 
     if is_job(file):
         text, folder = job_text(file), file.parent

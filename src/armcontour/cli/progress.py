@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
-from armcontour._progress import COMPILING, Progress, Step, hear_compiling
-from armcontour._text import to_line
+from armcontour.core.progress import COMPILING, Progress, Step, hear_compiling
+from armcontour.core.text import to_line
 
 if TYPE_CHECKING:
     from armcontour.batches import Tally

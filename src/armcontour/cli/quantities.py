@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, get_args
 
-from armcontour._text import plain_number, show
+from armcontour.core.text import plain_number, show
 
 
 def read_option(option: str, text: str | int | None, kind: Any) -> float | None:
@@ -32,7 +32,7 @@ def read_window(start: str | None, end: str | None) -> tuple[float, float]:
     Raises:
         InvalidInput: One of them is no time.
     """
-    from armcontour._quantities import Moment
+    from armcontour.core.quantities import Moment
 
     first, last = read_option("--from", start, Moment), read_option("--to", end, Moment)
     return -math.inf if first is None else first, math.inf if last is None else last
@@ -116,8 +116,8 @@ def _named(texts: list[str], example: str) -> dict[str, str]:
 
 def _read(option: str, text: str, kind: Any) -> float:
     """Read one quantity of an option: options are text, and text other than 0 needs a unit."""
-    from armcontour.errors import InvalidInput
-    from armcontour.io.units import read_quantity
+    from armcontour.core.errors import InvalidInput
+    from armcontour.files.units import read_quantity
 
     quantity = get_args(kind)[1]
     plain = text.strip()

@@ -8,14 +8,14 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour._progress import Progress, Step, under
 from armcontour.cli.console import Console, open_page
 from armcontour.cli.exporting import Exports, rehearse, write_exports
 from armcontour.cli.opening import library_file
 from armcontour.cli.progress import job_progress
+from armcontour.core.progress import Progress, Step, under
 
 if TYPE_CHECKING:
-    from armcontour.io import ResultFolder
+    from armcontour.files import ResultFolder
     from armcontour.jobs import Job, RunResult, Study
 
 WRITING = Step(("writing the results",))
@@ -39,9 +39,9 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
     Raises:
         ArmContourError: The folder cannot be used.
     """
-    from armcontour._warming import warm_for_run
-    from armcontour.io import ResultFolder, read_job
-    from armcontour.io.json_text import data_json
+    from armcontour.core.compiling import warm_for_run
+    from armcontour.files import ResultFolder, read_job
+    from armcontour.files.json_text import data_json
 
     with (
         ResultFolder(out, force=force, replaces="demo") as folder,
@@ -80,7 +80,7 @@ def _show_report(out: FilePath, open_report: bool) -> None:
 
 def built_in_job() -> Job:
     """The paper's job, which is a part of the package."""
-    from armcontour.io import parse_job
+    from armcontour.files import parse_job
 
     return parse_job(library_file("paper.yaml").read_text("utf-8"), source="the built-in job")
 
@@ -117,10 +117,10 @@ def run_job(
         ArmContourError: An invalid job, or a run that fails; then nothing is written.
     """
     # Heavy imports come later, so that a wrong folder or job is refused at once.
-    from armcontour._warming import warm_for_run
-    from armcontour.errors import InvalidInput
-    from armcontour.io import ResultFolder
-    from armcontour.io.json_text import data_json
+    from armcontour.core.compiling import warm_for_run
+    from armcontour.core.errors import InvalidInput
+    from armcontour.files import ResultFolder
+    from armcontour.files.json_text import data_json
 
     if open_report and not simulate:
         raise InvalidInput("--open opens the report of a simulation: leave --no-simulation out.")
@@ -172,7 +172,7 @@ def write_motions(
         plans: Plans by the names of their runs.
         under: Begin of all names of files, such as `plate/`.
     """
-    from armcontour.io import write_planned, write_taught, write_torque
+    from armcontour.files import write_planned, write_taught, write_torque
 
     names = job.arm.joint_names
     for name, result in plans.items():

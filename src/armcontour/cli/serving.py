@@ -43,10 +43,10 @@ def open_studio(file: FilePath | None, x: StudioOptions) -> None:
 
 def _check(file: FilePath | None, x: StudioOptions) -> None:
     """Refuse what cannot be opened before anything is loaded that takes long."""
-    from armcontour._files import LARGE, read_bytes
     from armcontour.cli.opening import is_job
-    from armcontour.errors import InvalidInput
-    from armcontour.io.drawings.endings import find_reader
+    from armcontour.core.errors import InvalidInput
+    from armcontour.core.file_access import LARGE, read_bytes
+    from armcontour.files.drawings.endings import find_reader
 
     if file is None:
         if x.cell is not None:

@@ -11,8 +11,8 @@ import numpy as np
 from armcontour.cli.console import Console
 
 if TYPE_CHECKING:
-    from armcontour._progress import Progress
     from armcontour.cli.options import DrawingOptions
+    from armcontour.core.progress import Progress
     from armcontour.program import Program
 
 
@@ -59,9 +59,9 @@ def _read_drawing(file: FilePath, drawing: DrawingOptions, progress: Progress) -
         InvalidInput: The drawing cannot be read.
     """
     from armcontour.cli.opening import name_options, read_patch
-    from armcontour.io.drawings.options import ReadOptions
-    from armcontour.io.drawings.read import read_path
-    from armcontour.io.keys import Keys, read_keys
+    from armcontour.files.drawings.options import ReadOptions
+    from armcontour.files.drawings.read import read_path
+    from armcontour.files.keys import Keys, read_keys
 
     patch, options = read_patch(drawing)
     data = {str(key): value for (_, key), value in patch.items()}

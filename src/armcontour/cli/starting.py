@@ -18,9 +18,9 @@ def write_cell(cell: str, out: FilePath | None, *, force: bool) -> None:
     Raises:
         InvalidInput: No such cell, a file that is there already, or one that cannot be written.
     """
-    from armcontour import _staging
-    from armcontour.errors import InvalidInput
-    from armcontour.io.cell import YAML, cell_text
+    from armcontour.core import staging
+    from armcontour.core.errors import InvalidInput
+    from armcontour.files.cell import YAML, cell_text
 
     text = cell_text(cell)
     file = FilePath(f"{cell}.yaml") if out is None else out
@@ -29,9 +29,9 @@ def write_cell(cell: str, out: FilePath | None, *, force: bool) -> None:
     if file.exists() and not force:
         raise InvalidInput(f"{file} is there already: name another file with --out, or --force.")
     try:
-        _staging.put_in_place(file, lambda x: x.write_text(text, encoding="utf-8"))
+        staging.put_in_place(file, lambda x: x.write_text(text, encoding="utf-8"))
     except OSError as error:
-        raise _staging.unwritable(file, error) from None
+        raise staging.unwritable(file, error) from None
     Console().say(
         f"{file} is a copy of the cell {cell}: set its arm, servo and place of the drawing, then "
         f"armcontour run DRAWING --cell {file} --out FOLDER"

@@ -10,7 +10,7 @@ from armcontour.cli.console import Console
 from armcontour.cli.progress import share_progress
 
 if TYPE_CHECKING:
-    from armcontour._warming import Which
+    from armcontour.core.compiling import Which
 
 PACKAGE = FilePath(__file__).parents[1]
 
@@ -24,7 +24,7 @@ def warm_up(which: Which) -> None:
     Raises:
         ExecutionError: A process that compiles has ended too early.
     """
-    from armcontour._warming import warm
+    from armcontour.core.compiling import warm
 
     with share_progress() as progress:
         found = warm(which, progress)

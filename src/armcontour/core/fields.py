@@ -1,7 +1,7 @@
 """Checks of fields and arguments by their annotations: type, finiteness, sign, shape and choices.
 
 An annotation such as `speed: Speed | None` is the only declaration: `check` and `checked` read it
-here, and `io/keys.py` makes keys of files, their JSON schema and their tables from it.
+here, and `files/keys.py` makes keys of files, their JSON schema and their tables from it.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from typing import (
 
 import numpy as np
 
-from armcontour import _checks
-from armcontour._checks import Value
-from armcontour._quantities import AtLeast, Axes, Choice, Named, Quantity
-from armcontour._text import capitalise, shorten, show
-from armcontour.errors import InvalidInput
+from armcontour.core import checks
+from armcontour.core.checks import Value
+from armcontour.core.errors import InvalidInput
+from armcontour.core.quantities import AtLeast, Axes, Choice, Named, Quantity
+from armcontour.core.text import capitalise, shorten, show
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -103,7 +103,7 @@ def check(value: Any) -> None:
         where = getattr(value, max(named)) if named else None
         if not isinstance(where, str) or not where:
             raise
-        raise error.at(shorten(where, _checks.LONGEST_NAME)) from None
+        raise error.at(shorten(where, checks.LONGEST_NAME)) from None
 
 
 @cache
@@ -135,7 +135,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*given, *args[len(names) :], **named)
         except TypeError:
-            _checks.refuse_call(function, args, keywords)
+            checks.refuse_call(function, args, keywords)
             raise
 
     return call
@@ -205,7 +205,7 @@ def _find(kind: type[R], marks: tuple[Any, ...]) -> R | None:
 
 def _reader(hint: Any, field: _Field) -> Reader | None:
     """The reader of values with an annotation; None if all values fit."""
-    kinds, origin, parts = _checks.kinds_of(hint), get_origin(hint), get_args(hint)
+    kinds, origin, parts = checks.kinds_of(hint), get_origin(hint), get_args(hint)
     if origin in (dict, Mapping):
         return _read_mapping(parts[1], field)
     if kinds and (Mapping not in kinds or hint is Mapping):
@@ -215,7 +215,7 @@ def _reader(hint: Any, field: _Field) -> Reader | None:
     if origin in (Union, UnionType):
         return _read_union(parts, field)
     if origin is Literal:
-        return lambda value: _checks.choice(field.who, value, parts)
+        return lambda value: checks.choice(field.who, value, parts)
     if origin is np.ndarray:
         return _read_numbers(hint, None, ANY_SHAPE, field)
     if origin is tuple:
@@ -232,7 +232,7 @@ def _read_kinds(kinds: tuple[type, ...], field: _Field) -> Reader:
     return lambda value: (
         value
         if isinstance(value, kinds)
-        else _checks.refuse_other(field.user, value, *kinds, role=field.role)
+        else checks.refuse_other(field.user, value, *kinds, role=field.role)
     )
 
 
@@ -258,24 +258,24 @@ def _read_choice(known: tuple[str, ...], single: bool, who: str) -> Reader:
 
     def read(value: Any) -> Any:
         if single or isinstance(value, str):
-            return _checks.choice(who, value, known)
-        values = _checks.listed(who, value, str, "texts")
-        _checks.refuse_if(not values, f"{who} must not be empty.")
-        return tuple(_checks.choice(who, x, known) for x in values)
+            return checks.choice(who, value, known)
+        values = checks.listed(who, value, str, "texts")
+        checks.refuse_if(not values, f"{who} must not be empty.")
+        return tuple(checks.choice(who, x, known) for x in values)
 
     return read
 
 
 def _read_name(value: Any, mark: Named, who: str) -> str:
     """A printable text of a limited length."""
-    name = _checks.check_name(who, value, most=mark.most)
-    _checks.refuse_if(mark.needed and not name.strip(), f"The {who} must not be empty.")
+    name = checks.check_name(who, value, most=mark.most)
+    checks.refuse_if(mark.needed and not name.strip(), f"The {who} must not be empty.")
     return name
 
 
 def _read_whole(mark: AtLeast, who: str) -> Reader:
     """The reader of a whole number."""
-    return lambda value: _checks.whole(who, value, mark.least, mark.most)
+    return lambda value: checks.whole(who, value, mark.least, mark.most)
 
 
 def _read_union(parts: tuple[Any, ...], field: _Field) -> Reader | None:
@@ -283,7 +283,7 @@ def _read_union(parts: tuple[Any, ...], field: _Field) -> Reader | None:
     texts = [x for x in parts if x is str or _is_text(x)]
     others = [x for x in parts if x not in (*texts, bool, type(None))]
     if len(texts) > 1 or len(others) > 1:
-        kinds = [_checks.kinds_of(x) for x in parts]
+        kinds = [checks.kinds_of(x) for x in parts]
         return _read_kinds(sum(kinds, ()), field) if all(kinds) else None
     passing: tuple[type, ...] = (type(None),) if type(None) in parts else ()
     passing += (bool, np.bool_) if bool in parts else ()
@@ -309,7 +309,7 @@ def _read_tuple(parts: tuple[Any, ...], field: _Field) -> Reader:
     """The reader of a list as a tuple."""
     many = parts[1:] == (...,)
     each = [_reader(x, field) for x in (parts[:1] if many else parts)]
-    kinds, count = _checks.kinds_of(parts[0]) if many else (), None if many else len(parts)
+    kinds, count = checks.kinds_of(parts[0]) if many else (), None if many else len(parts)
     names = [
         f"{x.__name__}{'es' if x.__name__.endswith('ch') else 's'}" for x in kinds if x is not str
     ]
@@ -317,7 +317,7 @@ def _read_tuple(parts: tuple[Any, ...], field: _Field) -> Reader:
     what = f"{f'{count} ' if count else ''}{' or '.join(names) or plain}"
 
     def read(value: Any) -> Any:
-        values = _checks.listed(field.who, value, kinds or object, what, count)
+        values = checks.listed(field.who, value, kinds or object, what, count)
         if kinds:
             return values
         every = zip(each * len(values) if many else each, values, strict=True)
@@ -331,7 +331,7 @@ def _read_mapping(of: Any, field: _Field) -> Reader:
     each = _reader(of, field) or (lambda value: value)
 
     def read(value: Any) -> Any:
-        _checks.refuse_other(field.user, value, Mapping, role=field.role)
+        checks.refuse_other(field.user, value, Mapping, role=field.role)
         for key, x in value.items():
             try:
                 each(x)
@@ -374,7 +374,7 @@ def _read_numbers(
         )
         if not fits or (per_joint and not array.size):
             raise InvalidInput(
-                f"{field.who} must {needed}{_checks.in_unit(unit)}, but has shape {array.shape}.",
+                f"{field.who} must {needed}{checks.in_unit(unit)}, but has shape {array.shape}.",
                 limit=limit,
             )
         if quantity is not None:
@@ -388,10 +388,10 @@ def _read_numbers(
 def _lock(value: Any, kind: Any, who: str, unit: str) -> Any:
     """An array of a type that is locked; the value itself if it is one."""
     if kind is np.float64:
-        return _checks.lock_floats(value, who, unit)
-    array = _checks.indices(who, value) if kind is np.intp else value
-    _checks.refuse_if(not isinstance(array, np.ndarray), f"{who} must be an array.")
-    return array if array.flags.owndata and not array.flags.writeable else _checks.lock_copy(array)
+        return checks.lock_floats(value, who, unit)
+    array = checks.indices(who, value) if kind is np.intp else value
+    checks.refuse_if(not isinstance(array, np.ndarray), f"{who} must be an array.")
+    return array if array.flags.owndata and not array.flags.writeable else checks.lock_copy(array)
 
 
 def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | None) -> None:
@@ -409,7 +409,7 @@ def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | 
     if sound.all():
         return
     where = tuple(int(x) for x in np.argwhere(~sound)[0])
-    value, more = float(array[where]), _checks.suffix(quantity.words)
+    value, more = float(array[where]), checks.suffix(quantity.words)
     place = f" at index {', '.join(str(x) for x in where)}" if where else ""
     needed = quantity.needed(value) if np.isfinite(value) else "be finite"
     if quantity.bounds and array.ndim == 2:

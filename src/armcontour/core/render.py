@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._describing import digits, line_up, to_html
+from armcontour.core.describing import digits, line_up, to_html
 from armcontour.core.palette import VERDICTS
 from armcontour.core.result import FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table, nest
 

@@ -1,6 +1,6 @@
 """Path geometry, without robot and time: lines and arcs, nearest points, rounded corners."""
 
-from armcontour._lazy import lazy_names
+from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "corner_curves": "corner_error",
@@ -13,6 +13,6 @@ _HOME = {
     "shaped": "Outcome ShapedPath SmoothCurve",
     "shaped_orientation": "orient_shaped",
     "tube": "Proof Tube",
-    "armcontour.frames": "angle_between",
+    "armcontour.core.frames": "angle_between",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

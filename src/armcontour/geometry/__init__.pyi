@@ -1,4 +1,4 @@
-from armcontour.frames import angle_between as angle_between
+from armcontour.core.frames import angle_between as angle_between
 from armcontour.geometry.corner_curves import corner_error as corner_error
 from armcontour.geometry.nearest import Projection as Projection
 from armcontour.geometry.orientation import Orientation as Orientation

@@ -11,8 +11,8 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
-from armcontour._kernels import FUSED, compiled
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.kernels import FUSED, compiled
 
 Point: TypeAlias = tuple[float, float, float]
 # Nodes of a tree that wait while another one is searched: one for each level.

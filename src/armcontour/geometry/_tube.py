@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._kernels import compiled
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.kernels import compiled
 from armcontour.geometry._segments import Point, nearest_within, point_at
 
 # A part is halved at most this often, and into at most this many parts.

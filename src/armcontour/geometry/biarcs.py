@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray
-from armcontour._quintics import evaluate, quintic
-from armcontour._sampling import number_parts
+from armcontour.core._quintics import evaluate, quintic
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.sampling import number_parts
 from armcontour.geometry.segments import Segments, largest_bend
 
 # An arc is a line if its chord and its start tangent differ by less than this angle [rad].

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.geometry.biarcs import biarcs, dot, length, unit
 from armcontour.geometry.connecting import around_vertices, connect, draw_connections
 from armcontour.geometry.corner_curves import Bounds, CornerKind, Drawn

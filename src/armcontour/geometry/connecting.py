@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._quintics import re_expand
-from armcontour._sampling import number_parts
+from armcontour.core._quintics import re_expand
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import (
     UNEVEN,
     Contact,

@@ -23,8 +23,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._sampling import number_parts
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import biarcs, dot, join_up, unit
 from armcontour.geometry.rounded_orientation import middle_of
 from armcontour.geometry.segments import REPEATED_POINT, Segments, share_demand

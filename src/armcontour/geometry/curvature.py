@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._quantities import Tolerance
-from armcontour._sampling import number_parts
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
-from armcontour.errors import InvalidInput
+from armcontour.core.quantities import Tolerance
+from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import length
 from armcontour.geometry.connecting import bound_deviation, connect, draw_connections
 from armcontour.geometry.orientation import SAME_ORIENTATION

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from armcontour import _checks
-from armcontour.errors import InvalidInput
-from armcontour.frames import IN_PLANE
+from armcontour.core import checks
+from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import IN_PLANE
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import REPEATED_POINT
 
@@ -25,7 +25,7 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
         InvalidInput: An arc length is outside the path, or the part has no length.
     """
     for name, s in (("begin", begin), ("end", end)):
-        value = _checks.number(name, s, "m")
+        value = checks.number(name, s, "m")
         if not -REPEATED_POINT <= value <= path.length + REPEATED_POINT:
             raise InvalidInput(
                 f"{name} of a part must lie within the path of {path.length:.9g} m, but is "

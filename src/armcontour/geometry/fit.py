@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._sampling import number_parts
-from armcontour.errors import InvalidInput
+from armcontour.core import checks
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import biarcs, distance, dot, length, unit
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.orienting import carry
@@ -91,7 +91,7 @@ def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
         InvalidInput: The breaks do not increase, the curve is not finite or has no length, or the
             tolerance is below a nanometre or far too small for the curve.
     """
-    at = _checks.numbers("breaks of a curve", breaks)
+    at = checks.numbers("breaks of a curve", breaks)
     if at.ndim != 1 or len(at) < 2 or (np.diff(at) <= 0).any():
         raise InvalidInput("The breaks of a curve must be two or more increasing numbers.")
     _refuse_fine(tolerance)
@@ -185,7 +185,7 @@ def _refuse_fine(tolerance: float) -> None:
     Raises:
         InvalidInput: The tolerance is below a nanometre.
     """
-    if _checks.positive("tolerance of a curve", tolerance, "m") < REPEATED_POINT:
+    if checks.positive("tolerance of a curve", tolerance, "m") < REPEATED_POINT:
         raise InvalidInput(
             f"The tolerance of a curve must be at least {REPEATED_POINT:g} m, but is "
             f"{tolerance:g} m."

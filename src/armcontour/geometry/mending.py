@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from armcontour._checks import FloatArray
-from armcontour.frames import angle_between
+from armcontour.core.checks import FloatArray
+from armcontour.core.frames import angle_between
 from armcontour.geometry.biarcs import biarcs, distance, unit
 from armcontour.geometry.blends import WIDEST
 from armcontour.geometry.path import Path

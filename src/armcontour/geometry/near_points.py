@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray, IntArray
 
 # Largest number of distances in a table: 10 ms of work, where scipy's tree is loaded in 300 ms.
 FEW = 250_000

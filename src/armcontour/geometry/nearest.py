@@ -12,10 +12,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
-from armcontour._sampling import number_parts
-from armcontour.errors import InvalidInput
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import draw_arcs
 from armcontour.geometry.segments import Segments
 
@@ -58,7 +58,7 @@ def find_nearest(
     Raises:
         InvalidInput: The points have another dimension than the path, or are not finite.
     """
-    queries = _checks.points("points to project", points)
+    queries = checks.points("points to project", points)
     if queries.shape[1] != segments.dimension:
         raise InvalidInput(
             f"Points to project have {queries.shape[1]} coordinates, "

@@ -12,14 +12,14 @@ from typing import Annotated
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
-from armcontour._describing import brief, several
-from armcontour._quantities import Axes, Quantity
-from armcontour._quintics import re_expand
+from armcontour.core import checks
+from armcontour.core._quintics import re_expand
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.describing import brief, several
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
-from armcontour.errors import InvalidInput
-from armcontour.frames import angle_between, exp, log
+from armcontour.core.frames import angle_between, exp, log
+from armcontour.core.quantities import Axes, Quantity
 
 # Orientations that differ by less than this count as equal [rad].
 SAME_ORIENTATION = 1e-9
@@ -30,14 +30,14 @@ RATE_FLOOR = 1e-9
 # Relative rounding error of an arc length.
 ROUNDING = 1e-15
 # Coefficients of f(u) = u.
-LINEAR = _checks.lock_floats([0.0, 1.0, 0.0, 0.0])
+LINEAR = checks.lock_floats([0.0, 1.0, 0.0, 0.0])
 
 
 # Terms of fast rotations are large; only those that no float can have are refused.
 FINITE = Quantity("", within=(-np.finfo(np.float64).max, np.finfo(np.float64).max))
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Orientation(Checked):
     """Tool orientation along a path, in n pieces.
@@ -155,7 +155,7 @@ class Orientation(Checked):
 
     def __call__(self, s: npt.ArrayLike, *, side: str = "right") -> FloatArray:
         """Rotation matrices at arc lengths, `s.shape + (3, 3)`."""
-        at = _checks.floats("arc lengths", s, "m")
+        at = checks.floats("arc lengths", s, "m")
         i = self.locate(at, side=side)
         return self.on_piece(i, at - self.breaks[i])
 
@@ -166,7 +166,7 @@ class Orientation(Checked):
             s: Arc lengths [m], any shape.
             side: "right" for the piece after a break, "left" for the piece before the break.
         """
-        at = _checks.floats("arc lengths", s, "m")
+        at = checks.floats("arc lengths", s, "m")
         i = self.locate(at, side=side)
         return self.rates_on_piece(i, at - self.breaks[i])
 
@@ -177,8 +177,8 @@ class Orientation(Checked):
             s: Arc lengths [m], any shape.
             side: "right" for the piece after a break, "left" for the piece before the break.
         """
-        at = _checks.floats("arc lengths", s, "m")
-        found = np.searchsorted(self.breaks, at, side=_checks.side(side)) - 1
+        at = checks.floats("arc lengths", s, "m")
+        found = np.searchsorted(self.breaks, at, side=checks.side(side)) - 1
         return np.clip(found, 0, len(self) - 1)
 
     def on_piece(self, i: IntArray, u: FloatArray) -> FloatArray:
@@ -320,7 +320,7 @@ class Orientation(Checked):
 def _straight(n: int) -> Mapping[str, FloatArray]:
     """Columns of an orientation of n pieces that turn at constant rates; many paths share them."""
     columns = {"second": np.zeros((n, 3)), "f": np.tile(LINEAR, (n, 1)), "g": np.zeros((n, 4))}
-    return {name: _checks.lock_floats(x) for name, x in columns.items()}
+    return {name: checks.lock_floats(x) for name, x in columns.items()}
 
 
 def shift(c: FloatArray, by: FloatArray) -> FloatArray:

@@ -10,20 +10,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
-from armcontour._describing import brief, digits, line_up, several
-from armcontour._quantities import Factor, Tolerance
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.describing import brief, digits, line_up, several
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
-from armcontour.errors import InvalidInput
-from armcontour.frames import Frame, Pose, angle_between
+from armcontour.core.frames import Frame, Pose, angle_between
+from armcontour.core.quantities import Factor, Tolerance
 from armcontour.geometry.nearest import Projection, find_nearest
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.primitives import NO_DEMAND, Arc, Demand, Line, tabulate
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments, close_up
 
 PLANE = "A tool is oriented in space: give the points of the path three coordinates."
-EVERY_VERTEX = _checks.lock_copy(np.empty(0, dtype=np.intp))
+EVERY_VERTEX = checks.lock_copy(np.empty(0, dtype=np.intp))
 # A break of an orientation within this distance of a vertex of its path, in metres plus the same
 # fraction of the path length, is moved to the vertex. The differences come from remainders that
 # corner rounding leaves out, and from rounding errors of summed lengths.
@@ -31,7 +31,7 @@ SAME_BREAK = 1e-12
 
 
 # No slots: with slots, Python's frozen classes give no clear error for setting a property.
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Path(Checked):
     """A continuous chain of lines and arcs in the plane or in space, callable in arc length.
@@ -70,7 +70,7 @@ class Path(Checked):
         else:
             at = _increasing(self.waypoints, n)
         object.__setattr__(self, "waypoints", at)
-        object.__setattr__(self, "breaks", _checks.lock_floats(self.segments.breaks))
+        object.__setattr__(self, "breaks", checks.lock_floats(self.segments.breaks))
         if self.orientation is not None:
             object.__setattr__(self, "orientation", self._fitting(self.orientation))
 
@@ -86,7 +86,7 @@ class Path(Checked):
         Raises:
             InvalidInput: The points have a wrong shape, or fewer than two of them differ.
         """
-        given = _checks.points("points of a path", points)
+        given = checks.points("points of a path", points)
         kept = _without_repeats(given)
         if len(kept) < 2:
             raise InvalidInput(
@@ -134,7 +134,7 @@ class Path(Checked):
         """
         from armcontour.geometry.spline import fit_spline
 
-        given = _checks.points("points of a spline", points)
+        given = checks.points("points of a spline", points)
         kept = _without_repeats(given)
         if len(kept) < 2:
             raise InvalidInput("A spline needs at least two different points.")
@@ -270,7 +270,7 @@ class Path(Checked):
             InvalidInput: There is a gap; some paths lie in the plane and others in space; or only
                 some have an orientation.
         """
-        paths: tuple[Path, ...] = _checks.listed("joined", (self, *others), Path, "Paths")
+        paths: tuple[Path, ...] = checks.listed("joined", (self, *others), Path, "Paths")
         if len(paths) == 1:
             return self
         if len({x.dimension for x in paths}) > 1:
@@ -364,7 +364,7 @@ class Path(Checked):
         """
         at = check_arc_length(s, self.length)
         i = self.locate(at, side=side)
-        return self.segments.at(i, at - self.breaks[i], _checks.derivative(order))
+        return self.segments.at(i, at - self.breaks[i], checks.derivative(order))
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
         """Index of the segment that contains each arc length.
@@ -373,8 +373,8 @@ class Path(Checked):
             s: Arc lengths [m], any shape.
             side: "right" for the segment after a vertex, "left" for the segment before the vertex.
         """
-        at = _checks.floats("arc lengths", s, "m")
-        found = np.searchsorted(self.breaks, at, side=_checks.side(side)) - 1
+        at = checks.floats("arc lengths", s, "m")
+        found = np.searchsorted(self.breaks, at, side=checks.side(side)) - 1
         return np.clip(found, 0, len(self) - 1)
 
     def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:
@@ -490,10 +490,10 @@ def _increasing(waypoints: npt.ArrayLike, n: int) -> IntArray:
     Raises:
         InvalidInput: They do not increase from 0 to n.
     """
-    at = _checks.indices("waypoints of a path", waypoints)
+    at = checks.indices("waypoints of a path", waypoints)
     if at.ndim != 1 or len(at) < 2 or (at[0], at[-1]) != (0, n) or not (at[1:] > at[:-1]).all():
         raise InvalidInput(f"waypoints of a path must increase from 0 to {n}.")
-    return _checks.lock_copy(at)
+    return checks.lock_copy(at)
 
 
 def _range(values: FloatArray, unit: str) -> str:
@@ -512,7 +512,7 @@ def check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:
     Raises:
         InvalidInput: An arc length is outside the path.
     """
-    at = _checks.floats("arc lengths", s, "m")
+    at = checks.floats("arc lengths", s, "m")
     slack = 1e-12 * max(length, 1e-3)
     outside = ~((at >= -slack) & (at <= length + slack))
     if outside.any():

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from armcontour import _checks
-from armcontour._checks import FloatArray, number, numbers
-from armcontour._quantities import Distance, Speed
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray, number, numbers
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
-from armcontour.errors import InvalidInput
+from armcontour.core.quantities import Distance, Speed
 from armcontour.geometry.segments import Segments
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Demand(Checked):
     """Process requirements of one segment; stricter limits of the job override them.
@@ -49,7 +49,7 @@ class Demand(Checked):
 NO_DEMAND = Demand()
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
     """A straight segment from `start` to `end` [m].
@@ -65,7 +65,7 @@ class Line:
     demand: Demand = NO_DEMAND
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arc:
     """A circular segment from `start` around `center` [m].
@@ -178,13 +178,13 @@ def tabulate(segments: Iterable[Line | Arc]) -> Segments:
     Raises:
         InvalidInput: There is no segment, an item is not a Line or Arc, or one has no length.
     """
-    listed = list(_checks.listed("segments of a path", segments, object, "Lines and Arcs"))
+    listed = list(checks.listed("segments of a path", segments, object, "Lines and Arcs"))
     for i, x in enumerate(listed):
         if not isinstance(x, (Line, Arc)):
             raise InvalidInput(
                 f"Segment {i + 1} must be a Line or an Arc, not a {type(x).__name__}.", index=i
             )
-        _checks.refuse_other(f"Segment {i + 1}", x.demand, Demand)
+        checks.refuse_other(f"Segment {i + 1}", x.demand, Demand)
     rows = [_line(x, i) if isinstance(x, Line) else _arc(x, i) for i, x in enumerate(listed)]
     if not rows:
         raise InvalidInput("A path needs at least one segment.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.geometry.biarcs import STRAIGHT
 from armcontour.geometry.segments import Segments
 

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
-from armcontour._quintics import quintic
-from armcontour.errors import InvalidInput
-from armcontour.frames import exp
+from armcontour.core._quintics import quintic
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import exp
 from armcontour.geometry.orientation import (
     RATE_FLOOR,
     SAME_ORIENTATION,

@@ -18,12 +18,12 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._describing import brief, line_up, several
+from armcontour.core import checks
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.describing import brief, line_up, several
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.render import number
-from armcontour.errors import InvalidInput
 from armcontour.geometry.corner_curves import (
     ARC,
     PARABOLA,
@@ -153,7 +153,7 @@ class RoundedPath(Path):
         Args:
             s: Arc lengths of the objective path [m], any shape.
         """
-        s, c = _checks.floats("arc lengths", s, "m"), self.corners
+        s, c = checks.floats("arc lengths", s, "m"), self.corners
         if self.segments is self.objective.segments:
             return np.clip(s, 0.0, self.length)
         at = self.objective.breaks[c.vertex]
@@ -210,7 +210,7 @@ def round_corners(
         InvalidInput: Neither case is given, a value is negative, the number of values is wrong, the
             continuity is neither of them, or the orientation needs an angular tolerance.
     """
-    _checks.choice("continuity", continuity, CONTINUITIES)
+    checks.choice("continuity", continuity, CONTINUITIES)
     if tolerance is None and (speed is None or acceleration is None):
         raise InvalidInput(
             "Corners need a tolerance (case II), or a speed and an acceleration (case I): in "
@@ -302,13 +302,13 @@ def _round_all(
     """The path with all corners replaced; tolerance, speed and acceleration are given."""
     tolerance, speed, acceleration = given
     n = len(path) - 1
-    error = _checks.per_vertex("corner error tolerance", tolerance, n, "m")
-    slowest = _checks.per_vertex("corner speed", speed, n, "m/s")
+    error = checks.per_vertex("corner error tolerance", tolerance, n, "m")
+    slowest = checks.per_vertex("corner speed", speed, n, "m/s")
     accelerations = np.full(n, np.nan)
     if acceleration is not None:
-        accelerations = _checks.per_vertex("corner acceleration", acceleration, n, "m/s²")
+        accelerations = checks.per_vertex("corner acceleration", acceleration, n, "m/s²")
         if n:
-            _checks.positive("corner acceleration", accelerations.min(), "m/s²")
+            checks.positive("corner acceleration", accelerations.min(), "m/s²")
     turn = path.turns
     corner, kinked = np.flatnonzero(turn > TANGENT_TOLERANCE), find_kinks(path)
     if len(kinked):
@@ -486,7 +486,7 @@ def needed_angle(path: Path, given: float | None, kinked: IntArray) -> float:
         InvalidInput: The tolerance is negative, or missing though the orientation needs one.
     """
     if given is not None:
-        return _checks.not_negative("angular tolerance", given, "rad")
+        return checks.not_negative("angular tolerance", given, "rad")
     orientation = path.orientation
     if orientation is not None and (orientation.follows or len(kinked)):
         why = (

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, IntArray, Value
-from armcontour._quintics import evaluate, re_expand
-from armcontour.errors import InvalidInput
+from armcontour.core import checks
+from armcontour.core._quintics import evaluate, re_expand
+from armcontour.core.checks import BoolArray, FloatArray, IntArray, Value
+from armcontour.core.errors import InvalidInput
 
 # Points closer than this count as one point: no arm resolves a nanometre [m].
 REPEATED_POINT = 1e-9
@@ -28,9 +28,9 @@ VECTORS = ("starts", "tangents", "normals")
 NUMBERS = ("curvatures", "lengths", "speeds", "tolerances")
 COLUMNS = (*VECTORS, *NUMBERS, "tags", "quintics")
 # Control points of the second derivative of a quintic, over its coefficients from x² on.
-BENDS = _checks.lock_floats([[2, 0, 0, 0], [2, 2, 0, 0], [2, 4, 4, 0], [2, 6, 12, 20]])
-NOT_GIVEN = _checks.lock_floats([])
-NO_TAGS = _checks.lock_copy(np.empty(0, dtype=object))
+BENDS = checks.lock_floats([[2, 0, 0, 0], [2, 2, 0, 0], [2, 4, 4, 0], [2, 6, 12, 20]])
+NOT_GIVEN = checks.lock_floats([])
+NO_TAGS = checks.lock_copy(np.empty(0, dtype=object))
 
 
 @dataclass(frozen=True, slots=True, weakref_slot=True, kw_only=True, eq=False)
@@ -82,7 +82,7 @@ class Segments(Value):
             array = np.asarray(getattr(self, name), dtype=object if name == "tags" else np.float64)
             # Arrays that are locked already are shared, not copied.
             if array.flags.writeable or not array.flags.owndata:
-                object.__setattr__(self, name, _checks.lock_copy(array))
+                object.__setattr__(self, name, checks.lock_copy(array))
 
     @classmethod
     def lines(cls, points: FloatArray, **columns: Any) -> Segments:
@@ -344,7 +344,7 @@ class Segments(Value):
 
     def _refuse_values(self) -> None:
         """Refuse columns that do not fit together, or values that no segment has."""
-        n = len(_checks.points("starts", self.starts))
+        n = len(checks.points("starts", self.starts))
         if n == 0:
             raise InvalidInput("A path needs at least one segment.")
         for name in (*VECTORS, "curvatures", "lengths"):

@@ -10,13 +10,13 @@ from types import MappingProxyType
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
-from armcontour._describing import brief, line_up, several
-from armcontour._quintics import evaluate
+from armcontour.core import checks
+from armcontour.core._quintics import evaluate
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.describing import brief, line_up, several
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.render import number
-from armcontour.errors import InvalidInput
 from armcontour.geometry.path import Path, check_arc_length
 
 # Name of the duration of the shaped path itself, beside those of its starts.
@@ -158,7 +158,7 @@ class ShapedPath(Path):
             return super().__call__(s, order, side=side)
         at = check_arc_length(s, self.length)
         i = self.locate(at, side=side)
-        return self.on_segment(i, at - self.breaks[i], _checks.derivative(order))
+        return self.on_segment(i, at - self.breaks[i], checks.derivative(order))
 
     def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:
         """Point or derivative at distance `u` [m] from the start of segment `i`, of the curve.
@@ -179,7 +179,7 @@ class ShapedPath(Path):
             s: Arc lengths of the objective path [m], any shape.
         """
         found = np.interp(
-            _checks.floats("arc lengths", s, "m"), self.places[:, 0], self.places[:, 1]
+            checks.floats("arc lengths", s, "m"), self.places[:, 0], self.places[:, 1]
         )
         return np.asarray(np.clip(found, 0.0, self.length))
 
@@ -209,7 +209,7 @@ def check_places(places: npt.ArrayLike, objective: Path, path: Path) -> FloatArr
     Raises:
         InvalidInput: The places do not increase from start to end of both paths.
     """
-    found = _checks.lock_floats(places)
+    found = checks.lock_floats(places)
     ends = np.array([[0.0, 0.0], [objective.length, path.length]])
     near = 1e-9 * (1 + ends[1])
     if found.ndim != 2 or not found.size or (np.abs(found[[0, -1]] - ends) > near).any():

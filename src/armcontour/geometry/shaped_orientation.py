@@ -21,9 +21,9 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from armcontour._checks import FloatArray, IntArray
-from armcontour._sampling import number_parts
-from armcontour.frames import exp, log, shortest
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.frames import exp, log, shortest
+from armcontour.core.sampling import number_parts
 from armcontour.geometry.orientation import (
     RATE_FLOOR,
     SAME_ORIENTATION,

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
-from armcontour._banded import solve_banded
-from armcontour._checks import FloatArray
-from armcontour.errors import InvalidInput
-from armcontour.frames import angle_between
+from armcontour.core import checks
+from armcontour.core._banded import solve_banded
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import angle_between
 
 # Weights of smoothness, for waypoints one apart: the tool turns evenly with the largest of them.
 # They are bisected on a logarithmic scale in so many steps.
@@ -37,8 +37,8 @@ def smooth_axes(points: npt.ArrayLike, axes: npt.ArrayLike, tolerance: float) ->
         InvalidInput: The tolerance is negative, neighbours are the same point, or a direction has
             no length.
     """
-    at, given = _checks.numbers("points", points), _checks.numbers("axes", axes)
-    _checks.not_negative("tolerance of axes", tolerance, "rad")
+    at, given = checks.numbers("points", points), checks.numbers("axes", axes)
+    checks.not_negative("tolerance of axes", tolerance, "rad")
     steps, size = np.linalg.norm(np.diff(at, axis=0), axis=1), np.linalg.norm(given, axis=1)
     if not (steps > 0).all() or not (size > 0).all():
         raise InvalidInput("Smooth axes need points that differ, and directions with a length.")

@@ -6,9 +6,9 @@ from typing import Literal
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._quintics import re_expand
-from armcontour.errors import InvalidInput
+from armcontour.core._quintics import re_expand
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
 from armcontour.geometry.biarcs import UNEVEN, contact_of, join_up, length
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 

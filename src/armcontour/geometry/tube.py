@@ -30,10 +30,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour.core import checks
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
-from armcontour.errors import InvalidInput
 from armcontour.geometry.nearest import pack, pad
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
@@ -138,9 +138,9 @@ class Tube(Checked):
         if (line_tolerance is None) != (zone is None):
             raise InvalidInput("A tube needs both line_tolerance and zone, or neither.")
         if line_tolerance is not None and zone is not None:
-            _checks.not_negative("line_tolerance", line_tolerance, "m")
-            _checks.positive("zone", zone, "m")
-        values = _checks.per_vertex("tolerance", tolerance, len(objective) - 1, "m")
+            checks.not_negative("line_tolerance", line_tolerance, "m")
+            checks.positive("zone", zone, "m")
+        values = checks.per_vertex("tolerance", tolerance, len(objective) - 1, "m")
         corner = np.flatnonzero(objective.turns > TANGENT_TOLERANCE)
         # The vertices around which their tolerances hold.
         centre = np.arange(len(values)) if zone is None else corner

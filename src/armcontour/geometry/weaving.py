@@ -8,9 +8,12 @@ from typing import Annotated, Any
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
-from armcontour._checks import FloatArray
-from armcontour._quantities import (
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import checked
+from armcontour.core.frames import log
+from armcontour.core.quantities import (
     Axes,
     Choice,
     Duration,
@@ -20,16 +23,13 @@ from armcontour._quantities import (
     Speed,
     Tolerance,
 )
-from armcontour.core.fields import checked
-from armcontour.errors import InvalidInput
-from armcontour.frames import log
 from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
 
 SHAPES = ("sine", "zigzag")
-UP = _checks.lock_floats([0.0, 0.0, 1.0])
+UP = checks.lock_floats([0.0, 0.0, 1.0])
 # Points of a sine per pitch at first, how often their number may double, and the most points.
 SAMPLES, MOST_DOUBLINGS, MOST_POINTS = 64, 6, 2_000_000
 # Smallest sine of the angle between the tool axis and the tangent: below it a seam has no sides.
@@ -124,7 +124,7 @@ def weave_seam(
     direction = None
     if up is not None:
         length = np.linalg.norm(up)
-        _checks.refuse_if(length == 0, "up must be a direction in space.")
+        checks.refuse_if(length == 0, "up must be a direction in space.")
         direction = np.asarray(up) / length
     if path.length / pitch * SAMPLES > MOST_POINTS:
         raise InvalidInput(

@@ -1,6 +1,6 @@
 """Jobs, and `run`, which does all steps of a job and returns a study."""
 
-from armcontour._lazy import lazy_names
+from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "advice": "advise",

@@ -10,12 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._progress import Progress, Step, under
-from armcontour.arms.limits import UNITS
-from armcontour.compensation.compensator import INVERSE
+from armcontour.control.compensation.compensator import INVERSE
+from armcontour.core.errors import ArmContourError
+from armcontour.core.progress import Progress, Step, under
 from armcontour.core.render import split
-from armcontour.errors import ArmContourError
-from armcontour.evaluation import evaluate
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.improvements import Advice, Improvement
 from armcontour.jobs.job import Job, Run
@@ -26,7 +24,9 @@ from armcontour.jobs.reuse import Reuse
 from armcontour.jobs.study import execute_run, teach_run
 from armcontour.jobs.verdict import farthest, judge, weave_speed
 from armcontour.motion import Method
-from armcontour.timing.explanation import DWELLS, NAMES, RAPIDS
+from armcontour.planning.explanation import DWELLS, NAMES, RAPIDS
+from armcontour.robot.limits import UNITS
+from armcontour.verification import evaluate
 
 # Changes that are listed, and changes that are planned to find them.
 MOST_LISTED, MOST_PLANNED = 3, 6

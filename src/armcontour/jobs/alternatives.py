@@ -7,22 +7,22 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour._progress import Progress, Step
-from armcontour.arms import Arm, SerialArm
-from armcontour.clearance import Cell, Clearance
-from armcontour.clearance.distances import can_measure
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import ArmContourError, InvalidInput, locate_errors
+from armcontour.core.frames import exp
+from armcontour.core.progress import Progress, Step
 from armcontour.core.render import number
-from armcontour.errors import ArmContourError, InvalidInput, locate_errors
-from armcontour.frames import exp
 from armcontour.geometry import Path
 from armcontour.jobs.job import Job, Run
 from armcontour.motion import JointPath, Span, Trajectory, stand_still
+from armcontour.planning import Tracing, trace_program
+from armcontour.planning.program_tracing import bound_duration, ends_of, find_starts
+from armcontour.planning.tracing import trace
 from armcontour.program import Contour, Program, contour_called
-from armcontour.scene.arm_shapes import ASSUMED_GAP, ASSUMED_RADIUS
-from armcontour.timing import Tracing, trace_program
-from armcontour.timing.program_tracing import bound_duration, ends_of, find_starts
-from armcontour.tracing import trace
+from armcontour.robot import Arm, SerialArm
+from armcontour.robot.scene.arm_shapes import ASSUMED_GAP, ASSUMED_RADIUS
+from armcontour.verification.clearance import Cell, Clearance
+from armcontour.verification.clearance.distances import can_measure
 
 # A rapid that would touch goes so far back along the tool axis first [m], the least that is clear.
 RETRACTS = (0.02, 0.05, 0.1, 0.2)
@@ -262,7 +262,7 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
         return
     if path.orientation is None or not path.orientation.axis_only:
         return
-    from armcontour.arms.inverse import configurations
+    from armcontour.robot.inverse import configurations
 
     point, rotation = path([0.0])[0], path.orientation([0.0])[0]
     turned: list[FloatArray] = []
@@ -274,7 +274,7 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
 
 def _rapid_around(arm: Arm, this: Run, cell: Cell, path: JointPath) -> JointPath | None:
     """A joint path with the same ends that keeps clear; None if none is found."""
-    from armcontour.clearance.connecting import connect, through
+    from armcontour.verification.clearance.connecting import connect, through
 
     first, last = ends_of(path)
     if not (cell.keeps(_rest(first)) and cell.keeps(_rest(last))):

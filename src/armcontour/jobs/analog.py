@@ -7,13 +7,13 @@ from functools import partial
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray
-from armcontour.arms import Limits
-from armcontour.errors import InvalidInput
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.errors import InvalidInput
 from armcontour.geometry import ShapedPath
 from armcontour.motion import TimedEvent, Trajectory
 from armcontour.motion.trajectory import Span
 from armcontour.program import Analog, Contour, Process, Program, contour_called
+from armcontour.robot import Limits
 
 Values = Callable[[FloatArray], FloatArray]
 # Outputs of G-code that are not the process.

@@ -8,8 +8,10 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from armcontour import _checks
-from armcontour._quantities import (
+from armcontour.core import checks
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Checked
+from armcontour.core.quantities import (
     AtLeast,
     CoulombFrictions,
     JointArmatures,
@@ -17,17 +19,15 @@ from armcontour._quantities import (
     JointStiffnesses,
     ViscousFrictions,
 )
-from armcontour.arms import Arm, Limits
-from armcontour.arms.chain import Payload
-from armcontour.core.fields import Checked
-from armcontour.errors import InvalidInput
-from armcontour.execution import RigidBodyPlant
-from armcontour.execution.rigid_body_plant import (
+from armcontour.robot import Arm, Limits
+from armcontour.robot.chain import Payload
+from armcontour.robot.servo import ServoModel
+from armcontour.simulation import RigidBodyPlant
+from armcontour.simulation.rigid_body_plant import (
     DriveCycle,
     PositionNoise,
     refuse_undriven_damping,
 )
-from armcontour.servo import ServoModel
 
 # What a robot can have per joint, with its unit and its name in sentences.
 PER_JOINT = {
@@ -103,7 +103,7 @@ class Experiment(Checked):
             InvalidInput: The number of values is not 1 or `dof`.
         """
         changes: dict[str, Any] = {
-            name: _checks.per_joint(name, values, dof, unit)
+            name: checks.per_joint(name, values, dof, unit)
             for name, (unit, _) in PER_JOINT.items()
             if (values := getattr(self, name)) is not None
         }

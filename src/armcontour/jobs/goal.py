@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from armcontour import _checks
-from armcontour._quantities import About, AtLeast, Choice, PlainNumber, Tolerance
+from armcontour.core import checks
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
-from armcontour.errors import InvalidInput
-from armcontour.robustness.box import Box
+from armcontour.core.quantities import About, AtLeast, Choice, PlainNumber, Tolerance
+from armcontour.simulation.robustness.box import Box
 
 SATURATION = ("refuse", "report")
 PLANTS = ("servo", "rigid_body")
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Goal(Checked):
     """Requirements that a certified plan meets.
@@ -73,7 +73,7 @@ class Goal(Checked):
                 f"servo is {self.servo:g} m, but must be below the tolerance of "
                 f"{self.tolerance:g} m: the corners need a part of the tolerance."
             )
-        _checks.refuse_if(
+        checks.refuse_if(
             self.plant == "rigid_body" and self.saturation == "report",
             "A certificate on rigid bodies does not allow drives to saturate: leave saturation "
             "out, or certify with plant: servo.",

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from armcontour.jobs.job import Run
 from armcontour.motion import Trajectory
+from armcontour.planning import Tracing, find_jerk_stops
 from armcontour.program import Program, contour_called
-from armcontour.timing import Tracing, find_jerk_stops
 
 # The reason of these stops.
 CURVATURE_JUMPS = "curvature jumps"

@@ -7,10 +7,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any, cast
 
-from armcontour import _checks
-from armcontour._checks import FloatArray
-from armcontour._describing import brief, digits, line_up, several
-from armcontour._quantities import (
+from armcontour.control.compensation import CompensationOptions, InverseDynamics
+from armcontour.control.compensation.compensator import INVERSE
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.describing import brief, digits, line_up, several
+from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.fields import Checked
+from armcontour.core.frames import Frame
+from armcontour.core.quantities import (
     About,
     Acceleration,
     AngularDistance,
@@ -23,14 +28,7 @@ from armcontour._quantities import (
     Speed,
     Tolerance,
 )
-from armcontour.arms import Arm, Limits
-from armcontour.clearance import Cell, cell_of
-from armcontour.compensation import CompensationOptions, InverseDynamics
-from armcontour.compensation.compensator import INVERSE
-from armcontour.core.fields import Checked
 from armcontour.core.render import number
-from armcontour.errors import InvalidInput, locate_errors
-from armcontour.frames import Frame
 from armcontour.geometry import Path
 from armcontour.geometry.rounding import CONTINUITIES, Continuity
 from armcontour.jobs.analog import refuse_open_speeds
@@ -39,12 +37,14 @@ from armcontour.jobs.goal import Goal
 from armcontour.jobs.place_search import PlaceSearch
 from armcontour.jobs.single_corners import refuse_no_corners
 from armcontour.motion import PERIOD, Method, check_interval
+from armcontour.planning import Optimal, PlanOptions, Shaped, refuse_endless
+from armcontour.planning.options import FASTEST
 from armcontour.program import Process, Program
 from armcontour.program.preparing import refuse_unfit
-from armcontour.scene import Scene
-from armcontour.servo import ServoModel
-from armcontour.timing import Optimal, PlanOptions, Shaped, refuse_endless
-from armcontour.timing.options import FASTEST
+from armcontour.robot import Arm, Limits
+from armcontour.robot.scene import Scene
+from armcontour.robot.servo import ServoModel
+from armcontour.verification.clearance import Cell, cell_of
 
 # A title is a line of a report.
 LONGEST_TITLE = 200
@@ -56,7 +56,7 @@ SHAPES = (ARC, FREE)
 TANGENT, CURVATURE = CONTINUITIES
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rounding(Checked):
     """How corners are rounded: by `tolerance`, or by `speed` and `acceleration`.
@@ -223,7 +223,7 @@ TRANSITION_TOLERANCE = 1e-5
 OF_FREE = ("line_tolerance", "zone", "iterations")
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run(Checked):
     """A run: limits and methods for one plan of the job, to be compared with other runs.
@@ -314,7 +314,7 @@ class Run(Checked):
         return self.timing.duration if isinstance(self.timing, Optimal) else None
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Job(Checked):
     """A path, an arm, a servo, and the runs to compare.
@@ -390,8 +390,8 @@ class Job(Checked):
             with locate_errors("placement"):
                 self.placement.check(self.arm.dimension)
         if self.start is not None:
-            start = _checks.per_joint("start", self.start, self.arm.dof, "rad")
-            object.__setattr__(self, "start", _checks.lock_floats(start))
+            start = checks.per_joint("start", self.start, self.arm.dof, "rad")
+            object.__setattr__(self, "start", checks.lock_floats(start))
 
     def __str__(self) -> str:
         """What is followed by what, and the runs."""

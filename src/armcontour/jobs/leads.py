@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour.arms import PlanarTwoLink
-from armcontour.errors import ArmContourError, locate_errors
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import ArmContourError, locate_errors
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.planned import Planned
 from armcontour.jobs.warnings import SAME_SPEED, assigned_speed
+from armcontour.planning import Optimal
 from armcontour.program import Contour, Leads, Process, Program, arrange, prepare
-from armcontour.timing import Optimal
+from armcontour.robot import PlanarTwoLink
 
 # The first length that is tried [m], and the shortest and longest ones.
 FIRST_LEAD, SHORTEST_LEAD, LONGEST_LEAD = 32e-3, 2e-3, 16.0

@@ -8,26 +8,26 @@ from functools import cached_property
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour._progress import Progress, Step, under
-from armcontour._sampling import interpolate
-from armcontour.compensation import InverseDynamics
+from armcontour.control.compensation import InverseDynamics
+from armcontour.control.learning import LearnedRun, Lesson, Recording, judge_run, learn
+from armcontour.control.learning.aligning import fit_to
+from armcontour.control.learning.estimating import smooth_error
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
+from armcontour.core.progress import Progress, Step, under
 from armcontour.core.render import number
 from armcontour.core.result import FILE, FIRST, TABLE, Data, Row, Table
-from armcontour.errors import InvalidInput
-from armcontour.evaluation import ErrorProfile
-from armcontour.evaluation.error_profile import Missed, error_rows
-from armcontour.evaluation.pieces import Piece, pieces_of
+from armcontour.core.sampling import interpolate
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.results import RunResult, Study
 from armcontour.jobs.study import run
-from armcontour.learning import LearnedRun, Lesson, Recording, judge_run, learn
-from armcontour.learning.aligning import fit_to
-from armcontour.learning.estimating import smooth_error
 from armcontour.motion import Execution, Log, TaughtData
 from armcontour.motion.command_limits import describe_excess
 from armcontour.program import contour_called
+from armcontour.verification import ErrorProfile
+from armcontour.verification.error_profile import Missed, error_rows
+from armcontour.verification.pieces import Piece, pieces_of
 
 # Smallest dead time [s] and clock error that are told to the user.
 TOLD_DELAY, TOLD_RATE = 1e-4, 1e-5

@@ -6,12 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from armcontour import _checks
-from armcontour._quantities import About, Choice
+from armcontour.core import checks
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
-from armcontour.errors import InvalidInput
+from armcontour.core.quantities import About, Choice
 from armcontour.jobs.axes import FARTHEST, read_axes, read_uncertainty
-from armcontour.scene.scene import BASE, PART
+from armcontour.robot.scene.scene import BASE, PART
 
 CYCLE, MANIPULABILITY, CLEARANCE, TORQUE = "cycle", "manipulability", "clearance", "torque"
 OBJECTIVES = (CYCLE, MANIPULABILITY, CLEARANCE, TORQUE)
@@ -25,7 +25,7 @@ OVER = "Axis (x, y, z, yaw or tilt), range and number of places: 'x: -300 mm .. 
 OFF = "Position error of the part, whose worst corner counts: 'x: 2 mm'; 0 takes an axis out."
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlaceSearch(Checked):
     """Where a placement looks for the best place, and what is best.
@@ -75,11 +75,11 @@ class PlaceSearch(Checked):
         self.check(SPACE)
         if isinstance(self.about, str):
             return
-        about = _checks.numbers("about", self.about, "m")
+        about = checks.numbers("about", self.about, "m")
         if about.shape != (SPACE,):
             raise InvalidInput(f"about is a point of 3 coordinates in m, not {about.size}.")
         for x in about:
-            _checks.between("about", x, -FARTHEST["m"], FARTHEST["m"], "m")
+            checks.between("about", x, -FARTHEST["m"], FARTHEST["m"], "m")
 
     def check(self, dimension: int) -> None:
         """Refuse axes that an arm has not.

@@ -8,9 +8,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, Self
 
-from armcontour._text import capitalise
-from armcontour.arms import Arm, compare_limits
-from armcontour.clearance import Clearance
+from armcontour.core.text import capitalise
 from armcontour.geometry import ShapedPath, count_full_stops
 from armcontour.geometry.shaped import SHAPED, doubt_search
 from armcontour.jobs import warnings
@@ -23,8 +21,10 @@ from armcontour.jobs.quantities import (
     weavings,
 )
 from armcontour.motion import Trajectory
+from armcontour.planning import Conventional, Explanation, Tracing
 from armcontour.program import Program
-from armcontour.timing import Conventional, Explanation, Tracing
+from armcontour.robot import Arm, compare_limits
+from armcontour.verification.clearance import Clearance
 
 # The clearance of the arm from itself is reported where it is below this [m].
 NEAR = 10e-3

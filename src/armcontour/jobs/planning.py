@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy.typing as npt
 
-from armcontour._progress import Progress, Step, under
-from armcontour.clearance import Clearance
-from armcontour.errors import InvalidInput, Unreachable, locate_errors
+from armcontour.core.errors import InvalidInput, Unreachable, locate_errors
+from armcontour.core.progress import Progress, Step, under
 from armcontour.geometry import Path
 from armcontour.jobs.alternatives import (
     alternatives,
@@ -26,8 +25,7 @@ from armcontour.jobs.planned import Planned
 from armcontour.jobs.reuse import Reuse, comparable
 from armcontour.jobs.single_corners import corner_tolerances, refuse_missing
 from armcontour.motion import Method, Trajectory
-from armcontour.program import Program, prepare, round_corners, smooth_curvature
-from armcontour.timing import (
+from armcontour.planning import (
     Explanation,
     Optimal,
     Tracing,
@@ -36,6 +34,8 @@ from armcontour.timing import (
     plan,
     trace_program,
 )
+from armcontour.program import Program, prepare, round_corners, smooth_curvature
+from armcontour.verification.clearance import Clearance
 
 # The first step of a run; the other where corners have the shape free.
 ROUNDING, SHAPING = "rounding", "shaping"
@@ -216,7 +216,7 @@ def round_program(
     if rounding is None:
         return program
     if rounding.free:
-        from armcontour.timing import shape
+        from armcontour.planning import shape
 
         with locate_errors("corners"):
             assert isinstance(this.timing, Optimal)

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour.arms import Arm, SerialArm
+from armcontour.core.checks import FloatArray
 from armcontour.core.fields import Checked
 from armcontour.core.render import number, number_range
 from armcontour.motion import Execution, Trajectory
 from armcontour.program import Program, contour_called
+from armcontour.robot import Arm, SerialArm
 
 # Samples of the planned path per wave.
 PER_WAVE = 64

@@ -7,17 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
-from armcontour._text import capitalise
-from armcontour.arms import Arm, PlanarTwoLink, SerialArm
-from armcontour.arms.arm import FAR_OUT, hint_at_unit
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.errors import Unreachable
 from armcontour.core.render import number
-from armcontour.errors import Unreachable
+from armcontour.core.text import capitalise
 from armcontour.geometry import Path
 from armcontour.jobs.job import Job
+from armcontour.planning import turn_along
+from armcontour.planning.tracing.poses import OUT_OF_REACH, task_dimension, what_helps
 from armcontour.program import Contour, Program, Rapid, contour_called, prepare
-from armcontour.timing import turn_along
-from armcontour.tracing.poses import OUT_OF_REACH, task_dimension, what_helps
+from armcontour.robot import Arm, PlanarTwoLink, SerialArm
+from armcontour.robot.arm import FAR_OUT, hint_at_unit
 
 # Number of points on each path, and on all; each takes a few milliseconds.
 MOST_ALONG = 60
@@ -143,7 +143,7 @@ def _reached(
         ways = np.where(distance > 0, along / np.where(distance > 0, distance, 1.0), [1.0, 0.0])
         return np.asarray([arm.base, 0.0] + ways * np.clip(distance, near, far))
     assert isinstance(arm, SerialArm)
-    from armcontour.arms.inverse import REACH_SEEDS, nearest_reached, seeds
+    from armcontour.robot.inverse import REACH_SEEDS, nearest_reached, seeds
 
     task, many = task_dimension(places.paths[0][1], arm), seeds(arm)
     poses = np.concatenate([places.rotations, points[:, :, None]], axis=2)
@@ -212,7 +212,7 @@ def _way(arm: Arm, places: _Places, away: FloatArray) -> FloatArray | None:
     way = np.zeros(kept.points.shape[1])
     starts = None
     if isinstance(arm, SerialArm):
-        from armcontour.arms.inverse import seeds
+        from armcontour.robot.inverse import seeds
 
         starts = np.tile(seeds(arm)[0], (len(kept.s), 1))
     for _ in range(MOST_STEPS):

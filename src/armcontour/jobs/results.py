@@ -8,18 +8,13 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
-from armcontour._describing import brief, draw, several, to_html
 from armcontour._version import __version__
-from armcontour.arms import Arm
-from armcontour.clearance import Clearance
-from armcontour.compensation import NoCompensation
+from armcontour.control.compensation import NoCompensation
+from armcontour.core.describing import brief, draw, several, to_html
+from armcontour.core.errors import ExecutionError
 from armcontour.core.fields import checked
 from armcontour.core.render import Result, compare, lay_out, number, units
 from armcontour.core.result import FILE, FIRST, TABLE, VERDICT, Data, Row, Table
-from armcontour.errors import ExecutionError
-from armcontour.evaluation import Evaluation
-from armcontour.evaluation.evaluation import duration_row
-from armcontour.execution import RigidBodyPlant
 from armcontour.geometry import RoundedPath
 from armcontour.jobs import warnings
 from armcontour.jobs.improvements import Advice
@@ -41,7 +36,12 @@ from armcontour.jobs.run_data import (
 )
 from armcontour.jobs.verdict import time_limit_row, verdict_rows
 from armcontour.motion import Execution, TaughtData
-from armcontour.servo import ServoModel
+from armcontour.robot import Arm
+from armcontour.robot.servo import ServoModel
+from armcontour.simulation import RigidBodyPlant
+from armcontour.verification import Evaluation
+from armcontour.verification.clearance import Clearance
+from armcontour.verification.evaluation import duration_row
 
 # Begin of the labels of what the simulated rigid bodies give.
 ON_BODIES = "on rigid bodies: "

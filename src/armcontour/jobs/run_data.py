@@ -8,21 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour._describing import several
-from armcontour._text import list_some
-from armcontour.arms import Arm
-from armcontour.arms.chain import Chain
+from armcontour.core.checks import FloatArray
+from armcontour.core.describing import several
 from armcontour.core.fields import quantities
 from armcontour.core.render import number, plain
 from armcontour.core.result import VERDICT, Row, Table
-from armcontour.evaluation import ErrorProfile
-from armcontour.execution import RigidBodyPlant
+from armcontour.core.text import list_some
 from armcontour.geometry import RoundedPath, ShapedPath
 from armcontour.jobs.quantities import Torques, angular_speed, assumed_numbers
 from armcontour.motion import Execution, Span, Trajectory
 from armcontour.program import Contour, Program
 from armcontour.program.preparing import PIERCE
+from armcontour.robot import Arm
+from armcontour.robot.chain import Chain
+from armcontour.simulation import RigidBodyPlant
+from armcontour.verification import ErrorProfile
 
 
 def warning_rows(warnings: Sequence[str]) -> Iterator[Row]:

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
-from armcontour.errors import InvalidInput
-from armcontour.frames import angle_between
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import angle_between
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.program import Process, Program

@@ -10,15 +10,11 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from armcontour._progress import Progress, Step, under
-from armcontour.clearance import Clearance
-from armcontour.compensation import NoCompensation
-from armcontour.compensation.compensator import teach
+from armcontour.control.compensation import NoCompensation
+from armcontour.control.compensation.compensator import teach
+from armcontour.core.errors import ExecutionError, locate_errors
 from armcontour.core.fields import checked
-from armcontour.errors import ExecutionError, locate_errors
-from armcontour.evaluation import Evaluation, evaluate
-from armcontour.execution import RigidBodyPlant, ServoPlant, execute
-from armcontour.execution.rigid_body_plant import refuse_without_mujoco
+from armcontour.core.progress import Progress, Step, under
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.planned import Planned
@@ -26,8 +22,12 @@ from armcontour.jobs.planning import ROUNDING, SHAPING, explain_plan, plan_one
 from armcontour.jobs.results import ExperimentResult, RunResult, Study
 from armcontour.jobs.reuse import Reuse
 from armcontour.motion import Execution, Method, TaughtData, Trajectory
+from armcontour.planning import refuse_unkept_jerk
 from armcontour.program import Program
-from armcontour.timing import refuse_unkept_jerk
+from armcontour.simulation import RigidBodyPlant, ServoPlant, execute
+from armcontour.simulation.rigid_body_plant import refuse_without_mujoco
+from armcontour.verification import Evaluation, evaluate
+from armcontour.verification.clearance import Clearance
 
 STEPS = (ROUNDING, "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
 TEACHING = STEPS[:5]

@@ -6,24 +6,24 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour._describing import several
-from armcontour._text import list_some
-from armcontour.clearance import Clearance
-from armcontour.compensation import InverseDynamics
+from armcontour.control.compensation import InverseDynamics
+from armcontour.core.checks import FloatArray
+from armcontour.core.describing import several
 from armcontour.core.render import figure, number
-from armcontour.evaluation import Evaluation
-from armcontour.evaluation.evaluation import duration_row
+from armcontour.core.text import list_some
 from armcontour.geometry import Path, count_full_stops
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.jobs.jerk_stops import JerkStop
 from armcontour.jobs.job import Run
 from armcontour.motion import Execution, TaughtData, Trajectory
 from armcontour.motion.command_limits import describe_excess
+from armcontour.planning import Conventional
 from armcontour.program import Contour, Program, contour_called
 from armcontour.program.rounding import doubt_tolerance
-from armcontour.servo import ServoModel
-from armcontour.timing import Conventional
+from armcontour.robot.servo import ServoModel
+from armcontour.verification import Evaluation
+from armcontour.verification.clearance import Clearance
+from armcontour.verification.evaluation import duration_row
 
 # Number of contours that one sentence names.
 MOST_NAMES = 4

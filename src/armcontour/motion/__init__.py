@@ -1,6 +1,6 @@
 """Motions as values: joint paths, trajectories, taught data, executions."""
 
-from armcontour._lazy import lazy_names
+from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "_intervals": "interval_times",
@@ -10,6 +10,6 @@ _HOME = {
     "laws": "LapLaw Law LawAlongPath LineLaw PathLaw Rates stand_still",
     "log": "Log",
     "trajectory": "PERIOD Method Samples Span Stretch TimedEvent Trajectory",
-    "armcontour._quintics": "quintic",
+    "armcontour.core._quintics": "quintic",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

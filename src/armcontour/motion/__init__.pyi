@@ -1,4 +1,4 @@
-from armcontour._quintics import quintic as quintic
+from armcontour.core._quintics import quintic as quintic
 from armcontour.motion._intervals import interval_times as interval_times
 from armcontour.motion.bounding import largest_shares as largest_shares
 from armcontour.motion.execution import Execution as Execution

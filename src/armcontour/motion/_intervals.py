@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour._kernels import compiled
+from armcontour.core.checks import FloatArray
+from armcontour.core.kernels import compiled
 
 # Below this size of slope times squared time a series is exact.
 SMALL = 1e-4

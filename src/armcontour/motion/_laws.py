@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
-from armcontour._kernels import compiled
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.kernels import compiled
 
 # Below this angle, hyperbolic and circular functions are computed by their series.
 SMALL = 1e-2

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour._kernels import compiled
+from armcontour.core.checks import FloatArray
+from armcontour.core.kernels import compiled
 
 
 @compiled()

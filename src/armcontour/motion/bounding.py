@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.polynomial.polynomial import polyval
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.motion.laws import PathLaw
 
 # Intervals are halved so often at most. What is not below its limit then counts with its bound.

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour.arms import Limits
-from armcontour.arms.limit_use import use_of
-from armcontour.errors import CompensationError
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import CompensationError
 from armcontour.motion.execution import TaughtData
 from armcontour.motion.trajectory import COMMAND_SLACK
+from armcontour.robot import Limits
+from armcontour.robot.limit_use import use_of
 
 
 def refuse_commands(taught: TaughtData, limits: Limits | None = None) -> None:

@@ -7,9 +7,10 @@ from typing import Annotated, Any, Protocol
 
 import numpy as np
 
-from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._describing import (
+from armcontour.core import checks
+from armcontour.core._quintics import evaluate, quintic
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.describing import (
     brief,
     draw,
     joint_rows,
@@ -17,13 +18,12 @@ from armcontour._describing import (
     several,
     to_html,
 )
-from armcontour._quantities import Axes, Quantity, Time
-from armcontour._quintics import evaluate, quintic
-from armcontour.arms import Arm, Limits
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
+from armcontour.core.quantities import Axes, Quantity, Time
 from armcontour.core.render import number
-from armcontour.errors import InvalidInput
 from armcontour.motion.trajectory import Trajectory, to_columns
+from armcontour.robot import Arm, Limits
 
 # A plant's motion ends at a result if it is as near to it as this [rad].
 SAME = 1e-9
@@ -48,7 +48,7 @@ class Between(Protocol):
         """The motion from some results to the next ones; None where it is not known."""
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Execution(Checked):
     """Motion of the joints of a plant, from the first set-point until rest.
@@ -273,7 +273,7 @@ def check_interval(period: float) -> float:
     Raises:
         InvalidInput: The interval is not a number, or outside INTERVALS.
     """
-    interval = _checks.number("command interval", period, "s")
+    interval = checks.number("command interval", period, "s")
     if INTERVALS[1] < interval <= 1e3 * INTERVALS[1]:
         raise InvalidInput(
             f"command interval is {interval:g} s, but at most {INTERVALS[1]:g} s: a number without "
@@ -282,7 +282,7 @@ def check_interval(period: float) -> float:
             needed=interval,
             allowed=INTERVALS[1],
         )
-    return _checks.between("command interval", interval, *INTERVALS, "s")
+    return checks.between("command interval", interval, *INTERVALS, "s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -308,7 +308,7 @@ class LimitCost(Checked):
         return text if most is None else f"{text}, contour error {number(most, 'm')} at most"
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TaughtData(Checked):
     """Joint set-points at regular times.

@@ -8,14 +8,14 @@ from typing import Annotated, NoReturn
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._describing import brief, joint_rows, line_up, several
-from armcontour._quantities import Axes, Choice
-from armcontour._quintics import evaluate, quintic
+from armcontour.core import checks
+from armcontour.core._quintics import evaluate, quintic
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.describing import brief, joint_rows, line_up, several
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
+from armcontour.core.quantities import Axes, Choice
 from armcontour.core.render import number
-from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion._joint_path import examine, spline_pieces
 from armcontour.motion._laws import Motion, joint_motions
@@ -28,10 +28,10 @@ LARGEST_JUMP = 1e-6
 LARGEST_KINK = 1e-6
 # A dq_ds below this share of the sum of its terms is rounding: its direction means nothing.
 NO_DIRECTION = 1e-12
-NO_STOPS = _checks.lock_floats([])
+NO_STOPS = checks.lock_floats([])
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointPath(Checked):
     """Joint positions as a function of arc length, a quintic per interval, with derivatives.
@@ -66,7 +66,7 @@ class JointPath(Checked):
         if jump > LARGEST_JUMP:
             self._refuse_jump()
         if len(self.stops) or kinks.any():
-            object.__setattr__(self, "stops", _checks.lock_floats(self._all_stops(kinks)))
+            object.__setattr__(self, "stops", checks.lock_floats(self._all_stops(kinks)))
 
     def __str__(self) -> str:
         """Length, intervals, stops, and where the joints are at breaks."""
@@ -131,10 +131,10 @@ class JointPath(Checked):
         Raises:
             InvalidInput: As of the class, or shapes differ.
         """
-        at = _checks.shaped("breaks of a joint path", breaks, (None,))
-        _checks.refuse_if(len(at) < 2, "A joint path needs at least two breaks.")
-        first = _checks.shaped("begin", begin, (3, len(at) - 1, None))
-        last = _checks.shaped("end", end, first.shape)
+        at = checks.shaped("breaks of a joint path", breaks, (None,))
+        checks.refuse_if(len(at) < 2, "A joint path needs at least two breaks.")
+        first = checks.shaped("begin", begin, (3, len(at) - 1, None))
+        last = checks.shaped("end", end, first.shape)
         return cls(
             breaks=at,
             coefficients=quintic(np.diff(at), first, last, PLAY * float(np.abs(at).max())),
@@ -164,13 +164,13 @@ class JointPath(Checked):
                 is none of these.
         """
         clamped = ends == "clamped"
-        knots = _checks.numbers("joint positions", points, "rad")
+        knots = checks.numbers("joint positions", points, "rad")
         if knots.ndim != 2 or len(knots) < 2:
             raise InvalidInput("A spline needs at least two rows of joint positions.")
         if s is None:
             at = np.concatenate([[0], np.cumsum(np.linalg.norm(knots[1:] - knots[:-1], axis=1))])
         else:
-            at = _checks.numbers("spline parameters", s)
+            at = checks.numbers("spline parameters", s)
         if at.shape != (len(knots),) or not (at[1:] > at[:-1]).all():
             raise InvalidInput(
                 "Spline parameters must be one per point and increase: leave repeated points out."
@@ -202,7 +202,7 @@ class JointPath(Checked):
         Raises:
             InvalidInput: An arc length is no number or outside the path, or there is no such order.
         """
-        at = _checks.floats("arc lengths", s, "m")
+        at = checks.floats("arc lengths", s, "m")
         low, high = float(self.breaks[0]), float(self.breaks[-1])
         slack = 1e-12 * (high - low)
         outside = ~((at >= low - slack) & (at <= high + slack))
@@ -213,7 +213,7 @@ class JointPath(Checked):
                 f"to {high:.9g} m.",
                 s=value,
             )
-        return self.on_interval(self.locate(at, side=side), at, _checks.derivative(order))
+        return self.on_interval(self.locate(at, side=side), at, checks.derivative(order))
 
     def locate(self, s: npt.ArrayLike, *, side: str = "right") -> IntArray:
         """Index of the interval that contains each arc length.
@@ -222,8 +222,8 @@ class JointPath(Checked):
             s: Arc lengths [m], any shape.
             side: "right" for the interval after a break, "left" for the interval before the break.
         """
-        at = _checks.floats("arc lengths", s, "m")
-        found = np.searchsorted(self.breaks, at, side=_checks.side(side)) - 1
+        at = checks.floats("arc lengths", s, "m")
+        found = np.searchsorted(self.breaks, at, side=checks.side(side)) - 1
         return np.clip(found, 0, len(self.breaks) - 2)
 
     def on_interval(self, i: IntArray, s: FloatArray, order: int = 0) -> FloatArray:
@@ -247,8 +247,8 @@ class JointPath(Checked):
         Raises:
             InvalidInput: There is no such interval, or not one for each arc length.
         """
-        at = np.require(np.ravel(_checks.floats("arc lengths", s, "m")), np.float64, ["W"])
-        pieces = np.require(np.ravel(_checks.indices("intervals", i)), np.intp, ["W"])
+        at = np.require(np.ravel(checks.floats("arc lengths", s, "m")), np.float64, ["W"])
+        pieces = np.require(np.ravel(checks.indices("intervals", i)), np.intp, ["W"])
         last = len(self.breaks) - 2
         # Compiled code would read past the end.
         if pieces.shape != at.shape or (

@@ -9,15 +9,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
-from armcontour._quantities import Interval
-from armcontour.arms import Arm
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
-from armcontour.errors import InvalidInput
+from armcontour.core.quantities import Interval
 from armcontour.motion._intervals import interval_times, write_law
 from armcontour.motion._laws import Motion, joint_motions, path_motions
 from armcontour.motion.joint_path import JointPath
+from armcontour.robot import Arm
 
 # Bisection steps for the time at which a lap reaches an arc length, to the last digit.
 HALVINGS = 50
@@ -72,7 +72,7 @@ class LawAlongPath(Law):
         Returns:
             Indices of intervals, (n,), and times [s], (n,).
         """
-        found = np.searchsorted(self.s, s, side=_checks.side(side)) - 1
+        found = np.searchsorted(self.s, s, side=checks.side(side)) - 1
         i = np.clip(found, 0, len(self.breaks) - 2)
         t = self.breaks[i]
         # At breaks the times are known exactly.
@@ -134,7 +134,7 @@ def stand_still(q: FloatArray, duration: Interval) -> LapLaw:
     Raises:
         InvalidInput: No row of joint positions, or no duration above zero.
     """
-    at = _checks.shaped("joint positions", _checks.numbers("joint positions", q, "rad"), (None,))
+    at = checks.shaped("joint positions", checks.numbers("joint positions", q, "rad"), (None,))
     rest = np.zeros((1, len(at)))
     return LapLaw(breaks=np.array([0.0, duration]), q=np.tile(at, (2, 1)), dq=rest, ddq=rest)
 
@@ -165,7 +165,7 @@ class LineLaw(LapLaw, LawAlongPath):
         # The knots of a traced path are on the line, up to rounding errors.
         s = np.maximum.accumulate(np.clip(self._along(self.q), *self.ends))
         s[0], s[-1] = self.ends
-        object.__setattr__(self, "s", _checks.lock_floats(s))
+        object.__setattr__(self, "s", checks.lock_floats(s))
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
         """S or a derivative: the tool's position and its derivatives along the line."""
@@ -238,7 +238,7 @@ class PathLaw(LawAlongPath):
     def _check_together(self) -> None:
         _refuse_disorder(self.breaks)
         n = len(self.breaks) - 1
-        rates = [_checks.lock_floats(x) for x in self.rates]
+        rates = [checks.lock_floats(x) for x in self.rates]
         if not isinstance(self.rates, Rates) or any(x.shape != (n,) for x in rates):
             raise InvalidInput(f"A path law of {n} intervals needs Rates of {n} values each.")
         object.__setattr__(self, "rates", Rates(*rates))
@@ -261,7 +261,7 @@ class PathLaw(LawAlongPath):
         """
         n = len(slope)
         breaks, ds, dds = np.empty(n + 1), np.empty(n), np.empty(n)
-        stuck = write_law(s, x, _checks.for_kernel(slope), breaks, ds, dds)
+        stuck = write_law(s, x, checks.for_kernel(slope), breaks, ds, dds)
         if stuck >= 0:
             raise InvalidInput(
                 f"From s = {s[stuck]:g} to {s[stuck + 1]:g} m a law would be at rest.", index=stuck

@@ -10,15 +10,15 @@ from typing import Annotated
 
 import numpy as np
 
-from armcontour import _checks
-from armcontour._checks import BoolArray, FloatArray, IntArray
-from armcontour._describing import brief, clock, joint_rows, line_up, several
-from armcontour._quantities import Axes, Choice, Name, Quantity
-from armcontour._sampling import GAP, LARGEST, describe_bursts, refuse_samples
-from armcontour._text import show
+from armcontour.core import checks
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.describing import brief, clock, joint_rows, line_up, several
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
+from armcontour.core.quantities import Axes, Choice, Name, Quantity
 from armcontour.core.render import number
-from armcontour.errors import InvalidInput
+from armcontour.core.sampling import GAP, LARGEST, describe_bursts, refuse_samples
+from armcontour.core.text import show
 
 # What is known of a command between two samples of a log: not more.
 INTERPOLATIONS = ("linear", "step")
@@ -29,7 +29,7 @@ FEWEST = 50
 NEAR_A_TURN = 0.6
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Log(Checked):
     """Set-points and measured positions of joints at the same times.
@@ -154,7 +154,7 @@ class Log(Checked):
                 f"{self.source}: {name} has shape {values.shape}, but must have one row for "
                 f"each of the {len(self.t)} times and one column per joint."
             )
-        return _checks.lock_floats(np.ascontiguousarray(values))
+        return checks.lock_floats(np.ascontiguousarray(values))
 
     def _place(self, name: str, i: int, j: int) -> str:
         """A time or a position, for messages."""
@@ -236,7 +236,7 @@ def _used(t: FloatArray, start: float, end: float, source: str) -> BoolArray:
                 f"The {name} time of {source} must be a number in s, not {show(value)}."
             )
         # NaN fails the comparison; numpy compares no larger whole number.
-        if not abs(value) <= (_checks.LARGEST if isinstance(value, int) else math.inf):
+        if not abs(value) <= (checks.LARGEST if isinstance(value, int) else math.inf):
             raise InvalidInput(
                 f"The {name} time to use must be a number of seconds, not {show(value)}."
             )

@@ -9,13 +9,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour._describing import clock, several
-from armcontour._sampling import white_noise
-from armcontour._text import list_some, show
-from armcontour.arms import Arm
-from armcontour.errors import InvalidInput
+from armcontour.core.checks import FloatArray
+from armcontour.core.describing import clock, several
+from armcontour.core.errors import InvalidInput
+from armcontour.core.sampling import white_noise
+from armcontour.core.text import list_some, show
 from armcontour.motion.log import Log
+from armcontour.robot import Arm
 
 # Names of joints that one message lists.
 MOST_NAMED = 8

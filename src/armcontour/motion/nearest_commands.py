@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from armcontour._bounded_differences import differences, nearest_within
-from armcontour._checks import FloatArray
-from armcontour.arms import Limits
-from armcontour.arms.limit_use import use_of
-from armcontour.arms.limits import JOINT_RANGE, UNITS
-from armcontour.errors import InvalidInput
+from armcontour.core.bounded_differences import differences, nearest_within
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
 from armcontour.motion.trajectory import COMMAND_SLACK
+from armcontour.robot import Limits
+from armcontour.robot.limit_use import use_of
+from armcontour.robot.limits import JOINT_RANGE, UNITS
 
 # Limits of commands by the order of the differences that they bound; order 0 has two.
 BY_ORDER = ("", "joint_velocity", "joint_acceleration", "joint_jerk")

@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
-from armcontour._checks import FloatArray, IntArray
-from armcontour._describing import brief, count_kinds, draw, line_up, several, to_html
-from armcontour._quantities import Interval
-from armcontour.arms import Arm, Limits
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.describing import brief, count_kinds, draw, line_up, several, to_html
+from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
+from armcontour.core.quantities import Interval
 from armcontour.core.render import number
-from armcontour.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion._laws import Motion, joint_motions, path_motions
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
+from armcontour.robot import Arm, Limits
 
 # Command interval by default [s].
 PERIOD = 4e-3
@@ -146,7 +146,7 @@ def to_columns(samples: Any) -> dict[str, FloatArray]:
     return columns
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Trajectory(Checked):
     """Joint positions over time, made of consecutive time laws; two-sided at breaks.
@@ -189,10 +189,10 @@ class Trajectory(Checked):
         if not self.laws:
             raise InvalidInput("A trajectory needs at least one law of motion.")
         starts = [0.0, *accumulate(float(law.breaks[-1]) for law in self.laws)]
-        object.__setattr__(self, "starts", _checks.lock_floats(starts))
+        object.__setattr__(self, "starts", checks.lock_floats(starts))
         parts = _parts(self.laws, self.spans)
         object.__setattr__(self, "_parts", parts)
-        object.__setattr__(self, "_ends", _checks.lock_floats([x.s for x in parts]))
+        object.__setattr__(self, "_ends", checks.lock_floats([x.s for x in parts]))
 
     def __repr__(self) -> str:
         """Method, duration and number of joints, without arrays."""
@@ -308,7 +308,7 @@ class Trajectory(Checked):
         Raises:
             InvalidInput: The times are no numbers.
         """
-        t = np.atleast_1d(_checks.numbers("t", t, "s"))
+        t = np.atleast_1d(checks.numbers("t", t, "s"))
         if not self.spans:
             return [] if self.path is None else [(self.path, np.arange(len(t)))]
         found: list[tuple[Path, IntArray]] = []
@@ -466,7 +466,7 @@ class Trajectory(Checked):
             t: Times [s], (n,).
             order: 0, 1, 2 or 3.
         """
-        t = _checks.floats("t", t, "s")
+        t = checks.floats("t", t, "s")
         found = self(np.clip(t, 0.0, self.duration), order)
         if order:
             found[(t < 0) | (t > self.duration)] = 0.0
@@ -481,7 +481,7 @@ class Trajectory(Checked):
             t: Times [s], (n,).
             order: 0, 1, 2 or 3.
         """
-        t = _checks.floats("t", t, "s")
+        t = checks.floats("t", t, "s")
         found = self.motion(np.clip(t, 0.0, self.duration), order)
         rests = (t < 0) | (t > self.duration)
         for values in found[1:]:
@@ -579,13 +579,13 @@ class Trajectory(Checked):
             start, own = self.starts[k], self.laws[k].breaks
             # A time less the start is rounded, to either side of the law's break. So times are
             # compared with the very sums that `breaks` has.
-            i = np.searchsorted(start + own, t[of], side=_checks.side(side)) - 1
+            i = np.searchsorted(start + own, t[of], side=checks.side(side)) - 1
             i = np.clip(i, 0, len(own) - 2)
             yield k, of, i, np.clip(t[of] - start, own[i], own[i + 1])
 
     def _law_at(self, t: FloatArray, side: str) -> IntArray:
         """Index of the law at each time [s], (n,)."""
-        found = np.searchsorted(self.starts, t, side=_checks.side(side)) - 1
+        found = np.searchsorted(self.starts, t, side=checks.side(side)) - 1
         return np.clip(found, 0, len(self.laws) - 1)
 
     def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
@@ -594,8 +594,8 @@ class Trajectory(Checked):
         Raises:
             InvalidInput: A time is outside the trajectory, or the order is not 0, 1, 2 or 3.
         """
-        at = _checks.floats("t", t, "s")
-        _checks.derivative(order, 3)
+        at = checks.floats("t", t, "s")
+        checks.derivative(order, 3)
         slack = SLACK * self.duration
         outside = ~((at >= -slack) & (at <= self.duration + slack))
         if outside.any():
@@ -615,7 +615,7 @@ class Trajectory(Checked):
             InvalidInput: An arc length is outside the motion, or the laws are not along one path.
         """
         self._refuse_no_arc_length()
-        at = _checks.numbers("s", s, "m")
+        at = checks.numbers("s", s, "m")
         low, high = float(self._ends[0, 0]), float(self._ends[-1, 1])
         slack = SLACK * max(high - low, 1e-3)
         outside = ~((at >= low - slack) & (at <= high + slack))
@@ -639,7 +639,7 @@ class Trajectory(Checked):
             since the start of the law [s].
         """
         ends = self._ends
-        if _checks.side(side) == "left":
+        if checks.side(side) == "left":
             which = np.searchsorted(ends[:, 1], s, side="left")
         else:
             which = np.searchsorted(ends[:, 0], s, side="right") - 1
@@ -793,7 +793,7 @@ class JoinedLaws:
             side: "right" or "left": the interval to which a break belongs.
             orders: The orders, from 0 to 3.
         """
-        row = np.searchsorted(self.times, t, side=_checks.side(side)) - 1
+        row = np.searchsorted(self.times, t, side=checks.side(side)) - 1
         row = np.clip(row, self.rows[law], self.rows[law + 1] - 2)
         local = np.clip(t - self.starts[law], self.breaks[row], self.breaks[row + 1])
         for x in (row, local):

@@ -7,8 +7,8 @@ from functools import singledispatch
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour.errors import InvalidInput
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
 from armcontour.motion import _travel
 from armcontour.motion.execution import Execution
 from armcontour.motion.joint_path import JointPath

@@ -1,6 +1,6 @@
 """Programs: contours in order, with rapids, dwells and events between them."""
 
-from armcontour._lazy import lazy_names
+from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "kerf": "cut_parts",

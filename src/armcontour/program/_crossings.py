@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
-from armcontour._sampling import number_parts
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.sampling import number_parts
 
 # Points nearer than this are one [m].
 SAME_PLACE = 1e-9

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
-from armcontour._kernels import compiled
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.kernels import compiled
 
 # Longest part of a tour that an Or-opt move carries elsewhere.
 LONGEST_PART = 3

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from armcontour._checks import LONGEST_NAME, BoolArray, FloatArray, IntArray
-from armcontour._describing import several
-from armcontour.errors import InvalidInput
-from armcontour.frames import exp
+from armcontour.core.checks import LONGEST_NAME, BoolArray, FloatArray, IntArray
+from armcontour.core.describing import several
+from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import exp
 from armcontour.geometry import Path
 from armcontour.geometry.nearest import find_nearest
 from armcontour.geometry.orientation import Orientation

@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour.errors import InvalidInput
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.orienting import tangent_rates
@@ -126,7 +126,7 @@ def _lead_orientation(
         rate = tangent_rates(lead.segments)[0]
     start = rotation
     if not after and rate.any():
-        from armcontour.frames import exp
+        from armcontour.core.frames import exp
 
         start = exp(-rate[None] * lead.length)[0] @ rotation
     return Orientation.even(

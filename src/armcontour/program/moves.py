@@ -12,10 +12,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from armcontour import _checks
-from armcontour._checks import FloatArray
-from armcontour._describing import count_kinds, digits, line_up, several
-from armcontour._quantities import (
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.describing import count_kinds, digits, line_up, several
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Checked, checked
+from armcontour.core.frames import Frame, Pose
+from armcontour.core.quantities import (
     Distance,
     Interval,
     Length,
@@ -25,11 +28,8 @@ from armcontour._quantities import (
     Speed,
     Time,
 )
-from armcontour._text import list_some, make_printable, shorten
-from armcontour.core.fields import Checked, checked
 from armcontour.core.render import number_range
-from armcontour.errors import InvalidInput
-from armcontour.frames import Frame, Pose
+from armcontour.core.text import list_some, make_printable, shorten
 from armcontour.geometry import Path
 from armcontour.geometry.cutting import (
     arc_length_without_z,
@@ -48,7 +48,7 @@ MOST_MOVES = 100_000
 MOST_SEGMENTS = 1_000_000
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Event(Checked):
     """An output that is switched at a position of a contour, or while the tool is at rest.
@@ -79,7 +79,7 @@ class Event(Checked):
         return self.name == TOOL and not isinstance(self.value, bool | np.bool_)
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Contour(Checked):
     """A path along which the process is on.
@@ -178,7 +178,7 @@ def contour_called(contour: Contour, number: int) -> str:
 def name_copy(name: str, row: int, column: int) -> str:
     """Name of a copy of a contour in a row and a column, which are given from 0."""
     place = f"[{row + 1},{column + 1}]"
-    return f"{shorten(name, _checks.LONGEST_NAME - 1 - len(place))} {place}" if name else place
+    return f"{shorten(name, checks.LONGEST_NAME - 1 - len(place))} {place}" if name else place
 
 
 def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
@@ -187,7 +187,7 @@ def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
     Raises:
         InvalidInput: Several copies without a distance, or with the distance 0.
     """
-    distance = 0.0 if spacing is None else _checks.number(name, spacing, "m")
+    distance = 0.0 if spacing is None else checks.number(name, spacing, "m")
     if copies > 1 and abs(distance) <= REPEATED_POINT:
         raise InvalidInput(
             f"{name} must be the distance from one copy to the next, for {copies} copies, and not "
@@ -196,7 +196,7 @@ def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
     return distance if copies > 1 else 0.0
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rapid(Checked):
     """A free motion with the tool off, at the arm's limits.
@@ -211,7 +211,7 @@ class Rapid(Checked):
     path: Path | None = field(default=None, kw_only=False)
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dwell(Checked):
     """A time during which the tool is at rest.
@@ -226,7 +226,7 @@ class Dwell(Checked):
 Move = Contour | Rapid | Dwell | Event
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Program(Checked):
     """Moves in order; between two contours that do not meet, a rapid is added.
@@ -346,7 +346,7 @@ class Program(Checked):
         for x in self.moves:
             if isinstance(x, Contour):
                 path = change(x.path)
-                _checks.refuse_other("Program.mapped", path, Path, role="result")
+                checks.refuse_other("Program.mapped", path, Path, role="result")
                 factor = path.length / x.path.length
                 events = tuple(
                     dataclasses.replace(e, s=min(e.s * factor, path.length)) for e in x.events
@@ -450,7 +450,7 @@ class Program(Checked):
                 segments.
         """
         columns, rows = (
-            _checks.whole(name, value, 1, MOST_MOVES)
+            checks.whole(name, value, 1, MOST_MOVES)
             for name, value in (("columns", columns), ("rows", rows))
         )
         dx = _checked_spacing("column_spacing", column_spacing, columns)
@@ -564,7 +564,7 @@ class Program(Checked):
         if wanted is None:
             return [True] * len(known)
         named = (wanted,) if isinstance(wanted, str) else wanted
-        wanted = _checks.check_names(f"names of a {what}", named)
+        wanted = checks.check_names(f"names of a {what}", named)
         unknown = sorted(set(wanted) - set(known), key=str)
         if unknown:
             raise InvalidInput(

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.geometry.near_points import group_points
 from armcontour.geometry.nearest import find_nearest
 from armcontour.geometry.segments import Segments

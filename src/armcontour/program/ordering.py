@@ -10,10 +10,10 @@ from functools import partial
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import angle_between, exp, log, shortest
 from armcontour.core.render import number
-from armcontour.errors import InvalidInput
-from armcontour.frames import angle_between, exp, log, shortest
 from armcontour.geometry import Path
 from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE

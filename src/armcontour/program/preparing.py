@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armcontour import _checks
-from armcontour._checks import LONGEST_NAME, FloatArray
-from armcontour._describing import several
-from armcontour._text import shorten
+from armcontour.core import checks
+from armcontour.core.checks import LONGEST_NAME, FloatArray
+from armcontour.core.describing import several
+from armcontour.core.errors import InvalidInput, locate_errors
 from armcontour.core.fields import checked
-from armcontour.errors import InvalidInput, locate_errors
+from armcontour.core.text import shorten
 from armcontour.geometry import Demand, Path
 from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT
@@ -65,7 +65,7 @@ def prepare(
     """
     program = Program.of(program, "prepare needs a Path or a Program")
     if lengths is not None:
-        lengths = _checks.listed("lengths", lengths, Leads, "Leads")
+        lengths = checks.listed("lengths", lengths, Leads, "Leads")
     refuse_unfit(program, process)
     program = arrange(program, process)
     rapids_away = leading_away(program.moves)

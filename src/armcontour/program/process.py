@@ -10,8 +10,10 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from armcontour import _checks
-from armcontour._quantities import (
+from armcontour.core import checks
+from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.fields import Checked, checked
+from armcontour.core.quantities import (
     About,
     AtLeast,
     Choice,
@@ -29,8 +31,6 @@ from armcontour._quantities import (
     Time,
     Tolerance,
 )
-from armcontour.core.fields import Checked, checked
-from armcontour.errors import InvalidInput, locate_errors
 from armcontour.geometry import Demand
 from armcontour.geometry.weaving import SHAPES as WEAVES
 from armcontour.program.moves import Event, Value
@@ -39,7 +39,7 @@ SHAPES = ("line", "arc")
 SIDES = ("left", "right")
 # The scrap side: the side on which the material is thrown away.
 WASTE = "waste"
-UP = _checks.lock_floats([0.0, 0.0, 1.0])
+UP = checks.lock_floats([0.0, 0.0, 1.0])
 NO_LAYERS: Mapping[str, Demand] = MappingProxyType({})
 # Values of a layer for null, where the process has no None.
 NONE: Mapping[str, Any] = {"overlap": 0.0, "dwell": 0.0, "events": (), "analog": ()}
@@ -53,7 +53,7 @@ TOOL_SIDES = {"climb": "left", "conventional": "right"}
 DIRECTIONS = (DRAWN, *TOOL_SIDES, "clockwise", "counterclockwise")
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lead(Checked):
     """A piece of path before or after a contour, for a tool that is at speed on the contour.
@@ -73,7 +73,7 @@ class Lead(Checked):
     active: bool = False
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Switch(Checked):
     """Events that switch the process on at the start of a contour, and off at its end.
@@ -97,7 +97,7 @@ class Switch(Checked):
             raise InvalidInput(f"The switch {self.name} must have another value on than off.")
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pierce(Checked):
     """How the tool pierces the material before every contour, with the process on.
@@ -112,7 +112,7 @@ class Pierce(Checked):
     height: Distance = 0.0
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Analog(Checked):
     """An analog output, such as a power or a flow, that follows the planned tool speed.
@@ -141,7 +141,7 @@ class Analog(Checked):
     follows: Name = ""
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tabs(Checked):
     """Places of closed contours where the switch of the process is off, so that parts stay put.
@@ -165,7 +165,7 @@ class Tabs(Checked):
 PLANES = ("tool", "frame")
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weave(Checked):
     """How the tool weaves to both sides of a seam, perpendicular to the seam and to the tool axis.
@@ -197,7 +197,7 @@ class Weave(Checked):
             raise InvalidInput("A weave needs either a pitch or a frequency.")
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LayerProcess:
     """Values for the contours of one layer, in the place of those of the process.
@@ -224,7 +224,7 @@ class LayerProcess:
     direction: Annotated[str, Choice(DIRECTIONS)] = DRAWN
 
 
-@_checks.explain_calls
+@checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Process(Checked):
     """Requirements of a process that are added to the contours of a program.
@@ -328,8 +328,8 @@ class Process(Checked):
         if len(set(names)) < len(names):
             raise InvalidInput("Two analog outputs have the same name.")
         length = np.linalg.norm(self.up)
-        _checks.refuse_if(length == 0, "up must be a direction in space.")
-        object.__setattr__(self, "up", _checks.lock_floats(self.up / length))
+        checks.refuse_if(length == 0, "up must be a direction in space.")
+        object.__setattr__(self, "up", checks.lock_floats(self.up / length))
         self._refuse_unswitched()
         self._make_layers()
 
@@ -362,7 +362,7 @@ class Process(Checked):
         for layer, given in self.by_layer.items():
             with locate_errors(f"by_layer.{layer}"):
                 for name in given:
-                    _checks.choice("name of a value", name, known)
+                    checks.choice("name of a value", name, known)
                 own: dict[str, Any] = {
                     name: NONE.get(name) if x is None else x for name, x in given.items()
                 }
@@ -444,9 +444,9 @@ def _checked_begin(begin: str | float | Sequence[float]) -> str | float | tuple[
         InvalidInput: Something else.
     """
     if isinstance(begin, str):
-        _checks.choice("begin", begin, (AUTO, DRAWN))
+        checks.choice("begin", begin, (AUTO, DRAWN))
         return begin
-    found = _checks.numbers("begin", begin, "m")
+    found = checks.numbers("begin", begin, "m")
     if found.ndim > 1:
         raise InvalidInput("begin must be one arc length or one point in m.")
     return tuple(found.tolist()) if found.ndim else float(found)

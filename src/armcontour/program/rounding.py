@@ -11,9 +11,9 @@ from typing import overload
 import numpy as np
 import numpy.typing as npt
 
-from armcontour._checks import FloatArray
-from armcontour._text import capitalise
+from armcontour.core.checks import FloatArray
 from armcontour.core.fields import checked
+from armcontour.core.text import capitalise
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry import round_corners as round_path
 from armcontour.geometry.rounding import Continuity

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from armcontour.errors import InvalidInput
+from armcontour.core.errors import InvalidInput
 from armcontour.program.moves import Contour, Event, Move, Program, Value
 
 

@@ -10,15 +10,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour._describing import several
+from armcontour.core.checks import FloatArray
+from armcontour.core.describing import several
 from armcontour.core.palette import LIMITS, LINES
 from armcontour.core.render import number, number_range
 from armcontour.geometry import RoundedPath
 from armcontour.jobs import Job, RunResult
+from armcontour.planning.explanation import BETWEEN, RAPIDS, LimitShare
 from armcontour.program import Process, cut_parts
 from armcontour.report.outline import fine_places, simplify
-from armcontour.timing.explanation import BETWEEN, RAPIDS, LimitShare
 
 # Width, largest and smallest height, and margin of the drawing [px].
 WIDTH, HEIGHT, FLATTEST, EDGE = 800.0, 440.0, 190.0, 34.0

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._text import capitalise
+from armcontour.control.identification import BodyIdentification, Identification
 from armcontour.core.render import figure
 from armcontour.core.result import TABLE, VERDICT, Data
-from armcontour.identification import BodyIdentification, Identification
+from armcontour.core.text import capitalise
 from armcontour.report.figure import make_subplots, render_page
 from armcontour.report.section import Chapter, Front, Section, Table, Tile, table_of, tiles
 from armcontour.report.style import (

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.geometry import Path
 from armcontour.program import Program
 

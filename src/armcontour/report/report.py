@@ -7,11 +7,10 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour import _checks, _staging
-from armcontour._describing import several
+from armcontour.core import checks, staging
+from armcontour.core.describing import several
 from armcontour.core.fields import checked
 from armcontour.core.render import number
-from armcontour.evaluation import Evaluation
 from armcontour.jobs import Job, RunResult, Study
 from armcontour.motion import Execution, Trajectory
 from armcontour.report import sections
@@ -19,11 +18,12 @@ from armcontour.report.figure import render_page
 from armcontour.report.results import study_of
 from armcontour.report.section import Chapter, Front, Section
 from armcontour.report.sections.batch import BatchView
+from armcontour.verification import Evaluation
 
 if TYPE_CHECKING:
-    from armcontour.certification import Certificate
     from armcontour.jobs.learning import LearningStudy
-    from armcontour.placement import Placement
+    from armcontour.studies.certification import Certificate
+    from armcontour.studies.placement import Placement
 
 # Where the figures of a page come from.
 OF_SIMULATION = "Everything on this page was computed from the job; the servo is simulated."
@@ -148,9 +148,9 @@ def write_report(
     Raises:
         InvalidInput: No such result, it does not know its arm, or the file cannot be written.
     """
-    place = _checks.read_place("write_report", file)
+    place = checks.read_place("write_report", file)
     page = render_report(study_of(study))
     try:
-        _staging.put_in_place(place, lambda x: x.write_text(page, encoding="utf-8"))
+        staging.put_in_place(place, lambda x: x.write_text(page, encoding="utf-8"))
     except OSError as error:
-        raise _staging.unwritable(f"the report {place}", error) from None
+        raise staging.unwritable(f"the report {place}", error) from None

@@ -7,20 +7,22 @@ from typing import Any
 
 import numpy as np
 
-from armcontour import _checks, compensation, timing
-from armcontour.arms import Arm, Limits, resolve_limits
-from armcontour.errors import InvalidInput
-from armcontour.evaluation import Evaluation, evaluate
+from armcontour import planning
+from armcontour.control import compensation
+from armcontour.core import checks
+from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.jobs import Job, Planned, Run, RunResult, Study
 from armcontour.motion import PERIOD, Execution, Method, Span, Trajectory
+from armcontour.planning import explain
 from armcontour.program import Contour, Dwell, Move, Program, Rapid
 from armcontour.report.figure import Figure
 from armcontour.report.sections.joints import draw_joints
 from armcontour.report.sections.motion import draw_over_time, error, speed
 from armcontour.report.sections.path import draw_path
-from armcontour.servo import ServoModel
-from armcontour.timing import explain
+from armcontour.robot import Arm, Limits, resolve_limits
+from armcontour.robot.servo import ServoModel
+from armcontour.verification import Evaluation, evaluate
 
 Result = Study | RunResult | Evaluation | Execution | Trajectory
 # Points of the path that the tool follows by a plan that was given in joints.
@@ -61,8 +63,8 @@ def study_of(result: Result) -> Study:
 
 
 def draw_result(result: Result, kind: str) -> Any:
-    """As `armcontour._describing.draw`."""
-    _checks.choice("kind", kind, tuple(KINDS))
+    """As `armcontour.core.describing.draw`."""
+    checks.choice("kind", kind, tuple(KINDS))
     drawn = KINDS[kind](study_of(result))
     from plotly.graph_objects import Figure as Plotly
 
@@ -126,7 +128,7 @@ def _planned(
 def _run(name: str, plan: Trajectory, method: str, limits: Limits, period: float) -> Run:
     return Run(
         name=name,
-        timing=timing.METHODS.get(plan.method, timing.Optimal)(),
+        timing=planning.METHODS.get(plan.method, planning.Optimal)(),
         compensation=compensation.METHODS.get(method, compensation.Inverse)(),
         limits=limits,
         period=period,

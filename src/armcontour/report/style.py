@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour.core.checks import FloatArray
 from armcontour.core.palette import LINES, PALETTE
 from armcontour.report.figure import make_trace
 

@@ -7,11 +7,11 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from armcontour import _checks
-from armcontour._files import reading_below
-from armcontour._text import show
-from armcontour.errors import InvalidInput
-from armcontour.io.job_edits import Change
+from armcontour.core import checks
+from armcontour.core.errors import InvalidInput
+from armcontour.core.file_access import reading_below
+from armcontour.core.text import show
+from armcontour.files.job_edits import Change
 from armcontour.studio.display import Display
 from armcontour.studio.document import Document
 from armcontour.studio.editor import Made
@@ -206,11 +206,11 @@ class Acts:
 
     def _detail(self, tab: Tab, said: Said) -> None:
         """Draw what a page sees as finely as it sees it."""
-        box = _checks.numbers("box", said.get("box") or [], "m")
+        box = checks.numbers("box", said.get("box") or [], "m")
         if box.shape != (4,):
             raise InvalidInput("box has four numbers: least u and v, largest u and v.")
         px = max(
-            _checks.positive("px", said.get("px"), "m"), np.ptp(box.reshape(2, 2), 0).max() / WIDEST
+            checks.positive("px", said.get("px"), "m"), np.ptp(box.reshape(2, 2), 0).max() / WIDEST
         )
         detail = Detail(px * OF_A_PIXEL, box)
         self._display.planner.look(detail, lambda frame: self._display.tell(frame, to=tab), tab)
@@ -238,6 +238,6 @@ def _word(said: Said, name: str) -> str:
         InvalidInput: It has none, or a long one.
     """
     value = said.get(name)
-    if not isinstance(value, str) or not 0 < len(value) <= _checks.LONGEST_NAME:
+    if not isinstance(value, str) or not 0 < len(value) <= checks.LONGEST_NAME:
         raise InvalidInput(f"The message {said.get('op')} needs {name}, a short text.")
     return value

@@ -10,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour._quantities import Quantity
-from armcontour.errors import InvalidInput
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.quantities import Quantity
+from armcontour.files.job_edits import Change, change_data
+from armcontour.files.job_model import PathModel
+from armcontour.files.job_path import READING, path_of
+from armcontour.files.keys import Keys, read_keys
+from armcontour.files.units import write_like
 from armcontour.geometry import Path
-from armcontour.io.job_edits import Change, change_data
-from armcontour.io.job_model import PathModel
-from armcontour.io.job_path import READING, path_of
-from armcontour.io.keys import Keys, read_keys
-from armcontour.io.units import write_like
 from armcontour.studio.handles import ANGLE, FILE, LENGTH, Handles
 
 SPEED = Quantity("m/s", "100 mm/s")

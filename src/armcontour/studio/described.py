@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from armcontour.errors import InvalidInput
-from armcontour.io.cell import OWN_PATH
-from armcontour.io.job_edits import line_of, value_at
-from armcontour.io.patch import place
-from armcontour.io.units import unit_of
+from armcontour.core.errors import InvalidInput
+from armcontour.files.cell import OWN_PATH
+from armcontour.files.job_edits import line_of, value_at
+from armcontour.files.patch import place
+from armcontour.files.units import unit_of
 from armcontour.jobs import Job
+from armcontour.planning import Optimal
 from armcontour.studio.converting import is_convertible
 from armcontour.studio.disk import START
 from armcontour.studio.document import Document
@@ -19,7 +20,6 @@ from armcontour.studio.edits.tilt import tilt_of
 from armcontour.studio.fields import values_of
 from armcontour.studio.handles import LENGTH, Handles, obstacles_of
 from armcontour.studio.wire import Frame
-from armcontour.timing import Optimal
 
 # What an edit is called in the list of what can be undone.
 LABELS = {

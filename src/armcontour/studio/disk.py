@@ -11,9 +11,9 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path as FilePath
 
-from armcontour._files import read_bytes
-from armcontour._staging import put_in_place, unwritable
-from armcontour.errors import InvalidInput
+from armcontour.core.errors import InvalidInput
+from armcontour.core.file_access import read_bytes
+from armcontour.core.staging import put_in_place, unwritable
 
 BOM = "\ufeff"
 # Key of the document of a Studio that is started without a file.

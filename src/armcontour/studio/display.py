@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.errors import ArmContourError, InvalidInput
-from armcontour.io.job_edits import key_in
+from armcontour.core.errors import ArmContourError, InvalidInput
+from armcontour.files.job_edits import key_in
 from armcontour.studio.described import describe
 from armcontour.studio.editor import Editor, Made
 from armcontour.studio.handles import is_blank

@@ -9,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
-from armcontour._files import read_bytes
-from armcontour.errors import InvalidInput
-from armcontour.io.cell import drawing_text
-from armcontour.io.job_edits import Change, change_data, change_text, file_names
-from armcontour.io.job_file import read_data
+from armcontour.core.errors import InvalidInput
+from armcontour.core.file_access import read_bytes
+from armcontour.files.cell import drawing_text
+from armcontour.files.job_edits import Change, change_data, change_text, file_names
+from armcontour.files.job_file import read_data
 from armcontour.studio.disk import BOM, Draft, decoded, drop_draft, find_draft, write_whole
 
 SAME, CHANGED, MISSING, NONE = "same", "changed", "missing", "none"

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path as FilePath
 from typing import Any
 
-from armcontour._yaml import load
-from armcontour.errors import InvalidInput
-from armcontour.io.job_edits import Change, change_data, change_text
+from armcontour.core.errors import InvalidInput
+from armcontour.core.yaml_layout import load
+from armcontour.files.job_edits import Change, change_data, change_text
 from armcontour.jobs import Job
 from armcontour.studio.described import Seen, runs_of
 from armcontour.studio.disk import Draft, all_drafts, drop_draft

@@ -10,26 +10,26 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour.arms import Arm, Limits
-from armcontour.arms.limit_use import use_of
+from armcontour.core.checks import FloatArray
 from armcontour.core.render import frame
 from armcontour.core.result import FIRST, Data
-from armcontour.evaluation.error_profile import error_rows
-from armcontour.evaluation.evaluation import (
+from armcontour.jobs.verdict import verdict_rows
+from armcontour.motion import Execution, Trajectory
+from armcontour.robot import Arm, Limits
+from armcontour.robot.limit_use import use_of
+from armcontour.studio.preview import Executed
+from armcontour.studio.thinning import Detail, evenly, thin
+from armcontour.studio.view import View, in_space, short
+from armcontour.studio.wire import Frame
+from armcontour.verification.error_profile import error_rows
+from armcontour.verification.evaluation import (
     demand_ratio,
     demand_row,
     saturated_row,
     saturated_shares,
     settled_row,
 )
-from armcontour.evaluation.pieces import Piece
-from armcontour.jobs.verdict import verdict_rows
-from armcontour.motion import Execution, Trajectory
-from armcontour.studio.preview import Executed
-from armcontour.studio.thinning import Detail, evenly, thin
-from armcontour.studio.view import View, in_space, short
-from armcontour.studio.wire import Frame
+from armcontour.verification.pieces import Piece
 
 # About the largest number of samples of an execution.
 MOST_SAMPLES = 4_000

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.io.job_edits import Keys, value_at
-from armcontour.io.job_model import JobModel
-from armcontour.io.job_options import usual_ranges
-from armcontour.io.patch import full_key, place
-from armcontour.io.si_data import quantity_of
-from armcontour.io.units import unit_of
+from armcontour.files.job_edits import Keys, value_at
+from armcontour.files.job_model import JobModel
+from armcontour.files.job_options import usual_ranges
+from armcontour.files.patch import full_key, place
+from armcontour.files.si_data import quantity_of
+from armcontour.files.units import unit_of
 from armcontour.jobs import Job
 from armcontour.studio.edits.keys import run_of, value_of
 

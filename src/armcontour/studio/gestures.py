@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from armcontour.errors import InvalidInput
+from armcontour.core.errors import InvalidInput
 from armcontour.studio.described import label_of
 from armcontour.studio.display import Display
 from armcontour.studio.tabs import Said, Tab

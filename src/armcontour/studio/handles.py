@@ -9,16 +9,16 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from armcontour._checks import FloatArray, lock_floats
-from armcontour._quantities import Quantity
-from armcontour.frames import Frame
-from armcontour.io.cell import OWN_PATH
-from armcontour.io.job_arm import frame_of
-from armcontour.io.job_edits import Change, Keys, change_data
-from armcontour.io.job_model import FrameModel, PathModel
-from armcontour.io.scene import BodiesModel, SceneModel
-from armcontour.io.si_data import in_si
-from armcontour.io.units import unit_of, write_like
+from armcontour.core.checks import FloatArray, lock_floats
+from armcontour.core.frames import Frame
+from armcontour.core.quantities import Quantity
+from armcontour.files.cell import OWN_PATH
+from armcontour.files.job_arm import frame_of
+from armcontour.files.job_edits import Change, Keys, change_data
+from armcontour.files.job_model import FrameModel, PathModel
+from armcontour.files.scene import BodiesModel, SceneModel
+from armcontour.files.si_data import in_si
+from armcontour.files.units import unit_of, write_like
 from armcontour.jobs import Job
 
 # A point of a job file: its role, its keys, its place in the frame of the path [m] unless it is

@@ -11,9 +11,9 @@ from functools import partial
 from threading import Condition, Thread
 from typing import Any, Protocol, TypeAlias
 
-from armcontour._pool import ProcessPool
-from armcontour._process import ProcessEnded
-from armcontour.errors import ArmContourError
+from armcontour.core.errors import ArmContourError
+from armcontour.core.pool import ProcessPool
+from armcontour.core.process import ProcessEnded
 from armcontour.studio.tasks.working import WARM, Given, work
 from armcontour.studio.wire import Frame
 

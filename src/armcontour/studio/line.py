@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.geometry import Path
 from armcontour.jobs import Run
 from armcontour.motion import LawAlongPath
+from armcontour.planning import Explanation
 from armcontour.studio.preview import Preview
 from armcontour.studio.thinning import Detail, thin
 from armcontour.studio.view import View
-from armcontour.timing import Explanation
 
 # About the largest number of points that are drawn for the speed alone; a short path needs fewer.
 MOST_POINTS, LEAST_POINTS = 20_000, 1_200

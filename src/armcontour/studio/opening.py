@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour._files import hear_reading
-from armcontour._progress import Step
+from armcontour.core.file_access import hear_reading
+from armcontour.core.progress import Step
 from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:

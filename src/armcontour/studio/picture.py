@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray, IntArray
+from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.render import cells, frame, number
 from armcontour.core.result import Data
-from armcontour.evaluation.evaluation import duration_row
 from armcontour.geometry import RoundedPath
 from armcontour.jobs import Rounding
 from armcontour.jobs.single_corners import corner_waypoints
 from armcontour.jobs.verdict import time_limit_row
+from armcontour.planning import Explanation
 from armcontour.program import Program, cut_parts
 from armcontour.studio.executed import demand_of, executed_lines
 from armcontour.studio.line import MOST_POINTS, NOTHING, Line
@@ -22,7 +22,7 @@ from armcontour.studio.preview import Executed, Preview, Tier
 from armcontour.studio.thinning import Detail
 from armcontour.studio.view import View, in_space, short
 from armcontour.studio.wire import Frame
-from armcontour.timing import Explanation
+from armcontour.verification.evaluation import duration_row
 
 # Points of a drawn rapid, and about the largest number of those of all.
 OF_RAPID, MOST_OF_RAPIDS = 16, 50_000

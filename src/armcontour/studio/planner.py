@@ -16,14 +16,14 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour._progress import Step
-from armcontour.arms import Arm
-from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import ArmContourError, InvalidInput
+from armcontour.core.progress import Step
 from armcontour.jobs import Job
 from armcontour.jobs.study import STEPS
 from armcontour.program import Program
-from armcontour.scene import Scene
+from armcontour.robot import Arm
+from armcontour.robot.scene import Scene
 from armcontour.studio.executed import executed_frame
 from armcontour.studio.lanes import FastLane, SlowLane, Stale
 from armcontour.studio.picture import detail_frame, drawing_frame, picture_frame

@@ -14,18 +14,15 @@ from enum import StrEnum
 from pathlib import Path as FilePath
 from typing import Any
 
-from armcontour._checks import FloatArray
-from armcontour._progress import Progress
-from armcontour.arms import Arm, SerialArm
-from armcontour.errors import InvalidInput, Unreachable, locate_errors
-from armcontour.evaluation import ErrorProfile
-from armcontour.evaluation.pieces import Piece, pieces_of, settling_time
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput, Unreachable, locate_errors
+from armcontour.core.progress import Progress
+from armcontour.files.job_arm import arm_of, equipped
+from armcontour.files.job_file import job_on, model_of
+from armcontour.files.job_model import JobModel
+from armcontour.files.job_path import part_of, placed_path, unplaced_path
+from armcontour.files.scene import scene_of
 from armcontour.geometry import Path
-from armcontour.io.job_arm import arm_of, equipped
-from armcontour.io.job_file import job_on, model_of
-from armcontour.io.job_model import JobModel
-from armcontour.io.job_path import part_of, placed_path, unplaced_path
-from armcontour.io.scene import scene_of
 from armcontour.jobs import Experiment, Job, Run
 from armcontour.jobs.alternatives import below_base
 from armcontour.jobs.experiment import build_plant
@@ -34,9 +31,12 @@ from armcontour.jobs.planning import explain_plan, plan_one
 from armcontour.jobs.reuse import LARGE_RESULTS, Reuse, comparable
 from armcontour.jobs.study import execute_run, teach_run
 from armcontour.motion import Execution, TaughtData
+from armcontour.planning import Optimal, intervals_of
 from armcontour.program import Program
-from armcontour.scene import Scene
-from armcontour.timing import Optimal, intervals_of
+from armcontour.robot import Arm, SerialArm
+from armcontour.robot.scene import Scene
+from armcontour.verification import ErrorProfile
+from armcontour.verification.pieces import Piece, pieces_of, settling_time
 
 # Most set-points of an exact preview.
 MOST_SET_POINTS = 200_000

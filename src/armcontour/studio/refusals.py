@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour.errors import ArmContourError
-from armcontour.io.job_edits import key_in
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import ArmContourError
+from armcontour.files.job_edits import key_in
 from armcontour.studio.preview import Preview
 from armcontour.studio.view import View, in_space
 

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from armcontour._checks import FloatArray
-from armcontour.arms import Arm, Chain
-from armcontour.frames import Frame
+from armcontour.core.checks import FloatArray
+from armcontour.core.frames import Frame
 from armcontour.jobs import Job
-from armcontour.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Scene, Shape, Sphere
-from armcontour.scene.scene import BASE, PART
+from armcontour.robot import Arm, Chain
+from armcontour.robot.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Scene, Shape, Sphere
+from armcontour.robot.scene.scene import BASE, PART
 from armcontour.studio.wire import Frame as Message
 
 # Round bodies have so many sides.

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, quote
 
 from armcontour.core import palette
-from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.studio.desk import Desk, Tab
 from armcontour.studio.guard import (
     ADDRESS,

@@ -13,10 +13,10 @@ import traceback
 from collections.abc import Callable, Iterable
 from pathlib import Path as FilePath
 
-from armcontour._files import reading_below
-from armcontour._progress import Progress
-from armcontour._warming import warm_for_run
-from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.core.compiling import warm_for_run
+from armcontour.core.errors import ArmContourError, InvalidInput
+from armcontour.core.file_access import reading_below
+from armcontour.core.progress import Progress
 from armcontour.studio.acts import Acts
 from armcontour.studio.display import Display
 from armcontour.studio.document import Document

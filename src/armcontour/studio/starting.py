@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from armcontour import _checks
-from armcontour._staging import put_in_place
-from armcontour.arms import SerialArm
-from armcontour.arms.chain import link_poses
-from armcontour.errors import InvalidInput
-from armcontour.frames import Frame as Place
-from armcontour.io.cell import cell_names, cell_text, read_cell_arm
-from armcontour.io.job_edits import Change, change_text
+from armcontour.core import checks
+from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import Frame as Place
+from armcontour.core.staging import put_in_place
+from armcontour.files.cell import cell_names, cell_text, read_cell_arm
+from armcontour.files.job_edits import Change, change_text
+from armcontour.robot import SerialArm
+from armcontour.robot.chain import link_poses
 from armcontour.studio.disk import all_drafts, make_private, place_of, state_folder
 from armcontour.studio.document import Document
 from armcontour.studio.robot import triangles_of
@@ -48,7 +48,7 @@ def new_document(card: str, arm: str, uploads: Uploads, before: Document) -> Doc
     Raises:
         InvalidInput: No such card or cell.
     """
-    _checks.choice("card", card, (*DRAWINGS, PAPER, EMPTY))
+    checks.choice("card", card, (*DRAWINGS, PAPER, EMPTY))
     folder, library = before.folder or FilePath.cwd(), resources.files("armcontour.jobs.library")
     if card == PAPER:
         text = (library / "paper.yaml").read_text(encoding="utf-8")

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour._checks import BoolArray, FloatArray, IntArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.geometry import Path
 
 # Times of a motion that are drawn, whatever happens between them, are so close [s], and at most so

@@ -6,8 +6,8 @@ from collections.abc import Collection, Mapping
 from pathlib import Path as FilePath
 from typing import Any
 
-from armcontour.errors import InvalidInput
-from armcontour.io.cell import YAML
+from armcontour.core.errors import InvalidInput
+from armcontour.files.cell import YAML
 
 
 def refuse_new_xacro(

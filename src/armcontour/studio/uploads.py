@@ -13,11 +13,11 @@ import time
 from pathlib import Path as FilePath
 from typing import Any
 
-from armcontour._text import make_printable
-from armcontour.errors import InvalidInput
-from armcontour.io.cell import OWN_PATH, YAML, cell_names, drawing_text
-from armcontour.io.drawings.endings import READERS
-from armcontour.io.job_edits import Change, change_text
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import make_printable
+from armcontour.files.cell import OWN_PATH, YAML, cell_names, drawing_text
+from armcontour.files.drawings.endings import READERS
+from armcontour.files.job_edits import Change, change_text
 from armcontour.studio.disk import all_drafts, make_private, state_folder
 from armcontour.studio.document import Document
 

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour.core.checks import FloatArray
 from armcontour.geometry import Path
 
 # The box of a path is computed from so many of its points, and from the ends of its segments.

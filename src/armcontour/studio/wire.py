@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from armcontour.core.errors import InvalidInput
 from armcontour.core.render import jsonable
-from armcontour.errors import InvalidInput
 
 ALIGNED = 8
 LENGTH = struct.Struct("<I")

@@ -11,8 +11,8 @@ from tests.browser.axe_faults import faults, load_axe
 from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
-from armcontour.io import parse_job
-from armcontour.io.cell import read_cell
+from armcontour.files import parse_job
+from armcontour.files.cell import read_cell
 from armcontour.jobs import Goal
 from armcontour.report import (
     render_batch,

@@ -9,15 +9,15 @@ import time
 
 import pytest
 
-from armcontour.io import ResultFolder
+from armcontour.files import ResultFolder
 
 # Compiled code that runs for minutes, and does not look at signals itself.
 ENDLESS = """
 import sys
 from pathlib import Path
-from armcontour._kernels import compiled
+from armcontour.core.kernels import compiled
 from armcontour.cli.interrupts import run_interruptibly
-from armcontour.io import ResultFolder
+from armcontour.files import ResultFolder
 
 @compiled()
 def turn(x):

@@ -9,7 +9,7 @@ from tests.cli.conftest import done
 from tests.cli.test_one_number import JOBS, QUICK, check
 
 __all__ = ["done"]
-CELL = resources.files("armcontour.io") / "cells" / "ur5e.yaml"
+CELL = resources.files("armcontour.files") / "cells" / "ur5e.yaml"
 DRAWING = Path(__file__).parents[3] / "examples" / "drawings" / "gasket.dxf"
 
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from armcontour._pool import open_executor
-from armcontour.errors import ExecutionError
+from armcontour.core.errors import ExecutionError
+from armcontour.core.pool import open_executor
 
 JOB = """\
 name: corner
@@ -50,7 +50,7 @@ def test_whoever_works_the_results_are_the_same(command, tmp_path, name):
 
 def test_a_cluster_that_does_not_answer_is_refused(monkeypatch):
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr("armcontour._pool.PATIENCE", "1s")
+    monkeypatch.setattr("armcontour.core.pool.PATIENCE", "1s")
     with (
         pytest.raises(ExecutionError, match="No Dask scheduler answers at tcp://127.0.0.1:1 "),
         open_executor(None, "tcp://127.0.0.1:1"),

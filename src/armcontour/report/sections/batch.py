@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour.core.checks import FloatArray
 from armcontour.core.render import number, number_range, scale
 from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Front, Section, Tile

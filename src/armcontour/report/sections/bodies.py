@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour.arms import Arm
-from armcontour.frames import Frame
+from armcontour.core.checks import FloatArray
+from armcontour.core.frames import Frame
 from armcontour.jobs import Job
 from armcontour.report.figure import make_trace
 from armcontour.report.style import finish, line
-from armcontour.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
-from armcontour.scene.scene import BASE
+from armcontour.robot import Arm
+from armcontour.robot.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Shape, Sphere
+from armcontour.robot.scene.scene import BASE
 
 LINK_COLOUR, TOOL_COLOUR, OBSTACLE_COLOUR = "#56B4E9", "#E69F00", "#999999"
 # Shortest side of a scene, as a share of the longest side.

@@ -6,21 +6,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armcontour._text import capitalise
 from armcontour.core import result as core
 from armcontour.core.render import figure, number
+from armcontour.core.text import capitalise
 from armcontour.jobs.advice import IF_DRIVE, IF_PROCESS
+from armcontour.planning.explanation import BETWEEN, DWELLS, RAPIDS
 from armcontour.report.drawing import draw_plan
 from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Front, Section, side_by_side, table_of, tiles
 from armcontour.report.sections.contours import MOST_ROWS
 from armcontour.report.sections.front import time_sentences
 from armcontour.report.style import RUN_COLOURS, finish, line, thin
-from armcontour.timing.explanation import BETWEEN, DWELLS, RAPIDS
 
 if TYPE_CHECKING:
-    from armcontour.certification import Certificate
     from armcontour.jobs import Study
+    from armcontour.studies.certification import Certificate
 
 
 def certified(study: Study, found: Certificate) -> Front:

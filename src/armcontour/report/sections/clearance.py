@@ -9,11 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._text import list_some
-from armcontour.arms.chain import link_poses
-from armcontour.clearance import Clearance, PairClearance
+from armcontour.core.frames import Frame
 from armcontour.core.render import number
-from armcontour.frames import Frame
+from armcontour.core.text import list_some
 from armcontour.jobs import Job, RunResult, Study
 from armcontour.report.figure import Figure
 from armcontour.report.outline import outline_points
@@ -29,7 +27,9 @@ from armcontour.report.sections.bodies import (
     seen_from_base,
 )
 from armcontour.report.style import LIMIT_COLOUR, PATH_COLOUR, RUN_COLOURS, finish, line
-from armcontour.scene import Scene
+from armcontour.robot.chain import link_poses
+from armcontour.robot.scene import Scene
+from armcontour.verification.clearance import Clearance, PairClearance
 
 # What kinds of pairs are called.
 KINDS = {

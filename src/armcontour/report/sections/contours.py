@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.result import Row, Table
-from armcontour.evaluation import ErrorProfile
 from armcontour.jobs import RunResult, Study
 from armcontour.jobs.run_data import pierce_length, work_length
 from armcontour.motion import Span
 from armcontour.program import Contour
 from armcontour.report import section
 from armcontour.report.section import Section
+from armcontour.verification import ErrorProfile
 
 # Largest number of rows; of more contours, those with the largest errors are listed.
 MOST_ROWS = 200

@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour.core.checks import FloatArray
 from armcontour.core.render import number
-from armcontour.evaluation import Evaluation
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry.segments import TANGENT_TOLERANCE
 from armcontour.jobs import Study
@@ -25,6 +24,7 @@ from armcontour.report.style import (
     run_colours,
     run_widths,
 )
+from armcontour.verification import Evaluation
 
 # Half width of an enlarged corner, in corner errors.
 ZOOM = 4.0

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from armcontour._describing import several
-from armcontour._text import capitalise, list_some
+from armcontour.core.describing import several
 from armcontour.core.render import figure, number
 from armcontour.core.result import Data, Row
+from armcontour.core.text import capitalise, list_some
 from armcontour.jobs import RunResult, Study, warnings_of
 from armcontour.jobs.quantities import assumed_numbers
+from armcontour.planning.explanation import BETWEEN, NAMES
 from armcontour.report.drawing import draw_plan
 from armcontour.report.section import Front, Section, Table, side_by_side, tiles
 from armcontour.report.style import few
-from armcontour.timing.explanation import BETWEEN, NAMES
 
 # Figures in large print, of which the first three that are known are shown.
 TILES = ("duration", "off_drawing", "time_limit", "speed")

@@ -7,10 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour.arms import Limits
-from armcontour.arms.limit_use import Use, use_of
 from armcontour.core import result as core
+from armcontour.core.checks import FloatArray
 from armcontour.core.result import Row
 from armcontour.jobs import RunResult, Study
 from armcontour.report.figure import make_subplots
@@ -25,6 +23,8 @@ from armcontour.report.style import (
     line,
     thin,
 )
+from armcontour.robot import Limits
+from armcontour.robot.limit_use import Use, use_of
 
 QUANTITIES = ("position [rad]", "velocity [rad/s]", "acceleration [rad/s²]")
 # Height of the three plots of a joint [px].

@@ -9,14 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
 from armcontour.core import result as core
+from armcontour.core.checks import FloatArray
 from armcontour.core.palette import LIMITS
 from armcontour.core.render import number
 from armcontour.core.result import Row
 from armcontour.jobs import RunResult, Study
 from armcontour.jobs.results import unknown_notes
 from armcontour.jobs.verdict import allowed_error
+from armcontour.planning.explanation import Binding
 from armcontour.report.drawing import kind_of, word_of
 from armcontour.report.figure import make_subplots, make_trace
 from armcontour.report.section import Section, Table, table_of
@@ -30,7 +31,6 @@ from armcontour.report.style import (
     switching_labels,
     thin,
 )
-from armcontour.timing.explanation import Binding
 
 # Smallest error on the logarithmic axis [mm].
 SMALLEST_ERROR = 1e-6

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour.core.checks import FloatArray
 from armcontour.jobs import RunResult, Study
 from armcontour.motion import Execution
 from armcontour.report.figure import Figure, Node, make_trace

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
+from armcontour.core.checks import FloatArray
 from armcontour.core.render import scale
 from armcontour.core.result import VERDICT, Row
 from armcontour.report.figure import Figure, make_trace
@@ -14,7 +14,7 @@ from armcontour.report.section import Front, Section, Table, side_by_side, tiles
 from armcontour.report.style import EXECUTED_COLOUR, PLANNED_COLOUR, finish
 
 if TYPE_CHECKING:
-    from armcontour.placement import Axis, Placement
+    from armcontour.studies.placement import Axis, Placement
 
 # Height of a map [px].
 HEIGHT = 460

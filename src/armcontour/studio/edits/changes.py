@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
-from armcontour._text import show
-from armcontour.errors import InvalidInput
-from armcontour.io.job_edits import Change
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import show
+from armcontour.files.job_edits import Change
 from armcontour.studio.converting import waypoint_changes
 from armcontour.studio.edits.corners import corner_tolerance
 from armcontour.studio.edits.drawing import draw

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from armcontour import _checks
-from armcontour.errors import InvalidInput
-from armcontour.io.job_edits import Change, Keys, value_at
-from armcontour.io.patch import place
+from armcontour.core import checks
+from armcontour.core.errors import InvalidInput
+from armcontour.files.job_edits import Change, Keys, value_at
+from armcontour.files.patch import place
 from armcontour.studio.edits.keys import written
 from armcontour.studio.edits.state import EditState
 
@@ -23,7 +23,7 @@ def corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
             "This corner is at no waypoint of a path of one contour, so that it cannot have a "
             "tolerance of its own: set that of all corners."
         )
-    index = _checks.whole("number of the waypoint", edit["index"], 0, MOST_POINTS)
+    index = checks.whole("number of the waypoint", edit["index"], 0, MOST_POINTS)
     keys = place(("corners", "at"), state.data, state.run)
     key: Keys = (*keys, index + 1)
     given = value_at(state.data, keys)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.errors import InvalidInput
-from armcontour.io.job_edits import Change, Keys
+from armcontour.core.errors import InvalidInput
+from armcontour.files.job_edits import Change, Keys
 from armcontour.studio.edits.state import EditState, uv_of
 from armcontour.studio.edits.waypoints import editable, insert_orientation
 from armcontour.studio.handles import CENTER, POINT, POINTS, SEGMENTS, SPLINE, VIA

@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from armcontour import _checks
-from armcontour._checks import FloatArray
-from armcontour._quantities import Quantity
-from armcontour._text import plain_number, show
-from armcontour.errors import InvalidInput
-from armcontour.io.job_edits import REMOVE, Change, Keys, change_data, value_at
-from armcontour.io.job_model import JobModel
-from armcontour.io.patch import IN_RUN, MERGED, Name, arm_keys, key_of, place, resolve
-from armcontour.io.si_data import quantity_of
-from armcontour.io.units import unit_of, write_like
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.quantities import Quantity
+from armcontour.core.text import plain_number, show
+from armcontour.files.job_edits import REMOVE, Change, Keys, change_data, value_at
+from armcontour.files.job_model import JobModel
+from armcontour.files.patch import IN_RUN, MERGED, Name, arm_keys, key_of, place, resolve
+from armcontour.files.si_data import quantity_of
+from armcontour.files.units import unit_of, write_like
 from armcontour.jobs import Job, Run
 from armcontour.studio.edits.state import EditState
 
@@ -119,7 +119,7 @@ def _for_joints(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]
     now = joint_values(tuple(outer), state.handles.job, state.run)
     if now is None:
         raise InvalidInput(f"{'.'.join(map(str, outer))} has no values of single joints.")
-    _checks.whole("number of the joint", joint, 0, len(now) - 1)
+    checks.whole("number of the joint", joint, 0, len(now) - 1)
     si = [value if k == joint else float(x) for k, x in enumerate(now)]
     return [written(x, old, (*outer, k)) for k, x in enumerate(si)]
 
@@ -183,7 +183,7 @@ def written(value: Any, old: Any, keys: Keys) -> Any:
         number = plain_number(value)
         return value if number is None else _typed(value.strip(), old, kind)
     if isinstance(value, int | float):
-        _checks.number(".".join(map(str, keys)), value, kind.unit)
+        checks.number(".".join(map(str, keys)), value, kind.unit)
         like = old if isinstance(old, int | float | str) and not isinstance(old, bool) else None
         return write_like(float(value), like, kind)
     return value

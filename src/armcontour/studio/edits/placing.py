@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from armcontour import _checks
-from armcontour._checks import FloatArray
-from armcontour._quantities import Quantity
-from armcontour.frames import exp, quaternions, to_rpy
-from armcontour.io.job_edits import Change, Keys, value_at
-from armcontour.io.job_model import FrameModel
-from armcontour.io.si_data import in_si
-from armcontour.io.units import write_like
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.frames import exp, quaternions, to_rpy
+from armcontour.core.quantities import Quantity
+from armcontour.files.job_edits import Change, Keys, value_at
+from armcontour.files.job_model import FrameModel
+from armcontour.files.si_data import in_si
+from armcontour.files.units import write_like
 from armcontour.studio.edits.state import EditState, uv_of
 from armcontour.studio.handles import ANGLE, EXACT, LENGTH
 
@@ -27,7 +27,7 @@ def place(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Move and turn the part in the plane of the picture."""
     plane, own = state.handles.plane, state.handles.frame
     by, about = uv_of("by", edit.get("by", [0, 0])), uv_of("about", edit.get("about", [0, 0]))
-    turn = _checks.number("turn", edit.get("turn", 0.0), "rad")
+    turn = checks.number("turn", edit.get("turn", 0.0), "rad")
     turned = exp(turn * plane.normal)
     pivot = plane.lift(about)
     position = pivot + turned @ (own.position - pivot) + plane.lift(by) - plane.origin

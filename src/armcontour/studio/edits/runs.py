@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any
 
-from armcontour._text import show
-from armcontour.errors import InvalidInput
-from armcontour.io.job_edits import Change
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import show
+from armcontour.files.job_edits import Change
 
 
 def add_run(data: Mapping[str, Any], name: str, like: Any) -> list[Change]:

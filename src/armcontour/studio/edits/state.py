@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from armcontour import _checks
-from armcontour._checks import FloatArray
-from armcontour._text import show
-from armcontour.errors import InvalidInput
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import show
 from armcontour.studio.handles import Handles
 
 
@@ -38,7 +38,7 @@ def uv_of(name: str, value: Any) -> FloatArray:
     Raises:
         InvalidInput: They are no two coordinates.
     """
-    found = _checks.numbers(name, value, "m")
+    found = checks.numbers(name, value, "m")
     if found.shape != (2,):
         raise InvalidInput(f"{name} must be two coordinates in the picture, not {show(value)}.")
     return found

@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from armcontour._checks import FloatArray
-from armcontour._text import plain_number
-from armcontour.errors import InvalidInput
-from armcontour.frames import exp, quaternions, shortest, to_rpy
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import exp, quaternions, shortest, to_rpy
+from armcontour.core.text import plain_number
+from armcontour.files.job_edits import Change, Keys, value_at
+from armcontour.files.job_model import OrientationModel
+from armcontour.files.keys import Keys as Model
+from armcontour.files.keys import read_keys
+from armcontour.files.scene import rotation_of
+from armcontour.files.units import read_quantity, write_like
 from armcontour.geometry.orienting import POINTING_DOWN
-from armcontour.io.job_edits import Change, Keys, value_at
-from armcontour.io.job_model import OrientationModel
-from armcontour.io.keys import Keys as Model
-from armcontour.io.keys import read_keys
-from armcontour.io.scene import rotation_of
-from armcontour.io.units import read_quantity, write_like
 from armcontour.studio.edits.state import EditState
 from armcontour.studio.handles import ANGLE, Handles
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from armcontour import _checks
-from armcontour._text import show
-from armcontour.errors import InvalidInput
-from armcontour.io.job_edits import Change, Keys, value_at
+from armcontour.core import checks
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import show
+from armcontour.files.job_edits import Change, Keys, value_at
 from armcontour.studio.edits.corners import renumbered
 from armcontour.studio.edits.keys import written
 from armcontour.studio.edits.state import EditState, uv_of
@@ -31,7 +31,7 @@ def move_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     point = _waypoint(edit, state)
     within = EXACT
     if edit.get("step") is not None:
-        within = max(EXACT, _checks.not_negative("step", edit["step"], "m") / 2)
+        within = max(EXACT, checks.not_negative("step", edit["step"], "m") / 2)
     new = state.handles.to_file(uv_of("to", edit["to"]), point, within=within)
     return _coordinates(point.keys, point.written, new)
 
@@ -61,7 +61,7 @@ def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Insert a point, which gets a number in the order of the path."""
     handles, index = editable(state), edit["index"]
     ends = handles.ends
-    _checks.whole("number of the waypoint", index, 0, len(ends))
+    checks.whole("number of the waypoint", index, 0, len(ends))
     beside = ends[min(index, len(ends) - 1)]
     if beside.role == END:
         beside = next(x for x in reversed(ends[: beside.index]) if x.role == POINT)
@@ -147,7 +147,7 @@ def _waypoint(edit: Mapping[str, Any], state: EditState, *, computed: bool = Fal
         InvalidInput: There is no such point, or it cannot be moved.
     """
     points = editable(state).waypoints
-    point = points[_checks.whole("number of the waypoint", edit["index"], 0, len(points) - 1)]
+    point = points[checks.whole("number of the waypoint", edit["index"], 0, len(points) - 1)]
     if point.why_not is not None and not computed:
         raise InvalidInput(f"Waypoint {point.index + 1} cannot be moved. {point.why_not}")
     return point

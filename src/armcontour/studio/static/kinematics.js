@@ -1,4 +1,4 @@
-// Forward kinematics of a chain of joints, in double precision, as in arms/chain.py.
+// Forward kinematics of a chain of joints, in double precision, as in robot/chain.py.
 
 /**
  * A joint, which turns. Link 0 is the base, link k comes after the k-th joint.

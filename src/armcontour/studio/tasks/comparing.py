@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armcontour.errors import InvalidInput
+from armcontour.core.errors import InvalidInput
 from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
-    from armcontour._checks import FloatArray
+    from armcontour.core.checks import FloatArray
     from armcontour.jobs import RunResult
 
 # Points of each curve.

@@ -6,7 +6,7 @@ from collections.abc import Generator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame
 

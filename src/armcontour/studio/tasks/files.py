@@ -11,14 +11,14 @@ from io import BytesIO
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from armcontour._progress import Step
-from armcontour.errors import InvalidInput
+from armcontour.core.errors import InvalidInput
+from armcontour.core.progress import Step
 from armcontour.studio.tasks.logs import learned
 from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
-    from armcontour.io.exports.formats import ExportFormat
+    from armcontour.files.exports.formats import ExportFormat
     from armcontour.jobs import Job, RunResult
 
 # The template whose files have names of KRL, of so many letters at most.
@@ -47,10 +47,10 @@ def certify(x: Request) -> Frame:
     Raises:
         InvalidInput: Neither the job nor the options have a tolerance.
     """
-    from armcontour.certification import certify
-    from armcontour.certification.certifying import goal_of
     from armcontour.core.render import plain, verdict
     from armcontour.report import render_report
+    from armcontour.studies.certification import certify
+    from armcontour.studies.certification.certifying import goal_of
 
     if x.whole_job.certificate is None and "tolerance" not in x.options:
         raise InvalidInput(
@@ -74,9 +74,9 @@ def export(x: Request) -> Frame:
     Options: `format`, a name of a format; for "template" its `template`; `of`, "taught",
     "planned", or "learned" from `logs`; `period` of a plan [s].
     """
-    from armcontour.io.exports.formats import TemplateFormat, format_named, put
-    from armcontour.io.exports.table import make_table
-    from armcontour.io.exports.template import SHIPPED, describe_program, ending_of
+    from armcontour.files.exports.formats import TemplateFormat, format_named, put
+    from armcontour.files.exports.table import make_table
+    from armcontour.files.exports.template import SHIPPED, describe_program, ending_of
     from armcontour.jobs import analog_outputs
 
     of, source = format_named(str(x.option("format", "csv"))), x.option("of", "taught")
@@ -128,7 +128,7 @@ def export(x: Request) -> Frame:
 
 def _analog(format: ExportFormat, plan: RunResult, job: Job, outputs: Callable[..., Any]) -> Any:
     """The analog outputs of a plan, for formats that have them."""
-    from armcontour.io.exports.formats import WITH_ANALOG
+    from armcontour.files.exports.formats import WITH_ANALOG
 
     if not isinstance(format, WITH_ANALOG):
         return None

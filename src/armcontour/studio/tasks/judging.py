@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from armcontour.errors import Collision
+from armcontour.core.errors import Collision
 from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame
 
@@ -17,7 +17,7 @@ CLEARANCE_TIMES, MOST_PAIRS = 400, 10
 def check(x: Request) -> Frame:
     """The plan checked against all limits, by code that shares nothing with the planner."""
     from armcontour.core.render import number
-    from armcontour.evaluation import check
+    from armcontour.verification import check
 
     plan = x.taught
     found = check(plan.trajectory, x.job.arm, plan.run.limits, plan.path)

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armcontour._progress import Step
+from armcontour.core.errors import InvalidInput
+from armcontour.core.progress import Step
 from armcontour.core.render import cells, frame, verdict
 from armcontour.core.result import TABLE, Data
-from armcontour.errors import InvalidInput
 from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame
 
@@ -38,8 +38,8 @@ def measured(x: Request) -> Frame:
 
 def identify(x: Request) -> Frame:
     """The servo of each joint from the logs, and the edit that puts it into the job."""
-    from armcontour.identification import ServoFit, identify
-    from armcontour.io.servo_file import servo_values
+    from armcontour.control.identification import ServoFit, identify
+    from armcontour.files.servo_file import servo_values
 
     logs = read_logs(x, commanded=True)
     found = identify(logs, ServoFit(kinematics=x.job.arm), progress=x.progress)
@@ -52,7 +52,7 @@ def identify(x: Request) -> Frame:
 
 def learn(x: Request) -> Frame:
     """The set-points of the next run, as `armcontour learn` writes them."""
-    from armcontour.io.exports.table import taught_pieces
+    from armcontour.files.exports.table import taught_pieces
 
     study = learned(x)
     content = "".join(taught_pieces(study.lesson, study.job.arm.joint_names)).encode()
@@ -79,7 +79,7 @@ def read_logs(x: Request, *, commanded: bool = False) -> list[Any]:
     Raises:
         InvalidInput: There is none, or one that cannot be read.
     """
-    from armcontour.io.log_file import read_run_log
+    from armcontour.files.log_file import read_run_log
 
     if not x.logs:
         raise InvalidInput("This needs a log of the robot: drop one on the page, and tick it.")

@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-from armcontour._progress import Progress
+from armcontour.core.progress import Progress
 
 if TYPE_CHECKING:
     from armcontour.jobs import Job, RunResult
@@ -47,7 +47,7 @@ class Request:
     @cached_property
     def data(self) -> dict[str, Any]:
         """The job as parsed."""
-        from armcontour.io.job_file import read_data
+        from armcontour.files.job_file import read_data
 
         return read_data(self.text, self.source)
 
@@ -70,7 +70,7 @@ class Request:
     @cached_property
     def whole_job(self) -> Job:
         """The job with all that its file has."""
-        from armcontour.io import parse_job
+        from armcontour.files import parse_job
 
         return parse_job(
             self.text,

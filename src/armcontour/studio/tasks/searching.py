@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armcontour._progress import Step
-from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.core.errors import ArmContourError, InvalidInput
+from armcontour.core.progress import Step
 from armcontour.jobs import PlaceSearch
 from armcontour.jobs.axes import LENGTHS
-from armcontour.scene.scene import BASE
+from armcontour.robot.scene.scene import BASE
 from armcontour.studio.tasks.request import Request
 from armcontour.studio.wire import Frame
 
@@ -28,7 +28,7 @@ def sweep(x: Request) -> Frame:
 
     Options: `key`, and `values` in SI units, or `min`, `max` and `count`, evenly or with `log`.
     """
-    from armcontour.io.job_edits import change_data
+    from armcontour.files.job_edits import change_data
     from armcontour.studio.edits import EditState
     from armcontour.studio.edits.keys import set_value
     from armcontour.studio.handles import handles_of
@@ -79,7 +79,7 @@ def place(x: Request) -> Frame:
     picture.
     """
     from armcontour.core.render import frame, verdict
-    from armcontour.placement import place
+    from armcontour.studies.placement import place
 
     given = dict(x.options)
     processes, as_job = given.pop("processes", 1), given.pop("as_job", True)

@@ -10,10 +10,10 @@ from contextlib import nullcontext
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple, TypeAlias
 
-from armcontour import _process
-from armcontour._files import reading_below
-from armcontour._progress import Progress, Step
-from armcontour.errors import ArmContourError, InvalidInput
+from armcontour.core import process
+from armcontour.core.errors import ArmContourError, InvalidInput
+from armcontour.core.file_access import reading_below
+from armcontour.core.progress import Progress, Step
 from armcontour.studio.tasks.comparing import compare
 from armcontour.studio.tasks.figures import changes, figures
 from armcontour.studio.tasks.files import certify, export, report
@@ -71,7 +71,7 @@ class Given(NamedTuple):
 WARM = Given("", "warm", {})
 
 
-def work(given: Given, heard: Heard = _process.tell) -> bytes:
+def work(given: Given, heard: Heard = process.tell) -> bytes:
     """What the other process does: a task, with its progress, to a frame.
 
     Args:
@@ -119,7 +119,7 @@ class _Telling:
 
 def _be_ready() -> None:
     """Load what tasks need; end with the parent."""
-    if _process.is_other() and hasattr(os, "nice"):
+    if process.is_other() and hasattr(os, "nice"):
         threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     figures(Request(text=SMALL))
 

@@ -1,9 +1,0 @@
-from armcontour.arms.arm import Arm as Arm
-from armcontour.arms.arm import compare_limits as compare_limits
-from armcontour.arms.arm import resolve_limits as resolve_limits
-from armcontour.arms.chain import Chain as Chain
-from armcontour.arms.chain import Payload as Payload
-from armcontour.arms.dynamics import Dynamics as Dynamics
-from armcontour.arms.limits import Limits as Limits
-from armcontour.arms.planar import PlanarTwoLink as PlanarTwoLink
-from armcontour.arms.serial import SerialArm as SerialArm

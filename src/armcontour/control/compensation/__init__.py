@@ -1,0 +1,21 @@
+"""Compensation of the servos' delay: taught data that makes joints follow a trajectory."""
+
+from armcontour.control.compensation.compensator import (
+    METHODS,
+    CompensationOptions,
+    Inverse,
+    InverseDynamics,
+    NoCompensation,
+    PolePlacement,
+    compensate,
+)
+
+__all__ = [
+    "METHODS",
+    "CompensationOptions",
+    "Inverse",
+    "InverseDynamics",
+    "NoCompensation",
+    "PolePlacement",
+    "compensate",
+]

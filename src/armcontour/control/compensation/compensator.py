@@ -1,0 +1,291 @@
+"""Public function `compensate`: taught data for a realizable trajectory."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.control.compensation.set_points import SETTLING, set_point_times
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Options, checked
+from armcontour.core.quantities import About
+from armcontour.motion import LONGEST_CLOCK, PERIOD, TaughtData, Trajectory, check_interval
+from armcontour.motion.command_limits import describe_excess, refuse_commands
+from armcontour.robot import Arm, Limits
+from armcontour.robot.servo import ServoModel
+
+# Durations are sums with rounding errors: an interval that is longer by this share is as long.
+SAME = 1e-9
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CompensationOptions(Options):
+    """Options that all methods of `compensate` have: the base of the options of each method.
+
+    Args:
+        command_limits: Limits of the set-points themselves, as controllers check them by
+            differences over the command interval: joint_velocity [rad/s], joint_acceleration
+            [rad/s²], joint_jerk [rad/s³], joint_lower and joint_upper [rad], each one value or one
+            per joint. Set-points of a joint that exceeds one are the nearest ones within them (mean
+            square), at rest at both ends of the plan; they begin earlier and end later by up to
+            1 s. `TaughtData.limit_cost` is the error that this causes.
+
+    Raises:
+        InvalidInput: A value of the wrong type.
+    """
+
+    method: ClassVar[str]
+    command_limits: Limits | None = None
+
+    @property
+    def own(self) -> dict[str, Any]:
+        """The given options that only this method has, without arms, by their names."""
+        names = ("poles", "gravity_feedforward")
+        return {x: getattr(self, x) for x in names if getattr(self, x, None) is not None}
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Inverse(CompensationOptions):
+    """The exact inverse of the unsaturated servo; options are those of `CompensationOptions`.
+
+    It inverts the mean of the trajectory over a command interval about each set-point; where
+    accelerations jump, the servo demands are about 1 % larger than that. The first set-point, one
+    interval before time 0, is the start of the plan.
+    """
+
+    method = "inverse"
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PolePlacement(CompensationOptions):
+    """The paper's compensator (26), for servos of order "second"; also `CompensationOptions`.
+
+    Args:
+        poles: Two regulator poles and the observer pole [1/s], (3,), or three per joint, (dof, 3);
+            by default all joints lag as the one with the smallest K_v.
+
+    Raises:
+        InvalidInput: A value of the wrong type.
+    """
+
+    method = "pole_placement"
+    poles: Annotated[npt.ArrayLike | None, About()] = None
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class InverseDynamics(CompensationOptions):
+    """The inverse of drives that move the arm's bodies; also `CompensationOptions`.
+
+    It is best for plans with limits of jerk. Its first and last set-points hold the arm at both
+    ends of the plan. It needs an arm with masses, and a servo of order "second".
+
+    Args:
+        gravity_feedforward: Whether the controller adds the gravity torque; by default it does, in
+            a job as in its experiment.
+        known: The arm as its controller knows it, for example without a payload that was found
+            later; by default the nominal arm.
+
+    Raises:
+        InvalidInput: A value of the wrong type.
+    """
+
+    method = "inverse_dynamics"
+    gravity_feedforward: Annotated[bool | None, About()] = None
+    known: Arm | None = None
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NoCompensation(CompensationOptions):
+    """The trajectory itself, without time advance; options are those of `CompensationOptions`."""
+
+    method = "none"
+
+
+INVERSE = Inverse()
+# Options by the names of their methods.
+METHODS: dict[str, type[CompensationOptions]] = {
+    x.method: x for x in (Inverse, PolePlacement, InverseDynamics, NoCompensation)
+}
+
+
+@checked
+def compensate(
+    trajectory: Trajectory,
+    servo: ServoModel,
+    options: CompensationOptions = INVERSE,
+    *,
+    period: float = PERIOD,
+    arm: Arm | None = None,
+    limits: Limits | None = None,
+) -> TaughtData:
+    """Taught data whose set-points make the servos follow a trajectory.
+
+    Set-points have a time advance of the servo's dead time, plus half a command interval for
+    interpolation "step". The taught data then starts before time 0, at the start of the plan.
+
+    Velocity feed-forward f leaves a transient of the set-points after the plan, with the time
+    constant `f / kp`, and an integrator one with `1 / ki`. After 1 s or 20 % of the motion it is
+    cut off: set-points fade to the end of the plan, and `TaughtData.cut_off` bounds the errors of
+    the joints after it.
+
+    Args:
+        trajectory: Trajectory that the joints should follow.
+        servo: Servo model whose delay is compensated.
+        options: The method and its options: `Inverse`, `PolePlacement`, `InverseDynamics` or
+            `NoCompensation`.
+        period: Command interval [s].
+        arm: The nominal arm whose bodies the drives move, for `InverseDynamics`; other methods do
+            not use it.
+        limits: Limits of the controller, in place of those of the plan: set-points must be within
+            joint_lower and joint_upper, and must not move faster than joint_velocity. Set-points
+            that exceed those of the command limits or else of the plan, where none are given, are a
+            warning.
+
+    Raises:
+        InvalidInput: An argument has the wrong type, gains do not fit the joints or the interval,
+            the interval is longer than the motion, the set-points are too many, `InverseDynamics`
+            has no arm with masses, or it or `PolePlacement` has a servo with joints of another
+            order than "second", an integrator, friction or a cycle.
+        CompensationError: Poles are not stable, set-points exceed the given limits, or the plan
+            exceeds velocity or acceleration of the command limits by more than 1 %.
+
+    Warns:
+        UserWarning: No limits are given, and set-points exceed those of the plan; or compensation
+            with this servo may be worse than none (`ServoModel.doubt`).
+    """
+    taught = teach(trajectory, servo, options, period=period, arm=arm)
+    if limits is not None:
+        refuse_commands(taught, limits)
+    elif excess := describe_excess(taught):
+        warnings.warn(excess, stacklevel=3)
+    if not isinstance(options, NoCompensation) and servo.doubt:
+        warnings.warn(servo.doubt, stacklevel=3)
+    return taught
+
+
+def teach(
+    trajectory: Trajectory,
+    servo: ServoModel,
+    options: CompensationOptions,
+    *,
+    period: float,
+    arm: Arm | None,
+) -> TaughtData:
+    """Taught data as of `compensate`, without a check of limits.
+
+    Args:
+        trajectory: As in `compensate`, like the others.
+        servo: See above.
+        options: See above.
+        period: See above.
+        arm: See above.
+
+    Raises:
+        ArmContourError: As `compensate`.
+    """
+    interval = check_interval(period)
+    model, duration = servo.for_joints(trajectory.dof), trajectory.duration
+    if interval > max(duration * (1 + SAME), LONGEST_CLOCK):
+        raise InvalidInput(
+            f"The command interval of {interval:g} s is longer than the motion of {duration:.6g} "
+            f"s, so that no set-point lies within it; it is in seconds: for {interval:g} ms give "
+            f"{interval / 1e3:g}, in a job `command_interval: {interval:g} ms`.",
+            needed=interval,
+            allowed=max(duration, LONGEST_CLOCK),
+        )
+    model.refuse_too_fast(interval)
+    count = set_point_count(duration, model, interval, options)
+    checks.refuse_too_many(
+        f"{count * interval:.4g} s of motion at a command interval of {interval:g} s",
+        count * trajectory.dof,
+        "take a longer command interval or a higher speed",
+    )
+    start, q, cut_off = _set_points(trajectory, model, interval, options, arm)
+    taught = TaughtData(
+        period=interval,
+        q=q,
+        trajectory=trajectory,
+        method=options.method,
+        start_time=start,
+        cut_off=cut_off,
+    )
+    if options.command_limits is None:
+        return taught
+    from armcontour.control.compensation.nearest import within_limits
+
+    return within_limits(taught, model, options.command_limits, arm)
+
+
+def _set_points(
+    trajectory: Trajectory,
+    servo: ServoModel,
+    period: float,
+    options: CompensationOptions,
+    arm: Arm | None,
+) -> tuple[float, FloatArray, FloatArray | None]:
+    """Time of the first set-point [s], set-points, (n, dof) [rad], and `TaughtData.cut_off`."""
+    if isinstance(options, NoCompensation):
+        t = set_point_times(trajectory, period).inside
+        end = trajectory([trajectory.duration], side="left")
+        return 0.0, np.concatenate([trajectory(t), end]), None
+    if isinstance(options, PolePlacement):
+        from armcontour.control.compensation.pole_placement import pole_placement
+
+        start, q = pole_placement(trajectory, servo, period, options.poles)
+    elif isinstance(options, InverseDynamics):
+        from armcontour.control.compensation.inverse_dynamics import inverse_dynamics
+
+        fed = options.gravity_feedforward is not False
+        start, q = inverse_dynamics(trajectory, servo, period, arm, fed, options.known)
+    else:
+        from armcontour.control.compensation.set_points import inverse
+
+        start, q = inverse(trajectory, servo, period)
+    if not servo.has_feedforward and not servo.ki.any():
+        return start, q, None
+    from armcontour.control.compensation.feedforward import for_feedforward
+
+    return start, *for_feedforward(q, period, servo, trajectory.duration)
+
+
+def set_point_count(
+    duration: float, servo: ServoModel, period: float, options: CompensationOptions
+) -> float:
+    """Approximate number of set-points of a motion.
+
+    Args:
+        duration: Duration of the motion [s].
+        servo: Servo model whose delay is compensated, with values per joint.
+        period: Command interval [s].
+        options: As in `compensate`.
+
+    Raises:
+        InvalidInput: The poles are not valid.
+        CompensationError: The poles are not stable.
+    """
+    total = duration
+    if not isinstance(options, NoCompensation):
+        total += float(servo.dead_time.max()) + period
+        if servo.has_feedforward or servo.ki.any():
+            from armcontour.control.compensation.feedforward import tail_duration
+
+            total += tail_duration(servo, duration)
+    if isinstance(options, PolePlacement) and servo.kv is not None:
+        from armcontour.control.compensation.pole_placement import check_poles
+
+        slowest = float(servo.kv.min())
+        if options.poles is not None:
+            slowest = float(np.abs(check_poles(options.poles, len(servo.kv)).real).min())
+        total += SETTLING / slowest
+    return total / period + 1

@@ -1,0 +1,119 @@
+"""Set-points by the inverse of the drives that move the arm's bodies.
+
+The command that makes the drives move like the plan is known at every time, see
+`armcontour.robot.drives`. Set-points are chosen so that what the controller makes of them is
+nearest to it, see docs/concepts/compensation.md.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour.control.compensation.set_points import (
+    SetPointTimes,
+    advance_set_points,
+    integrator_tail,
+    time_advances,
+)
+from armcontour.core._banded import solve_banded
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
+from armcontour.motion import Trajectory
+from armcontour.robot import Arm
+from armcontour.robot.drives import Drives
+from armcontour.robot.servo import ServoModel
+
+# Weights of a set-point and of its neighbours in the mean about it: the middle of a line is the
+# mean of its ends, that of a cubic is `(-x[k-1] + 9 x[k] + 9 x[k+1] - x[k+2]) / 16`.
+MEANS = {"linear": (4 / 6, 1 / 6), "cubic": (34 / 48, 8 / 48, -1 / 48)}
+
+
+def inverse_dynamics(
+    trajectory: Trajectory,
+    servo: ServoModel,
+    period: float,
+    arm: Arm | None,
+    gravity_feedforward: bool = True,
+    known: Arm | None = None,
+) -> tuple[float, FloatArray]:
+    """Set-points by the inverse of `Drives`.
+
+    Args:
+        trajectory: Trajectory that the joints should follow.
+        servo: Servo model with values per joint.
+        period: Command interval [s].
+        arm: The nominal arm, with masses.
+        gravity_feedforward: Whether the controller adds the gravity torque.
+        known: The arm as its controller knows it, as in `Drives`.
+
+    Returns:
+        Time of the first set-point [s], and set-points [rad], (n, dof).
+
+    Raises:
+        InvalidInput: There is no arm, it has no masses or other joints than the trajectory, or the
+            servo is of first order.
+    """
+    if arm is None:
+        raise InvalidInput(
+            "The method inverse_dynamics needs the masses of the robot: give compensate the arm."
+        )
+    if arm.dof != trajectory.dof:
+        raise InvalidInput(
+            f"The arm {arm.name} has {arm.dof} joints, but the trajectory has {trajectory.dof}."
+        )
+    drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity_feedforward, known=known)
+    ends = trajectory([0.0]), trajectory([trajectory.duration], side="left")
+    still = np.zeros((1, arm.dof))
+    # At rest friction is not known, and none is assumed: the drives hold the arm against gravity.
+    hold, final = (drives.command(x, still, still) for x in ends)
+    tail = np.arange(integrator_tail(servo, trajectory.duration, period)) * period
+
+    def at(t: FloatArray) -> FloatArray:
+        """The command that the drives should get, every half interval from rest on."""
+        moving = (t >= 0) & (t < trajectory.duration)
+        q = np.where((t < 0)[:, None], *ends)
+        dq, ddq = np.zeros((2, *q.shape))
+        q[moving], dq[moving], ddq[moving] = trajectory.motion(t[moving])
+        return drives.command(q, dq, ddq, period / 2)
+
+    def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
+        t = np.append(times.inside, trajectory.duration + times.after_end + tail)
+        found = final
+        if len(t):
+            exact = at(np.append(t[0] - [period, period / 2], np.stack([t, t + period / 2], 1)))
+            set_points = _nearest(exact[2::2], exact[1::2], hold, final, servo.interpolation)
+            found = np.concatenate([set_points, final])
+        return found[:, joints]
+
+    return advance_set_points(
+        trajectory, time_advances(servo, period), period, command, hold=hold[0], from_rest=True
+    )
+
+
+def _nearest(
+    points: FloatArray, halves: FloatArray, hold: FloatArray, final: FloatArray, interpolation: str
+) -> FloatArray:
+    """Set-points whose interpolation has the same means as a command about every set-point.
+
+    Of held set-points these are the means over their intervals. Of lines and cubics they are
+    weighted by a triangle from the set-point before to the one after; lines are then nearest to the
+    command in the mean square. Means are by Simpson's rule in each half.
+
+    Args:
+        points: The command at the set-points' times [rad], (n, dof).
+        halves: The command half an interval before the first of them and after each [rad],
+            (n + 1, dof).
+        hold: The set-point before them [rad], (1, dof).
+        final: The set-point after them [rad], (1, dof).
+        interpolation: As in `ServoModel`; "step" has its time advance of half an interval.
+    """
+    if interpolation == "step":
+        return np.asarray((halves[:-1] + 4 * points + halves[1:]) / 6)
+    mean = (halves[:-1] + points + halves[1:]) / 3
+    n, weights = len(mean), MEANS[interpolation]
+    reach = len(weights) - 1
+    for k in range(1, reach + 1):
+        mean[:k] -= weights[k] * hold
+        mean[max(n - k, 0) :] -= weights[k] * final
+    solve_banded(np.tile(weights, (n, 1)), mean)
+    return mean

@@ -1,0 +1,136 @@
+"""Limits of commands: the nearest set-points within them, and the error that this causes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from armcontour.control.compensation.set_points import LONGEST_TAIL
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import CompensationError
+from armcontour.motion import LimitCost, TaughtData
+from armcontour.motion.nearest_commands import (
+    BY_ORDER,
+    check_command_limits,
+    command_bounds,
+    excess,
+    nearest_commands,
+)
+from armcontour.robot import Arm, Limits
+from armcontour.robot.limits import JOINT_RANGE
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.simulation import Simulation
+
+# Set-points may begin earlier and end later by this many time constants of the slowest servo, and
+# by the times that the jerk needs for this many changes of acceleration from zero to its limit.
+TIME_CONSTANTS, RAMPS = 2.0, 4.0
+# A plan that exceeds a limit of velocity or acceleration by less than this share is smoothed.
+SMOOTHED = 0.01
+UNLIMITED = np.array([[-np.inf], [np.inf]])
+UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
+
+
+def within_limits(
+    taught: TaughtData, servo: ServoModel, limits: Limits, arm: Arm | None = None
+) -> TaughtData:
+    """Taught data with the nearest set-points within limits of commands.
+
+    If the limits bind, set-points begin earlier and end later, because a compensated command leaves
+    and reaches rest faster than its joint.
+
+    Args:
+        taught: Taught data without these limits.
+        servo: Servo model with values per joint.
+        limits: Limits of commands.
+        arm: The arm, for the contour error; by default that of the plan.
+
+    Raises:
+        InvalidInput: A limit that is none of commands.
+        CompensationError: The plan exceeds limits, or no set-points satisfy them.
+    """
+    dof, period = taught.q.shape[1], taught.period
+    limits = check_command_limits(limits, dof)
+    bounds = command_bounds(limits, dof)
+    if excess(taught.q, period, bounds) is None:
+        return replace(taught, command_limits=limits)
+    _refuse_plan(taught, bounds[:3], SMOOTHED)
+    jerky = np.isfinite(bounds[2, 1])
+    ramp = float((bounds[2, 1, jerky] / bounds[3, 1, jerky]).max(initial=0.0))
+    usual = min(TIME_CONSTANTS / servo.slowest + RAMPS * ramp, LONGEST_TAIL)
+    for longer_by in (usual, LONGEST_TAIL):
+        more = int(np.ceil(longer_by / period))
+        q = np.pad(taught.q, ((more, more), (0, 0)), mode="edge")
+        found, joint = nearest_commands(q, period, bounds)
+        if joint is None:
+            break
+    else:
+        assert joint is not None
+        _refuse_plan(taught, np.where(np.arange(dof) == joint, bounds, UNLIMITED))
+        raise CompensationError(
+            f"No set-points of joint {joint + 1} satisfy command_limits between the ends of the "
+            f"plan, even {LONGEST_TAIL:g} s longer at both: raise command_limits, or plan a slower "
+            "motion.",
+            joint=joint,
+        )
+    longer = replace(
+        taught, q=found, start_time=taught.start_time - more * period, command_limits=limits
+    )
+    return replace(longer, limit_cost=_cost(longer, found - q, servo, arm))
+
+
+def _refuse_plan(taught: TaughtData, bounds: FloatArray, share: float = 0.0) -> None:
+    """Refuse a plan that exceeds bounds, because set-points within them would leave its path.
+
+    Args:
+        taught: The taught data.
+        bounds: Bounds of the set-points, of some or all orders.
+        share: Allowed excess of velocities and accelerations, relative to the bounds.
+
+    Raises:
+        CompensationError: The plan exceeds a bound.
+    """
+    plan, period = taught.trajectory, taught.period
+    # Set-points with a time advance end before the plan.
+    t = taught.times(int((plan.duration - taught.start_time) / period) + 3, period)
+    allowed = np.concatenate([bounds[:1], bounds[1:] * (1 + share)])
+    worst = excess(plan.with_rests(t), period, allowed)
+    if worst is None:
+        return
+    order, k, j, value = worst
+    upper = int(value > bounds[order, 1, j])
+    limit, name = float(bounds[order, upper, j]), BY_ORDER[order] or JOINT_RANGE[upper]
+    if order:
+        value, limit = abs(value), abs(limit)
+    raise CompensationError(
+        f"The plan exceeds command_limits.{name} of {limit:.6g} {UNITS[order]}: joint {j + 1} has "
+        f"{value:.6g} {UNITS[order]} at t = {t[k]:.6g} s, so set-points within the limit would "
+        f"leave the path: plan with limits.{name} of {limit:.6g} {UNITS[order]}, or raise the "
+        "command limit.",
+        t=float(t[k]),
+        joint=j,
+        limit=name,
+        needed=value,
+        allowed=limit,
+    )
+
+
+def _cost(taught: TaughtData, change: FloatArray, servo: ServoModel, arm: Arm | None) -> LimitCost:
+    """Cost of a change of set-points [rad], (n, dof), by the linear response of the servos."""
+    deviation, plan = np.abs(change).max(axis=0), taught.trajectory
+    arm = plan.arm if arm is None else arm
+    times = taught.t
+    paths = plan.paths_at(times)
+    if arm is None or not paths:
+        return LimitCost(deviation=deviation)
+    still = np.zeros(change.shape[1])
+    linear = servo.replace(friction=0.0, cycle=0.0)
+    run = Simulation(change, taught.period, linear).run(0, len(change) - 1, still, still)
+    moved = np.pad(run.states.T[0], ((1, 0), (0, 0)))
+    tool = arm.tool_position(plan.with_rests(times) + moved)
+    off = np.concatenate([path.project(tool[which]).distance for path, which in paths])
+    return LimitCost(
+        deviation=deviation,
+        contour_rms=float(np.sqrt(np.mean(off**2))),
+        contour_max=float(off.max()),
+    )

@@ -1,0 +1,214 @@
+"""The paper's compensator (26), as corrected: third order, by pole placement.
+
+With `X = (K_v + g)(m1 + m2) + K_v² + m1 m2 + K_v g` its numerator factors, so that
+
+    F(s) = G(s)⁻¹ H(s),    H(s) = (X s - m1 m2 g) / ((s - m1)(s - m2)(s - g)).
+
+H is the response of compensator and servo together. H is applied to the trajectory exactly, and
+G⁻¹ to the result, whose derivatives are known. See docs/concepts/compensation.md.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.control.compensation._filter import run_filter
+from armcontour.control.compensation.set_points import (
+    SETTLING,
+    SetPointTimes,
+    advance_set_points,
+    time_advances,
+)
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import CompensationError, InvalidInput
+from armcontour.motion import Trajectory, quintic
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.model import GAINS, MOST_TIME_CONSTANTS
+
+ComplexArray = npt.NDArray[np.complex128]
+
+
+def default_poles(servo: ServoModel) -> ComplexArray:
+    """Poles for which F G is equal on all joints and has no negative impulse response.
+
+    The observer pole at -K_v cancels the zero, so that F G = p² / (s + p)² does not depend on the
+    joint's K_v. An equal lag of all joints causes no contour error. The demand is a weighted mean
+    of the plan's acceleration, so it never exceeds the plan's largest acceleration. p is the
+    smallest K_v of all joints.
+
+    Args:
+        servo: Servo model of order "second" with gains per joint.
+
+    Returns:
+        m1, m2 and g of each joint [1/s], (dof, 3).
+    """
+    assert servo.kv is not None
+    return pole_family(servo.kv, float(servo.kv.min()))
+
+
+def pole_family(kv: FloatArray, p: float) -> ComplexArray:
+    """Poles -p, -p and -K_v of each joint [1/s], (dof, 3)."""
+    poles = np.full((len(kv), 3), -p, dtype=np.complex128)
+    poles[:, 2] = -kv
+    return poles
+
+
+def pole_placement(
+    trajectory: Trajectory, servo: ServoModel, period: float, poles: npt.ArrayLike | None = None
+) -> tuple[float, FloatArray]:
+    """Set-points by pole placement, (26).
+
+    Args:
+        trajectory: Trajectory that the joints should follow.
+        servo: Servo model with values per joint.
+        period: Command interval [s].
+        poles: m1, m2 (real, or complex conjugates) and g [1/s], one triple or one per joint; by
+            default those of `default_poles`.
+
+    Returns:
+        Time of the first set-point [s], and set-points [rad], (n, dof).
+
+    Raises:
+        CompensationError: The poles are not stable.
+        InvalidInput: The poles have a wrong shape, are not conjugate, or are too fast for the
+            command interval; or a joint is not of order "second", or has friction or a cycle.
+    """
+    servo.refuse_mixed("Pole placement, (26),")
+    placed = default_poles(servo) if poles is None else check_poles(poles, trajectory.dof)
+    fastest = float(np.abs(placed).max())
+    checks.refuse_if(
+        fastest * period > MOST_TIME_CONSTANTS,
+        f"A pole of {fastest:g} 1/s is {fastest * period:.3g} time constants in a command "
+        f"interval of {period:g} s, but at most {MOST_TIME_CONSTANTS:g} are computed: take poles "
+        f"up to {MOST_TIME_CONSTANTS / period:g} 1/s, or a shorter command interval.",
+    )
+    return advance_set_points(
+        trajectory,
+        time_advances(servo, period),
+        period,
+        lambda times, joints: _set_points(trajectory, servo, period, placed, times)[:, joints],
+    )
+
+
+def _set_points(
+    trajectory: Trajectory,
+    servo: ServoModel,
+    period: float,
+    placed: ComplexArray,
+    times: SetPointTimes,
+) -> FloatArray:
+    """The compensator's output at the times, and on until the end of its own tail."""
+    assert servo.kv is not None
+    knots = np.union1d(trajectory.breaks, times.inside)
+    tail = int(np.ceil(SETTLING / float(np.abs(placed.real).min()) / period))
+    # From the end of the motion to the next set-point, then from set-point to set-point.
+    after = np.append(times.after_end, np.full(tail, period))
+    q, dq, ddq = trajectory.motion(knots[:-1])
+    end, dend, ddend = trajectory.motion(knots[1:], side="left")
+    moving = quintic(np.diff(knots), (q, dq, ddq), (end, dend, ddend))
+    rest = np.zeros((len(after), *moving.shape[1:]))
+    rest[:, 0] = end[-1]
+    motion, width = np.concatenate([moving, rest]), np.concatenate([np.diff(knots), after])
+    states, lead, rate, damping = run_poles(servo.kv, placed, width, motion, motion[0, 0])
+    at = np.append(np.searchsorted(knots, times.inside), len(knots) + np.arange(tail + 1))
+    x1, x2, x3 = np.moveaxis(states[at], 2, 0)
+    # Each quintic begins at its knot; the last rest has no further one.
+    source = motion[np.minimum(at, len(motion) - 1), 0]
+    x4 = source - x1 - damping[:, 0] * x2 - damping[:, 1] * x3
+    y, dy, ddy = x1 + lead * x2, rate * (x2 + lead * x3), rate**2 * (x3 + lead * x4)
+    set_points = servo.command(y, dy, ddy)
+    set_points[-1] = motion[-1, 0]
+    return set_points
+
+
+def run_poles(
+    kv: FloatArray,
+    placed: ComplexArray,
+    width: FloatArray,
+    coefficients: FloatArray,
+    start: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """States of the filter of F G as in `run_filter`, factor of their rates in F G, p and damping.
+
+    Args:
+        kv: Velocity loop gains [1/s], (dof,).
+        placed: Poles m1, m2 and g of each joint [1/s], (dof, 3).
+        width: As in `run_filter`, as are the others.
+        coefficients: See above.
+        start: See above.
+    """
+    x, (c0, c1, c2) = transfer(kv, placed)
+    rate = np.cbrt(c0)
+    damping = np.stack([c1 / rate**2, c2 / rate], axis=1)
+    states = run_filter(width, coefficients, damping, rate, np.abs(placed).max(axis=1), start)
+    return states, x / rate**2, rate, damping
+
+
+def transfer(
+    kv: FloatArray, placed: ComplexArray
+) -> tuple[FloatArray, tuple[FloatArray, FloatArray, FloatArray]]:
+    """Coefficients of `F G = (x s + c0) / (s³ + c2 s² + c1 s + c0)` of each joint.
+
+    Args:
+        kv: Velocity loop gains [1/s], (dof,).
+        placed: Poles m1, m2 and g of each joint [1/s], (dof, 3).
+
+    Returns:
+        x, (dof,), and (c0, c1, c2), (dof,) each.
+    """
+    m1, m2, g = placed.T
+    c0, c1, c2 = (-m1 * m2 * g).real, (m1 * m2 + (m1 + m2) * g).real, -(m1 + m2 + g).real
+    x = ((kv + g) * (m1 + m2) + kv**2 + m1 * m2 + kv * g).real
+    return x, (c0, c1, c2)
+
+
+def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
+    """Checked poles of each joint [1/s], (dof, 3).
+
+    Args:
+        poles: m1, m2 and g [1/s], one triple or one per joint.
+        dof: Number of joints.
+
+    Raises:
+        CompensationError: The poles are not stable.
+        InvalidInput: The poles have a wrong shape, are not conjugate, or are outside GAINS.
+    """
+    try:
+        placed = np.array(poles, dtype=np.complex128)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InvalidInput(
+            f"poles must be three finite numbers [1/s]: {str(error).split('. ')[0].rstrip('.')}."
+        ) from None
+    if placed.shape == (3,):
+        placed = np.tile(placed, (dof, 1))
+    if placed.shape != (dof, 3) or not np.isfinite(placed).all():
+        raise InvalidInput(
+            f"poles must be three finite numbers [1/s], or {dof} rows of three: two regulator "
+            "poles and the observer pole."
+        )
+    m1, m2, g = placed.T
+    size = float(np.abs(placed).max())
+    pairs = ((m1 + m2, size), (g, size), (m1 * m2, size * size))
+    checks.refuse_if(
+        any((np.abs(x.imag) > 1e-9 * y).any() for x, y in pairs),
+        "The regulator poles must be real or complex conjugates, and the observer pole real.",
+    )
+    if (placed.real >= 0).any():
+        j = int(np.flatnonzero((placed.real >= 0).any(axis=1))[0])
+        shown = placed[j] if placed[j].imag.any() else placed[j].real
+        raise CompensationError(
+            f"The compensator's poles of joint {j + 1} are {shown.tolist()} 1/s: they must "
+            "have negative real parts, or the set-points grow without bound.",
+            joint=j,
+        )
+    low, high = GAINS
+    outside = ((-placed.real < low) | (np.abs(placed) > high)).any(axis=1)
+    if outside.any():
+        j = int(np.argmax(outside))
+        raise InvalidInput(
+            f"The poles of joint {j + 1} must lie between -{high:g} and -{low:g} 1/s, as gains of "
+            f"servos do, but are {placed[j].tolist()} 1/s."
+        )
+    return placed

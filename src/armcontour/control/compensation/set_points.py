@@ -1,0 +1,209 @@
+"""Times of set-points and their time advance, and the inverse of the servo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.motion import Trajectory
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.model import without_integral
+
+# Set-points closer than this to a break of the trajectory, in command intervals, are at the break.
+SNAP = 1e-9
+# Set-points continue after the motion for this many time constants, until the rest has decayed.
+SETTLING = 36.0
+# Longest tail of set-points after a motion [s], and as a share of it; longer ones are cut off.
+LONGEST_TAIL = 1.0
+TAIL_SHARE = 0.2
+# A mean over a command interval T differs from the value by T² / 24 of the second derivative,
+# interpolation by lines by T² / 12 more, and held set-points, which are means again, by T² / 24.
+BIAS = {"linear": 1 / 8, "step": 1 / 12, "cubic": 1 / 24}
+# Second derivatives that make up for it are those over so many command intervals to either side:
+# over fewer, they would add more to what is asked for at a jump of acceleration.
+REACH = 12
+
+
+@dataclass(frozen=True, slots=True)
+class SetPointTimes:
+    """Times of the plan for which set-points are computed.
+
+    Args:
+        before: Number of set-points before the motion.
+        inside: Times of the set-points during the motion; times close to a break are at the break
+            [s].
+        after_end: Time from the end of the motion to the first set-point after it [s].
+    """
+
+    before: int
+    inside: FloatArray
+    after_end: float
+
+
+def set_point_times(trajectory: Trajectory, period: float, offset: float = 0.0) -> SetPointTimes:
+    """Times of set-points from `offset` to the end of the motion.
+
+    Args:
+        trajectory: The planned trajectory.
+        period: Command interval [s].
+        offset: Time of the first set-point, not above 0 [s].
+    """
+    duration = trajectory.duration
+    count = int(np.ceil((duration - offset) / period * (1 - 1e-15) - SNAP))
+    grid = offset + np.arange(max(count, 1), dtype=np.float64) * period
+    breaks = trajectory.breaks
+    near = np.clip(np.searchsorted(breaks, grid), 1, len(breaks) - 1)
+    near -= grid - breaks[near - 1] < breaks[near] - grid
+    close = np.abs(breaks[near] - grid) < SNAP * period
+    grid[close] = breaks[near][close]
+    return SetPointTimes(
+        before=int((grid < 0).sum()),
+        inside=grid[grid >= 0],
+        after_end=max(offset + len(grid) * period - duration, SNAP * period),
+    )
+
+
+def time_advances(servo: ServoModel, period: float) -> FloatArray:
+    """Time advance of each joint's set-points [s], (dof,).
+
+    The time advance is the dead time, plus half a command interval for interpolation "step", which
+    delays the command by that on average.
+    """
+    return servo.dead_time + (period / 2 if servo.interpolation == "step" else 0.0)
+
+
+def advance_set_points(
+    trajectory: Trajectory,
+    lead: FloatArray,
+    period: float,
+    command: Callable[[SetPointTimes, IntArray], FloatArray],
+    *,
+    hold: FloatArray | None = None,
+    from_rest: bool = False,
+) -> tuple[float, FloatArray]:
+    """Set-points with a time advance per joint.
+
+    The set-point at time t belongs to the plan's time t + lead. The set-points start before time 0
+    by as many intervals as the largest time advance needs; a joint with a smaller time advance
+    stays where it holds at the start of the plan first.
+
+    Args:
+        trajectory: Trajectory that the joints should follow.
+        lead: Time advance of each joint [s], (dof,).
+        period: Command interval [s].
+        command: Function that computes the set-points of the joints with given indices, (k,), at
+            given times and after the end [rad], (n, k).
+        hold: Set-point that holds the arm at the start of the plan [rad], (dof,); by default the
+            start itself.
+        from_rest: Whether every joint has a set-point that holds it before the plan's time 0.
+
+    Returns:
+        Time of the first set-point, not above 0 [s], and set-points [rad], (n, dof).
+    """
+    whole = lead.max() / period
+    early = int(np.floor(whole + SNAP)) + 1 if from_rest else int(np.ceil(whole - SNAP))
+    start = trajectory(0.0) if hold is None else hold
+    columns: dict[int, FloatArray] = {}
+    for own in np.unique(lead):
+        joints = np.flatnonzero(lead == own)
+        times = set_point_times(trajectory, period, min(float(own) - early * period, 0.0))
+        still = np.tile(start[joints], (times.before, 1))
+        found = np.concatenate([still, command(times, joints)])
+        columns |= dict(zip(joints.tolist(), found.T, strict=True))
+    length = max(len(x) for x in columns.values())
+    # A joint whose command ends earlier keeps its last set-point.
+    padded = [
+        np.pad(columns[j], (0, length - len(columns[j])), mode="edge") for j in range(len(lead))
+    ]
+    return -early * period + 0.0, np.stack(padded, axis=1)
+
+
+def inverse(trajectory: Trajectory, servo: ServoModel, period: float) -> tuple[float, FloatArray]:
+    """Set-points by the inverse of the servo.
+
+    A set-point is the mean of the exact command over the command interval about its time. That is
+    the command of the plan's mean: the means of velocity and acceleration are differences of
+    position and velocity, so that a jump of acceleration has its part in the set-points on both
+    sides, wherever it is between them.
+
+    Args:
+        trajectory: Trajectory that the joints should follow.
+        servo: Servo model with values per joint.
+        period: Command interval [s].
+
+    Returns:
+        Time of the first set-point, which is the start of the plan [s], and set-points [rad],
+        (n, dof).
+    """
+    final = trajectory([trajectory.duration], side="left")
+    tail = np.zeros((integrator_tail(servo, trajectory.duration, period), trajectory.dof))
+
+    def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
+        t = times.inside
+        if len(t) and times.after_end < period / 2:
+            # The interval about the next set-point still has a part of the motion.
+            t = np.append(t, trajectory.duration + times.after_end)
+        # An acceleration that is held for a cycle is that of its middle.
+        q, dq, ddq = _means(trajectory, t, period, servo.cycle / 2)
+        q, ends = np.concatenate([q, tail + final]), np.concatenate([dq, tail])
+        ddq = without_integral(ends, np.concatenate([ddq, tail]), servo, period)
+        found = servo.command(q, ends, ddq)
+        inside = found[: len(t)]
+        inside -= BIAS[servo.interpolation] * _bends(inside, trajectory, t, period)
+        return np.concatenate([found, final])[:, joints]
+
+    return advance_set_points(
+        trajectory, time_advances(servo, period), period, command, from_rest=True
+    )
+
+
+def integrator_tail(servo: ServoModel, duration: float, period: float) -> int:
+    """Number of set-points after a motion that empty the integrators of the servo.
+
+    Args:
+        servo: Servo model with values per joint.
+        duration: Duration of the motion [s].
+        period: Command interval [s].
+    """
+    return int(longest_tail(duration) / period) + 2 if servo.ki.any() else 0
+
+
+def longest_tail(duration: float) -> float:
+    """Time after a motion at which its tail is cut off [s]."""
+    return min(LONGEST_TAIL, TAIL_SHARE * duration)
+
+
+def _means(
+    trajectory: Trajectory, t: FloatArray, period: float, ahead: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Means of q, dq and ddq over the intervals about times, also of the rest around the motion.
+
+    Those of q are by Simpson's rule, which is exact up to third order. Those of ddq are for
+    intervals that are `ahead` later [s].
+    """
+    shifts = period / 2 * np.arange(-1, 2)
+    if ahead:
+        shifts = np.append(shifts, ahead + shifts[::2])
+    # At all times at once, nearly in their order: a program has thousands of laws to look up.
+    q, dq = trajectory.motion_with_rests((t[:, None] + shifts).ravel(), 1)
+    count = len(shifts)
+    first, middle, last = (q[k::count] for k in range(3))
+    before, after = dq[count // 4 * 3 :: count], dq[count - 1 :: count]
+    return (first + 4 * middle + last) / 6, (last - first) / period, (after - before) / period
+
+
+def _bends(u: FloatArray, trajectory: Trajectory, t: FloatArray, period: float) -> FloatArray:
+    """Second differences of set-points, over up to REACH intervals of the same move, (n, dof).
+
+    From the start of a move, and to its end, they fade: an arm at rest is where the plan is.
+    """
+    ends = trajectory.starts
+    k = np.clip(np.searchsorted(ends, t, side="right"), 1, len(ends) - 1)
+    inside = np.minimum(t - ends[k - 1], ends[k] - t) / period
+    reach = np.clip(np.floor(inside + SNAP), 0, REACH).astype(np.intp)
+    i = np.arange(len(t))
+    weight = np.clip(inside / REACH, 0, 1) / np.maximum(reach, 1) ** 2
+    return np.asarray(weight[:, None] * (u[i + reach] - 2 * u + u[i - reach]))

@@ -1,0 +1,35 @@
+"""Identification from logs: of independent servos, or of an arm with masses (`bodies`)."""
+
+from armcontour.control.identification.bodies.body_identification import (
+    BodyIdentification,
+    BodyJoint,
+)
+from armcontour.control.identification.bodies.identifying import identify_bodies
+from armcontour.control.identification.estimates import Estimate
+from armcontour.control.identification.options import BodyFit, FitOptions, ServoFit
+from armcontour.control.identification.results import (
+    Identification,
+    JointIdentification,
+    Judgement,
+    Prediction,
+)
+from armcontour.control.identification.servos import identify
+from armcontour.motion.log import INTERPOLATIONS, Log, cut
+
+__all__ = [
+    "INTERPOLATIONS",
+    "BodyFit",
+    "BodyIdentification",
+    "BodyJoint",
+    "Estimate",
+    "FitOptions",
+    "Identification",
+    "JointIdentification",
+    "Judgement",
+    "Log",
+    "Prediction",
+    "ServoFit",
+    "cut",
+    "identify",
+    "identify_bodies",
+]

@@ -1,0 +1,151 @@
+"""A log on a regular grid of times, for the simulation of rigid bodies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.sampling import interpolate, white_noise
+from armcontour.motion import Log
+from armcontour.robot.drives import regular_times
+
+# Longest step of the simulation [s]: 0.15 time constants of a velocity loop with K_v = 150 1/s.
+STEP = 1e-3
+# Share of the second differences of samples that lines cut off bends in the middle of samples.
+BENT = 1 / 8
+# Smallest noise of an encoder [rad]: less is rounding.
+LEAST_NOISE = 1e-7
+# Measured positions are smoothed up to this frequency [Hz] to find where the simulation starts.
+CUT = 15.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Gridded:
+    """A log, and the grid of times on which it is simulated.
+
+    Args:
+        log: The log.
+        held: Whether each set-point is held until the next; else commands are interpolated.
+        t: The grid [s], (n,).
+        near: Smoothed measured positions on the grid [rad], (n, dof).
+        rows: Samples of the log that are compared.
+        index: Indices of the four grid times around each of them, (samples, 4).
+        weight: Their weights, (samples, 4).
+    """
+
+    log: Log
+    held: bool
+    t: FloatArray
+    near: FloatArray
+    rows: slice
+    index: IntArray
+    weight: FloatArray
+
+    @classmethod
+    def of(cls, log: Log, interpolation: str, settled: float, *, step: float = STEP) -> Gridded:
+        """The grid of a log.
+
+        Args:
+            log: The log.
+            interpolation: What the controller does between set-points, "linear" or "step".
+            settled: Time after which nothing is left of where the joints started [s].
+            step: Longest time between two times of the grid [s].
+        """
+        from scipy.interpolate import CubicSpline
+
+        t = regular_times(float(log.t[0]), float(log.t[-1]), step)
+        first = int(np.searchsorted(log.t, log.t[0] + settled))
+        rows = slice(first, None, max(int(step / log.interval + 1e-6), 1))
+        place = (log.t[rows] - t[0]) / (t[-1] - t[0]) * (len(t) - 1)
+        near = np.round(place)
+        # Times of a regular log fall on the grid, but for rounding.
+        place = np.where(np.abs(place - near) < 1e-4, near, place)
+        k = np.clip(np.floor(place).astype(np.intp) - 1, 0, len(t) - 4)
+        x = place - k
+        # Cubic interpolation.
+        weight = [
+            np.prod([(x - j) / (i - j) for j in range(4) if j != i], axis=0) for i in range(4)
+        ]
+        smooth = CubicSpline(log.t, filtered(log.measured, log.interval))
+        return cls(
+            log=log,
+            held=interpolation == "step",
+            t=t,
+            near=checks.lock_floats(smooth(t)),
+            rows=rows,
+            index=k[:, None] + np.arange(4),
+            weight=np.stack(weight, axis=1),
+        )
+
+    @property
+    def step(self) -> float:
+        """Time between two times of the grid [s]."""
+        return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
+
+    @property
+    def speed(self) -> FloatArray:
+        """Joint velocities at the start [rad/s], (dof,)."""
+        return np.asarray((self.near[1] - self.near[0]) / self.step)
+
+    @property
+    def noise(self) -> FloatArray:
+        """Standard deviation of each joint's encoder [rad], (dof,)."""
+        return np.asarray(np.maximum(white_noise(self.log.measured), LEAST_NOISE))
+
+    def command(self, delay: float) -> FloatArray:
+        """The command on the grid after a dead time [rad], (n, dof)."""
+        log, at = self.log, self.t - delay
+        if self.held:
+            # Times are rounded.
+            k = np.searchsorted(log.t, at + 1e-6 * self.step, side="right") - 1
+            return np.asarray(log.command[np.clip(k, 0, len(log.t) - 1)])
+        return interpolate(at, log.t, log.command)
+
+    def bent_command(self, delay: float) -> FloatArray:
+        """The command on the grid, if it has its bends in the middle of samples of the log [rad].
+
+        Lines between samples cut off these bends: at an angular frequency ω and a sample interval
+        T, the bent command is 1 / cos(ω T / 2) times as large. This is its series in differences.
+
+        Args:
+            delay: Dead time [s].
+        """
+        second, fourth = (
+            np.diff(np.pad(self.log.command, ((k, k), (0, 0)), mode="edge"), 2 * k, axis=0)
+            for k in (1, 2)
+        )
+        sharp = self.log.command - BENT * second + 1.5 * BENT**2 * fourth
+        return interpolate(self.t - delay, self.log.t, sharp)
+
+    def sampled(self, values: FloatArray) -> FloatArray:
+        """Values on the grid, at the samples that are compared, (samples, ...)."""
+        extra = (1,) * (values.ndim - 1)
+        found = np.zeros((len(self.index), *values.shape[1:]))
+        for k in range(4):
+            found += self.weight[:, k].reshape(-1, *extra) * values[self.index[:, k]]
+        return found
+
+    @property
+    def measured(self) -> FloatArray:
+        """Measured positions that are compared [rad], (samples, dof)."""
+        return self.log.measured[self.rows]
+
+
+def noise_of(grids: list[Gridded]) -> FloatArray:
+    """Largest standard deviation of each joint's encoder in several logs [rad], (dof,)."""
+    return np.asarray(np.max([x.noise for x in grids], axis=0))
+
+
+def filtered(values: FloatArray, interval: float) -> FloatArray:
+    """Values without what is faster than CUT, without delay, (n, ...)."""
+    from scipy.signal import butter, sosfiltfilt
+
+    nyquist = 0.5 / interval
+    if nyquist * 0.9 <= CUT:
+        return values
+    sos = butter(2, CUT / nyquist, output="sos")
+    lead = min(len(values) - 1, int(3 / (CUT * interval)))
+    return np.asarray(sosfiltfilt(sos, values, axis=0, padlen=lead))

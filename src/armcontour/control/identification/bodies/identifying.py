@@ -1,0 +1,248 @@
+"""Identification of rigid bodies: payload, friction, drive inertias, gains and dead time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from armcontour.control.identification.bodies.body_identification import (
+    BodyIdentification,
+    BodyJoint,
+)
+from armcontour.control.identification.bodies.grid import Gridded
+from armcontour.control.identification.bodies.model import CENTER, LEAST_MASS, OF_JOINTS, Model
+from armcontour.control.identification.bodies.output_error import (
+    POSITIVE,
+    OutputError,
+    choose_model,
+    doubts,
+    fit_determined,
+    moved,
+    refuse_misfit,
+)
+from armcontour.control.identification.estimates import LOGARITHMIC, UNITS, Estimate
+from armcontour.control.identification.options import (
+    GRAVITIES,
+    BodyFit,
+    choose_interpolation,
+    dead_times,
+    list_logs,
+)
+from armcontour.control.identification.servos import changes_velocity
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.errors import ExecutionError, InvalidInput
+from armcontour.core.fields import checked
+from armcontour.core.progress import Progress, Step, under
+from armcontour.motion.log import Log
+from armcontour.motion.log_checks import arrange, check_logs
+from armcontour.robot import Arm
+from armcontour.robot.servo import ServoModel
+
+BODY_FIT = BodyFit()
+# Gains at which the search starts without a nominal servo [1/s].
+KP, KV = 25.0, 150.0
+# Joints forget where they started in this many time constants of their position loops,
+FORGOTTEN = 10.0
+# and in no less than this time [s].
+SETTLED = 0.3
+# Step of the simulations of the first search, which chooses the gravity feed-forward [s].
+COARSE = 5e-3
+
+
+@checked
+def identify_bodies(
+    logs: Log | Sequence[Log],
+    arm: Arm,
+    servo: ServoModel | None = None,
+    options: BodyFit = BODY_FIT,
+    *,
+    progress: Progress | None = None,
+) -> BodyIdentification:
+    """Identify payload, friction and drives of an arm with masses from logs.
+
+    The model is the arm's rigid bodies, moved by drives with the torques
+    `J K_v (K_p (u(t - dead time) - q) - dq)` and gravity feed-forward, with viscous and Coulomb
+    friction and a payload. What the logs do not determine keeps its nominal value.
+
+    Args:
+        logs: A log of all joints of the arm, or several.
+        arm: The nominal arm, with masses; it gives what is nominal of payload, friction and drive
+            inertias.
+        servo: The nominal servo, of order "second". Its K_v is kept, since a log shows only the sum
+            of J K_v and viscous friction; without it friction is kept, and K_v sought.
+        options: Options, such as `BodyFit(gravity="nominal")`.
+        progress: Called with a step, the name of a stage, before each.
+
+    Raises:
+        InvalidInput: Samples too far apart, a log that is too short, or logs that are not of the
+            arm.
+    """
+    every = [arrange(x, arm.joint_names) for x in list_logs(logs)]
+    for x in every:
+        x.refuse_gaps()
+    tell, interpolation = under(progress), choose_interpolation(every, options.interpolation)
+    guess = ServoModel(kp=KP, kv=KV) if servo is None else servo
+    guess = guess.for_joints(arm.dof).replace(interpolation=interpolation)
+    settled, lag = max(FORGOTTEN / float(guess.kp.min()), SETTLED), options.drive_cycle / 2
+    try:
+        check_logs(every, arm)
+        models = [
+            Model(arm=arm, servo=guess, keep_kv=servo is not None, gravity=x, lag=lag)
+            for x in (GRAVITIES if options.gravity is None else [options.gravity])
+        ]
+        tell(Step(("gravity",)))
+        coarse = [Gridded.of(x, interpolation, settled, step=COARSE) for x in every]
+        model, near = choose_model(models, coarse)
+        refuse_misfit(coarse, near)
+        tell(Step(("fit",)))
+        grids = [Gridded.of(x, interpolation, settled) for x in every]
+        found, restless = fit_determined(model, grids, near.values)
+        delays = dead_times(every, options.longest_dead_time)
+        return _describe(model, grids, found, restless, delays)
+    except (ExecutionError, InvalidInput) as error:
+        names = ", ".join(dict.fromkeys(x.source for x in every))
+        positions = ((x.t - x.t[0], y) for x in every for y in (*x.command.T, *x.measured.T))
+        if not any(changes_velocity(*x) for x in positions):
+            raise InvalidInput(
+                f"Every joint in {names} stands or moves at a uniform velocity, which tells no "
+                "gains, dead time or inertias: record a motion whose velocity changes, such as a "
+                "multisine around the bandwidth of the position loops."
+            ) from None
+        if isinstance(error, InvalidInput):
+            raise
+        raise InvalidInput(f"The log does not fit the arm and its servo: {error}") from None
+
+
+def _describe(
+    model: Model,
+    grids: list[Gridded],
+    found: OutputError,
+    restless: BoolArray,
+    delays: tuple[float, float],
+) -> BodyIdentification:
+    """Estimates and notes of a fit.
+
+    Args:
+        model: The robot.
+        grids: The logs.
+        found: The fit.
+        restless: Unknowns that were fixed because the search did not converge in them.
+        delays: Smallest and largest dead time of the search [s].
+
+    Raises:
+        InvalidInput: The model does not explain the motion.
+    """
+    explained, values = refuse_misfit(grids, found.trial), found.trial.values
+    common, *every = _list_estimates(model, grids, found)
+    # Logs show only the sum of J K_v and viscous friction: one of the two is nominal.
+    tied, nominal = "kv", np.asarray(model.servo.kv)
+    if not model.keep_kv:
+        tied, nominal = "viscous", np.asarray(model.arm.dynamics.chain.viscous)
+    joints = []
+    for j, name in enumerate(model.arm.joint_names):
+        own = every[j] | {tied: Estimate(name=tied, unit=UNITS[tied], value=float(nominal[j]))}
+        rests = []
+        for x, left in zip(grids, found.trial.residuals, strict=True):
+            rests.append(np.full(len(x.log.t), np.nan))
+            rests[-1][x.rows] = left[:, j]
+        joints.append(
+            BodyJoint(
+                name=name,
+                parameters={x: own[x] for x in OF_JOINTS if x in own},
+                rms=float(found.trial.scatter[j]),
+                explained=float(explained[j]),
+                rests=tuple(rests),
+            )
+        )
+    arm, gains = identified(model, values)
+    return BodyIdentification(
+        logs=tuple(x.log for x in grids),
+        interpolation=model.servo.interpolation,
+        joints=tuple(joints),
+        parameters=common,
+        nominal=model.arm,
+        gravity=model.gravity,
+        arm=arm,
+        notes=_list_notes(model, values, restless & moved(model, grids), delays),
+        gains=gains,
+        gains_known=model.keep_kv,
+    )
+
+
+def identified(model: Model, values: FloatArray) -> tuple[Arm, ServoModel]:
+    """The arm and the servo that have some values of the unknowns.
+
+    Viscous friction below zero is taken from K_v: only their sum matters.
+    """
+    drives, viscous = model.drives(values), model.viscous(values)
+    lower = np.minimum(viscous, 0.0)
+    kv = (drives.damping + lower) / model.inertia
+    kv = np.maximum(kv, 1e-3 * np.asarray(drives.servo.kv))
+    chain, load = drives.arm.dynamics.chain, model.payload(values)
+    unloaded = model.arm.dynamics.chain.payload is None and load.mass == 0
+    arm = drives.arm.with_dynamics(
+        payload=None if unloaded else chain.payload, viscous=viscous - lower
+    )
+    servo = drives.servo.replace(
+        kv=kv, kp=drives.stiffness / (model.inertia * kv), dead_time=max(float(values[-1]), 0.0)
+    )
+    return arm, servo
+
+
+def _list_estimates(
+    model: Model, grids: list[Gridded], found: OutputError
+) -> list[dict[str, Estimate]]:
+    """Estimates of the robot, and of each joint, by name; what is not determined is nominal."""
+    known, doubt = found.precision, doubts(model, grids, found)
+    values, covariance = found.trial.values, known.covariance(found.free)
+    m = int(np.argmax(model.are("payload_mass")))
+    mass, centers = float(values[m]), dict(zip(CENTER, model.load.center.tolist(), strict=True))
+    estimates: list[dict[str, Estimate]] = [{} for _ in range(1 + model.arm.dof)]
+    for k, (name, j) in enumerate(zip(model.names.tolist(), model.joints.tolist(), strict=True)):
+        value, free, bias = float(values[k]), bool(found.free[k]), float(doubt[k])
+        # The estimate is a linear function of the unknowns.
+        row = np.eye(len(values))[k]
+        if name in CENTER:
+            # The unknown is the mass times the deviation from the nominal centre.
+            free = free and mass > LEAST_MASS
+            away = value / mass if free else 0.0
+            value = centers[name] + away
+            if free:
+                row[m] = -away
+                row, bias = row / mass, bias / mass
+        elif name in LOGARITHMIC:
+            value = math.exp(value)
+        unit = "1" if name == "armature" and j < 0 else UNITS[name]
+        one = Estimate(name=name, unit=unit, value=value)
+        if free:
+            sd = math.sqrt(max(float(row @ covariance @ row), 0.0))
+            reach = known.quantile * sd + bias
+            ends = -min(reach, value) if name in POSITIVE else -reach, reach
+            sd = math.hypot(sd, bias)
+            one = Estimate.from_interval(name, value, sd, ends, unit=unit, determined=True)
+        estimates[1 + j][name] = one
+    return estimates
+
+
+def _list_notes(
+    model: Model, values: FloatArray, restless: BoolArray, delays: tuple[float, float]
+) -> tuple[str, ...]:
+    """Notes on the fit, as sentences."""
+    notes = []
+    if restless.any():
+        names = [
+            name.replace("_", " ") + (f" of joint {j + 1}" if j >= 0 else "")
+            for name, j in zip(model.names[restless], model.joints[restless], strict=True)
+        ]
+        notes.append(f"The search did not converge in {', '.join(names)}.")
+    if not delays[0] < float(values[-1]) < delays[1]:
+        notes.append(f"The dead time is outside the search range, up to {delays[1] * 1e3:g} ms.")
+    negative = np.flatnonzero(model.viscous(values) < 0) + 1
+    if model.keep_kv and len(negative):
+        notes.append(
+            f"The viscous friction of joint {', '.join(map(str, negative))} would be below zero, "
+            "so K_v is reduced instead."
+        )
+    return tuple(notes)

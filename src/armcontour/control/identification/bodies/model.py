@@ -1,0 +1,204 @@
+"""The robot of an identification: from its unknowns to drives, and to torques per unknown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from armcontour.control.identification.estimates import LOGARITHMIC
+from armcontour.core import checks
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.robot import Arm, Payload
+from armcontour.robot.drives import Drives
+from armcontour.robot.drives.simulation import Simulation
+from armcontour.robot.servo import ServoModel
+
+CENTER = ("payload_center_x", "payload_center_y", "payload_center_z")
+OF_JOINTS = ("kp", "kv", "viscous", "coulomb", "armature")
+# Time by which commands are shifted for the derivative by the dead time [s].
+SHIFT = 1e-3
+# A joint without friction whose speed is below this [rad/s] might as well stick.
+CREEP = 1e-3
+# Below this mass [kg] a payload has no centre.
+LEAST_MASS = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Model:
+    """The nominal robot, and what is sought of it.
+
+    Args:
+        arm: The nominal arm.
+        servo: The servo at which the search starts, of order "second", with values per joint.
+        keep_kv: Whether K_v is kept and viscous friction sought, or the other way round: a log
+            shows their sum only.
+        gravity: What the controller adds against gravity, one of GRAVITIES.
+        lag: Time by which the torques of the loops come late [s].
+
+    Attributes:
+        inertia: J, with which the controller scales its loops [kg m²], (dof,).
+        names: Names of the unknowns, keys of UNITS, (unknowns,). Of the payload's centre the mass
+            times its deviation from the nominal centre is sought [kg m].
+        joints: Their joints, from 0; -1 for those of the whole robot, (unknowns,). Of "armature" -1
+            means a factor of all nominal drive inertias.
+        nominal: Their nominal values, logarithms for gains, (unknowns,).
+    """
+
+    arm: Arm
+    servo: ServoModel
+    keep_kv: bool
+    gravity: str
+    lag: float = 0.0
+    inertia: FloatArray = field(init=False)
+    names: Any = field(init=False)
+    joints: IntArray = field(init=False)
+    nominal: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.servo.refuse_mixed("The identification of rigid bodies")
+        object.__setattr__(self, "inertia", Drives(arm=self.arm, servo=self.servo).inertia)
+        chain, load = self.arm.dynamics.chain, self.load
+        kv = np.asarray(self.servo.kv)
+        known: dict[str, Any] = {"kp": np.log(self.servo.kp)}
+        known |= {"viscous": chain.viscous} if self.keep_kv else {"kv": np.log(kv)}
+        known |= {
+            "coulomb": chain.coulomb,
+            "payload_mass": load.mass,
+            **dict.fromkeys(CENTER, 0.0),
+            "armature": 1.0 if self.scales else np.zeros(self.arm.dof),
+            "dead_time": float(np.mean(self.servo.dead_time)),
+        }
+        values = [np.atleast_1d(x) for x in known.values()]
+        names = np.repeat(list(known), [len(x) for x in values])
+        joints = [
+            np.arange(len(x)) if y in OF_JOINTS and np.ndim(known[y]) else np.full(len(x), -1)
+            for y, x in zip(known, values, strict=True)
+        ]
+        nominal = checks.lock_floats(np.concatenate(values))
+        for name, x in (("names", names), ("joints", np.concatenate(joints)), ("nominal", nominal)):
+            object.__setattr__(self, name, x)
+
+    @property
+    def scales(self) -> bool:
+        """Whether one factor of the nominal drive inertias is sought; else those of all joints."""
+        return bool(np.any(np.asarray(self.arm.dynamics.chain.armature) > 0))
+
+    @property
+    def load(self) -> Payload:
+        """The nominal payload."""
+        return self.arm.dynamics.chain.payload or Payload(mass=0.0)
+
+    def are(self, *names: str) -> BoolArray:
+        """Whether each unknown has one of some names, (unknowns,)."""
+        return np.isin(self.names, names)
+
+    @property
+    def relative(self) -> BoolArray:
+        """Whether each unknown is sought relative to its value: gains, a factor of inertias."""
+        return self.are(*LOGARITHMIC) | (self.are("armature") & (self.joints < 0))
+
+    def value(self, values: FloatArray, name: str) -> FloatArray:
+        """The values of the unknowns of one name, (joints, axes or 1,); empty if not sought."""
+        found = values[self.names == name]
+        return np.asarray(np.exp(found) if name in LOGARITHMIC else found)
+
+    def payload(self, values: FloatArray) -> Payload:
+        """The payload: the nominal one with another mass and centre, with the same inertia."""
+        mass = max(float(self.value(values, "payload_mass")[0]), 0.0)
+        center = np.array(self.load.center)
+        if mass > LEAST_MASS:
+            center = center + values[self.are(*CENTER)] / mass
+        return Payload(mass=mass, center=center, inertia=self.load.inertia)
+
+    def with_bodies(self, values: FloatArray) -> Arm:
+        """The arm with payload, Coulomb friction and drive inertias, but no viscous friction."""
+        armature = np.maximum(self.value(values, "armature"), 0.0)
+        if self.scales:
+            armature = armature * np.asarray(self.arm.dynamics.chain.armature)
+        return self.arm.with_dynamics(
+            payload=self.payload(values),
+            armature=armature,
+            coulomb=np.maximum(self.value(values, "coulomb"), 0.0),
+            viscous=np.zeros(self.arm.dof),
+        )
+
+    def viscous(self, values: FloatArray) -> FloatArray:
+        """Viscous friction [N m s/rad], (dof,)."""
+        if self.keep_kv:
+            return self.value(values, "viscous")
+        return np.array(self.arm.dynamics.chain.viscous)
+
+    def drives(self, values: FloatArray) -> Drives:
+        """The drives of the robot with some values of the unknowns."""
+        changes = {"kp": self.value(values, "kp"), "inertia": self.inertia}
+        if not self.keep_kv:
+            changes["kv"] = self.value(values, "kv")
+        return Drives(
+            arm=self.with_bodies(values),
+            servo=self.servo.replace(**changes),
+            gravity_feedforward=self.gravity != "none",
+            known=self.arm if self.gravity == "nominal" else None,
+        )
+
+    def torques(
+        self, values: FloatArray, motion: Simulation, lead: FloatArray, slope: FloatArray
+    ) -> FloatArray:
+        """Torques on the joints per unit of the unknowns, (n, dof, unknowns).
+
+        Args:
+            values: Values of the unknowns.
+            motion: The motion with these values.
+            lead: Command less position [rad], (n, dof).
+            slope: Rate of the command [rad/s], (n, dof).
+        """
+        drives = self.drives(values)
+        load, each = self._load_torques(drives, motion), np.eye(self.arm.dof)
+        spring = drives.stiffness * (lead + self.lag * motion.dq)
+        late = motion.dq - self.lag * motion.ddq
+        # Without friction so far, it would act against the velocity.
+        slow = np.clip(motion.dq / CREEP, -1.0, 1.0)
+        friction = np.sign(motion.friction) * ~motion.held
+        slides = np.where(motion.friction.any(axis=0), friction, slow)
+        scaled = -np.asarray(self.arm.dynamics.chain.armature) * motion.ddq
+        found = {
+            "kp": spring[..., None] * each,
+            "kv": (spring - drives.damping * late)[..., None] * each,
+            "viscous": -motion.dq[..., None] * each,
+            "coulomb": -slides[..., None] * each,
+            "payload_mass": -load[:, :, :1],
+            **{x: -load[:, :, 1 + k : 2 + k] for k, x in enumerate(CENTER)},
+            "armature": scaled[..., None] if self.scales else -motion.ddq[..., None] * each,
+            "dead_time": -(drives.stiffness * slope)[..., None],
+        }
+        return np.concatenate([found[x] for x in dict.fromkeys(self.names.tolist())], axis=2)
+
+    def _load_torques(self, drives: Drives, motion: Simulation) -> FloatArray:
+        """Joint torques per mass of the payload and per mass times deviation of its centre.
+
+        Returns:
+            Torques per mass at the nominal centre [N m/kg], and per moment along the tip's axes
+            [N m/(kg m)], (n, dof, 4).
+        """
+        dynamics, nominal = drives.arm.dynamics, self.load.center
+        load, tip = dynamics.chain.payload, dynamics.chain.tip
+        center = nominal if load is None else load.center
+        found = dynamics.last_body_regressor(
+            motion.q, motion.dq, motion.ddq, gravity=self.gravity != "loaded"
+        )
+        # Mass, first moments and inertia of the last body per mass and moment of the payload.
+        per = np.zeros((10, 4))
+        place, away = tip.position + tip.rotation @ center, tip.rotation @ (center - nominal)
+        per[0, 0], per[1:4, 0], per[1:4, 1:] = 1.0, place - away, tip.rotation
+        per[4:, 0] = _inertia(place, place - 2 * away)
+        for i in range(3):
+            per[4:, 1 + i] = 2 * _inertia(place, tip.rotation[:, i])
+        return np.asarray(found @ per)
+
+
+def _inertia(a: FloatArray, b: FloatArray) -> FloatArray:
+    """The symmetric part of `a b 1 - a bᵀ` as xx, xy, yy, xz, yz, zz, (6,)."""
+    product = (np.outer(a, b) + np.outer(b, a)) / 2
+    full = np.trace(product) * np.eye(3) - product
+    return np.asarray(full[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]])

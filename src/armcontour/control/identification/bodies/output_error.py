@@ -1,0 +1,387 @@
+"""Output error: the unknowns with which the simulated robot moves most like the real one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from armcontour.control.identification.bodies.grid import Gridded, noise_of
+from armcontour.control.identification.bodies.model import CENTER, LEAST_MASS, SHIFT, Model
+from armcontour.control.identification.estimates import LOGARITHMIC
+from armcontour.control.identification.fit import Precision, allowed_deviation, normalize, solve
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.errors import ExecutionError, InvalidInput
+from armcontour.core.sampling import interpolate
+from armcontour.robot.drives.simulation import Simulation, simulate
+
+# A search ends when a step reduces the sum of squares by less than this share: 0.04 standard
+# deviations of an unknown with 20,000 residuals.
+NEAR = 1e-7
+# Largest number of simulations of a search, and of searches with new weights of the joints.
+MOST_SIMULATIONS, SEARCHES = 50, 3
+# Weights of the joints are final if the scatter of no joint changes by more than this share.
+SAME_SCATTER = 0.01
+# Gains stay within this factor of where the search starts.
+LARGEST_FACTOR = 8.0
+# Residuals below this [rad] are rounding.
+ROUNDING = 1e-9
+# Unknowns that are never below zero.
+POSITIVE = ("coulomb", "payload_mass", "armature")
+# Standard deviations that are small enough: these shares of a joint's damping and inertia, the
+# friction that moves a joint by this angle [rad], a mass [kg], the payload's centre [m], a dead
+# time [s].
+OF_DAMPING = 0.10
+ANGLE = 1e-4
+MASS = 0.05
+AWAY = 0.01
+DELAY = 0.5e-3
+# Of unknowns that are only determined together, a gain keeps its nominal value rather than a load
+# or friction, if its standard deviation over the allowed one is the largest after this factor.
+TRUSTED = 2.0
+# Another gravity must leave errors that are smaller by this share: with a load that the controller
+# knows, all are alike.
+SURELY = 0.05
+# Errors below this many times the noise leave nothing to be explained.
+ALL_NOISE = 2.0
+# A search has converged in an unknown if its next step is at most this share of a standard
+# deviation; otherwise the unknown stays nominal.
+REST = 0.5
+# A model that explains less than this share of the lag behind the command is of another robot: with
+# two joints exchanged it explains 0.99 or less of one of them.
+EXPLAINS = 0.99
+# Share of the sum of squares below which a reduction ends the search for the gravity feed-forward.
+COARSE_NEAR = 1e-3
+# A joint whose command moves by less than this [rad] does not move.
+MOVES = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trial:
+    """The simulated motion of every log, and its difference from the measured motion.
+
+    Args:
+        values: Values of the unknowns.
+        motions: The simulated motions.
+        residuals: Measured less simulated positions of every log [rad], (samples, dof) each.
+    """
+
+    values: FloatArray
+    motions: tuple[Simulation, ...]
+    residuals: tuple[FloatArray, ...]
+
+    @property
+    def scatter(self) -> FloatArray:
+        """Root mean square of the residuals of each joint [rad], (dof,)."""
+        every = np.concatenate(self.residuals)
+        return np.asarray(np.maximum(np.sqrt(np.mean(every**2, axis=0)), ROUNDING))
+
+    def cost(self, scatter: FloatArray) -> float:
+        """Sum of the squared residuals in multiples of `scatter` [rad]."""
+        return float(sum(np.sum((x / scatter) ** 2) for x in self.residuals))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OutputError:
+    """Unknowns with the smallest errors.
+
+    Args:
+        trial: The motion with these values.
+        free: Unknowns that were sought; the others are nominal.
+        jacobian: Derivatives of the simulated positions in multiples of `scatter`,
+            (samples, dof, unknowns).
+        residuals: Residuals in multiples of `scatter`, (samples, dof).
+        scatter: Root mean square of the residuals of each joint [rad], (dof,).
+        left: The next linear step of the unknowns, (unknowns,).
+    """
+
+    trial: Trial
+    free: BoolArray
+    jacobian: FloatArray
+    residuals: FloatArray
+    scatter: FloatArray
+    left: FloatArray
+
+    @property
+    def precision(self) -> Precision:
+        """The precision of the unknowns."""
+        return Precision.correlated(self.jacobian, self.residuals)
+
+
+def attempt(
+    model: Model, grids: list[Gridded], values: FloatArray, before: Trial | None = None
+) -> Trial:
+    """Simulate all logs with some values of the unknowns.
+
+    Args:
+        model: The robot.
+        grids: The logs.
+        values: Values of the unknowns.
+        before: A trial with similar values.
+
+    Raises:
+        ExecutionError: A joint runs away.
+    """
+    drives, delay = model.drives(values), float(values[-1])
+    motions, residuals = [], []
+    for k, x in enumerate(grids):
+        motion = simulate(
+            drives,
+            x.command(delay + model.lag),
+            x.t,
+            x.near if before is None else before.motions[k].q,
+            speed=x.speed,
+            viscous=model.viscous(values),
+            lag=model.lag,
+        )
+        motions.append(motion)
+        residuals.append(x.measured - x.sampled(motion.q))
+    return Trial(values=values, motions=tuple(motions), residuals=tuple(residuals))
+
+
+def derivatives(model: Model, grids: list[Gridded], trial: Trial) -> FloatArray:
+    """Derivatives of the positions by the unknowns at all samples, (samples, dof, unknowns)."""
+    found = []
+    for x, motion in zip(grids, trial.motions, strict=True):
+        delay = float(trial.values[-1]) + model.lag
+        early, late = (x.command(delay + s * SHIFT) for s in (-1, 1))
+        lead, slope = (early + late) / 2 - motion.q, (early - late) / (2 * SHIFT)
+        torque = model.torques(trial.values, motion, lead, slope)
+        found.append(x.sampled(motion.to_torque(torque)))
+    return np.concatenate(found)
+
+
+def fit(
+    model: Model, grids: list[Gridded], values: FloatArray, free: BoolArray, near: float = NEAR
+) -> OutputError:
+    """Fit the unknowns by bounded least squares, each joint weighted by its scatter.
+
+    Args:
+        model: The robot.
+        grids: The logs.
+        values: Values from which the search starts.
+        free: Unknowns that are sought, (unknowns,).
+        near: Share of the sum of squares below which a reduction ends the search.
+
+    Raises:
+        ExecutionError: The robot cannot be simulated at the start.
+    """
+    gains = model.are(*LOGARITHMIC)
+    least = np.where(model.are(*POSITIVE), 0.0, -np.inf)
+    low = np.where(gains, values - np.log(LARGEST_FACTOR), least)
+    high = np.where(gains, values + np.log(LARGEST_FACTOR), np.inf)
+    trial, ends = attempt(model, grids, values), ~free
+    scatter = trial.scatter
+
+    def move(x: FloatArray) -> Trial:
+        nonlocal trial
+        if (x != trial.values[free]).any():
+            values = trial.values.copy()
+            values[free] = x
+            trial = attempt(model, grids, values, trial)
+        return trial
+
+    def residuals(x: FloatArray) -> FloatArray:
+        """Nan where the robot cannot be simulated."""
+        try:
+            left = move(x).residuals
+        except (ExecutionError, InvalidInput):
+            return np.array([np.nan])
+        return np.asarray(-(np.concatenate(left) / scatter).ravel())
+
+    def slopes(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        found = derivatives(model, grids, move(x)) / scatter[:, None]
+        return residuals(x), found[:, :, free].reshape(-1, len(x))
+
+    for _ in range(SEARCHES if free.any() else 0):
+        bounds = low[free], high[free]
+        found = solve(residuals, slopes, trial.values[free], bounds, MOST_SIMULATIONS, near)
+        before, scatter, ends = scatter, move(found.x).scatter, ~free
+        ends[free] = found.active_mask != 0
+        if (np.abs(scatter / before - 1) < SAME_SCATTER).all():
+            break
+    jacobian = derivatives(model, grids, trial) / scatter[:, None]
+    errors, left = np.concatenate(trial.residuals) / scatter, np.zeros(len(free))
+    columns, size = normalize(jacobian[:, :, ~ends].reshape(errors.size, -1))
+    left[~ends] = np.linalg.lstsq(columns, errors.ravel(), rcond=1e-6)[0] / size
+    return OutputError(
+        trial=trial, free=free, jacobian=jacobian, residuals=errors, scatter=scatter, left=left
+    )
+
+
+def allowed(model: Model, values: FloatArray) -> FloatArray:
+    """Standard deviations up to which each unknown is determined, (unknowns,)."""
+    drives, mass = model.drives(values), float(model.value(values, "payload_mass")[0])
+    j = model.joints
+    also: dict[str, Any] = {
+        "armature": OF_DAMPING * drives.inertia[j] * (j >= 0),
+        "viscous": OF_DAMPING * drives.damping[j],
+        "coulomb": ANGLE * drives.stiffness[j],
+        "payload_mass": MASS,
+        "dead_time": DELAY,
+    }
+    least = np.select([model.are(x) for x in also], list(also.values()))
+    found = allowed_deviation(np.where(model.relative, 1.0, values), least)
+    return np.where(model.are(*CENTER), AWAY * mass, found)
+
+
+def moved(model: Model, grids: list[Gridded]) -> BoolArray:
+    """Unknowns except those of joints that no log moves, (unknowns,).
+
+    A joint that only others shake shows that friction holds it, but not how strong friction is.
+    """
+    ranges = np.max([np.ptp(x.log.command, axis=0) for x in grids], axis=0)
+    return np.asarray((model.joints < 0) | (ranges > MOVES)[model.joints])
+
+
+def seen(model: Model, grids: list[Gridded], values: FloatArray) -> BoolArray:
+    """Unknowns that the logs would determine if there were only the noise of the encoders.
+
+    Args:
+        model: The robot.
+        grids: The logs.
+        values: Values of the unknowns; they may be far from the true ones.
+
+    Raises:
+        ExecutionError: A joint runs away.
+    """
+    jacobian = derivatives(model, grids, attempt(model, grids, values))
+    scaled = jacobian / noise_of(grids)[:, None]
+    known = Precision.of(scaled.reshape(-1, len(values)))
+    # A load that is not known yet counts as 1 kg.
+    bold = np.where(model.are("payload_mass"), np.maximum(values, 1.0), values)
+    limit = allowed(model, bold) * np.where(model.are(*LOGARITHMIC), 1.0, 2.0)
+    return determined(model, known, moved(model, grids), limit)
+
+
+def determined(model: Model, known: Precision, free: BoolArray, limit: FloatArray) -> BoolArray:
+    """Unknowns that logs determine; the worst becomes nominal until all others are determined.
+
+    Args:
+        model: The robot.
+        known: The precision of a fit.
+        free: Unknowns that are sought, (unknowns,).
+        limit: Largest standard deviations, (unknowns,).
+    """
+    free = free.copy()
+    trust = np.where(model.are(*LOGARITHMIC), TRUSTED, 1.0)
+    while free.any():
+        with np.errstate(invalid="ignore", divide="ignore"):
+            worse = np.where(free, known.sd(free) / limit, 0.0)
+        worse[np.isnan(worse)] = math.inf
+        if worse.max() <= 1.0:
+            break
+        free[np.argmax(trust * worse)] = False
+        free &= with_mass(model, free)
+    return free
+
+
+def with_mass(model: Model, free: BoolArray) -> BoolArray:
+    """Unknowns but for the centre of a payload whose mass is neither sought nor nominal."""
+    has_mass = free[model.are("payload_mass")] | (model.load.mass > LEAST_MASS)
+    return ~model.are(*CENTER) | has_mass
+
+
+def doubts(model: Model, grids: list[Gridded], found: OutputError) -> FloatArray:
+    """Bias of the unknowns, to first order, due to two assumptions of the model, (unknowns,).
+
+    It is the change of the estimates if commands had their bends between the samples instead of at
+    them, or held set-points came an interval sooner, and if the drives' cycle were half as long
+    again. Without it, 95 % intervals contained the truth in 60 to 80 % of the cases.
+    """
+    drives = model.drives(found.trial.values)
+    delay = float(found.trial.values[-1]) + model.lag
+    changes = []
+    for x, motion in zip(grids, found.trial.motions, strict=True):
+        command = x.command(delay)
+        sooner = x.command(delay - x.log.interval) if x.held else x.bent_command(delay)
+        rate = (x.command(delay - SHIFT) - x.command(delay + SHIFT)) / (2 * SHIFT)
+        late = drives.stiffness * (motion.dq - rate) + drives.damping * motion.ddq
+        torque = np.stack([drives.stiffness * (sooner - command), model.lag / 2 * late], axis=-1)
+        changes.append(x.sampled(motion.to_torque(torque)))
+    change = np.concatenate(changes) / found.scatter[:, None]
+    shift = np.zeros(len(found.free))
+    if found.free.any():
+        a = found.jacobian[:, :, found.free].reshape(found.residuals.size, -1)
+        both = np.linalg.lstsq(a, change.reshape(len(a), 2), rcond=None)[0]
+        shift[found.free] = np.abs(both).sum(axis=1)
+    return shift
+
+
+def choose_model(models: list[Model], grids: list[Gridded]) -> tuple[Model, Trial]:
+    """The model whose gravity feed-forward leaves the smallest errors, and its motion.
+
+    Raises:
+        ExecutionError: The robot cannot be simulated with any of them.
+    """
+    best, why = None, ExecutionError("it cannot be simulated.")
+    for model in models:
+        start = np.array(model.nominal)
+        try:
+            found = fit(model, grids, start, seen(model, grids, start), COARSE_NEAR).trial
+        except ExecutionError as error:
+            why = error
+            continue
+        if (found.scatter < ALL_NOISE * noise_of(grids)).all():
+            return model, found
+        scatter = found.scatter if best is None else best[1].scatter
+        if best is None or found.cost(scatter) < (1 - SURELY) * best[1].cost(scatter):
+            best = model, found
+    if best is None:
+        raise why
+    return best
+
+
+def fit_determined(
+    model: Model, grids: list[Gridded], values: FloatArray
+) -> tuple[OutputError, BoolArray]:
+    """The fit of the unknowns that the logs determine; the others stay nominal.
+
+    Returns:
+        The fit, and the unknowns in which the search did not converge.
+
+    Raises:
+        ExecutionError: The robot cannot be simulated.
+    """
+    free, restless = seen(model, grids, values), np.zeros(len(values), dtype=bool)
+    while True:
+        found = fit(model, grids, np.where(free, values, model.nominal), free)
+        values = found.trial.values
+        precision = found.precision
+        known = determined(model, precision, free, allowed(model, values))
+        if (known == free).all():
+            sd = np.maximum(precision.sd(free), 1e-300)
+            known = free & ~(np.abs(found.left) > REST * sd)
+            restless |= free & ~known
+            if (known == free).all():
+                return found, restless
+        free = known & with_mass(model, known)
+
+
+def refuse_misfit(grids: list[Gridded], trial: Trial) -> FloatArray:
+    """Share of the mean square lag behind the commands that the model explains, (dof,).
+
+    Raises:
+        InvalidInput: The model does not explain the motion of a joint.
+    """
+    left = np.zeros(grids[0].log.dof)
+    lags, ranges = 0 * left, 0 * left
+    for x, residuals in zip(grids, trial.residuals, strict=True):
+        # The model need not explain the noise of the encoders.
+        left += np.sum(residuals**2, axis=0) - len(residuals) * x.noise**2
+        lags += np.sum((interpolate(x.log.t[x.rows], x.log.t, x.log.command) - x.measured) ** 2, 0)
+        ranges = np.maximum(ranges, np.ptp(x.log.command, axis=0))
+    explained = np.asarray(1 - np.maximum(left, 0.0) / np.maximum(lags, 1e-300))
+    poor = (ranges > MOVES) & (explained < EXPLAINS)
+    if poor.any():
+        j = int(np.argmin(np.where(poor, explained, np.inf)))
+        log = grids[0].log
+        raise InvalidInput(
+            f"{log.source}: the model explains {max(float(explained[j]), 0.0) * 100:.0f} % of the "
+            f"lag of {log.joint_names[j]} behind its command, and {EXPLAINS:.0%} are needed: give "
+            "the log of this arm, with its joints in the arm's order.",
+            joint=j,
+        )
+    return explained

@@ -1,0 +1,204 @@
+"""Estimates of parameters, and the base of the results of both identifications."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from armcontour.control.identification.fit import allowed_deviation
+from armcontour.core.checks import FloatArray
+from armcontour.core.describing import brief
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Checked
+from armcontour.core.render import Result, number_range
+from armcontour.core.result import Data, Row, Table
+from armcontour.motion.log import Log
+
+UNITS = {
+    "kp": "1/s",
+    "kv": "1/s",
+    "ki": "1/s",
+    "viscous": "N m s/rad",
+    "coulomb": "N m",
+    "velocity_feedforward": "",
+    "acceleration_feedforward": "",
+    "payload_mass": "kg",
+    **dict.fromkeys(("payload_center_x", "payload_center_y", "payload_center_z"), "m"),
+    "armature": "kg m²",
+    "dead_time": "s",
+    "friction": "rad",
+    "acceleration_limit": "rad/s²",
+}
+# Lower and upper end of an interval, less the value.
+Ends = tuple[float, float]
+# Parameters that are fitted as logarithms.
+LOGARITHMIC = ("kp", "kv", "ki", "acceleration_limit")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate(Result):
+    """The estimate of one parameter.
+
+    Args:
+        name: Name of the parameter.
+        unit: Unit of the value.
+        value: The value; nan if there is none.
+        sd: Standard deviation; nan if there is none, as for a parameter at the bound of its range
+            or one that keeps its nominal value.
+        low, high: Ends of the 95 % interval.
+        determined: Whether the logs determine it: `sd` is at most 10 % of the value; for a dead
+            time 0.5 ms and for feed-forward 0.05 are enough, too. In rigid bodies, more is enough
+            for small frictions, masses and inertias.
+    """
+
+    name: str
+    unit: str
+    value: float
+    sd: float = math.nan
+    low: float = -math.inf
+    high: float = math.inf
+    determined: bool = False
+
+    @classmethod
+    def from_interval(
+        cls, name: str, value: float, sd: float, ends: Ends, also: float = 0.0, **more: Any
+    ) -> Estimate:
+        """The estimate from its standard deviation and the ends of its interval, less the value.
+
+        Args:
+            name: Name of the parameter; for LOGARITHMIC `sd` and `ends` are those of the logarithm.
+            value: The value.
+            sd: Standard deviation.
+            ends: Lower and upper end.
+            also: Largest standard deviation that is small enough for any value.
+            more: Other fields.
+        """
+        if name in LOGARITHMIC:
+            low, high = (value * math.exp(x) for x in np.clip(ends, -700.0, 700.0))
+            sd *= value
+        else:
+            low, high = value + ends[0], value + ends[1]
+        if not math.isfinite(sd):
+            low = high = math.nan
+        sure = bool(sd <= allowed_deviation(value, also))
+        fields: dict[str, Any] = {"unit": UNITS[name], "determined": sure, **more}
+        return cls(name=name, value=value, sd=sd, low=low, high=high, **fields)
+
+    @property
+    def label(self) -> str:
+        """Name of the parameter for people."""
+        return self.name.replace("_", " ")
+
+    def to_data(self) -> Data:
+        """Value, standard deviation and interval."""
+        ends = (("value", "value"), ("sd", "sd"), ("low", "from"), ("high", "to"))
+        return Data(
+            f"Estimate of {self.label}",
+            (
+                Row("name", self.name, "", "parameter"),
+                Row("unit", self.unit),
+                *(Row(x, getattr(self, x), self.unit, label) for x, label in ends),
+                Row("determined", self.determined, "", "determined"),
+            ),
+        )
+
+    @property
+    def row(self) -> Row:
+        """The value with its 95 % interval, as one figure."""
+        ends = self.low, self.high
+        note = f"({number_range(ends, self.unit)})" if np.isfinite(ends).all() else ""
+        if not (self.determined or math.isnan(self.value)):
+            note = f"{note} open".strip()
+        return Row(self.name, self.value, self.unit, self.label, note)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Estimates(Result, Checked):
+    """Base of results with estimates, which are attributes, too, such as `kp`.
+
+    Args:
+        parameters: Estimates of the parameters by name.
+    """
+
+    parameters: dict[str, Estimate] = field(default_factory=dict)
+
+    def __getattr__(self, name: str) -> Estimate:
+        """The estimate of a parameter; its value is nan if the model has none."""
+        if name not in UNITS:
+            raise AttributeError(f"{type(self).__name__} has no {name}.")
+        none = Estimate(name=name, unit=UNITS[name], value=math.nan, low=math.nan, high=math.nan)
+        return self.parameters.get(name, none)
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """The estimates of all parameters of the model."""
+        return tuple(self.parameters.values())
+
+    def table(self, name: str) -> Table:
+        """The estimates, one a row.
+
+        Args:
+            name: Name of the table.
+        """
+        return Table.of_rows(name, [x.to_data().rows for x in self.estimates])
+
+    __repr__ = brief
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JointEstimates(Estimates):
+    """Base of the results of one joint.
+
+    Args:
+        name: Name of the joint.
+        rms: RMS error of the model on the logs that were fitted [rad].
+        rests: For each log, measured less predicted positions [rad]; nan where they do not count,
+            (n,). Empty if no model was fitted.
+    """
+
+    name: str
+    rms: float = math.nan
+    rests: tuple[FloatArray, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class IdentifiedJoints(Estimates):
+    """Base of the results of both identifications.
+
+    Args:
+        logs: The logs.
+        interpolation: Interpolation of set-points that was assumed.
+        joints: The result of each joint.
+    """
+
+    logs: tuple[Log, ...]
+    interpolation: str
+    joints: tuple[JointEstimates, ...] = field(repr=False)
+
+    def __getitem__(self, name: str | int) -> Any:
+        """A joint by its name, or by its number from 1."""
+        for j, joint in enumerate(self.joints):
+            if name in (joint.name, j + 1):
+                return joint
+        names = ", ".join(x.name for x in self.joints)
+        raise InvalidInput(f"{self.source} has no joint {name!r}: its joints are {names}.")
+
+    @property
+    def source(self) -> str:
+        """Sources of the logs."""
+        return ", ".join(dict.fromkeys(x.source for x in self.logs))
+
+    def _tables(self) -> tuple[Table, Table]:
+        """The figures of every joint with its estimates, and the estimates alone."""
+        every = [x.to_data() for x in self.joints]
+        rows = [(*x.rows, Row("parameters", x.tables[0].as_dicts())) for x in every]
+        names = [x for x in UNITS if any(x in y.parameters for y in self.joints)]
+        parameters = [
+            (Row("joint", x.name, "", "joint"), *(getattr(x, name).row for name in names))
+            for x in self.joints
+            if x.parameters
+        ]
+        return Table.of_rows("joints", rows), Table.of_rows("parameters", parameters)

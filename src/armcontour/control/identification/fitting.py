@@ -1,0 +1,464 @@
+"""Bounded least-squares fits of one joint's servo to parts of logs, and its parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from armcontour.control.identification.estimates import LOGARITHMIC, Estimate
+from armcontour.control.identification.fit import Precision, invert, normalize, solve
+from armcontour.control.identification.residuals import correlation_length
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.sampling import white_noise
+from armcontour.motion.log import FEWEST, Log
+from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
+
+# A gap of more sample intervals than this splits a log: the command in the gap is unknown.
+SHORT_GAP = 20.0
+# Time at the begin of a log that counts for no fit [s]: it depends on commands before the log.
+SKIPPED = 0.04
+# Time over which the speed of the command is averaged [s], about the settling time of a servo.
+RECENT = 0.1
+# Samples from which the velocity at the begin is estimated.
+STARTING = 20
+# Below this share of the usual speed a command stands, above that speed it has no more weight.
+STANDS, USUAL = 0.02, 95
+# Contiguous parts of equal motion of a single log.
+PARTS = 5
+# Typical sizes of changes in a fit: of logarithms for LOGARITHMIC, others in SI units.
+SCALES = JointServo(0.5, 0.5, 0.2, 0.05, 3e-3, 0.5, 1e-3, 0.5)
+# Parameters in which the motion is linear, as in its begin, if nothing saturates.
+LINEAR = ("velocity_feedforward", "acceleration_feedforward", "friction")
+# Offset of the measurement [rad]; position, velocity and, with an integrator, acceleration at the
+# begin [rad, rad/s, rad/s²].
+BEGIN_SCALES = np.array([1e-3, 1e-3, 0.05, 1.0])
+# Step of numerical derivatives, in these sizes.
+STEP = 1e-5
+# Smaller values, at a bound of zero, are rounding.
+ROUNDING = 1e-9
+# Residuals are in mrad, and cut off where a trial diverges.
+MRAD, MOST = 1e3, 1e4
+# Range of the gains of the search [1/s]: velocity loops of drives have bandwidths below 160 Hz.
+SLOWEST, FASTEST = 0.1, 1000.0
+# Unknowns whose typical change moves all samples by less have no effect [mrad].
+INVISIBLE = 1e-4
+# Standard deviations in half a 95 % interval.
+REACH = 1.96
+# Standard deviations that are small enough for any value.
+ALSO = {"dead_time": 0.5e-3, "velocity_feedforward": 0.05, "acceleration_feedforward": 0.05}
+# Effects of a cycle are larger than those of first order by up to this factor.
+HIGHER = 1.2
+# Numbers of the begin of a log that are fitted: offset, position, velocity.
+BEGINS = {"unknown": 1, "delay": 1, "first": 2, "second": 3}
+
+
+class Model(NamedTuple):
+    """A model of a servo: its order, and the parameters of `JointServo` that it has."""
+
+    order: str
+    free: tuple[str, ...]
+
+
+class Search(NamedTuple):
+    """Longest dead time, cycle of the drives [s], 0 for none, and orders that may be selected."""
+
+    longest: float
+    cycle: float
+    orders: tuple[str, ...] = ()
+
+    @property
+    def fastest(self) -> float:
+        """Largest gain of the search [1/s]."""
+        return min(FASTEST, 2 / self.cycle) if self.cycle else FASTEST
+
+    def bounds(self, model: Model) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the parameters of a model, logarithms for LOGARITHMIC, (m,) each."""
+        most = self.fastest
+        lead = 3.0 if model.order == "second" else 0.3
+        ranges = JointServo(
+            (SLOWEST, most), (0.5, most), (0.0, 3.0), (0.0, lead), (0.0, self.longest),
+            (0.01, 1e5), (0.0, 0.1), (SLOWEST, FASTEST / 10),
+        )  # fmt: skip
+        found = np.array([getattr(ranges, x) for x in model.free]).reshape(-1, 2).T
+        logarithmic = np.array([x in LOGARITHMIC for x in model.free], dtype=bool)
+        found[:, logarithmic] = np.log(found[:, logarithmic])
+        return found[0], found[1]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stretch:
+    """One joint in one log, or between two gaps of it; arrays are (n,).
+
+    Args:
+        log: Index of the log.
+        start: Its first sample in the log.
+        command: Command with times and set-points.
+        y: Measured positions [rad].
+        use: Samples that count.
+        weight: Motion of the command.
+        part: Part of the logs that is left out together.
+    """
+
+    log: int
+    start: int
+    command: LoggedCommand
+    y: FloatArray
+    use: BoolArray
+    weight: FloatArray
+    part: IntArray
+
+    def after(self, lag: float) -> Stretch:
+        """The stretch in which samples count after SKIPPED and a lag of the joint [s]."""
+        t = self.command.t
+        return replace(self, use=t >= min(max(SKIPPED, lag, t[5]), t[-1] / 4))
+
+    @property
+    def velocity(self) -> float:
+        """Measured velocity at the begin [rad/s]."""
+        n = min(STARTING, len(self.y))
+        return float(np.polyfit(self.command.t[:n], self.y[:n], 1)[0])
+
+    def cut(self, a: int, b: int, every: int = 1) -> Stretch:
+        """Samples from a to b, or every so many of them, with set-points only there and before."""
+        c, before = self.command, len(self.command.knots) - len(self.command.t)
+        a += -(before + a) % every
+        knots, samples = slice(0, before + b, every), slice(a, b, every)
+        kind = "linear" if c.linear else "step"
+        return replace(
+            self,
+            start=self.start + a,
+            command=LoggedCommand(c.knots[knots], c.every[knots], kind, (before + a) // every),
+            **{x: getattr(self, x)[samples] for x in ("y", "use", "weight", "part")},
+        )
+
+
+def split_logs(logs: Sequence[Log], j: int, interpolation: str, lag: float = 0.0) -> list[Stretch]:
+    """Split logs at long gaps, weigh the samples of joint j by motion, and divide them into parts.
+
+    Args:
+        logs: The logs.
+        j: The joint, from 0.
+        interpolation: Interpolation of set-points.
+        lag: Time at the begin that does not count [s], in addition to SKIPPED.
+    """
+    spans = []
+    for i, log in enumerate(logs):
+        t = log.t
+        ends = log.gaps[np.diff(t)[log.gaps] > SHORT_GAP * log.interval] + 1
+        spans += [(i, a, b) for a, b in pairwise([0, *ends, len(t)]) if b - a >= FEWEST]
+    speeds = []
+    for i, a, b in spans:
+        t, u = logs[i].t[a:b], logs[i].command[a:b, j]
+        way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(u)))])
+        speeds.append((way - np.interp(t - RECENT, t, way)) / RECENT)
+    every = np.concatenate(speeds) if speeds else np.zeros(1)
+    usual = float(np.percentile(every[every > 0], USUAL)) if every.any() else 1.0
+    weights = [np.where(x > STANDS * usual, np.minimum(x, usual), 0.0) for x in speeds]
+    total, done = max(sum(float(x.sum()) for x in weights), 1e-300), 0.0
+    moving = {i for (i, _, _), x in zip(spans, weights, strict=True) if x.any()}
+    found = []
+    for (i, a, b), weight in zip(spans, weights, strict=True):
+        t = logs[i].t[a:b] - logs[i].t[a]
+        share = (done + np.cumsum(weight)) / total
+        done += float(weight.sum())
+        part = np.minimum((share * PARTS).astype(np.intp), PARTS - 1)
+        found.append(
+            Stretch(
+                log=i,
+                start=a,
+                command=LoggedCommand(t, logs[i].command[a:b, j], interpolation),
+                y=logs[i].measured[a:b, j].copy(),
+                use=np.full(b - a, True),
+                weight=weight,
+                part=part if len(moving) == 1 else np.full(b - a, i),
+            ).after(lag)
+        )
+    return found
+
+
+class Problem:
+    """The least-squares problem of a model and stretches, solved by variable projection.
+
+    Unknowns are the parameters of the model, and for each stretch the offset of the measurement,
+    position, velocity and acceleration at the begin as far as the model has them. Those in which
+    the motion is linear are solved for in every step; only the others are searched.
+    """
+
+    def __init__(self, model: Model, stretches: Sequence[Stretch], search: Search) -> None:
+        self.model, self.stretches, self.search = model, stretches, search
+        self.m, self.b = len(model.free), BEGINS[model.order] + ("ki" in model.free)
+        self.logarithmic = np.array([x in LOGARITHMIC for x in model.free], dtype=bool)
+        own, count = [getattr(SCALES, x) for x in model.free], len(stretches)
+        self.scale = np.concatenate([own, np.tile(BEGIN_SCALES[: self.b], count)])
+        self.used = [np.flatnonzero(s.use) for s in stretches]
+        free, (low, high) = np.full(self.b * count, np.inf), search.bounds(model)
+        self.low, self.high = np.concatenate([low, -free]), np.concatenate([high, free])
+        limited = "acceleration_limit" in model.free
+        begin = [not limited or k == 0 for k in range(self.b)]
+        parameters = [not limited and x in LINEAR for x in model.free]
+        self.linear: BoolArray = np.concatenate([parameters, np.tile(begin, count)]).astype(bool)
+        self.steps = np.where(self.linear, 1.0, STEP) * self.scale
+
+    def servo(self, x: FloatArray) -> JointServo:
+        """The servo of parameters (..., m)."""
+        values = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, x, 0.0)), x)
+        given = {name: values[..., k] for k, name in enumerate(self.model.free)}
+        return JointServo(**{"kp": np.inf, **given})
+
+    def guess(self, values: dict[str, float], lag: float) -> FloatArray:
+        """Unknowns from parameters, with begins as of a pure delay."""
+        own = np.array([values.get(x, 0.0) for x in self.model.free])
+        own = np.where(self.logarithmic, np.log(np.maximum(own, 1e-9)), own)
+        begins = []
+        for s in self.stretches:
+            c = s.command
+            offset = float(np.median((s.y - c.at(c.t - lag))[s.use]))
+            begins += [offset, float(s.y[0] - offset), s.velocity, 0.0][: self.b]
+        return np.asarray(np.clip(np.concatenate([own, begins]), self.low, self.high))
+
+    def select(self, x: FloatArray, kept: Sequence[int]) -> FloatArray:
+        """The unknowns of a problem with some of the stretches."""
+        begins = x[self.m :].reshape(-1, self.b)[list(kept)]
+        return np.concatenate([x[: self.m], begins.ravel()])
+
+    def linearize(
+        self, x: FloatArray, only: BoolArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Residuals [mrad], and their derivatives by all unknowns or by those of a mask.
+
+        Residuals are simulated less measured positions of the samples that count.
+        """
+        m, b = self.m, self.b
+        only = np.full(len(x), True) if only is None else only
+        own, later = np.flatnonzero(only[:m]), np.flatnonzero(only[m + 1 : m + b]) + 1
+        after = 1 + len(own)
+        rows = after + len(later)
+        values = np.tile(x[:m], (rows, 1))
+        values[np.arange(1, after), own] += self.steps[own]
+        servo, place, end = self.servo(values), np.cumsum(only), 0
+        every = np.zeros((1 + int(place[-1]), sum(len(k) for k in self.used)))
+        for i, (s, used) in enumerate(zip(self.stretches, self.used, strict=True)):
+            begin, at = np.zeros((rows, len(BEGIN_SCALES))), m + i * b
+            begin[:, :b] = x[at : at + b]
+            begin[np.arange(after, rows), later] += self.steps[m + later]
+            _, q0, dq0, ddq0 = begin.T
+            q = follow(s.command, servo, q0, dq0, self.search.cycle, ddq0).take(used, axis=1)
+            block, end = every[:, end : end + len(used)], end + len(used)
+            block[place[own]] = (q[1:after] - q[0]) / self.steps[own, None]
+            block[place[at + later]] = (q[after:] - q[0]) / self.steps[m + later, None]
+            if only[at]:
+                block[place[at]] = 1.0
+            block[0] = q[0] + x[at] - s.y[used]
+        every *= MRAD
+        if not np.isfinite(every.sum()):
+            every = np.nan_to_num(every, nan=MOST)
+        return np.clip(every[0], -MOST, MOST), every[1:].T
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """Simulated less measured positions of the samples that count [mrad]."""
+        return self.linearize(x, np.full(len(x), False))[0]
+
+    def project(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The unknowns with the best linear ones, and their residuals [mrad].
+
+        Returns:
+            Unknowns, residuals, and normalized derivatives by linear ones within their bounds.
+        """
+        own = np.flatnonzero(self.linear)
+        start, slopes = self.linearize(x, self.linear)
+        if np.abs(start).max() >= MOST:  # Diverged: an offset must not hide it.
+            return x, start, slopes[:, :0]
+        slopes, size = normalize(slopes * self.scale[own], INVISIBLE)
+        size /= self.scale[own]
+        square = np.einsum("ki,kj->ij", slopes, slopes)
+        low, high = ((y[own] - x[own]) * size for y in (self.low, self.high))
+        within, step = np.full(len(own), True), np.zeros(len(own))
+        for _ in range(len(LINEAR) + 1):
+            inverse = invert(square[np.ix_(within, within)])[0]
+            # The second solution removes rounding errors of the first one.
+            for _ in range(2):
+                off = start + np.einsum("ki,i->k", slopes, step)
+                step[within] -= inverse @ np.einsum("ki,k->i", slopes[:, within], off)
+            beyond = (step < low) | (step > high)
+            if not beyond.any():
+                break
+            step, within = np.clip(step, low, high), within & ~beyond
+        best = x.copy()
+        best[own] = np.clip(x[own] + step / size, self.low[own], self.high[own])
+        return best, start + np.einsum("ki,i->k", slopes, step), slopes[:, within]
+
+    def cost(self, x: FloatArray) -> float:
+        """Half of the sum of squared residuals with the best linear unknowns [mrad²]."""
+        return float(np.sum(self.project(np.clip(x, self.low, self.high))[1] ** 2)) / 2
+
+    def solve(self, start: FloatArray, most: int) -> Any:
+        """Solve the problem from a start, with at most so many evaluations."""
+        searched = np.flatnonzero(~self.linear)
+        begin = np.clip(start, self.low, self.high)
+        x, linear = begin, np.empty((0, 0))
+
+        def residuals(z: FloatArray) -> FloatArray:
+            nonlocal x, linear
+            trial = begin.copy()
+            trial[searched] = z
+            x, found, linear = self.project(trial)
+            return found
+
+        def slopes(z: FloatArray) -> tuple[FloatArray, FloatArray]:
+            if (x[searched] != z).any():
+                residuals(z)
+            every = np.column_stack(self.linearize(x, ~self.linear))
+            inverse = invert(np.einsum("ki,kj->ij", linear, linear))[0]
+            for _ in range(2):
+                shares = inverse @ np.einsum("ki,kj->ij", linear, every)
+                every -= np.einsum("ki,ij->kj", linear, shares)
+            return every[:, 0], every[:, 1:]
+
+        bounds = self.low[searched], self.high[searched]
+        found = solve(residuals, slopes, begin[searched], bounds, most)
+        residuals(found.x)
+        found.x = x
+        return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fit:
+    """A solved problem, its unknowns, and half of the sum of squared residuals [mrad²]."""
+
+    problem: Problem
+    x: FloatArray
+    cost: float
+
+    @property
+    def servo(self) -> JointServo:
+        """The servo, with plain numbers."""
+        values = self.problem.servo(self.x[: self.problem.m])
+        return JointServo(*(float(x) if x > ROUNDING else 0.0 for x in values))
+
+    @property
+    def noise(self) -> float:
+        """Noise of the residuals [rad]: what changes from sample to sample."""
+        return float(white_noise(self.problem.residuals(self.x))) / MRAD
+
+    def at_bounds(self) -> tuple[set[str], set[str]]:
+        """Parameters at their lower bounds, and at their upper ones."""
+        p, m = self.problem, self.problem.m
+        near, names = 1e-2 * p.scale[:m], np.array(p.model.free)
+        low, high = self.x[:m] - p.low[:m] < near, p.high[:m] - self.x[:m] < near
+        return set(names[low].tolist()), set(names[high].tolist())
+
+
+def fit(problem: Problem, starts: Sequence[FloatArray], most: int = 60) -> Fit:
+    """Solve a problem from the best of some starts; only the best one of these fits goes on."""
+    few = most
+    if len(starts) > 1:
+        few = min(12, most // 4)
+        count = 4 if "acceleration_limit" in problem.model.free else 2
+        starts = sorted(starts, key=problem.cost)[:count]
+    found = min((problem.solve(x, few) for x in starts), key=lambda x: float(x.cost))
+    if few < most and found.status == 0:
+        found = problem.solve(found.x, most)
+    return Fit(problem=problem, x=found.x, cost=float(found.cost))
+
+
+def predict(stretch: Stretch, servo: JointServo, order: str, cycle: float) -> FloatArray:
+    """Positions of a servo over a stretch [rad], (n,).
+
+    Offset, position and velocity at the begin are fitted: they are no parameters of the servo.
+    """
+    s, b = stretch, BEGINS[order] + int(servo.ki > 0)
+    free = np.isinf(servo.acceleration_limit)
+    scale = BEGIN_SCALES[:b]
+    steps = np.diag(BEGIN_SCALES)[:b] * (1.0 if free else STEP)
+    steps[0] = 0.0
+
+    def simulate(begins: FloatArray) -> FloatArray:
+        offset, q0, dq0, ddq0 = begins.T
+        return np.asarray(follow(s.command, servo, q0, dq0, cycle, ddq0) + offset[:, None])
+
+    x = np.array([0.0, s.y[0], s.velocity, 0.0])
+    q = simulate(x + steps)
+    # Without saturation the motion depends linearly on its begin, and one step is enough.
+    for _ in range(1 if free else 8):
+        slopes = (q - q[0]) / np.maximum(steps.sum(axis=1), 1e-300)[:, None]
+        slopes[0] = 1.0
+        both = np.concatenate([slopes[:, s.use] * scale[:, None], (s.y - q[0])[None, s.use]])
+        square = np.einsum("ik,jk->ij", both, both)
+        step = np.zeros(len(x))
+        step[:b] = np.linalg.pinv(square[:b, :b], 1e-14, hermitian=True) @ square[:b, b] * scale
+        for share in (1.0, 0.3, 0.1, 0.01):
+            trial = simulate(x + share * step + steps)
+            if np.sum((s.y - trial[0])[s.use] ** 2) <= square[b, b]:
+                x, q = x + share * step, trial
+                break
+        else:
+            break
+    return np.asarray(q[0])
+
+
+def estimate_parameters(
+    found: Fit,
+    without: Sequence[JointServo] = (),
+    longest_cycle: float = 0.0,
+    rivals: Sequence[JointServo] = (),
+) -> dict[str, Estimate]:
+    """Estimates of the parameters of a fit, by name; no interval for those at a bound.
+
+    Args:
+        found: The fit.
+        without: Servos that are fitted without one part of the logs each. Their scatter shows
+            what a model does not have, such as other joints.
+        longest_cycle: Longest cycle of the drive, if it is unknown [s].
+        rivals: Servos of other models that are as good, where none is complete.
+    """
+    p, names, bounds = found.problem, found.problem.model.free, set().union(*found.at_bounds())
+    free = np.full(len(found.x), True)
+    free[: p.m] = [x not in bounds for x in names]
+    residuals, jacobian = p.linearize(found.x)
+    freedom = max(len(residuals) - int(np.sum(free)), 1)
+    variance = float(np.sum(residuals**2)) / freedom * correlation_length(residuals)
+    deviations = np.where(free, Precision.of(jacobian, variance).sd(free), math.nan)
+    servo, estimates = found.servo, {}
+    cycled = cycled_servo(servo, longest_cycle)
+    for name, sd in zip(names, deviations.tolist(), strict=False):
+        value, other = getattr(servo, name), getattr(cycled, name)
+        every, others = (np.array([getattr(y, name) for y in x]) for x in (without, rivals))
+        others = np.append(others[np.isfinite(others)], value)
+        shift = other - value
+        if name in LOGARITHMIC:
+            every, others = (np.log(np.maximum(y, 1e-9)) for y in (every, others))
+            shift = math.log(other / value)
+        if math.isfinite(sd):
+            jackknife = float(np.std(every) * math.sqrt(len(every) - 1)) if len(every) else 0.0
+            sd = max(sd, jackknife, float(np.std(others)))
+        low, high = min(shift, 0.0) - REACH * sd, max(shift, 0.0) + REACH * sd
+        if name not in LOGARITHMIC:
+            low = max(low, -value)
+        more: dict[str, Any] = {"also": ALSO.get(name, 0.0)}
+        if name == "acceleration_feedforward" and p.model.order == "first":
+            more = {"unit": "s"}
+        estimates[name] = Estimate.from_interval(name, value, sd, (low, high), **more)
+    return estimates
+
+
+def cycled_servo(servo: JointServo, cycle: float) -> JointServo:
+    """The servo with a cycle [s] that moves as a continuous one, to first order in the cycle.
+
+    What a drive holds for a cycle, and differences of commands over a cycle, are late by half of
+    it.
+    """
+    half = HIGHER * cycle / 2
+    kp, ki = servo.kp / (1 + servo.kp * half), servo.ki / (1 + servo.ki * half)
+    slow = 1 - (kp + ki) * half
+    return servo._replace(
+        kp=kp,
+        ki=ki,
+        kv=servo.kv / (slow + servo.kv * half) if math.isfinite(servo.kv) else servo.kv,
+        velocity_feedforward=servo.velocity_feedforward * slow / (1 + kp * half),
+        dead_time=max(servo.dead_time - half * (1 + servo.velocity_feedforward), 0.0),
+    )

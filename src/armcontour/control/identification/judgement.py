@@ -1,0 +1,225 @@
+"""Judgement of an identified servo by the contour error on motion that was not fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armcontour.control.identification.fitting import split_logs
+from armcontour.control.identification.results import (
+    JointIdentification,
+    Judgement,
+    rounded,
+    write_servo,
+)
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.sampling import interpolate
+from armcontour.motion.log import Log
+from armcontour.robot import Arm
+from armcontour.robot.servo.simulation import JointServo
+
+# Contour errors are computed from samples that far apart [s].
+STEP = 4e-3
+# Commands that differ by less than this share of their range are the same program.
+SAME = 0.02
+# Without an arm a joint counts in proportion to its tracking error, but to no less than this share
+# of the largest one: the noise of a joint that hardly moves is no contour error.
+FLOOR = 0.1
+# Newton steps to a delay, and the most by which that of a contour differs from joints' [s].
+STEPS, BEYOND = 3, 0.1
+# A model, or a delay, that leaves more than this share of the tracking error is none.
+WEAK = 0.8
+# Contour errors of so many times the noise of the encoders are noise.
+NOISES = 3.0
+# No division by less.
+TINY = 1e-30
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Motion:
+    """Samples of a log: times, commands, samples that count, and residuals by choice."""
+
+    t: FloatArray
+    command: FloatArray
+    use: BoolArray
+    rest: dict[str, FloatArray]
+
+    def deviate(
+        self, choice: Sequence[str], longest: float, weight: FloatArray, arm: Arm | None
+    ) -> tuple[float, FloatArray]:
+        """RMS contour error, and RMS deviation of each joint from the contour [rad]."""
+        rest = np.stack([self.rest[c][:, j] for j, c in enumerate(choice)], axis=1)
+        moved, late = self.command + rest, self.t
+        if arm is not None:
+            reach = (longest + BEYOND) / float(np.median(np.diff(self.t)))
+            both = arm.tool_position(self.command), arm.tool_position(moved)
+            squares, places = find_nearest(*both, int(np.ceil(reach)))
+            late = np.interp(places, np.arange(len(places)), self.t)
+        elif len(weight) > 1:
+            both = self.command * weight, moved * weight
+            late = late - find_delay([(late, *both)], -BEYOND, longest + BEYOND)
+        off = moved - interpolate(late, self.t, self.command)
+        if arm is None:
+            squares = np.sum((off * weight) ** 2, axis=1)
+        each = np.sqrt(np.mean(off[self.use] ** 2, axis=0))
+        return float(np.sqrt(np.mean(squares[self.use]))), each
+
+
+def judge(
+    logs: Sequence[Log],
+    joints: Sequence[JointIdentification],
+    interpolation: str,
+    longest: float,
+    arm: Arm | None,
+) -> tuple[tuple[JointIdentification, ...], Judgement]:
+    """Choose what is written of each joint by the contour error, and judge it.
+
+    Good models are written. Of the other joints, the weak model, the delay, or nothing is written,
+    whichever has the smallest contour error.
+
+    Args:
+        logs: The logs.
+        joints: The identified joints.
+        interpolation: Interpolation of set-points.
+        longest: Longest dead time [s].
+        arm: The arm whose tool follows the contour; None for joint space.
+    """
+    delays = _joint_delays(logs, longest)
+    motions = [_prepare(logs, i, joints, longest) for i in range(len(logs))]
+    every = [np.concatenate([x.rest[y] for x in motions]) for y in ("none", "delay")]
+    lags, late = (np.sqrt(np.mean(x**2, axis=0)) for x in every)
+    weight = 1 / np.maximum(lags, max(FLOOR * float(lags.max()), TINY))
+
+    def deviations(choice: Sequence[str]) -> list[tuple[float, FloatArray]]:
+        return [x.deviate(choice, float(delays.max()), weight, arm) for x in motions]
+
+    none = deviations(["none"] * len(joints))
+
+    def cost(choice: Sequence[str]) -> float:
+        pairs = zip(deviations(choice), none, strict=True)
+        return sum((x[0] / max(y[0], TINY)) ** 2 for x, y in pairs)
+
+    choice = ["model" if x.written else "none" for x in joints]
+    for j, x in enumerate(joints):
+        if x.note:
+            others = ("none", "delay") if late[j] <= WEAK * lags[j] else ("none",)
+            choice = min((choice, *([*choice[:j], y, *choice[j + 1 :]] for y in others)), key=cost)
+    done = deviations(choice)
+    errors = np.array([(y[0], x[0]) for x, y in zip(done, none, strict=True)])
+    before, left = errors.T
+    shares = [x[1] / np.maximum(y[1], TINY) for x, y in zip(done, none, strict=True)]
+    noises = np.nan_to_num(np.array([x.noise for x in joints]))
+    if arm is None:
+        noise = float(np.linalg.norm(noises * weight))
+    else:
+        moves = arm.tool_jacobian(motions[0].command) * noises
+        noise = float(np.sqrt(np.mean(np.sum(moves**2, axis=(1, 2)))))
+    judgement = Judgement(
+        programs=count_programs(logs),
+        ratio=float(np.max(np.where(left > NOISES * noise, left / np.maximum(before, TINY), 0.0))),
+        errors=errors,
+    )
+    written = []
+    for j, (x, c) in enumerate(zip(joints, choice, strict=True)):
+        if c != "model":
+            delay = rounded(delays[j] * (c == "delay"))
+            servo = JointServo(np.inf, dead_time=delay)
+            x = write_servo(x, split_logs(logs, j, interpolation, delay), servo)
+        written.append(replace(x, contour_ratio=float(max(y[j] for y in shares))))
+    return tuple(written), judgement
+
+
+def _prepare(
+    logs: Sequence[Log], i: int, joints: Sequence[JointIdentification], longest: float
+) -> _Motion:
+    """The samples of log i, with residuals where they were not fitted."""
+    log = logs[i]
+    every = max(int(STEP / log.interval * (1 + 1e-6)), 1)
+    delays = _joint_delays([x for k, x in enumerate(logs) if k != i] or logs, longest)
+    model = np.stack([x.rests[i] if x.rests else np.full(len(log.t), np.nan) for x in joints], 1)
+    known = np.isfinite(model)
+    use = (known | ~known.any(axis=0)).all(axis=1)
+    use = use if use.any() else np.full(len(use), True)
+    late = [interpolate(log.t - x, log.t, log.command[:, [j]]) for j, x in enumerate(delays)]
+    rest = {
+        "none": log.measured - log.command,
+        "delay": log.measured - np.concatenate(late, axis=1),
+        "model": np.where(known, model, 0.0),
+    }
+    some = slice(None, None, every)
+    centred = {name: (x - x[use].mean(axis=0))[some] for name, x in rest.items()}
+    return _Motion(log.t[some] - log.t[0], log.command[some], use[some], centred)
+
+
+def _joint_delays(logs: Sequence[Log], longest: float) -> FloatArray:
+    """Delay of each joint with the smallest tracking error [s], (dof,)."""
+    found = []
+    for j in range(logs[0].dof):
+        motions = [(x.t, x.command[:, [j]], x.measured[:, [j]]) for x in logs]
+        found.append(find_delay(motions, 0.0, longest))
+    return np.array(found)
+
+
+def find_delay(
+    motions: Sequence[tuple[FloatArray, FloatArray, FloatArray]], low: float, high: float
+) -> float:
+    """Delay of commands with the smallest sum of squared tracking errors, by Newton's method [s].
+
+    Args:
+        motions: Times [s], commands and positions, (n,), (n, k), (n, k).
+        low: Smallest delay [s].
+        high: Largest delay [s].
+    """
+    delay = 0.0
+    for _ in range(STEPS):
+        above = below = 0.0
+        for t, command, q in motions:
+            off = q - interpolate(t - delay, t, command)
+            rate = interpolate(t - delay, t, np.gradient(command, t, axis=0))
+            above -= float(np.sum((off - off.mean(axis=0)) * rate))
+            below += float(np.sum(rate**2))
+        delay = float(np.clip(delay + above / max(below, TINY), low, high))
+    return delay
+
+
+def count_programs(logs: Sequence[Log]) -> int:
+    """Number of logs whose commands differ from those of all earlier logs."""
+
+    def is_same(one: Log, other: Log) -> bool:
+        off = one.command - interpolate(one.t - one.t[0], other.t - other.t[0], other.command)
+        most = np.maximum(np.ptp(one.command, axis=0), np.ptp(other.command, axis=0))
+        return bool((np.ptp(off, axis=0) <= SAME * most).all())
+
+    found: list[Log] = []
+    for x in logs:
+        found += [] if any(is_same(x, y) for y in found) else [x]
+    return len(found)
+
+
+def find_nearest(
+    curve: FloatArray, points: FloatArray, reach: int
+) -> tuple[FloatArray, FloatArray]:
+    """Squared distances of points to a curve near them in time, and their nearest places on it.
+
+    Args:
+        curve: Points of the curve, (n, m).
+        points: Points at the same times, (n, m).
+        reach: Samples before and after its own within which the place of a point is.
+
+    Returns:
+        Squared distances, and places in samples, (n,) each.
+    """
+    n = len(curve)
+    nearest, places, rows = np.full(n, np.inf), np.zeros(n), np.arange(n)
+    edges = np.diff(curve, axis=0)
+    lengths = np.maximum(np.sum(edges**2, axis=1), TINY)
+    for k in range(-reach, reach + 1):
+        start = np.clip(rows + k, 0, n - 2)
+        edge, off = edges[start], points - curve[start]
+        share = np.clip(np.sum(off * edge, axis=1) / lengths[start], 0.0, 1.0)
+        found = np.sum((off - share[:, None] * edge) ** 2, axis=1)
+        places = np.where(found < nearest, start + share, places)
+        nearest = np.minimum(found, nearest)
+    return nearest, places

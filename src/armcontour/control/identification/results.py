@@ -1,0 +1,384 @@
+"""Results of an identification: estimates, the servo that is written, and its predictions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from armcontour._version import __version__
+from armcontour.control.identification.estimates import IdentifiedJoints, JointEstimates
+from armcontour.control.identification.fitting import Stretch, predict, split_logs
+from armcontour.control.identification.residuals import fastest_motion
+from armcontour.core import checks
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.describing import brief, several
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import checked
+from armcontour.core.render import Result, number
+from armcontour.core.result import VERDICT, Data, Row
+from armcontour.motion.log import Log
+from armcontour.robot import Arm
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.model import TRUSTED
+from armcontour.robot.servo.simulation import JointServo
+
+# Condition of the errors by which a servo is judged, and the largest trusted one.
+UNFITTED = f"where the servo was not fitted, trusted up to {number(TRUSTED, '1')}"
+# Digits of the numbers in a servo file, and a factor that rounds up bounds.
+DIGITS = 6
+UP = 1 + 10.0 ** (1 - DIGITS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JointIdentification(JointEstimates):
+    """The identified servo of one joint.
+
+    Args:
+        order: Order of the servo that is written: "second", "first", "delay"; or "unknown". The
+            parameters are also those of a model that is not written.
+        servo: Values that are written.
+        tracking_rms: RMS of command less measured position, about its mean [rad].
+        largest: Largest error of the values that are written, on the logs that were fitted [rad].
+        unseen_rms: RMS error on parts that were not fitted [rad]: with several logs that of the
+            worst log, with one log weighted by motion.
+        share: `unseen_rms`, divided by the tracking error of the same kind.
+        unexplained: Largest error, also on parts that were not fitted [rad].
+        scaling: The RMS error where it was not fitted is the root of the sum of squares of three
+            parts: at rest [rad], per velocity [s] and per acceleration [s²], (3,).
+        noise: Noise of the encoder [rad].
+        note: Why the joint has no model or a weak one, or empty.
+        effective: Whether the residuals are not white: the model lacks an effect, and its
+            parameters make up for it, so that they differ from those that are set in the drive.
+        saturation: A sentence about samples at a limit of the drive, or empty.
+        contour_ratio: RMS deviation from the contour with compensation over that without it, in
+            the worst log.
+
+    Positions in `rests` are predicted from the other parts of the logs.
+    """
+
+    order: str = "unknown"
+    servo: JointServo = field(default_factory=lambda: JointServo(math.inf))
+    tracking_rms: float = math.nan
+    largest: float = math.nan
+    unseen_rms: float = math.nan
+    share: float = math.nan
+    unexplained: float = math.nan
+    scaling: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
+    noise: float = math.nan
+    note: str = ""
+    effective: bool = False
+    saturation: str = ""
+    contour_ratio: float = math.nan
+
+    def to_data(self) -> Data:
+        """The errors on parts that were not fitted, and the estimates."""
+        weak = "weak" if self.written and self.note else ""
+        words = (weak, "effective" * self.effective, "" if self.written else self._replacement)
+        notes = (self.growth, self.saturation, self.note)
+        return Data(
+            f"Servo of {self.name}",
+            (
+                Row("name", self.name, "", "joint"),
+                Row("share", self.share, "1", "tracking error left"),
+                Row("contour_ratio", self.contour_ratio, "1", "contour error left"),
+                Row("unseen_rms", self.unseen_rms, "rad", "error, RMS"),
+                Row("unexplained", self.unexplained, "rad", "largest"),
+                Row("order", self.order, "", "model", ", ".join(filter(None, words))),
+                *(Row(x, getattr(self, x), "rad") for x in ("tracking_rms", "rms", "largest")),
+                *(Row(x, getattr(self, x)) for x in ("determined", "effective", "written")),
+                *(Row(x, getattr(self, x)) for x in ("scaling", "noise", "note", "saturation")),
+            ),
+            (self.table("parameters"),),
+            notes=tuple(filter(None, notes)),
+        )
+
+    @property
+    def _replacement(self) -> str:
+        """What is written of a joint without a model."""
+        return "delay only" if self.servo.dead_time else ""
+
+    @property
+    def growth(self) -> str:
+        """How the error grows with the motion, as a sentence; empty without a model."""
+        if not np.isfinite(self.scaling).all():
+            return ""
+        rest, rate, bend = (number(x, "rad") for x in self.scaling)
+        return (
+            f"Error where not fitted: {rest} at rest, {rate} per rad/s, {bend} per rad/s² (RMS, "
+            "squares add)."
+        )
+
+    @property
+    def written(self) -> bool:
+        """Whether the servo file has a model of this joint."""
+        return self.order != "unknown"
+
+    @property
+    def determined(self) -> bool:
+        """Whether the logs determine all parameters of the model."""
+        return bool(self.parameters) and all(x.determined for x in self.estimates)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Judgement:
+    """Contour errors with and without compensation on motion that was not fitted.
+
+    With compensation, the command and the residuals of the model remain. A delay that all joints
+    share costs nothing. With an arm the errors are those of its tool across its path. Without an
+    arm they are distances in joint space, where each joint counts in proportion to its tracking
+    error.
+
+    Args:
+        programs: Number of different programs. If it is 1, parts of the program were predicted.
+        ratio: RMS contour error with compensation over that without it, in the worst log; 0 if only
+            the noise of the encoders remains.
+        errors: RMS contour errors of each log without and with compensation, (logs, 2): in m with
+            an arm, else in tracking errors.
+    """
+
+    programs: int
+    ratio: float
+    errors: FloatArray
+
+    @property
+    def trusted(self) -> bool:
+        """Whether compensation removes half of the contour error."""
+        return self.ratio <= TRUSTED
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Identification(IdentifiedJoints):
+    """The identified servos of all joints.
+
+    Args:
+        cycle: Cycle of the drives [s], 0 for continuous loops.
+        judgement: Contour errors with and without compensation where the servo was not fitted.
+    """
+
+    joints: tuple[JointIdentification, ...] = field(repr=False)
+    cycle: float
+    judgement: Judgement
+
+    def to_data(self) -> Data:
+        """Whether the servo can be trusted, then every joint and its parameters."""
+        said = self.judgement
+        count = f"{sum(x.written for x in self.joints)} of {several(len(self.joints), 'joint')}"
+        doubt = "" if said.trusted else "compensation may be worse than none"
+        sole = "judged on one program only, provisional: record a different one"
+        return Data(
+            f"Servo models of {count} from {self.source}",
+            (
+                Row("judgement.trusted", said.trusted, "", "trusted", doubt, VERDICT),
+                Row("judgement.ratio", said.ratio, "1", "contour error left", UNFITTED, VERDICT),
+                Row(
+                    "judgement.programs", said.programs, "", "programs",
+                    sole * (said.programs == 1), VERDICT,
+                ),
+                Row("judgement.errors", said.errors),
+                Row("version", __version__),
+                Row("logs", [x.source for x in self.logs]),
+                Row("samples", sum(len(x.t) for x in self.logs)),
+                Row("interpolation", self.interpolation),
+                Row("cycle", self.cycle, "s"),
+                Row("determined", self.determined),
+            ),
+            self._tables(),
+            notes=(*dict.fromkeys(x.note for x in self.joints if x.note), *self.remarks),
+        )  # fmt: skip
+
+    @property
+    def determined(self) -> bool:
+        """Whether all parameters of all joints are determined."""
+        return all(x.determined for x in self.joints)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences about saturation in the logs, and about effective parameters."""
+        names = ", ".join(x.name for x in self.joints if x.effective and x.written)
+        effective = (
+            f"Effective parameters: {names}. The residuals are not white: the model lacks an "
+            "effect, and its parameters differ from the settings of the drive."
+        )
+        found = [x.saturation for x in self.joints if x.saturation]
+        return (*found, effective) if names else tuple(found)
+
+    def servo_model(self) -> ServoModel:
+        """The servo as it is written to a file; joints without a model have order "unknown".
+
+        Raises:
+            InvalidInput: No joint has a model.
+        """
+        if not any(x.written for x in self.joints):
+            notes = " ".join(x.note for x in self.joints[:2])
+            raise InvalidInput(f"{self.source} determines the servo of no joint. {notes}")
+        given: dict[str, Any] = {
+            name: [getattr(x.servo, name) for x in self.joints] for name in JointServo._fields
+        }
+        if not np.isfinite(given["kv"]).any():
+            given["kv"] = None
+        fastest = fastest_motion(self.logs)
+        return ServoModel(
+            interpolation=self.interpolation,
+            order=tuple(x.order for x in self.joints),
+            cycle=self.cycle,
+            unexplained=[rounded(min(x.unexplained * UP, math.pi)) for x in self.joints],
+            logged_velocity=[rounded(x) for x in fastest[0]],
+            logged_acceleration=[rounded(x) for x in fastest[1]],
+            contour_ratio=float(f"{self.judgement.ratio:.3g}"),
+            programs=self.judgement.programs,
+            **given,
+        )
+
+    @checked
+    def predict(self, log: Log) -> Prediction:
+        """Simulate the servo that is written with the commands of a log.
+
+        Args:
+            log: The log, of the same joints; it need not be one that was identified.
+
+        The constant offset between command and measurement, and the position and velocity at the
+        begin of the log, are fitted. Joints without a model follow their commands.
+
+        Raises:
+            InvalidInput: The log has other joints.
+        """
+        if log.dof != len(self.joints):
+            raise InvalidInput(
+                f"{log.source} has {log.dof} joints, but {self.source} has {len(self.joints)}: "
+                "give a log of the same joints."
+            )
+        positions, used = log.command.copy(), np.full(log.command.shape, False)
+        for j, x in enumerate(self.joints):
+            late = float(x.servo.dead_time)
+            for s in split_logs([log], j, self.interpolation, late):
+                rows = slice(s.start, s.start + len(s.y))
+                positions[rows, j] = predict(s, x.servo, x.order, self.cycle)
+                used[rows, j] = s.use
+        return Prediction(log=log, positions=positions, used=used)
+
+
+def write_servo(
+    joint: JointIdentification,
+    stretches: Sequence[Stretch],
+    servo: JointServo,
+    order: str = "unknown",
+    cycle: float = 0.0,
+    unseen: float = 0.0,
+) -> JointIdentification:
+    """The joint with a servo that is written, and the errors of this servo on the logs.
+
+    Args:
+        joint: The joint.
+        stretches: The joint in the logs.
+        servo: The servo that is written.
+        order: Its order.
+        cycle: Cycle of the drives [s].
+        unseen: Largest error on parts that were not fitted [rad].
+    """
+    rms, largest = math.nan, math.pi
+    if stretches:
+        off = np.concatenate([(s.y - predict(s, servo, order, cycle))[s.use] for s in stretches])
+        rms, largest = float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
+    unexplained = max(unseen, largest)
+    return replace(
+        joint, order=order, servo=servo, rms=rms, largest=largest, unexplained=unexplained
+    )
+
+
+def rounded(value: float) -> float:
+    """A number with the digits of a servo file."""
+    return float(f"{value:.{DIGITS}g}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prediction(Result):
+    """Motion of an identified servo under the commands of a log.
+
+    Args:
+        log: The log.
+        positions: Predicted positions [rad], (n, dof).
+        used: Samples that count: not the first 40 ms or the dead time, which depend on commands
+            before the log, (n, dof).
+    """
+
+    log: Log = field(repr=False)
+    positions: FloatArray = field(repr=False)
+    used: BoolArray = field(repr=False)
+
+    @property
+    def errors(self) -> FloatArray:
+        """Measured less predicted positions [rad], 0 where they do not count, (n, dof)."""
+        return np.where(self.used, self.log.measured - self.positions, 0.0)
+
+    @property
+    def rms(self) -> FloatArray:
+        """Root mean square of the errors of each joint [rad], (dof,)."""
+        return _rms(self.errors, self.used)
+
+    @property
+    def largest(self) -> FloatArray:
+        """Largest error of each joint [rad], (dof,)."""
+        return np.asarray(np.abs(self.errors).max(axis=0))
+
+    @property
+    def tracking_rms(self) -> FloatArray:
+        """RMS of measured less commanded positions about their mean [rad], (dof,)."""
+        off = self.log.measured - self.log.command
+        count = np.maximum(self.used.sum(axis=0), 1)
+        return _rms(off - np.sum(off * self.used, axis=0) / count, self.used)
+
+    def tool_errors(self, arm: Arm) -> FloatArray:
+        """Distances between the tool at measured and at predicted positions [m], (n,).
+
+        They are 0 at samples that do not count for all joints.
+
+        Args:
+            arm: The arm of the log.
+
+        Raises:
+            InvalidInput: The arm has another number of joints.
+        """
+        checks.refuse_other("tool_errors", arm, Arm)
+        if arm.dof != self.log.dof:
+            raise InvalidInput(
+                f"{self.log.source} has {self.log.dof} joints, but the arm {arm.name} has "
+                f"{arm.dof}: give the arm of the log."
+            )
+        off = arm.tool_position(self.log.measured) - arm.tool_position(self.positions)
+        return np.where(self.used.all(axis=1), np.linalg.norm(off, axis=1), 0.0)
+
+    def to_data(self, arm: Arm | None = None) -> Data:
+        """The errors of all joints; the largest are shown.
+
+        Args:
+            arm: The arm, which gives errors at its tool.
+        """
+
+        def of_joints(name: str, label: str) -> Row:
+            values = getattr(self, name)
+            return Row(name, values, "rad", label, self.log.joint_names[int(values.argmax())])
+
+        rows = [
+            Row("log", self.log.source),
+            of_joints("tracking_rms", "tracking error, RMS"),
+            of_joints("rms", "predicted to, RMS"),
+            of_joints("largest", "predicted to, largest"),
+        ]
+        if arm is not None:
+            off = self.tool_errors(arm)
+            rms = float(np.sqrt(np.mean(off**2)))
+            rows.append(Row("tool.rms", rms, "m", "at the tool, RMS"))
+            rows.append(Row("tool.largest", float(off.max()), "m", "at the tool, largest"))
+        return Data(f"Prediction of {self.log.source}", tuple(rows))
+
+    __repr__ = brief
+
+
+def _rms(values: FloatArray, used: BoolArray) -> FloatArray:
+    """Root mean square over the samples that count, (dof,)."""
+    count = np.maximum(used.sum(axis=0), 1)
+    return np.asarray(np.sqrt(np.sum(np.where(used, values, 0.0) ** 2, axis=0) / count))

@@ -1,0 +1,340 @@
+"""Selection of a joint's servo model by its error on parts of the logs that were not fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from armcontour.control.identification.estimates import Estimate
+from armcontour.control.identification.fitting import (
+    ROUNDING,
+    Fit,
+    Model,
+    Problem,
+    Search,
+    Stretch,
+    fit,
+    predict,
+)
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.motion.log import FEWEST
+from armcontour.robot.servo.simulation import JointServo
+
+KP, KV, KI = "kp", "kv", "ki"
+FEED, ACCELERATION = "velocity_feedforward", "acceleration_feedforward"
+DELAY, LIMIT, FRICTION = "dead_time", "acceleration_limit", "friction"
+# From simple to rich.
+CANDIDATES = (
+    Model("delay", (DELAY,)),
+    Model("first", (KP, DELAY)),
+    Model("first", (KP, FEED, DELAY)),
+    Model("second", (KP, KV, DELAY)),
+    Model("second", (KP, KV, FEED, DELAY)),
+    Model("first", (KP, FEED, ACCELERATION, DELAY)),
+    Model("second", (KP, KV, FEED, ACCELERATION, DELAY)),
+    Model("second", (KP, KV, KI, FEED, DELAY, FRICTION)),
+    Model("second", (KP, KV, KI, FEED, ACCELERATION, DELAY, FRICTION)),
+    Model("second", (KP, KV, FEED, DELAY, LIMIT)),
+)
+# Parameters that a cascade may do without.
+OPTIONAL = (ACCELERATION, FEED, FRICTION)
+# A richer model is selected if the median over the parts of its error, divided by that of the
+# poorer one, is below GAIN (with an acceleration limit below LIMIT_GAIN), and if its error is
+# smaller on this share of the parts.
+GAIN, LIMIT_GAIN, MOST_PARTS = 0.9, 0.5, 0.6
+# A richer model whose error on the data that it was fitted to is above this share is not better.
+SAME = 0.97
+# A poorer model whose error there is above this times that of the richer one is worse.
+WORSE = 2.0
+# A cascade is fitted where the error of the other models is below this share of the tracking error.
+EXPLAINED = 0.5
+# Loops with less damping are rejected: no drive is tuned so.
+DAMPING = 0.2
+# Evaluations of a fit without a part; it starts from the fit of all parts.
+REFITTED = 10
+# Selection uses samples this far apart [s] where the set-points between are on straight lines.
+COARSE = 4e-3
+# and the rest is less than this share of what the positions change at random, outliers included.
+THIN = 0.3
+# Longest first dead time of a joint that saturates [s].
+USUAL_DELAY = 0.01
+# Times over which accelerations are measured [s], short for fast motion and long for small motion
+# in noise, and their percentile.
+ACCELERATING, FAST = (8e-3, 40e-3), 99
+# First values of loops: K_p [1/s], also times the gain of the lag; K_v; k_i; feed-forward, which
+# matters only in loops that saturate; dead time over the lag.
+STARTS = (
+    (10.0, 0.0, 20.0, 5.0, 1.0, 0.8), (1.0, 0.0, 100.0, 5.0, 1.0, 1.0),
+    (40.0, 0.0, 150.0, 5.0, 0.6, 0.5), (30.0, 0.0, 100.0, 5.0, 0.0, 0.3),
+    (150.0, 0.0, 60.0, 5.0, 0.6, 0.9), (0.0, 0.8, 60.0, 5.0, 0.0, 0.1),
+    (0.0, 1.5, 150.0, 12.0, 0.0, 0.3), (0.0, 4.0, 100.0, 5.0, 0.0, 0.7),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Selected:
+    """A fitted model and its predictions of parts to which it was not fitted.
+
+    Args:
+        fit: The fit to all samples.
+        stretches: The stretches of the predictions.
+        unseen: Predicted positions [rad]; each sample by a fit without its part.
+        errors: Mean squared errors of the parts, weighted by motion [rad²], (parts,).
+        motions: Weights of the parts, (parts,).
+        limit: Acceleration limit that is estimated apart from the fit.
+        without: Servos that are fitted without one part each.
+        rivals: Servos of other models whose error is hardly larger.
+    """
+
+    fit: Fit
+    stretches: Sequence[Stretch]
+    unseen: list[FloatArray]
+    errors: FloatArray
+    motions: FloatArray
+    limit: Estimate | None = None
+    without: Sequence[JointServo] = ()
+    rivals: Sequence[JointServo] = ()
+
+    @property
+    def servo(self) -> JointServo:
+        """The servo of the fit with the limit."""
+        return limited_servo(self.fit.servo, self.limit)
+
+    @property
+    def rms(self) -> float:
+        """Error on parts that were not fitted [rad]."""
+        return float(np.sqrt(np.average(self.errors, weights=self.motions)))
+
+    @property
+    def explains_all(self) -> bool:
+        """Whether the error is noise or rounding, so that no richer model can be better."""
+        return self.rms * GAIN < max(self.fit.noise, ROUNDING)
+
+    def is_better(self, other: Selected) -> bool:
+        """Whether this richer model is better than another one."""
+        limited = LIMIT in self.fit.problem.model.free
+        ratio = float(np.median(self.errors / np.maximum(other.errors, 1e-300))) ** 0.5
+        some = float(np.mean(self.errors < other.errors))
+        return ratio < (LIMIT_GAIN if limited else GAIN) and some >= MOST_PARTS
+
+
+def find_lag(stretches: Sequence[Stretch], longest: float) -> float:
+    """The pure delay with the smallest tracking error [s], on a grid of about 1 ms."""
+
+    def left(lag: float) -> float:
+        off = [s.y - s.command.at(s.command.t - lag) for s in stretches]
+        return sum(
+            float(np.var(x[s.use]) * s.use.sum()) for x, s in zip(off, stretches, strict=True)
+        )
+
+    return float(min(np.linspace(0.0, longest, int(longest / 1e-3) + 2), key=left))
+
+
+def select(
+    stretches: Sequence[Stretch], search: Search, *, limited: bool = True
+) -> Selected | None:
+    """Select the model of a joint; None if none can be judged or all are at their bounds.
+
+    Args:
+        stretches: The joint in the logs.
+        search: Ranges of the search.
+        limited: Whether models with an acceleration limit may be selected.
+    """
+    some = _thin(stretches)
+    # A model is judged by the parts without which it was fitted.
+    if len(_moving_parts(some)) < 2:
+        return None
+    trials = _Trials(some, search)
+    for model in CANDIDATES:
+        bent = ACCELERATION in model.free and not some[0].command.linear
+        excluded = bent or (LIMIT in model.free and not limited) or model.order not in search.orders
+        if excluded or (KI in model.free and not trials.may_be_cascade(model)):
+            continue
+        trials.add(model)
+        if trials.best and trials.best.explains_all:
+            break
+    if trials.best is None:
+        return None
+    order, free = trials.best.fit.problem.model
+    if KI in free:
+        trials.prune()
+    elif order != "delay" and not trials.best.explains_all:
+        trials.add(Model(order, (*free, FRICTION)))
+    best = trials.best
+    rivals = [x.fit.servo for x in trials.tried if x.rms * GAIN < best.rms and x is not best]
+    if some is stretches:
+        return replace(best, rivals=rivals)
+    whole = Problem(best.fit.problem.model, stretches, search)
+    return replace(best, rivals=rivals, fit=fit(whole, [best.fit.x], REFITTED))
+
+
+class _Trials:
+    """The models that were fitted to a joint, and the best one so far."""
+
+    def __init__(self, stretches: Sequence[Stretch], search: Search) -> None:
+        self.stretches, self.search = stretches, search
+        self.lag = find_lag(stretches, search.longest)
+        self.fits: dict[Model, Fit] = {}
+        self.tried: list[Selected] = []
+        self.best: Selected | None = None
+
+    def add(self, model: Model) -> None:
+        """Fit one more model; it becomes the best one if it is better."""
+        problem, best = Problem(model, self.stretches, self.search), self.best
+        starts = [problem.guess(x, self.lag) for x in self._starts(model)]
+        found = fit(problem, starts, 30 if KI in model.free else 60)
+        hopeless = best and found.cost > SAME**2 * best.fit.cost
+        if KI in model.free and not hopeless:
+            # Loops that differ in both gains by an exchange have the same poles.
+            servo = found.servo
+            other = servo._replace(kp=servo.ki, ki=servo.kp)._asdict()
+            exchanged = fit(problem, [problem.guess(other, servo.dead_time)], 30)
+            found = min(found, exchanged, key=lambda x: x.cost)
+        self.fits[model] = found
+        if hopeless or is_implausible(found):
+            return
+        self.tried.append(predict_parts(found))
+        if best is None or self.tried[-1].is_better(best):
+            self.best = self.tried[-1]
+
+    def may_be_cascade(self, model: Model) -> bool:
+        """Whether the best model explains so much that an integrator is worth its fit."""
+        if self.best is None:
+            return False
+        lag = np.concatenate([(s.y - s.command.u)[s.use] for s in self.best.stretches])
+        known = {KI, ACCELERATION} & set(self.best.fit.problem.model.free)
+        explains = self.best.rms < EXPLAINED * np.std(lag)
+        return bool(explains and (ACCELERATION not in model.free or known))
+
+    def prune(self) -> None:
+        """Leave out the optional parameters without which the best model is as good."""
+        for x in OPTIONAL:
+            assert self.best is not None
+            best = self.best.fit
+            order, free = best.problem.model
+            rest = tuple(y for y in free if y != x)
+            # Acceleration feed-forward needs velocity feed-forward.
+            if rest == free or (x == FEED and ACCELERATION in free):
+                continue
+            problem = Problem(Model(order, rest), self.stretches, self.search)
+            found = fit(problem, [problem.guess(best.servo._asdict(), best.servo.dead_time)])
+            if is_implausible(found) or found.cost > WORSE * best.cost:
+                continue
+            poorer = predict_parts(found)
+            if not self.best.is_better(poorer):
+                self.best = poorer
+
+    def _starts(self, model: Model) -> list[dict[str, float]]:
+        """Parameters from which a model is fitted: generic loops, or the poorer model's."""
+        (order, free), lag = model, self.lag
+        if order == "delay":
+            return [{DELAY: x} for x in (lag, max(lag - 4e-3, 0.0))]
+        gain = max(1 / (lag + 1e-4), 0.5)
+        loops: list[dict[str, float]] = [
+            {KP: a + b * gain, KV: kv, KI: ki, FEED: f, DELAY: d * lag}
+            for a, b, kv, ki, f, d in STARTS
+        ]
+        new = {FRICTION} if FRICTION in free else {ACCELERATION, LIMIT} & set(free)
+        if KI in free or not new:
+            return loops
+        poorer = self.fits[Model(order, tuple(x for x in free if x not in new))]
+        known = poorer.servo._asdict()
+        if LIMIT not in new:
+            return [known]
+        # If a joint saturates much, the fit without a limit and its lag are of no use.
+        tops = [max(_acceleration(s, x) for s in self.stretches) for x in ACCELERATING]
+        loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops[2:4]]
+        return [{**x, LIMIT: a} for x in (known, *loops) for a in (*tops, 3 * max(tops))]
+
+
+def is_implausible(found: Fit) -> bool:
+    """Whether a loop has parameters at their bounds, or hardly any damping."""
+    low, high = found.at_bounds()
+    servo = found.servo
+    ringing = np.isfinite(servo.kv) and 0.5 * np.sqrt(servo.kv / servo.kp) < DAMPING
+    lead = {FEED} if ACCELERATION in found.problem.model.free else set()
+    at = high & {KP, KV, KI, FEED, ACCELERATION, LIMIT} or low & ({KP, KV, KI, LIMIT} | lead)
+    return bool(ringing or at)
+
+
+def _thin(stretches: Sequence[Stretch]) -> Sequence[Stretch]:
+    """The stretches with fewer samples, if their set-points give the same command."""
+    interval = float(np.median(np.diff(stretches[0].command.t)))
+    every = int(COARSE / interval * (1 + 1e-6))
+    if every < 2 or not stretches[0].command.linear:
+        return stretches
+    found = [x.cut(0, len(x.y), every) for x in stretches]
+    for one, full in zip(found, stretches, strict=True):
+        off = one.command.at(full.command.t) - full.command.u
+        rough = np.sqrt(np.mean(np.diff(full.y, n=3) ** 2) / 20)
+        if np.sqrt(np.mean(off**2)) > THIN * rough or len(one.y) < FEWEST:
+            return stretches
+    return found
+
+
+def _moving_parts(stretches: Sequence[Stretch]) -> IntArray:
+    """The parts in which the command moves."""
+    every = [s.part[s.use & (s.weight > 0)] for s in stretches]
+    return np.unique(np.concatenate(every))
+
+
+def _acceleration(s: Stretch, time: float) -> float:
+    """Largest measured acceleration over some time but for outliers [rad/s²]."""
+    t = s.command.t
+    interval = float(np.median(np.diff(t)))
+    k = min(max(int(round(time / interval)), 1), (len(t) - 1) // 2)
+    second = s.y[2 * k :] - 2 * s.y[k:-k] + s.y[: -2 * k]
+    return float(np.percentile(np.abs(second), FAST)) / (k * interval) ** 2
+
+
+def limited_servo(servo: JointServo, limit: Estimate | None) -> JointServo:
+    """The servo with an acceleration limit, if there is one."""
+    return servo if limit is None else servo._replace(acceleration_limit=limit.value)
+
+
+def predict_parts(
+    found: Fit, judged: Sequence[Stretch] | None = None, limit: Estimate | None = None
+) -> Selected:
+    """Predict each part by a fit of the others.
+
+    Args:
+        found: The fit of all parts.
+        judged: Stretches that are predicted, by default those of the fit.
+        limit: Acceleration limit in addition to the fit.
+    """
+    p, stretches = found.problem, judged or found.problem.stretches
+
+    def predict_by(servo: JointServo, s: Stretch) -> FloatArray:
+        return predict(s, limited_servo(servo, limit), p.model.order, p.search.cycle)
+
+    # Parts without motion are predicted by the fit of all.
+    unseen = [predict_by(found.servo, s) for s in stretches]
+    errors, motions, without = [], [], []
+    for k in _moving_parts(stretches):
+        others = [replace(s, use=s.use & (s.part != k)) for s in p.stretches]
+        kept = [i for i, s in enumerate(others) if s.use.any()]
+        other = Problem(p.model, [others[i] for i in kept], p.search)
+        servo = fit(other, [p.select(found.x, kept)], REFITTED).servo
+        without.append(servo)
+        squares = motion = 0.0
+        for i, s in enumerate(stretches):
+            own = s.part == k
+            if own.any():
+                q = predict_by(servo, s)
+                unseen[i][own] = q[own]
+                weight = s.weight[own] * s.use[own]
+                squares += float(np.sum(weight * (q - s.y)[own] ** 2))
+                motion += float(np.sum(weight))
+        errors.append(squares / motion)
+        motions.append(motion)
+    return Selected(
+        fit=found,
+        stretches=stretches,
+        unseen=unseen,
+        errors=np.array(errors),
+        motions=np.array(motions),
+        limit=limit,
+        without=without,
+    )

@@ -1,0 +1,352 @@
+"""The clock of a recording, in time of the plan, and refusals of recordings of something else."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import maximum_filter1d
+
+from armcontour.control.learning.lesson import LearnedRun, Recording
+from armcontour.control.learning.lifted import Lifted, rms
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.sampling import OF_MEDIAN, interpolate, white_noise
+from armcontour.motion import TaughtData
+from armcontour.motion.log_checks import find_misreading, refuse_part
+
+# Largest difference between two clocks; more is another job, or another unit of time.
+WORST_RATE = 0.03
+# Command intervals over which differences of set-points are averaged.
+AVERAGED = 10
+# Steps of Newton's method, which ends below this time [s].
+STEPS, NEAR = 30, 1e-9
+# A recording is one of this motion if it differs from what is expected by at most this share of
+# the motion. A loaded arm with weak gains differs by some percent, other jobs by 100 % and more.
+UNLIKE = 0.3
+# Fewest samples in a period of the loops' natural frequency: disturbances up to it become errors.
+SAMPLES = 5.0
+# Two intervals that differ by less than this share are the same: clocks drift.
+SAME = 0.01
+# Logged set-points are those of another run if they differ from the taught ones by more than this
+# RMS [rad], by more than this share of the errors, and by more than so many times the noise.
+OTHERS, SHARE, NOISES = 1e-4, 0.05, 10.0
+# A tracker is in another frame, or tracks another point, if the tool is this far away [m]: no
+# elastic joint gives way by so much.
+FAR = 0.05
+# Size of outliers relative to the noise and to the range of samples between these quantiles, number
+# of passes that find them, and the largest share of all samples.
+OUTLIER, SPIKE, RANGE, PASSES, MOST_OUTLIERS = 10.0, 0.1, (0.05, 0.95), 5, 0.02
+# An encoder has a new offset if all deviations from the run before have one of so many times their
+# standard deviation, and of at least this [rad].
+SHIFTED, LEAST_SHIFT = 6.0, 1e-4
+
+
+def replace_outliers(values: FloatArray, noise: FloatArray) -> tuple[FloatArray, int]:
+    """Samples whose outliers are replaced by interpolation, and the number of the outliers.
+
+    An outlier differs from the cubic through its two neighbours on each side by OUTLIER times the
+    noise and by SPIKE of the range of most samples. Many such samples are no outliers.
+
+    Args:
+        values: Deviations of the joints [rad], (n, dof).
+        noise: Standard deviation of their white noise [rad], (dof,).
+    """
+    found, bad = values.copy(), np.zeros(values.shape, dtype=np.bool_)
+    low, high = np.quantile(values, RANGE, axis=0)
+    allowed = np.maximum(OUTLIER * noise, SPIKE * (high - low))
+    for _ in range(PASSES):
+        padded = np.pad(found, ((2, 2), (0, 0)), mode="edge")
+        far, near = padded[:-4] + padded[4:], padded[1:-3] + padded[3:-1]
+        off = np.abs(found - (4 * near - far) / 6)
+        # An outlier spoils the cubics of its neighbours, so only the largest one nearby counts.
+        new = (off > allowed) & (off >= maximum_filter1d(off, 5, axis=0))
+        if not new.any():
+            break
+        bad |= new
+        for j in np.flatnonzero(new.any(axis=0)):
+            rows = np.arange(len(values))
+            good = ~bad[:, j]
+            found[:, j] = np.interp(rows, rows[good], values[good, j])
+    if bad.mean() > MOST_OUTLIERS:
+        return values, 0
+    return found, int(bad.any(axis=1).sum())
+
+
+class Aligned(NamedTuple):
+    """A recording in time of the plan.
+
+    Attributes:
+        offset: Time of the plan when the clock of the recording was at 0 [s].
+        rate: Seconds of the plan in a second of the recording.
+        expected: Expected joint positions at the model's times [rad], (n, dof).
+        measured: Measured joint positions at these times [rad], (n, dof).
+        noise: Standard deviation of their white noise [rad], (dof,).
+        shift: Offset of each encoder since the run before [rad], (dof,); not in `measured`.
+        outliers: Number of samples that were ignored.
+    """
+
+    offset: float
+    rate: float
+    expected: FloatArray
+    measured: FloatArray
+    noise: FloatArray
+    shift: FloatArray
+    outliers: int
+
+
+def align(
+    recording: Recording, lifted: Lifted, taught: TaughtData, expected: FloatArray | None = None
+) -> Aligned:
+    """The clock of a recording, and the motion that the model expects in it.
+
+    By the recorded set-points where there are some, and else by the expected motion: a dead time
+    that the servo model does not know is then part of the offset.
+
+    Args:
+        recording: What was measured.
+        lifted: The model.
+        taught: Set-points of the run.
+        expected: Joint positions that the run before lets expect at the model's times [rad],
+            (n, dof); those of the model by default, which do not show offsets of encoders.
+
+    Raises:
+        InvalidInput: The recording is too coarse or too short, or does not hold this motion; with
+            what it is instead, if that is found.
+    """
+    source, duration = recording.source, lifted.plan.duration
+    servo = lifted.nominal.servo
+    loops = servo.kp if servo.kv is None else np.where(np.isinf(servo.kv), servo.kp, servo.kv)
+    allowed = 2 * math.pi / float(np.sqrt(servo.kp * loops).max()) / SAMPLES
+    # Set-points correct no faster disturbances than a log of the command interval shows.
+    allowed = max(allowed, taught.period)
+    if recording.interval > allowed * (1 + SAME):
+        raise InvalidInput(
+            f"{source} has a sample every {1e3 * recording.interval:.4g} ms, but the joints' loops "
+            f"need one every {1e3 * allowed:.3g} ms at least: record faster.",
+            limit="interval",
+            needed=recording.interval,
+            allowed=allowed,
+        )
+    has_forerunner = expected is not None
+    expected = lifted.expected(taught.q) if expected is None else expected
+    offset, rate = 0.0, 1.0
+    if not recording.in_plan_time:
+        lasts = float(np.ptp(recording.t))
+        if lasts * (1 + WORST_RATE) < duration:
+            raise InvalidInput(
+                f"{source} lasts {lasts:.4g} s, but the motion lasts {duration:.4g} s: record the "
+                "whole run, from before its first set-point until the arm rests."
+            )
+        values, times, reference = recording.q, lifted.t, expected
+        if recording.command is not None:
+            values, times, reference = recording.command, taught.t, taught.q
+        offset, rate = fit_to(recording.t, values, times, reference)
+    t = offset + rate * recording.t
+    moved = rms(expected - expected.mean(axis=0))
+    apart = recording.q - lifted.between(t, expected)
+    off = rms(apart)
+    if off > UNLIKE * moved:
+        # How far joints are from where they start needs no order and no unit of columns.
+        gone, due = (np.linalg.norm(x - x[0], axis=1)[:, None] for x in (recording.q, expected))
+        gone, due = (x / max(float(x.max()), 1e-300) for x in (gone, due))
+        start = 0.0 if recording.in_plan_time else coarse_offset(recording.t, gone, lifted.t, due)
+        wanted = lifted.between(recording.t + start, expected)
+        reason = find_misreading(recording.t, recording.q, wanted)
+        reason = reason or "it is a log of another job, of other set-points or of another arm"
+        raise InvalidInput(
+            f"{source} is {off:.3g} rad RMS from what the set-points make the arm do, but the "
+            f"whole motion is {moved:.3g} rad RMS: {reason}."
+        )
+    if abs(rate - 1) > WORST_RATE:
+        raise InvalidInput(
+            f"{source} fits the motion with a clock that is off by {100 * abs(rate - 1):.3g} %, "
+            f"and more than {100 * WORST_RATE:g} % is not a clock: it is a log of another job or "
+            "another speed, or its times need their unit."
+        )
+    refuse_part(source, t, duration, 2 * recording.interval)
+    apart = recording.q - lifted.between(t, expected)
+    noise = white_noise(apart, order=4)
+    shift, outliers = np.zeros(lifted.dof), 0
+    if not recording.exact:
+        apart, outliers = replace_outliers(apart, noise)
+    if has_forerunner:
+        middle = np.median(apart, axis=0)
+        spread = OF_MEDIAN * np.median(np.abs(apart - middle), axis=0)
+        sure = np.maximum(SHIFTED * np.maximum(spread, noise), LEAST_SHIFT)
+        shift = np.where(np.abs(middle) > sure, middle, 0.0)
+    measured = expected + lifted.bridge(t, apart - shift, noise)
+    return Aligned(offset, rate, expected, measured, noise, shift, outliers)
+
+
+def refuse_other_set_points(run: LearnedRun) -> None:
+    """Refuse the log of another run by its set-points.
+
+    Raises:
+        InvalidInput: They differ from those of the taught data by more than noise explains.
+    """
+    error, noise = rms(run.error), rms(run.noise)
+    allowed = max(OTHERS, SHARE * error, NOISES * noise)
+    if run.set_points_off > allowed:
+        raise InvalidInput(
+            f"{run.source} is the log of another run: its set-points differ from the taught data "
+            f"by {run.set_points_off * 1e3:.3g} mrad RMS, and at most {allowed * 1e3:.3g} mrad is "
+            f"allowed for noise of {noise * 1e3:.2g} mrad. Give the taught data that the robot "
+            "executed; if the controller logs filtered set-points, give a log without them.",
+            limit="set_points",
+            needed=run.set_points_off,
+            allowed=allowed,
+        )
+
+
+def set_points_off(t: FloatArray, command: FloatArray | None, taught: TaughtData) -> float:
+    """RMS by which recorded set-points are beside those of the taught data [rad]; 0 without any.
+
+    Controllers record them held or interpolated, and stamp them a little early or late. That makes
+    differences which go to and fro within an interval, so differences are averaged over several.
+
+    Args:
+        t: Times of the recording, in time of the plan [s], (m,).
+        command: Recorded set-points [rad], (m, dof).
+        taught: The set-points that the robot should have executed.
+    """
+    if command is None:
+        return 0.0
+    off = command - interpolate(t, taught.t, taught.q)
+    part = np.floor((t - t[0]) / (AVERAGED * taught.period)).astype(np.intp)
+    count = np.bincount(part)
+    means = [np.bincount(part, weights=x)[count > 0] / count[count > 0] for x in off.T]
+    return float(np.sqrt(np.average(np.square(means).mean(axis=0), weights=count[count > 0])))
+
+
+def fit_to(
+    t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
+) -> tuple[float, float]:
+    """The clock with which values fit a reference: time of the plan is `offset + rate t`.
+
+    Args:
+        t: Times of the recording [s], (m,).
+        values: Values of the recording, (m, dof).
+        times: Regular times of the plan [s], (n,).
+        reference: Values of the plan, (n, dof).
+
+    Returns:
+        Time of the plan when the recording's clock is at 0 [s], and seconds of the plan in a second
+        of the recording.
+    """
+    curve = CubicSpline(times, reference)
+    slope = curve.derivative()
+    middle, rate = float(t.mean()), 1.0
+    centre = coarse_offset(t, values, times, reference) + middle
+    for _ in range(STEPS):
+        at = centre + rate * (t - middle)
+        inside = (at >= times[0]) & (at <= times[-1])
+        if inside.sum() < 2:
+            break
+        rows = slope(at[inside])
+        off = values[inside] - curve(at[inside])
+        # Constant differences of a joint, as of a load that hangs on it, say nothing about time.
+        parts = np.stack([rows, rows * (t[inside] - middle)[:, None]], axis=2)
+        parts -= parts.mean(axis=0)
+        off = off - off.mean(axis=0)
+        step, *_ = np.linalg.lstsq(parts.reshape(-1, 2), off.ravel(), rcond=None)
+        centre, rate = centre + float(step[0]), rate + float(step[1])
+        near = abs(step[0]) < NEAR and abs(step[1]) * np.ptp(t) < NEAR
+        if near or abs(rate - 1) > 2 * WORST_RATE:
+            break
+    return centre - rate * middle, rate
+
+
+def coarse_offset(
+    t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
+) -> float:
+    """About the offset with which values fit a reference best [s].
+
+    Args:
+        t: Times of the recording [s], (m,).
+        values: Values of the recording, (m, dof).
+        times: Regular times of the plan [s], (n,).
+        reference: Values of the plan, (n, dof).
+    """
+    from scipy.signal import fftconvolve
+
+    step = max(float(np.median(np.diff(t))), float(times[1] - times[0]))
+    span = float(np.ptp(times))
+    short = np.arange(times[0], times[-1] + step / 2, step)
+    # The arm rests before and after its motion: what was not recorded is as at the edges.
+    edge = WORST_RATE * span + max(span - float(np.ptp(t)), 0.0)
+    long = np.arange(t[0] - edge, t[-1] + edge + step / 2, step)
+    wanted = interpolate(short, times, reference)
+    given = interpolate(long, t, values) - wanted.mean(axis=0)
+    wanted -= wanted.mean(axis=0)
+    product = fftconvolve(given, wanted[::-1], mode="valid", axes=0).sum(axis=1)
+    squares = np.concatenate([[0.0], np.cumsum((given**2).sum(axis=1))])
+    power = squares[len(short) :] - squares[: len(product)]
+    k = int(np.argmin(power - 2 * product))
+    return float(short[0] - long[k])
+
+
+def add_tool(
+    tool: tuple[npt.ArrayLike, npt.ArrayLike],
+    lifted: Lifted,
+    error: FloatArray,
+    clock: tuple[float, float] | None,
+) -> tuple[FloatArray, FloatArray]:
+    """Errors of the joints that explain what encoders and a tracker have measured.
+
+    What the tracker sees and the encoders do not, as links that give way, is added as the smallest
+    motion of the joints that explains it; with noise, less.
+
+    Args:
+        tool: Times [s], (m,), and positions of the tool point in the frame of the path [m],
+            (m, dimension).
+        lifted: The model.
+        error: Errors of the joints by encoders [rad], (n, dof).
+        clock: The tracker's clock, if known; otherwise it is found from the motion.
+
+    Returns:
+        Errors of the joints [rad], (n, dof), and the standard deviation of the white noise that the
+        tracker adds to them [rad], (dof,).
+
+    Raises:
+        InvalidInput: The positions are not those of this tool along this motion.
+    """
+    arm = lifted.nominal.arm
+    t, points = checks.numbers("tool times", tool[0], "s"), checks.points("tool", tool[1])
+    form = t.ndim == 1 and len(t) >= 5 and points.shape == (len(t), arm.dimension)
+    if not form or (np.diff(t) <= 0).any():
+        raise InvalidInput(
+            f"The positions of the tool need at least five times, which must increase, and "
+            f"{arm.dimension} coordinates at each, but have the shape {points.shape} at {t.size} "
+            "times."
+        )
+    seen = arm.tool_position(lifted.planned + error)
+    offset, rate = clock or fit_to(t, points, lifted.t, seen)
+    at = offset + rate * t
+    refuse_part("The file of tool positions", at, lifted.plan.duration, 2 * np.diff(at).max())
+    off = lifted.at_times(at, points, seen) - seen
+    largest = float(np.linalg.norm(off, axis=1).max())
+    if largest > FAR:
+        raise InvalidInput(
+            f"The measured tool is {1e3 * largest:.4g} mm from where the joints say it is, and "
+            f"more than {1e3 * FAR:g} mm is not compliance: give positions of the tool point in "
+            "the frame of the path, in metres.",
+            needed=largest,
+            allowed=FAR,
+        )
+    noise = float(np.mean(white_noise(points - lifted.between(at, seen), order=4) ** 2))
+    # Joints are as likely to give way as makes the tool move as it does.
+    jacobian = arm.tool_jacobian(lifted.planned)
+    transposed = np.swapaxes(jacobian, 1, 2)
+    product = jacobian @ transposed
+    reach = float(np.trace(product, axis1=1, axis2=2).mean())
+    likely = max(float(np.mean((off**2).sum(axis=1))) / reach, 1e-300)
+    damped = product + noise / likely * np.eye(off.shape[1])
+    inverse = transposed @ np.linalg.pinv(damped, hermitian=True)
+    found = np.einsum("njd,nd->nj", inverse, off)
+    spread = np.sqrt(noise * (inverse**2).sum(axis=2).mean(axis=0))
+    return error + found, spread * np.sqrt(max(np.median(np.diff(at)) / lifted.step, 1.0))

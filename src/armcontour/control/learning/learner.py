@@ -1,0 +1,357 @@
+"""Public functions `learn`: set-points for the next run; `judge_run`: the errors of a run alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.control.learning import aligning
+from armcontour.control.learning.estimating import UNTESTED, Estimate, smooth_error, unexplained
+from armcontour.control.learning.lesson import LearnedRun, Lesson, Recording, record
+from armcontour.control.learning.lifted import Lifted, Nominal, rms
+from armcontour.control.learning.servo_fit import fit_servo
+from armcontour.core import checks
+from armcontour.core.bounded_differences import differences
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import checked
+from armcontour.core.sampling import white_noise
+from armcontour.motion import Execution, Log, TaughtData
+from armcontour.motion.command_limits import describe_excess, refuse_commands
+from armcontour.motion.nearest_commands import BY_ORDER, command_bounds, excess, nearest_commands
+from armcontour.robot import Arm, Limits
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.model import LONGEST_DEAD_TIME
+
+# What the joints did in a run.
+Executed: TypeAlias = Execution | Log | Recording
+# What they did in runs of the same set-points, and measured positions of the tool.
+Runs: TypeAlias = Executed | Sequence[Executed]
+Tool: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike] | None
+
+# Usual cycle time of a drive [s], where the recording does not tell.
+CYCLE = 2.5e-4
+# Position loop gain of a joint whose servo has none [1/s]: that of many industrial drives.
+TYPICAL_GAIN = 25.0
+# Learning ends after this many setbacks; each halves the step.
+MOST_SETBACKS = 3
+HALF = 0.5
+# Set-points may accelerate so many times as much as before learning, where this is above the limit
+# of the joint. Joints that hardly move count as accelerating by RESTING times the fastest one.
+ROUGHER, RESTING = 2.0, 0.25
+# Learning ends at this setback if the effect of the last change is off by more than this share: by
+# the servo model, unless learning has reduced the first error to the share PROVEN with it.
+SETBACKS_OFF, MOST_OFF, PROVEN = 2, 1.0, 0.5
+# A lesson has learned nothing if limits of the set-points leave less than this share of the change.
+NO_GAIN = 0.05
+# Share of the error that the first lesson leaves, as a median, where its servo was fitted.
+FITTED = 0.1
+# A run is worse than another one, not noisy, by this many standard deviations.
+SURE = 3.0
+
+
+@checked
+def learn(
+    taught: TaughtData,
+    executed: Runs,
+    *,
+    arm: Arm,
+    servo: ServoModel,
+    limits: Limits | None = None,
+    gravity_feedforward: bool = True,
+    known: Arm | None = None,
+    tool: Tool = None,
+) -> Lesson:
+    """Set-points for the next run, from those of the last run and what the joints did.
+
+    Give the lesson that this returns, and the log of its run, for the run after it. Logs of several
+    runs of the same set-points show which errors repeat; after three runs of learned set-points
+    these are known, too.
+
+    Args:
+        taught: The set-points of the last run: a `Lesson` with the runs before it, or other taught
+            data for the first run.
+        executed: What the joints did: an execution, a log with set-points, from which the clock is
+            found, or a recording of joint positions alone; or several of these.
+        arm: The nominal arm. If it has masses, and the servo is of second order, the model is one
+            of rigid bodies; otherwise of its servos alone.
+        servo: The nominal servo.
+        limits: Limits of the controller, as in `compensate`. Without `limits`, set-points keep
+            those of the plan, unless set-points of the last run exceed them already.
+        gravity_feedforward: Whether the controller adds the torque against gravity.
+        known: The arm as its controller knows it, if `arm` has what was found since, as a payload.
+        tool: Times [s], (m,), and measured positions of the tool point in the frame of the path
+            [m], (m, dimension), from a tracker. With an execution the times are those of its plan;
+            otherwise the tracker has a clock of its own, and a tool that is late on its whole way
+            cannot be told from a clock that is off. Give it for every run, of one log each, or for
+            none.
+
+    Raises:
+        InvalidInput: The log is not of this taught data, or not fit to learn from.
+        CompensationError: The set-points of the last run exceed the limits.
+    """
+    seen, lifted = _see(taught, executed, Nominal(arm, servo, gravity_feedforward, known), tool)
+    for run in seen.runs:
+        aligning.refuse_other_set_points(run)
+    return _next_lesson(seen, lifted, taught if isinstance(taught, Lesson) else None, limits)
+
+
+def judge_run(
+    taught: TaughtData,
+    executed: Runs,
+    *,
+    arm: Arm,
+    servo: ServoModel,
+    gravity_feedforward: bool = True,
+    known: Arm | None = None,
+    tool: Tool = None,
+) -> Lesson:
+    """Judge runs by their logs as `learn` does, and learn nothing from them.
+
+    Args:
+        taught: The set-points of the runs.
+        executed: What the joints did.
+        arm: The nominal arm.
+        servo: The nominal servo.
+        gravity_feedforward: Whether the controller adds the gravity torque.
+        known: The arm as its controller knows it.
+        tool: Measured positions of the tool, as `learn` takes them.
+
+    Returns:
+        A finished lesson of these runs alone, with the set-points of `taught`.
+
+    Raises:
+        InvalidInput: The log is not of this taught data, or not fit to be judged.
+    """
+    seen, lifted = _see(taught, executed, Nominal(arm, servo, gravity_feedforward, known), tool)
+    found = Estimate(lifted, seen.runs)
+    return replace(
+        seen, predicted=found.expected, noise=found.noise, best=found.best, repeats=found.repeats
+    )
+
+
+def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tuple[Lesson, Lifted]:
+    """Runs as learning sees them, with times as the robot has them, before any estimate.
+
+    Raises:
+        InvalidInput: There is no log, or positions of a tool with several.
+    """
+    if tool is not None:
+        tool = checks.listed("tool", tool, object, "times and positions of the tool", 2)
+    logs = executed if isinstance(executed, (list, tuple)) else (executed,)
+    if not logs or (tool is not None and len(logs) > 1):
+        raise InvalidInput(
+            f"learn needs one log for positions of the tool, and at least one without: {len(logs)} "
+            "are given."
+        )
+    servo = _linear(nominal.servo.for_joints(nominal.arm.dof), nominal.arm)
+    nominal = nominal._replace(servo=servo)
+    if isinstance(taught, Lesson):
+        nominal, misfits = nominal._replace(servo=taught.servo), taught.misfits
+        lifted = taught.lifted or Lifted(taught, nominal)
+    else:
+        taught, lifted, misfits = _fit_model(taught, logs, nominal)
+    fitted = lifted.nominal.servo
+    seen = Lesson(
+        period=taught.period, q=taught.q, trajectory=taught.trajectory, method=taught.method,
+        start_time=taught.start_time, command_limits=taught.command_limits, servo=fitted,
+        misfits=misfits, lifted=lifted,
+        runs=tuple(_judge_run(lifted, taught, record(x, taught), tool) for x in logs),
+        delay=float((fitted.dead_time - servo.dead_time).max()),
+        predicted=0.0, noise=0.0, best=0, repeats=0.0, finished=True, reason="learned nothing",
+    )  # fmt: skip
+    return seen, lifted
+
+
+def _linear(servo: ServoModel, arm: Arm) -> ServoModel:
+    """The linear response of a servo with values per joint, which a fit can change.
+
+    Friction is learned. A joint that only delays its command is one of order "first" with velocity
+    feed-forward 1. On rigid bodies a cycle delays by half of it.
+    """
+    servo = servo.replace(friction=0.0).for_joints(arm.dof)
+    if servo.cycle and arm.has_bodies and servo.replace(cycle=0.0).is_plain("second"):
+        late = np.minimum(servo.dead_time + servo.cycle / 2, LONGEST_DEAD_TIME)
+        servo = servo.replace(cycle=0.0, dead_time=late)
+    loop = np.isfinite(servo.kp)
+    orders = np.broadcast_to(servo.order, loop.shape)
+    return servo.replace(
+        order=tuple(np.where(loop, orders, "first")),
+        kp=np.where(loop, servo.kp, TYPICAL_GAIN),
+        velocity_feedforward=np.where(loop, servo.velocity_feedforward, 1.0),
+        acceleration_feedforward=np.where(loop, servo.acceleration_feedforward, 0.0),
+    )
+
+
+def _fit_model(
+    taught: TaughtData, logs: Sequence[Executed], nominal: Nominal
+) -> tuple[TaughtData, Lifted, tuple[float, float]]:
+    """Taught data with times as the robot has them, the model, and misfits, by the first logs.
+
+    The servo is fitted to the mean of the logs. A robot with more dead time than its model,
+    by whole command intervals, gets its set-points earlier by these: only their times in the plan
+    change.
+    """
+    lifted = Lifted(taught, nominal)
+    errors, noises, interval = [], [], np.inf
+    for log in logs:
+        recording = record(log, taught)
+        seen = aligning.align(recording, lifted, taught)
+        if not recording.in_plan_time and recording.command is None:
+            return taught, lifted, (0.0, 0.0)
+        noises.append(seen.noise)
+        interval = min(interval, recording.interval)
+        errors.append(seen.measured - seen.expected)
+    lead = lifted.reaching(taught.q) - lifted.planned
+    noise = np.mean(noises, axis=0)
+    variance = float(np.mean(unexplained(noise, lead)))
+    servo, misfits = fit_servo(taught, lifted, np.mean(errors, axis=0), variance, noise, interval)
+    delay = float((servo.dead_time - nominal.servo.dead_time).max())
+    early = max(int(delay / taught.period), 0) * taught.period
+    taught = replace(taught, start_time=taught.start_time - early)
+    return taught, Lifted(taught, nominal._replace(servo=servo)), misfits
+
+
+def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: Tool) -> LearnedRun:
+    """Errors of a run."""
+    expected = None
+    if isinstance(taught, Lesson) and not recording.exact:
+        before = taught.runs[taught.best]
+        before_moved, more = (lifted.respond(x - taught.runs[0].q) for x in (before.q, taught.q))
+        error = smooth_error(lifted, before.error, before.noise, before_moved)
+        expected = lifted.planned + error + more - before_moved
+    aligned = aligning.align(recording, lifted, taught, expected)
+    offset, rate, expected, measured, noise, shift, outliers = aligned
+    error = measured - lifted.planned
+    # Noise of positions in the joints' loops: exact positions show it in the command that explains
+    # them; the encoders' noise hides it, but the loops have the same noise in every cycle.
+    in_loop = noise * np.sqrt(min(CYCLE, recording.interval) / lifted.step)
+    if recording.exact:
+        command = lifted.equivalent_command(measured - expected)
+        in_loop = white_noise(command, smoothed=True, order=4)
+    # Noise of samples that are further apart than the model's times counts for all of these.
+    noise *= np.sqrt(max(recording.interval * rate / lifted.step, 1.0))
+    if tool is not None:
+        clock = (offset, rate) if recording.in_plan_time else None
+        error, more = aligning.add_tool(tool, lifted, error, clock)
+        noise = np.hypot(noise, more)
+    moved: FloatArray | float = 0.0
+    if isinstance(taught, Lesson):
+        moved = lifted.respond(taught.q - taught.runs[0].q)
+    smooth, at = smooth_error(lifted, error, noise, moved), offset + rate * recording.t
+    return LearnedRun(
+        q=taught.q, error=error, noise=noise, loop_noise=in_loop,
+        joint_rms=np.sqrt((smooth**2).mean(axis=0)), joint_max=np.abs(smooth).max(axis=0),
+        offset=offset, rate=rate, source=recording.source,
+        predicted=taught.predicted if isinstance(taught, Lesson) else None,
+        set_points_off=aligning.set_points_off(at, recording.command, taught),
+        encoder_shift=shift, outliers=outliers,
+        **lifted.judge(smooth)._asdict(),
+    )  # fmt: skip
+
+
+def _next_lesson(
+    seen: Lesson, lifted: Lifted, last: Lesson | None, limits: Limits | None
+) -> Lesson:
+    """The lesson after the runs that were seen and those of the last lesson."""
+    none: tuple[tuple[LearnedRun, ...], int, bool] = ((), 0, False)
+    earlier, setbacks, done = (last.runs, last.setbacks, last.finished) if last else none
+    runs = (*earlier, *seen.runs)
+    known = Estimate(lifted, runs)
+    best = runs[known.best]
+    before = min((x.rms for x in earlier), default=np.inf)
+    now = rms(np.array([x.rms for x in seen.runs]))
+    is_setback = now > before + SURE * known.resolution and not done
+    setbacks += is_setback
+    step = HALF**setbacks * (known.step if earlier else 1.0)
+    own = _limits_to_keep(seen, limits)
+    refuse_commands(replace(seen, q=best.q), own)
+    first = _accelerations(runs[0].q, seen.period)
+    fastest = ROUGHER * np.maximum(first, RESTING * first.max())
+    if own.joint_acceleration is not None:
+        slowest = np.minimum(*np.abs(own.acceleration_bounds(lifted.dof)))
+        fastest = np.maximum(slowest, fastest)
+    wanted = best.q + step * (known.correct(setbacks) - best.q)
+    q, reason = _keep_limits(seen, wanted, best.q, own, fastest)
+    # Learning slows down from run to run, as noise and friction take a larger share.
+    rest = FITTED if any(seen.misfits) else UNTESTED
+    rest = max(known.off, float(np.sqrt(min(now / before, 1.0)))) if earlier else rest
+    left = lifted.judge(rest * known.removed).rms
+    lost = lifted.respond(wanted - q)
+    left += lifted.judge(lost).rms + (1 - step) * known.repeats
+    predicted = float(np.linalg.norm([left, known.differs / np.sqrt(len(runs)), known.noise]))
+    end = _reason_to_finish(known, setbacks, is_setback)
+    early = last is None and seen.delay >= seen.period
+    if reason and not (end or early) and rms(q - best.q) < NO_GAIN * rms(wanted - best.q):
+        end = f"nothing was learned, because {reason}"
+    finished, averaged = bool(end), known.is_noise and known.differs > 0
+    return replace(
+        seen, runs=runs, method="learning", setbacks=setbacks, finished=finished,
+        reason=end or reason,
+        q=best.q if finished and not averaged else q,
+        predicted=known.expected if finished else min(predicted, known.expected),
+        noise=known.noise, best=known.best, repeats=known.repeats,
+    )  # fmt: skip
+
+
+def _limits_to_keep(seen: Lesson, limits: Limits | None) -> Limits:
+    """The limits that lessons keep; of the plan's those only that its set-points kept."""
+    own = seen.trajectory.limits_for(seen.command_limits if limits is None else limits)
+    return own.of_tool if limits is None and describe_excess(seen) else own
+
+
+def _reason_to_finish(known: Estimate, setbacks: int, is_setback: bool) -> str:
+    """Why no further lesson is expected to reduce the error; empty if one may."""
+    if known.is_noise:
+        return "what remains is noise"
+    if is_setback and setbacks >= SETBACKS_OFF and known.off > MOST_OFF:
+        if known.runs[known.best].rms < PROVEN * known.runs[0].rms:
+            return "what remains does not repeat"
+        return (
+            f"the last change made the error larger, and its effect differs by {known.off:.0%} "
+            "from that of the servo model, so identify the servo"
+        )
+    if setbacks >= MOST_SETBACKS:
+        return f"{setbacks} changes made the error larger"
+    return ""
+
+
+def _accelerations(q: FloatArray, period: float) -> FloatArray:
+    """Largest acceleration of set-points of each joint [rad/s²], (dof,)."""
+    return np.asarray(np.abs(differences(q, 2)).max(axis=0) / period**2)
+
+
+def _keep_limits(
+    seen: Lesson, wanted: FloatArray, best: FloatArray, limits: Limits, fastest: FloatArray
+) -> tuple[FloatArray, str]:
+    """The set-points within limits nearest to wanted ones, (n, dof), and the limit that binds most.
+
+    Args:
+        seen: The lesson, with its limits of commands.
+        wanted: The wanted set-points [rad], (n, dof).
+        best: Those of the best run [rad], (n, dof), which a joint keeps if there are no others.
+        limits: Limits of the controller, with values per joint.
+        fastest: Largest acceleration of the set-points of each joint [rad/s²], (dof,).
+    """
+    own = Limits.only(
+        joint_velocity=limits.joint_velocity,
+        joint_acceleration=fastest,
+        joint_lower=limits.joint_lower,
+        joint_upper=limits.joint_upper,
+    )
+    bounds = command_bounds(own, len(fastest))
+    if seen.command_limits is not None:
+        others = command_bounds(seen.command_limits, len(fastest))
+        bounds = np.stack(
+            [np.maximum(bounds[:, 0], others[:, 0]), np.minimum(bounds[:, 1], others[:, 1])], axis=1
+        )
+    worst = excess(wanted, seen.period, bounds)
+    if worst is None:
+        return wanted, ""
+    name, j = BY_ORDER[worst[0]] or "range", worst[2]
+    q = nearest_commands(wanted, seen.period, bounds, best)[0]
+    return q, f"the {name} of the set-points of joint {j + 1} limits the step"

@@ -1,0 +1,312 @@
+"""`Recording`, `LearnedRun` and `Lesson`: what runs did, and taught data for the next run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+
+from armcontour.control.learning.lifted import Lifted
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.describing import brief, clock, joint_rows, line_up, several
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Checked
+from armcontour.core.quantities import Axes, Quantity
+from armcontour.core.render import Result, number
+from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
+from armcontour.core.sampling import GAP, describe_bursts
+from armcontour.motion import Execution, Log, TaughtData
+from armcontour.robot.servo import ServoModel
+
+# Largest number of runs whose errors are printed.
+MOST_LISTED = 10
+# Set-points of an execution differ from the taught ones by less than this [rad].
+SAME = 1e-9
+# Largest share of a recording that may be gaps.
+MOST_MISSED = 0.1
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recording(Checked):
+    """Measured joint positions over time.
+
+    Args:
+        t: Times [s], increasing, (n,).
+        q: Measured joint positions [rad], (n, dof).
+        command: Set-points at the same times [rad], (n, dof), by which the clock is found; None if
+            they were not recorded.
+        in_plan_time: Whether `t` counts from the start of the plan, without error.
+        exact: Whether `q` are the true positions of a simulation, without measurement noise.
+        source: Where it comes from, for messages.
+        notes: As in `Log`.
+
+    Raises:
+        InvalidInput: The arrays are not finite numbers, or do not fit each other.
+    """
+
+    t: Annotated[FloatArray, Quantity("s"), Axes("times")] = field(kw_only=False)
+    q: Annotated[FloatArray, Quantity("rad"), Axes("times", "joints")] = field(kw_only=False)
+    command: Annotated[FloatArray, Quantity("rad"), Axes("times", "joints")] | None = None
+    in_plan_time: bool = False
+    exact: bool = False
+    source: str = "the log"
+    notes: tuple[str, ...] = ()
+
+    def _check_together(self) -> None:
+        if len(self.t) < 2 or (np.diff(self.t) <= 0).any():
+            raise InvalidInput(f"{self.source} needs at least two times, which must increase.")
+
+    def __str__(self) -> str:
+        """Where it comes from, its times, and where the joints were."""
+        times = f"t = {self.t[0]:.4f} to {self.t[-1]:.4f} s"
+        return line_up(
+            f"Recording: {several(len(self.t), 'sample')}, {times}",
+            [
+                ("source", self.source),
+                ("clock", "that of the plan" if self.in_plan_time else "its own"),
+                ("set-points", "not recorded" if self.command is None else "recorded"),
+                *joint_rows(self.q),
+            ],
+        )
+
+    __repr__ = brief
+
+    @property
+    def interval(self) -> float:
+        """The usual time between two samples [s]."""
+        return float(np.median(np.diff(self.t)))
+
+
+def record(executed: Execution | Log | Recording, taught: TaughtData) -> Recording:
+    """What the joints did.
+
+    Args:
+        executed: An execution of the set-points, a log of the robot, or a recording.
+        taught: The set-points.
+
+    Raises:
+        InvalidInput: It is something else, of another number of joints, or of other set-points.
+    """
+    if isinstance(executed, Execution):
+        own = executed.taught
+        same = own.q.shape == taught.q.shape and own.period == taught.period
+        if not same or np.abs(own.q - taught.q).max() > SAME:
+            raise InvalidInput(
+                "The execution is one of other set-points: give the taught data that was executed."
+            )
+        found = Recording(
+            t=executed.t + taught.start_time - own.start_time,
+            # Encoders of drives see the motors.
+            q=executed.q if executed.motor_q is None else executed.motor_q,
+            in_plan_time=True,
+            exact=True,
+            source="the execution",
+        )
+    elif isinstance(executed, Log):
+        found = Recording(
+            t=executed.t, q=executed.measured, command=executed.command, source=executed.source
+        )
+    elif isinstance(executed, Recording):
+        found = executed
+    else:
+        raise InvalidInput(
+            f"learn needs an Execution, a Log or a Recording, not {type(executed).__name__}."
+        )
+    _refuse_many_gaps(found)
+    if found.q.shape[1] != taught.q.shape[1]:
+        raise InvalidInput(
+            f"{found.source} has {found.q.shape[1]} joints, but the taught data has "
+            f"{taught.q.shape[1]}: give the log of this job."
+        )
+    return found
+
+
+def _refuse_many_gaps(recording: Recording) -> None:
+    """Refuse a recording that misses a large share of the run.
+
+    Raises:
+        InvalidInput: Gaps are longer than MOST_MISSED of it, or times come in bursts.
+    """
+    t, source = recording.t, recording.source
+    steps = np.diff(t)
+    if bursts := describe_bursts(t, source):
+        raise InvalidInput(bursts)
+    missed = float(steps[steps > GAP * recording.interval].sum())
+    allowed = MOST_MISSED * float(np.ptp(t))
+    if missed > allowed:
+        i = int(np.argmax(steps))
+        raise InvalidInput(
+            f"{source} has gaps of {missed:.3g} s in all, the longest of {steps[i]:.3g} s at "
+            f"t = {clock(t[i])} s, but learning bridges at most {allowed:.3g} s of this log: "
+            "record the run again.",
+            index=i,
+            t=float(t[i]),
+            needed=missed,
+            allowed=allowed,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LearnedRun(Result, Checked):
+    """One run, as learning saw it.
+
+    Errors are those that a disturbance of the drives explains; white noise is taken out.
+
+    Args:
+        q: Set-points that were executed [rad], (n, dof).
+        error: Measured deviations of the joints from the plan, with noise, at the times
+            `Lesson.lifted.t` [rad], (m, dof).
+        noise: Standard deviation of the white noise in `error` [rad], (dof,).
+        loop_noise: Standard deviation of the noise of positions in the joints' loops, one value at
+            each of these times [rad], (dof,).
+        joint_rms: RMS error of each joint [rad], (dof,).
+        joint_max: Largest error of each joint [rad], (dof,).
+        tool_rms: RMS distance of the tool from its planned position at the same time [m].
+        tool_max: Largest such distance [m].
+        contour_rms: RMS distance of the tool from its path [m]; None if the plan has no path.
+        contour_max: Largest such distance [m].
+        offset: Time of the plan when the clock of the log was at 0 [s].
+        rate: Seconds of the plan in a second of the log.
+        predicted: What `rms` was predicted to be [m]; None for the first run.
+        set_points_off: RMS by which the set-points in the log are beside those of the run [rad]; 0
+            where the log has none.
+        source: Where it comes from, for messages.
+        encoder_shift: Offset of each encoder since the best run before, which is not in `error`
+            [rad], (dof,); None if it was not estimated.
+        outliers: Number of samples of the log that were ignored.
+    """
+
+    q: FloatArray
+    error: FloatArray
+    noise: FloatArray
+    loop_noise: FloatArray
+    joint_rms: FloatArray
+    joint_max: FloatArray
+    tool_rms: float
+    tool_max: float
+    contour_rms: float | None = None
+    contour_max: float | None = None
+    offset: float = 0.0
+    rate: float = 1.0
+    predicted: float | None = None
+    set_points_off: float = 0.0
+    source: str = "the execution"
+    encoder_shift: FloatArray | None = None
+    outliers: int = 0
+
+    def to_data(self) -> Data:
+        """Errors of the run, and what was predicted."""
+        off = FIRST if self.contour_rms is None else TABLE
+        rms, largest = (
+            ("contour error, RMS", "contour error, largest") if off == TABLE else ("", "")
+        )
+        return Data(
+            f"Run from {self.source}",
+            (
+                Row("source", self.source, "", "from", level=FIRST),
+                Row("contour_rms", self.contour_rms, "m", rms, "", FIRST),
+                Row("contour_max", self.contour_max, "m", largest, "", FIRST),
+                Row("tool_rms", self.tool_rms, "m", "off the plan, RMS", level=off),
+                Row("tool_max", self.tool_max, "m", "off the plan, largest", level=off),
+                Row("predicted", self.predicted, "m", "expected, RMS", level=FIRST),
+                Row("offset", self.offset, "s"),
+                Row("begin", -self.offset / self.rate, "s", "begins in the log at", "", FIRST),
+                Row("rate", self.rate),
+                Row("joint_rms", self.joint_rms, "rad", "joint error, RMS"),
+                Row("joint_max", self.joint_max, "rad", "joint error, largest"),
+                Row("noise", self.noise, "rad", "noise"),
+                Row("loop_noise", self.loop_noise, "rad"),
+                Row("set_points_off", self.set_points_off, "rad"),
+                Row("encoder_shift", self.encoder_shift, "rad"),
+                Row("outliers", self.outliers),
+            ),
+        )
+
+    __repr__ = brief
+
+    @property
+    def rms(self) -> float:
+        """The error by which runs are compared [m]: `contour_rms`, or else `tool_rms`."""
+        return self.tool_rms if self.contour_rms is None else self.contour_rms
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lesson(Result, TaughtData):
+    """Taught data for the next run, and what the runs before it have taught.
+
+    Args:
+        runs: The runs so far, in order.
+        servo: The servo whose response learning assumes: the nominal one, or, if the log of the
+            first run does not support it, the one fitted to that log.
+        misfits: RMS deviation of the joints in that log from the motion with the nominal servo,
+            and with `servo` [rad]; both 0 if no servo was fitted.
+        delay: Dead time of the robot beyond that of the servo model [s].
+        predicted: Expected RMS error of the next run [m], comparable to `LearnedRun.rms`.
+        noise: RMS error that does not repeat from run to run [m], as far as it is known.
+        best: Index of the run whose set-points have the smallest error, as far as it repeats.
+        repeats: RMS error of these set-points that repeats [m], by all runs.
+        setbacks: Number of times that a run was worse than the best before it.
+        finished: Whether nothing more is to be had. The set-points are then those of the best run,
+            or where errors differ between runs, learned from all of them.
+        reason: Why learning is finished, or what keeps the step small; may be empty.
+        lifted: The model, kept from run to run because it takes most of the time; None makes it
+            again.
+
+    Raises:
+        InvalidInput: There are no runs, or as `TaughtData` raises it.
+    """
+
+    runs: tuple[LearnedRun, ...]
+    servo: ServoModel
+    misfits: tuple[float, float] = (0.0, 0.0)
+    delay: float = 0.0
+    predicted: float
+    noise: float
+    best: int
+    repeats: float
+    setbacks: int = 0
+    finished: bool = False
+    reason: str = ""
+    lifted: Lifted | None = field(default=None, repr=False)
+
+    def _check_together(self) -> None:
+        TaughtData._check_together(self)
+        if not self.runs:
+            raise InvalidInput("A lesson needs at least one run from which it was learned.")
+
+    def to_data(self) -> Data:
+        """What the runs had, what the next one is to have, and whether to go on."""
+        best = f"run {self.best + 1}"
+        share = f"{number(self.noise_share, '1')} of the square"
+        return Data(
+            self._title(f"Lesson of {several(len(self.runs), 'run')}"),
+            (
+                Row("finished", self.finished, "", "finished", self.reason, VERDICT),
+                Row("first", self.runs[0].rms, "m", "before learning, RMS", level=FIRST),
+                Row("remaining", self.remaining, "m", "best run, RMS", best, FIRST),
+                Row("predicted", self.predicted, "m", "next run, expected RMS", "", FIRST),
+                Row("repeats", self.repeats, "m", "repeats, RMS", best),
+                Row("does_not_repeat", self.noise, "m", "does not repeat, RMS", share, FIRST),
+                Row("noise_share", self.noise_share, "1"),
+                Row("best", self.best + 1),
+                Row("setbacks", self.setbacks, "", "setbacks"),
+                Row("delay", self.delay, "s", "further dead time"),
+                Row("reason", self.reason),
+            ),
+            (Table.of("runs", [x.to_data() for x in self.runs]),),
+        )
+
+    __repr__ = brief
+
+    @property
+    def remaining(self) -> float:
+        """RMS error of the best run [m]."""
+        return self.runs[self.best].rms
+
+    @property
+    def noise_share(self) -> float:
+        """Share of the squared remaining error that does not repeat, from 0 to 1."""
+        return min((self.noise / self.remaining) ** 2, 1.0) if self.remaining > 0 else 1.0

@@ -1,0 +1,465 @@
+"""`Lifted`: how a change of all set-points changes the whole motion, and the best such change.
+
+"Lifted" means that a run is one vector: `x = P du`, with one entry for every joint and time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache, cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.sparse import block_array, block_diag, coo_array, csc_array, eye_array
+from scipy.sparse.linalg import splu
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.sampling import GAP, interpolate
+from armcontour.motion import TaughtData
+from armcontour.robot import Arm
+from armcontour.robot.drives import Drives, respond_along
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.model import integrator_filter, without_integral
+from armcontour.robot.servo.simulation import command_weights
+
+# Longest time between two times of the model [s]. The rule of the response is off by about
+# (w h)² / 12 at the rate w: 0.2 % at the 150 1/s of the paper's velocity loop.
+LONGEST_STEP = 1e-3
+# Time constants of the slowest joint after the last set-point that count as motion: 5 % is left.
+AFTER = 3.0
+# Penalties are powers of ten within these, so that few factors serve all runs; the search starts at
+# the first one.
+PENALTIES, FIRST = (-8, 6), 1e-3
+# Steps of the search for what gaps of a log hold, and the relative error of the model there.
+BRIDGES, BRIDGED = 10, 1e-3
+# Factors that are kept: those of the last penalties, and as many as a search ends with.
+MOST_FACTORS = 3
+
+
+class ToolError(NamedTuple):
+    """Errors of the tool over a run, as in `LearnedRun`."""
+
+    tool_rms: float
+    tool_max: float
+    contour_rms: float | None
+    contour_max: float | None
+
+    @property
+    def rms(self) -> float:
+        """The error by which runs are compared [m]."""
+        return self.tool_rms if self.contour_rms is None else self.contour_rms
+
+
+class Nominal(NamedTuple):
+    """The nominal robot of which a lifted model is made, with fields as those of `Drives`.
+
+    With masses, and servos all of order "second", rigid bodies respond, else the servos alone.
+    """
+
+    arm: Arm
+    servo: ServoModel
+    gravity_feedforward: bool = True
+    known: Arm | None = None
+
+    @property
+    def drives(self) -> Drives | None:
+        """The drives that move rigid bodies; None if the servos alone respond."""
+        moved = self.arm.has_bodies and self.servo.is_plain("second")
+        return Drives(**self._asdict()) if moved else None
+
+
+class _Term(NamedTuple):
+    """The interpolated set-points at shifted times [s], times a factor (one, or one per joint).
+
+    The integrators see it or not, as acceleration feed-forward.
+    """
+
+    factor: FloatArray | float
+    interpolation: str
+    shift: float
+    seen: bool = True
+
+
+class Lifted:
+    """The lifted response of the nominal closed loop along a plan.
+
+    The joints rest in equilibrium at the first set-point.
+
+    Args:
+        taught: Set-points; their times and plan count, not their values.
+        nominal: The nominal robot.
+        t: Regular times of the plan [s], (n,); by default at most 1 ms apart.
+        near: A model of the same set-points and robot with another servo and these times, or
+            times in between, which shares its motion and its linearisation.
+
+    Attributes:
+        t: Regular times of the plan [s], (n,).
+        planned: Planned joint positions at these times [rad], (n, dof).
+
+    Raises:
+        InvalidInput: The motion is too long, or the gains do not fit the arm.
+    """
+
+    _motion: tuple[FloatArray, FloatArray, FloatArray]
+
+    def __init__(
+        self,
+        taught: TaughtData,
+        nominal: Nominal,
+        t: FloatArray | None = None,
+        *,
+        near: Lifted | None = None,
+    ) -> None:
+        self.plan = taught.trajectory
+        self.period, self.start = taught.period, taught.start_time
+        self.count, self.dof = taught.q.shape
+        if t is None:
+            parts = int(np.ceil(self.period / LONGEST_STEP * (1 - 1e-9)))
+            rest = float(nominal.servo.dead_time.max()) + AFTER / float(nominal.servo.kp.min())
+            intervals = self.count - 1 + int(np.ceil(rest / self.period))
+            step, cycle = self.period / parts, nominal.servo.cycle
+            # At the times at which the drives compute their loops, where these are not far apart.
+            step = cycle if cycle > LONGEST_STEP / 2 else step
+            t = taught.times(int(np.ceil(intervals * self.period / step - 1e-9)) + 1, step)
+        self.t, self.step = t, float(t[1] - t[0])
+        checks.refuse_too_many(
+            f"Learning {t[-1] - t[0]:.4g} s of motion, {len(t)} times,",
+            len(t) * self.dof**2,
+            "learn contour by contour or at a higher speed",
+        )
+        self.nominal, self.drives = nominal, nominal.drives
+        every = 1 if near is None else round(self.step / near.step)
+        if near is None:
+            q, dq, ddq = self.plan.motion_with_rests(t)
+            if nominal.servo.cycle:
+                ddq = self.plan.motion_with_rests(t + nominal.servo.cycle / 2)[2]
+            dq[0] = ddq[0] = 0.0
+            self._motion = q, dq, ddq
+        else:
+            q, dq, ddq = near._motion
+            self._motion = q[::every], dq[::every], ddq[::every]
+        self.planned, dq, ddq = self._motion
+        self._prompt = nominal.servo.without_feedforward().for_joints(self.dof)
+        if self.drives:
+            self._needed = self.drives.command(self.planned, dq, ddq, self.step)
+        else:
+            ddq = without_integral(dq, ddq, self._prompt, self.step)
+            self._needed = self._prompt.command(self.planned, dq, ddq)
+        # The equations of x by the command.
+        if near is None or self.drives is None or near.drives is None:
+            self._response = respond_along(self.plan.with_rests, t, **nominal._asdict())
+        else:
+            self._response = near._response.of_drives(near.drives, self.drives, every)
+        self._left, self._means, self._unseen = self._response.equations()
+        self._solve = splu(self._left, permc_spec="NATURAL")
+        self._factors: dict[float, tuple[Any, IntArray, float]] = {}
+        self._penalty = FIRST
+        self._weights: dict[tuple[str, float], tuple[IntArray, FloatArray]] = {}
+
+    @cached_property
+    def _terms(self) -> list[_Term]:
+        """Terms of the command that reaches the drives, with feed-forward."""
+        servo, found = self.nominal.servo, [_Term(1.0, self.nominal.servo.interpolation, 0.0)]
+        a, b = servo.lead
+        if a.any():
+            found += self._rate_terms(a, 0.0)
+        if b.any():
+            linear = servo.interpolation == "linear"
+            late, span = (0.0, self.period) if linear else (self.step / 2, self.step)
+            late, span = (0.0, servo.cycle) if servo.cycle else (late, span)
+            bends = self._rate_terms(b / span, late)
+            bends += self._rate_terms(-b / span, late - span)
+            found += [x._replace(seen=False) for x in bends]
+        return found
+
+    def _rate_terms(self, factor: FloatArray | float, shift: float) -> list[_Term]:
+        """Terms of a multiple of the command's velocity, mean over one step [1/s].
+
+        For interpolation "step" it is the velocity of the line one interval before. Drives with a
+        cycle take the difference to the command of the cycle before.
+        """
+        kind, cycle = self.nominal.servo.interpolation, self.nominal.servo.cycle
+        if kind == "step" and not cycle:
+            kind, shift = "linear", shift - self.period
+        span = cycle or self.step
+        return [_Term(x * factor / span, kind, shift - cycle / 2 + x * span / 2) for x in (1, -1)]
+
+    def _interpolated(self, term: _Term) -> tuple[IntArray, FloatArray]:
+        """Indices of set-points, in the order of `q.ravel()`, and weights, (n dof, 2 or 4) each."""
+        key = term.interpolation, term.shift
+        if key not in self._weights:
+            at = (self.t[:, None] - self.start - self.nominal.servo.dead_time + term.shift).ravel()
+            index, weight = command_weights(self.count, self.period, term.interpolation, at)
+            joint = np.arange(at.size)[:, None] % self.dof
+            self._weights[key] = index * self.dof + joint, weight
+        index, weight = self._weights[key]
+        if isinstance(term.factor, float):
+            return index, weight * term.factor
+        return index, weight * np.tile(np.broadcast_to(term.factor, self.dof), len(self.t))[:, None]
+
+    def _command(self, q: FloatArray, terms: Sequence[_Term]) -> FloatArray:
+        """The sum of terms for set-points, (n, dof)."""
+        found, values = np.zeros((2, self.planned.size)), q.ravel()
+        for term in terms:
+            index, weight = self._interpolated(term)
+            found[int(term.seen)] += (weight * values[index]).sum(axis=1)
+        unseen, seen = found.reshape(2, *self.planned.shape)
+        return np.asarray(seen + self.as_seen(unseen))
+
+    def as_seen(self, command: FloatArray) -> FloatArray:
+        """The command to which joints respond as to one that their integrators do not see.
+
+        Args:
+            command: Command at the times, 0 before the first one [rad], (n, dof).
+        """
+        return without_integral(np.zeros_like(command), command, self._prompt, self.step)
+
+    def rates(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Velocities of the command: of the set-points, and with feed-forward [rad/s], (n, dof).
+
+        Args:
+            q: Set-points [rad], (count, dof).
+        """
+        plain = self._command(q, self._rate_terms(1.0, 0.0))
+        after, before = (
+            self._command(q, [y._replace(shift=y.shift + x * self.step / 2) for y in self._terms])
+            for x in (1, -1)
+        )
+        return plain, (after - before) / self.step
+
+    def respond(self, change: FloatArray) -> FloatArray:
+        """Change of the joints by a change of the set-points [rad], (n, dof).
+
+        Args:
+            change: Change of the set-points [rad], (count, dof).
+        """
+        return self.respond_to(self.reaching(change))
+
+    def reaching(self, change: FloatArray) -> FloatArray:
+        """The change of the command that reaches the drives at the times [rad], (n, dof).
+
+        Args:
+            change: Change of the set-points [rad], (count, dof).
+        """
+        return self._command(change, self._terms)
+
+    def respond_to(self, command: FloatArray) -> FloatArray:
+        """Change of the joints by a change of the command that reaches the drives [rad].
+
+        Args:
+            command: Change of the command at the times [rad], (n, dof) or (n, dof, cases).
+        """
+        cases = command.reshape(len(self.t) * self.dof, -1)
+        return np.asarray(self._solve.solve(self._means @ cases)).reshape(command.shape)
+
+    def expected(self, q: FloatArray) -> FloatArray:
+        """Joint positions of the nominal robot at the times for set-points [rad], (n, dof).
+
+        Args:
+            q: Set-points [rad], (count, dof).
+        """
+        return self.planned + self.respond_to(self.reaching(q) - self._needed)
+
+    def correct(self, error: FloatArray, penalty: float) -> tuple[FloatArray, FloatArray]:
+        """The change of the set-points that takes an error away, and the joints' response to it.
+
+        It minimises `|error + P du|² + penalty |L du|²`, L being differences of set-points that
+        follow each other.
+
+        Args:
+            error: Errors of the joints at the times [rad], (n, dof) or (n, dof, cases).
+            penalty: Squared ratio of the noise to the differences of set-points.
+
+        Returns:
+            Changes of the set-points [rad], (count, dof) or (count, dof, cases), and of the joints.
+        """
+        factors, order, _ = self._factored(penalty)
+        rows, cases = len(self.t) * self.dof, error.shape[2:]
+        flat = error.reshape(rows, *cases)
+        right = np.zeros((len(order), *cases))
+        right[:rows] = -(self._left @ flat)
+        found = np.empty_like(right)
+        found[order] = factors.solve(right[order])
+        change = found[rows:].reshape(self.count, self.dof, *cases)
+        return change, (-flat - self._left.T @ found[:rows]).reshape(error.shape)
+
+    def smooth(self, error: FloatArray, penalty: float) -> FloatArray:
+        """The part of an error that a disturbance of the drives explains [rad], (n, dof).
+
+        Args:
+            error: Errors of the joints at the times [rad], (n, dof).
+            penalty: As in `correct`.
+        """
+        return -self.correct(error, penalty)[1]
+
+    def _factored(self, penalty: float) -> tuple[Any, IntArray, float]:
+        """Factors of the optimality conditions, the order of time, and the log of the determinant.
+
+        The conditions are those of a minimum over x and du with the multipliers y of
+        `A x = B du`, from which `x = -error - A' y` is eliminated: AA' and B above B' and
+        -penalty L'L. They are quasi-definite, so that no pivots are needed.
+        """
+        if penalty not in self._factors:
+            while len(self._factors) >= MOST_FACTORS:
+                del self._factors[next(iter(self._factors))]
+            conditions, jumps, order = self._conditions
+            factors = splu(
+                conditions - penalty * jumps,
+                permc_spec="NATURAL",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
+            size = float(np.log(np.abs(factors.U.diagonal())).sum())
+            self._factors[penalty] = factors, order, size
+        return self._factors[penalty]
+
+    @cached_property
+    def _conditions(self) -> tuple[csc_array, csc_array, IntArray]:
+        """The conditions of `_factored` without penalties, L'L, and the order of time."""
+        n, size = len(self.t) * self.dof, self.count * self.dof
+        rows = size - self.dof
+        jump = csc_array(eye_array(rows, size, k=self.dof) - eye_array(rows, size))
+        right = csc_array((n, size))
+        for means, seen in ((self._means, True), (self._unseen, False)):
+            terms = [x for x in self._terms if x.seen == seen]
+            if terms:
+                index, weight = (
+                    np.hstack(x) for x in zip(*map(self._interpolated, terms), strict=True)
+                )
+                where = np.repeat(np.arange(n), index.shape[1]), index.ravel()
+                right += means @ csc_array(coo_array((weight.ravel(), where), shape=(n, size)))
+        blocks: Any = [[self._left @ self._left.T, right], [right.T, None]]
+        taught = self.start + np.arange(self.count)[:, None] * self.period
+        reached = taught + self.nominal.servo.dead_time
+        # The last set-point holds until the end: eliminated earlier, it would couple all of it.
+        reached[-1] = np.inf
+        order = np.argsort(np.append(np.repeat(self.t, self.dof), reached.ravel()), kind="stable")
+        # An array of no entries has the shape of the multipliers.
+        none = csc_array((n, n))
+        jumps = block_diag([none, jump.T @ jump], format="csc")
+        parts = csc_array(block_array(blocks)), jumps
+        conditions, jumps = (csc_array(x[order][:, order]) for x in parts)
+        return conditions, jumps, order
+
+    def choose_penalty(self, error: FloatArray, variance: float, first: float = 0.0) -> float:
+        """The power of ten that explains an error best, with which noise is not learned.
+
+        Args:
+            error: Errors of the joints [rad], (n, dof).
+            variance: Variance of the noise in them [rad²].
+            first: The penalty from which the search starts, a power of ten; by default that of the
+                last search, which is near.
+        """
+        surprise = cache(lambda k: self.surprise(error, 10.0**k, max(variance, 1e-300)))
+        power, last = round(np.log10(first or self._penalty)), None
+        while power != last:
+            last = power
+            around = range(max(power - 1, PENALTIES[0]), min(power + 1, PENALTIES[1]) + 1)
+            power = min(around, key=surprise)
+        self._penalty = float(10.0**power)
+        return self._penalty
+
+    def surprise(self, error: FloatArray, penalty: float, variance: float) -> float:
+        """How improbable an error is, as -2 log of its probability density, but for a constant.
+
+        The error is that of set-points whose differences are normal with the variance
+        `variance / penalty`, and white noise.
+
+        Args:
+            error: Errors of the joints at the times [rad], (n, dof).
+            penalty: As in `correct`.
+            variance: Variance of the noise [rad²].
+        """
+        change, response = self.correct(error, penalty)
+        left = np.sum((error + response) ** 2) + penalty * np.sum(np.diff(change, axis=0) ** 2)
+        # The determinant is that of `P'P + penalty L'L` but for a factor that does not change.
+        size = self._factored(penalty)[2]
+        rank = (self.count - 1) * self.dof
+        return float(left / variance + size - rank * np.log(penalty))
+
+    def equivalent_command(self, error: FloatArray) -> FloatArray:
+        """The change of the command that reaches the drives and explains an error [rad], (n, dof).
+
+        It is a mean over neighbouring times, with the weights 1/4, 1/2 and 1/4.
+
+        Args:
+            error: Errors of the joints at the times [rad], (n, dof).
+        """
+        from scipy.signal import lfilter
+
+        found = (self._left @ error.ravel()).reshape(error.shape)
+        for j in np.flatnonzero(self._prompt.ki):
+            rest = integrator_filter(self._prompt.ki[j], self.step, self._prompt.cycle)[1]
+            found[:, j] = lfilter([1.0], rest, found[:, j])
+        return np.asarray(found)
+
+    def between(self, t: FloatArray, values: FloatArray) -> FloatArray:
+        """Values at the model's times, at other times, (m, dof); constant before and after them.
+
+        Args:
+            t: Times of the plan [s], (m,).
+            values: Values at the model's times, (n, dof).
+        """
+        return np.asarray(CubicSpline(self.t, values)(np.clip(t, self.t[0], self.t[-1])))
+
+    def at_times(self, t: FloatArray, q: FloatArray, expected: FloatArray) -> FloatArray:
+        """Joint positions at the model's times, of joint positions at other times [rad], (n, dof).
+
+        Their difference from what is expected is interpolated, which is smoother than the motion.
+        Before and after the samples it is constant.
+
+        Args:
+            t: Times of the plan [s], (m,).
+            q: Joint positions [rad], (m, dof).
+            expected: Expected joint positions at the model's times [rad], (n, dof).
+        """
+        difference = q - self.between(t, expected)
+        return expected + np.asarray(CubicSpline(t, difference)(np.clip(self.t, t[0], t[-1])))
+
+    def bridge(self, t: FloatArray, deviation: FloatArray, noise: FloatArray) -> FloatArray:
+        """Deviations at the model's times, of deviations at the times of a log [rad], (n, dof).
+
+        In gaps of the log they are those that the model explains best together with all others, by
+        expectation and maximization.
+
+        Args:
+            t: Times of the plan [s], (m,).
+            deviation: Deviations from the expected motion [rad], (m, dof).
+            noise: Standard deviation of their white noise [rad], (dof,).
+        """
+        found = np.asarray(CubicSpline(t, deviation)(np.clip(self.t, t[0], t[-1])))
+        after = np.clip(np.searchsorted(t, self.t), 1, len(t) - 1)
+        wide = np.diff(t)[after - 1] > GAP * np.median(np.diff(t))
+        missing = wide & (self.t > t[0]) & (self.t < t[-1])
+        if not missing.any():
+            return found
+        found[missing] = interpolate(self.t[missing], t, deviation)
+        variance = max(float(np.mean(noise**2)), BRIDGED**2 * float(np.mean(found**2)))
+        penalty = self.choose_penalty(found, variance)
+        for _ in range(BRIDGES):
+            found[missing] = self.smooth(found, penalty)[missing]
+        return found
+
+    def judge(self, error: FloatArray) -> ToolError:
+        """Errors of the tool that errors of the joints make.
+
+        A path is judged from its first set-point to the end of the times, contours of a program
+        while the process is at work on them. The tool's place on the path is the nearest one.
+
+        Args:
+            error: Errors of the joints [rad], (n, dof).
+        """
+        planned, tool = (self.nominal.arm.tool_position(self.planned + x) for x in (0.0, error))
+        off = np.linalg.norm(tool - planned, axis=1)
+        found = [path.project(tool[which]).distance for path, which in self.plan.paths_at(self.t)]
+        if not found:
+            return ToolError(rms(off), float(off.max()), None, None)
+        contour = np.concatenate(found)
+        return ToolError(rms(off), float(off.max()), rms(contour), float(contour.max()))
+
+
+def rms(values: FloatArray) -> float:
+    """Root mean square of values."""
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,241 @@
+"""Fit of the servo model to the log of a run: gains, velocity feed-forward, dead time."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from armcontour.control.learning.lifted import Lifted
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.motion import TaughtData
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.model import GAINS, LONGEST_DEAD_TIME
+
+# Usual time between two times of the response in the first fits [s].
+STEP = 4e-3
+# Largest factor between a fitted gain and that of the model.
+MOST_FACTOR = 5.0
+# Smallest feed-forward of a joint with acceleration feed-forward, and largest of any.
+LEAST_F, MOST_F = 1e-3, 1.5
+# Fits start from the feed-forward of the model and from these.
+STARTS = (0.0, 0.9)
+# Longest dead time [s]; no controller for contouring has more.
+LONGEST_DELAY = 0.05
+# Standard deviations before the log is known: of logarithms of gains and of the feed-forward, and
+# of the dead time [s].
+PRIOR, DELAY_PRIOR = 0.5, 0.01
+# The same for joints that do not move: less than MOVES times their noise, or than STILL [rad].
+KNOWN, MOVES, STILL = 1e-6, 10.0, 1e-6
+# The penalty with which the first fits take all deviations for noise or the servo.
+NO_DISTURBANCE = 1e4
+# Most evaluations of a fit from each start, and of each of the fits that follow from the best.
+FIRST, ROUNDS, NEXT = 8, 2, 20
+# Damping of the Levenberg-Marquardt method, relative to the diagonal: at first, and at most.
+DAMPING, MOST_DAMPING = 1e-3, 1e6
+# A search ends where a step gains less than this of twice the log likelihood.
+SETTLED = 1e-1
+# Gain of twice the log likelihood per joint that a fitted servo needs.
+LEAST_GAIN = 20.0
+
+
+def fit_servo(
+    taught: TaughtData,
+    lifted: Lifted,
+    error: FloatArray,
+    variance: float,
+    noise: FloatArray,
+    interval: float,
+) -> tuple[ServoModel, tuple[float, float]]:
+    """Servo model that the log of a run supports; that of `lifted` if no other is more probable.
+
+    The deviation from the expected motion is white noise, friction of each joint, and
+    the response to an unknown disturbance, a random walk of the command (`Lifted.surprise`). The
+    penalty that stands for the size of the disturbance is estimated together with the servo.
+
+    Args:
+        taught: Set-points of the run.
+        lifted: Response with the nominal servo.
+        error: Measured deviation from the expected motion at these times [rad], (n, dof).
+        variance: Variance of the white noise in them [rad²].
+        noise: Standard deviation of the measurement noise [rad], (dof,). Joints that move less
+            than MOVES times this, or than STILL, keep the nominal servo.
+        interval: Time between two samples of the log [s].
+
+    Returns:
+        The servo, and the RMS deviation of the joints from the motion with the nominal servo and
+        with this one, without friction and offsets [rad]; both 0 if it is the nominal servo.
+    """
+    # More times than two in an interval of the log say nothing more.
+    spans = STEP, min(interval / 2, STEP)
+    steps = [max(int(x / lifted.step * (1 + 1e-9)), 1) for x in spans]
+    still = np.ptp(lifted.planned, axis=0) < np.maximum(MOVES * noise, STILL)
+    fits = {
+        k: _Fit(
+            taught,
+            lifted if k == 1 else Lifted(taught, lifted.nominal, lifted.t[::k], near=lifted),
+            error[::k],
+            variance,
+            still,
+        )
+        for k in set(steps)
+    }
+    coarse, fit = (fits[k] for k in steps)
+    few, lifted = coarse.lifted, fit.lifted
+    # Without changes, and with each feed-forward.
+    dof, starts = lifted.dof, np.zeros((1 + len(STARTS), len(fit.spread)))
+    starts[1:, dof : 2 * dof] = np.subtract.outer(STARTS, fit.nominal.velocity_feedforward)
+    found = min((coarse.solve(x, FIRST) for x in np.unique(starts, axis=0)), key=coarse.cost)
+    # The search at all times is short from the penalty at few times.
+    before, fit.penalty = 0.0, few.choose_penalty(coarse.rest(found), variance, NO_DISTURBANCE)
+    for _ in range(ROUNDS):
+        fit.penalty = lifted.choose_penalty(fit.rest(found), variance, fit.penalty)
+        if fit.penalty == before:
+            break
+        before, found = fit.penalty, fit.solve(found, NEXT)
+    # The nominal servo with the most probable friction.
+    alone, of = starts[0], slice(2 * dof, 3 * dof)
+    columns = fit.derivatives(alone)[:, of]
+    alone[of] -= np.linalg.lstsq(columns, fit.residuals(alone), rcond=None)[0]
+    if fit.cost(alone) - fit.cost(found) <= LEAST_GAIN * dof:
+        return lifted.nominal.servo, (0.0, 0.0)
+    before, after = (float(np.sqrt(fit.rest(x).var(axis=0).mean())) for x in (alone, found))
+    return fit.servo(found), (before, after)
+
+
+class _Fit:
+    """Residuals of a log, whitened by the nominal response, and their derivatives.
+
+    A joint obeys `q + b dq + c T = u + a du` with b = 1 / K_p, c = 1 / (K_p K_v), a = f / K_p and
+    T, the acceleration that its torque stands for. Parameters are, per joint, the changes of
+    `K_p b` and `K_p a` with the nominal K_p, friction, and, for order "second", the change of
+    `K_p K_v c`; and one change of all dead times. Offsets are part of the disturbance.
+    """
+
+    def __init__(
+        self,
+        taught: TaughtData,
+        lifted: Lifted,
+        error: FloatArray,
+        variance: float,
+        still: BoolArray,
+    ) -> None:
+        self.taught, self.lifted = taught, lifted
+        self.measured = lifted.expected(taught.q) + error
+        self.deviation, self.penalty = float(np.sqrt(variance)), NO_DISTURBANCE
+        self.nominal, self.dof = lifted.nominal.servo, lifted.dof
+        spread = [PRIOR, PRIOR, np.inf, PRIOR][: 3 if self.nominal.kv is None else 4]
+        each = np.where(still, KNOWN, np.array(spread)[:, None])
+        if self.nominal.kv is not None:
+            each[3, np.isinf(self.nominal.kv)] = KNOWN
+        self.spread = np.append(each.ravel(), DELAY_PRIOR)
+        self._last: tuple[FloatArray, Lifted, FloatArray, FloatArray] | None = None
+
+    def servo(self, x: FloatArray) -> ServoModel:
+        """The servo of parameters."""
+        b, a, _, *c = x[:-1].reshape(-1, self.dof)
+        nominal = self.nominal
+        # A servo with acceleration feed-forward has velocity feed-forward, too.
+        least = np.where(nominal.acceleration_feedforward > 0, LEAST_F, 0.0)
+        # Loops with a cycle are unstable with larger gains.
+        low, high = GAINS[0], 1 / nominal.cycle if nominal.cycle else GAINS[1]
+        kv = nominal.kv
+        if kv is not None:
+            changed = np.clip(kv * (1 + b) / (1 + c[0]), low, np.maximum(kv, high))
+            kv = np.where(np.isinf(kv), kv, changed)
+        return nominal.replace(
+            kp=np.clip(nominal.kp / (1 + b), low, np.maximum(nominal.kp, high)),
+            kv=kv,
+            velocity_feedforward=np.clip(
+                (nominal.velocity_feedforward + a) / (1 + b), least, MOST_F
+            ),
+            dead_time=np.clip(nominal.dead_time + x[-1], 0.0, LONGEST_DEAD_TIME),
+        )
+
+    def response(self, x: FloatArray) -> tuple[Lifted, FloatArray, FloatArray]:
+        """The response with the servo of parameters, its motion and that by friction."""
+        if self._last is None or not np.array_equal(x, self._last[0]):
+            response = self.lifted
+            if x.any():
+                nominal = response.nominal._replace(servo=self.servo(x))
+                response = Lifted(self.taught, nominal, response.t, near=response)
+            expected = response.expected(self.taught.q)
+            self._last = x.copy(), response, expected, self._friction(expected)
+        return self._last[1:]
+
+    def rest(self, x: FloatArray) -> FloatArray:
+        """Deviations that parameters leave unexplained [rad], (n, dof)."""
+        _, expected, friction = self.response(x)
+        return np.asarray(self.measured - expected - friction * x[:-1].reshape(-1, self.dof)[2])
+
+    def _friction(self, expected: FloatArray) -> FloatArray:
+        speed = np.gradient(expected, self.lifted.step, axis=0)
+        fastest = np.abs(speed).max(axis=0)
+        direction = np.tanh(speed / np.where(fastest > 0, 1e-2 * fastest, 1.0))
+        return self.lifted.respond_to(self.lifted.as_seen(direction))
+
+    def whiten(self, error: FloatArray) -> FloatArray:
+        """Deviations whose values are independent, with the standard deviation 1, (m, cases)."""
+        change, response = self.lifted.correct(error, self.penalty)
+        jumps = np.sqrt(self.penalty) * np.diff(change, axis=0)
+        found = np.concatenate([error + response, jumps]).reshape(-1, error.shape[2])
+        return np.asarray(found / self.deviation)
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """Whitened deviations, and parameters relative to their standard deviations."""
+        return np.append(self.whiten(self.rest(x)[:, :, None]), x / self.spread)
+
+    def derivatives(self, x: FloatArray) -> FloatArray:
+        """Derivatives of `residuals` by the parameters."""
+        nominal, dof = self.nominal, self.dof
+        lifted, expected, friction = self.response(x)
+        rate, with_feedforward = lifted.rates(self.taught.q)
+        dq = np.gradient(expected, lifted.step, axis=0)
+        causes = [-dq / nominal.kp, rate / nominal.kp]
+        if nominal.kv is not None:
+            drives, ddq = lifted.drives, np.gradient(dq, lifted.step, axis=0)
+            if drives is not None:
+                ddq = drives.moving_torque(expected, dq, ddq) / drives.inertia
+            ddq = lifted.as_seen(ddq)
+            causes.append(-ddq / (nominal.kp * nominal.kv))
+        each = [x[:, :, None] * np.eye(dof) for x in causes]
+        late = -with_feedforward[:, :, None]
+        parts = lifted.respond_to(np.concatenate([*each, late], axis=2))
+        own = friction[:, :, None] * np.eye(dof)
+        parts = np.concatenate([parts[:, :, : 2 * dof], own, parts[:, :, 2 * dof :]], axis=2)
+        return np.vstack([-self.whiten(parts), np.diag(1 / self.spread)])
+
+    def solve(self, x: FloatArray, steps: int) -> FloatArray:
+        """The most probable parameters, searched from x by the Levenberg-Marquardt method."""
+        least, most, free = 1 / MOST_FACTOR - 1, MOST_FACTOR - 1, np.inf
+        lower = np.repeat([least, 0.0, -free, least], self.dof)[: len(x) - 1]
+        lower[self.dof : 2 * self.dof] = -self.nominal.velocity_feedforward
+        upper = np.repeat([most, MOST_FACTOR, free, most], self.dof)[: len(x) - 1]
+        lower = np.append(lower, -self.nominal.dead_time.min()) - 1e-9
+        upper = np.append(upper, LONGEST_DELAY) + 1e-9
+        rest = self.residuals(x)
+        cost, damping = float(rest @ rest), DAMPING
+        for _ in range(steps):
+            slope = self.derivatives(x)
+            square, down = slope.T @ slope, slope.T @ rest
+            while damping < MOST_DAMPING:
+                factor = np.linalg.cholesky(square + damping * np.diag(np.diag(square))).T
+                wanted = -np.linalg.solve(factor.T, down)
+                step = lsq_linear(factor, wanted, (lower - x, upper - x)).x
+                if -step @ (2 * down + square @ step) < SETTLED:
+                    return x
+                there = x + step
+                rest = self.residuals(there)
+                found = float(rest @ rest)
+                if found < cost:
+                    break
+                damping *= 10
+            else:
+                return x
+            gained, x, cost, damping = cost - found, there, found, damping / 10
+            if gained < SETTLED:
+                return x
+        return x
+
+    def cost(self, x: FloatArray) -> float:
+        """-2 log likelihood, up to a constant."""
+        return float(np.sum(self.residuals(x) ** 2))

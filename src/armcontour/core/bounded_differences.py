@@ -1,0 +1,150 @@
+"""Values nearest to given ones whose differences are within bounds, for set-points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import comb, isfinite
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+
+# Largest number of steps; 12 to 30 are usual.
+MOST_STEPS = 80
+# Violation relative to the bounds, and duality gap relative to the objective, of a solution. If
+# rounding errors end the search, a gap of ROUNDED is accepted.
+EXACT, OPTIMAL, ROUNDED = 1e-10, 1e-9, 1e-5
+# First product of slack and multiplier, for an excess of half the distance between the bounds.
+FIRST_PRODUCT = 1.0
+# A missing bound is replaced by this multiple of the largest value and of the other bound.
+FAR = 10.0
+# Share of the way to the nearest bound that a step takes.
+INSIDE = 0.995
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatArray | None:
+    """The values nearest to given ones, in the mean square, whose differences are within bounds.
+
+    The first and the last value do not change, and values are constant before and after them. The
+    primal-dual interior-point method (Mehrotra, SIAM J. Optim. 2, 575-601, 1992) solves banded
+    equations in each step, so the time is proportional to the number of values.
+
+    Args:
+        values: The given values, (n,).
+        bounds: Lower and upper bounds of the values, and of their differences of orders 1, 2, ...;
+            infinite without bounds.
+
+    Returns:
+        The nearest values, (n,): `values` itself if it is within the bounds; None if no values are.
+    """
+    from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+
+    orders = [k for k, x in enumerate(bounds) if isfinite(x[0]) or isfinite(x[1])]
+    if not orders or len(values) < 3:
+        return values
+    rooms, scales = [], []
+    for k in orders:
+        now = differences(values, k) if k else values[1:-1]
+        # In place of a missing bound, one that the nearest values do not reach.
+        far = FAR * max(float(np.abs(now).max()), *(abs(x) for x in bounds[k] if isfinite(x)))
+        low, high = max(bounds[k][0], -far), min(bounds[k][1], far)
+        scales.append(2 / (high - low))
+        rooms.append(scales[-1] * np.stack([high - now, now - low]))
+    room, cuts = np.concatenate(rooms, axis=1), np.cumsum([x.shape[1] for x in rooms])[:-1]
+    excess = -float(room.min())
+    if excess <= 0:
+        return values
+    change, side = np.zeros(len(values) - 2), np.array([[1.0], [-1.0]])
+
+    def forward(x: FloatArray) -> FloatArray:
+        """Scaled differences of changes, which are zero before and after."""
+        parts = zip(orders, scales, strict=True)
+        return np.concatenate([scale * np.diff(np.pad(x, k), k) for k, scale in parts])
+
+    def adjoint(x: FloatArray) -> FloatArray:
+        """The transpose of `forward`, for the upper bounds less the lower ones."""
+        parts = zip(orders, scales, np.split(x[0] - x[1], cuts), strict=True)
+        return np.asarray(sum(scale * (-1) ** k * np.diff(y, k) for k, scale, y in parts))
+
+    def direction(
+        matrix: FloatArray,
+        gradient: FloatArray,
+        outside: FloatArray,
+        slacks: FloatArray,
+        multipliers: FloatArray,
+        wanted: FloatArray,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The step that changes products of slacks and multipliers by wanted ones."""
+        right = -gradient - adjoint((wanted + multipliers * outside) / slacks)
+        step = cho_solve_banded((matrix, True), right, check_finite=False)
+        wider = -outside - side * forward(step)
+        return step, wider, (wanted - multipliers * wider) / slacks
+
+    slacks = np.maximum(room, max(excess, 1.0))
+    multipliers = FIRST_PRODUCT * min(excess, 1.0) ** 2 / slacks
+    for _ in range(MOST_STEPS):
+        outside = side * forward(change) + slacks - room
+        gradient = change + adjoint(multipliers)
+        products = slacks * multipliers
+        gap, size = float(products.sum()), float(change @ change)
+        satisfied = float(np.abs(outside).max()) < EXACT
+        if satisfied and gap < OPTIMAL * size:
+            break
+        if not isfinite(gap + size):
+            return None
+        weights = np.split((multipliers / slacks).sum(axis=0), cuts)
+        try:
+            matrix = _bands(len(change), orders, scales, weights)
+            matrix = cholesky_banded(matrix, lower=True, check_finite=False)
+        except LinAlgError:
+            if satisfied and gap < ROUNDED * size:
+                break
+            return None
+
+        state = matrix, gradient, outside, slacks, multipliers
+        _, wider, stronger = direction(*state, -products)
+        primal, dual = _reach(slacks, wider), _reach(multipliers, stronger)
+        after = float(np.sum((slacks + primal * wider) * (multipliers + dual * stronger)))
+        mean = (after / gap) ** 3 * gap / slacks.size
+        step, wider, stronger = direction(*state, mean - products - wider * stronger)
+        primal, dual = INSIDE * _reach(slacks, wider), INSIDE * _reach(multipliers, stronger)
+        change += primal * step
+        slacks += primal * wider
+        multipliers += dual * stronger
+    else:
+        return None
+    found = values.copy()
+    found[1:-1] += change
+    return found
+
+
+def differences(values: FloatArray, order: int) -> FloatArray:
+    """Differences of values that are constant before the first and after the last one.
+
+    Args:
+        values: The values, (n,) or (n, m).
+        order: Order of the differences, at least 1.
+    """
+    around = [(order - 1, order - 1), *[(0, 0)] * (values.ndim - 1)]
+    return np.diff(np.pad(values, around, mode="edge"), order, axis=0)
+
+
+def _bands(
+    count: int, orders: Sequence[int], scales: Sequence[float], weights: Sequence[FloatArray]
+) -> FloatArray:
+    """Bands of the identity plus weighted squares of scaled differences, from the diagonal down."""
+    found = np.zeros((max(orders) + 1, count))
+    found[0] = 1.0
+    for k, scale, weight in zip(orders, scales, weights, strict=True):
+        signs = [(-1) ** j * comb(k, j) * scale for j in range(k + 1)]
+        for band in range(min(k + 1, count)):
+            for j in range(band, k + 1):
+                shifted = weight[j : j + count - band]
+                found[band, : count - band] += signs[j] * signs[j - band] * shifted
+    return found
+
+
+def _reach(values: FloatArray, step: FloatArray) -> float:
+    """Largest share of a step, up to 1, that keeps values above zero."""
+    return float(1 / max(1.0, -(step / values).min()))

@@ -1,0 +1,800 @@
+"""Checks of given values: type, shape, finiteness, range. Each refusal is one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import FrozenInstanceError, fields, is_dataclass
+from functools import cache, wraps
+from inspect import Parameter, signature
+from os import PathLike
+from pathlib import Path as FilePath
+from types import UnionType
+from typing import (
+    Any,
+    ClassVar,
+    Literal,
+    ParamSpec,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+)
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import make_printable, show, suggest
+
+P = ParamSpec("P")
+R = TypeVar("R")
+C = TypeVar("C")
+# Longest name [characters]: names are written in lines of robot programs, tables and terminals.
+LONGEST_NAME = 80
+FloatArray = npt.NDArray[np.float64]
+# Largest number in SI units: no length, time, speed or torque of a robot is larger. Its powers up
+# to the twenty-fifth are finite, so products of squares and cubes do not overflow.
+LARGEST = 1e12
+# Smallest number that counts as above zero: the powers of its reciprocal up to the tenth are
+# finite. No tolerance or time is smaller, in any unit.
+SMALLEST = 1e-30
+# More than any arm has.
+MOST_JOINTS = 1000
+# Largest number of values that are sampled, such as set-points times joints: with all that is
+# computed from them, some GB.
+MOST_VALUES = 5e7
+# Largest whole number; seeds have no smaller limit.
+MOST_WHOLE = 2**63 - 1
+IntArray = npt.NDArray[np.intp]
+BoolArray = npt.NDArray[np.bool_]
+# Attributes of a copied object by their names, and the names of those that are locked.
+State = tuple[dict[str, Any], tuple[str, ...]]
+
+# Highest derivative of a curve that anybody asks for.
+HIGHEST = 20
+
+# numpy's kinds of arrays that can be numbers; an array of objects if each object is a number.
+NUMERIC = "iufO"
+# Names of the other kinds, for messages.
+NOT_NUMERIC = {
+    "b": "truth values",
+    "U": "text",
+    "S": "bytes",
+    "c": "complex numbers",
+    "M": "dates",
+    "m": "spans of time",
+    "V": "records",
+}
+
+
+def lock_floats(values: npt.ArrayLike, name: str = "An array", unit: str = "") -> FloatArray:
+    """A read-only copy of `values` as a float array; `values` if it is one that owns its data.
+
+    Raises:
+        InvalidInput: As in `floats`.
+    """
+    if isinstance(values, np.ndarray) and _is_locked(values):
+        return values
+    array = np.array(floats(name, values, unit))
+    array.setflags(write=False)
+    return array
+
+
+def for_kernel(values: npt.ArrayLike) -> FloatArray:
+    """An array of floats as kernels are compiled for: in C order, and one that may be written.
+
+    It is `values` if that is one, which `np.require` takes ten times as long to find out.
+    """
+    if isinstance(values, np.ndarray) and values.dtype == np.float64:
+        flags = values.flags
+        if flags.c_contiguous and flags.writeable:
+            return values
+    return np.require(values, np.float64, ["C", "W"])
+
+
+def _is_locked(array: npt.NDArray[Any]) -> bool:
+    """Whether an array is read-only, of floats, and no view of another array."""
+    flags = array.flags
+    return array.dtype == np.float64 and flags.owndata and not flags.writeable
+
+
+def lock_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """A read-only copy of `array`, of the same type."""
+    copy = array.copy()
+    copy.setflags(write=False)
+    return copy
+
+
+class Value:
+    """Base of frozen dataclasses with arrays: copies, in other processes too, are locked as well.
+
+    `copy.deepcopy` and `pickle` make arrays that may be written of those that may not.
+    """
+
+    __slots__ = ()
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        # A dataclass with slots would define them, if the class itself does not.
+        for name in ("__getstate__", "__setstate__"):
+            if getattr(cls, name) is getattr(Value, name):
+                setattr(cls, name, getattr(Value, name))
+
+    def __getstate__(self) -> tuple[list[Any], list[int], dict[str, Any] | None]:
+        """The values of all fields, which of them are locked, and other attributes."""
+        own: Any = type(self)
+        names = _field_names(own)
+        values = [getattr(self, name) for name in names]
+        locked = [k for k, x in enumerate(values) if _is_locked_value(x)]
+        others = getattr(self, "__dict__", None)
+        if others is not None:
+            others = {name: x for name, x in others.items() if name not in names}
+        return values, locked, others or None
+
+    def __setstate__(self, state: tuple[list[Any], list[int], dict[str, Any] | None]) -> None:
+        """Take the values, and lock those that were locked."""
+        _refuse_old(self, state, 3)
+        values, locked, others = state
+        for k in locked:
+            _lock_value(values[k])
+        if others is not None:
+            vars(self).update(others)
+        own: Any = type(self)
+        for name, value in zip(_field_names(own), values, strict=True):
+            object.__setattr__(self, name, value)
+
+
+@cache
+def _field_names(kind: type) -> tuple[str, ...]:
+    """Names of the fields of a dataclass; none for another class."""
+    return tuple(x.name for x in fields(kind)) if is_dataclass(kind) else ()
+
+
+def pack_state(values: Mapping[str, Any]) -> State:
+    """Attributes for a copy, with the names of those that are locked.
+
+    Args:
+        values: The attributes by their names.
+    """
+    return dict(values), tuple(name for name, x in values.items() if _is_locked_value(x))
+
+
+def _is_locked_value(x: Any) -> bool:
+    """Whether a value is a read-only array, or a tuple of such arrays."""
+    if type(x) is np.ndarray:
+        return not x.flags.writeable
+    if not isinstance(x, tuple) or not x or type(x[0]) is not np.ndarray:
+        return False
+    return all(type(y) is np.ndarray and not y.flags.writeable for y in x)
+
+
+def _refuse_old(x: object, state: Any, count: int) -> None:
+    """Refuse what another version has pickled, whose states are no tuples of so many parts."""
+    if not (isinstance(state, tuple) and len(state) == count):
+        raise InvalidInput(
+            f"This pickled {type(x).__name__} was made by another version of armcontour: make it "
+            "anew."
+        )
+
+
+def _lock_value(x: Any) -> None:
+    """Lock an array, or a tuple of arrays."""
+    for array in x if isinstance(x, tuple) else (x,):
+        array.setflags(write=False)
+
+
+class Locked:
+    """Base of classes whose instances do not change once their constructor has returned.
+
+    Constructors, of subclasses too, set attributes as usual; at their end all arrays are made
+    read-only. A `functools.cached_property` works as ever. A subclass that is a dataclass locks
+    itself, with `frozen=True`.
+    """
+
+    # How to get a changed one, the end of a sentence.
+    _instead: ClassVar[str] = "make another one"
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "__init__" not in vars(cls):
+            return
+        construct = cls.__init__
+
+        @wraps(construct)
+        def construct_and_lock(self: Locked, *args: Any, **keywords: Any) -> None:
+            construct(self, *args, **keywords)
+            # The constructor of a subclass goes on after this one.
+            if type(self).__init__ is construct_and_lock:
+                arrays = {k: x for k, x in vars(self).items() if isinstance(x, np.ndarray)}
+                vars(self).update({k: lock_copy(x) for k, x in arrays.items()}, _locked=True)
+
+        cls.__init__ = construct_and_lock  # type: ignore[assignment, method-assign]
+
+    def __getstate__(self) -> State:
+        """The values of all attributes, and which of them are locked."""
+        return pack_state(vars(self))
+
+    def __setstate__(self, state: State) -> None:
+        """Take the values, and lock those that were locked."""
+        _refuse_old(self, state, 2)
+        values, locked = state
+        for name in locked:
+            _lock_value(values[name])
+        vars(self).update(values)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        self._refuse_change(name)
+        super().__setattr__(name, value)
+
+    def __delattr__(self, name: str) -> None:
+        self._refuse_change(name)
+        super().__delattr__(name)
+
+    def _refuse_change(self, name: str) -> None:
+        if "_locked" in vars(self):
+            raise FrozenInstanceError(
+                f"The {name} of a {type(self).__name__} cannot be set after it was made, as plans "
+                f"may rely on it: {self._instead}."
+            )
+
+
+def lock_numbers(name: str, values: npt.ArrayLike) -> FloatArray:
+    """The read-only float array of `numbers`, without a copy if `values` is such an array.
+
+    Raises:
+        InvalidInput: As in `numbers`.
+    """
+    if isinstance(values, np.ndarray) and _is_locked(values) and values.size:
+        # NaN fails both comparisons.
+        if values.max() <= LARGEST and values.min() >= -LARGEST:
+            return values
+    array = numbers(name, values)
+    array.setflags(write=False)
+    return array
+
+
+def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
+    """Return `values` as a new float array, all finite and at most LARGEST.
+
+    Args:
+        name: As in `floats`, as are the others.
+        values: The values.
+        unit: Their unit.
+
+    Raises:
+        InvalidInput: As in `floats`, or a value is not finite or too large; the message names the
+            index of the first one.
+    """
+    array = np.array(floats(name, values, unit))
+    # No number is too large if the sum of their squares is not, which is found sooner. NaN fails
+    # the comparison.
+    row = array.ravel("K")
+    with np.errstate(over="ignore", invalid="ignore"):
+        if row.dot(row) <= LARGEST**2:
+            return array
+    sound = np.abs(array) <= LARGEST
+    if not sound.all():
+        where = np.argwhere(~sound)[0]
+        place = f" at index {', '.join(str(i) for i in where)}" if array.ndim else ""
+        value = float(array[tuple(where)] if array.ndim else array)
+        range_ = f"between -{LARGEST:g} and {LARGEST:g}{suffix(unit)}"
+        needed = range_ if np.isfinite(value) else "finite"
+        raise InvalidInput(
+            f"{name} must be {needed}, but is {value:g}{place}.",
+            index=int(where[0]) if array.ndim else None,
+        )
+    return array
+
+
+def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
+    """Return `values` as a float array; as they are if they are one already, finite or not.
+
+    Args:
+        name: Name of the values, for messages.
+        values: The values.
+        unit: Unit of the values, for messages.
+
+    Raises:
+        InvalidInput: The values are not numbers: texts, truth values and masked ones are not.
+    """
+    if type(values) is np.ndarray and values.dtype == np.float64:
+        return values
+    if values is None:
+        raise InvalidInput(f"{name} must be numbers{in_unit(unit)}, not None.")
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+        raise InvalidInput(
+            f"{name} must be numbers{in_unit(unit)}, but some are masked: leave them out."
+        )
+    try:
+        given = np.asarray(values)
+        if given.dtype.kind not in NUMERIC and given.size:
+            raise InvalidInput(
+                f"{name} must be numbers{in_unit(unit)}, not {NOT_NUMERIC[given.dtype.kind]}."
+            )
+        if given.dtype.kind == "O":
+            # numpy makes numbers of these, too: None becomes NaN.
+            for x in given.flat:
+                if x is None or isinstance(x, str | bytes | bool):
+                    raise InvalidInput(
+                        f"{name} must be numbers{in_unit(unit)}, but one of them is {show(x)}."
+                    )
+        return np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        if isinstance(error, InvalidInput):
+            raise
+        # The first sentence of numpy's message is the reason.
+        reason = str(error).split(". ")[0].rstrip(".")
+        raise InvalidInput(f"{name} must be numbers{in_unit(unit)}: {reason}.") from None
+
+
+def shaped(
+    name: str, values: npt.ArrayLike, shape: tuple[int | None, ...], unit: str = ""
+) -> FloatArray:
+    """Return `values` as a float array of a shape; None in it stands for any number.
+
+    Raises:
+        InvalidInput: As in `floats`, or the shape is another one.
+    """
+    array = floats(name, values, unit)
+    if array.ndim != len(shape) or any(
+        x not in (n, None) for n, x in zip(array.shape, shape, strict=True)
+    ):
+        known = ", ".join("any" if x is None else f"{x}" for x in shape)
+        raise InvalidInput(f"{name} must have shape ({known}), not {array.shape}.")
+    return array
+
+
+def indices(name: str, values: npt.ArrayLike) -> IntArray:
+    """Return `values` as an array of whole numbers; as they are if they are one already.
+
+    Raises:
+        InvalidInput: As in `numbers`, or a value is not a whole number.
+    """
+    if isinstance(values, np.ndarray) and values.dtype == np.intp:
+        return values
+    array = numbers(name, values)
+    refuse_if((array % 1).any(), f"{name} must be whole numbers.")
+    return array.astype(np.intp)
+
+
+def points(name: str, values: npt.ArrayLike) -> FloatArray:
+    """Return `values` as a new (n, 2) or (n, 3) array of finite coordinates [m].
+
+    Raises:
+        InvalidInput: The rows have different lengths, the shape is another one, or a value is not
+            finite.
+    """
+    array = numbers(name, values, "m")
+    if array.ndim != 2 or array.shape[1] not in (2, 3):
+        raise InvalidInput(
+            f"{name} must be rows of 2 or 3 coordinates in m, but have shape {array.shape}."
+        )
+    return array
+
+
+def number(name: str, value: Any, unit: str = "") -> float:
+    """Return `value` as a finite float.
+
+    `name` and `unit` are for messages, here and in the functions below.
+
+    Raises:
+        InvalidInput: The value is not one finite number.
+    """
+    # Most are such numbers. NaN fails the comparison.
+    if type(value) in (float, int) and -LARGEST <= value <= LARGEST:
+        return float(value)
+    array = numbers(name, value, unit)
+    if array.ndim:
+        raise InvalidInput(
+            f"{name} must be one number{in_unit(unit)}, not an array of {array.size}."
+        )
+    return float(array)
+
+
+def refuse_too_many(what: str, values: float, fix: str) -> None:
+    """Refuse work on more values than MOST_VALUES, before they are computed.
+
+    Args:
+        what: The work, with its numbers.
+        values: Number of values, such as samples times joints.
+        fix: How the user can reduce the number.
+
+    Raises:
+        InvalidInput: There are more.
+    """
+    if not values <= MOST_VALUES:
+        raise InvalidInput(
+            f"{what} would have {values:.3g} values, more than the limit of {MOST_VALUES:.3g}: "
+            f"{fix}.",
+            limit="values",
+            needed=values,
+            allowed=MOST_VALUES,
+        )
+
+
+def positive(name: str, value: Any, unit: str = "") -> float:
+    """Return `value` as a finite float above zero, at least SMALLEST.
+
+    Raises:
+        InvalidInput: The value is not one such number.
+    """
+    checked = number(name, value, unit)
+    if checked <= 0:
+        raise InvalidInput(f"{name} must be above zero, but is {checked:g}{suffix(unit)}.")
+    if checked < SMALLEST:
+        raise InvalidInput(
+            f"{name} must be at least {SMALLEST:g}{suffix(unit)}, but is {checked:g}{suffix(unit)}."
+        )
+    return checked
+
+
+def between(name: str, value: Any, low: float, high: float, unit: str = "") -> float:
+    """Return `value` as a float from `low` to `high`.
+
+    Raises:
+        InvalidInput: The value is not one finite number in this range.
+    """
+    checked = not_negative(name, value, unit) if low == 0 else number(name, value, unit)
+    if low > 0 >= checked:
+        raise InvalidInput(f"{name} must be above zero, but is {checked:g}{suffix(unit)}.")
+    if not low <= checked <= high:
+        raise InvalidInput(
+            f"{name} must be from {low:g} to {high:g}{suffix(unit)}, but is "
+            f"{checked:g}{suffix(unit)}."
+        )
+    return checked
+
+
+def not_negative(name: str, value: Any, unit: str = "") -> float:
+    """Return `value` as a finite float that is zero or above.
+
+    Raises:
+        InvalidInput: The value is not one finite number, or is below zero.
+    """
+    checked = number(name, value, unit)
+    if checked < 0:
+        raise InvalidInput(f"{name} must not be negative, but is {checked:g}{suffix(unit)}.")
+    return checked
+
+
+def whole(name: str, value: Any, low: int | None = None, high: int | None = None) -> int:
+    """Return `value` as an int from `low` to `high`; None is no bound.
+
+    Raises:
+        InvalidInput: The value is not a whole number, or outside this range.
+    """
+    least, most = (-LARGEST if low is None else low), (MOST_WHOLE if high is None else high)
+    if type(value) is int and least <= value <= most:
+        return value
+    checked = number(name, value)
+    if checked != int(checked) or not least <= checked <= most:
+        range_ = "" if low is None else f" of at least {low}"
+        range_ = range_ if high is None else f" from {low} to {high}"
+        raise InvalidInput(f"{name} must be a whole number{range_}, but is {checked:g}.")
+    return int(checked)
+
+
+def per_vertex(
+    name: str, values: npt.ArrayLike | None, vertices: int, unit: str = ""
+) -> FloatArray:
+    """Numbers that are not negative, one per vertex between segments, (vertices,).
+
+    Args:
+        name: Name of the quantity, for messages.
+        values: One number for all, one per vertex, or None for infinity.
+        vertices: Number of vertices between segments.
+        unit: Their unit, for messages.
+
+    Raises:
+        InvalidInput: A value is negative or not a number, or their number is wrong.
+    """
+    if values is None:
+        return np.full(vertices, np.inf)
+    array = numbers(name, values, unit)
+    if array.ndim and array.shape != (vertices,):
+        raise InvalidInput(
+            f"{name} has {array.size} values, but the path has {vertices} vertices between "
+            f"segments: give one value for all or {vertices}."
+        )
+    if array.size and (array < 0).any():
+        raise InvalidInput(f"{name} must not be negative, but is {array.min():g} {unit}.")
+    return np.full(vertices, array)
+
+
+def per_joint(name: str, values: npt.ArrayLike, dof: int, unit: str = "") -> FloatArray:
+    """Return one number for all joints, or one number per joint, as a new (dof,) array.
+
+    Raises:
+        InvalidInput: The number of values is wrong, or a value is not finite.
+    """
+    array = numbers(name, values, unit)
+    if array.ndim == 0:
+        return np.full(dof, float(array))
+    if array.shape != (dof,):
+        raise InvalidInput(
+            f"{name} has {array.size} values, but the arm has {dof} joints: "
+            f"give one value for all joints or {dof}."
+        )
+    return array
+
+
+def choice(name: str, value: str, known: tuple[str, ...]) -> str:
+    """Return `value` if it is one of `known`.
+
+    Raises:
+        InvalidInput: The value is another one; the message lists the known ones.
+    """
+    # An array is compared value by value.
+    if not isinstance(value, str) or value not in known:
+        raise InvalidInput(f"{name} must be one of {', '.join(known)}, not {show(value)}.")
+    return value
+
+
+def derivative(order: Any, most: int = HIGHEST) -> int:
+    """Return the order of a derivative, 0 for the value itself.
+
+    Args:
+        order: The order.
+        most: The highest one.
+
+    Raises:
+        InvalidInput: It is no whole number, or not from 0 to `most`.
+    """
+    if type(order) is int and 0 <= order <= most:
+        return order
+    if isinstance(order, np.integer):
+        return derivative(int(order), most)
+    raise InvalidInput(
+        f"The order of a derivative must be a whole number from 0 to {most}, but is {show(order)}."
+    )
+
+
+def check_name(what: str, value: Any, *, most: int = LONGEST_NAME) -> str:
+    """Return `value` if it is a name: a short text of printable characters, or an empty one.
+
+    Args:
+        what: Description of the name for messages, such as "name of the event".
+        value: The name.
+        most: Largest number of characters.
+
+    Raises:
+        InvalidInput: The value is not a text, has a character that is not printable, or is too
+            long.
+    """
+    if not isinstance(value, str):
+        raise InvalidInput(f"The {what} must be text, not {show(value)}.")
+    if len(value) > most:
+        raise InvalidInput(
+            f"The {what} has {len(value)} characters, more than {most}: {show(value)}."
+        )
+    if not value.isprintable():
+        bad = next(x for x in value if not x.isprintable())
+        raise InvalidInput(
+            f"The {what} has the character U+{ord(bad):04X}, which is not printable: "
+            f"'{make_printable(value)}'."
+        )
+    return value
+
+
+def refuse_if(wrong: bool | np.bool_, message: str) -> None:
+    """Refuse with a message if a condition is true; for messages that cost nothing to format.
+
+    Args:
+        wrong: The condition.
+        message: The message.
+
+    Raises:
+        InvalidInput: The condition is true.
+    """
+    if wrong:
+        raise InvalidInput(message)
+
+
+# How to get an object of a class, for messages.
+ORIGINS = {
+    "Arm": "such as load_arm('ur5e')",
+    "ArmOptions": "such as ArmOptions(tip='tool0')",
+    "CompensationOptions": "such as Inverse()",
+    "Demand": "such as Demand(speed=0.1)",
+    "Execution": "as execute gives it",
+    "Frame": "such as Frame(position=(0.4, 0, 0.1))",
+    "Job": "as read_job gives it",
+    "Limits": "such as arm.limits",
+    "Payload": "such as Payload(mass=2.0)",
+    "PlaceSearch": "such as PlaceSearch(over={'x': (-0.1, 0.1, 11)})",
+    "PlanOptions": "such as Optimal(reserve=0.1)",
+    "Plant": "such as ServoPlant(arm, servo)",
+    "ReadOptions": "such as ReadOptions(units='mm')",
+    "ServoModel": "such as ServoModel(kp=25, kv=150)",
+    "Shaped": "such as Shaped(tolerance=1e-3)",
+    "Study": "as run gives it",
+    "TaughtData": "as compensate gives it",
+    "Trajectory": "as plan gives it",
+}
+# Other classes that annotations may name, in words.
+WORDS: dict[Any, str] = {
+    bool: "True or False",
+    str: "text",
+    type(None): "None",
+    Callable: "a function",
+    Mapping: "a mapping",
+    PathLike: "a path",
+}
+
+
+def refuse_other(user: str, value: Any, *kinds: type, role: str = "") -> None:
+    """Refuse a value that is no object of some classes.
+
+    Args:
+        user: What needs the object, the first words of the message.
+        value: The value.
+        kinds: The classes.
+        role: Name of the value, for messages.
+
+    Raises:
+        InvalidInput: The value is another object.
+    """
+    if isinstance(value, kinds):
+        return
+    names = [WORDS.get(x) or _with_article(x.__name__) for x in kinds if x is not np.bool_]
+    words = [f"{' or '.join(names)}{role and f' as {role}'}", ORIGINS.get(kinds[0].__name__, "")]
+    needed = ", ".join(x for x in words if x)
+    raise InvalidInput(f"{user} needs {needed}, not {type(value).__name__}.")
+
+
+def _with_article(name: str) -> str:
+    return f"{'an' if name[0] in 'AEIO' else 'a'} {name}"
+
+
+def explain_calls(constructed: type[C]) -> type[C]:
+    """Decorate a public dataclass: its constructors refuse arguments that they do not have."""
+    own: Any = constructed
+    own.__init__ = explained(own.__init__)
+    for name, x in list(vars(own).items()):
+        if isinstance(x, classmethod) and not name.startswith("_"):
+            setattr(own, name, classmethod(explained(x.__func__)))
+    return constructed
+
+
+def explained(function: Callable[P, R]) -> Callable[P, R]:
+    """The function, which refuses calls with wrong arguments by InvalidInput."""
+
+    @wraps(function)
+    def call(*args: P.args, **keywords: P.kwargs) -> R:
+        try:
+            return function(*args, **keywords)
+        except TypeError:
+            refuse_call(function, args, keywords)
+            raise
+
+    return call
+
+
+def refuse_call(
+    function: Callable[..., Any], args: tuple[Any, ...], keywords: Mapping[str, Any]
+) -> None:
+    """Refuse arguments that a function does not have, and the lack of those that it needs.
+
+    Raises:
+        InvalidInput: There are such arguments.
+    """
+    every = signature(function).parameters
+    slots = {name: x for name, x in every.items() if name not in ("self", "cls")}
+    given = args[len(every) - len(slots) :]
+    user = function.__qualname__.removesuffix(".__init__")
+    if any(x.kind in (Parameter.VAR_KEYWORD, Parameter.VAR_POSITIONAL) for x in slots.values()):
+        return
+    takes = f"it takes {', '.join(slots)}."
+    for name in keywords.keys() - slots.keys():
+        hint = suggest(name, slots, takes[:-1])
+        raise InvalidInput(f"{user} has no argument {show(name)} ({hint}).")
+    by_place = [x.name for x in slots.values() if x.kind is Parameter.POSITIONAL_OR_KEYWORD]
+    if len(given) > len(by_place):
+        only = f"only {' and '.join(by_place)}" if by_place else "no argument"
+        raise InvalidInput(
+            f"{user} takes {only} without a name: write the names of others; {takes}"
+        )
+    done = {*by_place[: len(given)], *keywords}
+    refuse_if(
+        len(done) < len(given) + len(keywords), f"{user} was given an argument twice; {takes}"
+    )
+    lacking = [
+        x.name for x in slots.values() if x.default is Parameter.empty and x.name not in done
+    ]
+    refuse_if(bool(lacking), f"{user} needs {' and '.join(lacking)}; {takes}")
+
+
+def kinds_of(annotation: Any) -> tuple[type, ...]:
+    """The classes that an annotation allows; none if it allows numbers, arrays or lists."""
+    kind = get_origin(annotation) or annotation
+    if kind in (Union, UnionType):
+        parts = [kinds_of(x) for x in get_args(annotation)]
+        return sum(parts, ()) if all(parts) else ()
+    if kind in (bool, FilePath):
+        return (bool, np.bool_) if kind is bool else (PathLike,)
+    own = isinstance(kind, type) and kind.__module__.startswith(("armcontour.", "concurrent."))
+    return (kind,) if kind in WORDS or (own and not getattr(kind, "_is_protocol", False)) else ()
+
+
+def listed(
+    name: str, values: Any, kind: Any, what: str, count: int | None = None
+) -> tuple[Any, ...]:
+    """The values of a list as a tuple.
+
+    Args:
+        name: Name of the list, for messages.
+        values: The list, or what gives its values one after the other.
+        kind: Class of each value.
+        what: The values in words, such as "Events".
+        count: Their number; None for any.
+
+    Raises:
+        InvalidInput: No list of such values; a text and a mapping are none.
+    """
+    if isinstance(values, np.ndarray):
+        values = np.atleast_1d(values)
+    # Most lists are tuples, many of them empty.
+    no_list = (str, bytes, Mapping)
+    if type(values) is tuple or (isinstance(values, Iterable) and not isinstance(values, no_list)):
+        found = tuple(values)
+        if count in (None, len(found)) and (not found or all(isinstance(x, kind) for x in found)):
+            return found
+    raise InvalidInput(f"{name} must be a list of {what}, not {show(values)}.")
+
+
+def check_names(name: str, values: Any, count: int | None = None) -> tuple[str, ...]:
+    """The names of a list as a tuple.
+
+    Args:
+        name: Name of the list, for messages.
+        values: The names.
+        count: Number of names; None for any.
+
+    Raises:
+        InvalidInput: No list of so many short texts.
+    """
+    what = "names" if count is None else f"{count} names"
+    found = listed(name, values, str, what, count)
+    return tuple(check_name(f"name in {name}", x) for x in found)
+
+
+def read_place(user: str, place: Any) -> FilePath:
+    """The place of a file, which is text or a path.
+
+    Args:
+        user: What needs the file, the first words of the message.
+        place: The place.
+
+    Raises:
+        InvalidInput: The place is another object.
+    """
+    try:
+        return FilePath(place)
+    except TypeError:
+        raise InvalidInput(
+            f"{user} needs the path of a file, not {type(place).__name__}."
+        ) from None
+
+
+def side(value: str) -> Literal["left", "right"]:
+    """Return "left" or "right": which of two values a function with a jump returns at the jump.
+
+    Raises:
+        InvalidInput: The value is another word.
+    """
+    if isinstance(value, str):
+        if value == "right":
+            return "right"
+        if value == "left":
+            return "left"
+    raise InvalidInput(f"side must be left or right, not {show(value)}.")
+
+
+def in_unit(unit: str) -> str:
+    """The words " in <unit>" for messages; empty without a unit."""
+    return f" in {unit}" if unit else ""
+
+
+def suffix(unit: str) -> str:
+    """The unit after a number in messages, with a space before it; empty without a unit."""
+    return f" {unit}" if unit else ""

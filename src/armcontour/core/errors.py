@@ -1,0 +1,132 @@
+"""Every error that armcontour raises on purpose.
+
+```
+ArmContourError
+├── InvalidInput (also a ValueError)   the input does not have the required form
+├── Unreachable                        the tool cannot reach a position or pose
+├── NotRealizable                      no timing of this method keeps the limits
+├── CompensationError                  the servo's delay cannot be compensated by this method
+├── ExecutionError                     the simulated servo did not complete the motion
+└── Collision                          the arm comes too near to itself or to its cell
+```
+
+Each has its exit code of the command line, 2 to 6 in this order, and 8 for a collision. 0 and 1 are
+answers (`check`: all limits kept, a limit violated; `identify`: all joints have a model, or not),
+and 7 is the answer of `check` that the samples cannot tell.
+
+A message is one sentence: what is wrong, where, and how to correct it. Attributes hold the same
+facts in SI units, for programs. Messages count joints, segments, waypoints, corners and items of a
+list in a file from 1. The attributes `index` and `joint` count from 0, as in Python.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+from armcontour.core.text import to_line
+
+
+class ArmContourError(Exception):
+    """Base of all armcontour errors.
+
+    Args:
+        message: One sentence for the user.
+        point: Coordinates of the position [m].
+        index: Index of the wrong item in its input, from 0.
+        s: Arc length of the position [m].
+        t: Time of the event [s].
+        joint: Index of the joint, from 0; the message counts joints from 1, as the paper does.
+        limit: Name of the limit that binds.
+        needed: Necessary value (unit of the limit).
+        allowed: Allowed value (unit of the limit).
+    """
+
+    exit_code = 1
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        point: Sequence[float] | None = None,
+        index: int | None = None,
+        s: float | None = None,
+        t: float | None = None,
+        joint: int | None = None,
+        limit: str | None = None,
+        needed: float | None = None,
+        allowed: float | None = None,
+    ) -> None:
+        # Messages repeat text of files, which must not control the terminal.
+        super().__init__(to_line(message))
+        self.point = None if point is None else tuple(float(x) for x in point)
+        self.index = index
+        self.s = s
+        self.t = t
+        self.joint = joint
+        self.limit = limit
+        self.needed = needed
+        self.allowed = allowed
+
+    def at(self, where: str) -> ArmContourError:
+        """The same error with a location before its message.
+
+        Args:
+            where: The location, such as the name of a file; a colon follows.
+        """
+        return type(self)(
+            f"{where}: {self}",
+            point=self.point,
+            index=self.index,
+            s=self.s,
+            t=self.t,
+            joint=self.joint,
+            limit=self.limit,
+            needed=self.needed,
+            allowed=self.allowed,
+        )
+
+
+@contextmanager
+def locate_errors(where: str) -> Iterator[None]:
+    """Add a location, such as the name of a run, before the message of an error raised inside."""
+    try:
+        yield
+    except ArmContourError as error:
+        raise error.at(where).with_traceback(error.__traceback__) from None
+
+
+class InvalidInput(ArmContourError, ValueError):
+    """The input does not have the required form."""
+
+    exit_code = 2
+
+
+class Unreachable(ArmContourError):
+    """The tool cannot reach a position or pose, or only in a singular configuration."""
+
+    exit_code = 3
+
+
+class NotRealizable(ArmContourError):
+    """No timing of the required method keeps the limits."""
+
+    exit_code = 4
+
+
+class CompensationError(ArmContourError):
+    """The servo's delay cannot be compensated by the required method."""
+
+    exit_code = 5
+
+
+class ExecutionError(ArmContourError):
+    """The simulated servo did not complete the motion."""
+
+    exit_code = 6
+
+
+class Collision(ArmContourError):
+    """The arm comes nearer to itself or to something in its cell than it may."""
+
+    exit_code = 8

@@ -1,0 +1,345 @@
+"""Frames and vectorised rotations in space: rotation vectors, matrices, roll-pitch-yaw."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, field
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray, Value
+from armcontour.core.errors import InvalidInput
+from armcontour.core.quantities import WHOLE_TURN
+
+# Tolerance of `R^T R - I` for a given rotation matrix R, which is then made orthonormal.
+ROTATION_TOLERANCE = 1e-6
+# Tolerance of the length of a given quaternion (about four printed digits), which is then scaled.
+QUATERNION_TOLERANCE = 1e-3
+# Largest z offset [m] and tilt with which a frame keeps a path in the x-y plane; also the largest
+# z component of the vectors of an arc that lies in a plane of constant z.
+IN_PLANE = 1e-12
+ORIGIN = checks.lock_floats(np.zeros(3))
+UNTURNED = checks.lock_floats(np.eye(3))
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Frame(Value):
+    """The position and orientation of a frame in another frame.
+
+        table = Frame((0.5, 0.0, 0.1))
+        flipped = Frame((0.4, 0.0, 0.3), Rotation.from_euler("x", 180, degrees=True))
+
+    Args:
+        position: Origin of the frame [m], (3,); or the whole frame as a homogeneous transform,
+            (4, 4), or a pinocchio.SE3.
+        rotation: Rotation matrix with the axes of the frame as columns, (3, 3), or another form
+            that `rotations` accepts.
+
+    Raises:
+        InvalidInput: The position does not have 3 coordinates, or the rotation is not one.
+    """
+
+    position: FloatArray = field(default_factory=lambda: ORIGIN, kw_only=False)
+    rotation: FloatArray = field(default_factory=lambda: UNTURNED, kw_only=False)
+
+    def __post_init__(self) -> None:
+        # Most frames are these, and both are known to be right and are locked.
+        if self.position is ORIGIN and self.rotation is UNTURNED:
+            return
+        position, turned = read_poses("position of a frame", self.position)
+        if position.shape != (3,):
+            raise InvalidInput(
+                f"The position of a frame must be 3 coordinates in m, not {position.size}."
+            )
+        object.__setattr__(self, "position", checks.lock_floats(position))
+        if turned is None:
+            turned = rotations("rotation of a frame", self.rotation)
+        elif self.rotation is not UNTURNED:
+            raise InvalidInput("A frame takes a transform, or a position and a rotation, not both.")
+        if turned.shape != (3, 3):
+            raise InvalidInput("A frame takes one rotation.")
+        object.__setattr__(self, "rotation", checks.lock_floats(turned))
+
+    @classmethod
+    def of(cls, pose: Pose) -> Frame:
+        """The frame of a pose: a `Frame` as it is, or what the constructor takes first.
+
+        Args:
+            pose: A Frame, a homogeneous transform, (4, 4), a pinocchio.SE3 or a position [m], (3,).
+
+        Raises:
+            InvalidInput: It is no pose.
+        """
+        return pose if isinstance(pose, Frame) else cls(pose)  # type: ignore[arg-type]
+
+    @classmethod
+    def rpy(cls, position: npt.ArrayLike, angles: npt.ArrayLike) -> Frame:
+        """A frame rotated by roll, pitch and yaw about fixed x, y and z axes, as in URDF.
+
+        Args:
+            position: Origin of the frame [m], (3,).
+            angles: Roll, pitch and yaw [rad], (3,).
+
+        Warns:
+            UserWarning: An angle is larger than a whole turn, as of somebody who means degrees.
+        """
+        given = checks.numbers("roll, pitch and yaw", angles, "rad")
+        if (np.abs(given) > WHOLE_TURN).any():
+            largest = float(given.flat[int(np.abs(given).argmax())])
+            warnings.warn(
+                f"Roll, pitch and yaw are in radians, and {largest:g} rad is more than a whole "
+                f"turn: for degrees give np.radians({given.tolist()}).",
+                stacklevel=3,
+            )
+        return cls(
+            position=checks.numbers("position of a frame", position, "m"), rotation=from_rpy(given)
+        )
+
+    def __matmul__(self, other: Frame) -> Frame:
+        """The frame `other`, which is given in this frame, in this frame's reference frame."""
+        return Frame(
+            position=self.position + self.rotation @ other.position,
+            rotation=self.rotation @ other.rotation,
+        )
+
+    @property
+    def matrix(self) -> FloatArray:
+        """Rotation and position side by side, (3, 4)."""
+        return np.column_stack([self.rotation, self.position])
+
+    @property
+    def homogeneous(self) -> FloatArray:
+        """Homogeneous transform, (4, 4)."""
+        return transforms(self.matrix)
+
+    @property
+    def keeps_plane(self) -> bool:
+        """Whether points of the x-y plane stay in it."""
+        lifted = max(abs(self.position[2]), float(np.abs(self.rotation[2] - [0, 0, 1]).max()))
+        return bool(lifted <= IN_PLANE)
+
+    @property
+    def inverse(self) -> Frame:
+        """The reference frame of this frame, in the coordinates of this frame."""
+        back = self.rotation.T
+        return Frame(position=-back @ self.position, rotation=back)
+
+
+class Transform(Protocol):
+    """An object with a homogeneous transform, such as `pinocchio.SE3`."""
+
+    @property
+    def homogeneous(self) -> FloatArray:
+        """The transform, (4, 4)."""
+
+
+Pose: TypeAlias = Frame | Transform | npt.ArrayLike
+
+
+def transforms(matrices: FloatArray) -> FloatArray:
+    """Homogeneous transforms of rotations beside positions, (..., 3, 4) to (..., 4, 4)."""
+    found = np.zeros((*matrices.shape[:-2], 4, 4))
+    found[..., :3, :], found[..., 3, 3] = matrices, 1.0
+    return found
+
+
+def read_poses(name: str, poses: Pose) -> tuple[FloatArray, FloatArray | None]:
+    """Positions and rotations of poses in any form that users have.
+
+    Args:
+        name: Name of the poses, for messages.
+        poses: A `Frame`; a `pinocchio.SE3` or another object with `homogeneous` or `as_matrix`;
+            homogeneous transforms, (..., 4, 4); or positions alone [m], (..., 2) or (..., 3).
+
+    Returns:
+        Positions [m], (..., 3), or (..., 2) if they are given so; and rotation matrices,
+        (..., 3, 3), or None for positions alone.
+
+    Raises:
+        InvalidInput: The shape is another one, or a transform is none of a rigid body.
+    """
+    for attribute in ("homogeneous", "as_matrix"):
+        if hasattr(poses, attribute):
+            found = getattr(poses, attribute)
+            poses = found() if callable(found) else found
+    array = checks.numbers(name, poses, "m")  # type: ignore[arg-type]
+    if array.shape[-2:] == (4, 4) and array.size:
+        if not (array[..., 3, :] == (0.0, 0.0, 0.0, 1.0)).all():
+            raise InvalidInput(
+                f"{name}: the last row of a homogeneous transform must be 0, 0, 0, 1."
+            )
+        turned = rotations(f"rotation of {name}", array[..., :3, :3].reshape(-1, 3, 3))
+        return array[..., :3, 3], turned.reshape(*array.shape[:-2], 3, 3)
+    if array.shape[-1:] not in ((2,), (3,)) or not array.size:
+        raise InvalidInput(
+            f"{name} must be a Frame, a 4 by 4 transform, a pinocchio.SE3 or a position in m, but "
+            f"has the shape {array.shape}."
+        )
+    return array, None
+
+
+def rotations(name: str, values: Any) -> FloatArray:
+    """Rotation matrices, (3, 3) or (n, 3, 3), from one of several forms.
+
+    Args:
+        name: Name of the values, for messages.
+        values: Rotation matrices; quaternions x, y, z, w, (4,) or (n, 4); or a rotation of scipy.
+
+    Raises:
+        InvalidInput: The shape is another one, or the values are not finite or not rotations.
+    """
+    if hasattr(values, "as_matrix"):
+        values = values.as_matrix()
+    array = checks.numbers(name, values)
+    if _is_transform(array):
+        raise InvalidInput(f"{name} is a 4 by 4 transform: give Frame or its 3 by 3 rotation.")
+    if array.ndim in (1, 2) and array.shape[-1] == 4:
+        size = np.linalg.norm(array, axis=-1, keepdims=True)
+        off = np.abs(size - 1)
+        if (off > QUATERNION_TOLERANCE).any():
+            raise InvalidInput(
+                f"{name}: a quaternion (x, y, z, w) must have the length 1 within "
+                f"{QUATERNION_TOLERANCE:g}, but has {size.flat[int(np.argmax(off))]:.6g}."
+            )
+        return _from_quaternions(array / size)
+    if array.ndim not in (2, 3) or array.shape[-2:] != (3, 3):
+        raise InvalidInput(
+            f"{name} must be rotation matrices (3 by 3) or quaternions (x, y, z, w), but has the "
+            f"shape {array.shape}."
+        )
+    if not _are_rotations(array):
+        raise InvalidInput(
+            f"{name} has a matrix that is no rotation: its axes must be at right "
+            "angles, of length 1 and right-handed."
+        )
+    u, _, v = np.linalg.svd(array)
+    return np.asarray(u @ v)
+
+
+def from_rpy(angles: npt.ArrayLike) -> FloatArray:
+    """Rotation matrices from roll, pitch and yaw about fixed x, y and z [rad], (..., 3)."""
+    given = checks.numbers("roll, pitch and yaw", angles, "rad")
+    if given.shape[-1:] != (3,):
+        raise InvalidInput("Roll, pitch and yaw are three angles.")
+    x, y, z = (given[..., k, None] * UNTURNED[k] for k in range(3))
+    return np.asarray(exp(z) @ exp(y) @ exp(x))
+
+
+def to_rpy(rotation: FloatArray) -> FloatArray:
+    """Roll, pitch and yaw about fixed x, y and z of a rotation matrix [rad], (3, 3) to (3,)."""
+    pitch = np.arctan2(-rotation[2, 0], np.hypot(rotation[0, 0], rotation[1, 0]))
+    if np.hypot(rotation[0, 0], rotation[1, 0]) < 1e-9:
+        # Roll and yaw have the same axis: the whole rotation goes to roll.
+        return np.array([np.arctan2(-rotation[1, 2], rotation[1, 1]), pitch, 0.0])
+    roll = np.arctan2(rotation[2, 1], rotation[2, 2])
+    return np.array([roll, pitch, np.arctan2(rotation[1, 0], rotation[0, 0])])
+
+
+def exp(vectors: npt.ArrayLike) -> FloatArray:
+    """Rotation matrices of rotation vectors [rad], (..., 3) to (..., 3, 3), by Rodrigues."""
+    v = np.asarray(vectors, dtype=np.float64)
+    angle = np.sqrt(np.sum(v * v, axis=-1))[..., None, None]
+    first = np.sinc(angle / np.pi)
+    second = np.sinc(angle / (2 * np.pi)) ** 2 / 2
+    k = cross_matrix(v)
+    return np.asarray(np.eye(3) + first * k + second * (k @ k))
+
+
+def quaternions(matrices: npt.ArrayLike) -> FloatArray:
+    """Unit quaternions x, y, z, w with w >= 0 of rotation matrices, (..., 3, 3) to (..., 4)."""
+    r = np.asarray(matrices, dtype=np.float64)
+    # The quaternion is computed from its largest component, which is accurate at every angle, also
+    # at half a turn.
+    trace = np.trace(r, axis1=-2, axis2=-1)
+    diagonal = np.diagonal(r, axis1=-2, axis2=-1)
+    squares = np.concatenate([1 + trace[..., None], 1 + 2 * diagonal - trace[..., None]], axis=-1)
+    sym, skew = r + np.swapaxes(r, -1, -2), r - np.swapaxes(r, -1, -2)
+    a = np.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], axis=-1)
+    candidates = np.empty((*trace.shape, 4, 4))
+    candidates[..., 0, 3], candidates[..., 0, :3] = squares[..., 0], a
+    for i in range(3):
+        candidates[..., i + 1, 3] = a[..., i]
+        candidates[..., i + 1, :3] = sym[..., i, :]
+        candidates[..., i + 1, i] = squares[..., i + 1]
+    best = np.argmax(squares, axis=-1)
+    q = np.take_along_axis(candidates, best[..., None, None], axis=-2)[..., 0, :]
+    q = q * np.where(q[..., 3:] < 0, -1.0, 1.0)
+    return np.asarray(q / np.sqrt(np.sum(q**2, axis=-1, keepdims=True)))
+
+
+def log(matrices: npt.ArrayLike) -> FloatArray:
+    """Rotation vectors [rad] of rotation matrices, (..., 3, 3) to (..., 3), of length 0 to pi."""
+    q = quaternions(matrices)
+    size = np.sqrt(np.sum(q[..., :3] ** 2, axis=-1))
+    angle = 2 * np.arctan2(size, q[..., 3])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.where(size > 0, angle / size, 0.0)
+    return np.asarray(q[..., :3] * scale[..., None])
+
+
+def cross_matrix(v: FloatArray) -> FloatArray:
+    """Cross-product matrices K with `K w = v x w`, (..., 3) to (..., 3, 3)."""
+    k = np.zeros((*v.shape, 3))
+    k[..., 0, 1], k[..., 0, 2], k[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    return k - np.swapaxes(k, -1, -2)
+
+
+def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
+    """Rotation vectors [rad] of the shortest rotations of unit vectors into others, (..., 3).
+
+    For opposite vectors the axis is one of the axes normal to them.
+
+    Args:
+        first: Unit vectors before the rotations, (..., 3).
+        second: Unit vectors after the rotations, same shape.
+    """
+    a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
+    axis = np.cross(a, b)
+    size = np.linalg.norm(axis, axis=-1, keepdims=True)
+    angle = angle_between(a, b)[..., None]
+    any_axis = perpendicular(a)
+    any_axis /= np.linalg.norm(any_axis, axis=-1, keepdims=True)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        unit = np.where(size > 1e-12, axis / size, any_axis)
+    # Make the axis exactly normal to the first vector: near half a turn an error would count twice.
+    unit = unit - np.sum(unit * a, axis=-1, keepdims=True) * a
+    unit = unit / np.linalg.norm(unit, axis=-1, keepdims=True)
+    return np.asarray(unit * angle)
+
+
+def perpendicular(vectors: FloatArray) -> FloatArray:
+    """A vector at right angles to each of several, (..., 3); at most 19% shorter."""
+    return np.cross(vectors, np.eye(3)[np.argmin(np.abs(vectors), axis=-1)])
+
+
+def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Angles between unit vectors [rad], from 0 to pi, accurate near 0 and near pi."""
+    difference = np.linalg.norm(first - second, axis=-1)
+    total = np.linalg.norm(first + second, axis=-1)
+    return np.asarray(2 * np.arctan2(difference, total))
+
+
+def _is_transform(array: FloatArray) -> bool:
+    """Whether an array is a homogeneous transform; four quaternions are one by chance only."""
+    if array.shape != (4, 4) or not np.array_equal(array[3], [0.0, 0.0, 0.0, 1.0]):
+        return False
+    return _are_rotations(array[:3, :3])
+
+
+def _are_rotations(matrices: FloatArray) -> bool:
+    """Whether all matrices are rotations within `ROTATION_TOLERANCE`."""
+    # Entries of a rotation are at most 1; much larger entries could overflow below.
+    capped = np.clip(matrices, -2.0, 2.0)
+    off = np.abs(np.swapaxes(capped, -1, -2) @ capped - np.eye(3)).max(axis=(-2, -1))
+    return not ((off > ROTATION_TOLERANCE).any() or (np.linalg.det(capped) < 0).any())
+
+
+def _from_quaternions(q: FloatArray) -> FloatArray:
+    """Rotation matrices of unit quaternions x, y, z, w, (..., 4) to (..., 3, 3)."""
+    v, w = q[..., :3], q[..., 3, None, None]
+    k = cross_matrix(v)
+    return np.asarray(np.eye(3) + 2 * w * k + 2 * (k @ k))

@@ -1,0 +1,214 @@
+"""Kinds of quantities, as annotations of fields: unit, example, range.
+
+Data only: `core/fields.py` checks fields, `files/units.py` converts text of users, `files/keys.py`
+makes keys of files.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import EllipsisType
+from typing import Annotated, Literal
+
+from armcontour.core.checks import LARGEST, LONGEST_NAME, SMALLEST, FloatArray
+
+# Largest angle about an axis [rad]: a whole turn, written with three decimals. A larger one is
+# most likely in degrees.
+WHOLE_TURN = 6.284
+
+
+# Range of numbers by their sign. Below one is the largest share.
+RANGES = {
+    "any": (-LARGEST, LARGEST),
+    "positive": (SMALLEST, LARGEST),
+    "not negative": (0.0, LARGEST),
+    "negative": (-LARGEST, -SMALLEST),
+    "share": (0.0, 1.0 - 2.0**-53),
+    "turn": (-LARGEST, LARGEST),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """Kind of a quantity: annotates a float, or an array with one value or one per joint.
+
+    Args:
+        unit: The SI unit; "1" is a share, which users may write in percent, and an empty one is
+            that of plain numbers.
+        example: Text that users may write.
+        sign: Allowed range of the value; a "share" is from 0 to below 1. A "turn" without a unit is
+            at most WHOLE_TURN either way.
+        endless: Whether the value may be infinite, as `.inf` or as the texts "inf" and "none".
+        bounds: Whether a lower and an upper bound may stand for each value of an array.
+        within: The smallest and the largest allowed value; None is any of this sign.
+    """
+
+    unit: str
+    example: str = ""
+    sign: Literal["any", "positive", "not negative", "negative", "share", "turn"] = "any"
+    endless: bool = False
+    bounds: bool = False
+    within: tuple[float, float] | None = None
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The smallest and the largest allowed finite value."""
+        return self.within or RANGES[self.sign]
+
+    @property
+    def words(self) -> str:
+        """The unit for messages; empty for plain numbers."""
+        return "" if self.unit == "1" else self.unit.replace("^2", "²").replace("^3", "³")
+
+    def needed(self, value: float) -> str:
+        """What a finite value outside the range must do, after the word "must"."""
+        low, high = self.range
+        more = self.words and f" {self.words}"
+        if self.within is None and self.sign == "share":
+            return "be from 0 to below 1, as 0.1 for 10 %"
+        if value <= 0 < low:
+            return "be above zero"
+        if value < 0 == low:
+            return "not be negative"
+        if value >= 0 > high:
+            return "be below zero"
+        return f"be from {low:g} to {high:g}{more}"
+
+
+@dataclass(frozen=True, slots=True, init=False)
+class Axes:
+    """The shape of an array: annotates an array.
+
+    Args:
+        axes: Length of each axis, or its name. Axes with the same name have the same length in all
+            fields of a dataclass. `...` alone is any shape.
+    """
+
+    axes: tuple[str | int | EllipsisType, ...]
+
+    def __init__(self, *axes: str | int | EllipsisType) -> None:
+        object.__setattr__(self, "axes", axes)
+
+    def __str__(self) -> str:
+        """The shape as numpy writes it, such as "(n, 3)"."""
+        return f"({', '.join(str(x) for x in self.axes)}{',' * (len(self.axes) == 1)})"
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The allowed texts: annotates a str."""
+
+    known: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class AtLeast:
+    """The smallest and the largest allowed whole number, None for any: annotates an int."""
+
+    least: int | None
+    most: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """Printable texts of at most so many characters, such as names: annotates a str."""
+
+    most: int = LONGEST_NAME
+    needed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class About:
+    """Options and sliders that set a field of a job: annotates the field, once per option.
+
+    `files/job_options.py` makes the short options of the command line from it, and
+    `files/job_form.py` the sliders of the Studio.
+
+    Args:
+        option: The option of the command line, such as "--units"; "" for none.
+        topic: Its section in the help of commands; by default that of the keys around it.
+        help: Its help.
+        read: The function of `cli/quantities.py` that reads it, if it is no single value.
+        key: The key that it sets in the mapping of the field; "*" for the keys that it names.
+        usual: Range of the slider on the page of the Studio, in SI units; from 0 it is linear,
+            otherwise logarithmic. By default there is none.
+    """
+
+    option: str = ""
+    topic: str = ""
+    help: str = ""
+    read: str = ""
+    key: str = ""
+    usual: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Some:
+    """Values of some fields of a dataclass, by their names: annotates a mapping."""
+
+    of: type
+
+
+Name = Annotated[str, Named()]
+NeededName = Annotated[str, Named(needed=True)]
+Seed = Annotated[int, AtLeast(0)]
+Workers = Annotated[int, AtLeast(1, 1024)]
+PlainNumber = Annotated[float, Quantity("")]
+Factor = Annotated[float, Quantity("1", "50 %", "positive")]
+NotNegative = Annotated[float, Quantity("", sign="not negative")]
+Direction = Annotated[FloatArray, Quantity(""), Axes(3)]
+Length = Annotated[float, Quantity("m", "5 mm")]
+Distance = Annotated[float, Quantity("m", "5 mm", "not negative")]
+Size = Annotated[float, Quantity("m", "5 mm", "positive")]
+Tolerance = Annotated[float, Quantity("m", "0.2 mm", "positive")]
+Speed = Annotated[float, Quantity("m/s", "0.15 m/s", "positive")]
+Acceleration = Annotated[float, Quantity("m/s^2", "0.09 m/s^2", "positive")]
+Angle = Annotated[float, Quantity("rad", "90 deg")]
+Turn = Annotated[float, Quantity("rad", "90 deg", "turn")]
+AngularDistance = Annotated[float, Quantity("rad", "2 deg", "not negative")]
+AngularRate = Annotated[float, Quantity("rad/s", "90 deg/s", "positive")]
+Time = Annotated[float, Quantity("s", "20 ms")]
+Moment = Annotated[float, Quantity("s", "2 s")]
+Duration = Annotated[float, Quantity("s", "4 ms", "not negative")]
+Interval = Annotated[float, Quantity("s", "4 ms", "positive")]
+Frequency = Annotated[float, Quantity("1/s", "2 Hz", "positive")]
+Pole = Annotated[float, Quantity("1/s", "-100 1/s", "negative")]
+Mass = Annotated[float, Quantity("kg", "2 kg", "not negative")]
+Inertia = Annotated[float, Quantity("kg m^2", "0.002 kg m^2")]
+Ratio = Annotated[float, Quantity("1", "10 %")]
+Reserve = Annotated[float, Quantity("1", "10 %", "share")]
+
+DEAD_TIME = Quantity("s", "4 ms", "not negative")
+VISCOUS = Quantity("N m s/rad", "8 N m s/rad", "not negative")
+COULOMB = Quantity("N m", "6 N m", "not negative")
+STIFFNESS = Quantity("N m/rad", "2e4 N m/rad", "positive")
+DAMPING = Quantity("N m s/rad", "2 N m s/rad", "not negative")
+MORE_PAYLOAD = Quantity("kg", "2 kg")
+SHARE = Quantity("1", "50 %")
+GAIN_ERROR = Quantity("1", "10 %", "share")
+# One value for all joints, or one per joint.
+# Limits, which infinity lifts.
+JointRanges = Annotated[FloatArray, Quantity("rad", "90 deg", endless=True)]
+JointVelocities = Annotated[
+    FloatArray, Quantity("rad/s", "1.5 rad/s", "positive", endless=True, bounds=True)
+]
+JointAccelerations = Annotated[
+    FloatArray, Quantity("rad/s^2", "0.72 rad/s^2", "positive", endless=True, bounds=True)
+]
+JointJerks = Annotated[FloatArray, Quantity("rad/s^3", "4000 rad/s^3", "positive", endless=True)]
+JointTorques = Annotated[FloatArray, Quantity("N m", "150 N m", "positive", endless=True)]
+SpeedLimit = Annotated[float, Quantity("m/s", "0.15 m/s", "positive", endless=True)]
+AccelerationLimit = Annotated[float, Quantity("m/s^2", "0.09 m/s^2", "positive", endless=True)]
+AngularSpeedLimit = Annotated[float, Quantity("rad/s", "90 deg/s", "positive", endless=True)]
+AngularAccelerationLimit = Annotated[
+    float, Quantity("rad/s^2", "720 deg/s^2", "positive", endless=True)
+]
+JerkLimit = Annotated[float, Quantity("m/s^3", "40 m/s^3", "positive", endless=True)]
+JointArmatures = Annotated[FloatArray, Quantity("kg m^2", "0.1 kg m^2", "not negative")]
+ViscousFrictions = Annotated[FloatArray, VISCOUS]
+CoulombFrictions = Annotated[FloatArray, COULOMB]
+JointStiffnesses = Annotated[FloatArray, STIFFNESS]
+JointDampings = Annotated[FloatArray, DAMPING]
+OwnAccelerations = Annotated[
+    FloatArray, Quantity("rad/s^2", "0.72 rad/s^2", "positive", endless=True)
+]

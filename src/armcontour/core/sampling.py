@@ -1,0 +1,172 @@
+"""Times and joint values that a sampled motion can have; wholes that are cut into parts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
+
+# Steps of time [s]. Controllers and planners sample at 1 MHz at most; a nanosecond is the last
+# digit of times that are printed with nine decimals. Shorter steps come of damaged files, and
+# dividing by their squares would exceed all floats.
+SHORTEST_STEP = 1e-9
+# Nor can two times be told apart that differ by less than this many units in the last binary place.
+STEP_ULPS = 4
+# Times [s]: 300 years. Seconds since 1970 are below it, milliseconds without their unit are not.
+LATEST = 1e10
+# Joint positions [rad], velocities [rad/s] and accelerations [rad/s²]. 10,000 rad are 1,600 turns.
+# The others only keep sums and squares finite: wrong values below them are there to be judged.
+LARGEST = {"q": 1e4, "dq": 1e9, "ddq": 1e12}
+Place = Callable[[str, int, int], str]
+JOINT_UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
+# An interval this many times the usual one is a gap: nobody knows what was commanded in it.
+GAP = 3.0
+# Where more of the intervals are gaps, the times come in bursts.
+MOST_GAPS = 0.05
+# Standard deviation of normal values over the median of their sizes.
+OF_MEDIAN = 1.4826
+
+
+def refuse_far(t: FloatArray, place: Place, rename: Callable[[str], str] = str) -> None:
+    """Refuse times that are too large to be seconds.
+
+    Args:
+        t: Times [s], (n,).
+        place: As in `refuse_samples`.
+        rename: Gives what the message advises, for a title such as "t [ms]".
+
+    Raises:
+        InvalidInput: There is such a time.
+    """
+    far = np.flatnonzero(np.abs(t) > LATEST)
+    if len(far):
+        i = int(far[0])
+        unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if abs(t[i]) * y < LATEST), "ns")
+        raise InvalidInput(
+            f"{place('t', i, 0)} is {t[i]:.3g} s, but times must stay within {LATEST:g} s: correct "
+            f"the number, or give the times their unit, such as {rename(f't [{unit}]')}.",
+            index=i,
+            t=float(t[i]),
+        )
+
+
+def refuse_samples(t: FloatArray, arrays: Mapping[str, FloatArray], place: Place) -> None:
+    """Refuse times and joint values that no sampled motion can have.
+
+    Args:
+        t: Times [s], (n,).
+        arrays: Joint positions ("q"; or "command" and "measured"), velocities "dq" and
+            accelerations "ddq", (n, dof) each.
+        place: Takes "t" or the name of an array, the index of a row and that of a joint. Gives the
+            subject of a sentence on the value, such as "t in row 3".
+
+    Raises:
+        InvalidInput: There is such a value.
+    """
+    refuse_far(t, place)
+    # Compared with the later time: where times jump back, any bound is missed.
+    steps = np.diff(t)
+    short = np.flatnonzero(~(steps >= _shortest_step(t[1:])))
+    if len(short):
+        i = int(short[0]) + 1
+        step, least, why = float(steps[i - 1]), f"{SHORTEST_STEP * 1e9:g} ns", ""
+        if step > 0:
+            why = f": the step must be at least {least} and more than the rounding of the times"
+        elif step == 0:
+            why = (
+                ": the times are repeated or rounded, and do not agree with even steps; print them "
+                "with more digits"
+            )
+        before, after = (f"{float(x)!r} s" for x in t[i - 1 : i + 1])
+        raise InvalidInput(
+            f"{place('t', i, 0)} is {after}, but times must increase, and the one before is "
+            f"{before}{why}.",
+            index=i,
+            t=float(t[i]),
+        )
+    for name, values in arrays.items():
+        kind = name if name in LARGEST else "q"
+        large = np.argwhere(~(np.abs(values) <= LARGEST[kind]))
+        if len(large):
+            i, j = map(int, large[0])
+            unit = JOINT_UNITS[kind]
+            raise InvalidInput(
+                f"{place(name, i, j)} is {values[i, j]:.3g} {unit}, but no joint has more than "
+                f"{LARGEST[kind]:g} {unit}: correct the number, or give it its unit, such as "
+                "q1 [deg].",
+                index=i,
+                t=float(t[i]),
+                joint=j,
+            )
+
+
+def _shortest_step(t: FloatArray) -> FloatArray:
+    """The shortest usable steps before times `t` [s]."""
+    ulp = STEP_ULPS * np.finfo(np.float64).eps
+    # The difference of two times that are printed a nanosecond apart may be a little less.
+    return np.asarray(np.maximum(0.999 * SHORTEST_STEP, ulp * np.abs(t)))
+
+
+def describe_bursts(t: FloatArray, source: str) -> str:
+    """A sentence on times that come in bursts, as those at which messages arrive; else empty."""
+    steps = np.diff(t)
+    if len(steps) < 10 or np.mean(steps > GAP * np.median(steps)) < MOST_GAPS:
+        return ""
+    return (
+        f"The times of {source} come in bursts, usually {np.median(steps):.3g} s apart, but with "
+        f"gaps of up to {steps.max():.3g} s: they are probably those at which messages arrived, "
+        "and speeds computed with them are wrong. Use the controller's own times."
+    )
+
+
+def interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
+    """Values of several columns on straight lines between samples; beyond these they stay.
+
+    Args:
+        at: Times [s], (m,).
+        t: Times of the samples, increasing [s], (n,).
+        values: The samples, (n, columns).
+
+    Returns:
+        The values, (m, columns).
+    """
+    if len(at):
+        # Only samples about the times asked for are copied, so that parts of long motions are fast.
+        first, last = np.searchsorted(t, (at.min(), at.max()))
+        near = slice(max(first - 1, 0), last + 1)
+        t, values = t[near], values[near]
+    return np.stack([np.interp(at, t, x) for x in values.T], axis=1)
+
+
+def number_parts(count: IntArray) -> tuple[IntArray, IntArray]:
+    """The whole that each part belongs to, and the number of the part in it, both from 0.
+
+    Args:
+        count: Number of parts of each whole, (n,).
+    """
+    whole = np.repeat(np.arange(len(count)), count)
+    return whole, np.arange(len(whole)) - np.repeat(np.cumsum(count) - count, count)
+
+
+def white_noise(values: FloatArray, smoothed: bool = False, order: int = 3) -> FloatArray:
+    """Standard deviation of the white noise in regular samples of smooth motion, (...).
+
+    By differences of a high order, which hardly see smooth motion. Their median ignores outliers
+    and what is not smooth for a short time, as friction at a reversal. If most differences are 0,
+    as with a coarse encoder, their root mean square is used.
+
+    Args:
+        values: Samples, (n, ...).
+        smoothed: Whether the mean over neighbours was taken, with the weights 1/4, 1/2 and 1/4.
+        order: Order of the differences.
+    """
+    if len(values) <= order:
+        return np.zeros(values.shape[1:])
+    differences = np.abs(np.diff(values, order, axis=0))
+    usual = OF_MEDIAN * np.median(differences, axis=0)
+    usual = np.where(usual > 0, usual, np.sqrt(np.mean(differences**2, axis=0)))
+    mean = [0.25, 0.5, 0.25] if smoothed else [1.0]
+    return np.asarray(usual / np.linalg.norm(np.diff(np.pad(mean, order), order)))

@@ -1,0 +1,231 @@
+"""Staging folders: hidden folders in which results are made before they are moved into place.
+
+A staging folder has a fixed name next to its destination and belongs to one process, which has a
+lock on it. So a second run into the same destination is refused.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import threading
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path as FilePath
+
+from armcontour.core.errors import InvalidInput
+
+PREFIX = ".armcontour-"
+# Number of characters of a file's name in the name of its staging folder: enough to recognise it,
+# and with prefix and checksum below 255 bytes.
+LONGEST_NAME = 40
+
+# What mends it that the system refuses to write; of others nothing is known.
+MENDS = {
+    **dict.fromkeys(
+        (errno.EACCES, errno.EPERM, errno.EROFS), "name a place where you may write, or allow it"
+    ),
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "free some space, or name another place"),
+    **dict.fromkeys((errno.ENOENT, errno.ENOTDIR), "name a place in a folder that is there"),
+}
+
+# Folder in a staging folder for the earlier result, which is removed once the new one is in place.
+OLD = ".old"
+
+# A thread that moves results into place has this lock; a thread that ends the program waits for it.
+_placing = threading.Lock()
+# For each staging folder that is removed at its end its destination, unless that grows in parts.
+_open: dict[FilePath, FilePath | None] = {}
+
+
+class Staging:
+    """A staging folder of this process; a context manager that removes the folder at its end.
+
+    Args:
+        place: Path of the staging folder; `beside` and `inside` give it for a destination.
+        destination: The file or folder that is made in it, for messages.
+        growing: Whether the destination is written in parts: then it is not unwritten if the
+            program ends because of a signal.
+
+    Raises:
+        InvalidInput: Another process uses the folder, or a killed process left an earlier result
+            in it.
+        OSError: The folder cannot be made.
+    """
+
+    def __init__(self, place: FilePath, destination: FilePath, *, growing: bool = False) -> None:
+        self.place = place
+        # The program must not be ended by a signal between these steps.
+        with moving():
+            self._handle = _take(place, destination)
+            _open[place] = None if growing else destination
+
+    def __enter__(self) -> Staging:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.remove()
+
+    def empty(self) -> None:
+        """Remove the content of the folder."""
+        for inner in self.place.iterdir():
+            if inner.is_dir() and not inner.is_symlink():
+                shutil.rmtree(inner)
+            else:
+                inner.unlink()
+
+    def move(self, moves: Sequence[tuple[FilePath, FilePath]]) -> None:
+        """Rename files and folders, in order; if one rename fails, all are renamed back.
+
+        Args:
+            moves: Present and new path of each; no file has a new path yet.
+
+        Raises:
+            OSError: A rename failed. If a file could not be renamed back, this folder stays.
+        """
+        for source, _ in moves:
+            source.lstat()
+        with moving():
+            try:
+                for source, target in moves:
+                    os.rename(source, target)
+            except BaseException:
+                destination = _open.pop(self.place)
+                for source, target in reversed(moves):
+                    if os.path.lexists(target) and not os.path.lexists(source):
+                        os.rename(target, source)
+                _open[self.place] = destination
+                raise
+
+    def remove(self) -> None:
+        """Remove the folder with its content, and release the lock."""
+        if self.place in _open:
+            shutil.rmtree(self.place, ignore_errors=True)
+            del _open[self.place]
+        if self._handle is not None:
+            os.close(self._handle)
+            self._handle = None
+
+
+def beside(file: FilePath) -> FilePath:
+    """Path of the staging folder for a file or folder, next to it."""
+    checksum = zlib.crc32(os.fsencode(file.name))
+    return file.parent / f"{PREFIX}{file.name[:LONGEST_NAME]}-{checksum:08x}"
+
+
+def inside(folder: FilePath) -> FilePath:
+    """Path of the staging folder for the content of an existing folder, inside it."""
+    return folder / f"{PREFIX}next"
+
+
+@contextmanager
+def moving() -> Iterator[None]:
+    """Context in which results are moved into place; signals do not end the program meanwhile.
+
+    The context must be short: only renames.
+    """
+    with _placing:
+        yield
+
+
+def unwritable(what: object, error: OSError) -> InvalidInput:
+    """The refusal of a place that the system does not let us write, with what mends it.
+
+    Args:
+        what: The file; or the folder, after "to the folder".
+        error: What the system said.
+    """
+    mend = MENDS.get(error.errno or 0, "name another place")
+    return InvalidInput(f"Cannot write {what}: {error.strerror or error}; {mend}.")
+
+
+def put_in_place(file: FilePath, write: Callable[[FilePath], object]) -> None:
+    """Write a file or folder atomically: completely, or not at all if writing fails.
+
+    Args:
+        file: The destination, which may exist.
+        write: Called with a temporary path of the same name; writes the file or folder there.
+
+    Raises:
+        InvalidInput: Another process is writing the same file.
+        OSError: The file cannot be written.
+    """
+    with Staging(beside(file), file) as staging:
+        staging.empty()
+        fresh = staging.place / file.name
+        write(fresh)
+        if fresh.is_dir() and file.exists():
+            old = staging.place / OLD
+            old.mkdir()
+            staging.move([(file, old / file.name), (fresh, file)])
+        else:
+            with moving():
+                os.replace(fresh, file)
+
+
+def abandon(patience: float) -> list[str]:
+    """Remove all staging folders before the program ends because of a signal.
+
+    The function waits until the current moves into place are complete. After it no result can be
+    moved into place.
+
+    Args:
+        patience: Longest time to wait for moves [s].
+
+    Returns:
+        The destinations that were not written.
+    """
+    if not _placing.acquire(timeout=patience):
+        # The staging folder may have the only copy of an earlier result, so it must stay.
+        return []
+    ended = dict(_open)
+    for place in ended:
+        # The writing thread may add a file between these attempts.
+        for _ in range(3):
+            shutil.rmtree(place, ignore_errors=True)
+            if not place.exists():
+                break
+    return [str(x) for x in ended.values() if x is not None]
+
+
+def _take(place: FilePath, destination: FilePath) -> int | None:
+    """Make a staging folder, or take over the folder of a killed process.
+
+    Windows and some network file systems have no locks on folders. There the process that makes
+    the folder owns it.
+
+    Returns:
+        A handle with the lock; None if there are no locks.
+
+    Raises:
+        InvalidInput: Another process uses the folder, or it has files of an earlier result.
+        OSError: The folder cannot be made.
+    """
+    handle, is_ours = None, True
+    try:
+        place.mkdir()
+    except FileExistsError:
+        is_ours = False
+    try:
+        import fcntl
+
+        handle = os.open(place, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        # Another process may have removed its folder before this one locked it.
+        is_ours = os.path.samestat(os.fstat(handle), os.lstat(place))
+    except BlockingIOError:
+        is_ours = False
+    except (ImportError, OSError):
+        pass
+    old = place / OLD
+    if is_ours and not (old.is_dir() and any(old.iterdir())):
+        return handle
+    if handle is not None:
+        os.close(handle)
+    raise InvalidInput(
+        f"Another run is writing to {destination}, or was killed while it replaced an earlier "
+        f"result: wait for its end, or choose another destination. If there is no other run, move "
+        f"the files in {old} elsewhere, if there are any, and remove {place}."
+    )

@@ -1,0 +1,300 @@
+"""Safe YAML: no repeated keys, a limit for aliases, and the numbers of YAML 1.2."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+import yaml
+
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import LONGEST, parse_number, show
+
+# Longest text: PyYAML's parser reads 0.3 million characters per second. Tables hold long paths.
+MOST_CHARACTERS = 16_000_000
+# Largest number of values that aliases add: an alias repeats all values of its anchor.
+MOST_ALIASED = 100_000
+# Number of characters of text that count as one value.
+OF_ONE_VALUE = 80
+FLOAT = "tag:yaml.org,2002:float"
+INT = "tag:yaml.org,2002:int"
+BOOL = "tag:yaml.org,2002:bool"
+STR = "tag:yaml.org,2002:str"
+TIMESTAMP = "tag:yaml.org,2002:timestamp"
+VALUE = "tag:yaml.org,2002:value"
+# The key whose value is merged into its mapping, and the tag of this key.
+MERGE, MERGE_TAG = "<<", "tag:yaml.org,2002:merge"
+# Possessive quantifiers prevent backtracking, so that the time is linear in the length.
+WHOLE = re.compile(r"[-+]?[0-9]++\Z")
+DECIMAL = re.compile(r"[-+]?(?:\.[0-9]++|[0-9]++(?:\.[0-9]*+)?+)(?:[eE][-+]?[0-9]++)?+\Z")
+# What libyaml reads otherwise than PyYAML's own parser: tabs and other line ends, marks of the byte
+# order, directives, tags, "?" in texts, heads of text blocks.
+OTHERWISE = re.compile("[\t\r\x85\u2028\u2029\ufeff?!]|^%|[|>][-+0-9]*#", re.MULTILINE)
+# What the parser says, and the same for people who do not know its words; `begun` is the line in
+# which what is wrong began.
+PLAIN = {
+    re.compile(r"unexpected end of stream"): "the quote that begins in line {begun} does not end",
+    re.compile(r"'\\t' that cannot start"): "a tab stands here, but lines are indented by blanks",
+    re.compile(r"'(.)' that cannot start"): "a text that begins with {0} needs quotes",
+    re.compile(r"<block end>, but found '<block"): "this line is not indented as those beside it",
+    re.compile(r"<block end>, but found '(.+)'"): "{0} has no place here",
+    re.compile(
+        r"expected ',' or '(.)', but got"
+    ): "the bracket of line {begun} needs a {0} before this",
+    re.compile(r"mapping values are not allowed"): (
+        "this colon has no place: the line is indented too far, or a text with a colon needs quotes"
+    ),
+    re.compile(r"could not find expected ':'"): "line {begun} has no colon after its key",
+}
+ENDLESS = re.compile(r"(?:[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z")
+
+
+class Loader(yaml.SafeLoader):
+    """A safe loader that refuses repeated keys and aliases that multiply the size of a document."""
+
+    def get_single_data(self) -> Any:
+        """The document, if its aliases, also merged ones, do not add too many values."""
+        node = self.get_single_node()
+        if node is None:
+            return None
+        _refuse_flood(node)
+        return self.construct_document(node)
+
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        """Compose a mapping whose keys are all different, before merged keys are added."""
+        node = super().compose_mapping_node(anchor)
+        seen = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                if key.tag == BOOL:
+                    # Keys such as off are text.
+                    key.tag = STR
+                if (key.tag, key.value) in seen:
+                    raise _wrong(key, f"the key {show(key.value)} stands twice")
+                seen.add((key.tag, key.value))
+        return node
+
+    def flatten_mapping(self, node: yaml.MappingNode) -> None:
+        """Put merged keys before the own ones, which override them; PyYAML 6.0.4 does not."""
+        merged, own = [], []
+        for key, value in node.value:
+            if key.tag != MERGE_TAG:
+                own.append((key, value))
+                continue
+            # The first mapping of a list overrides the others.
+            for part in reversed(value.value) if isinstance(value, yaml.SequenceNode) else [value]:
+                if not isinstance(part, yaml.MappingNode):
+                    raise _wrong(part, f"{MERGE} takes a mapping or a list of mappings")
+                self.flatten_mapping(part)
+                merged += part.value
+        node.value = merged + own
+
+
+class QuickLoader(Loader):
+    """The same with libyaml's parser below, which makes it six times as fast."""
+
+    def __init__(self, stream: str) -> None:
+        yaml.composer.Composer.__init__(self)
+        yaml.constructor.SafeConstructor.__init__(self)
+        yaml.resolver.Resolver.__init__(self)
+        # Not everywhere where PyYAML is.
+        from yaml._yaml import CParser
+
+        parser = CParser(stream)
+        for name in ("check_event", "get_event", "peek_event"):
+            setattr(self, name, getattr(parser, name))
+
+
+def construct_int(loader: Loader, node: yaml.ScalarNode) -> int:
+    """A whole number in decimal digits; 1_000, 1:30 and 010 are no such numbers."""
+    text = str(loader.construct_scalar(node))
+    if not WHOLE.match(text):
+        raise _wrong(node, f"{show(text)} is not a whole number")
+    # Refuses thousands of digits.
+    _parse(text, node)
+    return int(text)
+
+
+def construct_float(loader: Loader, node: yaml.ScalarNode) -> float:
+    """A decimal number, or infinity or NaN, which the checks of the keys refuse by name."""
+    text = str(loader.construct_scalar(node))
+    if ENDLESS.match(text):
+        return float(text.replace(".", ""))
+    return _parse(text, node)
+
+
+def _parse(text: str, node: yaml.Node) -> float:
+    """Parse a number; an error names its line."""
+    if len(text) > LONGEST:
+        raise _wrong(node, f"{show(text)} has {len(text)} characters, too many for a number")
+    try:
+        return parse_number(text)
+    except ValueError:
+        raise _wrong(node, f"{show(text)} is not a finite number") from None
+
+
+def _wrong(node: yaml.Node, problem: str) -> yaml.constructor.ConstructorError:
+    """An error at a place of the document."""
+    return yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
+
+
+# PyYAML reads numbers as in YAML 1.1, and dates and "="; these must stay text in a title.
+Loader.yaml_implicit_resolvers = {
+    first: [x for x in resolvers if x[0] not in (FLOAT, INT, TIMESTAMP, VALUE)]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+Loader.add_implicit_resolver(INT, WHOLE, list("-+0123456789"))
+Loader.add_implicit_resolver(FLOAT, DECIMAL, list("-+.0123456789"))
+Loader.add_implicit_resolver(FLOAT, ENDLESS, list("-+."))
+Loader.add_constructor(INT, construct_int)
+Loader.add_constructor(FLOAT, construct_float)
+
+
+class AngleLoader(Loader):
+    """A loader with the tags for angles in robot files, which are converted to radians."""
+
+
+def construct_degrees(loader: Loader, node: yaml.Node) -> float:
+    """An angle in degrees."""
+    return math.radians(_parse(str(node.value), node))
+
+
+def construct_radians(loader: Loader, node: yaml.Node) -> float:
+    """An angle in radians."""
+    return _parse(str(node.value), node)
+
+
+AngleLoader.add_constructor("!degrees", construct_degrees)
+AngleLoader.add_constructor("!radians", construct_radians)
+
+
+def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> Any:
+    """Load the YAML document in a text, or in bytes of UTF-8.
+
+    Args:
+        content: The text.
+        source: Name of the text, for messages.
+        loader: Loader class, such as one with more tags.
+
+    Raises:
+        InvalidInput: Not YAML, a repeated key, a text that is too long, or aliases that add too
+            many values.
+    """
+    with _reading(content, source):
+        text = _decoded(content)
+        # These two differ by their tags only, of which there are none then.
+        plain = loader in (Loader, AngleLoader) and not OTHERWISE.search(text)
+        if plain and yaml.__with_libyaml__:
+            # What it refuses is read again, as sentences name what PyYAML's own parser finds.
+            with suppress(yaml.YAMLError, ValueError, TypeError, OverflowError, RecursionError):
+                return yaml.load(text, Loader=QuickLoader)
+        return yaml.load(text, Loader=loader)
+
+
+def load_with_node(text: str, source: str) -> tuple[Any, yaml.Node | None]:
+    """Load the YAML document in a text, with the nodes that say where its values are written.
+
+    Args:
+        text: The text.
+        source: As in `load`.
+
+    Returns:
+        The data, and the root of the nodes, in which merged keys stay where they are written.
+
+    Raises:
+        InvalidInput: As in `load`.
+    """
+    with _reading(text, source):
+        loader = Loader(text)
+        node = loader.get_single_node()
+        if node is None:
+            return None, None
+        _refuse_flood(node)
+        # Merging moves nodes, so that those with a merge key are made once more.
+        kept = yaml.compose(text, Loader=Loader) if MERGE in text else node
+        return loader.construct_document(node), kept
+
+
+@contextmanager
+def _reading(content: str | bytes, source: str) -> Iterator[None]:
+    """Context in which a text is parsed; what it raises are sentences."""
+    if len(content) > MOST_CHARACTERS:
+        raise InvalidInput(
+            f"{source} has {len(content) / 1e6:.0f} million characters, more than the "
+            f"{MOST_CHARACTERS / 1e6:.0f} million that are read of YAML: a long path can stand in "
+            "a CSV file of its own."
+        )
+    try:
+        yield
+    except UnicodeDecodeError as error:
+        raise InvalidInput(
+            f"{source} is not valid YAML: it is not text in UTF-8 ({error})."
+        ) from None
+    except RecursionError:
+        raise InvalidInput(f"{source} is not valid YAML: it is nested too deeply.") from None
+    except yaml.YAMLError as error:
+        raise InvalidInput(f"{source} is not valid YAML: {_where(error)}.") from None
+    except (ValueError, TypeError, OverflowError) as error:
+        if isinstance(error, InvalidInput):
+            raise
+        raise InvalidInput(f"{source} is not valid YAML: {error}.") from None
+
+
+def _decoded(content: str | bytes) -> str:
+    """A text, from bytes of UTF-8 if need be."""
+    return content if isinstance(content, str) else content.decode("utf-8")
+
+
+def _refuse_flood(root: yaml.Node) -> None:
+    """Refuse a document whose aliases add too many values.
+
+    Raises:
+        YAMLError: Too many values, or an alias inside its own anchor.
+    """
+    sizes: dict[int, int] = {}
+    inside: set[int] = set()
+    written = 0
+
+    def size(node: yaml.Node) -> int:
+        nonlocal written
+        if id(node) in inside:
+            raise _wrong(node, "an alias stands for what it is part of")
+        if id(node) not in sizes:
+            own = 1
+            if isinstance(node, yaml.ScalarNode):
+                own += len(node.value) // OF_ONE_VALUE
+            written += own
+            inside.add(id(node))
+            sizes[id(node)] = own + sum(map(size, _parts(node)))
+            inside.discard(id(node))
+        return sizes[id(node)]
+
+    aliased = size(root) - written
+    if aliased > MOST_ALIASED:
+        raise _wrong(
+            root,
+            f"its aliases stand for more than {MOST_ALIASED} values: use fewer aliases",
+        )
+
+
+def _parts(node: yaml.Node) -> list[yaml.Node]:
+    """The children of a node."""
+    if isinstance(node, yaml.MappingNode):
+        return [x for pair in node.value for x in pair]
+    return list(node.value) if isinstance(node, yaml.SequenceNode) else []
+
+
+def _where(error: yaml.YAMLError) -> str:
+    """Problem, line and column of an error."""
+    if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
+        mark, begun = error.problem_mark, error.context_mark or error.problem_mark
+        problem = error.problem or ""
+        for pattern, words in PLAIN.items():
+            if (found := pattern.search(problem)) is not None:
+                problem = words.format(*found.groups(), begun=begun.line + 1)
+                break
+        return f"{problem} (line {mark.line + 1}, column {mark.column + 1})"
+    return " ".join(str(error).split())

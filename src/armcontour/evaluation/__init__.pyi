@@ -1,9 +1,0 @@
-from armcontour.evaluation.checking import Check as Check
-from armcontour.evaluation.checking import PathDeviation as PathDeviation
-from armcontour.evaluation.checking import check as check
-from armcontour.evaluation.error_profile import ErrorProfile as ErrorProfile
-from armcontour.evaluation.error_profile import Missed as Missed
-from armcontour.evaluation.evaluation import Evaluation as Evaluation
-from armcontour.evaluation.evaluation import evaluate as evaluate
-from armcontour.evaluation.pieces import CornerDeviation as CornerDeviation
-from armcontour.evaluation.tally import LimitUse as LimitUse

@@ -1,9 +1,0 @@
-"""Plants (simulated robots) that execute taught data; they share no formula with compensators."""
-
-from armcontour._lazy import lazy_names
-
-_HOME = {
-    "plant": "Plant ServoPlant execute",
-    "rigid_body_plant": "RigidBodyPlant",
-}
-__getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -1,0 +1,191 @@
+"""Cells: job files without a path, which are combined with a drawing."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path as FilePath
+from typing import Any
+
+from armcontour.core.checks import LONGEST_NAME
+from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.progress import Progress
+from armcontour.core.text import make_printable, shorten
+from armcontour.core.yaml_layout import load
+from armcontour.files.job_arm import arm_of
+from armcontour.files.job_edits import REMOVE, move_files
+from armcontour.files.job_file import job_of, job_text, model_of, read_data
+from armcontour.files.job_model import CellModel, PathModel
+from armcontour.files.job_path import part_of, read_drawing
+from armcontour.files.keys import Given, read_keys
+from armcontour.files.patch import Patch, apply, write
+from armcontour.files.scene import scene_of
+from armcontour.jobs import Job
+from armcontour.jobs.job import LONGEST_TITLE
+from armcontour.robot import Arm
+from armcontour.robot.scene import Scene
+
+# Keys of a job's path that a drawing replaces.
+OWN_PATH = ("points", "start", "segments", "spline")
+YAML = (".yaml", ".yml")
+
+
+def cell_names() -> tuple[str, ...]:
+    """Names of the built-in cells."""
+    files = (resources.files("armcontour.files") / "cells").iterdir()
+    return tuple(sorted(x.name.removesuffix(".yaml") for x in files if x.name.endswith(".yaml")))
+
+
+def cell_text(name: str) -> str:
+    """The text of a built-in cell: a job file without a path, with comments.
+
+    Args:
+        name: Name of the cell, which is that of its arm.
+
+    Raises:
+        InvalidInput: No such cell.
+    """
+    names = cell_names()
+    if name not in names:
+        raise InvalidInput(
+            f"There is no cell {name!r}: name a job file (.yaml), or one of {', '.join(names)}."
+        )
+    found = resources.files("armcontour.files") / "cells" / f"{name}.yaml"
+    return found.read_text(encoding="utf-8")
+
+
+def read_cell(
+    cell: str | FilePath,
+    drawing: str | FilePath,
+    *,
+    path: Mapping[str, Any] | None = None,
+    patch: Patch | None = None,
+    reading: Progress | None = None,
+    trust_xacro: bool = False,
+) -> Job:
+    """Read a cell and a drawing, and combine them into a job.
+
+    Args:
+        cell: Name of a built-in cell, or a job file. The drawing replaces the points or segments of
+            the job file; its frame and its options for reading files stay.
+        drawing: The file of the drawing.
+        path: Keys of `path` that differ from the cell's, as in a job file.
+        patch: Values by keys that replace the cell's own, as in `read_job`.
+        reading: Called with the progress of reading the drawing, as in `read_path`.
+        trust_xacro: As in `read_job`.
+
+    Raises:
+        InvalidInput: No such cell, or an error of `read_job` or `read_path`.
+    """
+    values: Patch = {("path", key): value for key, value in (path or {}).items()}
+    data, source, folder = cell_data(cell, drawing, {**values, **(patch or {})})
+    model = model_of(CellModel, data, source)
+    # What is wrong with the drawing is not the cell's fault: such sentences name the drawing only.
+    program = read_drawing(model.path, str(model.path.file), folder, reading)
+    with locate_errors(source):
+        return job_of(model, folder, reading, trust_xacro, program)
+
+
+def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
+    """Read the arm of a cell, or of a job file, with its tool, work frame and payload.
+
+    Args:
+        cell: Name of a built-in cell, or a job file; it needs no path.
+        trust_xacro: As in `read_job`.
+
+    Raises:
+        InvalidInput: No such cell or file, or an invalid key.
+    """
+    text, source, folder = _text(str(cell))
+    with locate_errors(source):
+        model = model_of(CellModel, read_data(text, source), source)
+        return arm_of(model.arm, folder, trust_xacro=trust_xacro)
+
+
+def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple[Arm | None, Scene]:
+    """Read the arm and the scene of a cell, or of a job file, of which other keys may be missing.
+
+    Args:
+        cell: Name of a built-in cell, or a job file.
+        trust_xacro: As in `read_job`.
+
+    Returns:
+        The arm, or None if the file has none; and the scene, empty without the key `scene`.
+
+    Raises:
+        InvalidInput: No such cell or file, or an invalid key.
+    """
+    text, source, folder = _text(str(cell))
+    given = read_keys(Given(CellModel), load(text, source), source)
+    model, path, scene = given.get("arm"), given.get("path", PathModel()), given.get("scene")
+    with locate_errors(source):
+        arm = None if model is None else arm_of(model, folder, trust_xacro=trust_xacro)
+        return arm, Scene() if scene is None else scene_of(scene, folder, part_of(path))
+
+
+def cell_data(
+    cell: str | FilePath, drawing: str | FilePath, patch: Patch | None = None
+) -> tuple[dict[str, Any], str, FilePath]:
+    """A cell and a drawing as the data of a job file.
+
+    Args:
+        cell: As in `read_cell`.
+        drawing: The file of the drawing.
+        patch: As in `read_cell`.
+
+    Returns:
+        The data, the name of the cell for messages, and the folder of its relative files.
+
+    Raises:
+        InvalidInput: No such cell, not YAML, or a key that the cell cannot have.
+    """
+    text, source, folder = _text(str(cell))
+    data, place = read_data(text, source), FilePath(drawing)
+    drawn = _drawn(data, place, str(place.absolute()))
+    with locate_errors(source):
+        return apply(data, {**drawn, **(patch or {})}), source, folder
+
+
+def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) -> str:
+    """A cell and a drawing as the text of a job file, with the comments of the cell.
+
+    Args:
+        cell: As in `read_cell`.
+        drawing: The file of the drawing.
+        to: The folder of the job file, to which the names of files are relative.
+
+    Raises:
+        InvalidInput: As `cell_data`.
+    """
+    text, source, folder = _text(str(cell))
+    place = FilePath(drawing).absolute()
+    file = FilePath(os.path.relpath(place, to)).as_posix()
+    drawn = _drawn(read_data(text, source), place, file)
+    return write(move_files(text, folder, to), drawn, source)
+
+
+def _drawn(cell: Mapping[str, Any], drawing: FilePath, file: str) -> Patch:
+    """The keys of a cell that a drawing replaces: its path, and name and title of the job."""
+    own = cell.get("title")
+    title = drawing.name if own is None else f"{drawing.name} on {own}"
+    return {
+        **{("path", key): REMOVE for key in OWN_PATH},
+        ("path", "file"): file,
+        # The name of a file may be longer than that of a job, and hold unprintable characters.
+        ("name",): _fit(drawing.stem, LONGEST_NAME),
+        ("title",): _fit(title, LONGEST_TITLE),
+    }
+
+
+def _text(cell: str) -> tuple[str, str, FilePath]:
+    """The text of a cell, its name for messages, and the folder of its relative files."""
+    file = FilePath(cell)
+    if file.suffix.lower() in YAML:
+        return job_text(file), file.name, file.parent
+    return cell_text(cell), f"the cell {cell}", FilePath()
+
+
+def _fit(text: str, most: int) -> str:
+    """Make a text printable, and shorten it to a number of characters."""
+    return shorten(make_printable(text), most)

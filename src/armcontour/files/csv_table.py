@@ -1,0 +1,472 @@
+"""Read tables of numbers from CSV: titles and units of columns, cells with lines and digits."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Generic, NamedTuple, NoReturn, TypeVar
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import LONGEST, list_some, parse_number, show
+from armcontour.files.units import parse
+
+Key = TypeVar("Key", bound=Hashable)
+NUMBER = re.compile(
+    r"[+-]?(?=\.?\d)(?P<whole>\d*)(?:\.(?P<part>\d*))?(?:[eE](?P<power>[+-]?\d+))?", re.ASCII
+)
+_ONES = str.maketrans("23456789", "11111111")
+# A comma between digits, as in 0,125.
+_DECIMAL_COMMA = re.compile(r"(\d),(\d)")
+# A number in brackets, as in q[0], is an index and no unit.
+_BRACKETS = re.compile(r"(?P<name>.*?)\s*[\[(](?P<unit>(?!\d*[\])])[^\])]*)[\])]")
+# For pint an angle is a plain number, so that "1/s" would be accepted as "rad/s".
+_ANGLE = re.compile("rad|deg|turn|rev|rpm")
+# Units in the second line of a table.
+_UNIT = re.compile(
+    r"(?:[mµun]?(?:s|m|rad)|sec|cm|deg|°|degrees?|radians?|turns?|rev|rpm|[mk]?(?:A|V|W|Nm|N|Hz|g)|%|"
+    r"°C)(?:[ */·]?(?:s|min|m|mm)(?:\^?2|²)?)?"
+)
+# Title of a column that is not needed.
+SKIPPED = "-"
+# Characters of `rename` that stand for others.
+WILD = {"#": r"(\d+)", "*": "(.*)"}
+# Lines that are searched for the names of columns, and names that one message lists.
+MOST_TRIED = 1000
+MOST_NAMED = 8
+# Rows that are converted at a time: larger parts take more memory and save no time.
+CHUNK = 1 << 14
+
+
+class Title(NamedTuple, Generic[Key]):
+    """The content of a column by its title.
+
+    Args:
+        key: The quantity in the column.
+        si: Its SI unit; None without one.
+        unit: The unit in the name, such as deg in q1_deg; None without one.
+        rank: Of columns of one quantity, the one of the lowest rank is used.
+    """
+
+    key: Key
+    si: str | None
+    unit: str | None = None
+    rank: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column, as described by its title.
+
+    Args:
+        index: Index of the column, from 0.
+        title: The title as in the file.
+        unit: The unit as in the title; None without one.
+        factor: Factor from the unit to SI units; 1 without a unit.
+        rank: As in `Title`.
+    """
+
+    index: int
+    title: str
+    unit: str | None
+    factor: float
+    rank: int
+
+
+@dataclass(slots=True)
+class Digits:
+    """Printed digits of the numbers in a column.
+
+    Args:
+        places: Largest number of decimals.
+        digits: Largest number of significant digits.
+        highest: Power of ten of the first digit of the largest number.
+    """
+
+    places: int = -99
+    digits: int = 0
+    highest: float = -math.inf
+
+    def add(self, texts: Sequence[str]) -> None:
+        """Update the counts with the digits of numbers."""
+        # Numbers without exponents that differ in digits other than 0 count the same.
+        alike = {x if "e" in x or "E" in x else x.translate(_ONES) for x in texts}
+        for match in filter(None, map(NUMBER.fullmatch, alike)):
+            whole, part, power = match.group("whole", "part", "power")
+            part, exponent = part or "", int(power or 0)
+            number = (whole + part).lstrip("0")
+            self.places = max(self.places, len(part) - exponent)
+            if number.strip("0"):
+                self.digits = max(self.digits, len(number))
+                self.highest = max(self.highest, len(number) - 1 - len(part) + exponent)
+
+
+def last_digit(columns: Sequence[Digits]) -> float:
+    """Value of the last printed digit of the largest number, for numbers of one print format.
+
+    Zeros that a format cuts off at the end do no harm: the number of digits is the largest over
+    all numbers, both after the decimal point and in total.
+    """
+    places = max(x.places for x in columns)
+    digits, highest = max(x.digits for x in columns), max(x.highest for x in columns)
+    return float(max(10.0**-places, 10.0 ** (highest - digits + 1)) if digits else 10.0**-places)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CsvTable(Generic[Key]):
+    """A table in CSV: the known columns, and one line per row.
+
+    Args:
+        source: Name of the file, for messages.
+        heading: File and place of the titles, for messages.
+        example: Titles of such a table, for messages.
+        option: The option that names columns, for messages; empty without one.
+        columns: The known columns by their quantities, in the order of the file.
+        unknown: Titles of the other columns.
+        separator: The character between cells.
+        width: Number of columns.
+        lines: The lines of the rows; blank lines and comments are left out.
+        numbers: Numbers of these lines in the file, from 1.
+        comments: Lines that start with #.
+    """
+
+    source: str
+    heading: str
+    example: str
+    option: str
+    columns: Mapping[Key, Column]
+    unknown: tuple[str, ...]
+    separator: str
+    width: int
+    lines: list[str]
+    numbers: list[int]
+    comments: list[str]
+
+    def need(self, *keys: Key) -> None:
+        """Refuse a table without some columns.
+
+        Raises:
+            InvalidInput: A column is missing.
+        """
+        missing = next((x for x in keys if x not in self.columns), None)
+        if missing is None:
+            return
+        also = f", also with {self.rename(str(missing), 'NAME')}" if self.option else ""
+        unknown = list_some([show(x) for x in self.unknown], MOST_NAMED)
+        other = f" The columns {unknown} are not known." if unknown else ""
+        raise InvalidInput(
+            f"{self.heading}: the column {missing} is missing: name the columns, such as "
+            f"{self.example}{also}.{other}"
+        )
+
+    def rename(self, new: str, old: str) -> str:
+        """How to give a column another title, for messages."""
+        return f"{self.option} '{new}={old}'" if self.option else new
+
+    def place(self, row: int, *keys: Key) -> str:
+        """File, line and columns of a row, for messages."""
+        titles = " ".join(self.columns[x].title for x in keys)
+        place = f"{self.source}, line {self.numbers[row]}"
+        return f"{place}, column {show(titles)}" if keys else place
+
+    def cells(self, row: int) -> list[str]:
+        """All cells of a row.
+
+        Raises:
+            InvalidInput: There are too few or too many, or a quote is wrong.
+        """
+        try:
+            cells = _split(self.lines[row], self.separator)
+        except csv.Error as error:
+            # An open quote, or a cell of more than 131,072 characters.
+            raise InvalidInput(f"{self.place(row)}: {error}: correct the quotes.") from None
+        if len(cells) != self.width:
+            raise InvalidInput(
+                f"{self.place(row)}: {len(cells)} values, but {self.width} columns: give each "
+                "column a value.",
+                index=row,
+            )
+        return cells
+
+    def cell(self, row: int, key: Key) -> str:
+        """The cell of a row and a column."""
+        return self.cells(row)[self.columns[key].index]
+
+    def texts(self, keys: Sequence[Key]) -> Iterator[tuple[int, list[list[str]]]]:
+        """Yield the cells of some columns, several thousand rows at a time, after the first row."""
+        indices, count = [self.columns[x].index for x in keys], len(self.lines)
+        for first in range(0, count, CHUNK):
+            rows = [self.cells(i) for i in range(first, min(first + CHUNK, count))]
+            yield first, [[row[i] for row in rows] for i in indices]
+
+    def read(self, keys: Sequence[Key]) -> tuple[FloatArray, list[Digits]]:
+        """The numbers of some columns in SI units, (rows, columns), and their printed digits.
+
+        Empty cells are NaN.
+
+        Raises:
+            InvalidInput: There are no rows, or a cell is not a finite decimal number.
+        """
+        if not self.lines:
+            raise InvalidInput(f"{self.source} has column names, but no rows with numbers.")
+        values = np.empty((len(self.lines), len(keys)))
+        digits = [Digits() for _ in keys]
+        for first, texts in self.texts(keys):
+            for k, column in enumerate(texts):
+                if "," in "".join(column):
+                    column = [_DECIMAL_COMMA.sub(r"\g<1>.\g<2>", x) for x in column]
+                values[first : first + len(column), k] = self._convert(column, first, keys[k])
+                digits[k].add(column)
+        return values * [self.columns[x].factor for x in keys], digits
+
+    def _convert(self, texts: list[str], first: int, key: Key) -> list[float]:
+        """The numbers of the cells from the row `first` on."""
+        joined = "".join(texts)
+        if joined.isascii() and "_" not in joined and max(map(len, texts)) <= LONGEST:
+            try:
+                if np.isfinite(found := list(map(float, texts))).all():
+                    return found
+            except ValueError:
+                pass
+        found = []
+        for row, text in enumerate(texts, start=first):
+            try:
+                found.append(parse_number(text) if text else math.nan)
+            except ValueError:
+                self.refuse_cell(row, key)
+        return found
+
+    def refuse_cell(self, row: int, key: Key) -> NoReturn:
+        """Refuse a cell that is no number.
+
+        Raises:
+            InvalidInput: Always.
+        """
+        raise InvalidInput(
+            f"{self.place(row, key)}: {show(self.cell(row, key))} is not a finite number: correct "
+            "it, or remove the line.",
+            index=row,
+        )
+
+
+def read_table(
+    text: str,
+    source: str,
+    title_of: Callable[[str, bool], Title[Key] | None],
+    *,
+    example: str,
+    columns: str | None = None,
+    option: str = "",
+) -> CsvTable[Key]:
+    """The table in CSV text with commas, semicolons, tabs or blanks between cells.
+
+    Lines that start with # are comments, and so are those above the titles. A unit follows a title
+    in brackets, `q1 [deg]`, or is a part of the name, such as `q1_deg`. A second line that has only
+    units belongs to the titles. Numbers may have a decimal comma, with other separators or in
+    quotes.
+
+    Args:
+        text: The text.
+        source: Name of the file, for messages.
+        title_of: Takes a title without brackets, and whether a unit in brackets follows. Gives the
+            content of the column; None if it is unknown.
+        example: Valid titles, for messages.
+        columns: Titles, separated by commas, for a file without a line of titles or in place of the
+            lines before the first one with a number; or new names of some columns, as `rename`
+            takes them.
+        option: The option with these, for messages; empty without one.
+
+    Raises:
+        InvalidInput: There is no line of titles, `columns` names more or fewer columns than there
+            are, two columns hold the same quantity, or a unit is wrong.
+    """
+    # Not `splitlines`, which also splits at characters that are allowed in a cell.
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    kept = [(k, x) for k, x in enumerate(lines, start=1) if x.lstrip()[:1] not in ("", "#")]
+    if not kept:
+        raise InvalidInput(f"{source} is empty: it must have a line of column names and rows.")
+    given = None if columns is None or "=" in columns else columns.split(",")
+    kept = kept[_first_line(kept, None if given is None else len(given)) :]
+    header, first = kept[0]
+    separator = next((x for x in ";\t" if x in first), ",")
+    if separator == "," and _is_blank_separated([line for _, line in kept[:2]]):
+        # As the recorder of a UR's RTDE writes it.
+        kept = [(number, "\t".join(line.split())) for number, line in kept]
+        first, separator = kept[0][1], "\t"
+    titles, named = _cells(first, separator), 1
+    heading = f"{source}, line {header}"
+    if given is not None:
+        if len(given) != len(titles):
+            raise InvalidInput(
+                f"{heading}: {len(titles)} columns, but names of {len(given)} are given: name all "
+                f"of them in their order, and {SKIPPED} for each that is not needed."
+            )
+        # Given names replace those of the file.
+        named = not any(map(NUMBER.fullmatch, titles))
+        titles, heading = [x.strip() for x in given], f"{source}, {option}"
+    elif len(kept) > 1 and (units := _units(_cells(kept[1][1], separator), len(titles))):
+        titles = [f"{x} [{y}]" if y else x for x, y in zip(titles, units, strict=True)]
+        named = 2
+    if columns is not None and given is None:
+        titles = list(rename(titles, columns, source))
+    known, unknown = _read_titles(titles, title_of, heading, example, option)
+    return CsvTable(
+        source=source,
+        heading=heading,
+        example=example,
+        option=option,
+        columns=known,
+        unknown=unknown,
+        separator=separator,
+        width=len(titles),
+        lines=[line for _, line in kept[named:]],
+        numbers=[number for number, _ in kept[named:]],
+        comments=[x.strip() for x in lines if x.lstrip()[:1] == "#"],
+    )
+
+
+def _first_line(kept: Sequence[tuple[int, str]], count: int | None) -> int:
+    """Number of lines above the titles, or with titles of `count` columns above the samples."""
+    lines = [line for _, line in kept]
+    if count is not None:
+        every = (re.split(r"\s*[,;\t]\s*|\s+", line.strip()) for line in lines)
+        of_count = (len(x) == count and any(map(NUMBER.fullmatch, x)) for x in every)
+        return next((k for k, sample in enumerate(of_count) if sample), 0)
+    # The titles are as many as the cells of the first sample.
+    for k, line in enumerate(lines[:MOST_TRIED]):
+        separator = next((x for x in ";\t," if x in line), None)
+        cells = _cells(line, separator)
+        if len(cells) > 1 and all(NUMBER.fullmatch(x.replace(",", ".")) for x in cells[:2]):
+            counts = [len(_cells(x, separator)) for x in lines[:k]]
+            return counts.index(len(cells)) if len(cells) in counts else 0
+    return 0
+
+
+def _units(cells: Sequence[str], count: int) -> list[str]:
+    """The units in a line below the titles; empty if it is no such line."""
+    units = [x.strip("[]() ") for x in cells]
+    units = ["" if x in ("-", "1") else x for x in units]
+    known = all(not x or _UNIT.fullmatch(x) for x in units)
+    return units if len(units) == count and known and any(units) else []
+
+
+def _is_blank_separated(lines: Sequence[str]) -> bool:
+    """Whether the cells of the first lines are separated by blanks, and by nothing else."""
+    words = [len(x.split()) for x in lines]
+    return min(words) == max(words) > 1 and not any("," in _DECIMAL_COMMA.sub("", x) for x in lines)
+
+
+def _split(line: str, separator: str | None) -> list[str]:
+    """The cells of a line; between blanks without a separator.
+
+    Raises:
+        csv.Error: A quote that is not closed, or a cell in quotes that is too long.
+    """
+    if separator is None or '"' not in line:
+        # Most lines of large files have no blanks.
+        cells = line.split(separator)
+        return cells if line.split() == [line] else [x.strip() for x in cells]
+    # One line at a time, so that an open quote does not include the next lines.
+    return [x.strip() for x in next(csv.reader([line], delimiter=separator, strict=True))]
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    """The cells of a line above the rows, also if its quotes are wrong."""
+    try:
+        return _split(line, separator)
+    except csv.Error:
+        return line.split(separator)
+
+
+def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
+    """Names of columns or joints with new ones in the place of some.
+
+    Args:
+        names: The names.
+        pairs: `NEW=NAME`, separated by commas. A # stands for a number and a * for any text,
+            in both the same, as in `q# [deg]=joint_#`.
+        source: Name of the file, for messages.
+
+    Raises:
+        InvalidInput: A pair is incomplete, or no name is as it says.
+    """
+    found = list(names)
+    for pair in pairs.split(","):
+        new, _, old = map(str.strip, pair.partition("="))
+        wild = [x for x in old if x in WILD]
+        used = [x for x in new if x in WILD]
+        if not (new and old) or (used and used != wild):
+            raise InvalidInput(
+                f"New names are given as NEW=NAME, such as 't [ms]=time' or 'q# [deg]=joint_#', "
+                f"not {show(pair)}."
+            )
+        pattern = re.compile("".join(WILD.get(x) or re.escape(x) for x in old))
+        matches = {i: x for i, name in enumerate(names) if (x := pattern.fullmatch(name))}
+        if not matches:
+            raise InvalidInput(
+                f"{source} has no column or joint {show(old)} to rename: it has "
+                f"{list_some([show(x) for x in names], MOST_NAMED)}."
+            )
+        for i, match in matches.items():
+            parts = iter(match.groups())
+            found[i] = "".join(next(parts) if x in WILD else x for x in new)
+    return tuple(found)
+
+
+def _read_titles(
+    titles: Sequence[str],
+    title_of: Callable[[str, bool], Title[Key] | None],
+    where: str,
+    example: str,
+    option: str,
+) -> tuple[dict[Key, Column], tuple[str, ...]]:
+    """The known columns by their quantities, in their order, and the other titles."""
+    if all(map(NUMBER.fullmatch, titles)):
+        fix = f"; without such a line, name them with {option}" if option else ""
+        raise InvalidInput(
+            f"{where}: the first line must name the columns, such as {example}{fix}."
+        )
+    found: dict[Key, Column] = {}
+    unknown: list[str] = []
+    for index, title in enumerate(titles):
+        match = _BRACKETS.fullmatch(title)
+        name, unit = (match["name"], match["unit"]) if match else (title, None)
+        content = title_of(name, unit is not None)
+        if content is None:
+            unknown += [title] * (title != SKIPPED)
+            continue
+        if unit is not None and content.unit is not None:
+            raise InvalidInput(f"{where}: the column {show(title)} has two units: leave one out.")
+        unit = content.unit if unit is None else unit
+        factor = 1.0 if unit is None else _factor(unit, content.si, title, where)
+        column, other = Column(index, title, unit, factor, content.rank), found.get(content.key)
+        if other is not None and other.rank == column.rank:
+            same = f"the columns {show(other.title)} and {show(title)} hold the same"
+            twice = f"there are two columns {show(title)}" if other.title == title else same
+            fix = f", such as with {option} '{SKIPPED}={title}'" if option else ""
+            raise InvalidInput(f"{where}: {twice}: leave one out{fix}.")
+        if other is None or column.rank < other.rank:
+            found[content.key] = column
+        if other is not None:
+            unknown.append(max(column, other, key=lambda x: x.rank).title)
+    return found, tuple(unknown)
+
+
+def _factor(unit: str, si: str | None, title: str, where: str) -> float:
+    """Factor from a unit in a title to an SI unit."""
+    plain = unit.strip().replace("²", "^2").replace("°", "deg")
+    try:
+        factor = 0.0 if si is None else parse(f"1 {plain}", si)
+    except ValueError:
+        factor = 0.0
+    if factor <= 0 or (si is not None and "rad" in si and not _ANGLE.search(plain)):
+        wanted = f"one that converts to {si}" if si else "wanted: the column has none"
+        raise InvalidInput(
+            f"{where}: the unit {show(unit)} of the column {show(title)} is not {wanted}."
+        )
+    return factor

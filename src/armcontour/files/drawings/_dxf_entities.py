@@ -1,0 +1,390 @@
+"""Shapes of DXF entities, in the coordinates of the drawing or block that contains them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.files.drawings.chain import Affine, Chain
+from armcontour.files.drawings.clipping import Clip
+from armcontour.files.drawings.shapes import Shape
+from armcontour.files.drawings.splines import Spline
+
+# An arc with a smaller swept angle [rad] is a full circle with rounded angles.
+NO_SWEEP = 1e-8
+HIGHEST_DEGREE = 25
+MOST_POINTS = 100_000
+# Flag of a polyline's vertex that is not drawn: a control point of a spline's frame.
+FRAME_POINT = 16
+# Flag of a closed spline.
+CLOSED_SPLINE = 1
+# An arc with a smaller bulge is a line: the arc deviates from its chord by half the bulge times
+# the length of the chord.
+NO_BULGE = 1e-12
+
+
+class Unreadable(Exception):
+    """A defect of an entity; the message completes a sentence that starts with its name."""
+
+
+def line(entity: Any) -> Shape | None:
+    """Shape of a LINE, whose points are in world coordinates."""
+    ends = _numbers("ends", [tuple(entity.dxf.start), tuple(entity.dxf.end)])
+    return Chain.straight(ends)
+
+
+def old_line(entity: Any) -> Shape | None:
+    """Shape of a 3DLINE of release 10 and before, which ezdxf does not know."""
+    values = {x.code: x.value for x in entity.xtags.noclass}
+    if not {10, 11} <= values.keys():
+        raise Unreadable("has no start or no end")
+    # Points of releases before 10 may lack z.
+    return Chain.straight(_numbers("ends", [[*values[k], 0.0][:3] for k in (10, 11)]))
+
+
+def circle(entity: Any) -> Shape | None:
+    """Shape of a CIRCLE, in the plane normal to its extrusion."""
+    return _arc(entity, 0.0, 2 * np.pi)
+
+
+def arc(entity: Any) -> Shape | None:
+    """Shape of an ARC, counter-clockwise in the plane normal to its extrusion."""
+    start, end = _numbers("angles", [entity.dxf.start_angle, entity.dxf.end_angle])
+    return _arc(entity, np.radians(start), _swept_angle(np.radians((end - start) % 360.0)))
+
+
+def _arc(entity: Any, start: float, sweep: float) -> Shape | None:
+    """Shape of an entity with centre and radius, from a start angle over a swept angle [rad]."""
+    axes = plane_axes(entity.dxf.extrusion)
+    centre = axes @ _numbers("centre", tuple(entity.dxf.center))
+    radius = float(_numbers("radius", entity.dxf.radius))
+    if radius < 0:
+        raise Unreadable(f"has a radius of {radius:g}, which must be above zero")
+    c, s = np.cos(start), np.sin(start)
+    cosine, sine = radius * (axes @ [c, s, 0.0]), radius * (axes @ [-s, c, 0.0])
+    return Chain.arc(centre, cosine, sine, sweep)
+
+
+def ellipse(entity: Any) -> Shape | None:
+    """Shape of an ELLIPSE, whose vectors are in world coordinates."""
+    major = _numbers("major axis", tuple(entity.dxf.major_axis))
+    normal = plane_axes(entity.dxf.extrusion)[:, 2]
+    ratio = float(_numbers("ratio", entity.dxf.ratio))
+    minor = ratio * np.cross(normal, major)
+    start, end = _numbers("parameters", [entity.dxf.start_param, entity.dxf.end_param])
+    sweep = _swept_angle((end - start) % (2 * np.pi))
+    if sweep == 2 * np.pi and start % (2 * np.pi) < NO_SWEEP:
+        start = 0.0
+    c, s = np.cos(start), np.sin(start)
+    centre = _numbers("centre", tuple(entity.dxf.center))
+    return Chain.arc(centre, c * major + s * minor, c * minor - s * major, sweep)
+
+
+def lwpolyline(entity: Any) -> Shape | None:
+    """Shape of an LWPOLYLINE, in the plane normal to its extrusion."""
+    rows = _numbers("vertices", [tuple(x) for x in entity.get_points("xyb")]).reshape(-1, 3)
+    elevation = float(_numbers("elevation", entity.dxf.elevation))
+    points = np.column_stack([rows[:, :2], np.full(len(rows), elevation)])
+    return _polyline_shape(
+        points, rows[:, 2], bool(entity.closed), plane_axes(entity.dxf.extrusion)
+    )
+
+
+def polyline(entity: Any) -> Shape | None:
+    """Shape of a POLYLINE, in the plane normal to its extrusion or in space."""
+    vertices = [x for x in entity.vertices if not x.dxf.flags & FRAME_POINT]
+    points = _numbers("vertices", [tuple(x.dxf.location) for x in vertices]).reshape(-1, 3)
+    if entity.is_3d_polyline:
+        return _polyline_shape(points, np.zeros(len(points)), bool(entity.is_closed), np.eye(3))
+    points[:, 2] = float(_numbers("elevation", entity.dxf.elevation[2]))
+    bulges = _numbers("bulges", [x.dxf.bulge for x in vertices])
+    axes = plane_axes(entity.dxf.extrusion)
+    return _polyline_shape(points, bulges, bool(entity.is_closed), axes)
+
+
+def _polyline_shape(
+    points: FloatArray, bulges: FloatArray, closed: bool, axes: FloatArray
+) -> Shape | None:
+    """Shape of a polyline; None if it has no segment.
+
+    Args:
+        points: Vertices along the given axes, (n, 3).
+        bulges: Bulge of the segment after each vertex, (n,).
+        closed: Whether a segment leads from the last vertex to the first.
+        axes: Axes of the polyline's plane, as columns.
+    """
+    points = points @ axes.T
+    if closed and len(points):
+        return _polyline(np.concatenate([points, points[:1]]), bulges, axes)
+    return _polyline(points, bulges[:-1], axes)
+
+
+def _polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> Shape | None:
+    """Shape of an open polyline with one bulge per segment; None if it has no segment."""
+    if len(points) < 2:
+        return None
+    return _bulge_polyline(points, bulges, axes) if bulges.any() else Chain.straight(points)
+
+
+def _bulge_polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) -> Chain:
+    """Lines and arcs of an open polyline with bulges.
+
+    A bulge is the tangent of a quarter of the arc's swept angle.
+
+    Args:
+        points: Vertices, (n + 1, 3).
+        bulges: Bulges of the segments, positive for counter-clockwise arcs, (n,).
+        axes: Axes of the plane in which the arcs lie, as columns.
+    """
+    chord = np.diff(points, axis=0)
+    bent = (np.abs(bulges) > NO_BULGE) & (np.abs(chord).max(axis=1, initial=0.0) > 0)
+    b = np.where(bent, bulges, 1.0)[:, None]
+    left = np.cross(axes[:, 2], chord)
+    # The vector from the centre to the start, without a difference of large numbers.
+    cosines = -chord / 2 - left * (1 - b * b) / (4 * b)
+    sines = np.sign(b) * np.cross(axes[:, 2], cosines)
+    return Chain(
+        starts=points[:-1],
+        ends=points[1:],
+        cosines=np.where(bent[:, None], cosines, 0.0),
+        sines=np.where(bent[:, None], sines, 0.0),
+        angles=np.where(bent, 4 * np.arctan(np.abs(bulges)), 0.0),
+    )
+
+
+def spline(entity: Any) -> Shape | None:
+    """Shape of a SPLINE, from its control points or else through its fit points.
+
+    Raises:
+        Unreadable: Degree, knots, weights or points do not define a continuous curve.
+    """
+    if entity.control_point_count() == 0:
+        return _fit_spline(entity)
+    points = _numbers("control points", [tuple(x) for x in entity.control_points])
+    n, degree = len(points), int(entity.dxf.degree)
+    if not 1 <= degree <= HIGHEST_DEGREE:
+        raise Unreadable(f"has degree {degree}, which must be from 1 to {HIGHEST_DEGREE}")
+    _refuse_many_points(n)
+    knots = _numbers("knots", list(entity.knots))
+    if n <= degree or len(knots) != n + degree + 1:
+        raise Unreadable(
+            f"of degree {degree} has {n} control points and {len(knots)} knots: it needs more "
+            f"than {degree} points, and {degree + 1} knots more than points"
+        )
+    if (np.diff(knots) < 0).any() or knots[n] <= knots[degree]:
+        raise Unreadable("has knots that do not increase")
+    weights = _numbers("weights", list(entity.weights) or np.ones(n))
+    if len(weights) != n or not (weights > 0).all() or weights.max() > 1e9 * weights.min():
+        raise Unreadable(f"must have {n} weights above zero, of similar size")
+    # Parameters from 0 to 1, so that very small or large knots do not cost precision.
+    knots = (knots - knots[degree]) / (knots[n] - knots[degree])
+    found = Spline.from_knots(points, weights, knots, degree)
+    if found is None:
+        raise Unreadable(f"is not continuous at a knot that occurs more than {degree} times")
+    return found
+
+
+def _fit_spline(entity: Any) -> Shape | None:
+    """The cubic spline through the fit points, with chord-length parameters as in CAD programs.
+
+    Returns:
+        The spline; None if fewer than two points differ.
+
+    Raises:
+        Unreadable: Too many points, or an end tangent of zero.
+    """
+    from scipy.interpolate import make_interp_spline
+
+    points = _numbers("fit points", [tuple(x) for x in entity.fit_points]).reshape(-1, 3)
+    _refuse_many_points(len(points))
+    closed = bool(entity.dxf.flags & CLOSED_SPLINE)
+    if closed and len(points):
+        points = np.concatenate([points, points[:1]])
+    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    scale = np.abs(points).max(initial=0.0)
+    points = points[np.concatenate([[True], step > 1e-12 * scale])] if len(points) else points
+    if len(points) < 2:
+        return None
+    at = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    ends: Any = "natural"
+    if closed and len(points) > 3:
+        ends = "periodic"
+    elif not closed and entity.dxf.hasattr("start_tangent") and entity.dxf.hasattr("end_tangent"):
+        t = _numbers("tangents", [tuple(entity.dxf.start_tangent), tuple(entity.dxf.end_tangent)])
+        size = np.linalg.norm(t, axis=1)
+        if (size == 0).any():
+            raise Unreadable("has an end tangent of zero")
+        ends = ([(1, t[0] / size[0])], [(1, t[1] / size[1])])
+    found = make_interp_spline(at / at[-1], points, k=3, bc_type=_scale_ends(ends, at[-1]))
+    return Spline.from_knots(found.c, np.ones(len(found.c)), found.t, 3)
+
+
+def _scale_ends(ends: Any, by: float) -> Any:
+    """End derivatives times a factor, for a parameter from 0 to 1."""
+    return ends if isinstance(ends, str) else tuple([(1, by * x[0][1])] for x in ends)
+
+
+def _refuse_many_points(n: int) -> None:
+    """Refuse a spline of more than `MOST_POINTS` points.
+
+    Raises:
+        Unreadable: It has more.
+    """
+    if n > MOST_POINTS:
+        raise Unreadable(f"has {n} points, more than the {MOST_POINTS} that are read")
+
+
+# Attributes that the DXF format requires, and for which ezdxf has default values.
+NEEDED = {
+    "LINE": ("start", "end"),
+    "ARC": ("center", "radius", "start_angle", "end_angle"),
+    "CIRCLE": ("center", "radius"),
+    "ELLIPSE": ("center", "major_axis", "ratio"),
+    "INSERT": ("name", "insert"),
+}
+# Types of entities that draw a contour; the reader does not know the others.
+SHAPES: dict[str, Callable[[Any], Shape | None]] = {
+    "LINE": line,
+    "3DLINE": old_line,
+    "ARC": arc,
+    "CIRCLE": circle,
+    "ELLIPSE": ellipse,
+    "LWPOLYLINE": lwpolyline,
+    "POLYLINE": polyline,
+    "SPLINE": spline,
+    "HELIX": spline,
+}
+# Types that are left out: texts, dimensions, points, filled areas, bodies, pictures, endless lines.
+# Of a type that is in neither table nobody knows what it draws.
+NO_CONTOUR = frozenset(
+    {
+        *("TEXT", "MTEXT", "ATTRIB", "ATTDEF", "RTEXT", "ARCALIGNEDTEXT", "SHAPE", "ACAD_TABLE"),
+        *("DIMENSION", "ARC_DIMENSION", "LARGE_RADIAL_DIMENSION", "LEADER", "MULTILEADER"),
+        *("MLEADER", "TOLERANCE", "POINT", "HATCH", "MPOLYGON", "SOLID", "TRACE", "WIPEOUT"),
+        *(
+            "3DFACE",
+            "3DSOLID",
+            "MESH",
+            "BODY",
+            "REGION",
+            "SURFACE",
+            "EXTRUDEDSURFACE",
+            "LOFTEDSURFACE",
+        ),
+        *("PLANESURFACE", "REVOLVEDSURFACE", "SWEPTSURFACE", "NURBSURFACE", "POLYLINE"),
+        *("IMAGE", "OLEFRAME", "OLE2FRAME", "PDFUNDERLAY", "DWFUNDERLAY", "DGNUNDERLAY"),
+        *("POINTCLOUD", "ACDBPOINTCLOUDEX", "XLINE", "RAY", "VIEWPORT", "LIGHT", "SUN", "CAMERA"),
+        *("SECTIONOBJECT", "SECTION", "GEOPOSITIONMARKER", "COORDINATION_MODEL"),
+    }
+)
+
+
+def refuse_missing(entity: Any) -> None:
+    """Refuse an entity that lacks a required attribute.
+
+    Raises:
+        Unreadable: An attribute of `NEEDED` is missing.
+    """
+    for name in NEEDED.get(entity.dxftype(), ()):
+        if not entity.dxf.hasattr(name):
+            raise Unreadable(f"has no {name.replace('_', ' ')}")
+
+
+def grid(entity: Any) -> tuple[int, int]:
+    """Numbers of rows and columns of an INSERT's copies; without spacing the number is 1."""
+    dxf = entity.dxf
+    rows, columns = (max(int(x), 1) for x in (dxf.row_count, dxf.column_count))
+    return rows if dxf.row_spacing else 1, columns if dxf.column_spacing else 1
+
+
+def insertions(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
+    """The affine map by which an INSERT places a block, and the offsets of its copies.
+
+    Args:
+        entity: The INSERT.
+        base: Base point of the block, (3,).
+
+    Returns:
+        The map of the first copy, and the offsets of all copies from the first, (n, 3).
+
+    Raises:
+        Unreadable: An attribute is not a finite number.
+    """
+    dxf = entity.dxf
+    axes = plane_axes(dxf.extrusion)
+    turn = np.radians(float(_numbers("rotation", dxf.rotation)))
+    c, s = np.cos(turn), np.sin(turn)
+    rotation = axes @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    linear = rotation * _numbers("scale", [dxf.xscale, dxf.yscale, dxf.zscale])
+    at = axes @ _numbers("insertion point", tuple(dxf.insert))
+    rows, columns = grid(entity)
+    step = _numbers("spacing", [dxf.column_spacing, dxf.row_spacing])
+    k = np.arange(rows * columns)
+    offsets = np.column_stack([k % columns * step[0], k // columns * step[1], np.zeros(len(k))])
+    return Affine(linear, at - linear @ base), offsets @ rotation.T
+
+
+def clip_of(entity: Any) -> Clip | None:
+    """The clip of an INSERT in the coordinates of its block; None if it is drawn whole.
+
+    Raises:
+        Unreadable: The clip is no polygon, or lies in space.
+    """
+    from ezdxf.xclip import XClip
+
+    clip = XClip(entity)
+    if not (clip.has_clipping_path and clip.is_clipping_enabled):
+        return None
+    path, limits = clip.get_block_clipping_path(), clip.get_spatial_filter()
+    dxf = limits.dxf if limits is not None else None
+    if dxf is None or dxf.has_front_clipping_plane or dxf.has_back_clipping_plane:
+        raise Unreadable("is clipped by planes in space, which is not read")
+    given = path.inverted_clip if path.is_inverted_clip else path.vertices
+    corners = _numbers("clip", [tuple(x) for x in given]).reshape(-1, 2)
+    if len(corners) == 2:
+        (left, low), (right, high) = corners
+        corners = np.array([(left, low), (right, low), (right, high), (left, high)])
+    if len(corners) < 3:
+        raise Unreadable("is clipped at a polygon of fewer than three corners")
+    return Clip(np.pad(corners, ((0, 0), (0, 1))), bool(path.is_inverted_clip))
+
+
+def plane_axes(extrusion: Any) -> FloatArray:
+    """Axes of an entity's plane as columns, by DXF's arbitrary axis algorithm.
+
+    Raises:
+        Unreadable: The extrusion is not a vector with a direction.
+    """
+    normal = _numbers("extrusion", tuple(extrusion))
+    size = np.linalg.norm(normal)
+    if normal.shape != (3,) or not 0 < size < np.inf:
+        raise Unreadable("has an extrusion without direction")
+    z = normal / size
+    # The format takes the world's y axis instead of z if the normal is this close to z.
+    near = abs(z[0]) < 1 / 64 and abs(z[1]) < 1 / 64
+    x = np.cross([0.0, 1.0, 0.0] if near else [0.0, 0.0, 1.0], z)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def _swept_angle(angle: float) -> float:
+    """The swept angle [rad], a full turn if it is about zero."""
+    return 2 * np.pi if angle < NO_SWEEP else float(angle)
+
+
+def _numbers(name: str, values: Any) -> FloatArray:
+    """The values as an array of finite numbers; `name` is for the message.
+
+    Raises:
+        Unreadable: A value is not a finite number.
+    """
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise Unreadable(f"has no numbers for its {name}") from None
+    if not np.isfinite(array).all():
+        raise Unreadable(f"has numbers that are not finite for its {name}")
+    return array

@@ -1,0 +1,294 @@
+"""Numbers, lengths, transforms and viewports of SVG."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour.core.checks import lock_floats
+from armcontour.files.drawings._svg_tree import Element
+from armcontour.files.drawings.chain import Affine
+
+# Lengths of an inch and of a CSS pixel [m]; a CSS pixel is SVG's user unit if there is no viewBox.
+INCH = 0.0254
+PIXEL = INCH / 96
+# CSS pixels per unit.
+PIXELS = {
+    "": 1.0,
+    "px": 1.0,
+    "in": 96.0,
+    "cm": 96 / 2.54,
+    "mm": 96 / 25.4,
+    "q": 96 / 101.6,
+    "pt": 96 / 72,
+    "pc": 16.0,
+}
+# Units that depend on the viewport or the font, and attributes with percentages of the viewport's
+# width and of its height; others are of its diagonal over the square root of 2.
+RELATIVE = ("%", "em", "ex", "rem")
+ACROSS = frozenset({"x", "x1", "x2", "cx", "rx", "width"})
+UPWARDS = frozenset({"y", "y1", "y2", "cy", "ry", "height"})
+LENGTHS = ACROSS | UPWARDS | {"r"}
+SQRT2 = math.sqrt(2)
+# Size of the font if nothing says it, as browsers have it [CSS pixels].
+FONT = 16.0
+NUMBER = r"[-+]?(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?+"
+NUMBERS = re.compile(rf"(?:[\s,]*+{NUMBER})*+[\s,]*+")
+EACH_NUMBER = re.compile(NUMBER)
+_LENGTH = re.compile(rf"({NUMBER})\s*([A-Za-z]*|%)")
+_TRANSFORM = re.compile(r"[\s,]*+([A-Za-z]++)\s*+\(([^()]*+)\)")
+# Largest number of transforms in one list; no drawing has more.
+MOST_TRANSFORMS = 1000
+_ALIGN = re.compile(r"(?:defer\s+)?(?:(none)|x(Min|Mid|Max)Y(Min|Mid|Max))(?:\s+(meet|slice))?")
+# Largest number of numbers in one list; no drawing of contours has more.
+MOST_NUMBERS = 4_000_000
+# Possible numbers of arguments of each transform.
+COUNTS = {
+    "matrix": (6,),
+    "translate": (1, 2),
+    "scale": (1, 2),
+    "rotate": (1, 3),
+    "skewX": (1,),
+    "skewY": (1,),
+}
+# Fraction of the free space before the viewBox, for each alignment.
+SHARES = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
+
+
+IDENTITY = Affine(lock_floats(np.eye(2)), lock_floats(np.zeros(2)))
+
+
+def affine(a: float, b: float, c: float, d: float, e: float, f: float) -> Affine:
+    """The transform that SVG writes as `matrix(a b c d e f)`."""
+    return Affine(np.array([[a, c], [b, d]]), np.array([e, f]))
+
+
+def is_flat(transform: Affine) -> bool:
+    """Whether a transform maps every area to zero."""
+    size = float(np.abs(transform.linear).max())
+    if size == 0:
+        return True
+    unit = transform.linear / size
+    return bool(abs(unit[0, 0] * unit[1, 1] - unit[0, 1] * unit[1, 0]) <= 1e-12)
+
+
+def numbers_of(element: Element, key: str, text: str) -> list[float]:
+    """The numbers in a text, separated by blanks or commas; `key` is for messages.
+
+    Raises:
+        InvalidInput: The text is not a list of numbers.
+    """
+    if not NUMBERS.fullmatch(text):
+        bad = NUMBERS.match(text)
+        at = bad.end() if bad else 0
+        element.refuse(f"{key} has {text[at : at + 20]!r} where a number should be")
+    return check_numbers(
+        element, key, [float(x[0]) for x in limit_matches(EACH_NUMBER.finditer(text))]
+    )
+
+
+def limit_matches(found: Iterable[re.Match[str]]) -> Iterable[re.Match[str]]:
+    """The first matches, at most one more than `MOST_NUMBERS`."""
+    return itertools.islice(found, MOST_NUMBERS + 1)
+
+
+def check_numbers(element: Element, key: str, values: list[float]) -> list[float]:
+    """Return the numbers of a list if they are finite and not too many; `key` is for messages.
+
+    Raises:
+        InvalidInput: A number is too large, or there are more than `MOST_NUMBERS`.
+    """
+    if len(values) > MOST_NUMBERS:
+        element.refuse(f"{key} has more than {MOST_NUMBERS} numbers: split it")
+    if not all(map(math.isfinite, values)):
+        element.refuse(f"{key} has a number that is too large")
+    return values
+
+
+def length_of(element: Element, key: str, *, default: float | None = 0.0) -> float | None:
+    """An attribute that is a length, in user units; `default` if it is missing or auto.
+
+    Raises:
+        InvalidInput: The attribute is not a length, or has a relative unit such as % or em.
+    """
+    text = element.get(key)
+    if text in ("", "auto"):
+        return default
+    match = _LENGTH.fullmatch(text)
+    factor = PIXELS.get(match[2].lower()) if match else None
+    if match is None or factor is None:
+        why = " here, where nothing says of what" if match and match[2] == "%" else ""
+        element.refuse(
+            f"{key}={text[:40]!r} is not a length that is read{why}: write a number, or one in px, "
+            "mm, cm, in, pt or pc"
+        )
+    value = float(match[1]) * factor
+    if not math.isfinite(value):
+        element.refuse(f"{key}={text[:40]!r} is too large")
+    return value
+
+
+def number_of(element: Element, key: str) -> float:
+    """An attribute that is a length, in user units; 0 if it is missing or auto.
+
+    Raises:
+        InvalidInput: The attribute is not a length, or has a relative unit such as % or em.
+    """
+    return length_of(element, key) or 0.0
+
+
+def make_absolute(element: Element, view: Box | None, font: float) -> Element:
+    """The element with its lengths in % and em as numbers.
+
+    Args:
+        element: The element.
+        view: The viewport of which percentages are taken; without it they stay.
+        font: Size of the font in user units, which is one em.
+    """
+    changed = {}
+    for key in LENGTHS & element.attributes.keys():
+        match = _LENGTH.fullmatch(element.get(key))
+        unit = match[2].lower() if match else ""
+        if match is None or unit not in RELATIVE:
+            continue
+        if unit != "%":
+            whole: float | None = {"em": font, "ex": font / 2, "rem": FONT}[unit]
+        elif view is None:
+            whole = None
+        else:
+            side = "width" if key in ACROSS else "height" if key in UPWARDS else ""
+            whole = getattr(view, side) if side else math.hypot(view.width, view.height) / SQRT2
+            whole /= 100
+        if whole is not None:
+            changed[key] = repr(float(match[1]) * whole)
+    if not changed:
+        return element
+    return dataclasses.replace(element, attributes={**element.attributes, **changed})
+
+
+def font_size(element: Element, inherited: float) -> float:
+    """Size of an element's font in user units, from its font-size or else the inherited one."""
+    match = _LENGTH.fullmatch(element.style("font-size"))
+    unit = match[2].lower() if match else ""
+    if match is None or (unit not in PIXELS and unit not in RELATIVE):
+        return inherited
+    whole = {"%": inherited / 100, "em": inherited, "ex": inherited / 2, "rem": FONT}
+    size = float(match[1]) * (whole[unit] if unit in whole else PIXELS[unit])
+    return size if math.isfinite(size) else inherited
+
+
+def transform_of(element: Element) -> Affine:
+    """The affine map of an element's attribute transform.
+
+    Raises:
+        InvalidInput: The attribute is not a list of transforms.
+    """
+    text = element.get("transform")
+    if text in ("", "none"):
+        return IDENTITY
+    whole, at, count = IDENTITY, 0, 0
+    while at < len(text):
+        match = _TRANSFORM.match(text, at)
+        if match is None or match[1] not in COUNTS or count >= MOST_TRANSFORMS:
+            if not text[at:].strip(" \t\r\n,"):
+                break
+            element.refuse(
+                f"transform has {text[at : at + 30].strip()!r}, which is not one of "
+                f"{', '.join(COUNTS)}"
+            )
+        values = numbers_of(element, f"transform {match[1]}", match[2])
+        if len(values) not in COUNTS[match[1]]:
+            wanted = " or ".join(map(str, COUNTS[match[1]]))
+            element.refuse(f"{match[1]} takes {wanted} numbers, but has {len(values)}")
+        whole = whole @ _single_transform(match[1], values)
+        at, count = match.end(), count + 1
+    if not whole.finite:
+        element.refuse("transform has numbers that are too large")
+    return whole
+
+
+def _single_transform(kind: str, values: list[float]) -> Affine:
+    """The affine map of one transform, such as rotate, with its arguments."""
+    x = values[0]
+    if kind == "matrix":
+        return affine(*values)
+    if kind == "translate":
+        return affine(1, 0, 0, 1, x, values[1] if len(values) > 1 else 0)
+    if kind == "scale":
+        return affine(x, 0, 0, values[1] if len(values) > 1 else x, 0, 0)
+    if kind == "skewX":
+        return affine(1, 0, math.tan(math.radians(x)), 1, 0, 0)
+    if kind == "skewY":
+        return affine(1, math.tan(math.radians(x)), 0, 1, 0, 0)
+    c, s = _cos_sin(x)
+    turned = affine(c, s, -s, c, 0, 0)
+    if len(values) == 1:
+        return turned
+    there, back = affine(1, 0, 0, 1, *values[1:]), affine(1, 0, 0, 1, -values[1], -values[2])
+    return there @ turned @ back
+
+
+def _cos_sin(degrees: float) -> tuple[float, float]:
+    """Cosine and sine of an angle, exact for multiples of a right angle."""
+    quarters, rest = divmod(degrees, 90.0)
+    c, s = math.cos(math.radians(rest)), math.sin(math.radians(rest))
+    for _ in range(int(quarters % 4)):
+        c, s = -s, c
+    return c, s
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A rectangle with sides along the axes."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+
+def view_box(element: Element) -> Box | None:
+    """The viewBox of an element; None if it has none.
+
+    Raises:
+        InvalidInput: The attribute is not four numbers, or the box has no area.
+    """
+    text = element.get("viewBox")
+    if not text or text == "none":
+        return None
+    values = numbers_of(element, "viewBox", text)
+    if len(values) != 4 or values[2] <= 0 or values[3] <= 0:
+        element.refuse(
+            f"viewBox={text[:60]!r} must be x, y, width and height, the last two above zero"
+        )
+    return Box(*values)
+
+
+def viewbox_transform(element: Element, inner: Box, outer: Box) -> Affine:
+    """The map from the viewBox of an element into its viewport, by its preserveAspectRatio.
+
+    Args:
+        element: The element.
+        inner: The viewBox.
+        outer: The viewport.
+
+    Raises:
+        InvalidInput: The value of preserveAspectRatio is not known.
+    """
+    text = element.get("preserveAspectRatio") or "xMidYMid"
+    match = _ALIGN.fullmatch(text)
+    if match is None:
+        element.refuse(f"preserveAspectRatio={text[:40]!r} is not known")
+    x, y = outer.width / inner.width, outer.height / inner.height
+    shares = SHARES[match[2] or "Min"], SHARES[match[3] or "Min"]
+    if match[1] is None:
+        x = y = max(x, y) if match[4] == "slice" else min(x, y)
+    left = outer.x + shares[0] * (outer.width - x * inner.width) - x * inner.x
+    top = outer.y + shares[1] * (outer.height - y * inner.height) - y * inner.y
+    return affine(x, 0, 0, y, left, top)

@@ -1,0 +1,355 @@
+"""Chains of lines and elliptical arcs, which stay exact until they become segments."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.sampling import number_parts
+from armcontour.geometry import Segments
+from armcontour.geometry.fit import fit_arcs
+from armcontour.geometry.segments import REPEATED_POINT, close_up
+
+# An ellipse counts as a circle if its semi-axes differ by at most this fraction of the chord
+# tolerance,
+SAME_AXES = 0.01
+# and by at most the square root of this fraction of the longer semi-axis.
+FLAT = 0.01
+# An arc drawn by its radius may miss its end by this [m]; else it is drawn through its ends.
+SAME_END = 0.1 * REPEATED_POINT
+# Semi-axes that differ by at most this fraction differ by rounding only.
+ROUND = 1e-12
+# The chord of an arc of more than this [rad] does not define the arc accurately.
+WELL_KNOWN = 1.5 * np.pi
+# Vertices closer than this [m] are one vertex; a path sees no gap between them.
+ONE_VERTEX = 0.5 * REPEATED_POINT
+# The bounding box of an arc of more than this [rad] is taken from its whole ellipse.
+WIDE = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Chain:
+    """Lines and elliptical arcs, each of which starts at the end of the one before.
+
+    Arc i is `starts[i] + cosines[i] (cos t - 1) + sines[i] sin t` for t from 0 to `angles[i]`. A
+    line has the angle 0.
+
+    Args:
+        starts: Start points, (n, dimension).
+        ends: End points as the drawing gives them, not computed from the arcs, (n, dimension).
+        cosines: Vectors from the centres to the start points, (n, dimension).
+        sines: Conjugate semi-diameters of the ellipses, (n, dimension).
+        angles: Swept angles of the arcs [rad], (n,).
+    """
+
+    starts: FloatArray
+    ends: FloatArray
+    cosines: FloatArray
+    sines: FloatArray
+    angles: FloatArray
+
+    @classmethod
+    def straight(cls, points: FloatArray) -> Chain:
+        """The chain of lines through points, (n + 1, dimension)."""
+        zeros = np.zeros_like(points[1:])
+        return cls(
+            starts=points[:-1],
+            ends=points[1:],
+            cosines=zeros,
+            sines=zeros,
+            angles=np.zeros(len(zeros)),
+        )
+
+    @classmethod
+    def arc(
+        cls,
+        centre: FloatArray,
+        cosine: FloatArray,
+        sine: FloatArray,
+        angle: float,
+        ends: FloatArray | None = None,
+    ) -> Chain:
+        """The chain of one arc around a centre.
+
+        Args:
+            centre: Centre of the ellipse, (dimension,).
+            cosine: Vector from the centre to the start, (dimension,).
+            sine: Conjugate semi-diameter, (dimension,).
+            angle: Swept angle [rad].
+            ends: Start and end point, (2, dimension); by default computed from the arc.
+        """
+        if ends is None:
+            start = centre + cosine
+            end = centre + np.cos(angle) * cosine + np.sin(angle) * sine
+            ends = np.stack([start, start if angle == 2 * np.pi else end])
+        return cls(
+            starts=ends[:1],
+            ends=ends[1:],
+            cosines=cosine[None],
+            sines=sine[None],
+            angles=np.array([angle]),
+        )
+
+    @classmethod
+    def join(cls, chains: Sequence[Chain]) -> Chain:
+        """One chain of several chains in sequence."""
+        return cls(**{x: np.concatenate([getattr(y, x) for y in chains]) for x in cls.__slots__})
+
+    def __getitem__(self, rows: BoolArray | IntArray) -> Chain:
+        """The chain of the selected lines and arcs."""
+        return Chain(**{name: getattr(self, name)[rows] for name in self.__slots__})
+
+    def place(self, to: Affine) -> Chain:
+        """The image of the chain under an affine map."""
+        return Chain(
+            starts=to(self.starts),
+            ends=to(self.ends),
+            cosines=to.turn(self.cosines),
+            sines=to.turn(self.sines),
+            angles=self.angles,
+        )
+
+    def halve(self) -> Chain:
+        """The same curve with each line and arc split into two halves."""
+        middles, half = self._at(0.5), self.angles[:, None] / 2
+        c, s = np.cos(half), np.sin(half)
+        first = dataclasses.replace(self, ends=middles, angles=self.angles / 2)
+        second = Chain(
+            starts=middles,
+            ends=self.ends,
+            cosines=c * self.cosines + s * self.sines,
+            sines=c * self.sines - s * self.cosines,
+            angles=self.angles / 2,
+        )
+        return Chain.join([first, second])[np.arange(2 * len(half)).reshape(2, -1).T.ravel()]
+
+    @property
+    def last(self) -> FloatArray:
+        """Start and end point of the last line or arc, (2, dimension)."""
+        return np.stack([self.starts[-1], self.ends[-1]])
+
+    def start_at(self, point: FloatArray) -> Chain:
+        """A copy of the chain with another start point, (dimension,)."""
+        return dataclasses.replace(self, starts=np.concatenate([point[None], self.starts[1:]]))
+
+    def end_at(self, point: FloatArray) -> Chain:
+        """A copy of the chain with another end point, (dimension,)."""
+        return dataclasses.replace(self, ends=np.concatenate([self.ends[:-1], point[None]]))
+
+    @property
+    def reach(self) -> FloatArray:
+        """Points whose largest coordinates tell how far the chain extends, (m, dimension)."""
+        points = [self.starts[:1], self.ends]
+        if self.angles.any():
+            wide = self.angles > WIDE
+            centres = (self.starts - self.cosines)[wide]
+            sizes = np.hypot(self.cosines[wide], self.sines[wide])
+            points += [centres - sizes, centres + sizes]
+            narrow = (self.angles > 0) & ~wide
+            if narrow.any():
+                # The ellipse of a narrow arc extends much farther than the arc.
+                points.append(self[narrow]._at(0.5))
+        return np.concatenate(points)
+
+    def to_segments(self, tolerance: float) -> Segments | None:
+        """Segments of the chain: lines and circular arcs as drawn, other arcs by tangent arcs.
+
+        Args:
+            tolerance: Largest distance between an elliptical arc and its tangent arcs [m].
+
+        Returns:
+            The segments; None if the chain has no length.
+
+        Raises:
+            InvalidInput: An arc is too large for the tolerance.
+        """
+        chain = self._without_points()
+        if not len(chain.angles):
+            return None
+        elliptical = chain._elliptical(tolerance)
+        if not elliptical.any():
+            return chain._as_drawn()
+        runs = np.split(np.arange(len(elliptical)), np.flatnonzero(np.diff(elliptical)) + 1)
+        parts = [
+            chain[run]._fitted(tolerance) if elliptical[run[0]] else chain[run]._as_drawn()
+            for run in runs
+        ]
+        return Segments.join(parts)
+
+    @property
+    def _long_arcs(self) -> BoolArray:
+        """Which rows are arcs that have a length, (n,)."""
+        arc = self.angles > 0
+        if arc.any():
+            radius = np.maximum(*(np.linalg.norm(x, axis=1) for x in (self.cosines, self.sines)))
+            arc = radius * self.angles > ONE_VERTEX
+        return np.asarray(arc)
+
+    def _without_points(self) -> Chain:
+        """The chain without lines and arcs that have no length; close vertices become one."""
+        arc = self._long_arcs
+        starts, kept = close_up(self.starts, self.ends, arc, ONE_VERTEX)
+        if kept.all():
+            return self
+        angles = np.where(arc, self.angles, 0.0)
+        return dataclasses.replace(self, starts=starts, angles=angles)[kept]
+
+    def _is_plain(self, tolerance: float) -> BoolArray:
+        """Which rows are lines or circular arcs that stay as they are drawn, (n,).
+
+        Args:
+            tolerance: As in `to_segments` [m].
+        """
+        arc, far = self._long_arcs, np.linalg.norm(self.ends - self.starts, axis=1) > ONE_VERTEX
+        return np.asarray(np.where(self.angles > 0, arc, far) & ~self._elliptical(tolerance))
+
+    def _elliptical(self, tolerance: float) -> BoolArray:
+        """Which arcs are elliptical: not circles within the tolerance [m], (n,)."""
+        arc = self.angles > 0
+        if not arc.any():
+            return arc
+        u, v = self.cosines, self.sines
+        long, wide, across = (np.sum(x * y, axis=1) for x, y in ((u, u), (v, v), (u, v)))
+        # The squared difference of the semi-axes, without a difference of large numbers.
+        area = np.sqrt(np.maximum(long * wide - across**2, 0.0))
+        with np.errstate(invalid="ignore"):
+            skew = np.nan_to_num(2 * across**2 / (np.sqrt(long * wide) + area))
+        off = (np.sqrt(long) - np.sqrt(wide)) ** 2 + skew
+        # A long arc counts as a circle only if it is round to the last digit, because its chord
+        # does not define it accurately.
+        long_arc = (self.angles > WELL_KNOWN) & (self.angles < 2 * np.pi)
+        allowed = np.minimum((SAME_AXES * tolerance) ** 2, FLAT * np.maximum(long, wide))
+        return np.asarray(arc & (off > np.where(long_arc, ROUND**2 * long, allowed)))
+
+    def _at(self, share: float | FloatArray, order: int = 0) -> FloatArray:
+        """Points of the lines and arcs, which pass exactly through their end points.
+
+        Args:
+            share: Fraction of the swept angle, 0 to 1, one for all or one per row.
+            order: 0 for points, 1 for derivatives by the fraction.
+        """
+        x = np.broadcast_to(share, self.angles.shape)[:, None]
+        a = self.angles[:, None]
+        c, s = np.cos(a * x), np.sin(a * x)
+        missed = self.ends - self.starts
+        missed = missed - (np.cos(a) - 1) * self.cosines - np.sin(a) * self.sines
+        if order:
+            return np.asarray(a * (c * self.sines - s * self.cosines) + missed)
+        return np.asarray(self.starts + (c - 1) * self.cosines + s * self.sines + x * missed)
+
+    def _fitted(self, tolerance: float) -> Segments:
+        """Segments of a chain of elliptical arcs: tangent arcs within the tolerance [m].
+
+        Raises:
+            InvalidInput: An arc is too large for the tolerance.
+        """
+        n = len(self.angles)
+
+        def curve(t: FloatArray, order: int) -> FloatArray:
+            # Arc i has the parameters from i to i + 1.
+            i = np.clip(np.floor(t).astype(np.intp), 0, n - 1)
+            return self[i]._at(t - i, order)
+
+        quarters = np.maximum(np.ceil(self.angles / (np.pi / 2) - 1e-9), 1).astype(np.intp)
+        i, k = number_parts(quarters)
+        return fit_arcs(curve, np.append(i + k / quarters[i], n), tolerance)
+
+    def _as_drawn(self) -> Segments:
+        """Segments of lines and circular arcs, which need not meet.
+
+        An arc is drawn by its radius; if it would miss its end point, it is drawn through both end
+        points with its swept angle.
+        """
+        arc = self.angles > 0
+        chords = self.ends - self.starts
+        sizes = np.linalg.norm(chords, axis=1)
+        radii = np.where(arc, np.linalg.norm(self.cosines, axis=1), 1.0)
+        tangents = np.where(arc[:, None], self.sines, chords)
+        tangents = tangents / np.linalg.norm(tangents, axis=1)[:, None]
+        normals = np.where(arc[:, None], -self.cosines / radii[:, None], 0.0)
+        drawn = Segments(
+            starts=self.starts,
+            tangents=tangents,
+            normals=normals - np.sum(normals * tangents, axis=1)[:, None] * tangents,
+            curvatures=np.where(arc, 1 / radii, 0.0),
+            lengths=np.where(arc, radii * self.angles, sizes),
+        )
+        off = arc & (np.linalg.norm(drawn.ends - self.ends, axis=1) > SAME_END)
+        return drawn.put(off, self[off]._through_ends()) if off.any() else drawn
+
+    def _through_ends(self) -> Segments:
+        """Circular arcs through their end points with their swept angles."""
+        chords, half = self.ends - self.starts, self.angles / 2
+        sizes = np.linalg.norm(chords, axis=1)
+        along = chords / sizes[:, None]
+        c, s = np.cos(half)[:, None], np.sin(half)[:, None]
+        towards = -c * self.cosines - s * self.sines
+        towards = towards - np.sum(towards * along, axis=1)[:, None] * along
+        towards = towards / np.linalg.norm(towards, axis=1)[:, None]
+        curvatures = 2 * np.sin(half) / sizes
+        return Segments(
+            starts=self.starts,
+            tangents=c * along - s * towards,
+            normals=c * towards + s * along,
+            curvatures=curvatures,
+            lengths=self.angles / curvatures,
+        )
+
+
+def draw_plain(chains: Sequence[Chain], tolerance: float) -> list[Segments | None]:
+    """Segments of chains of nothing but lines and circular arcs, all at once, which is faster.
+
+    Args:
+        chains: The chains, which need not meet.
+        tolerance: As in `Chain.to_segments` [m].
+
+    Returns:
+        What `Chain.to_segments` gives; None for chains that have anything else.
+    """
+    found: list[Segments | None] = [None] * len(chains)
+    count = np.array([len(x.angles) for x in chains], dtype=np.intp)
+    if not count.any():
+        return found
+    table, of = Chain.join(chains), np.repeat(np.arange(len(chains)), count)
+    other = np.bincount(of, ~table._is_plain(tolerance), len(chains)) > 0
+    which = np.flatnonzero(~other & (count > 0))
+    if len(which):
+        drawn, ends = table[~other[of]]._as_drawn(), np.cumsum(count[which])
+        for i, begin, end in zip(which, ends - count[which], ends, strict=True):
+            found[i] = drawn[begin:end]
+    return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Affine:
+    """The map `linear @ point + offset`."""
+
+    linear: FloatArray
+    offset: FloatArray
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Images of points, (..., dimension)."""
+        return np.asarray(points @ self.linear.T + self.offset)
+
+    def __matmul__(self, inner: Affine) -> Affine:
+        """The composition of two maps: first the inner map, then this map."""
+        # An overflow is found later, by `finite`.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return Affine(self.linear @ inner.linear, self.linear @ inner.offset + self.offset)
+
+    def turn(self, vectors: FloatArray) -> FloatArray:
+        """Images of differences of points, (..., dimension), without the offset."""
+        return np.asarray(vectors @ self.linear.T)
+
+    @property
+    def finite(self) -> bool:
+        """Whether all coefficients are finite."""
+        return bool(np.isfinite(self.linear).all() and np.isfinite(self.offset).all())
+
+
+# Projection from space onto the plane z = 0.
+WITHOUT_Z = Affine(np.eye(3)[:2], np.zeros(2))

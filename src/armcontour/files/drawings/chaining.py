@@ -1,0 +1,506 @@
+"""Chaining of a drawing's pieces end to end into contours."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.sampling import number_parts
+from armcontour.core.text import list_some
+from armcontour.geometry import Path, Segments
+from armcontour.geometry.near_points import group_points, nearest_points
+from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.program import Contour
+
+# Two pieces are the same if their points differ by at most this [m]; candidates for the comparison
+# have equal features on a coarser grid [m].
+SAME_PIECE = 1e-9
+CANDIDATES = 1e-8
+# Smaller gaps [m] stay open: closing them would change the tangents of short segments.
+NO_GAP = 0.5 * REPEATED_POINT
+# Ends closer than this fraction of the tolerance touch.
+TOUCHING = 0.01
+# Number of candidates for joining to an end: those with the smallest turns, or the nearest ones.
+MOST_CANDIDATES = 8
+# Turns that differ by less than this [rad] are equal: then the order of the pieces decides.
+SAME_TURN = 1e-6
+# Added distance between ends on different layers [m], larger than any tolerance.
+LAYERS_APART = 1e9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Piece:
+    """One entity of a drawing.
+
+    Args:
+        path: Path of the entity.
+        name: Name of the entity in the drawing.
+        layer: Layer of the entity.
+        apart: A number; pieces with different numbers are never chained.
+    """
+
+    path: Path
+    name: str
+    layer: str
+    apart: int = 0
+
+
+def chain_pieces(pieces: Sequence[Piece], tolerance: float) -> tuple[list[Contour], list[str]]:
+    """Contours made of pieces of the same layer whose ends are closer than a tolerance.
+
+    A piece may be reversed. The first piece of a contour gives its direction, its name and its
+    position in the order. Closed pieces are not joined to others. Where more than two ends meet,
+    ends that touch are joined before ends with a gap, then pairs with a smaller turn first, then
+    earlier pieces first. A gap is closed in its middle: the end of a line is moved; an arc keeps
+    its angle and changes its size. If an arc would move too far, a short line closes the gap. No
+    point moves by more than the tolerance.
+
+    Pieces that lie exactly on others of their layer are left out, and so are open contours shorter
+    than the tolerance, whose ends are one point.
+
+    Args:
+        pieces: Pieces without orientation, all in the plane or all in space.
+        tolerance: Ends closer than this are one point [m].
+
+    Returns:
+        The contours, and sentences on the pieces that were left out.
+    """
+    if not pieces:
+        return [], []
+    table = Pieces.of([x.path for x in pieces])
+    layers = _layer_numbers(pieces)
+    repeated = _find_repeated(pieces, table, layers)
+    lengths = table.lengths
+    ends = Ends.of(table, layers, repeated)
+    partner = find_partners(ends, tolerance)
+    contours, short = [], []
+    for chain, closed in _chains(partner, repeated):
+        first = pieces[min(chain) // 2]
+        alone = len(chain) == 1 and not closed
+        total = lengths[np.array(chain) // 2].sum()
+        if total <= tolerance and not ((closed or alone) and _meets_exactly(ends, chain)):
+            short.append(first.name)
+            continue
+        path = first.path if alone else table.join(chain, closed, tolerance)
+        contours.append(Contour(path=path, name=first.name, layer=first.layer))
+    return contours, _notes(pieces, repeated, short, tolerance)
+
+
+def _layer_numbers(pieces: Sequence[Piece]) -> IntArray:
+    """A number for each piece, equal for pieces that may be chained, (n,)."""
+    # A dictionary and not numpy, which stores every text with the length of the longest one.
+    numbers: dict[tuple[str, int], int] = {}
+    return np.array(
+        [numbers.setdefault((x.layer, x.apart), len(numbers)) for x in pieces], dtype=np.intp
+    )
+
+
+def _meets_exactly(ends: Ends, chain: Sequence[int]) -> bool:
+    """Whether all ends in a closed chain meet without gaps."""
+    entries = np.array(chain)
+    gaps = ends.points[entries ^ 1] - ends.points[np.roll(entries, -1)]
+    return bool((np.linalg.norm(gaps, axis=1) <= REPEATED_POINT).all())
+
+
+def _chains(partner: IntArray, left_out: BoolArray) -> list[tuple[list[int], bool]]:
+    """All chains of joined pieces.
+
+    Args:
+        partner: The end to which each end is joined, -1 for none, (2 n,).
+        left_out: Pieces that are in no chain, (n,).
+
+    Returns:
+        For each chain the ends at which its pieces are entered (2 i for the start of piece i,
+        2 i + 1 for its last point), and whether the chain is closed.
+    """
+    joined = partner.tolist()
+    used = left_out.tolist()
+    chains = []
+    for i in range(len(used)):
+        if used[i]:
+            continue
+        # Go back to the start of the chain, or once around a closed chain.
+        entry = 2 * i
+        while joined[entry] >= 0:
+            entry = joined[entry] ^ 1
+            if entry == 2 * i:
+                break
+        closed = joined[entry] >= 0
+        chain = []
+        while entry >= 0 and not used[entry // 2]:
+            used[entry // 2] = True
+            chain.append(entry)
+            entry = joined[entry ^ 1]
+        chains.append((chain, closed))
+    return chains
+
+
+def _find_repeated(pieces: Sequence[Piece], table: Pieces, layers: IntArray) -> BoolArray:
+    """Which pieces lie exactly on an earlier piece of their layer, (n,).
+
+    Args:
+        pieces: The pieces.
+        table: The segments of the pieces.
+        layers: Number of the layer of each piece, (n,).
+    """
+    n = len(pieces)
+    feature = np.column_stack([table.starts + table.ends, table.middles, table.lengths])
+    cell = np.column_stack([layers, np.round(feature / CANDIDATES)])
+    group = np.unique(cell, axis=0, return_inverse=True)[1].ravel()
+    order = np.argsort(group, kind="stable")
+    runs = np.flatnonzero(np.diff(group[order], prepend=-1))
+    repeated = np.zeros(n, dtype=bool)
+    for run in np.split(order, runs[1:]):
+        if len(run) > 1:
+            first = pieces[run[0]].path
+            repeated[run[1:]] = [_same(first, pieces[i].path) for i in run[1:]]
+    return repeated
+
+
+def _same(a: Path, b: Path) -> bool:
+    """Whether two paths are the same within `SAME_PIECE`, in the same or opposite direction."""
+    # One may be cut into more segments than the other.
+    share = np.linspace(0, 1, 2 * max(len(a), len(b)) + 5)
+    one, other = a(share * a.length), b(share * b.length)
+    return any(float(np.abs(one - x).max(initial=0.0)) <= SAME_PIECE for x in (other, other[::-1]))
+
+
+def _notes(
+    pieces: Sequence[Piece], repeated: BoolArray, short: Sequence[str], tolerance: float
+) -> list[str]:
+    """Sentences on the pieces and the short contours that were left out."""
+    notes = []
+    if repeated.any():
+        names = [pieces[i].name for i in np.flatnonzero(repeated).tolist()]
+        notes.append(f"Left out because they lie exactly on others: {list_some(names, 6)}.")
+    if short:
+        notes.append(
+            f"Left out because their ends are one point within {tolerance:g} m: "
+            f"{list_some(short, 6)}."
+        )
+    return notes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pieces:
+    """The segments of all pieces in sequence.
+
+    Args:
+        segments: The segments.
+        first: Index of the first segment of each piece, then the number of segments,
+            (pieces + 1,).
+    """
+
+    segments: Segments
+    first: IntArray
+
+    @classmethod
+    def of(cls, paths: Sequence[Path]) -> Pieces:
+        """The table of the segments of paths, one piece per path."""
+        first = np.concatenate([[0], np.cumsum([len(path) for path in paths])])
+        return cls(segments=Segments.join([path.segments for path in paths]), first=first)
+
+    @property
+    def starts(self) -> FloatArray:
+        """Start points of the pieces [m], (pieces, dimension)."""
+        return self.segments.starts[self.first[:-1]]
+
+    @property
+    def ends(self) -> FloatArray:
+        """End points of the pieces [m], (pieces, dimension)."""
+        return self.segments[self.first[1:] - 1].ends
+
+    @property
+    def tangents(self) -> FloatArray:
+        """Unit tangents at the start points of the pieces, (pieces, dimension)."""
+        return self.segments.tangents[self.first[:-1]]
+
+    @property
+    def end_tangents(self) -> FloatArray:
+        """Unit tangents at the end points of the pieces, (pieces, dimension)."""
+        return self.segments[self.first[1:] - 1].end_tangents
+
+    @property
+    def lengths(self) -> FloatArray:
+        """Lengths of the pieces [m], (pieces,)."""
+        return np.asarray(np.add.reduceat(self.segments.lengths, self.first[:-1]))
+
+    @property
+    def middles(self) -> FloatArray:
+        """Points of the pieces at half of their lengths [m], (pieces, dimension)."""
+        breaks = self.segments.breaks
+        half = breaks[self.first[:-1]] + self.lengths / 2
+        i = np.clip(np.searchsorted(breaks, half) - 1, self.first[:-1], self.first[1:] - 1)
+        return self.segments.at(i, np.clip(half - breaks[i], 0.0, self.segments.lengths[i]))
+
+    def join(self, entries: Sequence[int], closed: bool, tolerance: float) -> Path:
+        """The path through pieces in the given order, with the gaps between them closed.
+
+        Args:
+            entries: For each piece 2 i if piece i is followed forwards, 2 i + 1 if backwards.
+            closed: Whether the last piece joins the first one.
+            tolerance: Largest displacement of a point [m].
+        """
+        entered = np.asarray(entries, dtype=np.intp)
+        piece, backwards = entered // 2, entered % 2 == 1
+        count = self.first[piece + 1] - self.first[piece]
+        of, within = number_parts(count)
+        base = np.where(backwards, self.first[piece + 1] - 1, self.first[piece])
+        rows = self.segments.run(base[of] + np.where(backwards, -1, 1)[of] * within, backwards[of])
+        start = np.cumsum(count) - count
+        vertices, ends = start if closed else start[1:], rows.ends
+        gaps = np.linalg.norm(ends[vertices - 1] - rows.starts[vertices], axis=1)
+        wide = gaps > NO_GAP
+        if wide.any():
+            rows = _close_gaps(rows, ends, vertices[wide], tolerance)
+        return Path(segments=rows)
+
+
+def _close_gaps(rows: Segments, ends: FloatArray, vertices: IntArray, tolerance: float) -> Segments:
+    """Close gaps between segments: both neighbours are moved to the middle of the gap.
+
+    An arc that would move by more than the tolerance stays; lines connect it to the middle of the
+    gap.
+
+    Args:
+        rows: The segments.
+        ends: End points of the segments [m], (n, dimension).
+        vertices: Indices of the segments with a gap before their start.
+        tolerance: Largest displacement of a point [m].
+    """
+    to_start, to_end = rows.starts.copy(), ends.copy()
+    middle = (ends[vertices - 1] + rows.starts[vertices]) / 2
+    to_start[vertices] = to_end[vertices - 1] = middle
+    changed = np.zeros(len(rows), dtype=bool)
+    changed[vertices] = changed[vertices - 1] = True
+    line, arc = changed & (rows.curvatures == 0), changed & (rows.curvatures > 0)
+    stays = arc.copy()
+    stays[arc] = _shift(rows[arc], ends[arc], to_start[arc], to_end[arc]) > tolerance
+    moves = arc & ~stays
+    moved = rows.put(line, _lines(rows[line], to_start[line], to_end[line]))
+    if moves.any():
+        moved = moved.put(moves, _stretch(rows[moves], ends[moves], to_start[moves], to_end[moves]))
+    # Lines connect an arc that stays to the middles of the gaps before and after it; lines without
+    # length are left out.
+    before, after = _lines(rows, to_start, rows.starts), _lines(rows, ends, to_end)
+    used = [
+        stays & (before.lengths > REPEATED_POINT),
+        ~line | (moved.lengths > REPEATED_POINT),
+        stays & (after.lengths > REPEATED_POINT),
+    ]
+    in_order = np.arange(3 * len(rows)).reshape(3, -1).T[np.column_stack(used)]
+    return Segments.join([before, moved, after])[in_order]
+
+
+def _lines(rows: Segments, starts: FloatArray, ends: FloatArray) -> Segments:
+    """Lines between points, with the speeds and tolerances of the given segments."""
+    chords = ends - starts
+    lengths = np.linalg.norm(chords, axis=1)
+    return rows.replace(
+        starts=starts,
+        tangents=chords / np.where(lengths > 0, lengths, 1.0)[:, None],
+        normals=np.zeros_like(chords),
+        curvatures=np.zeros(len(rows)),
+        lengths=lengths,
+    )
+
+
+def _shift(
+    arcs: Segments, ends: FloatArray, to_start: FloatArray, to_end: FloatArray
+) -> FloatArray:
+    """Largest displacement of a point of each arc if `_stretch` moves the arc's ends [m], (n,).
+
+    Args:
+        arcs: The arcs.
+        ends: End points of the arcs [m], (n, dimension).
+        to_start: New start points [m], same shape.
+        to_end: New end points [m], same shape.
+    """
+    at_start, at_end = to_start - arcs.starts, to_end - ends
+    chord = np.linalg.norm(ends - arcs.starts, axis=1)
+    reach = np.where(arcs.curvatures * arcs.lengths < np.pi, chord, 2 / arcs.curvatures)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        change = np.linalg.norm(at_end - at_start, axis=1) / chord
+        shift = np.linalg.norm(at_start, axis=1) + change * reach
+    # The estimate holds for small changes only.
+    return np.where(change < 0.5, shift, np.inf)
+
+
+def _stretch(
+    arcs: Segments, ends: FloatArray, to_start: FloatArray, to_end: FloatArray
+) -> Segments:
+    """Scale and rotate arcs to new end points, with the arguments of `_shift`; angles stay."""
+    old, new = ends - arcs.starts, to_end - to_start
+    size, wanted = np.linalg.norm(old, axis=1), np.linalg.norm(new, axis=1)
+    a, b = old / size[:, None], new / wanted[:, None]
+    scale = wanted / size
+
+    def turned(v: FloatArray) -> FloatArray:
+        # The smallest rotation from a to b.
+        part = np.sum((a + b) * v, axis=1) / (1 + np.sum(a * b, axis=1))
+        v = v - part[:, None] * (a + b) + 2 * np.sum(a * v, axis=1)[:, None] * b
+        return np.asarray(v / np.linalg.norm(v, axis=1)[:, None])
+
+    return arcs.replace(
+        starts=to_start,
+        tangents=turned(arcs.tangents),
+        normals=turned(arcs.normals),
+        curvatures=arcs.curvatures / scale,
+        lengths=arcs.lengths * scale,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ends:
+    """The two ends of every piece: end 2 i is the start of piece i, end 2 i + 1 its last point.
+
+    Args:
+        points: Points of the ends [m], (2 n, dimension).
+        inwards: Unit tangents at the ends that point into the piece, same shape.
+        layers: Number of the layer of each end, (2 n,).
+        lengths: Lengths of the pieces [m], (n,).
+        closed: Whether both ends of a piece are one point, (n,).
+        free: Whether an end may be joined, (2 n,).
+    """
+
+    points: FloatArray
+    inwards: FloatArray
+    layers: IntArray
+    lengths: FloatArray
+    closed: BoolArray
+    free: BoolArray
+
+    @classmethod
+    def of(cls, pieces: Pieces, layers: IntArray, left_out: BoolArray) -> Ends:
+        """The ends of the pieces.
+
+        Args:
+            pieces: The pieces.
+            layers: Number of the layer of each piece, (n,).
+            left_out: Pieces whose ends are never joined, (n,).
+        """
+
+        def both(a: FloatArray, b: FloatArray) -> FloatArray:
+            return np.stack([a, b], axis=1).reshape(-1, a.shape[1])
+
+        start, end = pieces.starts, pieces.ends
+        closed = np.linalg.norm(end - start, axis=1) <= REPEATED_POINT
+        return cls(
+            points=both(start, end),
+            inwards=both(pieces.tangents, -pieces.end_tangents),
+            layers=np.repeat(layers, 2),
+            lengths=pieces.lengths,
+            closed=closed,
+            free=np.repeat(~(closed | left_out), 2),
+        )
+
+
+def find_partners(ends: Ends, tolerance: float) -> IntArray:
+    """The end to which each end is joined, (2 n,); -1 if it stays free.
+
+    Ends at the same point are joined first, then ends that touch, then ends with a gap.
+
+    Args:
+        ends: Ends of all pieces.
+        tolerance: Ends closer than this may be joined [m].
+    """
+    partner = np.full(len(ends.points), -1, dtype=np.intp)
+    for near in (REPEATED_POINT, TOUCHING * tolerance, tolerance):
+        free = np.flatnonzero(ends.free & (partner < 0))
+        if len(free) > 1:
+            candidates = _near if near == tolerance else _touching
+            _match(ends, partner, candidates(ends, free, near), tolerance)
+    return partner
+
+
+def _match(ends: Ends, partner: IntArray, candidates: IntArray, tolerance: float) -> None:
+    """Join pairs of ends, those with the smallest turns first.
+
+    Args:
+        ends: Ends of all pieces.
+        partner: The end to which each end is joined, -1 for none, (2 n,); updated.
+        candidates: Pairs of ends that may be joined, (m, 2).
+        tolerance: Only ends closer than this are joined [m].
+    """
+    a, b = candidates.min(axis=1), candidates.max(axis=1)
+    gap = np.linalg.norm(ends.points[a] - ends.points[b], axis=1)
+    # A piece shorter than the tolerance is not closed on itself.
+    allowed = (a != b) & (ends.layers[a] == ends.layers[b]) & (gap < tolerance)
+    allowed &= (a // 2 != b // 2) | (ends.lengths[a // 2] > tolerance)
+    a, b = a[allowed], b[allowed]
+    # The angle between the tangents, computed from its half, which is exact near zero.
+    u, v = ends.inwards[a], ends.inwards[b]
+    turn = 2 * np.arctan2(np.linalg.norm(u + v, axis=1), np.linalg.norm(u - v, axis=1))
+    order = np.lexsort([b, a, np.round(turn / SAME_TURN)])
+    taken = (partner >= 0).tolist()
+    for i, j in zip(a[order].tolist(), b[order].tolist(), strict=True):
+        if not (taken[i] or taken[j]):
+            taken[i] = taken[j] = True
+            partner[i], partner[j] = j, i
+
+
+def _touching(ends: Ends, free: IntArray, near: float) -> IntArray:
+    """Pairs of ends that touch, those with the smallest turns for each end, (m, 2).
+
+    Args:
+        ends: Ends of all pieces.
+        free: Indices of the ends that are not joined yet.
+        near: Ends closer than this touch [m].
+    """
+    # Ends in one cell of a grid are merged, so that many ends at one point make few pairs.
+    keys = np.column_stack([ends.layers[free], np.round(ends.points[free] / (near / 2))])
+    _, first, cell = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    centres = np.column_stack([ends.layers[free][first] * LAYERS_APART, ends.points[free][first]])
+    vertex = group_points(centres, near)[cell.ravel()]
+    alone = np.bincount(vertex)[vertex] == 1
+    free, vertex = free[~alone], vertex[~alone]
+    return _pairs(free, *_smallest_turns(vertex, ends.inwards[free]))
+
+
+def _smallest_turns(vertex: IntArray, inwards: FloatArray) -> tuple[IntArray, IntArray]:
+    """Pairs of ends at one vertex, those with the smallest turns for each end.
+
+    Args:
+        vertex: Number of the vertex at which each end lies, (n,).
+        inwards: Unit tangents into the pieces, (n, dimension).
+    """
+    if len(vertex) == 0:
+        return np.empty(0, dtype=np.intp), np.empty(0, dtype=np.intp)
+    # Tangents differ by at most 2 and the coordinates of two vertices by at least 4, so a
+    # neighbour within 3 is at the same vertex.
+    here, there = (np.column_stack([4.0 * vertex, x]) for x in (inwards, -inwards))
+    count = min(MOST_CANDIDATES + 1, len(vertex))
+    return _drop_missing(nearest_points(there, here, count, 3.0), len(vertex))
+
+
+def _near(ends: Ends, free: IntArray, near: float) -> IntArray:
+    """Pairs of ends that are close to each other, the nearest ones of each end, (m, 2).
+
+    Args:
+        ends: Ends of all pieces.
+        free: Indices of the ends that are not joined yet.
+        near: Largest distance of two ends [m].
+    """
+    points = np.column_stack([ends.layers[free] * LAYERS_APART, ends.points[free]])
+    count = min(MOST_CANDIDATES + 1, len(free))
+    return _pairs(free, *_drop_missing(nearest_points(points, points, count, near), len(free)))
+
+
+def _drop_missing(neighbours: IntArray, n: int) -> tuple[IntArray, IntArray]:
+    """Pairs of points and neighbours, without the neighbours not found.
+
+    Args:
+        neighbours: Indices of the neighbours, n if there is none, (n, k).
+        n: Number of points.
+    """
+    i = np.repeat(np.arange(n), neighbours.shape[1])
+    k = neighbours.ravel()
+    return i[k < n], k[k < n]
+
+
+def _pairs(free: IntArray, a: IntArray, b: IntArray) -> IntArray:
+    """Sorted unique pairs of ends, (m, 2), from two arrays of indices into `free`."""
+    return np.unique(np.sort(np.column_stack([free[a], free[b]]), axis=1), axis=0)

@@ -1,0 +1,621 @@
+"""DXF drawings, read from their model space into a program of contours."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import io
+import itertools
+import logging
+import re
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray, refuse_if
+from armcontour.core.describing import several
+from armcontour.core.errors import InvalidInput
+from armcontour.core.progress import Progress
+from armcontour.core.text import list_some
+from armcontour.files.drawings._dxf_entities import (
+    NO_CONTOUR,
+    SHAPES,
+    Unreadable,
+    clip_of,
+    grid,
+    insertions,
+    refuse_missing,
+)
+from armcontour.files.drawings.chain import WITHOUT_Z, Affine
+from armcontour.files.drawings.options import ReadOptions
+from armcontour.files.drawings.reading import SKIP, hex_of
+from armcontour.files.drawings.shapes import Outline
+from armcontour.files.drawings.walk import NAMED, WALKED, Drawn, Place, Walk, place_outline
+from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.program import Program
+
+# Lengths of the units of $INSUNITS [m], by the DXF reference; 0 is a drawing without a unit.
+UNITS = {
+    1: 0.0254,
+    2: 0.3048,
+    3: 1609.344,
+    4: 1e-3,
+    5: 1e-2,
+    6: 1.0,
+    7: 1e3,
+    8: 25.4e-9,
+    9: 25.4e-6,
+    10: 0.9144,
+    11: 1e-10,
+    12: 1e-9,
+    13: 1e-6,
+    14: 0.1,
+    15: 10.0,
+    16: 100.0,
+    21: 1200 / 3937,
+    22: 100 / 3937,
+    23: 3600 / 3937,
+    24: 6336000 / 3937,
+}
+# Largest depth of blocks in blocks, and largest number of copied entities: a document with more
+# is made to do harm.
+DEEPEST = 50
+EXPLODE = "explode it into lines and arcs in the CAD program"
+MOST_COPIES = 200_000
+OFF, FROZEN = "off", "frozen"
+# Reasons to leave entities out.
+HIDDEN = "Left out, on layers that are off or frozen"
+INVISIBLE = "Left out, because they are invisible"
+NOT_READ = "Left out, because it is no line, arc or curve"
+TEXT = "Left out, unless its letters are contours (path.texts or --texts: contours)"
+THROUGH_FONT = "Drawn through a font of this machine, which may differ from the drawing's"
+BROKEN = "Left out, because it cannot be read"
+# Numbers of AutoCAD's colours that mean the colour of the block, of the layer, and black or white.
+BY_BLOCK, BY_LAYER, ACI_WHITE = 0, 256, 7
+WHITE = frozenset({"7", "#ffffff", "#000000"})
+BINARY = b"AutoCAD Binary DXF"
+DRAWING_DATABASE = b"AC10"
+CUT_OFF = "The file has no end mark (EOF): it seems to be cut off, and contours may be missing."
+# What is between entities.
+STRUCTURE = ("SECTION", "ENDSEC", "TABLE", "ENDTAB", "EOF")
+# Classes of entities that ezdxf does not read without the marks of their classes, and codes that
+# come before the mark.
+CLASSES = {
+    "LWPOLYLINE": "AcDbPolyline",
+    "SPLINE": "AcDbSpline",
+    "MTEXT": "AcDbMText",
+    "LEADER": "AcDbLeader",
+    "HATCH": "AcDbHatch",
+}
+COMMON_CODES = frozenset(
+    "0 5 6 8 48 60 62 67 92 102 160 284 310 330 347 348 360 370 380 390 410 420 430 440".split()
+)
+# Numbers of objects in ezdxf's messages.
+ADDRESS = re.compile(r"\(#\d+\)")
+
+
+def read_dxf(
+    data: bytes, *, source: str, options: ReadOptions, progress: Progress | None = None
+) -> Program:
+    """Read the contours of a DXF drawing.
+
+    Lines and arcs are kept; ellipses and splines become arcs within the chord tolerance. If all
+    points have z = 0, the program is in the plane, otherwise in space. A contour is named after
+    the handle of its first entity; in a block, the handle of the INSERT comes before.
+
+    Args:
+        data: Content of the file, ASCII or binary.
+        source: Name of the file.
+        options: Settings of the reader.
+        progress: Called from time to time with the name of the source and the share of it that is
+            read.
+
+    Raises:
+        InvalidInput: The file is not readable as DXF, the unit is not known, an entity is unknown
+            and unknown entities are refused, or there is no contour.
+    """
+    with silence_log(), np.errstate(all="ignore"):
+        document, notes = open_document(data, source, skip=options.skips)
+        walk = DxfWalk(document, partial(line_of_handle, data), source, options, progress)
+        # Without a header, ezdxf's own one says metres.
+        stated = b"$INSUNITS" in data
+        unit = _unit(document.header.get("$INSUNITS", 0) if stated else 0, source, options)
+        return walk.program(_flattened(list(walk.shapes(unit)), source), notes)
+
+
+def _unit(code: Any, source: str, options: ReadOptions) -> float:
+    """Length of the drawing's unit [m], by its code in the header.
+
+    Raises:
+        InvalidInput: Neither the reading nor the drawing has a known unit.
+    """
+    if options.unit is not None:
+        return options.unit
+    if code in UNITS:
+        return UNITS[code]
+    why = "does not say its unit" if code == 0 else f"has the unit {code!r}, which is not known"
+    raise InvalidInput(f"{source} {why} ($INSUNITS): give it, such as `units: mm` or --units mm.")
+
+
+def _flattened(found: list[Drawn], source: str) -> list[Drawn]:
+    """The entities in the plane if all z are 0, otherwise in space.
+
+    Raises:
+        InvalidInput: A drawing in space is clipped.
+    """
+
+    def is_flat(points: FloatArray) -> bool:
+        return bool(np.abs(points[:, 2]).max() <= REPEATED_POINT)
+
+    flat = all(is_flat(y.reach) for x in found for y in x.outlines)
+    for x in found:
+        if x.clips and not (flat and all(is_flat(clip.corners) for clip in x.clips)):
+            raise InvalidInput(
+                f"{source}: {x.where} is in a block that is clipped in space, which is not read: "
+                "clip drawings at z = 0 only."
+            )
+    if not flat:
+        return found
+    return [
+        dataclasses.replace(
+            x,
+            outlines=[y.place(WITHOUT_Z) for y in x.outlines],
+            clips=tuple(clip.place(WITHOUT_Z) for clip in x.clips),
+        )
+        for x in found
+    ]
+
+
+class DxfWalk(Walk):
+    """Traversal of a document's entities, which records the entities that it leaves out.
+
+    Args:
+        document: ezdxf's document.
+        line_of: Text that says in which line of the file a handle stands.
+        source: Name of the file.
+        options: Settings of the reader.
+        progress: Called from time to time with the share of the file that is read.
+    """
+
+    part = " in its model space"
+
+    def __init__(
+        self,
+        document: Any,
+        line_of: Callable[[str], str],
+        source: str,
+        options: ReadOptions,
+        progress: Progress | None,
+    ) -> None:
+        super().__init__(source, options, progress)
+        self.document, self.line_of = document, line_of
+        self.texts = options.texts == "contours"
+        self._copies = 0
+        self._sizes: dict[str, int] = {}
+        self._layers: dict[str, tuple[str, str]] = {}
+        self._layer_colors: dict[str, frozenset[str]] = {}
+
+    def explain_empty(self) -> str:
+        """Why there is no contour: all entities are on other layers."""
+        if not self.elsewhere:
+            return ""
+        wanted = ", ".join(repr(x) for x in sorted(self.wanted or ()))
+        there = list_some([repr(x) for x in sorted(self.elsewhere)], 12)
+        return f"has no contour on the layer {wanted}: it has entities on {there}"
+
+    def shapes(self, unit: float) -> Iterator[Drawn]:
+        """Yield the shapes of all entities of the model space, in the order of the document.
+
+        Args:
+            unit: Length of the drawing's unit [m].
+
+        Raises:
+            InvalidInput: An entity cannot be read, or is unknown and unknown entities are refused.
+        """
+        try:
+            for layer in self.document.layers:
+                state = FROZEN if layer.is_frozen() else OFF if layer.is_off() else ""
+                self._layers[_key(layer.dxf.name)] = (layer.dxf.name, state)
+                self._layer_colors[_key(layer.dxf.name)] = _color_names(layer, abs(layer.color))
+            entities = self.document.modelspace()
+        except Exception as error:
+            raise InvalidInput(f"{self.source} is damaged: {said(error)}.") from None
+        world = Affine(unit * np.eye(3), np.zeros(3))
+        drawing = Place(to=world, layer="0", color=WHITE)
+        for k, entity in enumerate(entities):
+            self.tell(WALKED * k / len(entities))
+            yield from self._shapes_in([entity], drawing)
+
+    def _shapes_in(self, entities: Iterable[Any], block: Place) -> Iterator[Drawn]:
+        """Yield the shapes of the entities of a block or of the drawing."""
+        for entity in entities:
+            kind = entity.dxftype()
+            handle = _attribute(entity, "handle", "?")
+            name = f"{block.name}/{handle}" if block.name else f"handle {handle}"
+            layer, state = self._layer(entity, block)
+            try:
+                if kind == "ATTDEF" and block.inside:
+                    # A template of a text; the drawing shows the texts of the INSERT instead.
+                    continue
+                if state == FROZEN or (state == OFF and kind != "INSERT"):
+                    self.leave_out(HIDDEN, layer)
+                elif _attribute(entity, "invisible", 0):
+                    self.leave_out(INVISIBLE, kind)
+                elif kind == "INSERT":
+                    yield from self._insert(entity, block, name, layer)
+                elif not self.wants_layer(layer):
+                    # Nothing on other layers matters, broken or not.
+                    self.elsewhere[self.labels(layer)] += kind in SHAPES
+                else:
+                    yield from self._drawn(entity, kind, name, layer, block)
+            except Unreadable as error:
+                self._leave(kind, name, layer, str(error), handle)
+            except InvalidInput:
+                raise
+            except Exception as error:
+                # A broken entity makes ezdxf raise exceptions of any class.
+                self._leave(kind, name, layer, f"is damaged: {said(error)}", handle)
+
+    def _drawn(
+        self, entity: Any, kind: str, name: str, layer: str, block: Place
+    ) -> Iterator[Drawn]:
+        """Yield the shapes of a visible entity, of which MLINE and TEXT have several.
+
+        Raises:
+            Unreadable: The entity is unknown, or does not define a shape.
+        """
+        if kind == "MLINE":
+            for k, part in enumerate(entity.virtual_entities()):
+                yield from self._shape(part, kind, f"{name}[{k + 1}]", layer, block)
+        elif kind in SHAPES and not _is_mesh(entity):
+            yield from self._shape(entity, kind, name, layer, block)
+        elif kind == "TEXT" and self.texts:
+            self.leave_out(THROUGH_FONT, kind)
+            for k, part in enumerate(letters_of(entity)):
+                yield from self._shape(part, part.dxftype(), f"{name}[{k + 1}]", layer, block)
+        elif kind in NO_CONTOUR:
+            self.leave_out(
+                TEXT if kind == "TEXT" else NOT_READ, "mesh" if kind == "POLYLINE" else kind
+            )
+        else:
+            raise Unreadable(f"is not read: {EXPLODE}")
+
+    def _shape(
+        self, entity: Any, kind: str, name: str, layer: str, block: Place
+    ) -> Iterator[Drawn]:
+        """Yield the shape of an entity, if it has a length and one of the chosen colours.
+
+        Raises:
+            Unreadable: The entity does not define a shape.
+        """
+        if not self.wants_color(self._color(entity, layer, block)):
+            return
+        refuse_missing(entity)
+        shape = SHAPES[entity.dxftype()](entity)
+        outlines = []
+        if shape is not None:
+            placed, defect = place_outline(Outline([shape]), block.to)
+            if defect:
+                raise Unreadable(defect)
+            outlines = [placed]
+        yield Drawn(
+            outlines=outlines,
+            where=f"{kind} {name} on layer {layer!r}",
+            name=self.labels(name),
+            layer=self.labels(layer),
+            clips=block.clips,
+        )
+
+    def _color(self, entity: Any, layer: str, block: Place) -> frozenset[str]:
+        """The names of the colour in which an entity is drawn."""
+        number = _attribute(entity, "color", BY_LAYER)
+        if _attribute(entity, "true_color", None) is None:
+            if number == BY_BLOCK:
+                return block.color
+            if number == BY_LAYER:
+                return self._layer_colors.get(_key(layer), WHITE)
+        return _color_names(entity, number)
+
+    def _layer(self, entity: Any, block: Place) -> tuple[str, str]:
+        """Name of an entity's layer, and the layer's state: off, frozen or empty."""
+        own = str(_attribute(entity, "layer", "") or _layer_tag(entity))
+        # In a block, layer 0 means the layer of the INSERT.
+        own = block.layer if own == "0" and block.inside else own
+        return self._layers.get(_key(own), (own, ""))
+
+    def _insert(self, entity: Any, block: Place, name: str, layer: str) -> Iterator[Drawn]:
+        """Yield the shapes of all copies of a block.
+
+        Raises:
+            Unreadable: The block is missing, contains itself, or has too many copies.
+        """
+        if self.wants_layer(layer):
+            for _ in getattr(entity, "attribs", ()):
+                self.leave_out(NOT_READ, "ATTRIB")
+        refuse_missing(entity)
+        called = str(_attribute(entity, "name", ""))
+        content = self.document.blocks.get(called)
+        if content is None:
+            raise Unreadable(f"places the block {called!r}, which does not exist")
+        if _key(called) in block.inside or len(block.inside) >= DEEPEST:
+            raise Unreadable(f"places the block {called!r} in itself")
+        if not block.inside:
+            self._copies += self._copies_of(entity)
+            if self._copies > MOST_COPIES:
+                raise Unreadable(f"raises the number of copies of entities above {MOST_COPIES}")
+        base = np.array(tuple(content.block.dxf.base_point), dtype=np.float64)
+        affine, offsets = insertions(entity, base)
+        columns = grid(entity)[1]
+        clip = clip_of(entity)
+        color = self._color(entity, layer, block)
+        for k, offset in enumerate(offsets):
+            copy = block.to @ Affine(affine.linear, affine.offset + offset)
+            row, column = k // columns + 1, k % columns + 1
+            inner = Place(
+                name=name if len(offsets) == 1 else f"{name}[{row},{column}]",
+                to=copy,
+                layer=layer,
+                inside=(*block.inside, _key(called)),
+                color=color,
+                clips=block.clips if clip is None else (*block.clips, clip.place(copy)),
+            )
+            yield from self._shapes_in(content, inner)
+
+    def _copies_of(self, entity: Any) -> int:
+        """Number of entities that an INSERT draws, computed without drawing them."""
+        name = _key(str(_attribute(entity, "name", "")))
+        if name not in self._sizes:
+            # A block that contains itself is refused later, with its name.
+            self._sizes[name] = 1
+            content = self.document.blocks.get(name)
+            inner = [x for x in content or () if x.dxftype() == "INSERT"]
+            own = 1 + (len(content) if content is not None else 0)
+            self._sizes[name] = own + sum(self._copies_of(x) for x in inner)
+        rows, columns = grid(entity)
+        return rows * columns * self._sizes[name]
+
+    def _leave(self, kind: str, name: str, layer: str, why: str, handle: str) -> None:
+        """Leave out an entity that cannot be read, or refuse it.
+
+        Raises:
+            InvalidInput: Such entities are refused.
+        """
+        if kind != "INSERT" and not self.wants_layer(layer):
+            return
+        # Looking for a line takes as long as the file; the notes name the first entities only.
+        line = self.line_of(handle) if len(self.left_out.get(BROKEN, ())) < NAMED else ""
+        what = f"{kind} {name}{line} on layer {layer!r} {why}"
+        if not self.skip:
+            raise InvalidInput(
+                f"{self.source}: {what}. Mend it in the drawing, choose the layers to follow "
+                f"(layers, or --layer), or {SKIP}."
+            )
+        self.leave_out(BROKEN, what)
+
+
+def letters_of(entity: Any) -> list[Any]:
+    """The outlines of the letters of a TEXT, as splines and polylines.
+
+    Raises:
+        Unreadable: The text cannot be drawn.
+    """
+    from ezdxf.addons import text2path
+
+    try:
+        return list(text2path.virtual_entities(entity, kind=text2path.Kind.SPLINES))
+    except Exception as error:
+        raise Unreadable(f"cannot be drawn through a font: {said(error)}") from None
+
+
+def _attribute(entity: Any, name: str, default: Any) -> Any:
+    """An attribute of an entity; the default if the entity or its type does not have it."""
+    return entity.dxf.get(name, default) if entity.dxf.is_supported(name) else default
+
+
+def _key(name: str) -> str:
+    """The name of a layer or block in lower case: DXF ignores the case of such names."""
+    return name.lower()
+
+
+def _layer_tag(entity: Any) -> str:
+    """Layer of an entity whose type ezdxf does not know."""
+    tags = getattr(entity, "xtags", None)
+    found = (x.value for part in (tags.subclasses if tags else ()) for x in part if x.code == 8)
+    return str(next(found, "0"))
+
+
+def _color_names(entity: Any, number: int) -> frozenset[str]:
+    """The names of the colour of an entity or layer: its number and #rrggbb, or its true colour."""
+    from ezdxf.colors import aci2rgb
+
+    if entity.rgb is not None:
+        return frozenset({hex_of(*entity.rgb)})
+    if number == ACI_WHITE or not 0 < number < BY_LAYER:
+        return WHITE
+    return frozenset({str(number), hex_of(*aci2rgb(number))})
+
+
+def _is_mesh(entity: Any) -> bool:
+    """Whether a POLYLINE is a mesh and not a curve."""
+    return entity.dxftype() == "POLYLINE" and not (entity.is_2d_polyline or entity.is_3d_polyline)
+
+
+def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[str]]:
+    """Open the document in a DXF file.
+
+    Args:
+        data: Content of the file, ASCII or binary.
+        source: Name of the file.
+        skip: Whether entities that ezdxf cannot read are left out.
+
+    Returns:
+        ezdxf's document, and a sentence on the damage if the file had to be repaired.
+
+    Raises:
+        InvalidInput: ezdxf is not installed, or the data are not a DXF file.
+    """
+    try:
+        import ezdxf  # noqa: F401
+    except ImportError:
+        raise InvalidInput(
+            "Reading DXF files needs ezdxf: pip install 'armcontour[drawings]'."
+        ) from None
+    dwg = f"{source} is a DWG file, which is not read: save it as DXF."
+    refuse_if(data.startswith(DRAWING_DATABASE), dwg)
+    refuse_if(not data.strip(), f"{source} is empty.")
+    sections = data.startswith(BINARY) or b"SECTION" in data
+    refuse_if(not sections, f"{source} is no DXF file: it has no section.")
+    # A broken file makes ezdxf raise exceptions of any class.
+    notes = [] if _has_end(data) else [CUT_OFF]
+    try:
+        return _read(data), notes
+    except Exception as error:
+        first = error
+    try:
+        document, changes = _repair(data)
+        if notes and not changes:
+            # What is left of a file that is cut off is intact.
+            return document, notes
+        mended = f" and was mended in {several(changes, 'place')}" if changes else ""
+        why = ADDRESS.sub("", said(first))
+        damage = f"The file is damaged ({why}){mended}; damaged parts may be missing."
+        return document, [*notes, damage]
+    except Exception:
+        rest, broken = (b"", []) if data.startswith(BINARY) else _without_broken(data)
+    if not broken:
+        with contextlib.suppress(Exception):
+            return _read(rest), notes
+        raise InvalidInput(
+            f"{source} is no DXF file that can be read: {' '.join([_reason(first), *notes])}"
+        )
+    if not skip:
+        raise InvalidInput(f"{source} has an entity that cannot be read, {broken[0]}: {SKIP}.")
+    try:
+        document = _read(rest)
+    except Exception as error:
+        raise InvalidInput(f"{source} is no DXF file that can be read: {said(error)}.") from None
+    return document, [
+        *notes,
+        f"{BROKEN}: {list_some(broken, NAMED)}.",
+    ]
+
+
+def _has_end(data: bytes) -> bool:
+    """Whether the last line of an ASCII file is its end mark."""
+    return data.startswith(BINARY) or data.rstrip(b"\0\x1a \t\r\n").endswith(b"EOF")
+
+
+def _read(data: bytes) -> Any:
+    """Ezdxf's document of an intact file."""
+    from ezdxf.document import Drawing
+    from ezdxf.filemanagement import dxf_stream_info
+    from ezdxf.lldxf.tagger import binary_tags_loader
+
+    if data.startswith(BINARY):
+        return Drawing.load(binary_tags_loader(data, errors="surrogateescape"))
+    # The header names the encoding; the header itself is plain ASCII.
+    info = dxf_stream_info(io.StringIO(data.decode("utf-8", errors="ignore"), newline=None))
+    text = data.decode(info.encoding, errors="surrogateescape")
+    return Drawing.read(io.StringIO(text, newline=None))
+
+
+def _reason(error: Exception) -> str:
+    """Why ezdxf cannot read a file, as a sentence; its own mistakes tell a user nothing."""
+    from ezdxf.lldxf.const import DXFError
+
+    if isinstance(error, DXFError):
+        return f"{ADDRESS.sub('', said(error))}."
+    return "its structure is damaged. Open it in a CAD program, and save it again."
+
+
+def _repair(data: bytes) -> tuple[Any, int]:
+    """Ezdxf's document of a damaged file, and in how many places it was mended."""
+    from ezdxf import recover
+
+    document, auditor = recover.read(io.BytesIO(data))
+    return document, len(auditor.errors) + len(auditor.fixes)
+
+
+def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
+    """An ASCII file without the entities that ezdxf cannot make, and sentences on these."""
+    from ezdxf.entities import factory
+    from ezdxf.lldxf.extendedtags import ExtendedTags
+
+    text = data.decode("utf-8", errors="surrogateescape")
+    lines = text.replace("\r\n", "\n").split("\n")
+    first = next(
+        (i for i, x in enumerate(lines) if x.strip() in ("BLOCKS", "ENTITIES")), len(lines)
+    )
+    # Codes and values alternate; the code 0 begins an entity.
+    begins = [i for i in range(first + 1, len(lines) - 1, 2) if lines[i].strip() == "0"]
+    kept, broken = lines[: begins[0] if begins else len(lines)], []
+    marked = False
+    for i, end in itertools.pairwise([*begins, len(lines)]):
+        kind, part = lines[i + 1].strip(), lines[i:end]
+        if kind in CLASSES:
+            part, before = _mark_class(part, CLASSES[kind]), part
+            marked = marked or part is not before
+        try:
+            if kind not in STRUCTURE:
+                factory.load(ExtendedTags.from_text("\n".join(part) + "\n"), None)
+        except Exception as error:
+            broken.append(f"{kind} in line {i + 2} ({ADDRESS.sub('', said(error))})")
+        else:
+            kept += part
+    if marked:
+        kept = _without_version_12(kept)
+    return "\n".join([*kept, ""]).encode("utf-8", errors="surrogateescape"), broken
+
+
+def _without_version_12(lines: list[str]) -> list[str]:
+    """A file of a later version than R12, of which ezdxf reads no attributes in classes."""
+    names = [x.strip() for x in lines]
+    version = ["9", "$ACADVER", "1", "AC1015"]
+    if "$ACADVER" in names:
+        k = names.index("$ACADVER") + 2
+        return [*lines[:k], "AC1015" if names[k] == "AC1009" else lines[k], *lines[k + 1 :]]
+    if "HEADER" in names:
+        k = names.index("HEADER") + 1
+        return [*lines[:k], *version, *lines[k:]]
+    return ["0", "SECTION", "2", "HEADER", *version, "0", "ENDSEC", *lines]
+
+
+def _mark_class(lines: list[str], name: str) -> list[str]:
+    """An entity with the marks of its classes, which some programs leave out."""
+    codes = [x.strip() for x in lines[::2]]
+    if "100" in codes:
+        return lines
+    own = 2 * next((k for k, x in enumerate(codes) if x not in COMMON_CODES), len(codes))
+    return [*lines[:own], "100", "AcDbEntity", "100", name, *lines[own:]]
+
+
+def line_of_handle(data: bytes, handle: str) -> str:
+    """` in line 12`, where the entity of a handle says it; "" if the file does not."""
+    found = re.search(
+        rb"^[ \t]*5[ \t]*\r?\n[ \t]*0*" + re.escape(handle.encode()) + rb"[ \t]*\r?$",
+        data,
+        re.MULTILINE | re.IGNORECASE,
+    )
+    return f" in line {data.count(bytes([10]), 0, found.start()) + 2}" if found else ""
+
+
+def said(error: Exception) -> str:
+    """The first line of an exception's message, shortened to 120 characters."""
+    lines = str(error).strip().splitlines() or [type(error).__name__]
+    text = lines[0].strip().rstrip(".")
+    return text if len(text) <= 120 else text[:117] + "..."
+
+
+@contextmanager
+def silence_log() -> Iterator[None]:
+    """Switch off ezdxf's log; what the user must know is in the notes of the program."""
+    logger = logging.getLogger("ezdxf")
+    before = logger.disabled
+    logger.disabled = True
+    try:
+        yield
+    finally:
+        logger.disabled = before

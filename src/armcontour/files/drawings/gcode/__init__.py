@@ -1,0 +1,5 @@
+"""The reader of G-code (RS274/NGC as in the LinuxCNC manual), which returns a `Program`."""
+
+from armcontour.files.drawings.gcode.reader import read_gcode
+
+__all__ = ["read_gcode"]

@@ -1,0 +1,287 @@
+"""The geometry of arcs (G2, G3) that are given by end and centre or by end and radius.
+
+All points are in the arc's plane [m]; `turn` is 1 for counter-clockwise (G3), -1 for clockwise.
+
+An arc must start and end exactly at the programmed points, but programmed centres are rounded to
+a few decimals. So the centre is moved to the nearest point with equal distances to start and end:
+its projection onto their perpendicular bisector. For an arc of more than three quarters of a
+circle this projection can be far from the centre. Such an arc is replaced by two: one around the
+programmed centre over half the angle, and one that continues with the same tangent to the end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from armcontour.files.drawings.gcode.faults import Fault
+from armcontour.geometry.segments import REPEATED_POINT
+
+Point = tuple[float, float]
+
+# LinuxCNC's tolerances for the difference between the distances from the centre to start and end
+# [m], in programs in millimetres and in inches. A difference up to ROUNDED is always accepted,
+# which allows coordinates rounded to 0.01 mm or 0.001 inch (default CENTER_ARC_RADIUS_TOLERANCE).
+# A difference up to MOST, 0.5 mm or 0.05 inch (manual, "Center Format Arcs"), is accepted if it is
+# at most RELATIVE, 0.1 %, of the radius.
+ROUNDED = {"mm": 2 * math.sqrt(2) * 1e-5, "inch": 2 * math.sqrt(2) * 2.54e-5}
+MOST = {"mm": 0.5e-3, "inch": 0.05 * 0.0254}
+RELATIVE = 1e-3
+# By this length [m] a radius may be too short to reach the end; a smaller radius counts as zero
+# (LinuxCNC's RADIUS_TOLERANCE).
+SHORT = 0.00005 * 0.0254
+# A larger swept angle [rad] is drawn as two arcs. At this angle the projection onto the bisector
+# is 0.7 times the difference of the distances away from the centre.
+NEARLY_FULL = 1.5 * math.pi
+# Largest distance of a drawn arc's end from the programmed end [m]: half of the distance up to
+# which two points count as the same.
+MISS = REPEATED_POINT / 2
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """One arc of at most a full circle, with the data of a path's segment.
+
+    Args:
+        tangent: Unit tangent at the start.
+        normal: Unit vector from the start to the centre.
+        curvature: Curvature [1/m].
+        length: Length [m].
+        end: End point [m].
+    """
+
+    tangent: Point
+    normal: Point
+    curvature: float
+    length: float
+    end: Point
+
+    def circle(self, start: Point) -> Piece:
+        """The full circle of the arc, from `start` to `start`."""
+        length = 2 * math.pi / self.curvature
+        return Piece(self.tangent, self.normal, self.curvature, length, start)
+
+
+@dataclass(frozen=True, slots=True)
+class Circle:
+    """An arc as it is programmed, up to one full turn.
+
+    Args:
+        center: Centre [m].
+        start: Start point [m].
+        end: End point [m].
+        turn: 1 for counter-clockwise, -1 for clockwise.
+        sweep: Swept angle [rad], positive.
+        radius: Distance from the centre to the start [m].
+        end_radius: Distance from the centre to the end [m].
+    """
+
+    center: Point
+    start: Point
+    end: Point
+    turn: int
+    sweep: float
+    radius: float
+    end_radius: float
+
+
+def around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> Circle:
+    """The arc around a centre; a full circle if start and end are the same point.
+
+    Args:
+        start: Start point [m].
+        end: End point [m].
+        center: Programmed centre [m].
+        turn: 1 for counter-clockwise, -1 for clockwise.
+        dialect: "mm" or "inch", the unit of the program, which decides the tolerances.
+
+    Raises:
+        Fault: The radius is zero, or the distances from the centre to start and end differ too
+            much.
+    """
+    px, py = start[0] - center[0], start[1] - center[1]
+    qx, qy = end[0] - center[0], end[1] - center[1]
+    radius, end_radius = math.hypot(px, py), math.hypot(qx, qy)
+    if min(radius, end_radius) < SHORT:
+        raise Fault("an arc whose centre is its start or end point, so that it has no radius")
+    off = abs(radius - end_radius)
+    relative = RELATIVE * max(radius, end_radius)
+    if off > MOST[dialect] or (off > ROUNDED[dialect] and off > relative):
+        allowed = min(MOST[dialect], max(ROUNDED[dialect], relative))
+        raise Fault(
+            "an arc whose centre is {} from its start but {} from its end, a difference of {} "
+            "where {} are allowed: correct I, J and K, or write G90.1 if they are absolute",
+            radius, end_radius, off, allowed,
+        )  # fmt: skip
+    if math.dist(start, end) <= REPEATED_POINT:
+        return Circle(center, start, start, turn, 2 * math.pi, radius, radius)
+    sweep = turn * math.atan2(px * qy - py * qx, px * qx + py * qy)
+    # Rounding must not decide between an arc of no length and a full turn.
+    if sweep * radius <= REPEATED_POINT:
+        sweep += 2 * math.pi
+    return Circle(center, start, end, turn, sweep, radius, end_radius)
+
+
+def with_radius(start: Point, end: Point, radius: float, turn: int) -> Circle:
+    """The arc of a given radius: at most half a circle, or at least that for a negative radius.
+
+    Raises:
+        Fault: Start and end are the same point, or the radius is too short to reach the end.
+    """
+    chord = math.dist(start, end)
+    if chord <= REPEATED_POINT:
+        raise Fault(
+            "a full circle by its radius R, which leaves its centre open: give the centre by I, J "
+            "and K"
+        )
+    if chord / 2 > abs(radius) + SHORT:
+        raise Fault(
+            "an arc of radius {} to a point {} away, which needs a radius of at least {}",
+            abs(radius), chord, chord / 2,
+        )  # fmt: skip
+    across = math.sqrt(max((abs(radius) - chord / 2) * (abs(radius) + chord / 2), 0.0))
+    height = turn * math.copysign(across, radius)
+    ux, uy = (end[0] - start[0]) / chord, (end[1] - start[1]) / chord
+    center = ((start[0] + end[0]) / 2 - height * uy, (start[1] + end[1]) / 2 + height * ux)
+    actual = math.hypot(chord / 2, height)
+    sweep = 2 * math.atan2(chord / 2, turn * height)
+    return Circle(center, start, end, turn, sweep, actual, actual)
+
+
+def pieces_of(circle: Circle, turns: int) -> list[Piece]:
+    """The arcs that draw a programmed arc: `turns` - 1 full circles, then the last turn.
+
+    Raises:
+        Fault: The radius is so large that rounding would make an arc miss its end.
+    """
+    x = circle
+    if x.start == x.end:
+        last = [_arc_around(x, 2 * math.pi)]
+    elif x.sweep > NEARLY_FULL and _distance_to_bisector(x) > REPEATED_POINT:
+        last = _two_arcs(x)
+    else:
+        last = [_arc_between(x.start, x.end, x.center, x.turn)]
+    return [last[0].circle(x.start)] * (turns - 1) + last
+
+
+def _distance_to_bisector(circle: Circle) -> float:
+    """Distance from the centre to the perpendicular bisector of start and end [m]."""
+    x = circle
+    off = (x.radius - x.end_radius) * (x.radius + x.end_radius)
+    return abs(off) / (2 * math.dist(x.start, x.end))
+
+
+def _arc_between(start: Point, end: Point, center: Point, turn: int) -> Piece:
+    """The arc between two points around the projection of the centre onto their bisector.
+
+    Raises:
+        Fault: Rounding makes the arc miss its end.
+    """
+    chord = math.dist(start, end)
+    ux, uy = (end[0] - start[0]) / chord, (end[1] - start[1]) / chord
+    height = (center[1] - (start[1] + end[1]) / 2) * ux - (center[0] - (start[0] + end[0]) / 2) * uy
+    half = math.atan2(chord / 2, turn * height)
+    radius = math.hypot(chord / 2, height)
+    c, s = math.cos(half), math.sin(half)
+    tangent = (ux * c + turn * uy * s, uy * c - turn * ux * s)
+    normal = (-turn * tangent[1], turn * tangent[0])
+    piece = Piece(tangent, normal, 1 / radius, 2 * half * radius, end)
+    _refuse_a_miss(start, piece)
+    return piece
+
+
+def _arc_around(circle: Circle, sweep: float) -> Piece:
+    """The arc around the programmed centre from its start over an angle `sweep` [rad].
+
+    Raises:
+        Fault: Rounding makes the arc miss its end.
+    """
+    x = circle
+    normal = ((x.center[0] - x.start[0]) / x.radius, (x.center[1] - x.start[1]) / x.radius)
+    tangent = (x.turn * normal[1], -x.turn * normal[0])
+    c, s = math.cos(sweep), math.sin(sweep)
+    end = (
+        x.center[0] + x.radius * (s * tangent[0] - c * normal[0]),
+        x.center[1] + x.radius * (s * tangent[1] - c * normal[1]),
+    )
+    if sweep == 2 * math.pi:
+        end = x.start
+    piece = Piece(tangent, normal, 1 / x.radius, sweep * x.radius, end)
+    _refuse_a_miss(x.start, piece)
+    return piece
+
+
+def _two_arcs(circle: Circle) -> list[Piece]:
+    """An arc around the programmed centre over half the angle, and a tangent arc to the end.
+
+    Raises:
+        Fault: Rounding makes an arc miss its end.
+    """
+    x = circle
+    first = _arc_around(x, x.sweep / 2)
+    ex = (first.end[0] - x.center[0]) / x.radius
+    ey = (first.end[1] - x.center[1]) / x.radius
+    along = (x.end[0] - x.center[0]) * ex + (x.end[1] - x.center[1]) * ey
+    # The second centre lies on the radius at the first arc's end, at a distance k from the first
+    # centre. Its distances to both ends of the second arc are equal:
+    # r2² - 2 k along + k² = (r1 - k)².
+    shift = (x.end_radius - x.radius) * (x.end_radius + x.radius) / (2 * (along - x.radius))
+    center = (x.center[0] + shift * ex, x.center[1] + shift * ey)
+    return [first, _arc_between(first.end, x.end, center, x.turn)]
+
+
+def _refuse_a_miss(start: Point, piece: Piece) -> None:
+    """Refuse an arc that misses its end by more than `MISS`.
+
+    Raises:
+        Fault: The arc does.
+    """
+    turn = piece.curvature * piece.length
+    along = math.sin(turn) / piece.curvature
+    across = 2 * math.sin(turn / 2) ** 2 / piece.curvature
+    x = start[0] + along * piece.tangent[0] + across * piece.normal[0]
+    y = start[1] + along * piece.tangent[1] + across * piece.normal[1]
+    # `not <=` refuses NaN too.
+    if not math.dist((x, y), piece.end) <= MISS:
+        raise Fault(
+            f"an arc of radius {1 / piece.curvature:.6g} m, so large that its end cannot be met "
+            "within a nanometre: write it as lines"
+        )
+
+
+def helix_length(circle: Circle, turns: int, rise: float) -> float:
+    """Length of a helix of so many turns [m]; where its radius changes, by the mean radius."""
+    total = circle.sweep + 2 * math.pi * (turns - 1)
+    return math.hypot((circle.radius + circle.end_radius) / 2 * total, rise)
+
+
+def helix_points(
+    circle: Circle, turns: int, tolerance: float, spend: Callable[[int], None]
+) -> list[Point]:
+    """Ends of chords that stay within a tolerance of a helix, in its plane [m].
+
+    The radius changes linearly from start to end.
+
+    Args:
+        circle: The last turn of the helix, in its plane.
+        turns: Number of turns.
+        tolerance: Largest distance between chord and helix [m].
+        spend: Called with the number of chords before they are made; may refuse them.
+    """
+    x, largest = circle, max(circle.radius, circle.end_radius)
+    step = 2 * math.asin(math.sqrt(min(tolerance / (2 * largest), 0.5))) * 2
+    # A chord spans at most a quarter of a turn, also with a wide tolerance.
+    step = min(step, math.pi / 2)
+    total = x.sweep + 2 * math.pi * (turns - 1)
+    n = max(1, math.ceil(total / step))
+    spend(n)
+    px, py = (x.start[0] - x.center[0]) / x.radius, (x.start[1] - x.center[1]) / x.radius
+    points = []
+    for i in range(1, n):
+        angle, radius = x.turn * i / n * total, x.radius + i / n * (x.end_radius - x.radius)
+        c, s = math.cos(angle), math.sin(angle)
+        points.append(
+            (x.center[0] + radius * (c * px - s * py), x.center[1] + radius * (s * px + c * py))
+        )
+    return [*points, x.end]

@@ -1,0 +1,350 @@
+"""Cutter radius compensation (G41, G42): offsets of the programmed moves for the tool's centre.
+
+Moves are collected up to G40, then offset together as kerfs are: parallels of lines, arcs around
+the same centres, an arc around each outside corner. At an inside corner both moves end where they
+cross. Unlike a kerf, a move that is too short for its corners is refused, as in LinuxCNC.
+Source: LinuxCNC manual, "Cutter Radius Compensation", and G Codes, G40, G41, G42.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.files.drawings.gcode import codes
+from armcontour.files.drawings.gcode.arcs import Circle, Piece, helix_points
+from armcontour.files.drawings.gcode.arcs import Point as InPlane
+from armcontour.files.drawings.gcode.draft import Draft, Feed, Point
+from armcontour.files.drawings.gcode.faults import Fault
+from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.program._crossings import (
+    CURVATURE,
+    LENGTH,
+    TX,
+    TY,
+    corner_cuts,
+    left_of,
+    parallels,
+    points_at,
+    turns_between,
+)
+from armcontour.program.moves import Value
+
+# Ends of parallels that are this near are one point [m]: half of what a path takes for a gap.
+SAME_END = REPEATED_POINT / 2
+# A move turns straight back if its turn is this near to half a turn [rad].
+STRAIGHT_BACK = 1e-9
+
+
+@dataclass(slots=True)
+class _Move:
+    """A programmed move in the plane XY.
+
+    Args:
+        row: Its row in the table of pieces of `_crossings`.
+        end: End [m].
+        z: Height at the end [m].
+        line: Line of the program.
+        feed: Speed, tolerance and line; None for a rapid.
+        actions: What happens at its end, before the next move.
+    """
+
+    row: tuple[float, ...]
+    end: InPlane
+    z: float
+    line: int
+    feed: Feed | None = None
+    actions: list[Callable[[], None]] = field(default_factory=list)
+
+
+class Compensation:
+    """Takes moves as they are programmed, and drafts those of the tool's centre.
+
+    Args:
+        draft: The program that takes the moves.
+        chord_tolerance: Largest distance between a helix and its chords [m].
+    """
+
+    def __init__(self, draft: Draft, chord_tolerance: float) -> None:
+        self.draft, self.chord_tolerance = draft, chord_tolerance
+        self.code = codes.NO_COMPENSATION
+        # How far the tool's centre is to the left of the contour [m].
+        self.left = 0.0
+        # The programmed point; only while compensation is on.
+        self.at: Point = draft.last
+        # The moves since G41 or G42, which are not drafted yet.
+        self.moves: list[_Move] = []
+        # Whether the next move leads away from the contour.
+        self.leaves = False
+
+    @property
+    def on(self) -> bool:
+        """Whether compensation is on."""
+        return self.code != codes.NO_COMPENSATION
+
+    @property
+    def off(self) -> bool:
+        """Whether moves are drafted as they are programmed, arcs too."""
+        return not (self.on or self.leaves)
+
+    @property
+    def begun(self) -> bool:
+        """Whether a contour has begun."""
+        return self.draft.begun
+
+    def start(self, code: int, left: float) -> None:
+        """G41, G42: the next move in the plane leads to the contour.
+
+        Args:
+            code: The code.
+            left: How far the tool's centre is to the left of the contour [m].
+        """
+        self.refuse(codes.g_name(code))
+        self.code, self.left = code, left
+        if not self.leaves:
+            self.at = self.draft.last
+
+    def stop(self) -> None:
+        """G40: the next move leads away from the contour."""
+        if self.moves:
+            self.leaves = True
+            self._draft_moves()
+        self.code, self.left = codes.NO_COMPENSATION, 0.0
+
+    def refuse(self, what: str) -> None:
+        """Refuse what cannot be done while compensation is on."""
+        if self.on:
+            raise Fault(
+                f"{what} while cutter radius compensation ({codes.g_name(self.code)}) is on: "
+                "write G40, and a straight move away from the contour, before"
+            )
+
+    def start_of_arc(self) -> Point:
+        """Where an arc starts that comes next.
+
+        Raises:
+            Fault: Behind a contour with compensation, where the move has to be straight.
+        """
+        if self.leaves:
+            raise Fault(
+                "an arc as the first move after G40, which has to be straight: the tool's centre "
+                "leaves the contour on it"
+            )
+        return self.at if self.left else self.draft.last
+
+    def feed(self, x: float, y: float, z: float, feed: Feed) -> None:
+        """A straight feed move."""
+        if not self.left:
+            self.leaves = False
+            self.draft.feed(x, y, z, feed)
+        elif math.dist((x, y), self.at[:2]) > REPEATED_POINT:
+            self._follow_line((x, y), z, feed[2], feed)
+        else:
+            self._wait(lambda: self.draft.feed(*self.draft.last[:2], z, feed))
+            self.at = (*self.at[:2], z)
+
+    def go(self, x: float, y: float, z: float, line: int) -> None:
+        """A rapid move."""
+        if not self.left:
+            self.leaves = False
+            self.draft.go(x, y, z)
+        elif math.dist((x, y), self.at[:2]) > REPEATED_POINT:
+            self._follow_line((x, y), z, line)
+        else:
+            self._wait(lambda: self.draft.go(*self.draft.last[:2], z))
+            self.at = (*self.at[:2], z)
+
+    def bend(
+        self, piece: Piece, axes: tuple[int, int, int], feed: Feed, *, rise: float = 0.0
+    ) -> None:
+        """An arc; while compensation is on, in the plane XY, or a helix across it."""
+        if not self.left:
+            self.draft.bend(piece, axes, feed)
+            return
+        (tx, ty), (nx, ny) = piece.tangent, piece.normal
+        curvature = math.copysign(piece.curvature, tx * ny - ty * nx)
+        radius = 1 / piece.curvature
+        if radius * (1 - curvature * self.left) <= REPEATED_POINT:
+            raise Fault(
+                "an inside arc of radius {} for a tool of {}: its diameter must be below {}",
+                radius, 2 * abs(self.left), 2 * radius,
+            )  # fmt: skip
+        if not self.moves:
+            self._refuse_short_entry(math.dist(self.draft.last[:2], piece.end))
+        row = (*self.at[:2], tx, ty, curvature, piece.length)
+        self._follow(_Move(row, piece.end, self.at[2] + rise, feed[2], feed))
+
+    def event(self, name: str, value: Value) -> None:
+        """Something is switched."""
+        self._wait(partial(self.draft.event, name, value))
+
+    def rest(self) -> None:
+        """The tool comes to rest."""
+        self._wait(self.draft.rest)
+
+    def dwell(self, duration: float) -> None:
+        """The tool rests for a time [s]."""
+        self._wait(partial(self.draft.dwell, duration))
+
+    def resume_at(self, point: Sequence[float]) -> None:
+        """The tool is at a point to which the file does not say how it came."""
+        self.draft.resume_at(point)
+
+    def room_for(self, segments: int) -> None:
+        """Counts segments, as `Draft.room_for` does."""
+        self.draft.room_for(segments)
+
+    def set_layer(self, number: str | None, kind: str | None) -> None:
+        """A layer begins, as in `Draft.set_layer`."""
+        self._wait(partial(self.draft.set_layer, number, kind))
+
+    def _wait(self, action: Callable[[], None]) -> None:
+        """Does something at the end of the last move, or now if none is collected."""
+        if self.moves:
+            self.moves[-1].actions.append(action)
+        else:
+            action()
+
+    def _follow_line(self, end: InPlane, z: float, line: int, feed: Feed | None = None) -> None:
+        """Collects a straight move."""
+        (x, y), length = self.at[:2], math.dist(self.at[:2], end)
+        if not self.moves:
+            self._refuse_short_entry(length)
+        row = (x, y, (end[0] - x) / length, (end[1] - y) / length, 0.0, length)
+        self._follow(_Move(row, end, z, line, feed))
+
+    def _follow(self, move: _Move) -> None:
+        self.moves.append(move)
+        self.at, self.leaves = (*move.end, move.z), False
+
+    def _refuse_short_entry(self, length: float) -> None:
+        if length <= abs(self.left):
+            raise Fault(
+                f"the first move under {codes.g_name(self.code)}, which is {{}} long and leads the "
+                "tool beside the contour: it must be longer than the tool's radius of {}",
+                length, abs(self.left),
+            )  # fmt: skip
+
+    def _draft_moves(self) -> None:
+        """Drafts the collected moves with the tool beside them."""
+        moves, self.moves = self.moves, []
+        table = np.array([x.row for x in moves])
+        way, tangents = parallels(table, self.left), points_at(table, table[:, LENGTH], 1)
+        tips = np.array([x.end for x in moves]) + self.left * left_of(tangents)
+        if table[0, CURVATURE]:
+            way[0] = self._entry_arc(moves[0], complex(*tips[0]), complex(*tangents[0]))
+        turns = turns_between(tangents[:-1], table[1:, [TX, TY]])
+        # A move straight back turns around the outside of the tip, as in LinuxCNC, unless it bends
+        # away to the tool's side, where both make an inside corner.
+        side = math.copysign(math.pi, self.left)
+        inside = (table[:-1, CURVATURE] + table[1:, CURVATURE]) * self.left < 0
+        back = np.abs(turns) >= math.pi - STRAIGHT_BACK
+        turns = np.where(back, np.where(inside, side, -side), turns)
+        turns[np.linalg.norm(way[1:, :2] - tips[:-1], axis=1) <= SAME_END] = 0.0
+        first, last = self._cut_corners(moves, way, turns * self.left > 0)
+        ends = np.where((last < way[:, LENGTH])[:, None], points_at(way, last), tips)
+        for i, move in enumerate(moves):
+            if i and turns[i - 1] * self.left < 0:
+                self._turn_corner(move, way[i], tangents[i - 1], float(turns[i - 1]))
+            self._draft_move(move, way[i : i + 1], first[i], last[i], tuple(ends[i].tolist()))
+            for action in move.actions:
+                action()
+
+    def _entry_arc(self, move: _Move, tip: complex, tangent: complex) -> FloatArray:
+        """The row of an arc from where the tool is, tangent to the first parallel at its end.
+
+        Raises:
+            Fault: It starts on the wrong side.
+        """
+        start = complex(*self.draft.last[:2])
+        half = cmath.phase(tangent / (tip - start))
+        curvature = 2 * math.sin(half) / abs(tip - start)
+        if curvature * move.row[CURVATURE] <= 0:
+            raise Fault(
+                f"the first move under {codes.g_name(self.code)}, an arc that the tool cannot "
+                "enter from where it is: enter by a straight move",
+                line=move.line,
+            )
+        first = tangent * cmath.exp(-2j * half)
+        return np.array(
+            [start.real, start.imag, first.real, first.imag, curvature, 2 * half / curvature]
+        )
+
+    def _cut_corners(
+        self, moves: Sequence[_Move], way: FloatArray, inside: BoolArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Lengths at which each parallel begins and ends, cut at inside corners [m], (n,) each.
+
+        Raises:
+            Fault: A corner into which the tool does not fit.
+        """
+        cut, lengths = np.flatnonzero(inside), way[:, LENGTH]
+        first, last = np.zeros(len(way)), lengths.copy()
+        back, first[cut + 1] = corner_cuts(way[cut], way[cut + 1])
+        last[cut] -= back
+        for i, by in zip(cut.tolist(), back.tolist(), strict=True):
+            which, less, more = "before it by {}, of which {} are left", by, lengths[i] - first[i]
+            # A straight entry may end before its start.
+            fits = less <= more + REPEATED_POINT or not (i or way[0, CURVATURE])
+            if fits:
+                which, less, more = "after it by {}, which is {} long", first[i + 1], lengths[i + 1]
+            if fits and less <= more + REPEATED_POINT:
+                continue
+            why = (
+                f"which shortens the move {which}"
+                if not math.isnan(by)
+                else "into which it does not fit"
+            )
+            raise Fault(
+                f"an inside corner at ({{}}, {{}}) for a tool of {{}}, {why}: take a smaller tool, "
+                "or round the corner by more than the tool's radius",
+                *moves[i].end, 2 * abs(self.left), less, more, line=moves[i + 1].line,
+            )  # fmt: skip
+        return first, last
+
+    def _turn_corner(self, move: _Move, way: FloatArray, tangent: FloatArray, turn: float) -> None:
+        """Drafts the arc around the outside corner before a move; a rapid goes straight."""
+        x, y = way[:2].tolist()
+        if move.feed is None:
+            self.draft.go(x, y, self.draft.last[2])
+            return
+        piece = _arc(tangent, -1 / self.left, abs(turn * self.left), (x, y))
+        self.draft.bend(piece, (0, 1, 2), move.feed)
+
+    def _draft_move(
+        self, move: _Move, way: FloatArray, first: float, last: float, end: InPlane
+    ) -> None:
+        """Drafts a move along a part of its parallel; chords of an arc where the height changes."""
+        if move.feed is None:
+            self.draft.go(*end, move.z)
+            return
+        curvature, length = float(way[0, CURVATURE]), last - first
+        if not curvature:
+            self.draft.feed(*end, move.z, move.feed)
+            return
+        if length <= REPEATED_POINT:
+            return
+        at = np.array([first])
+        piece = _arc(points_at(way, at, 1)[0], curvature, length, end)
+        z, radius = self.draft.last[2], abs(1 / curvature)
+        if abs(move.z - z) <= REPEATED_POINT:
+            self.draft.bend(piece, (0, 1, 2), move.feed)
+            return
+        start, turn = points_at(way, at)[0], int(math.copysign(1.0, curvature))
+        center = (start + radius * np.array(piece.normal)).tolist()
+        circle = Circle(center, start.tolist(), end, turn, length / radius, radius, radius)
+        points = helix_points(circle, 1, self.chord_tolerance, self.draft.room_for)
+        for i, point in enumerate(points, 1):
+            self.draft.feed(*point, z + i / len(points) * (move.z - z), move.feed)
+
+
+def _arc(tangent: FloatArray, curvature: float, length: float, end: InPlane) -> Piece:
+    """An arc whose curvature is positive to the left."""
+    (tx, ty), turn = tangent.tolist(), math.copysign(1.0, curvature)
+    return Piece((tx, ty), (-turn * ty, turn * tx), abs(curvature), length, end)

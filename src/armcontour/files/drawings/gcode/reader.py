@@ -1,0 +1,191 @@
+"""Reading G-code: lines, the frame of percent signs, and the end of the program."""
+
+from __future__ import annotations
+
+import io
+import re
+
+from armcontour.core.errors import InvalidInput
+from armcontour.core.progress import Progress
+from armcontour.files.drawings.gcode.faults import Fault
+from armcontour.files.drawings.gcode.machine import Machine
+from armcontour.files.drawings.gcode.words import LONGEST_LINE, dialect_of, parse
+from armcontour.files.drawings.mending import mend
+from armcontour.files.drawings.options import ReadOptions
+from armcontour.files.drawings.reading import Tell, tell_share
+from armcontour.program import Program
+
+# A line of nothing but coordinates and feed, as nearly all lines of long programs are. Whatever it
+# does not match is taken apart word by word, to the same effect.
+_NUMBER = r"([+-]?(?:[0-9]{1,6}(?:\.[0-9]{0,12})?|\.[0-9]{1,12})) ?"
+PLAIN = re.compile(
+    r"(?:N[0-9]{1,9} ?)?(?:G0?1 ?)?"
+    rf"(?:X{_NUMBER})?(?:Y{_NUMBER})?(?:Z{_NUMBER})?(?:F{_NUMBER})?\n?"
+)
+LINES_BETWEEN_REPORTS = 4096
+LINE_END = re.compile(rb"\r\n|\r|\n")
+WHITE = " \t\r\n"
+# A colon and a number is a program's name on some controllers.
+PROGRAM_NUMBER = re.compile(r":[0-9]+ *(?:\([^()]*\))?")
+# Messages, versions and labels of objects of printers: the rest of the line is text.
+MESSAGE = re.compile(r"[ \t]*(?:[nN][0-9]+[ \t]*)?[mM](11[578]|486)(?![0-9])")
+# Macros of Klipper and similar firmware: START_PRINT BED_TEMP=60.
+MACRO = re.compile(r"[ \t]*([A-Za-z]{2,}[0-9]*_\w+|[A-Za-z]{2,}(?=[ \t]+[A-Za-z]{2,}\w*=))")
+# Macros that place the moves after them elsewhere.
+SHIFTING = ("SET_GCODE_OFFSET", "SET_KINEMATIC_POSITION", "RESTORE_GCODE_STATE")
+# Comments of slicers: a layer, with its number or without, and the type of what follows.
+SLICER = re.compile(
+    r"[ \t]*;[ \t]*(?:(?:LAYER_CHANGE|CHANGE_LAYER|LAYER[: ][ \t]*(-?[0-9]{1,9}))(?![\w.])"
+    r"|(?:TYPE|FEATURE):[ \t]*(\S[^\r\n]*))",
+    re.IGNORECASE,
+)
+
+
+def read_gcode(
+    data: bytes, *, source: str, options: ReadOptions, progress: Progress | None = None
+) -> Program:
+    """The program in G-code: the subset of RS274/NGC that CAM posts and slicers write.
+
+    Feed moves without a rapid or a dwell between them are one contour, named after its first
+    line; every segment has the speed F and the tolerance G64 P, or 0 under G61. Rapids keep their
+    points. Spindle, coolant, tool, outputs and extruder are events. See docs/guides/gcode.md for
+    every word.
+
+    Args:
+        data: Content of the file.
+        source: Name of the file.
+        options: How to read it; its unit holds until G20 or G21, millimetres by default.
+        progress: Called from time to time with the name of the source and the share of it that is
+            read.
+
+    Raises:
+        InvalidInput: Something that cannot be read or carried out, with its line; `index` is the
+            line's, from 0.
+    """
+    lines = _lines(data, source)
+    machine = Machine(options, dialect_of(lines))
+    tell = tell_share(progress, source)
+    _Runner(lines, source, machine).run(tell)
+    program = machine.draft.program(source, tuple(machine.notes.sentences()))
+    program = mend(program, options)
+    tell(1.0)
+    return program
+
+
+def _lines(data: bytes, source: str) -> list[str]:
+    """Lines that end with any of the three ends of line.
+
+    Raises:
+        InvalidInput: A byte that no text has.
+    """
+    at = data.find(b"\0")
+    if at >= 0:
+        line = 1 + sum(1 for _ in LINE_END.finditer(data, 0, at))
+        raise InvalidInput(
+            f"{source}, line {line}: a byte of value 0, so that this is no G-code as text: save it "
+            "as plain text (ASCII, Latin-1 or UTF-8).",
+            index=line - 1,
+        )
+    text = io.TextIOWrapper(io.BytesIO(data), encoding="latin-1", newline=None)
+    if data.startswith(b"\xef\xbb\xbf"):
+        text.read(3)
+    return text.readlines()
+
+
+class _Runner:
+    """Carries out the lines of a program in their order.
+
+    Args:
+        lines: All lines of the file.
+        source: Name of the file.
+        machine: What the lines are carried out by.
+    """
+
+    def __init__(self, lines: list[str], source: str, machine: Machine) -> None:
+        self.lines, self.source, self.machine = lines, source, machine
+        # Whether a percent sign opened the program, a word was read, and the program has ended.
+        self.framed = self.seen = self.ended = False
+
+    def run(self, tell: Tell) -> None:
+        """Carries out all lines up to the end of the program.
+
+        Args:
+            tell: Called now and then with the share of the program that is read.
+
+        Raises:
+            InvalidInput: What cannot be carried out, with its line.
+        """
+        machine, notes, lines = self.machine, self.machine.notes, self.lines
+        plain = machine.ready()
+        try:
+            for i, line in enumerate(lines):
+                notes.line = i + 1
+                if not i % LINES_BETWEEN_REPORTS:
+                    tell(i / len(lines))
+                found = PLAIN.fullmatch(line) if plain else None
+                if found is not None:
+                    machine.feed_to(*found.groups())
+                    continue
+                self._run_line(line)
+                if self.ended:
+                    if any(x.strip(WHITE + "%") for x in lines[i + 1 :]):
+                        notes.once("Lines after the end of the program, line {}, were not read.")
+                    break
+                plain = machine.ready()
+            machine.finish()
+        except Fault as fault:
+            number = fault.line or max(notes.line, 1)
+            told = fault.told(inch=machine.modes.inch)
+            raise InvalidInput(f"{self.source}, line {number}: {told}.", index=number - 1) from None
+        if self.framed and not self.ended:
+            raise InvalidInput(
+                f"{self.source}, line {len(lines)}: the file ends without a second % that its "
+                "first line asks for, and without M2 or M30: it may have been cut off.",
+                index=len(lines) - 1,
+            )
+
+    def _run_line(self, line: str) -> None:
+        """Carries out a line.
+
+        Raises:
+            Fault: What cannot be carried out.
+        """
+        machine = self.machine
+        if len(line) > LONGEST_LINE:
+            raise Fault(
+                f"more than {LONGEST_LINE} characters in one line, which G-code does not have: "
+                "check what the file is"
+            )
+        text = line.strip(WHITE)
+        if text.startswith("%"):
+            # The start or the end of the program; a name may follow the first.
+            if text != "%" and (self.framed or self.seen):
+                machine.notes.count("what follows % on its line")
+            self.ended, self.framed = self.framed or self.seen, True
+        elif text.startswith("/"):
+            machine.notes.count("lines with a slash (block delete)", "Left out: {}.")
+        elif text and PROGRAM_NUMBER.fullmatch(text) is None and not self._is_text(line):
+            if ";" in line and (found := SLICER.match(line)) is not None:
+                machine.compensation.set_layer(found[1], found[2])
+            block = parse(line)
+            self.seen |= bool(block.g or block.m or block.words)
+            self.ended = machine.execute(block)
+
+    def _is_text(self, line: str) -> bool:
+        """Whether a line is a message or a macro of a printer, which is skipped with a note.
+
+        Raises:
+            Fault: A macro that places the moves after it elsewhere.
+        """
+        found = MESSAGE.match(line)
+        name = found and f"M{found[1]}"
+        if found is None and (found := MACRO.match(line)) is not None:
+            name = found[1].upper()
+            if name in SHIFTING:
+                raise Fault(
+                    f"the macro {name}, which places the moves after it elsewhere: write the moves "
+                    "without it"
+                )
+        if name is not None:
+            self.machine.notes.count(name)
+        return name is not None

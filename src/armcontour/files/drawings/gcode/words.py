@@ -1,0 +1,284 @@
+"""A line of G-code taken apart into its words, and the dialect of all lines."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from armcontour.files.drawings.gcode.codes import (
+    BARE_WORDS,
+    G_GROUP,
+    M_GROUP,
+    MOTION,
+    PLAIN_MOVES,
+    UNDERSTOOD_M,
+    g_name,
+)
+from armcontour.files.drawings.gcode.faults import Fault
+
+# Seventeen digits tell all doubles apart; twice as many are no measure of anything.
+MOST_CHARACTERS = 34
+# Largest value of a word, whatever it means; coordinates have a limit of their own.
+LARGEST_VALUE = 1e9
+# A program has lines of some ten characters, and comments of some hundred.
+LONGEST_LINE = 65_536
+# So many characters of what is refused are shown.
+SHOWN = 30
+# Smaller M codes have no decimals.
+FIRST_WITH_DECIMALS = 100
+# A value that is to be a whole number is one this near to it (LinuxCNC manual, "Numbers").
+WHOLE = 1e-4
+
+TOKEN = re.compile(r"([A-Z])([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+))|\([^()]*\)|;.*", re.DOTALL)
+EXPONENT = re.compile(r"[0-9.][eE]")
+COMMENTS = re.compile(r"\([^()]*\)|;.*", re.DOTALL)
+# The start of an O word, and one that only names the program.
+O_WORD = re.compile(r"(?:N[0-9]+)?O")
+PROGRAM_NUMBER = re.compile(r"(?:N[0-9]+)?O[0-9]+(?:\.0*)?")
+# Flow control of Fanuc.
+FANUC_FLOW = re.compile(r"IF|WHILE|GOTO|END|DO|ELSE|THEN")
+# What is computed, or a word with such a value: #1=2, X#1, Y-[2*#1], ZSIN[30].
+COMPUTED = re.compile(r"[A-Z]?[-+]*(?:#|[A-Z]*\[)")
+# Letters without a value, and text, which 3D printers have: G28 X Y, M84 X Y E, M862.3 P "MK3S".
+BARE = re.compile(r"[A-Z](?=[A-Z(;\"]|$)")
+TEXT = re.compile(r'"[^"]*"')
+# Codes of a laser, which may have a letter I.
+LASER = frozenset({3, 4, 5})
+# The sum of bytes that senders of 3D printers add to numbered lines: "N3 T0*57".
+CHECKSUM = re.compile(r"^(N[0-9]+[^;(*]*)\*[0-9]+(?=;|$)")
+# Spaces may stand anywhere, and case means nothing (LinuxCNC manual, "Format of a line").
+COMPACT = str.maketrans(
+    {c: None for c in " \t\r\n"} | {chr(i): chr(i - 32) for i in range(ord("a"), ord("z") + 1)}
+)
+TOOL_CHANGE = re.compile(r"[mM][ \t]*0*6(?![0-9.])")
+# A move with a word E, which feeds material.
+EXTRUSION = re.compile(r"[gG]0?[123](?![0-9.])[^mM;(]*(?<![a-zA-Z])[eE]-?[0-9.]")
+# Codes that only programs of printers have: modes of E, and temperatures of nozzle and bed.
+PRINTER = re.compile(r"[mM](?:8[23]|1[04][49]|140|190)(?![0-9.])")
+
+
+class Block:
+    """The words of a line.
+
+    Attributes:
+        g: G codes in tenths.
+        m: M codes.
+        motion: The code of the group for motion.
+        words: Values of all other letters, in their order; NaN of those without a value.
+        before_m: How many of the words come before the first M code.
+    """
+
+    __slots__ = ("before_m", "g", "m", "motion", "words")
+
+    def __init__(self) -> None:
+        self.g: list[int] = []
+        self.motion: int | None = None
+        self.m: list[float] = []
+        self.words: dict[str, float] = {}
+        self.before_m = 0
+
+    def drop(self, letters: Iterable[str]) -> None:
+        """Remove the words with these letters, if the line has them."""
+        for letter in letters:
+            self.words.pop(letter, None)
+
+
+def parse(line: str) -> Block:
+    """The words of a line.
+
+    Raises:
+        Fault: Something that is no word or comment, or words that exclude each other.
+    """
+    text = line.translate(COMPACT)
+    block = Block()
+    if "O" in text and O_WORD.match(text) is not None:
+        _refuse_flow(line)
+        return block
+    at = 0
+    while at < len(text):
+        found = TOKEN.match(text, at)
+        if found is None:
+            at = _read_other(block, text, at)
+            continue
+        if found[1] is not None:
+            _add(block, found[1], found[2], at)
+        at = found.end()
+        if text[at : at + 1] == "*" and (summed := CHECKSUM.match(text)) is not None:
+            at = summed.end()
+    if "E" in block.words and EXPONENT.search(COMMENTS.sub(" ", line)):
+        raise Fault(
+            "a number with an exponent, which G-code does not have: write it out, or a space "
+            "before an E that is a word"
+        )
+    return block
+
+
+def _refuse_flow(line: str) -> None:
+    """Refuses an O word that is more than the number of a program.
+
+    Raises:
+        Fault: It is one.
+    """
+    text = COMMENTS.sub("", line)
+    if PROGRAM_NUMBER.fullmatch(text.translate(COMPACT)) is None:
+        shown = " ".join(text.split())[:SHOWN]
+        raise Fault(f"{ascii(shown)[1:-1]}: flow control is not read; {PLAIN_MOVES}")
+
+
+def _read_other(block: Block, text: str, at: int) -> int:
+    """A letter without a value, or text; returns where it ends.
+
+    Raises:
+        Fault: None of these.
+    """
+    # As Marlin marks power that changes with moves: M3 S20 I.
+    if text[at] == "I" and not LASER.isdisjoint(block.m) and BARE.match(text, at):
+        _add_word(block, "I", math.nan)
+        return at + 1
+    strange = any(x not in UNDERSTOOD_M for x in block.m)
+    if strange and (found := TEXT.match(text, at)) is not None:
+        return found.end()
+    bare = strange or not BARE_WORDS.isdisjoint(block.g)
+    if bare and BARE.match(text, at):
+        _add_word(block, text[at], math.nan)
+        return at + 1
+    raise Fault(_what_is_wrong(text, at))
+
+
+def _add(block: Block, letter: str, number: str, at: int) -> None:
+    if len(number) > MOST_CHARACTERS:
+        raise Fault(
+            f"the number after {letter} has {len(number)} characters, but at most "
+            f"{MOST_CHARACTERS} are read: round it"
+        )
+    if letter == "N":
+        if at or number[0] in "+-":
+            raise Fault("a line number N that is not a plain number at the start of the line")
+        return
+    text, value = letter + number, float(number)
+    if abs(value) > LARGEST_VALUE:
+        raise Fault(f"{text} is beyond {LARGEST_VALUE:g}, the largest value that is read")
+    if letter == "G":
+        _add_g(block, value, text)
+    elif letter == "M":
+        if not block.m:
+            block.before_m = len(block.words)
+        _add_m(block.m, value, text)
+    else:
+        _add_word(block, letter, value)
+
+
+def _add_word(block: Block, letter: str, value: float) -> None:
+    if letter in block.words:
+        raise Fault(f"the word {letter} twice, of which only one can be meant")
+    block.words[letter] = value
+
+
+def _add_g(block: Block, value: float, text: str) -> None:
+    codes, code = block.g, round(value * 10)
+    if code < 0 or abs(value * 10 - code) > WHOLE:
+        raise Fault(f"{text} is no G code")
+    group = G_GROUP.get(code)
+    for other in codes:
+        if other == code or (group is not None and G_GROUP.get(other) == group):
+            # G80 on the safe start line of a program: G0 G17 G40 G49 G80 G90.
+            if group == MOTION and 800 in (other, code) and min(other, code) <= 10:
+                codes.remove(other)
+                code = min(other, code)
+                break
+            _refuse_two(g_name(other), g_name(code), group)
+    codes.append(code)
+    if group == MOTION:
+        block.motion = code
+
+
+def _add_m(codes: list[float], value: float, text: str) -> None:
+    # Printers have M codes with decimals, such as M862.3.
+    code = round(value) if abs(value - round(value)) <= WHOLE else value
+    if code < 0 or (code != round(code) and code < FIRST_WITH_DECIMALS):
+        raise Fault(f"{text} is no M code")
+    group = M_GROUP.get(code)
+    for other in codes:
+        if other == code or (group is not None and M_GROUP.get(other) == group):
+            _refuse_two(f"M{other:g}", f"M{code:g}", group)
+    codes.append(code)
+
+
+def _refuse_two(first: str, second: str, group: str | None) -> None:
+    what = f" of the group for {group}" if group else ""
+    raise Fault(
+        f"{first} and {second}, two codes{what} of which a line takes only one: "
+        "write them in two lines"
+    )
+
+
+def whole(value: float, what: str) -> int:
+    """A value that has to be a whole number.
+
+    Raises:
+        Fault: It is not.
+    """
+    if not math.isfinite(value) or abs(value - round(value)) > WHOLE:
+        raise Fault(f"{what} of {value:g}, which must be a whole number")
+    return round(value)
+
+
+def _what_is_wrong(text: str, at: int) -> str:
+    """Why no word or comment starts there."""
+    here = text[at]
+    if FANUC_FLOW.match(text, at) is not None:
+        return f"{ascii(text[at : at + SHOWN])}: flow control is not read; {PLAIN_MOVES}"
+    if (found := COMPUTED.match(text, at)) is not None:
+        what = "a parameter #" if found[0].endswith("#") else "an expression [ ]"
+        return f"{what} ({ascii(text[at : at + SHOWN])}), which is not read; {PLAIN_MOVES}"
+    if here == "(":
+        inner = text.find("(", at + 1)
+        close = text.find(")", at + 1)
+        if close < 0 or inner < 0:
+            return "a comment that begins with ( and does not end: close it with )"
+        return "a comment ( ) within a comment: leave out the inner parentheses"
+    if text.startswith(("//", "/*"), at):
+        return f"a comment {text[at : at + 2]}, which G-code does not have: write ( ) or ;"
+    if here.isascii() and here.isalpha():
+        return f"the letter {here} without a number after it"
+    if here in "@^":
+        return "polar coordinates (@ or ^), which this reader does not have: write X and Y"
+    if here == "$":
+        return "$, which belongs to a sender or a controller and is no G-code: leave the line out"
+    if text.startswith(("->", "<-", "<~")):
+        return "the record of a sender (->, <-), which is no G-code: give the file of the program"
+    return f"{ascii(here)}, which begins no word"
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """Properties of a whole program.
+
+    Attributes:
+        changes_tools: Whether it has M6; otherwise T alone changes the tool.
+        extrudes: Whether some move feeds material.
+        printer: Whether it is a printer's, in which G4 P is in milliseconds.
+    """
+
+    changes_tools: bool
+    extrudes: bool
+    printer: bool
+
+
+def dialect_of(lines: list[str]) -> Dialect:
+    """The dialect of a program."""
+    extrudes = _has(EXTRUSION, (x for x in lines if "E" in x or "e" in x))
+    return Dialect(
+        changes_tools=_has(TOOL_CHANGE, (x for x in lines if "6" in x)),
+        extrudes=extrudes,
+        printer=extrudes or _has(PRINTER, (x for x in lines if "M" in x or "m" in x)),
+    )
+
+
+def _has(pattern: re.Pattern[str], lines: Iterable[str]) -> bool:
+    """Whether a pattern occurs in a line, outside of comments."""
+    return any(
+        pattern.search(COMMENTS.sub("", x)) is not None for x in lines if len(x) <= LONGEST_LINE
+    )

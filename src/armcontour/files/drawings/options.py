@@ -1,0 +1,183 @@
+"""`ReadOptions`: how a drawing, G-code or a table of waypoints is read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from armcontour.core import checks
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Checked
+from armcontour.core.quantities import (
+    About,
+    AngularDistance,
+    Choice,
+    Distance,
+    Factor,
+    Length,
+    Tolerance,
+)
+from armcontour.core.text import show
+from armcontour.files.units import parse
+from armcontour.geometry import Demand
+from armcontour.geometry.rounding import Continuity
+
+# Largest coordinate [m]: beyond it floating point does not resolve the smallest distance between
+# two points. Such a drawing has a wrong unit.
+FARTHEST = 1e6
+# Largest number of a tool: tables have some hundred, and G-code eight digits at most.
+MOST_TOOLS = 99_999_999
+UNKNOWN = ("refuse", "skip")
+TEXTS = ("leave_out", "contours")
+# Share of the chord tolerance that arcs take where transitions between them take the rest.
+FIT_SHARE = 0.5
+# Codes and letters of G-code that may be left out by name.
+WORD = re.compile(r"[GM]\d{1,4}(\.\d)?|[ABCDEHLPQSTUVW]")
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadOptions(Checked):
+    """How a drawing, G-code or a table of waypoints is read.
+
+    Args:
+        units: Unit of the file's lengths, such as "mm", or its length in metres; replaces the unit
+            that a drawing gives. None takes that unit. A column of a table with a unit of its own
+            keeps that unit.
+        scale: Factor of the file's lengths; tools keep their diameters.
+        layers: Layers to read. Or a mapping from layers to speed and tolerance of their contours,
+            for segments without values of their own; a drawing need not have all these layers.
+        names: Names of contours to read: ids of elements (SVG), handles of entities (DXF), "line
+            12" (G-code).
+        colors: Colours of DXF entities, or of strokes in SVG, to read: names, "#rrggbb", and for
+            DXF also AutoCAD's numbers.
+        flat: Whether to leave out z, and the tool orientation that the file gives.
+        chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
+        join_tolerance: Distance below which two ends are one point [m].
+        mend_vertices: Distance by which rounded coordinates can be wrong [m]: vertices whose turn
+            this explains are made tangent within it, with a note. The default suits three decimals
+            of a millimetre and four of an inch; 0 leaves all vertices as they are.
+        smooth_axes: For tables of waypoints with tool axes, the largest angle by which these are
+            turned so that they turn smoothly [rad], as measured ones do not; 0 leaves them.
+        columns: For waypoints in CSV, names of the columns in place of the first line, or of a line
+            that is missing, such as "x [mm],y [mm],-"; "-" leaves a column out.
+        unknown: Whether to refuse elements that the reader does not know, or skip them with a note;
+            for G-code, `{skip: [T, M6]}` leaves out these words.
+        texts: For DXF, "contours" draws the letters of TEXT through a font of this machine, with a
+            note; "leave_out" leaves texts out with a note.
+        tools: For G41 and G42 of G-code, diameters of tools [m] by their numbers, such as
+            `{1: 0.003}`; a negative one puts the tool on the other side.
+        continuity: "curvature" puts transitions where the curvature jumps without a corner, for
+            motions with a limit of jerk (`smooth_curvature`): curves then become arcs within half
+            of the chord tolerance, and transitions leave lines and arcs by the other half at most.
+            "tangent" keeps lines and arcs.
+
+    Raises:
+        InvalidInput: An unknown unit, word or choice, or a number out of range.
+    """
+
+    units: Annotated[str | float | None, About("--units")] = None
+    scale: Annotated[Factor, About("--scale")] = 1.0
+    layers: Annotated[Sequence[str] | Mapping[str, Demand] | None, About("--layer")] = None
+    names: Annotated[Sequence[str] | None, About("--contour")] = None
+    colors: Annotated[Sequence[str | int] | None, About("--color")] = None
+    flat: Annotated[bool, About("--flat")] = False
+    chord_tolerance: Tolerance = 1e-5
+    join_tolerance: Tolerance = 1e-5
+    mend_vertices: Distance = 2e-6
+    smooth_axes: AngularDistance = 0.0
+    columns: Annotated[str | None, About("--waypoint-columns")] = None
+    unknown: Annotated[
+        Annotated[str, Choice(UNKNOWN)] | Mapping[Literal["skip"], Sequence[str]],
+        About("--skip-unknown", help="Skip unknown elements.", read="to_skip"),
+        About("--skip", "G-code", "Words of G-code to leave out: 'T,M6'.", "to_words"),
+    ] = "refuse"
+    texts: Annotated[str, Choice(TEXTS), About("--texts")] = "leave_out"
+    tools: Annotated[
+        Mapping[int, Length] | None,
+        About("--tool", "G-code", "Number and diameter of a tool, for G41: '1: 3 mm'.", "to_tools"),
+    ] = None
+    continuity: Continuity = "tangent"
+
+    def _check_together(self) -> None:
+        # Refuses what has no meaning, before any file is read.
+        _ = self.unit, self.layer_set, self.color_set, self.words, self.unscaled_tools
+
+    @property
+    def unit(self) -> float | None:
+        """Length of the unit of the file [m]; None takes that of the file."""
+        if isinstance(self.units, str):
+            try:
+                return parse(f"1 {self.units}", "m")
+            except ValueError:
+                raise InvalidInput(
+                    f"units must be a unit of length such as mm, not {self.units!r}."
+                ) from None
+        return None if self.units is None else checks.positive("units", self.units, "m")
+
+    @property
+    def fit_tolerance(self) -> float:
+        """Largest distance between a curve and its arcs [m]; transitions may add the rest."""
+        share = 1.0 if self.continuity == "tangent" else FIT_SHARE
+        return share * self.chord_tolerance
+
+    @property
+    def skips(self) -> bool:
+        """Whether elements that the reader does not know are skipped."""
+        return self.unknown == "skip"
+
+    @property
+    def words(self) -> frozenset[str]:
+        """Words and codes of G-code to leave out, such as G43 or T."""
+        if isinstance(self.unknown, str):
+            return frozenset()
+        if list(self.unknown) != ["skip"]:
+            raise InvalidInput(
+                'unknown must be "refuse", "skip", or {"skip": [...]} with the words of G-code to '
+                f"leave out, such as M6 or T, not {show(self.unknown)}."
+            )
+        words = checks.listed("unknown: skip", self.unknown["skip"], str, "words of G-code")
+        plain = {x.strip().upper() for x in words}
+        wrong = next((x for x in sorted(plain) if WORD.fullmatch(x) is None), None)
+        if wrong is not None:
+            raise InvalidInput(
+                f"unknown: {{skip: ...}} names {wrong!r}, which cannot be left out: it takes codes "
+                "such as G43 or M6, and letters other than X, Y, Z, I, J, K, R, F, N and O."
+            )
+        return frozenset(re.sub(r"(?<=[GM])0+(?=\d)", "", x) for x in plain)
+
+    @property
+    def layer_set(self) -> frozenset[str] | None:
+        """The names of layers; None for all layers."""
+        if self.layers is None:
+            return None
+        names = [self.layers] if isinstance(self.layers, str) else self.layers
+        names = list(names) if isinstance(names, Mapping) else names
+        return frozenset(checks.check_names("layers", names))
+
+    @property
+    def layer_tolerances(self) -> dict[str, float]:
+        """Largest corner errors on layers that have one [m], by their names."""
+        given = self.layers if isinstance(self.layers, Mapping) else {}
+        return {name: x.tolerance for name, x in given.items() if x.tolerance is not None}
+
+    @property
+    def color_set(self) -> frozenset[str] | None:
+        """The colours as `color_of` names them; None for all colours."""
+        if self.colors is None:
+            return None
+        from armcontour.files.drawings.reading import color_of
+
+        if not self.colors:
+            raise InvalidInput('colors must be one colour or more, such as ["red", "#00ff00"].')
+        return frozenset(color_of(str(x)) for x in self.colors)
+
+    @property
+    def unscaled_tools(self) -> dict[int, float]:
+        """Diameters of tools by their numbers, in metres of the file before it is scaled."""
+        return {
+            checks.whole("number of a tool", number, 0, MOST_TOOLS): diameter / self.scale
+            for number, diameter in (self.tools or {}).items()
+        }

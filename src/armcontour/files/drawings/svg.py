@@ -1,0 +1,520 @@
+"""SVG drawings, read into a program of contours in metres with y up."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.progress import Progress
+from armcontour.files.drawings._svg_shapes import SHAPES, shape_of
+from armcontour.files.drawings._svg_tree import Element, tree_of
+from armcontour.files.drawings._svg_units import (
+    FONT,
+    IDENTITY,
+    INCH,
+    PIXEL,
+    Box,
+    affine,
+    font_size,
+    is_flat,
+    length_of,
+    make_absolute,
+    number_of,
+    transform_of,
+    view_box,
+    viewbox_transform,
+)
+from armcontour.files.drawings.chain import Affine, Chain
+from armcontour.files.drawings.clipping import Clip
+from armcontour.files.drawings.options import ReadOptions
+from armcontour.files.drawings.reading import SKIP, color_of
+from armcontour.files.drawings.walk import NO_SIZE, WALKED, Drawn, Place, Walk, place_outline
+from armcontour.program import Program
+
+# Versions of Inkscape with 90 px per inch, the comment of Illustrator, which has 72, and the bytes
+# in which it is; lengths that depend on no pixel.
+OLD_INKSCAPE = re.compile(r"0\.(?:[0-8]\d?|9|9[01])(?!\d)[.\d]*")
+ILLUSTRATOR = re.compile(rb"Generator:\s*Adobe\s+Illustrator", re.IGNORECASE)
+BEGINNING = 10_000
+ABSOLUTE = re.compile(r"\d\s*(?:mm|cm|in|pt|pc|q)$", re.IGNORECASE)
+# Elements that draw nothing.
+SILENT = (
+    "",
+    "clipPath",
+    "defs",
+    "desc",
+    "filter",
+    "linearGradient",
+    "marker",
+    "mask",
+    "metadata",
+    "pattern",
+    "radialGradient",
+    "script",
+    "solidcolor",
+    "title",
+    "view",
+)
+# Elements that draw their children or the element that they refer to.
+CONTAINERS = ("g", "a", "svg", "symbol", "use", "switch")
+# Elements that are no outline, left out with a note.
+NO_OUTLINE = ("text", "image", "foreignObject")
+# Properties that add marks to the ends of outlines, left out with a note.
+MARKERS = ("marker", "marker-start", "marker-mid", "marker-end")
+# Style sheets are not evaluated, so declarations of these properties are refused, except for the
+# harmless values.
+_SHEET = re.compile(r"(?<![\w-])(display|visibility|transform|clip-path|mask)\s*:\s*(\w+)")
+MARKED = "Left out: the markers of"
+NOT_READ = "Left out because it is no outline"
+HARMLESS = ("none", "inline", "block", "visible", "inherit")
+_STROKE = re.compile(r"(?<![\w-])stroke\s*:")
+# Values of properties that change nothing.
+NOTHING = ("", "none", "inherit", "initial", "unset")
+_URL = re.compile(r"url\(\s*['\"]?#([^'\")]+)['\"]?\s*\)")
+HIDDEN = "Left out because hidden"
+# Largest number of segments, a curve counted as one; no drawing of contours has more.
+MOST_SEGMENTS = 500_000
+# Largest number of elements drawn by reference; a file with more is made to do harm.
+MOST_REPEATED = 100_000
+# Largest depth of references in references.
+DEEPEST_USE = 50
+
+
+def read_svg(
+    data: bytes, *, source: str, options: ReadOptions, progress: Progress | None = None
+) -> Program:
+    """Read the outlines of an SVG drawing.
+
+    Shapes become contours in drawing order, placed by their groups, transforms and references;
+    each subpath is a contour. Separate elements whose ends touch are chained. Strokes, fills and
+    the edges of the page have no effect; hidden elements are left out.
+
+    Coordinates are in metres from the lower left corner of the page, x to the right and y up.
+    `options.unit` is the length of the user unit. If it is None, width, height and viewBox define
+    the user unit, and without them it is a pixel: 1/72 inch in files of Illustrator, 1/90 inch in
+    those of Inkscape before 0.92, else 1/96 inch as in CSS.
+
+    Lines are kept, and so are arcs that are still circular after all transforms; other curves
+    become tangent arcs within `options.fit_tolerance`.
+
+    Args:
+        data: Content of the file.
+        source: Name of the file.
+        options: Settings of the reader.
+        progress: Called from time to time with the name of the source and the share of it that is
+            read.
+
+    Raises:
+        InvalidInput: The file is not SVG, or has content that is not read; the message names the
+            element and its line.
+    """
+    root = tree_of(data, source)
+    page, view, notes = _page(root, options, data)
+    walk = SvgWalk(root, options, progress)
+    return walk.program(walk.shapes(page, view), notes)
+
+
+def _program_pixel(root: Element, data: bytes) -> tuple[float, str]:
+    """Length of a px of the program that wrote a file [m], and its name; "" for CSS pixels."""
+    version = root.get("inkscape:version")
+    if version:
+        number = OLD_INKSCAPE.match(version)
+        return (INCH / 90, f"Inkscape {number[0]}") if number else (PIXEL, "")
+    # It may be UTF-16.
+    illustrator = ILLUSTRATOR.search(data[:BEGINNING].replace(b"\0", b""))
+    return (INCH / 72, "Adobe Illustrator") if illustrator else (PIXEL, "")
+
+
+def _page(root: Element, options: ReadOptions, data: bytes) -> tuple[Affine, Box | None, list[str]]:
+    """The coordinates of the page.
+
+    Returns:
+        The map from user units to metres on the page with y up, the viewport in user units (None
+        if it is not known), and notes for the user.
+
+    Raises:
+        InvalidInput: Width, height or viewBox is invalid, or the outermost svg has a transform.
+    """
+    if root.get("transform"):
+        root.refuse("a transform of the outermost svg is not read: put a group with it inside")
+    box = view_box(root)
+    width, height = _page_extent(root, "width"), _page_extent(root, "height")
+    unit = PIXEL if options.unit is None else options.unit
+    notes = []
+    absolute = any(ABSOLUTE.search(root.get(x)) for x in ("width", "height"))
+    if options.unit is None and not (box is not None and absolute):
+        unit, program = _program_pixel(root, data)
+        if program:
+            notes.append(
+                f"{root.source} is by {program}, whose px is 1/{INCH / unit:.0f} inch: it is read "
+                "so, and not as the 1/96 inch of CSS. To change this, give the unit."
+            )
+        if absolute:
+            # Millimetres of the page are true, whatever a px is.
+            width, height = (x and x * PIXEL / unit for x in (width, height))
+    if box is not None:
+        # If only one of width and height is given, the aspect ratio of the viewBox gives the other.
+        if options.unit is not None or (width is None and height is None):
+            width, height = box.width, box.height
+        wide = width if width is not None else (height or 0.0) * box.width / box.height
+        high = height if height is not None else wide * box.height / box.width
+        inner = viewbox_transform(root, box, Box(0.0, 0.0, wide, high))
+        return _up(high, unit) @ inner, box, notes
+    if height is None:
+        notes.append(
+            f"{root.source} says no height of its page: y is 0 at its upper edge and negative "
+            "below."
+        )
+        return _up(0.0, unit), None, notes
+    view = Box(0.0, 0.0, width, height) if width is not None else None
+    return _up(height, unit), view, notes
+
+
+def _page_extent(root: Element, key: str) -> float | None:
+    """Width or height of the page in user units; None without it, or if it is a percentage."""
+    value = None if root.get(key).endswith("%") else length_of(root, key, default=None)
+    if value is not None and value <= 0:
+        root.refuse(f"{key} must be above zero, but is {root.get(key)}")
+    return value
+
+
+def _up(height: float, unit: float) -> Affine:
+    """The map from page coordinates with y down to metres with y up from the lower edge."""
+    return affine(unit, 0.0, 0.0, -unit, 0.0, height * unit)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Place(Place):
+    """The properties that an element inherits from the elements around it.
+
+    Args:
+        view: Viewport in the element's coordinates; None if it is not known.
+        inkscape: Whether the layer is one of Inkscape.
+        hidden: Whether the element is hidden.
+        used_by: The use element that refers directly to this element.
+        font: Size of the font in user units.
+    """
+
+    view: Box | None
+    inkscape: bool = False
+    hidden: bool = False
+    used_by: Element | None = None
+    font: float = FONT
+
+
+class SvgWalk(Walk):
+    """Traversal of a drawing's elements, which records the elements that it leaves out.
+
+    Args:
+        root: The outermost element.
+        options: Settings of the reader.
+        progress: Called from time to time with the share of the file that is read.
+    """
+
+    apart = True
+
+    def __init__(self, root: Element, options: ReadOptions, progress: Progress | None) -> None:
+        super().__init__(root.source, options, progress)
+        self.root = root
+        self._all = _all_elements(root)
+        # The first element, if several have the same id.
+        self._ids = {x.attributes["id"]: x for x in reversed(self._all) if "id" in x.attributes}
+        self._repeated = self._segments = 0
+
+    def explain_empty(self) -> str:
+        """Why there is no contour: the file is a font."""
+        if all(x.tag != "glyph" for x in self._all):
+            return ""
+        return "is a font, whose glyphs are no drawing: give one whose text is converted to paths"
+
+    def shapes(self, to: Affine, view: Box | None) -> Iterator[Drawn]:
+        """Yield the shapes in the order in which they are drawn.
+
+        Args:
+            to: Map from the drawing's user units to the page.
+            view: The viewport in user units; None if it is not known.
+
+        Raises:
+            InvalidInput: An element is unknown or invalid, or references have no end.
+        """
+        counts = dict.fromkeys(SHAPES, 0)
+        color = frozenset({color_of(self.root.style("stroke") or "none")})
+        place = _Place(to=to, view=view, color=color, font=font_size(self.root, FONT))
+        todo = [(x, place) for x in reversed(self.root.children)]
+        seen = 0
+        while todo:
+            element, around = todo.pop()
+            seen += 1
+            self.tell(WALKED * min(seen / len(self._all), 1.0))
+            self._repeated += bool(around.inside)
+            if self._repeated > MOST_REPEATED:
+                element.refuse(f"use repeats more than {MOST_REPEATED} elements by here")
+            if element.tag in SHAPES:
+                counts[element.tag] += 1
+            inner = self._enter(element, around)
+            if inner is None:
+                continue
+            if element.tag not in SHAPES:
+                todo.extend(reversed(self._inside(element, inner)))
+            elif inner.hidden:
+                self.leave_out(HIDDEN, element.name)
+            elif self.wants_color(inner.color):
+                name = element.get("id") or inner.name or f"{element.tag} {counts[element.tag]}"
+                yield self._drawn(element, inner, name)
+
+    def _drawn(self, element: Element, place: _Place, name: str) -> Drawn:
+        """The outlines of a shape.
+
+        Raises:
+            InvalidInput: The shape is invalid or too far away, or the drawing is too large.
+        """
+
+        def spend(segments: int) -> None:
+            self._segments += segments
+            if self._segments > MOST_SEGMENTS:
+                element.refuse(
+                    f"the drawing has more than {MOST_SEGMENTS} segments by here: split it"
+                )
+
+        outlines = []
+        for outline in shape_of(make_absolute(element, place.view, place.font), spend):
+            placed, defect = place_outline(outline, place.to)
+            if defect:
+                element.refuse(f"it {defect}")
+            outlines.append(placed)
+        return Drawn(
+            outlines=outlines,
+            where=element.name,
+            name=self.labels(name),
+            layer=self.labels(place.layer),
+            clips=place.clips,
+        )
+
+    def _enter(self, element: Element, around: _Place) -> _Place | None:
+        """The properties that the children of an element inherit; None if it draws nothing.
+
+        Raises:
+            InvalidInput: The element or a property of it is unknown and not to be left out.
+        """
+        tag = element.tag
+        if tag == "symbol" and around.used_by is None:
+            return None
+        if tag not in (*SHAPES, *CONTAINERS):
+            # What SVG does not know, it does not draw.
+            self._check_undrawn(element, around.layer)
+            return None
+        if element.style("display") == "none":
+            self.leave_out(HIDDEN, element.name)
+            return None
+        self._check_style(element)
+        own = transform_of(element)
+        to = around.to if own is IDENTITY else around.to @ own
+        if not to.finite:
+            element.refuse("its transforms together have numbers that are too large")
+        if is_flat(to):
+            self.leave_out(NO_SIZE, element.name)
+            return None
+        visibility = element.style("visibility")
+        hidden = around.hidden if visibility in ("", "inherit") else visibility != "visible"
+        place = _layer(element, around)
+        stroke = element.style("stroke")
+        place = dataclasses.replace(
+            place,
+            to=to,
+            hidden=hidden,
+            used_by=None,
+            color=place.color if stroke in ("", "inherit") else frozenset({color_of(stroke)}),
+            font=font_size(element, place.font),
+        )
+        clip = element.style("clip-path")
+        if clip not in NOTHING:
+            place = self._clipped(element, place, clip)
+        if tag in ("svg", "symbol"):
+            return self._viewport(element, place, around.used_by)
+        return place
+
+    def _check_undrawn(self, element: Element, layer: str) -> None:
+        """Record an element without an outline, and style sheets that change what is drawn.
+
+        Raises:
+            InvalidInput: There is such a sheet, and unknown properties are refused.
+        """
+        if element.tag in NO_OUTLINE and element.style("display") != "none":
+            if self.wants_layer(layer):
+                self.leave_out(NOT_READ, element.name)
+        if element.tag != "style":
+            return
+        sheet = "".join(element.text)
+        if self.colors is not None and _STROKE.search(sheet):
+            self._unknown(element, "style sheets are not followed, and it sets stroke")
+        for key, value in _SHEET.findall(sheet):
+            if value not in HARMLESS or (key, value) == ("display", "none"):
+                self._unknown(element, f"style sheets are not followed, and it sets {key}")
+                break
+
+    def _check_style(self, element: Element) -> None:
+        """Refuse or record style properties that are not evaluated.
+
+        Raises:
+            InvalidInput: There is one, and unknown properties are refused.
+        """
+        if element.style("mask") not in NOTHING:
+            self._unknown(element, "its mask is not followed")
+        if any(element.style(key) not in NOTHING for key in MARKERS):
+            self.leave_out(MARKED, element.name)
+        if element.style_property("transform") or element.style("transform-origin"):
+            self._unknown(element, "transforms by style, or about an origin, are not followed")
+
+    def _clipped(self, element: Element, place: _Place, given: str) -> _Place:
+        """The properties of an element with the clip that its clip-path names.
+
+        Raises:
+            InvalidInput: The clip is no single polygon, and unknown properties are refused.
+        """
+        name = _URL.fullmatch(given)
+        target = self._ids.get(name[1]) if name else None
+        corners = None if target is None else self._clip_corners(target, place)
+        if corners is None:
+            self._unknown(element, "its clip-path is no single polygon of this file")
+            return place
+        return dataclasses.replace(place, clips=(*place.clips, Clip(corners)))
+
+    def _clip_corners(self, target: Element, place: _Place) -> FloatArray | None:
+        """Corners of the polygon of a clipPath on the page, (n, 2); None for another form."""
+        drawn = [x for x in target.children if x.tag not in SILENT]
+        units = target.get("clipPathUnits") or "userSpaceOnUse"
+        if target.tag != "clipPath" or units != "userSpaceOnUse" or len(drawn) != 1:
+            return None
+        (shape,) = drawn
+        if shape.tag not in SHAPES or target.get("clip-path") or shape.get("clip-path"):
+            return None
+        outlines = shape_of(make_absolute(shape, place.view, place.font), lambda n: None)
+        chains = outlines[0].shapes if len(outlines) == 1 else []
+        if len(chains) != 1 or not isinstance(chains[0], Chain) or chains[0].angles.any():
+            return None
+        corners = np.concatenate([chains[0].starts, chains[0].ends[-1:]])
+        return (place.to @ transform_of(target) @ transform_of(shape))(corners)
+
+    def _unknown(self, element: Element, what: str) -> None:
+        """Record an unknown element, or refuse it; `what` is the reason.
+
+        Raises:
+            InvalidInput: Unknown elements are refused.
+        """
+        if not self.skip:
+            element.refuse(f"{what}: change it in the drawing, or {SKIP}")
+        self.leave_out(what, element.name)
+
+    def _inside(self, element: Element, place: _Place) -> list[tuple[Element, _Place]]:
+        """The elements that a container draws, with the properties that they inherit."""
+        if element.tag == "use":
+            return [self._resolve_use(element, place)]
+        inside = element.children
+        if element.tag == "switch":
+            conditions = {"requiredExtensions", "systemLanguage"}
+            inside = [x for x in inside if not conditions & set(x.attributes)][:1]
+        return [(x, place) for x in inside]
+
+    def _resolve_use(self, element: Element, place: _Place) -> tuple[Element, _Place]:
+        """The element that a use element refers to, with the properties that it inherits.
+
+        Raises:
+            InvalidInput: The element is not in this file, or it refers back to the use element.
+        """
+        given = element.get("href") or element.get("xlink:href")
+        target = self._ids.get(given[1:]) if given.startswith("#") else None
+        if target is None:
+            element.refuse(f"it refers to {given[:60]!r}, which is no element of this file")
+        if target in place.inside or len(place.inside) >= DEEPEST_USE:
+            element.refuse(f"it refers to {given[:60]!r}, which refers back to it")
+        plain = make_absolute(element, place.view, place.font)
+        shift = affine(1, 0, 0, 1, number_of(plain, "x"), number_of(plain, "y"))
+        inner = dataclasses.replace(
+            place,
+            to=place.to @ shift,
+            inside=(*place.inside, target),
+            used_by=element,
+            name=element.get("id") or place.name,
+        )
+        return target, inner
+
+    def _viewport(self, element: Element, place: _Place, user: Element | None) -> _Place | None:
+        """The properties that the children of a nested svg or symbol inherit; None without size.
+
+        Args:
+            element: The svg or symbol.
+            place: The properties that the element itself inherits.
+            user: The use element that refers to it, if any.
+
+        Raises:
+            InvalidInput: The element has a viewBox but no known size.
+        """
+        outer = place.view
+        element = make_absolute(element, outer, place.font)
+        user = None if user is None else make_absolute(user, outer, place.font)
+        width = _extent(element, user, "width", outer.width if outer else None)
+        height = _extent(element, user, "height", outer.height if outer else None)
+        x, y = number_of(element, "x"), number_of(element, "y")
+        box = view_box(element)
+        if width is None or height is None:
+            if box is not None:
+                element.refuse("it has a viewBox and needs a width and a height to fit it into")
+            shift = affine(1, 0, 0, 1, x, y)
+            return dataclasses.replace(place, to=place.to @ shift, view=None)
+        if width <= 0 or height <= 0:
+            self.leave_out(NO_SIZE, element.name)
+            return None
+        if box is None:
+            box = Box(0.0, 0.0, width, height)
+        inner = place.to @ viewbox_transform(element, box, Box(x, y, width, height))
+        if not inner.finite or is_flat(inner):
+            element.refuse("its viewBox does not fit its width and height")
+        return dataclasses.replace(place, to=inner, view=box)
+
+
+def _extent(element: Element, user: Element | None, key: str, whole: float | None) -> float | None:
+    """Width or height of a viewport; None if it is not known.
+
+    The value is taken from the use element, else from the element, else it is that of the outer
+    viewport.
+
+    Args:
+        element: The svg or symbol.
+        user: The use element that refers to it, if any.
+        key: "width" or "height".
+        whole: Width or height of the outer viewport.
+
+    Raises:
+        InvalidInput: The value is not a length.
+    """
+    for x in (user, element):
+        if x is not None and x.get(key) not in ("", "auto"):
+            return length_of(x, key)
+    return whole
+
+
+def _layer(element: Element, around: _Place) -> _Place:
+    """The inherited properties with the layer of a group.
+
+    A layer is a layer of Inkscape, or else the innermost group with a name.
+    """
+    if element.tag != "g":
+        return around
+    own = element.get("inkscape:label") or element.get("id")
+    if element.get("inkscape:groupmode") == "layer":
+        return dataclasses.replace(around, layer=own, inkscape=True)
+    return around if around.inkscape or not own else dataclasses.replace(around, layer=own)
+
+
+def _all_elements(root: Element) -> list[Element]:
+    """All elements in their order."""
+    found, todo = [], [root]
+    while todo:
+        found.append(todo.pop())
+        todo.extend(reversed(found[-1].children))
+    return found

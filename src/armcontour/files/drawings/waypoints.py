@@ -1,0 +1,359 @@
+"""Read waypoints from CSV tables: points, tool orientations, speeds, events."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import QUATERNION_TOLERANCE, angle_between, from_rpy
+from armcontour.core.text import plain_number, show
+from armcontour.files.csv_table import CsvTable, Title, read_table
+from armcontour.files.drawings.mending import mend
+from armcontour.files.drawings.options import FARTHEST, ReadOptions
+from armcontour.geometry import Path
+from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.geometry.smooth_axes import smooth_axes
+from armcontour.program import Contour, Event, Program
+
+POINT = ("x", "y", "z")
+QUATERNION = ("qx", "qy", "qz", "qw")
+ANGLES = ("roll", "pitch", "yaw")
+AXIS = ("ax", "ay", "az")
+TEXTS = ("contour", "layer", "event")
+KNOWN = (*POINT, *QUATERNION, *ANGLES, *AXIS, "speed", "tolerance", *TEXTS)
+# SI units of the columns that have one.
+UNITS = {
+    **dict.fromkeys((*POINT, "tolerance"), "m"),
+    **dict.fromkeys(ANGLES, "rad"),
+    "speed": "m/s",
+}
+_NAME = re.compile(r"(?P<name>[A-Za-z]+)(?:_(?P<unit>[A-Za-zµ°]\S*))?")
+SWITCHED = {"on": True, "true": True, "yes": True, "off": False, "false": False, "no": False}
+
+
+def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program:
+    """Read a program from a table of waypoints, which are joined by straight lines.
+
+    The columns are `x`, `y` and, in space, `z`. Optional columns are the tool orientation (`qx`,
+    `qy`, `qz`, `qw`, or `roll`, `pitch`, `yaw` about fixed axes, or the tool axis `ax`, `ay`, `az`
+    with free rotation about the axis), `speed`, `tolerance`, `contour`, `layer` and `event`. A unit
+    follows in brackets or as a suffix: `x [mm]`, `x_mm`. Without a unit, lengths are in the unit of
+    the reading or m, speeds in that unit per second, angles in rad. Speed and tolerance of a row
+    belong to the line that ends at the row. A new name in `contour` or `layer` starts a new
+    contour.
+
+    Args:
+        data: Content of the file: CSV with commas, semicolons or tabs.
+        source: Name of the file.
+        options: Options for reading the file.
+
+    Raises:
+        InvalidInput: A table of another form; names the line or row and the column.
+    """
+    table, notes = _read(data, source, options)
+    values = _quantities(table, options)
+    orientation = _orientation(table, values)
+    texts = {key: _fill_down(table, key) for key in ("contour", "layer")}
+    events = _texts(table, "event")
+    bounds = [0, *_changes(texts), len(table.lines)]
+    contours, remarks = [], list[str]()
+    for k, (first, last) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+        rows = slice(first, last)
+        path = _path(table, values, rows)
+        path = _orient(table, path, orientation, rows)
+        if options.smooth_axes:
+            path, done = _smooth(table, path, orientation, rows, options.smooth_axes)
+            remarks += done
+        for key in texts.keys() & table.columns.keys():
+            checks.check_name(f"name in {table.place(first, key)}", texts[key][first])
+        name = texts["contour"][first] or f"contour {k + 1}"
+        switched = _events(table, events, rows, path)
+        contours.append(Contour(path=path, name=name, layer=texts["layer"][first], events=switched))
+        notes += _note_unused(table, values, first)
+    program = Program(
+        moves=tuple(contours), source=source, notes=tuple(notes), remarks=tuple(remarks)
+    )
+    return mend(program, options)
+
+
+def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str], list[str]]:
+    """The table in a file, and notes on unknown columns that are left out.
+
+    Raises:
+        InvalidInput: No table, or a column that is unknown, repeated or missing.
+    """
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InvalidInput(f"{source} is not UTF-8 text: save it as CSV in UTF-8.") from None
+    table = read_table(
+        text,
+        source,
+        _title,
+        example="x [mm],y [mm],z [mm]",
+        columns=options.columns,
+        option="path.columns (--waypoint-columns)",
+    )
+    if table.unknown and not options.skips:
+        raise InvalidInput(
+            f"{table.heading}: unknown column {show(table.unknown[0])}: the columns are "
+            f"{', '.join(KNOWN)}, with a unit in brackets; with unknown: skip others are left out."
+        )
+    for group in (POINT[:2], QUATERNION, ANGLES, AXIS):
+        if group[0] in POINT or not table.columns.keys().isdisjoint(group):
+            table.need(*group)
+    return table, [
+        f"The column {show(x)} of {source} is not known: left out." for x in table.unknown
+    ]
+
+
+def _title(name: str, has_unit: bool) -> Title[str] | None:
+    """The content of a column by its title; None if unknown."""
+    match = _NAME.fullmatch(name.strip())
+    key = match["name"].lower() if match else ""
+    key = "event" if key == "events" else key
+    if match is None or key not in KNOWN:
+        return None
+    unit = match["unit"]
+    return Title(key, UNITS.get(key), unit and unit.replace("_per_", "/").replace("_", "/"))
+
+
+def _quantities(table: CsvTable[str], options: ReadOptions) -> dict[str, FloatArray]:
+    """All numbers in SI units, by their columns; NaN where a cell is empty.
+
+    Raises:
+        InvalidInput: Points of which only some columns have a unit, or an invalid number.
+    """
+    has_unit = {x: table.columns[x].unit is not None for x in POINT if x in table.columns}
+    if len(set(has_unit.values())) > 1:
+        has, lacks = (next(k for k, v in has_unit.items() if v is x) for x in (True, False))
+        raise InvalidInput(
+            f"{table.source}: the column {table.columns[has].title!r} has a unit and "
+            f"{table.columns[lacks].title!r} has none: give both one."
+        )
+    keys, values = [x for x in table.columns if x not in TEXTS], {}
+    for key, numbers in zip(keys, table.read(keys)[0].T, strict=True):
+        column = table.columns[key]
+        if column.unit is None and UNITS.get(key) in ("m", "m/s"):
+            numbers = numbers * (options.unit or 1.0)
+        for bad, must in (
+            (np.isnan(numbers) & (key in POINT), "must not be empty"),
+            (np.abs(numbers) > FARTHEST, f"must be within {_told_limit(table, key)}"),
+            ((numbers <= 0) & (key == "speed"), "must be above zero"),
+            ((numbers < 0) & (key == "tolerance"), "must not be negative"),
+        ):
+            if bad.any():
+                i = int(np.argmax(bad))
+                but = "" if np.isnan(numbers[i]) else f", but is {table.cell(i, key)}"
+                raise InvalidInput(f"{table.place(i, key)}: {must}{but}.", index=i)
+        values[key] = numbers
+    return values
+
+
+def _told_limit(table: CsvTable[str], key: str) -> str:
+    """The largest number of a column, in its unit."""
+    column = table.columns[key]
+    unit = UNITS.get(key, "") if column.unit is None else column.unit
+    return f"{FARTHEST / column.factor:g} {unit}"
+
+
+def _orientation(
+    table: CsvTable[str], values: Mapping[str, FloatArray]
+) -> tuple[tuple[str, ...], FloatArray] | None:
+    """The columns of the tool orientation, and their numbers, (rows, 3 or 4); None without."""
+    given = [x for x in (QUATERNION, ANGLES, AXIS) if x[0] in values]
+    if not given:
+        return None
+    if len(given) > 1:
+        raise InvalidInput(
+            f"{table.source} gives the tool orientation twice, by {given[0][0]} and by "
+            f"{given[1][0]}: leave one out."
+        )
+    keys = given[0]
+    if "z" not in values:
+        raise InvalidInput(f"{table.source}: a tool orientation needs space: add the column z.")
+    numbers = np.stack([values[key] for key in keys], axis=1)
+    # A quaternion must have the length 1; a tool axis may have any length above 0.
+    size = np.linalg.norm(numbers, axis=1)
+    if keys == QUATERNION:
+        bad, must = np.abs(size - 1) > QUATERNION_TOLERANCE, "must have the length 1, but has"
+    else:
+        bad, must = (size == 0) & (keys == AXIS), "must have a length above 0, but has"
+    partial = np.isnan(numbers).any(axis=1) & ~np.isnan(numbers).all(axis=1)
+    for wrong, text in ((partial, "some are empty and some are not"), (bad, must)):
+        if wrong.any():
+            i = int(np.argmax(wrong))
+            length = f" {size[i]:.6g}" if text is must else ""
+            raise InvalidInput(f"{table.place(i, *keys)}: {text}{length}.", index=i)
+    return keys, numbers
+
+
+def _texts(table: CsvTable[str], key: str) -> list[str]:
+    """A column as text; empty cells without it."""
+    if key not in table.columns:
+        return [""] * len(table.lines)
+    return [x for _, (texts,) in table.texts([key]) for x in texts]
+
+
+def _fill_down(table: CsvTable[str], key: str) -> list[str]:
+    """A column of text in which every empty cell repeats the cell above."""
+    texts, last = [], ""
+    for text in _texts(table, key):
+        last = text or last
+        texts.append(last)
+    return texts
+
+
+def _changes(texts: Mapping[str, Sequence[str]]) -> list[int]:
+    """Rows at which a new contour starts."""
+    rows = list(zip(*texts.values(), strict=True))
+    return [i for i in range(1, len(rows)) if rows[i] != rows[i - 1]]
+
+
+def _path(table: CsvTable[str], values: Mapping[str, FloatArray], rows: slice) -> Path:
+    """Lines through the points of some rows.
+
+    Raises:
+        InvalidInput: Fewer than two different points.
+    """
+    points = np.stack([values[key][rows] for key in POINT if key in values], axis=1)
+    first = int(table.numbers[rows][0])
+    if (np.linalg.norm(points - points[0], axis=1) <= REPEATED_POINT).all():
+        raise InvalidInput(
+            f"{table.source}: the contour that starts in line {first} has no two different "
+            "points: give it more, or leave it out."
+        )
+    path = Path.polyline(points)
+    ends = np.delete(np.arange(len(points)), path.merged)[1:]
+    speeds, tolerances = (
+        values[key][rows][ends] if key in values else np.full(len(path), np.nan)
+        for key in ("speed", "tolerance")
+    )
+    demanding = path.segments.replace(speeds=speeds, tolerances=tolerances)
+    return dataclasses.replace(path, segments=demanding)
+
+
+def _orient(
+    table: CsvTable[str],
+    path: Path,
+    orientation: tuple[tuple[str, ...], FloatArray] | None,
+    rows: slice,
+) -> Path:
+    """Give a path the tool orientation of some rows.
+
+    Raises:
+        InvalidInput: Only some rows have an orientation, one point has two orientations, or a line
+            turns the tool by half a turn.
+    """
+    if orientation is None:
+        return path
+    keys, numbers = orientation[0], orientation[1][rows]
+    empty = np.isnan(numbers[:, 0])
+    if empty.all():
+        return path
+    if empty.any():
+        i = rows.start + int(np.argmax(empty))
+        raise InvalidInput(
+            f"{table.place(i, *keys)}: empty, but other rows of the contour give the tool "
+            "orientation: fill all or none.",
+            index=i,
+        )
+    from scipy.spatial.transform import Rotation
+
+    try:
+        if keys == AXIS:
+            return path.pointing(numbers)
+        return path.oriented(from_rpy(numbers) if keys == ANGLES else Rotation.from_quat(numbers))
+    except InvalidInput as error:
+        i = rows.start + (error.index or 0)
+        raise InvalidInput(f"{table.place(i, *keys)}: {error}", index=i) from None
+
+
+def _smooth(
+    table: CsvTable[str],
+    path: Path,
+    orientation: tuple[tuple[str, ...], FloatArray] | None,
+    rows: slice,
+    tolerance: float,
+) -> tuple[Path, list[str]]:
+    """The path of some rows with smooth tool axes, if it has any, and a sentence on them.
+
+    Raises:
+        InvalidInput: The table has no tool axes.
+    """
+    if orientation is None or orientation[0] != AXIS:
+        raise InvalidInput(
+            f"{table.source}: smooth_axes (path.smooth_axes) is for tool axes in the columns "
+            f"{', '.join(AXIS)}, which are not there: leave it out."
+        )
+    if path.orientation is None:
+        return path, []
+    kept = np.delete(np.arange(rows.stop - rows.start), path.merged)
+    given = orientation[1][rows][kept]
+    smooth = smooth_axes(path.vertices[path.waypoints], given, tolerance)
+    before = given / np.linalg.norm(given, axis=1, keepdims=True)
+    most = float(angle_between(smooth, before).max())
+    # A repeated point has the axis of the one before it.
+    every = np.searchsorted(kept, np.arange(rows.stop - rows.start), side="right") - 1
+    turned = path.pointing(smooth[every])
+    place = int(table.numbers[rows][0])
+    return turned, [
+        f"Smoothed the tool axes of {len(kept)} waypoints from line {place} on: they are "
+        f"turned by up to {np.degrees(most):.3g}°, and {np.degrees(tolerance):.3g}° are allowed "
+        "(path.smooth_axes)."
+    ]
+
+
+def _events(
+    table: CsvTable[str], texts: Sequence[str], rows: slice, path: Path
+) -> tuple[Event, ...]:
+    """Events at the rows of a contour, from text such as `laser=on; gas=2.5`."""
+    if "event" not in table.columns:
+        return ()
+    # A point that repeats the point before is not a vertex of its own.
+    repeated = np.zeros(rows.stop - rows.start, dtype=np.intp)
+    repeated[list(path.merged)] = 1
+    places = np.arange(len(repeated)) - np.cumsum(repeated)
+    events = []
+    for i in range(rows.start, rows.stop):
+        for part in texts[i].split(";") if texts[i] else ():
+            name, equals, value = (x.strip() for x in part.partition("="))
+            if not name or (equals and not value):
+                raise InvalidInput(
+                    f"{table.place(i, 'event')}: {texts[i][:40]!r} is no event: write name=value, "
+                    "such as laser=on, with semicolons between several.",
+                    index=i,
+                )
+            s = float(path.breaks[places[i - rows.start]])
+            try:
+                events.append(Event(name=name, value=_value(value) if equals else True, s=s))
+            except InvalidInput as error:
+                raise InvalidInput(f"{table.place(i, 'event')}: {error}", index=i) from None
+    return tuple(events)
+
+
+def _value(text: str) -> bool | float | str:
+    """The value of an event, from text such as on, 2.5 or a word."""
+    if text.lower() in SWITCHED:
+        return SWITCHED[text.lower()]
+    number = plain_number(text)
+    return text if number is None else number
+
+
+def _note_unused(table: CsvTable[str], values: Mapping[str, FloatArray], first: int) -> list[str]:
+    """Notes on speed and tolerance in the first row of a contour, where no line ends."""
+    return [
+        f"{table.place(first, key)}: no line ends at the first waypoint of a contour, so its "
+        f"{key} is not used."
+        for key in ("speed", "tolerance")
+        if key in values
+        and not math.isnan(values[key][first])
+        and values[key][first] != values[key][first + 1]
+    ]

@@ -1,0 +1,350 @@
+"""Formats of exports: a class for each, with its options, and `export`, which writes one."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Annotated, ClassVar
+
+from armcontour.core import checks, staging
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Checked, checked
+from armcontour.core.quantities import AtLeast
+from armcontour.files.exports.ros import write_mcap, write_ros_yaml
+from armcontour.files.exports.table import Table, make_table, write_csv, write_npz
+from armcontour.files.exports.template import describe_program, write_template
+from armcontour.files.exports.urscript import JOINTS, write_urscript
+from armcontour.motion import TaughtData, Trajectory
+from armcontour.robot import Arm
+
+# Extensions of the files in the folder of a bag; a folder with other files is not replaced.
+BAG = (".mcap", ".db3", ".yaml")
+Analog = Mapping[str, Callable[[FloatArray], FloatArray]]
+Derivatives = Annotated[int, AtLeast(0, 2)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportFormat(Checked):
+    """A format of exports.
+
+    Args:
+        name: Name of the program inside the file; by default the name of the file, which the
+            template kuka always takes.
+    """
+
+    # Name of the format, and its file extension, which is empty if any is possible; the number of
+    # joints of the arms that it is for.
+    kind: ClassVar[str] = ""
+    ending: ClassVar[str] = ""
+    joints: ClassVar[int | None] = None
+    name: str | None = None
+
+    @property
+    def label(self) -> str:
+        """Name of the format, or of its template."""
+        return self.kind
+
+    def write(self, table: Table, file: FilePath) -> None:
+        """Write a table directly to a path, without a temporary file.
+
+        Args:
+            table: The table.
+            file: The path; of a bag a folder that does not exist yet.
+
+        Raises:
+            InvalidInput: The format cannot hold the table.
+        """
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrajectoryFormat(ExportFormat):
+    """A format with derivatives of the joint positions.
+
+    Args:
+        derivatives: Highest derivative that is written: 2, 1 or 0. A ROS controller then
+            interpolates by quintics, cubics or lines.
+    """
+
+    derivatives: Derivatives = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableFormat(TrajectoryFormat):
+    """A format with derivatives, the motion of the tool, and analog outputs.
+
+    Args:
+        tool_motion: Whether the file gets the tool's point, orientation (quaternion) and speed. For
+            taught data they are those of the set-points.
+        analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
+            values, as `armcontour.jobs.analog_outputs` gives them.
+    """
+
+    tool_motion: bool = False
+    analog: Analog | None = None
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CsvFormat(TableFormat):
+    """A table as text (.csv), with 12 decimals."""
+
+    kind: ClassVar[str] = "csv"
+    ending: ClassVar[str] = ".csv"
+
+    write = staticmethod(write_csv)
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NpzFormat(TableFormat):
+    """Arrays of NumPy (.npz), without pickled objects."""
+
+    kind: ClassVar[str] = "npz"
+    ending: ClassVar[str] = ".npz"
+
+    write = staticmethod(write_npz)
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RosYamlFormat(TrajectoryFormat):
+    """A trajectory_msgs/msg/JointTrajectory of ROS 2 as text (.yaml)."""
+
+    kind: ClassVar[str] = "ros-yaml"
+    ending: ClassVar[str] = ".yaml"
+
+    write = staticmethod(write_ros_yaml)
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True)
+class McapFormat(TrajectoryFormat):
+    """The same message and the events in a bag of ROS 2 (.mcap), a folder."""
+
+    kind: ClassVar[str] = "mcap"
+    ending: ClassVar[str] = ".mcap"
+
+    write = staticmethod(write_mcap)
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True)
+class URScriptFormat(ExportFormat):
+    """A program for Universal Robots (.script).
+
+    Args:
+        outputs: Number of the digital output of each event, 0 to 7, by the event's name; of an
+            analog output 0, 1, "AO0" or "AO1".
+        analog: Analog outputs, as of CsvFormat; the program sets those that `outputs` names.
+        call: Whether the program is followed by its call, for a script file that a program of the
+            pendant includes. Programs that are sent to the controller end without.
+    """
+
+    kind: ClassVar[str] = "urscript"
+    ending: ClassVar[str] = ".script"
+    joints: ClassVar[int | None] = JOINTS
+    outputs: Mapping[str, int | str] | None = None
+    analog: Analog | None = None
+    call: bool = False
+
+    def write(self, table: Table, file: FilePath) -> None:
+        """Write a table to a file."""
+        write_urscript(table, file, self.outputs, call=self.call)
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TemplateFormat(TableFormat):
+    """A program that a jinja2 template makes.
+
+    Args:
+        template: "kuka", "abb", or the path of a jinja2 file.
+        outputs: The output of each event, and of each analog output, by its name.
+    """
+
+    kind: ClassVar[str] = "template"
+    joints: ClassVar[int | None] = JOINTS
+    template: str | FilePath
+    outputs: Mapping[str, int | str] | None = None
+
+    @property
+    def label(self) -> str:
+        """Name of the template."""
+        return str(self.template)
+
+    def write(self, table: Table, file: FilePath) -> None:
+        """Write a table to a file."""
+        write_template(table, file, self.template, self.outputs)
+
+
+# The formats by their names.
+FORMATS: dict[str, type[ExportFormat]] = {
+    x.kind: x
+    for x in (CsvFormat, NpzFormat, RosYamlFormat, McapFormat, URScriptFormat, TemplateFormat)
+}
+LISTED = ", ".join(f"{x} ({of.ending})" if of.ending else x for x, of in FORMATS.items())
+WITH_ANALOG = (TableFormat, URScriptFormat)
+WITH_OUTPUTS = (URScriptFormat, TemplateFormat)
+
+
+def format_named(name: str) -> type[ExportFormat]:
+    """The format of a name.
+
+    Raises:
+        InvalidInput: There is no such format.
+    """
+    if name not in FORMATS:
+        raise InvalidInput(f"There is no format {name!r}: the formats are {LISTED}.")
+    return FORMATS[name]
+
+
+def format_of(file: FilePath) -> type[ExportFormat]:
+    """The format of a file, by its extension.
+
+    Raises:
+        InvalidInput: No format has this extension.
+    """
+    by_ending = {x.ending: x for x in FORMATS.values() if x.ending}
+    if file.suffix.lower() in by_ending:
+        return by_ending[file.suffix.lower()]
+    raise InvalidInput(
+        f"The ending of {file.name or file} is not that of a format: give one of the formats "
+        f"{LISTED}, or a template, such as kuka."
+    )
+
+
+def outputs_of(format: ExportFormat) -> Mapping[str, int | str]:
+    """Outputs of events by their names; none of formats without outputs."""
+    return (isinstance(format, WITH_OUTPUTS) and format.outputs) or {}
+
+
+@checked
+def export(
+    data: TaughtData | Trajectory,
+    file: str | FilePath,
+    format: ExportFormat | None = None,
+    *,
+    arm: Arm | None = None,
+    joint_names: Sequence[str] | None = None,
+    period: float | None = None,
+) -> None:
+    """Write taught data or a trajectory to a file.
+
+    Times, also those of events, count from the first set-point. An earlier file is replaced; if
+    writing fails, it stays.
+
+    Args:
+        data: Taught data, or a trajectory for a controller that needs no compensation.
+        file: The destination; for a bag a folder like those of `ros2 bag record`.
+        format: The format with its options, such as URScriptFormat(outputs={"tool": 0}); by default
+            that of the file's extension.
+        arm: The arm; gives joint names, and tool points if the format contains them.
+        joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
+        period: Sampling period of a trajectory [s], 4 ms by default; taught data have their own.
+
+    Warns:
+        UserWarning: A program of URScript or of the template kuka or abb does not switch an event,
+            or a program does not set an analog output, as no output is named.
+
+    Raises:
+        InvalidInput: No format has the extension, an output is of an unknown event, a library is
+            missing, the template has an error, the format cannot hold the data, or the file cannot
+            be written.
+    """
+    destination = checks.read_place("export", file)
+    chosen = format_of(destination)() if format is None else format
+    table = make_table(
+        data,
+        name=destination.stem if chosen.name is None else chosen.name,
+        arm=arm,
+        joint_names=joint_names,
+        period=period,
+        # A format has these or not.
+        derivatives=getattr(chosen, "derivatives", 0),
+        tool_motion=getattr(chosen, "tool_motion", False),
+        analog=getattr(chosen, "analog", None),
+    )
+    outputs = outputs_of(chosen)
+    names = (*(x.name for x in table.events), *table.analog)
+    refuse_unknown_outputs(outputs, names, option="outputs", owner=repr(table.name))
+    # Where warnings are errors, nothing is written.
+    for said in describe_program(
+        table,
+        chosen.label,
+        outputs,
+        lambda event, output: f"outputs={{{event!r}: {output!r}}}",
+    ):
+        kind = "Template" if isinstance(chosen, TemplateFormat) else "Format"
+        warnings.warn(f"{kind} {chosen.label}: {said}", stacklevel=3)
+    put(
+        destination,
+        lambda path: chosen.write(table, path),
+        folder=isinstance(chosen, McapFormat),
+    )
+
+
+def refuse_unknown_outputs(
+    outputs: Mapping[str, int | str], events: Iterable[str], *, option: str, owner: str
+) -> None:
+    """Refuse outputs for events that do not exist.
+
+    Args:
+        outputs: Outputs by names of events.
+        events: Names of the existing events.
+        option: Name of the option in which the outputs were given, for the message.
+        owner: Name of the program with the events, for the message.
+
+    Raises:
+        InvalidInput: An output is for an unknown event.
+    """
+    known = sorted(set(events))
+    for name in outputs:
+        if name not in known:
+            has = f"it has {', '.join(known)}" if known else "it switches nothing"
+            raise InvalidInput(f"{option} names {name!r}, which {owner} does not switch: {has}.")
+
+
+def put(file: FilePath, write: Callable[[FilePath], None], *, folder: bool = False) -> None:
+    """Write a file or folder to a temporary path, then move it to the destination.
+
+    If writing fails, an earlier file at the destination stays.
+
+    Args:
+        file: The destination.
+        write: Called with the temporary path, which has the same name; writes the file there.
+        folder: Whether `write` writes a folder.
+
+    Raises:
+        InvalidInput: The destination cannot be written.
+    """
+    try:
+        _refuse_destination(file, folder)
+        staging.put_in_place(file, write)
+    except OSError as error:
+        raise staging.unwritable(file, error) from None
+
+
+def _refuse_destination(file: FilePath, folder: bool) -> None:
+    """Refuse a destination where something else would be lost.
+
+    Raises:
+        InvalidInput: A folder is at the path of a file, a file at the path of a folder, or the
+            folder has files that are not of a bag.
+    """
+    if not file.name or "\0" in str(file):
+        raise InvalidInput(f"Cannot write {str(file)!r}: it is not the name of a file.")
+    if not folder and file.is_dir():
+        raise InvalidInput(f"Cannot write {file}: a folder of that name is in the way.")
+    if not folder or not file.exists():
+        return
+    if not file.is_dir():
+        raise InvalidInput(f"Cannot write the folder {file}: a file of that name is in the way.")
+    other = sorted(x.name for x in file.iterdir() if x.suffix not in BAG or x.is_dir())
+    if other:
+        raise InvalidInput(
+            f"Cannot write {file}: that folder holds other things than a bag, such as {other[0]}."
+        )

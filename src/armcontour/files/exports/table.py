@@ -1,0 +1,603 @@
+"""The table of times, joint positions and events of all export formats; as CSV and as npz."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from types import MappingProxyType
+from typing import Annotated, Any
+
+import numpy as np
+
+from armcontour.core import checks
+from armcontour.core._banded import solve_banded
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Checked
+from armcontour.core.frames import quaternions
+from armcontour.core.quantities import Axes, Interval, Quantity
+from armcontour.motion import LONGEST_CLOCK, PERIOD, Samples, TaughtData, TimedEvent, Trajectory
+from armcontour.robot import Arm, Limits, SerialArm
+
+# An event that is earlier than a point by less than this fraction of an interval belongs to the
+# point: the times are sums and multiples with rounding errors.
+ON_THE_POINT = 1e-9
+# Set-points this near to their plan are places of it [rad]: results have 12 decimals.
+SAME_PLACE = 2e-12
+# Largest number of samples of a trajectory: more do not fit in memory together with the export.
+MOST_SAMPLES = 20_000_000
+# Decimals of a number; the rounding error is at most half of the last digit.
+DECIMALS = 12
+FIXED = f"%.{DECIMALS}f"
+# Number of values that are formatted at once: more take more memory and are not faster.
+CHUNK = 1 << 16
+UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s^2", "torque": "N m"}
+# Rows of which the motion of the tool is computed at once.
+AT_ONCE = 1 << 14
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Table(Checked):
+    """Joint positions over time, with events.
+
+    Args:
+        name: Name of the program, one line of text.
+        joint_names: Names of the joints.
+        period: Time between points [s]; the last interval may be shorter.
+        t: Times of the points [s], (n,); the first one is 0.
+        q: Joint positions [rad], (n, dof).
+        dq, ddq: Joint velocities [rad/s] and accelerations [rad/s²]; None if they are not written.
+        events: Events in the order of their times, which count from the first point too.
+        tool: Tool points [m], (n, 2) or (n, 3).
+        tool_rotation: Tool orientations as quaternions x, y, z, w, (n, 4), whose signs do not jump.
+        tool_speed: Speed of the tool point [m/s], (n,).
+        start_time: Time of the first point in the plan [s], where the plan starts at 0.
+        analog: Values of analog outputs by their names, (n,) each.
+        contours: Start times [s] and names of contours.
+        command_limits: Limits that the joint positions satisfy, as set-points.
+
+    Raises:
+        InvalidInput: An array has a wrong shape, the times do not increase, a name is not one line
+            of text, or an event is before the first point.
+    """
+
+    name: str
+    joint_names: Annotated[tuple[str, ...], Axes("joints")]
+    period: Interval
+    t: Annotated[FloatArray, Quantity(""), Axes("n")]
+    q: Annotated[FloatArray, Quantity(""), Axes("n", "joints")]
+    dq: Annotated[FloatArray, Quantity(""), Axes("n", "joints")] | None = None
+    ddq: Annotated[FloatArray, Quantity(""), Axes("n", "joints")] | None = None
+    events: tuple[TimedEvent, ...] = ()
+    tool: Annotated[FloatArray, Quantity(""), Axes("n", "dimension")] | None = None
+    tool_rotation: Annotated[FloatArray, Quantity(""), Axes("n", 4)] | None = None
+    tool_speed: Annotated[FloatArray, Quantity(""), Axes("n")] | None = None
+    start_time: float = 0.0
+    analog: Mapping[str, FloatArray] = field(default_factory=dict)
+    contours: tuple[tuple[float, str], ...] = ()
+    command_limits: Limits | None = None
+
+    def _check_together(self) -> None:
+        analog = {
+            key: checks.lock_numbers(f"analog output {key} of {self.name!r}", x)
+            for key, x in self.analog.items()
+        }
+        object.__setattr__(self, "analog", MappingProxyType(analog))
+        self._check_shapes()
+        self._check_names()
+        events = tuple(sorted((_clean(x) for x in self.events), key=lambda x: x.t))
+        object.__setattr__(self, "events", events)
+        if events and events[0].t < -ON_THE_POINT * self.period:
+            raise InvalidInput(
+                f"The event {events[0].name} comes {-events[0].t:g} s before the first "
+                "set-point: shorten its time advance, or let the program start with a dwell.",
+                t=events[0].t,
+                allowed=0.0,
+            )
+
+    def _check_shapes(self) -> None:
+        """Refuse arrays of wrong shapes and times that do not start at zero and increase.
+
+        Raises:
+            InvalidInput: There is such an array.
+        """
+        n = len(self.t)
+        for key, values in self.analog.items():
+            if values.shape != (n,):
+                raise InvalidInput(
+                    f"The analog output {key} of {self.name!r} has shape {values.shape}, but must "
+                    f"have {(n,)}."
+                )
+        if self.tool is not None and self.tool.shape[1] not in (2, 3):
+            raise InvalidInput(
+                f"tool of {self.name!r} has shape {self.tool.shape}, but must have {(n, 3)}."
+            )
+        if n == 0 or self.t[0] != 0 or not (np.diff(self.t) > 0).all():
+            raise InvalidInput(f"The times of {self.name!r} must start at zero and increase.")
+
+    def _check_names(self) -> None:
+        """Refuse names that are not one line of text, and equal joint names.
+
+        Raises:
+            InvalidInput: There is such a name.
+        """
+        given = [("name", self.name), *(("joint name", x) for x in self.joint_names)]
+        given += [("name of an analog output", x) for x in self.analog]
+        for what, text in [*given, *(("name of an event", x.name) for x in self.events)]:
+            if not isinstance(text, str) or not text.strip() or not text.isprintable():
+                raise InvalidInput(f"A {what} must be one line of text, but is {text!r}.")
+            if what != "name":
+                # The name of the table is by default that of a file, which may be longer.
+                checks.check_name(what, text)
+        repeated = {x for x in self.joint_names if self.joint_names.count(x) > 1}
+        if repeated:
+            raise InvalidInput(f"Joint names must differ, but {min(repeated)!r} is there twice.")
+
+    @property
+    def dof(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first point to the last [s]."""
+        return float(self.t[-1])
+
+    @property
+    def point_of_events(self) -> list[int]:
+        """Index of the last point at or before each event."""
+        times = np.array([x.t for x in self.events]) + ON_THE_POINT * self.period
+        found = np.searchsorted(self.t, times, side="right") - 1
+        return [int(i) for i in found]
+
+
+def make_table(
+    data: TaughtData | Trajectory,
+    *,
+    name: str,
+    arm: Arm | None = None,
+    joint_names: Sequence[str] | None = None,
+    period: float | None = None,
+    derivatives: int = 2,
+    tool_motion: bool = False,
+    analog: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
+) -> Table:
+    """The table of taught data or of a sampled trajectory; time counts from the first point.
+
+    Velocities and accelerations of a trajectory are its own; where they jump, the values after the
+    jump. So are those of set-points that are places of their plan, where accelerations are written.
+    Those of other set-points are the derivatives of the clamped cubic spline through them. The
+    spline is at rest at both ends, and a controller follows the same curve whether it interpolates
+    by cubics (positions, velocities) or by quintics (accelerations too).
+
+    Args:
+        data: The taught data or the trajectory.
+        name: Name of the program.
+        arm: The arm; gives joint names and tool points.
+        joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
+        period: Sampling period of a trajectory [s], by default PERIOD; taught data have their own.
+        derivatives: 2, 1 for positions and velocities only, or 0 for positions only.
+        tool_motion: Whether the table has orientation and speed of the tool too.
+        analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
+            values, as `armcontour.jobs.analog_outputs` gives them.
+
+    Raises:
+        InvalidInput: The period differs from that of taught data; the number of joints or names is
+            wrong; the motion of the tool is wanted, but no arm is given; or as for `Table`.
+    """
+    if not isinstance(data, TaughtData | Trajectory):
+        raise InvalidInput(
+            f"Only taught data and trajectories can be exported, not {type(data).__name__}."
+        )
+    derivatives = checks.whole("derivatives", derivatives, 0, 2)
+    if isinstance(data, TaughtData):
+        samples, step = _set_points(data, period, derivatives), data.period
+        start, plan = data.start_time, data.trajectory
+    else:
+        step = _sampling_period(data, name, period)
+        samples, start, plan = data.sample(step), 0.0, data
+    functions = analog or {}
+    checks.listed("analog", functions.values(), Callable, "functions")
+    return tabulate(
+        samples,
+        name=name,
+        period=step,
+        events=tuple(x.shifted(-start) for x in plan.events),
+        start_time=start,
+        arm=arm,
+        joint_names=joint_names,
+        derivatives=derivatives,
+        tool_motion=tool_motion,
+        analog={key: values(samples.t + start) for key, values in functions.items()},
+        contours=tuple((x.t[0] - start, x.name) for x in plan.contour_spans),
+        command_limits=data.command_limits if isinstance(data, TaughtData) else None,
+    )
+
+
+def tabulate(
+    samples: Samples,
+    *,
+    arm: Arm | None = None,
+    joint_names: Sequence[str] | None = None,
+    derivatives: int = 2,
+    tool_motion: bool = False,
+    **about: Any,
+) -> Table:
+    """The table of samples; the arguments are those of `make_table`, and `about` of `Table`.
+
+    Raises:
+        InvalidInput: As in `make_table`.
+    """
+    name, dof = about["name"], samples.q.shape[1]
+    checks.whole("derivatives", derivatives, 0, 2)
+    tool: dict[str, Any] = {}
+    if arm is not None:
+        checks.refuse_other("export", arm, Arm)
+        if arm.dof != dof:
+            raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
+        tool = _tool(arm, samples, tool_motion)
+    elif tool_motion:
+        raise InvalidInput(f"The motion of the tool of {name!r} needs the arm: give arm.")
+    if joint_names is None:
+        joint_names = arm.joint_names if arm else [f"joint {i}" for i in range(1, dof + 1)]
+    return Table(
+        joint_names=joint_names,  # type: ignore[arg-type]  # converted by the field
+        t=samples.t,
+        q=samples.q,
+        dq=samples.dq if derivatives > 0 else None,
+        ddq=samples.ddq if derivatives > 1 else None,
+        **tool,
+        **about,
+    )
+
+
+def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
+    """Tool points, and with `motion` the orientations and speeds of the tool.
+
+    The rows are computed in blocks: the matrices of millions of rows take gigabytes.
+    """
+    found: dict[str, list[FloatArray]] = {}
+    for i in range(0, len(samples.q), AT_ONCE):
+        rows = slice(i, i + AT_ONCE)
+        here = {"tool": arm.tool_position(samples.q[rows])}
+        if motion:
+            velocity = arm.tool_velocity(samples.q[rows], samples.dq[rows])
+            here["tool_speed"] = np.linalg.norm(velocity, axis=1)
+            if isinstance(arm, SerialArm):
+                here["tool_rotation"] = quaternions(arm.pose(samples.q[rows])[1])
+        for key, values in here.items():
+            found.setdefault(key, []).append(values)
+    whole = {key: np.concatenate(values) for key, values in found.items()}
+    if "tool_rotation" in whole:
+        q = whole["tool_rotation"]
+        flips = np.sum(q[1:] * q[:-1], axis=1) < 0
+        q[1:][np.cumsum(flips) % 2 == 1] *= -1.0
+    return whole
+
+
+def refuse_long_period(period: float, duration: float, name: str) -> None:
+    """Refuse a period that leaves nothing of a motion but its ends.
+
+    Args:
+        period: The period [s].
+        duration: The duration of the motion [s].
+        name: Name of the program, for the message.
+
+    Raises:
+        InvalidInput: The period is longer than the motion, and than any command interval.
+    """
+    # A command interval may be longer than a tiny motion.
+    if period > max(duration, LONGEST_CLOCK):
+        raise InvalidInput(
+            f"The period of {period:g} s is longer than the motion of {duration:.6g} s: nothing of "
+            f"{name!r} would be left but its ends; give a shorter period.",
+            needed=period,
+            allowed=duration,
+        )
+
+
+def _sampling_period(trajectory: Trajectory, name: str, period: float | None) -> float:
+    """The period at which a trajectory is sampled [s].
+
+    Raises:
+        InvalidInput: The period is not above zero, longer than the motion, or too short
+            for its duration.
+    """
+    step = PERIOD if period is None else checks.positive("period", period, "s")
+    refuse_long_period(step, trajectory.duration, name)
+    if trajectory.duration > MOST_SAMPLES * step:
+        raise InvalidInput(
+            f"{name!r} takes {trajectory.duration:.6g} s, which every {step:g} s are more than the "
+            f"{MOST_SAMPLES} samples that are written: give a longer period.",
+            needed=trajectory.duration / step,
+            allowed=float(MOST_SAMPLES),
+        )
+    return step
+
+
+def _set_points(taught: TaughtData, period: float | None, derivatives: int) -> Samples:
+    """The set-points of taught data with their derivatives, as `make_table` says.
+
+    Raises:
+        InvalidInput: The given period is not that of the taught data.
+    """
+    wanted = taught.period if period is None else checks.positive("period", period, "s")
+    if not math.isclose(wanted, taught.period, rel_tol=1e-9):
+        raise InvalidInput(
+            f"Taught data has its own interval of {taught.period:g} s and cannot be exported every "
+            f"{wanted:g} s: leave the period out, or compensate for that interval.",
+            needed=wanted,
+            allowed=taught.period,
+        )
+    plan, t = taught.trajectory, taught.t
+    if derivatives > 1 and are_places(taught.q, plan.with_rests(t)):
+        dq, ddq = plan.with_rests(t, 1), plan.with_rests(t, 2)
+        for values in (dq, ddq):
+            values.setflags(write=False)
+        return Samples(t=regular_times(len(t), taught.period), q=taught.q, dq=dq, ddq=ddq)
+    return differentiate(taught.q, taught.period)
+
+
+def are_places(q: FloatArray, plan: FloatArray) -> bool:
+    """Whether set-points are the places of their plan at the same times, (n, dof) each."""
+    return q.shape == plan.shape and bool((np.abs(q - plan) <= SAME_PLACE).all())
+
+
+def regular_times(count: int, period: float) -> FloatArray:
+    """Times every `period` from 0 on [s], (count,)."""
+    return np.asarray(np.arange(count) * period, dtype=np.float64)
+
+
+def differentiate(q: FloatArray, period: float) -> Samples:
+    """Set-points with the derivatives of the clamped cubic spline through them.
+
+    Args:
+        q: Set-points [rad], (n, dof).
+        period: Time between set-points [s].
+    """
+    t = regular_times(len(q), period)
+    if len(q) == 1:
+        return Samples(t=t, q=q, dq=np.zeros_like(q), ddq=np.zeros_like(q))
+    dq, ddq = np.zeros_like(q), np.zeros_like(q)
+    # The velocities v of a cubic spline with equal intervals h solve
+    # v[i-1] + 4 v[i] + v[i+1] = 3 (q[i+1] - q[i-1]) / h, with zero at both ends.
+    for j in range(q.shape[1]):
+        x, v = np.ascontiguousarray(q[:, j]), dq[:, j]
+        if len(q) > 2:
+            right = (3 / period * (x[2:] - x[:-2]))[:, None]
+            solve_banded(np.tile([4.0, 1.0], (len(right), 1)), right)
+            v[1:-1] = right[:, 0]
+        slope = np.diff(x) / period
+        ddq[:-1, j] = (6 * slope - 4 * v[:-1] - 2 * v[1:]) / period
+        ddq[-1, j] = (2 * v[-2] + 4 * v[-1] - 6 * slope[-1]) / period
+    for values in (dq, ddq):
+        # No copies: a long motion has gigabytes of set-points.
+        values.setflags(write=False)
+    return Samples(t=t, q=q, dq=dq, ddq=ddq)
+
+
+def _clean(event: TimedEvent) -> TimedEvent:
+    """The event with Python's own types, which all formats can write.
+
+    Raises:
+        InvalidInput: The value or the time of the event is not finite.
+    """
+    value = event.value.item() if isinstance(event.value, np.generic) else event.value
+    if isinstance(value, float) and not math.isfinite(value):
+        raise InvalidInput(
+            f"The value of the event {event.name} must be a finite number, but is {value}."
+        )
+    return TimedEvent(
+        name=str(event.name),
+        value=value,
+        t=checks.number(f"time of the event {event.name}", event.t, "s"),
+        due=float(event.due),
+        s=float(event.s),
+        point=tuple(float(x) for x in event.point),
+    )
+
+
+def joint_columns(
+    t: FloatArray, joint_names: Sequence[str], **quantities: FloatArray | None
+) -> tuple[list[str], list[FloatArray]]:
+    """Titles and columns of joints over time: `t [s]`, then `q 1 [rad]`, `q 2 [rad]`, ...
+
+    A joint has its name in the titles, or its number where its name is "joint" and a number. All
+    files of joints have these titles, and are read by them again.
+
+    Args:
+        t: Times [s], (n,).
+        joint_names: One per joint.
+        quantities: By their names in `UNITS`, (n, dof) each; None is left out.
+    """
+    called = [x.removeprefix("joint ") for x in joint_names]
+    if len(set(called)) < len(called):
+        called = list(joint_names)
+    header, columns = ["t [s]"], [t]
+    for quantity, values in quantities.items():
+        if values is not None:
+            header += [f"{quantity} {name} [{UNITS[quantity]}]" for name in called]
+            columns.append(values)
+    return header, columns
+
+
+def csv_pieces(
+    header: Sequence[str], columns: Sequence[FloatArray], cells: Mapping[int, str] | None = None
+) -> Iterator[str]:
+    """Yield numbers as CSV with 12 decimals, several thousand rows at a time.
+
+    Args:
+        header: Titles of all columns, with units.
+        columns: Arrays (n,) or (n, columns), which are put side by side.
+        cells: Texts of a last column by their rows; empty in the other rows. None without that
+            column.
+    """
+    yield _csv_line(header)
+    row = ",".join([FIXED] * sum(1 if x.ndim == 1 else x.shape[1] for x in columns))
+    lines = {k: row + _csv_line(["", x]).replace("%", "%%") for k, x in (cells or {}).items()}
+    yield from filled(row + ("\n" if cells is None else ",\n"), *columns, lines=lines)
+
+
+def _csv_line(cells: Sequence[str]) -> str:
+    """One line of CSV; texts with commas or quotes are in quotes."""
+    line = io.StringIO()
+    csv.writer(line, lineterminator="\n").writerow(cells)
+    return line.getvalue()
+
+
+def filled(row: str, *columns: FloatArray, lines: Mapping[int, str] | None = None) -> Iterator[str]:
+    """Yield all rows as text, several thousand rows at a time.
+
+    Args:
+        row: Format of one row.
+        columns: Numbers, (n,) or (n, columns), which are put side by side.
+        lines: Other formats of some rows, by their rows.
+    """
+    at_once = max(1, CHUNK // max(1, row.count("%")))
+    for i in range(0, len(columns[0]), at_once):
+        values = np.column_stack([x[i : i + at_once] for x in columns])
+        rows = range(i, i + len(values))
+        form = "".join(lines.get(k, row) for k in rows) if lines else row * len(values)
+        yield form % tuple(values.ravel().tolist())
+
+
+def write_pieces(file: FilePath, pieces: Iterable[str]) -> None:
+    """Write pieces of text to a file, one after the other."""
+    with file.open("w", encoding="utf-8", newline="\n") as stream:
+        stream.writelines(pieces)
+
+
+def format_event(event: TimedEvent) -> str:
+    """An event without its time, such as `tool=on`; a value that is text is in quotes."""
+    plain = all(x.isalnum() or x in "_-. " for x in event.name)
+    name = event.name if plain else json.dumps(event.name)
+    if isinstance(event.value, bool):
+        return f"{name}={'on' if event.value else 'off'}"
+    return f"{name}={json.dumps(event.value)}"
+
+
+def event_data(event: TimedEvent) -> dict[str, Any]:
+    """An event as a dictionary for JSON, in SI units."""
+    return {
+        "name": event.name,
+        "value": event.value,
+        "t": event.t,
+        "due": event.due,
+        "s": event.s,
+        "point": list(event.point),
+    }
+
+
+def write_csv(table: Table, file: FilePath) -> None:
+    """Write columns t, then q, dq and ddq of all joints, and `events` if there are any, as CSV.
+
+    If the table has the speed of the tool, its point, orientation and speed are columns too; so
+    are analog outputs, `analog power`.
+    An event is in the row of the last point at or before it and has its own time:
+    `tool=on@0.104000000000; gas=2.5@0.104500000000`.
+    """
+    header, columns = _columns(table)
+    cells = _event_cells(table) if table.events else None
+    if cells is not None:
+        header.append("events")
+    write_pieces(file, csv_pieces(header, columns, cells))
+
+
+def write_npz(table: Table, file: FilePath) -> None:
+    """Write the table to an npz file.
+
+    The arrays are name, joint_names, period, start_time, t, q, dq, ddq, tool,
+    tool_rotation and tool_speed; for analog outputs `analog_name`, (outputs,), and `analog`,
+    (n, outputs); and for the events `event_name`, `event_value` (JSON), `event_t`, `event_due` and
+    `event_s`, (events,).
+    Arrays that the table does not have are left out. Nothing is pickled.
+    """
+    events = table.events
+    arrays: dict[str, Any] = {
+        "name": np.array(table.name),
+        "joint_names": np.array(table.joint_names),
+        "period": np.array(table.period),
+        "start_time": np.array(table.start_time),
+        "event_name": np.array([x.name for x in events], dtype=np.str_),
+        "event_value": np.array([json.dumps(x.value) for x in events], dtype=np.str_),
+    }
+    for key in ("t", "due", "s"):
+        arrays[f"event_{key}"] = np.array([getattr(x, key) for x in events], dtype=np.float64)
+    for key in ("t", "q", "dq", "ddq", "tool", "tool_rotation", "tool_speed"):
+        if getattr(table, key) is not None:
+            arrays[key] = getattr(table, key)
+    if table.analog:
+        arrays["analog_name"] = np.array(list(table.analog), dtype=np.str_)
+        arrays["analog"] = np.column_stack(list(table.analog.values()))
+    # An open file keeps numpy from adding .npz to the name.
+    with file.open("wb") as stream:
+        np.savez(stream, **arrays)
+
+
+def _columns(table: Table) -> tuple[list[str], list[FloatArray]]:
+    """Titles and columns of joints, of analog outputs, and of the tool if its speed is there."""
+    header, columns = joint_columns(
+        table.t, table.joint_names, q=table.q, dq=table.dq, ddq=table.ddq
+    )
+    tool = table.tool_speed is not None
+    if tool and table.tool is not None:
+        header += [f"{axis} [m]" for axis in "xyz"[: table.tool.shape[1]]]
+        columns.append(table.tool)
+    if tool and table.tool_rotation is not None:
+        header += ["qx", "qy", "qz", "qw"]
+        columns.append(table.tool_rotation)
+    if tool and table.tool_speed is not None:
+        header.append("speed [m/s]")
+        columns.append(table.tool_speed)
+    for name, values in table.analog.items():
+        header.append(f"analog {name}")
+        columns.append(values)
+    return header, columns
+
+
+def _event_cells(table: Table) -> dict[int, str]:
+    """The events of each point as text, by the index of the point."""
+    cells: dict[int, str] = {}
+    for event, i in zip(table.events, table.point_of_events, strict=True):
+        text = f"{format_event(event)}@{FIXED % event.t}"
+        cells[i] = f"{cells[i]}; {text}" if i in cells else text
+    return cells
+
+
+def write_taught(file: FilePath, taught: TaughtData, joint_names: Sequence[str]) -> None:
+    """Write taught data as CSV: t, then q of every joint."""
+    write_pieces(file, taught_pieces(taught, joint_names))
+
+
+def taught_pieces(taught: TaughtData, joint_names: Sequence[str]) -> Iterator[str]:
+    """The pieces of text that `write_taught` writes."""
+    return csv_pieces(*joint_columns(taught.t, joint_names, q=taught.q))
+
+
+def write_planned(file: FilePath, x: Samples, joint_names: Sequence[str] = ()) -> None:
+    """Write the realizable trajectory as CSV: t, then q, dq and ddq of every joint.
+
+    Args:
+        file: The file.
+        x: Samples of the trajectory; the last row is the end.
+        joint_names: Names of the joints; numbers by default.
+    """
+    names = joint_names or [f"joint {j + 1}" for j in range(x.q.shape[1])]
+    write_pieces(file, csv_pieces(*joint_columns(x.t, names, q=x.q, dq=x.dq, ddq=x.ddq)))
+
+
+def write_torque(file: FilePath, x: Samples, arm: Arm) -> None:
+    """Write torques of the realizable trajectory as CSV: t, then the torque of every drive.
+
+    Args:
+        file: The file.
+        x: Samples of the trajectory; the last row is the end.
+        arm: The arm, with bodies.
+    """
+    torque = arm.torque(x.q, x.dq, x.ddq)
+    write_pieces(file, csv_pieces(*joint_columns(x.t, arm.joint_names, torque=torque)))

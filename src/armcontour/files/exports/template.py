@@ -1,0 +1,382 @@
+"""Robot programs from jinja2 templates of the package or of the user, run in a sandbox."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path as FilePath
+from typing import Any, NoReturn
+
+import numpy as np
+
+from armcontour.core.errors import InvalidInput
+from armcontour.core.file_access import read_text
+from armcontour.core.text import list_some, show
+from armcontour.files.exports.table import DECIMALS, Table, format_event
+from armcontour.motion.nearest_commands import command_use
+from armcontour.motion.trajectory import COMMAND_SLACK
+
+ENDING = ".j2"
+SHIPPED = {"abb": "abb.mod.j2", "kuka": "kuka.src.j2"}
+# Outputs as these controllers name them, for messages.
+EXAMPLES: dict[str, int | str] = {"abb": "doTool", "kuka": 17, "urscript": 0}
+# What their programs have in the place of an event without an output.
+INSTEAD = {"abb": "comments", "kuka": "comments", "urscript": "messages (textmsg)"}
+ANALOG_EXAMPLES: dict[str, int | str] = {"abb": "aoPower", "kuka": 1, "urscript": "AO0"}
+# Points of a program of about 1 MB; longer programs are not confirmed on any controller. What to
+# do instead, by format.
+MOST_POINTS = 10_000
+FEWER = {
+    **dict.fromkeys(SHIPPED, "use a longer period (--period)"),
+    "urscript": "stream the set-points over RTDE (--export csv)",
+}
+# Last digit of joint positions in programs [rad]; other formats have 12 decimals or more.
+LAST_DIGIT = {"urscript": 1e-6, **dict.fromkeys(SHIPPED, math.radians(1e-6))}
+# So many events are named in one sentence.
+MOST_NAMES = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Switch:
+    """An event in templates: the data of `TimedEvent`, and `text`, such as "tool=on"."""
+
+    name: str
+    value: bool | float | str
+    t: float
+    due: float
+    s: float
+    point: tuple[float, ...]
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Point:
+    """A row of the table in templates.
+
+    Args:
+        number: Number of the point, from 1.
+        t: Time from the first point [s].
+        q, q_deg: Joint positions [rad], [deg].
+        dq, ddq: Joint velocities [rad/s] and accelerations [rad/s²]; None if the table has none.
+        tool: Tool point [m]; None without an arm.
+        tool_rotation: Tool orientation as a quaternion x, y, z, w; None unless exported.
+        tool_speed: Speed of the tool point [m/s]; None unless exported.
+        analog: Values of analog outputs by their names.
+        events: Events from this point to the next one.
+    """
+
+    number: int
+    t: float
+    q: tuple[float, ...]
+    q_deg: tuple[float, ...]
+    dq: tuple[float, ...] | None
+    ddq: tuple[float, ...] | None
+    tool: tuple[float, ...] | None
+    tool_rotation: tuple[float, ...] | None
+    tool_speed: float | None
+    analog: Mapping[str, float]
+    events: tuple[Switch, ...]
+
+
+class _Refused(Exception):
+    """The refusal of a table by a template, with the template's reason."""
+
+
+def ending_of(template: str) -> str:
+    """The ending of the file that a template makes, such as ".src" for "kuka.src.j2"."""
+    file = FilePath(SHIPPED.get(template, template)).name
+    return FilePath(file.removesuffix(ENDING)).suffix or ".txt"
+
+
+def templates() -> tuple[str, ...]:
+    """Names of the templates that come with the package."""
+    return tuple(SHIPPED)
+
+
+def template_of(
+    table: Table,
+    template: str | FilePath,
+    outputs: Mapping[str, int | str] | None = None,
+    *,
+    file: str,
+) -> str:
+    """The program that a template makes of a table.
+
+    Args:
+        table: The table.
+        template: "kuka", "abb", or the path of a jinja2 file.
+        outputs: The output of each event by the event's name; the variable `outputs` of the
+            template.
+        file: Name of the file without its ending; the variable `file` of the template.
+
+    Raises:
+        InvalidInput: The template does not exist, has an error, or refuses the table; the message
+            names the template and the line.
+    """
+    source, text, folder = _read(template)
+    environment = _environment(folder)
+    variables = _variables(table, outputs or {}, file)
+    try:
+        return str(environment.from_string(text).render(variables))
+    except _Refused as error:
+        raise InvalidInput(f"{source}: {_sentence(error)}.") from None
+    except Exception as error:  # a user's template can raise any exception
+        raise InvalidInput(f"{_error_line(error, source)}: {_sentence(error)}.") from None
+
+
+def describe_program(
+    table: Table,
+    name: str | FilePath,
+    outputs: Mapping[str, int | str] | None,
+    name_output: Callable[[str, int | str], str],
+) -> list[str]:
+    """Sentences on programs of urscript and of the package's templates: outputs not set, and size.
+
+    The templates of users may switch events without outputs.
+
+    Args:
+        table: The table, with events and analog outputs.
+        name: The template, or the format.
+        outputs: The outputs of events and analog outputs by their names.
+        name_output: How users name the output of an event.
+    """
+    found, given = _describe_rounding(table, name), outputs or {}
+    if name in FEWER and len(table.t) > MOST_POINTS:
+        found.append(
+            f"the program has {len(table.t)} points, and a controller may not hold more than "
+            f"{MOST_POINTS}: {FEWER[str(name)]}, or split the job."
+        )
+    unset = [x for x in table.analog if x not in given]
+    if unset and name in ANALOG_EXAMPLES:
+        example = name_output(unset[0], ANALOG_EXAMPLES[str(name)])
+        found.append(
+            f"the program does not set {list_some(unset, MOST_NAMES)}, as no analog output is "
+            f"named. Name an output, such as {example}."
+        )
+    if name not in EXAMPLES:
+        return found
+    left, name = [x for x in table.events if x.name not in given], str(name)
+    valued = {x.name: None for x in left if not isinstance(x.value, bool)}
+    switches = {x.name: None for x in left if x.name not in valued}
+    if switches:
+        example = name_output(next(iter(switches)), EXAMPLES[name])
+        found.append(
+            f"nothing is switched for {list_some(list(switches), MOST_NAMES)}, as no output is "
+            f"named: the program has {INSTEAD[name]} in these places. Name an output, such as "
+            f"{example}."
+        )
+    if valued:
+        found.append(
+            f"nothing is switched for {list_some(list(valued), MOST_NAMES)}, whose values are not "
+            f"on or off: the program has {INSTEAD[name]} in these places. Such values need a "
+            "template of your own."
+        )
+    return found
+
+
+def _describe_rounding(table: Table, name: str | FilePath) -> list[str]:
+    """A sentence on set-points that exceed limits of commands with the digits that are written."""
+    digit = LAST_DIGIT.get(str(name))
+    if table.command_limits is None or digit is None:
+        return []
+    rounded = np.round(table.q / digit) * digit
+    uses = command_use(rounded, table.period, table.command_limits)
+    most, worst = max(((float(x.max()), name) for name, x in uses.items()), default=(0.0, ""))
+    if most <= 1 + COMMAND_SLACK:
+        return []
+    return [
+        f"joint positions are rounded to {digit:.2g} rad, with which set-points need "
+        f"{most:.4f} times command_limits.{worst}: reduce this limit by "
+        f"{math.ceil((most - 1) * 100)} %, or use a format with 12 decimals, such as csv."
+    ]
+
+
+def write_template(
+    table: Table,
+    file: FilePath,
+    template: str | FilePath,
+    outputs: Mapping[str, int | str] | None = None,
+) -> None:
+    """Write the text of `template_of` to a file."""
+    text = template_of(table, template, outputs, file=file.stem)
+    file.write_text(text, encoding="utf-8", newline="\n")
+
+
+def _read(template: str | FilePath) -> tuple[str, str, FilePath]:
+    """Name, text and folder of a template.
+
+    Raises:
+        InvalidInput: The template does not exist or cannot be read.
+    """
+    if isinstance(template, str) and template in SHIPPED:
+        file = FilePath(__file__).parent / "templates" / SHIPPED[template]
+    else:
+        file = FilePath(template)
+        if isinstance(template, str) and file.suffix == "" and not os.path.exists(file):
+            raise InvalidInput(
+                f"There is no template {template!r}: give one of {', '.join(SHIPPED)}, or a file "
+                f"such as house{ENDING}."
+            )
+    return file.name, read_text(file, "template"), file.parent
+
+
+def _read_included(folder: FilePath, name: str) -> str:
+    """The text of a template that another template includes.
+
+    Raises:
+        InvalidInput: The template is a link out of the folder, or cannot be read.
+        TemplateNotFound: The template does not exist.
+    """
+    from jinja2 import TemplateNotFound
+    from jinja2.loaders import split_template_path
+
+    # `split_template_path` refuses absolute names and names with "..".
+    file = folder.joinpath(*split_template_path(name))
+    if not os.path.lexists(file):
+        raise TemplateNotFound(name)
+    file = FilePath(os.path.realpath(file))
+    if not file.is_relative_to(os.path.realpath(folder)):
+        raise InvalidInput(
+            f"the template {show(name)} is a link that leads out of the folder of templates"
+        )
+    return read_text(file, "template")
+
+
+def _environment(folder: FilePath) -> Any:
+    """The sandbox of templates, which can read the table and other templates of their folder."""
+    from jinja2 import FunctionLoader, StrictUndefined
+    from jinja2.sandbox import ImmutableSandboxedEnvironment
+
+    environment = ImmutableSandboxedEnvironment(
+        loader=FunctionLoader(partial(_read_included, folder)),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        newline_sequence="\n",
+        autoescape=False,  # noqa: S701 - programs, not pages
+    )
+    environment.filters["fixed"] = _fixed
+    environment.filters["degrees"] = lambda x: _each(math.degrees, x)
+    environment.filters["times"] = lambda x, factor: _each(lambda y: y * factor, x)
+    environment.filters["identifier"] = _identifier
+    environment.globals["refuse"] = _refuse
+    return environment
+
+
+def _variables(table: Table, outputs: Mapping[str, int | str], file: str) -> dict[str, Any]:
+    """The variables of a template by name."""
+    points = _points(table)
+    return {
+        "name": table.name,
+        "file": file,
+        "joint_names": table.joint_names,
+        "dof": table.dof,
+        "period": table.period,
+        "duration": table.duration,
+        "start_time": table.start_time,
+        "points": points,
+        "events": tuple(x for point in points for x in point.events),
+        "outputs": {x: int(n) if isinstance(n, np.integer) else n for x, n in outputs.items()},
+    }
+
+
+def _points(table: Table) -> tuple[Point, ...]:
+    """The rows of a table, each with its events."""
+    switches: dict[int, list[Switch]] = {}
+    for x, i in zip(table.events, table.point_of_events, strict=True):
+        switches.setdefault(i, []).append(
+            Switch(
+                name=x.name,
+                value=x.value,
+                t=x.t,
+                due=x.due,
+                s=x.s,
+                point=x.point,
+                text=format_event(x),
+            )
+        )
+    count = len(table.t)
+    arrays = (
+        *(table.q, np.degrees(table.q), table.dq, table.ddq, table.tool, table.tool_rotation),
+        None if table.tool_speed is None else table.tool_speed[:, None],
+    )
+    analog = {key: values.tolist() for key, values in table.analog.items()}
+    rows = zip(*(_tuples(x, count) for x in arrays), strict=True)
+    return tuple(
+        Point(
+            number=i + 1,
+            t=t,
+            q=q or (),
+            q_deg=degrees or (),
+            dq=dq,
+            ddq=ddq,
+            tool=tool,
+            tool_rotation=rotation,
+            tool_speed=None if speed is None else speed[0],
+            analog={key: values[i] for key, values in analog.items()},
+            events=tuple(switches.get(i, ())),
+        )
+        for i, (t, (q, degrees, dq, ddq, tool, rotation, speed)) in enumerate(
+            zip(table.t.tolist(), rows, strict=True)
+        )
+    )
+
+
+def _tuples(values: Any, count: int) -> list[tuple[float, ...] | None]:
+    """The rows of an array as tuples; `count` times None if there is no array."""
+    return [None] * count if values is None else [tuple(x) for x in values.tolist()]
+
+
+def _each(function: Any, x: Any) -> Any:
+    """The function of a number, or the list of the function of each number."""
+    return function(x) if isinstance(x, int | float) else [function(y) for y in x]
+
+
+def _fixed(x: float | Sequence[float], decimals: int = DECIMALS) -> str:
+    """A number, or several with commas between them, with a fixed number of decimals."""
+    text = _each(lambda y: f"{y:.{decimals}f}", x)
+    return text if isinstance(text, str) else ", ".join(text)
+
+
+def _identifier(text: str) -> str:
+    """A text as an identifier: ASCII letters, digits and underscores, no digit first."""
+    plain = "".join(x if x.isascii() and x.isalnum() else "_" for x in text)
+    return f"_{plain}" if plain[:1].isdigit() else plain
+
+
+def _refuse(reason: str) -> NoReturn:
+    """Refuse the table; templates call this function as `refuse`.
+
+    Raises:
+        _Refused: Always.
+    """
+    raise _Refused(reason)
+
+
+def _sentence(error: Exception) -> str:
+    """The message of an error on one line and without its full stop."""
+    from jinja2 import TemplateNotFound
+
+    if isinstance(error, TemplateNotFound):
+        return f"there is no template {error.name!r} beside it"
+    message = " ".join(str(error).split()).rstrip(".")
+    return message or type(error).__name__
+
+
+def _error_line(error: Exception, source: str) -> str:
+    """The template and its line in which an error occurred."""
+    from jinja2 import TemplateSyntaxError
+
+    if isinstance(error, TemplateSyntaxError):
+        return f"{error.name or source}, line {error.lineno}"
+    # jinja2 writes the lines of templates into tracebacks.
+    line, step = None, error.__traceback__
+    while step is not None:
+        if step.tb_frame.f_code.co_filename == "<template>":
+            line = step.tb_lineno
+        step = step.tb_next
+    return source if line is None else f"{source}, line {line}"

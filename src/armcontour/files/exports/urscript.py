@@ -1,0 +1,238 @@
+"""URScript programs, which move a robot of Universal Robots along its set-points."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.files.exports.table import Table, filled, format_event, write_pieces
+from armcontour.motion import TimedEvent
+
+JOINTS = 6
+# Cycle time of the controllers [s]; older controllers use every fourth cycle.
+CYCLE = 0.002
+# Number of standard digital outputs of the control boxes.
+OUTPUTS = 8
+# Duration for which the last set-point is repeated, until the servo has reached it [s].
+HOLD = 0.5
+
+# Number of standard analog outputs of the control boxes, and text of their level in commands.
+ANALOG_OUTPUTS = 2
+LEVEL, SAME_LEVEL = "%.4f", 5e-5
+# Joint positions [rad]: their rounding moves a tool at 1 m by 0.5 um.
+ANGLE = "%.6f"
+
+# The first line and the last one are those that the controller needs over its socket.
+HEAD = """\
+def {program}():
+  # {title}: {count} set-points, every {period} s, for {duration} s
+  # Joint positions in rad: {joints}
+  # These shape the servo: take the values for which its model was identified.
+  lookahead = 0.1
+  gain = 300
+  # Slowly to the first set-point; see that the way to it is free.
+  movej([{first}], a=0.3, v=0.2)
+"""
+
+
+def write_urscript(
+    table: Table,
+    file: FilePath,
+    outputs: Mapping[str, int | str] | None = None,
+    *,
+    call: bool = False,
+) -> None:
+    """Write a URScript program: a slow move to the start, then one `servoj` per set-point.
+
+    The program is one function, which begins in the first line and ends in the last one, as the
+    controller requires of programs over a socket (script manual, "Connecting to URControl").
+
+    An event is executed at the nearest set-point, at most half an interval early or late; a comment
+    gives its exact time. The last sample of a trajectory comes a whole interval after the one
+    before it, even if its own time is earlier. An event with a digital output switches the output
+    on or off; any other event writes a message by `textmsg`. An analog output with a number is set
+    at every set-point at which its level changes. Comments name the contours.
+
+    Args:
+        table: The table of an arm with six joints.
+        file: The file.
+        outputs: Number of the standard digital output, 0 to 7, by names of events; 0, 1, "AO0" or
+            "AO1" by names of analog outputs.
+        call: Whether a call of the program follows, for script files that a pendant includes.
+
+    Raises:
+        InvalidInput: The number of joints is not six, the interval is not a multiple of 2 ms, an
+            output does not exist, an analog value is not from 0 to 1, or an event cannot be
+            written.
+    """
+    _check(table)
+    given = outputs or {}
+    analog = {x: n for x, n in given.items() if x in table.analog}
+    digital = _digital_outputs(table, {x: n for x, n in given.items() if x not in analog})
+    period = f"{table.period:.12g}"
+    point = f"  servoj([{', '.join([ANGLE] * JOINTS)}], 0, 0, {period}, lookahead, gain)\n"
+    numbers = [", ".join(ANGLE % x for x in q) for q in (table.q[0], table.q[-1])]
+    program = "armcontour_" + re.sub(r"[^0-9A-Za-z]", "_", table.name)
+    head = HEAD.format(
+        program=program,
+        title=table.name,
+        count=len(table.q),
+        period=period,
+        duration=f"{table.duration:.12g}",
+        joints=", ".join(table.joint_names),
+        first=numbers[0],
+    )
+    # Before anything is written, as an event may be refused.
+    lines = [(t / table.period, f"  # contour {name}\n") for t, name in table.contours if name]
+    lines += [(x.t / table.period, _set_output(x, digital)) for x in table.events]
+    for name, number in analog.items():
+        lines += _set_levels(name, _analog_number(name, number), table.analog[name])
+    lines.sort(key=lambda x: round(x[0]))
+    commands = _commands(table, lines, point, numbers[1])
+    end = "  stopj(2.0)\nend\n" + (f"\n{program}()\n" if call else "")
+    write_pieces(file, chain([head], commands, [end]))
+
+
+def _commands(
+    table: Table, lines: Sequence[tuple[float, str]], point: str, last: str
+) -> Iterator[str]:
+    """Yield the commands of set-points and other lines in the order of their times.
+
+    Args:
+        table: The table.
+        lines: Other lines with their times in intervals, in order.
+        point: Format of the command of a set-point.
+        last: Joint positions of the last set-point as text; repeated for events after the end.
+    """
+    done, count = 0, len(table.q)
+    for at, command in lines:
+        # A servoj lasts for one interval, so the line after it is executed at the time of the next
+        # set-point.
+        before = round(at)
+        yield from filled(point, table.q[done : min(before, count)])
+        if before > max(done, count):
+            yield _repeat_last(last, (before - max(done, count)) * table.period)
+        yield command
+        done = max(done, before)
+    yield from filled(point, table.q[done:])
+    yield _repeat_last(last, HOLD)
+
+
+def _repeat_last(last: str, duration: float) -> str:
+    """The command that repeats the last set-point for a duration [s]."""
+    return f"  servoj([{last}], 0, 0, {duration:.12g}, lookahead, gain)\n"
+
+
+def _analog_number(name: str, number: int | str) -> int:
+    """The number of a standard analog output, given as a number or as "AO0".
+
+    Raises:
+        InvalidInput: There is no such output.
+    """
+    names = {f"AO{k}": k for k in range(ANALOG_OUTPUTS)}
+    found = names.get(number) if isinstance(number, str) else number
+    if found is None or isinstance(found, bool) or found not in names.values():
+        raise InvalidInput(f"The analog output of {name} must be AO0 or AO1, but is {number!r}.")
+    return int(found)
+
+
+def _set_levels(name: str, number: int, values: FloatArray) -> list[tuple[float, str]]:
+    """The commands that set an analog output, with the indices of their set-points.
+
+    Raises:
+        InvalidInput: A value is below 0 or above 1.
+    """
+    low, high = float(values.min()), float(values.max())
+    if not -SAME_LEVEL <= low <= high <= 1.0 + SAME_LEVEL:
+        raise InvalidInput(
+            f"The analog output {name} has values from {low:.6g} to {high:.6g}, but URScript sets "
+            "levels from 0 to 1 of the range of the output: scale rest, full and off.",
+            needed=high,
+            allowed=1.0,
+        )
+    levels = np.round(np.clip(values, 0.0, 1.0), 4)
+    changes = np.flatnonzero(np.diff(levels, prepend=np.nan) != 0).tolist()
+    return [(i, f"  set_standard_analog_out({number}, {LEVEL % levels[i]})\n") for i in changes]
+
+
+def _set_output(event: TimedEvent, outputs: Mapping[str, int]) -> str:
+    """The command of an event: it switches its output, or writes a message if it has none.
+
+    Raises:
+        InvalidInput: The message cannot be written in URScript.
+    """
+    words, at = format_event(event), f"  # {format_event(event)} at {event.t:.6f} s\n"
+    if event.name in outputs:
+        state = "True" if event.value is not False else "False"
+        return f"  set_standard_digital_out({outputs[event.name]}, {state}){at}"
+    value = (
+        {True: "on", False: "off"}[event.value] if isinstance(event.value, bool) else event.value
+    )
+    message = f"{event.name}={value}"
+    # URScript has no escapes in texts.
+    if not message.isprintable() or any(x in message for x in '"\\'):
+        raise InvalidInput(
+            f"URScript cannot write the event {words}: give it a name and a value of one line "
+            "without quotes and backslashes."
+        )
+    return f'  textmsg("{message}"){at}'
+
+
+def _check(table: Table) -> None:
+    """Refuse a table that URScript cannot hold.
+
+    Raises:
+        InvalidInput: The number of joints is not six, or the interval is not a multiple of 2 ms.
+    """
+    if table.dof != JOINTS:
+        raise InvalidInput(
+            f"URScript is for arms with {JOINTS} joints, but {table.name!r} has {table.dof}: "
+            "choose another format.",
+            needed=float(table.dof),
+            allowed=float(JOINTS),
+        )
+    cycles = table.period / CYCLE
+    if round(cycles) < 1 or not math.isclose(cycles, round(cycles), rel_tol=1e-9):
+        raise InvalidInput(
+            f"URScript runs a servoj for whole cycles of {CYCLE * 1e3:g} ms, but the set-points of "
+            f"{table.name!r} come every {table.period * 1e3:g} ms: choose another "
+            "command interval.",
+            needed=table.period,
+            allowed=CYCLE,
+        )
+
+
+def _digital_outputs(table: Table, outputs: Mapping[str, int | str]) -> dict[str, int]:
+    """The digital outputs of events by the events' names.
+
+    Raises:
+        InvalidInput: An output does not exist, or an event with an output has a number as value.
+    """
+    found: dict[str, int] = {}
+    for name, number in outputs.items():
+        if isinstance(number, bool) or not isinstance(number, int | np.integer):
+            raise InvalidInput(
+                f"The output of {name} must be a number, but is {number!r}: where exports differ, "
+                f"give each its own, such as urscript:{name}=0 and abb:{name}=doTool."
+            )
+        if not 0 <= number < OUTPUTS:
+            raise InvalidInput(
+                f"The output of {name} must be from 0 to {OUTPUTS - 1}, but is {number}."
+            )
+        found[name] = int(number)
+    for event in table.events:
+        # A text such as "reverse" or "mist" means on; a number would be lost.
+        if event.name in found and not isinstance(event.value, bool | str):
+            raise InvalidInput(
+                f"The event {event.name} switches to {json.dumps(event.value)}, but a digital "
+                "output is only on or off: leave its output out."
+            )
+    return found

@@ -1,0 +1,183 @@
+"""Keys of files that differ from the fields of their dataclasses, in name, type or default."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, Field
+
+from armcontour.control.compensation import PolePlacement
+from armcontour.core.quantities import (
+    Angle,
+    AngularDistance,
+    AtLeast,
+    Choice,
+    Distance,
+    Inertia,
+    Length,
+    Pole,
+    Ratio,
+)
+from armcontour.geometry import Demand
+from armcontour.jobs.axes import AXES
+from armcontour.jobs.place_search import POINTS, PlaceSearch
+from armcontour.program import Event, Lead, Process
+from armcontour.robot.chain import Payload
+from armcontour.simulation.robustness.box import Box
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LengthsModel:
+    """Evenly spaced values of a length.
+
+    Args:
+        start: The first value [m].
+        end: The last value [m].
+        places: Number of values.
+    """
+
+    start: Length
+    end: Length
+    places: Annotated[int, AtLeast(1)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnglesModel(LengthsModel):
+    """Evenly spaced values of an angle; of a whole turn the last is left out, as it is the first.
+
+    Args:
+        start: The first value [rad].
+        end: The last value [rad].
+    """
+
+    start: Angle
+    end: Angle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxesModel:
+    """The axes of a grid of places, along the coordinates of the path.
+
+    Args:
+        x, y, z: Where the part is tried along this axis.
+        yaw: How far it is turned about z.
+        tilt: How far it is turned about y of the turned part; the tool has `path.orientation`.
+    """
+
+    x: LengthsModel | None = None
+    y: LengthsModel | None = None
+    z: LengthsModel | None = None
+    yaw: AnglesModel | None = None
+    tilt: AnglesModel | None = None
+
+    def ranges(self) -> dict[str, tuple[float, float, int]]:
+        """The first value, the last value and the number of values of each axis."""
+        axes = {name: getattr(self, name) for name in AXES}
+        return {name: (x.start, x.end, x.places) for name, x in axes.items() if x is not None}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OffModel:
+    """By how much a part may be off its place.
+
+    Args:
+        x, y, z: To both sides along this axis [m].
+        yaw: In both directions about z [rad].
+        tilt: In both directions about y of the turned part; does not tilt the tool [rad].
+    """
+
+    x: Distance | None = None
+    y: Distance | None = None
+    z: Distance | None = None
+    yaw: AngularDistance | None = None
+    tilt: AngularDistance | None = None
+
+    def sizes(self) -> dict[str, float]:
+        """The position error along each axis."""
+        axes = {name: getattr(self, name) for name in AXES}
+        return {name: x for name, x in axes.items() if x is not None}
+
+
+Point = Annotated[list[Length], Field(min_length=2, max_length=3)]
+Place = Annotated[list[Length], Field(min_length=3, max_length=3)]
+Poles = Annotated[list[Pole], Field(min_length=3, max_length=3)]
+# Indices of xx, xy, xz, yy, yz and zz in a symmetric matrix.
+TENSOR = [[0, 1, 2], [1, 3, 4], [2, 4, 5]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Form:
+    """Differences between the keys of a file and the fields of their dataclass.
+
+    Args:
+        names: Keys with another name than the field, by the fields.
+        types: Annotations of keys with another type than the field, by the fields.
+        defaults: Defaults of such keys, by the fields.
+        texts: Descriptions of such keys, by the fields.
+        omit: Fields without a key.
+    """
+
+    names: Mapping[str, str] = field(default_factory=dict)
+    types: Mapping[str, Any] = field(default_factory=dict)
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
+    omit: frozenset[str] = frozenset()
+
+
+# Ends of a range.
+ENDS = {"start": "from", "end": "to"}
+# For every other dataclass the keys are its fields.
+FORMS: dict[type, Form] = {
+    AnglesModel: Form(names=ENDS),
+    LengthsModel: Form(names=ENDS),
+    Box: Form(
+        names={"dead_time_shared": "shared"},
+        types={"gains": Ratio | list[Ratio] | list[list[Ratio]]},
+    ),
+    Demand: Form(omit=frozenset({"tag"})),
+    Event: Form(names={"s": "at"}),
+    Lead: Form(
+        types={
+            "length": Annotated[
+                Literal["auto"] | Distance,
+                Field(union_mode="left_to_right"),
+                AfterValidator(lambda x: None if x == "auto" else x),
+            ]
+        },
+        defaults={"length": "auto"},
+    ),
+    Payload: Form(
+        types={
+            "center": Place,
+            "inertia": Annotated[
+                list[Inertia],
+                Field(min_length=6, max_length=6),
+                AfterValidator(lambda x: np.array(x)[TENSOR]),
+            ],
+        },
+        texts={
+            "inertia": "xx, xy, xz, yy, yz and zz about the centre of mass, along the axes of the "
+            "tip [kg m²]; a point by default."
+        },
+    ),
+    PlaceSearch: Form(
+        names={"what": "move", "refined": "refine"},
+        types={
+            "over": Annotated[AxesModel, AfterValidator(AxesModel.ranges)],
+            "uncertainty": Annotated[OffModel, AfterValidator(OffModel.sizes)],
+            "about": Annotated[str, Choice(POINTS)] | Place,
+        },
+    ),
+    PolePlacement: Form(types={"poles": Poles | list[Poles] | None}),
+    Process: Form(
+        types={
+            "begin": Annotated[
+                Literal["auto", "drawn"] | Distance | Point, Field(union_mode="left_to_right")
+            ]
+        },
+        omit=frozenset({"up", "layers"}),
+    ),
+}

@@ -1,0 +1,140 @@
+"""Make the arm that the key `arm` of a job file describes."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from armcontour.core.errors import InvalidInput
+from armcontour.core.frames import Frame
+from armcontour.core.text import show
+from armcontour.files.job_model import (
+    ArmModel,
+    FrameModel,
+    JobModel,
+    TableToolModel,
+    ToolModel,
+)
+from armcontour.files.robots.loading import load_arm, with_more_shapes
+from armcontour.files.robots.options import DESCRIPTIONS, MJCF
+from armcontour.files.scene import assumed_tool, more_link_shapes, rotation_of, tool_shapes
+from armcontour.geometry import Path
+from armcontour.program import Program
+from armcontour.robot import Arm
+from armcontour.robot.scene import LinkShape
+
+ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS, *MJCF)
+
+
+def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False) -> Arm:
+    """Load the arm of a job, with its tool, work frame and payload.
+
+    Args:
+        model: The value of the key `arm`.
+        folder: Folder of the job file; files of the arm are relative to this folder.
+        trust_xacro: Whether a .xacro file may be expanded; no key of a job can allow this.
+
+    Raises:
+        InvalidInput: No such arm, or keys that do not go together.
+    """
+    if isinstance(model, str):
+        place = folder / model if model.lower().endswith(ARM_FILES) else model
+        return load_arm(place, trust_xacro=trust_xacro)
+    arm = _bare_arm(model, folder, trust_xacro=trust_xacro)
+    # Files are looked for now, and shapes computed when they are first asked for.
+    shapes: tuple[LinkShape, ...] = ()
+    if model.shapes is not None:
+        shapes = more_link_shapes(model.shapes, folder, arm)
+    if model.tool is not None:
+        if model.tool.shapes is not None:
+            shapes += tool_shapes(model.tool.shapes, folder, arm)
+        elif arm.knows_shapes:
+            shapes += assumed_tool(arm)
+    return with_more_shapes(arm, shapes, None if model.srdf is None else folder / model.srdf)
+
+
+def _bare_arm(model: ArmModel, folder: FilePath, *, trust_xacro: bool) -> Arm:
+    """The arm of a job without the shapes that the job adds."""
+    if (model.name is None) == (model.file is None):
+        raise InvalidInput("arm takes either name, a built-in arm, or file.")
+    if model.file is not None and not model.file.lower().endswith(ARM_FILES):
+        raise InvalidInput(f"arm.file must be a {', '.join(ARM_FILES)} file, not {model.file!r}.")
+    options = replace(
+        model,
+        joint_limits=None if model.joint_limits is None else folder / model.joint_limits,
+        packages={name: folder / x for name, x in (model.packages or {}).items()},
+        # Shapes of the job come first.
+        srdf=None,
+    )
+    # A tool that has only shapes leaves its frame where it is.
+    tool = None
+    if model.tool is not None and model.tool != ToolModel(shapes=model.tool.shapes):
+        tool = frame_of("arm.tool", model.tool)
+    work = None if model.work is None else frame_of("arm.work", model.work)
+    name = str(model.name) if model.file is None else folder / model.file
+    return load_arm(
+        name, options, tool=tool, work=work, payload=model.payload, trust_xacro=trust_xacro
+    )
+
+
+def frame_of(key: str, model: FrameModel) -> Frame:
+    """The frame of a model.
+
+    Raises:
+        InvalidInput: Both rpy and quaternion, or a quaternion whose length is not 1.
+    """
+    turned = rotation_of(key, model)
+    return Frame(
+        position=np.array(model.position or [0.0, 0.0, 0.0]),
+        rotation=np.eye(3) if turned is None else turned,
+    )
+
+
+def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:
+    """The key `arm` of a job, with the tool of its tool table that its contours use.
+
+    Args:
+        model: The keys of the job.
+        drawn: The path or program of its key `path`.
+
+    Raises:
+        InvalidInput: A tool that the table does not have, or several different tools.
+    """
+    table = {
+        name: x if isinstance(x, TableToolModel) else TableToolModel(position=x)
+        for name, x in (model.tools or {}).items()
+    }
+    for name, x in table.items():
+        frame_of(f"tools.{name}", x)
+    if not table:
+        return model.arm
+    from armcontour.program.tools import tools_of_contours
+
+    names = list(dict.fromkeys(tools_of_contours(Program.of(drawn))))
+    if names == [""]:
+        return model.arm
+    for name in names:
+        if name not in table:
+            what = f"the tool {name}" if name else "no tool before its first contour"
+            raise InvalidInput(
+                f"The program uses {what}, but tools has {', '.join(map(show, table))}: add the "
+                "tool, or choose one of these with path.tool."
+            )
+    tool = table[names[0]]
+    if any(repr(table[x]) != repr(tool) for x in names):
+        raise InvalidInput(
+            f"The program uses {', '.join(names)}, which differ in tools, but a run has one tool: "
+            f"run the contours of one tool at a time, with path: {{tool: {names[0]}}} in the job, "
+            f"or --only-tool {names[0]}."
+        )
+    arm = model.arm if isinstance(model.arm, ArmModel) else named_arm(model.arm)
+    own = ToolModel(**{x.name: getattr(tool, x.name) for x in fields(ToolModel)})
+    payload = arm.payload if tool.payload is None else tool.payload
+    return replace(arm, tool=own, payload=payload)
+
+
+def named_arm(arm: str) -> ArmModel:
+    """An arm by its name, or by its file."""
+    return ArmModel(file=arm) if arm.lower().endswith(ARM_FILES) else ArmModel(name=arm)

@@ -1,0 +1,437 @@
+"""Read job files (YAML) into a `Job`."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import nullcontext
+from pathlib import Path as FilePath
+from typing import Any, TypeVar
+
+import numpy as np
+
+from armcontour.control.compensation import InverseDynamics
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.fields import checked
+from armcontour.core.file_access import read_text
+from armcontour.core.progress import Progress
+from armcontour.core.text import show
+from armcontour.core.yaml_layout import load
+from armcontour.files.job_arm import arm_of, equipped
+from armcontour.files.job_model import (
+    ExperimentModel,
+    JobModel,
+    PathModel,
+    RunModel,
+)
+from armcontour.files.job_path import part_of, path_of
+from armcontour.files.keys import Keys, read_keys, schema_of
+from armcontour.files.problems import Patch
+from armcontour.files.scene import scene_of
+from armcontour.geometry import Path
+from armcontour.jobs import Experiment, Job, Rounding, Run
+from armcontour.motion import PERIOD
+from armcontour.planning import Optimal, Paper, PlanOptions
+from armcontour.program import Event, Process, Program
+from armcontour.robot import Arm, Limits, resolve_limits
+from armcontour.robot.scene import Scene
+from armcontour.robot.servo import ServoModel
+
+Model = TypeVar("Model", bound=JobModel)
+
+
+@checked
+def read_job(
+    file: str | FilePath,
+    *,
+    patch: Patch | None = None,
+    reading: Progress | None = None,
+    trust_xacro: bool = False,
+) -> Job:
+    """Read a job from a YAML file.
+
+    Args:
+        file: The file.
+        patch: Values by keys that replace the file's own, such as {("limits", "speed"): 0.2}.
+        reading: Called with the progress of reading the job's drawing, as in `read_path`.
+        trust_xacro: Whether the arm may be a .xacro file. Such a file is a program, so that no key
+            of a job can allow this.
+
+    Raises:
+        InvalidInput: No such file, not YAML, an unknown key, a value without its unit, or values
+            that do not make a job; one sentence that names the key.
+    """
+    place = checks.read_place("read_job", file)
+    return parse_job(
+        job_text(place),
+        source=place.name,
+        folder=place.parent,
+        patch=patch,
+        reading=reading,
+        trust_xacro=trust_xacro,
+    )
+
+
+def job_text(file: FilePath) -> str:
+    """Read the text of a job file.
+
+    Raises:
+        InvalidInput: No such file, no regular file, a file that is too large, or no text.
+    """
+    return read_text(file, "job file")
+
+
+@checked
+def parse_job(
+    text: str,
+    *,
+    source: str = "job",
+    folder: FilePath | None = None,
+    patch: Patch | None = None,
+    reading: Progress | None = None,
+    trust_xacro: bool = False,
+) -> Job:
+    """Read a job from YAML text.
+
+    Args:
+        text: The text.
+        source: Name of the text in messages.
+        folder: Folder of relative file names.
+        patch: As in `read_job`.
+        reading: As in `read_job`.
+        trust_xacro: As in `read_job`.
+
+    Raises:
+        InvalidInput: As in `read_job`.
+    """
+    data = read_data(text, source)
+    with locate_errors(source):
+        if patch:
+            from armcontour.files.patch import apply
+
+            data = apply(data, patch)
+    model = model_of(JobModel, data, source)
+    with locate_errors(source):
+        return job_of(model, folder or FilePath(), reading, trust_xacro)
+
+
+def read_data(text: str, source: str) -> dict[str, Any]:
+    """Read the data of a job file, whose keys are not checked.
+
+    Args:
+        text: YAML.
+        source: Name of the text in messages.
+
+    Raises:
+        InvalidInput: Not YAML, or no mapping.
+    """
+    data = load(text, source)
+    if not isinstance(data, dict):
+        raise InvalidInput(
+            f"{source} must hold a mapping of keys such as name, arm, path and runs."
+        )
+    return data
+
+
+def model_of(of: type[Model], data: Mapping[str, Any], source: str) -> Model:
+    """Check the keys of a job.
+
+    Args:
+        of: JobModel, or CellModel for a job without a path.
+        data: The data of a job file.
+        source: Name of the file in messages.
+
+    Raises:
+        InvalidInput: An unknown key, or an invalid value.
+    """
+    model: Model = read_keys(Keys(of), data, source)
+    return model
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON Schema of job files."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema_of(Keys(JobModel))}
+
+
+def job_of(
+    model: JobModel,
+    folder: FilePath,
+    reading: Progress | None,
+    trust_xacro: bool,
+    drawing: Program | None = None,
+) -> Job:
+    """Make the job of a job file; reads its arm and its drawing.
+
+    Args:
+        model: The keys of the file.
+        folder: Folder of relative file names.
+        reading: As in `read_job`.
+        trust_xacro: As in `read_job`.
+        drawing: The drawing, if it is read already.
+
+    Raises:
+        InvalidInput: Values that do not make a job.
+    """
+    parts = parts_of(model, folder, reading, trust_xacro=trust_xacro, drawing=drawing)
+    return job_on(model, *parts)
+
+
+def parts_of(
+    model: JobModel,
+    folder: FilePath,
+    reading: Progress | None = None,
+    *,
+    trust_xacro: bool = False,
+    drawing: Program | None = None,
+) -> tuple[Arm, Path | Program, Scene | None]:
+    """Make what a job file reads other files for: its arm, its path and its scene.
+
+    Args:
+        model: The keys of the file.
+        folder: Folder of relative file names.
+        reading: As in `read_job`.
+        trust_xacro: As in `read_job`.
+        drawing: The drawing, if it is read already.
+
+    Raises:
+        InvalidInput: Files or values that do not make them.
+    """
+    arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
+    drawn = path_of(model.path, folder, arm.dimension, reading, drawing)
+    used = equipped(model, drawn)
+    if used is not model.arm:
+        arm = arm_of(used, folder, trust_xacro=trust_xacro)
+    scene = None if model.scene is None else scene_of(model.scene, folder, part_of(model.path))
+    return arm, drawn, scene
+
+
+def _start(start: list[float] | dict[str, float], arm: Arm) -> FloatArray:
+    """The key `start`: joint positions in the order of the arm, or by the names of its joints.
+
+    Raises:
+        InvalidInput: Names that are not those of the joints.
+    """
+    if isinstance(start, list):
+        return np.array(start)
+    if set(start) != set(arm.joint_names):
+        raise InvalidInput(
+            f"start names the joints {', '.join(map(show, start))}, but those of {arm.name} are "
+            f"{', '.join(arm.joint_names)}: name each of them once, or give a list."
+        )
+    return np.array([start[x] for x in arm.joint_names])
+
+
+def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
+    """Make the job of a job file, whose arm, path and scene are made already.
+
+    Args:
+        model: The keys of the file.
+        arm: The arm of its key `arm`.
+        drawn: The path of its key `path`.
+        scene: The scene of its key `scene`.
+
+    Raises:
+        InvalidInput: Values that do not make a job.
+    """
+    path, process = add_process(drawn, model.process, model.path)
+    servo = _servo("servo", model.servo, arm)
+    if model.experiment is not None:
+        _refuse_unknown("experiment.runs", model.experiment.runs or [], model)
+    if model.certificate is not None and model.certificate.run is not None:
+        _refuse_unknown("certificate.run", [model.certificate.run], model)
+    if model.placement is not None and model.placement.run is not None:
+        _refuse_unknown("placement.run", [model.placement.run], model)
+    return Job(
+        name=model.name,
+        title=model.title or model.name,
+        arm=arm,
+        path=path,
+        process=process,
+        branch=model.branch,
+        start=None if model.start is None else _start(model.start, arm),
+        servo=servo,
+        plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
+        runs=tuple(_run(name, run, model, arm) for name, run in model.runs.items()),
+        certificate=model.certificate,
+        placement=model.placement,
+        scene=scene,
+        ignore_collisions=model.ignore_collisions,
+        part=part_of(model.path),
+    )
+
+
+def _servo(key: str, servo: ServoModel, arm: Arm, **differs: Any) -> ServoModel:
+    """A servo with some values replaced, one value per joint."""
+    with locate_errors(key):
+        return dataclasses.replace(servo, **differs).for_joints(arm.dof)
+
+
+def _plant(given: dict[str, Any], nominal: ServoModel, arm: Arm) -> ServoModel:
+    """The real servo: the nominal servo with the values of `plant`; null keeps the nominal one."""
+    differs = {key: value for key, value in given.items() if value is not None}
+    if differs.get("order") == "first":
+        differs.setdefault("kv", None)
+    return _servo("plant", nominal, arm, **differs)
+
+
+def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
+    """A run of the job, with the job's values for keys that the run does not give."""
+    chosen = model.corners or job.corners
+    corners = chosen if isinstance(chosen, Rounding) else None
+    with locate_errors("limits"):
+        limits = resolve_limits("A job", arm, Limits(**job.limits))
+    with locate_errors(f"runs.{name}.limits"):
+        limits = resolve_limits("A run", arm, Limits(**model.limits), limits)
+    if corners is not None and limits.centripetal_acceleration is None:
+        # In case I this acceleration sets the corner radius; it limits the corner speed, too.
+        limits = limits.replace(centripetal_acceleration=corners.acceleration)
+    commands = {**job.command_limits, **model.command_limits}
+    command_limits = None
+    key = f"runs.{name}.command_limits" if model.command_limits else "command_limits"
+    with locate_errors(key):
+        if commands:
+            from armcontour.motion.nearest_commands import check_command_limits
+
+            command_limits = check_command_limits(Limits(**commands), arm.dof)
+    experiment = _experiment(name, job.experiment, arm)
+    if corners is not None:
+        key = "corners" if model.corners is None else f"runs.{name}.corners"
+        with locate_errors(f"Run {name}") if model.corners is None else nullcontext():
+            corners.check(model.timing.method, key)
+        if corners.tolerance is None:
+            _refuse_no_speed(key, corners, limits)
+    period = model.command_interval or job.command_interval or PERIOD
+    compensation = dataclasses.replace(model.compensation, command_limits=command_limits)
+    if isinstance(compensation, InverseDynamics) and compensation.gravity_feedforward is None:
+        # Gravity is fed forward as on the simulated rigid bodies.
+        fed = experiment is None or experiment.gravity_feedforward
+        compensation = dataclasses.replace(compensation, gravity_feedforward=fed)
+    with locate_errors(f"runs.{name}"):
+        return Run(
+            name=name,
+            timing=_timing(model, period),
+            compensation=compensation,
+            limits=limits,
+            rounding=corners,
+            period=period,
+            until=model.until,
+            experiment=experiment,
+            accuracy=job.accuracy,
+        )
+
+
+def _timing(model: RunModel, period: float) -> PlanOptions:
+    """Options of the plan of a run, with the values that other keys have.
+
+    Raises:
+        InvalidInput: A duration for a method that does not plan one.
+    """
+    if isinstance(model.timing, Optimal):
+        return dataclasses.replace(model.timing, duration=model.duration)
+    if model.duration is not None:
+        raise InvalidInput(
+            f"duration goes with the method optimal, not {model.timing.method}: leave it out."
+        )
+    if isinstance(model.timing, Paper):
+        return dataclasses.replace(model.timing, period=period)
+    return model.timing
+
+
+def _refuse_no_speed(key: str, corners: Rounding, limits: Limits) -> None:
+    """Refuse rounding without a tolerance, and without a speed and an acceleration."""
+    if corners.speed is None or limits.centripetal_acceleration is None:
+        raise InvalidInput(
+            f"{key} needs tolerance, the largest corner error, or speed and acceleration."
+        )
+
+
+def _experiment(run: str, model: ExperimentModel | None, arm: Arm) -> Experiment | None:
+    """Options of the experiment of a run; None if the run has none."""
+    if model is None or (model.runs is not None and run not in model.runs):
+        return None
+    given = {x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)}
+    with locate_errors("experiment"):
+        return Experiment(**given).for_joints(arm.dof)
+
+
+def _refuse_unknown(key: str, names: Sequence[str], job: JobModel) -> None:
+    """Refuse names of runs that the job does not have."""
+    for name in names:
+        if name not in job.runs:
+            raise InvalidInput(f"{key} names the run {name}, which the job does not have.")
+
+
+def add_process(
+    path: Path | Program, process: Process | None, drawing: PathModel
+) -> tuple[Path | Program, Process]:
+    """The path or program of a job, and its process.
+
+    Raises:
+        InvalidInput: Invalid values of the process.
+    """
+    if drawing.file is None and process is None:
+        return path, Process()
+    program = Program.of(path)
+    if drawing.file is None:
+        # The process sets the start point of a closed path of points, as for a drawing.
+        contours = (dataclasses.replace(x, keep_start=False) for x in program.contours)
+        program = Program(moves=tuple(contours))
+    process = process or Process()
+    notes = _without_effect(process, program)
+    if notes:
+        program = dataclasses.replace(program, notes=(*program.notes, *notes))
+    return program, _on_drawing(process, drawing, {x.layer for x in program.contours})
+
+
+def _without_effect(process: Process, program: Program) -> list[str]:
+    """Notes on keys of a process that the drawing has no use for.
+
+    A cell is for many drawings, which need not have all that it asks for.
+    """
+    layers = {x.layer for x in program.contours}
+    notes = [
+        f"process.by_layer: no contour is on the layer {x!r}."
+        for x in process.by_layer
+        if x not in layers
+    ]
+    if process.off_between:
+        switched = _switched(program, process)
+        names = ", ".join(sorted(switched)) or "none"
+        notes += [
+            f"process.off_between: nothing switches the output {x!r}, so it is not switched off "
+            f"during rapids either; outputs that are switched: {names}."
+            for x in process.off_between
+            if x not in switched
+        ]
+    if process.tabs is not None and not any(x.closed for x in program.contours):
+        notes.append("process.tabs: no contour is closed, so there are no tabs.")
+    return notes
+
+
+def _switched(program: Program, process: Process) -> set[str]:
+    """Names of the outputs that a program or its process switches."""
+    found = {x.name for x in program.moves if isinstance(x, Event)}
+    for x in program.contours:
+        own = process.of_layer(x.layer)
+        found |= {y.name for y in (*x.events, *own.events)}
+        found |= set() if own.switch is None else {own.switch.name}
+    return found
+
+
+def _on_drawing(process: Process, drawing: PathModel, there: Collection[str]) -> Process:
+    """A process with the vertical direction and the speeds of layers from a job's path.
+
+    Args:
+        process: The process.
+        drawing: The key `path` of the job.
+        there: Names of the layers in the drawing.
+    """
+    layers = drawing.layers if isinstance(drawing.layers, dict) else {}
+    # The reader has noted layers that are missing in the file.
+    known = {name: x for name, x in layers.items() if name in there}
+    own = {name: x for name, x in process.by_layer.items() if name in there}
+    return dataclasses.replace(
+        process, up=part_of(drawing).rotation[:, 2], layers=known, by_layer=own
+    )

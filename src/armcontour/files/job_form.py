@@ -1,0 +1,204 @@
+"""The form of a job: groups of fields from the JSON Schema, as the page of the Studio reads it."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+from typing import Any, TypeAlias
+
+from armcontour.files.cell import OWN_PATH, YAML, cell_names
+from armcontour.files.drawings.endings import READERS
+from armcontour.files.exports.formats import FORMATS, TemplateFormat
+from armcontour.files.exports.template import ending_of, templates
+from armcontour.files.job_file import json_schema
+from armcontour.files.job_model import RunModel, SharedModel
+from armcontour.files.job_options import usual_ranges
+from armcontour.files.patch import MERGED
+from armcontour.files.robots.loading import arm_names
+
+# Groups with their keys. A key belongs to the group with the longest key that leads to it.
+GROUPS = {
+    "Speed": (
+        *("limits.speed", "limits.tool_acceleration", "limits.centripetal_acceleration"),
+        *("limits.angular_speed", "limits.angular_acceleration", "limits.tool_jerk"),
+        *("limits.path_jerk", "process.rapid_speed", "process.approach_speed"),
+    ),
+    "Corners": ("corners", "accuracy"),
+    "Process": (
+        *("process.kerf", "process.kerf_side", "process.lead_in", "process.lead_out"),
+        *("process.pierce", "process.tabs", "process.weave", "process"),
+    ),
+    "Tool and tilt": ("path.orientation", "arm.tool", "arm.payload", "tools", "path.tool"),
+    "Arm and limits": ("arm", "limits", "branch", "start", "command_limits"),
+    "Layers and order": (
+        *("path.layers", "process.by_layer", "process.order", "process.reverse_open"),
+        *("process.direction", "process.begin", "process.passes", "path.names", "path.colors"),
+    ),
+    "Part": ("path.frame", "path.repeat", "path"),
+    "Servo": ("servo", "command_interval", "plant"),
+    "Run": ("timing", "compensation", "duration", "until"),
+    "Cell": ("scene", "ignore_collisions"),
+    "Name, certificate, placement": ("name", "title", "certificate", "placement", "experiment"),
+}
+# Mappings whose fields are shown as fields of the group, and the fields among these that have the
+# label of their mapping.
+FLAT = ("corners", "servo", "timing", "compensation")
+CALLED = {"method", "shape"}
+# Keys of geometry, which the drawing changes, of runs, which have a table, and of the arm, which
+# has one field.
+OMITTED = (
+    *(f"path.{x}" for x in (*OWN_PATH, "file")),
+    *("runs", "arm.name", "arm.file"),
+)
+UNIT = re.compile(r" \[([a-zN1][^\],]*)\]")
+# Shapes of corners; `sharp` stands for the whole key.
+SHARP = "sharp"
+EMPTY: tuple[Any, ...] = ("", [], {})
+
+Field: TypeAlias = dict[str, Any]
+
+
+def form_text() -> str:
+    """The form as the JSON that the page reads at its start."""
+    formats = [[x, f"{x} ({of.ending})", of.joints] for x, of in FORMATS.items() if of.ending]
+    joints = TemplateFormat.joints
+    formats += [[f"template {x}", f"{x} ({ending_of(x)})", joints] for x in templates()]
+    form = {
+        "groups": [{"title": title, "fields": x} for title, x in _groups().items()],
+        "in_run": [x.name for x in fields(RunModel)],
+        "shared": [x.name for x in fields(SharedModel)],
+        "merged": MERGED,
+        "cells": cell_names(),
+        "drawings": sorted(READERS),
+        "jobs": [*YAML, ".urdf"],
+        "formats": sorted(formats, key=lambda x: x[2] is None),
+    }
+    return json.dumps(form, indent=0, separators=(",", ":"), ensure_ascii=False) + "\n"
+
+
+def _groups() -> dict[str, list[Field]]:
+    """The fields of each group, with their keys as `at`.
+
+    If groups list single keys of a mapping, its other keys are fields of the mapping's group.
+    """
+    schema = json_schema()
+    tree = _fields(schema, schema["$defs"])
+    run = _fields(schema["$defs"]["RunModel"], schema["$defs"])
+    tree += [x for x in run if x["name"] not in {y["name"] for y in tree}]
+    ranges = {".".join(map(str, keys)): x for keys, x in usual_ranges().items()}
+    for key in OMITTED:
+        _take(tree, key.split("."))
+    listed = {key: title for title, keys in GROUPS.items() for key in keys}
+    split = {key for key in listed if any(x.startswith(f"{key}.") for x in listed)} | {*FLAT}
+    taken = {key: _take(tree, key.split(".")) for key in sorted(listed, key=_depth, reverse=True)}
+    assert not tree, f"no group has {', '.join(x['name'] for x in tree)}"
+    groups: dict[str, list[Field]] = {title: [] for title in GROUPS}
+    for key, title in listed.items():
+        whole = {"at": key, **_ranged(taken[key], key, ranges)}
+        parts = whole.pop("fields") if key in split else []
+        # A mapping that also has a short form, such as the arm, has a field for that.
+        if key not in split or "choices" in whole:
+            groups[title].append(whole)
+        for x in parts:
+            called = {"label": key} if key in FLAT and x["name"] in CALLED else {}
+            groups[title].append({"at": f"{key}.{x['name']}", **x, **called})
+    return groups
+
+
+def _depth(key: str) -> int:
+    """Number of the parts of a key."""
+    return key.count(".")
+
+
+def _ranged(x: Field, key: str, ranges: Mapping[str, tuple[float, float]]) -> Field:
+    """A field with the usual ranges of quantities."""
+    if key in ranges:
+        return {**x, "usual": ranges[key]}
+    inner = [_ranged(y, f"{key}.{y['name']}", ranges) for y in x.get("fields", ())]
+    return {**x, "fields": inner} if inner else x
+
+
+def _take(tree: list[Field], keys: list[str]) -> Field:
+    """Remove a field from a tree, and return it."""
+    (field,) = (x for x in tree if x["name"] == keys[0])
+    if keys[1:]:
+        return _take(field["fields"], keys[1:])
+    tree.remove(field)
+    return field
+
+
+def _fields(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> list[Field]:
+    """The fields of a mapping."""
+    needed = schema.get("required", ())
+    return [
+        _field(name, x, defs) | ({"needed": True} if name in needed else {})
+        for name, x in schema["properties"].items()
+    ]
+
+
+def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Field:
+    """A field: its name, text, unit, example, default, and what it takes.
+
+    It takes `choices`, `fields` of a mapping, `each` value of a mapping by name, each of a list of
+    mappings (`items`), a `list`, plain numbers only (`plain`), or a `tick`.
+    """
+    parts = list(_parts(schema, defs))
+    text = str(schema.get("description") or parts[0].get("description", ""))
+    unit = UNIT.search(text)
+    examples = [y for x in parts for y in x.get("examples", ())]
+    types = {x.get("type") for x in parts} - {"null"}
+    found: Field = {
+        "text": UNIT.sub("", text),
+        "unit": unit[1] if unit and any(x.get("type") != "string" for x in parts) else "",
+        "example": examples[0] if examples else "",
+        "default": _shown(schema.get("default")),
+        "choices": [
+            y for x in parts for y in (*x.get("enum", ()), *([x["const"]] if "const" in x else ()))
+        ],
+        "open": any("enum" not in x and "const" not in x and "type" in x for x in parts) or None,
+        "tick": types == {"boolean"} or None,
+        "plain": (bool(types & {"number", "integer"}) and "string" not in types) or None,
+    }
+    for x in parts:
+        items = list(_parts(x["items"], defs)) if "items" in x else []
+        mapping = next((y for y in items if "properties" in y), None)
+        if "properties" in x:
+            found["fields"] = _fields(x, defs)
+        elif isinstance(x.get("additionalProperties"), dict):
+            found["each"] = _field("", x["additionalProperties"], defs)
+        elif mapping is not None:
+            found["items"] = _fields(mapping, defs)
+        elif items:
+            found["list"] = True
+            found["plain"] = not any(y.get("type") == "string" for y in items) or None
+    if name == "corners" and "fields" in found:
+        found["choices"], shape = [], next(x for x in found["fields"] if x["name"] == "shape")
+        shape["choices"] = [SHARP, *shape["choices"]]
+    if name == "arm":
+        found["choices"] = list(arm_names())
+    given = {key: x for key, x in found.items() if x is not None and x not in EMPTY}
+    return {"name": name, **given}
+
+
+def _shown(default: Any) -> Any:
+    """A default as JSON has it; None for one of a mapping or without an end."""
+    finite = not isinstance(default, float) or math.isfinite(default)
+    return default if finite and not isinstance(default, dict | list) else None
+
+
+def _parts(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """The kinds of values that a schema allows."""
+    if "$ref" in schema:
+        outer = {key: x for key, x in schema.items() if key != "$ref"}
+        yield from _parts({**defs[schema["$ref"].rpartition("/")[2]], **outer}, defs)
+        return
+    if "anyOf" in schema:
+        if "examples" in schema:
+            yield {"examples": schema["examples"]}
+        for x in schema["anyOf"]:
+            yield from _parts(x, defs)
+    elif schema.get("type") != "null":
+        yield schema

@@ -1,0 +1,429 @@
+"""Keys of a job file, as dataclasses; together with dataclasses of the core."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, WithJsonSchema
+
+from armcontour.control.compensation import CompensationOptions, compensator
+from armcontour.control.compensation.compensator import INVERSE
+from armcontour.core.quantities import (
+    About,
+    Angle,
+    AtLeast,
+    Distance,
+    Interval,
+    JointAccelerations,
+    JointJerks,
+    JointRanges,
+    JointVelocities,
+    Length,
+    Tolerance,
+)
+from armcontour.core.text import show
+from armcontour.files.drawings.options import ReadOptions
+from armcontour.files.forms import FORMS, Form, Place, Point
+from armcontour.files.keys import Given, Methods
+from armcontour.files.robots.options import ArmOptions
+from armcontour.files.scene import BodiesModel, Direction, RotationModel, SceneModel
+from armcontour.files.units import parse
+from armcontour.geometry import Demand
+from armcontour.jobs import Experiment, Goal, PlaceSearch, Rounding
+from armcontour.planning import METHODS, PlanOptions, Shaped
+from armcontour.planning.options import FASTEST
+from armcontour.program import Process
+from armcontour.robot import Limits
+from armcontour.robot.chain import Payload
+from armcontour.robot.servo import ServoModel
+
+# Topic of options in the help of commands.
+POSITION = "Cell and position of the drawing"
+RunName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
+
+
+def _joint_position(value: Any) -> Any:
+    """Refuse a joint position that is neither an angle nor a length; return it as written."""
+    if isinstance(value, str):
+        try:
+            parse(value, "m")
+            return value
+        except ValueError:
+            pass
+    parse(value, "rad")
+    return value
+
+
+def _method(value: Any) -> Any:
+    """Refuse the method that changes the path, which `corners` does in a job."""
+    if value == Shaped.method:
+        raise ValueError(
+            "shaped is no timing of a job: write corners: {shape: free, tolerance: 1 mm}, with "
+            "timing: {method: optimal}"
+        )
+    return value
+
+
+Timing = Annotated[
+    PlanOptions,
+    Methods(
+        "How the path is timed.",
+        "The fastest timing (optimal), the paper's (mac), or uniform speed (conventional).",
+        tuple(METHODS.values()),
+        (BeforeValidator(_method),),
+    ),
+]
+Compensation = Annotated[
+    CompensationOptions,
+    Methods(
+        "How the servo's delay is compensated.",
+        "The servo's exact inverse, pole placement (servo of order second only), the inverse of "
+        "drives that move the arm's bodies (arm with masses, servo of order second), or none.",
+        tuple(compensator.METHODS.values()),
+    ),
+]
+
+
+def _axis(value: Any) -> Any:
+    """Refuse several axes in the place of one; return one as written."""
+    if isinstance(value, list) and value and all(isinstance(x, list) for x in value):
+        raise ValueError(
+            "is one direction, such as [0, 0, -1]: for one per waypoint write a list in the place "
+            "of the mapping, orientation: [{axis: [0, 0, -1]}, {axis: [0, 0.1, -1]}, ...]"
+        )
+    return value
+
+
+def _orientation(value: Any) -> Any:
+    """Refuse bare numbers in the place of an orientation; return an orientation as written."""
+    if isinstance(value, list) and value and not isinstance(value[0], dict):
+        raise ValueError(
+            f"must be a mapping such as {{axis: [0, 0, -1]}} or {{rpy: [180 deg, 0, 0]}}, or a "
+            f"list of one per waypoint, not {show(value)}"
+        )
+    return value
+
+
+# The kind of the joint, known later, decides between angle and length.
+JointPosition = Annotated[
+    float | str,
+    BeforeValidator(_joint_position),
+    WithJsonSchema(
+        {
+            "description": "A number in rad (in m for a prismatic joint), or text with a unit.",
+            "anyOf": [{"type": "number"}, {"type": "string"}],
+            "examples": ["10 deg", "20 mm"],
+        }
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameModel(RotationModel):
+    """A position and a rotation; both are zero by default.
+
+    Args:
+        position: The position [m].
+    """
+
+    position: Place | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ToolModel(FrameModel):
+    """The tool frame relative to the tip, and the shapes of the tool.
+
+    Args:
+        shapes: Shapes of the tool, and of a part that it holds, in the frame of the tip.
+    """
+
+    shapes: BodiesModel | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableToolModel(ToolModel):
+    """A tool of the tool table.
+
+    Args:
+        payload: Payload at the tip with this tool; by default that of the arm.
+    """
+
+    payload: Payload | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmModel(ArmOptions):
+    """An arm by `name` or `file`, with its equipment. File names are relative to the job file.
+
+    Args:
+        name: A built-in arm: `armcontour arms` lists them.
+        file: A .urdf, .xacro, .xml (MJCF) or .yaml file; .xacro only if `--trust-xacro` allows it.
+        tool: The tool: its frame relative to the tip, and its shapes.
+        work: The frame of the path relative to the base.
+        payload: Payload at the tip.
+        shapes: More shapes of links, such as hoses and cameras, in the frames of the links.
+    """
+
+    name: str | None = None
+    file: str | None = None
+    tool: ToolModel | None = None
+    work: FrameModel | None = None
+    payload: Payload | None = None
+    shapes: BodiesModel | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SegmentModel(Demand):
+    """A line `to` a point, an arc `via` a point `to` another, or an arc around a `center`.
+
+    Args:
+        to: End of a line or an arc [m].
+        via: A point on an arc [m].
+        center: Centre of an arc [m].
+        angle: Angle of an arc around a centre, counter-clockwise positive; a full circle has 360
+            deg [rad].
+        normal: Axis of an arc around a centre, in space.
+    """
+
+    to: Point | None = None
+    via: Point | None = None
+    center: Point | None = None
+    angle: Angle | None = None
+    normal: list[float] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SplineModel:
+    """A cubic spline through `points`, whose curvature is continuous.
+
+    Args:
+        points: Points of the spline [m].
+        closed: Whether the spline is closed: the last point repeats the first.
+        tolerance: Largest distance between the spline and the path [m].
+    """
+
+    points: list[Point]
+    closed: bool = False
+    tolerance: Tolerance = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FollowModel(RotationModel):
+    """A fixed tool orientation relative to the tangent: x of the path's frame is the tangent.
+
+    `rpy` or `quaternion` give the tool orientation in that frame; by default the tool axis points
+    against `up`.
+
+    Args:
+        up: Direction of z of the path's frame.
+    """
+
+    up: Direction
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OrientationModel(RotationModel):
+    """The required tool orientation: one of `rpy`, `quaternion`, `axis` and `follow_tangent`.
+
+    Args:
+        axis: Direction of the tool axis; rotation about the tool axis is free.
+        follow_tangent: A fixed orientation relative to the tangent.
+        axis_only: Whether only the direction of the tool axis is required; rotation about the tool
+            axis is free.
+    """
+
+    axis: Annotated[Direction | None, BeforeValidator(_axis)] = None
+    follow_tangent: FollowModel | None = None
+    axis_only: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RepeatModel:
+    """Copies of a drawing in columns along its x and rows along its y.
+
+    Args:
+        columns: Number of copies along x.
+        rows: Number of copies along y.
+        column_spacing: Distance from one column to the next [m]; below zero against x.
+        row_spacing: Distance from one row to the next [m]; below zero against y.
+        serpentine: Whether every second row runs back from its last column.
+    """
+
+    columns: Annotated[int, AtLeast(1)] = 1
+    rows: Annotated[int, AtLeast(1)] = 1
+    column_spacing: Length | None = None
+    row_spacing: Length | None = None
+    serpentine: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathModel(ReadOptions):
+    """One of `points`, `start` and `segments`, `spline`, and `file`; other keys are options.
+
+    Args:
+        points: Corner points of a polyline, `[x, y]` or `[x, y, z]` each [m].
+        start: Start point of the first segment [m].
+        segments: A chain of lines and arcs.
+        spline: A cubic spline.
+        file: A drawing (.dxf, .svg), G-code (.ngc, .nc, .gcode, .tap, .cnc), or waypoints (.csv);
+            its name is relative to the job file.
+        frame: Position and rotation of the origin of the file, or of points and segments.
+        repeat: Copies of the drawing in columns and rows, after `scale` and before `frame`; their
+            contours have names such as `hole [2,1]` (row, column).
+        tool: For G-code, the tool whose contours are run, such as T2; all tools by default.
+        orientation: The required tool orientation in space (tilt, work angle, push or drag angle of
+            a torch): one for the whole path, or one per waypoint; for a file, in the coordinates of
+            the drawing.
+    """
+
+    points: list[Point] | None = None
+    start: Point | None = None
+    segments: list[SegmentModel] | None = None
+    spline: SplineModel | None = None
+    file: str | None = None
+    frame: Annotated[
+        FrameModel | None,
+        About("--at", POSITION, "Origin of the drawing: '300 mm, 0 mm'.", "to_point", "position"),
+        About("--turn", POSITION, "Roll, pitch, yaw: '0, 0, 90 deg'.", "to_quantities", "rpy"),
+    ] = None
+    repeat: RepeatModel | None = None
+    tool: Annotated[str | None, About("--only-tool", POSITION)] = None
+    orientation: Annotated[
+        OrientationModel | list[OrientationModel] | None, BeforeValidator(_orientation)
+    ] = None
+
+
+# The corners of a job have the continuity.
+FORMS[PathModel] = Form(omit=frozenset({"continuity"}))
+FORMS[ArmModel] = Form(
+    types={
+        **dict.fromkeys(("joint_limits", "srdf"), str | None),
+        "locked": dict[str, JointPosition] | None,
+        "packages": dict[str, str] | None,
+    }
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ExperimentModel(Experiment):
+    """A simulation of runs on the arm's rigid bodies, with default drive gains.
+
+    Args:
+        runs: Names of runs; all by default.
+    """
+
+    runs: list[str] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandLimitsModel:
+    """Limits of the set-points themselves; compensation takes the nearest ones within them.
+
+    Args:
+        joint_velocity: Largest difference of set-points over the command interval [rad/s], one
+            value, one per joint, or a lower and an upper bound per joint.
+        joint_acceleration: Largest second difference of set-points [rad/s²], in the same way.
+        joint_jerk: Largest third difference of set-points [rad/s³], one value or one per joint.
+        joint_lower, joint_upper: Range of the set-points of each joint [rad].
+    """
+
+    joint_velocity: JointVelocities | None = None
+    joint_acceleration: JointAccelerations | None = None
+    joint_jerk: JointJerks | None = None
+    joint_lower: JointRanges | None = None
+    joint_upper: JointRanges | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SharedModel:
+    """Keys of a job that a run may have in their place.
+
+    Args:
+        limits: Limits in place of the arm's own; inf lifts one.
+        command_limits: Limits of the set-points themselves, as the controller checks them.
+        corners: How corners are rounded; `sharp`, the default, keeps sharp corners.
+        command_interval: Time between set-points [s]; by default 4 ms.
+    """
+
+    limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)
+    command_limits: Annotated[dict[str, Any], Given(CommandLimitsModel)] = field(
+        default_factory=dict
+    )
+    corners: Rounding | Literal["sharp"] | None = None
+    command_interval: Annotated[Interval | None, About(usual=(1e-4, 2e-2))] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunModel(SharedModel):
+    """A run; keys that are left out have the values of the job.
+
+    Args:
+        timing: How the path is timed.
+        compensation: How the servo's delay is compensated.
+        until: End of the time over which errors are evaluated [s]; by default when all joints rest.
+        duration: Time of the motion from start to end [s]; by default the shortest.
+    """
+
+    timing: Timing = FASTEST
+    compensation: Compensation = INVERSE
+    until: Interval | None = None
+    duration: Interval | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobModel(SharedModel):
+    """A job file.
+
+    Args:
+        name: Short name, printable, of at most 80 characters.
+        title: Title for reports, of at most 200 characters; the name by default.
+        arm: A built-in arm (`armcontour arms` lists them), a .yaml, .urdf or .xacro file relative
+            to the job file, or a mapping.
+        branch: Branch of the inverse kinematics of a planar arm: `positive` or `negative`, the sign
+            of theta2; by default the one that is fastest along the path.
+        start: Joint positions near the start configuration [rad], for an arm in space, in the order
+            of the joints or by their names; by default the configuration that is fastest along the
+            path.
+        tools: The tool table: tools by the names in the program, such as T1 for the word T1 of
+            G-code, in place of `arm.tool`. A run has one tool frame: choose it with `path.tool`.
+        path: The objective path.
+        process: Leads, overlaps and events that are added to contours.
+        accuracy: Largest distance of the tool from the drawing with which a run counts as kept
+            [m]. By default corners may take their tolerances, and the contour error a tenth of the
+            smallest one.
+        servo: The nominal servo.
+        plant: Parameters of the real servo that differ from the nominal servo.
+        experiment: Runs that are simulated on the arm's rigid bodies, too.
+        runs: The runs to compare, by name.
+        certificate: Requirements for `armcontour certify`.
+        placement: The question for `armcontour place`.
+        scene: Obstacles in the cell, and how near the arm may come to them and to itself.
+        ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell.
+    """
+
+    name: str
+    title: str | None = None
+    arm: str | ArmModel
+    branch: str | None = None
+    start: list[Angle] | dict[str, Angle] | None = None
+    tools: Annotated[dict[str, TableToolModel | Place], Field(min_length=1)] | None = None
+    path: PathModel
+    process: Process | None = None
+    accuracy: Distance | None = None
+    servo: ServoModel
+    plant: Annotated[dict[str, Any], Given(ServoModel, null=True)] | None = None
+    experiment: ExperimentModel | None = None
+    runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
+    certificate: Goal | None = None
+    placement: PlaceSearch | None = None
+    scene: SceneModel | None = None
+    ignore_collisions: Annotated[bool, About("--ignore-collisions", POSITION)] = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellModel(JobModel):
+    """A job file that is combined with a drawing: name and path may be left out."""
+
+    name: str = ""
+    path: PathModel = field(default_factory=PathModel)

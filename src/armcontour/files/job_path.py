@@ -1,0 +1,361 @@
+"""Make the path or program that the key `path` of a job file describes."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from pathlib import Path as FilePath
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.frames import Frame
+from armcontour.core.progress import Progress
+from armcontour.files.drawings.options import FARTHEST, ReadOptions
+from armcontour.files.job_arm import frame_of
+from armcontour.files.job_model import (
+    OrientationModel,
+    PathModel,
+    RepeatModel,
+    SegmentModel,
+)
+from armcontour.files.problems import place
+from armcontour.files.scene import rotation_of
+from armcontour.geometry import Arc, Demand, Line, Path
+from armcontour.program import Contour, Program, contour_called
+from armcontour.program.moves import name_copy
+
+# Keys for a file alone.
+READING = (*(x.name for x in dataclasses.fields(ReadOptions)), "repeat", "tool")
+LIFTED = (
+    "path.frame lifts or tilts the drawing out of the plane in which the arm moves its tool: give "
+    "it z = 0, and turn it about z alone, by the last angle of rpy."
+)
+ORIENTATIONS = ("rpy", "quaternion", "axis", "follow_tangent")
+
+
+def path_of(
+    model: PathModel,
+    folder: FilePath,
+    dimension: int,
+    progress: Progress | None = None,
+    drawing: Program | None = None,
+) -> Path | Program:
+    """The objective path of a job, or its program, with the tool orientation if the job gives one.
+
+    Args:
+        model: The key `path` of the job.
+        folder: Folder of relative file names.
+        dimension: Dimension of the arm's tool motion, 2 or 3; for 3 drawings are lifted to space.
+        progress: Called while a file is read.
+        drawing: What `read_drawing` made of the file; by default it is read here.
+
+    Raises:
+        InvalidInput: Keys that do not go together, or values that make no path.
+    """
+    unplaced = unplaced_path(model, folder, dimension, progress, drawing)
+    return placed_path(model, unplaced, dimension)
+
+
+def unplaced_path(
+    model: PathModel,
+    folder: FilePath,
+    dimension: int,
+    progress: Progress | None = None,
+    drawing: Program | None = None,
+) -> Path | Program:
+    """The same before its frame places it: what takes long to read stays where the part moves.
+
+    Args:
+        model: As of `path_of`.
+        folder: As of `path_of`.
+        dimension: As of `path_of`.
+        progress: As of `path_of`.
+        drawing: As of `path_of`.
+
+    Raises:
+        InvalidInput: As of `path_of`.
+    """
+    if model.file is not None:
+        if any(x is not None for x in (model.points, model.start, model.segments, model.spline)):
+            raise InvalidInput(
+                "path takes either a file, or points, start and segments, or spline."
+            )
+        read = read_drawing(model, model.file, folder, progress) if drawing is None else drawing
+        return _drawn(model, read, dimension)
+    written = any(x is not None for x in (model.points, model.segments, model.spline))
+    options = READING if written else (*READING, "frame")
+    for x in dataclasses.fields(model):
+        if x.name in options and getattr(model, x.name) != x.default:
+            raise InvalidInput(
+                f"path.{x.name} is an option for reading a file and needs path.file; if this job "
+                "is a cell, give a drawing (armcontour run DRAWING --cell CELL)."
+            )
+    return _oriented(model)
+
+
+def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path | Program:
+    """The path or program of `unplaced_path` in its frame.
+
+    Args:
+        model: As of `path_of`.
+        path: The path or program.
+        dimension: As of `path_of`.
+
+    Raises:
+        InvalidInput: A frame out of the plane in which the arm moves its tool.
+    """
+    frame = part_of(model)
+    if dimension == 2 and path.dimension == 2 and not frame.keeps_plane:
+        raise InvalidInput(LIFTED)
+    if isinstance(path, Program):
+        return path.placed(frame)
+    return path if model.frame is None else path.placed(frame)
+
+
+def _oriented(model: PathModel) -> Path:
+    """The path of a job without a file, with the tool orientation if the job gives one."""
+    path = _positions(model)
+    if model.orientation is None:
+        return path
+    if isinstance(model.orientation, OrientationModel):
+        return _orient(path, model.orientation, "path.orientation")
+    if model.spline is not None:
+        raise InvalidInput(
+            "path.orientation: a spline takes one orientation for its whole length, not a list."
+        )
+    return _orient_waypoints(path, model.orientation)
+
+
+def _refuse_space(model: PathModel, program: Program) -> None:
+    """Refuse a drawing that a planar arm cannot follow: with z or an orientation.
+
+    Raises:
+        InvalidInput: The drawing does not stay in the plane.
+    """
+    if program.dimension == 3:
+        raise InvalidInput(
+            f"path.file: {program.source} has z, but the arm moves its tool in the plane: "
+            "leave z out with path.flat: true (on the command line --flat), or take an arm in "
+            "space."
+        )
+    if model.orientation is not None:
+        raise InvalidInput("path.orientation: only an arm in space can orient its tool.")
+
+
+def read_drawing(
+    model: PathModel, file: str, folder: FilePath, progress: Progress | None = None
+) -> Program:
+    """The program of a file, by the keys of a job's path that are options for reading it.
+
+    Args:
+        model: The key `path` of the job.
+        file: Its file.
+        folder: Folder of relative file names.
+        progress: Called while the file is read.
+
+    Raises:
+        InvalidInput: The file cannot be read; the sentence names it.
+    """
+    from armcontour.files.drawings.read import read_path
+
+    # With copies, the names may be theirs.
+    options = model if model.repeat is None else dataclasses.replace(model, names=None)
+    return read_path(folder / file, options, progress=progress)
+
+
+def _drawn(model: PathModel, program: Program, dimension: int) -> Program:
+    """Repeat a drawing, lift it to space and orient the tool, as far as the job wants."""
+    if model.tool is not None:
+        from armcontour.program.tools import part_of_tool
+
+        program = part_of_tool(program, model.tool)
+    if model.repeat is not None:
+        program = _repeat(program, model.repeat, model.names)
+    if dimension == 2:
+        _refuse_space(model, program)
+        return program
+    program = program.mapped(Path.lifted)
+    if model.orientation is not None:
+        how = model.orientation
+        if not isinstance(how, OrientationModel):
+            raise InvalidInput(
+                "path.orientation: a file takes one orientation for all contours, not a list."
+            )
+        if any(x.path.orientation is not None for x in program.contours):
+            note = f"the tool orientation comes from {program.source}, not from path.orientation."
+            program = dataclasses.replace(program, notes=(*program.notes, note))
+        else:
+            program = _orient_contours(program, how)
+    return program
+
+
+def part_of(model: PathModel) -> Frame:
+    """The frame of the part: that of the path."""
+    return Frame() if model.frame is None else frame_of("path.frame", model.frame)
+
+
+def _repeat(program: Program, how: RepeatModel, names: Sequence[str] | None) -> Program:
+    """Copies of a program; with `names` only these copies, or all copies of these contours.
+
+    Raises:
+        InvalidInput: Copies that cannot be made, or an unknown name.
+    """
+    with locate_errors("path.repeat"):
+        copies = program.repeated(**dataclasses.asdict(how))
+    if names is None:
+        return copies
+    drawn = {x.name for x in program.contours}
+    places = [(row, column) for row in range(how.rows) for column in range(how.columns)]
+    chosen = [
+        [name_copy(name, row, column) for row, column in places] if name in drawn else [name]
+        for name in names
+    ]
+    return copies.selected(names=[x for of in chosen for x in of])
+
+
+def _orient_contours(program: Program, how: OrientationModel) -> Program:
+    """Give every contour of a program the same tool orientation.
+
+    Raises:
+        InvalidInput: A contour that the orientation does not fit.
+    """
+    moves, number = list(program.moves), 0
+    for i, x in enumerate(moves):
+        if not isinstance(x, Contour):
+            continue
+        where = f"path.orientation, {contour_called(x, number)}"
+        moves[i] = dataclasses.replace(x, path=_orient(x.path, how, where))
+        number += 1
+    return dataclasses.replace(program, moves=tuple(moves))
+
+
+def _positions(model: PathModel) -> Path:
+    """The path of a job without a file: a polyline, a spline, or lines and arcs."""
+    kinds = (model.points, model.segments, model.spline)
+    if sum(x is not None for x in kinds) != 1 or (model.start is None) != (model.segments is None):
+        raise InvalidInput("path takes either points, or start and segments, or spline, or a file.")
+    if model.points is not None:
+        points = _points("path", model.points)
+        with locate_errors("path.points"):
+            return Path.polyline(points)
+    if model.spline is not None:
+        x = model.spline
+        points = _points("path.spline", x.points)
+        with locate_errors("path.spline"):
+            return Path.spline(points, tolerance=x.tolerance, closed=x.closed)
+    assert model.start is not None and model.segments is not None
+    return _chain(model.start, model.segments)
+
+
+def _points(key: str, points: list[list[float]]) -> FloatArray:
+    """The points of a key as an array, (n, 2) or (n, 3) [m]."""
+    if not points:
+        raise InvalidInput(f"the points of {key} are empty: a path needs at least two.")
+    if len({len(x) for x in points}) > 1:
+        raise InvalidInput(f"the points of {key} must all have 2 or all have 3 coordinates.")
+    for i, x in enumerate(points):
+        _refuse_far(place((*key.split("."), "points", i)), x)
+    return np.array(points).reshape(len(points), -1)
+
+
+def _refuse_far(key: str, point: Sequence[float]) -> None:
+    """Refuse coordinates so large that floating point cannot resolve points, or overflows."""
+    far = max(map(abs, point), default=0.0)
+    if far > FARTHEST:
+        raise InvalidInput(
+            f"{key} has a coordinate of {far:.3g} m, beyond {FARTHEST:g} m: is its unit right?"
+        )
+
+
+def _chain(start: list[float], models: list[SegmentModel]) -> Path:
+    """The path of a chain of lines and arcs from a start point."""
+    if not models:
+        raise InvalidInput("path.segments is empty: a path needs at least one.")
+    segments: list[Line | Arc] = []
+    here = list(start)
+    _refuse_far("path.start", here)
+    for i, x in enumerate(models):
+        for name in ("to", "via", "center"):
+            _refuse_far(place(("path", "segments", i, name)), getattr(x, name) or ())
+        segments.append(_segment(here, x, place(("path", "segments", i))))
+        here = list(x.to) if x.to is not None else _end(segments)
+    with locate_errors("path.segments"):
+        return Path.from_segments(segments)
+
+
+def _end(segments: list[Line | Arc]) -> list[float]:
+    """End point of the last segment."""
+    try:
+        (*_, end) = Path.from_segments(segments[-1:]).vertices.tolist()
+    except InvalidInput:
+        # Raises the error again, with the number of the segment in the whole path.
+        with locate_errors("path.segments"):
+            (*_, end) = Path.from_segments(segments).vertices.tolist()
+    return list(end)
+
+
+def _segment(here: list[float], x: SegmentModel, key: str) -> Line | Arc:
+    """The line or arc of a model, from the end of the segment before."""
+    demand = Demand(**{y.name: getattr(x, y.name) for y in dataclasses.fields(Demand)})
+    around = (x.center, x.angle, x.normal)
+    if x.to is not None and all(y is None for y in around):
+        if x.via is None:
+            return Line(start=here, end=x.to, demand=demand)
+        with locate_errors(key):
+            return Arc.through(here, x.via, x.to, demand=demand)
+    if x.to is None and x.via is None and x.center is not None and x.angle is not None:
+        return Arc(start=here, center=x.center, angle=x.angle, normal=x.normal, demand=demand)
+    raise InvalidInput(
+        f"{key} takes either to (a line), or via and to (an arc through points), or center and "
+        "angle (an arc)."
+    )
+
+
+def _orient(path: Path, x: OrientationModel, where: str) -> Path:
+    """Give a path one tool orientation for its whole length; `where` locates what it refuses."""
+    _refuse_unclear("path.orientation", x)
+    follow = x.follow_tangent
+    key = "path.orientation" if follow is None else "path.orientation.follow_tangent"
+    rotation = rotation_of(key, x if follow is None else follow)
+    with locate_errors(where):
+        if x.axis is not None:
+            return path.pointing(x.axis)
+        if follow is not None:
+            return path.following_tangent(follow.up, tool=rotation, axis_only=x.axis_only)
+        return path.oriented(rotation, axis_only=x.axis_only)
+
+
+def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
+    """Give a path one tool orientation per waypoint."""
+    for i, x in enumerate(models):
+        key = place(("path", "orientation", i))
+        _refuse_unclear(key, x)
+        if x.follow_tangent is not None:
+            raise InvalidInput(
+                f"{key}: follow_tangent is for the whole path: give it alone, not in a list."
+            )
+    if not models:
+        raise InvalidInput("path.orientation is an empty list: give one per waypoint.")
+    axes = [x.axis for x in models if x.axis is not None]
+    if len(axes) == len(models):
+        with locate_errors("path.orientation"):
+            return path.pointing(np.array(axes))
+    if axes or len({x.axis_only for x in models}) > 1:
+        raise InvalidInput(
+            "path.orientation: either all waypoints or none give axis, and all or none are "
+            "axis_only."
+        )
+    turned = [rotation_of(place(("path", "orientation", i)), x) for i, x in enumerate(models)]
+    with locate_errors("path.orientation"):
+        return path.oriented(np.array(turned), axis_only=models[0].axis_only)
+
+
+def _refuse_unclear(key: str, x: OrientationModel) -> None:
+    """Refuse an orientation with no key, or with several."""
+    found = [name for name in ORIENTATIONS if getattr(x, name) is not None]
+    if len(found) != 1:
+        raise InvalidInput(
+            f"{key} takes one of {', '.join(ORIENTATIONS)}, not {' and '.join(found) or 'none'}."
+        )

@@ -1,0 +1,391 @@
+"""Makes the keys of files from dataclasses: fields, annotations, defaults and docstrings.
+
+To build what checks all keys of a job takes as long as a small plan, and a job has few of them:
+what checks the keys of a mapping inside another one is built when a file has such a mapping.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+import types
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from contextvars import ContextVar
+from dataclasses import dataclass
+from functools import cache, partial
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    StrictBool,
+    StrictInt,
+    TypeAdapter,
+    ValidationError,
+    WithJsonSchema,
+    create_model,
+)
+from pydantic_core import CoreSchema, core_schema
+
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Options, parts_of
+from armcontour.core.quantities import (
+    WHOLE_TURN,
+    About,
+    AtLeast,
+    Axes,
+    Choice,
+    Named,
+    Quantity,
+    Some,
+)
+from armcontour.core.text import describe_fields
+from armcontour.files.forms import FORMS, Form
+from armcontour.files.problems import first_problem
+from armcontour.files.units import read_quantity
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+PLAIN: dict[Any, Any] = {
+    **{bool: StrictBool, int: StrictInt, float: Number},
+    **{Mapping: dict, Sequence: list},
+}
+BOUNDS: dict[str, dict[str, float]] = {
+    "any": {},
+    "positive": {"exclusiveMinimum": 0},
+    "not negative": {"minimum": 0},
+    "negative": {"exclusiveMaximum": 0},
+    "share": {"minimum": 0, "exclusiveMaximum": 1},
+    "turn": {"minimum": -WHOLE_TURN, "maximum": WHOLE_TURN},
+}
+# Shapes of arrays in docstrings, which are left out of the descriptions of keys.
+SHAPE = re.compile(r", \((?:dof|\d)[\w, ]*\)(?: or \([\w, ]*\),)?")
+
+
+# Whether what checks nested mappings is built when they are met.
+_later = ContextVar("_later", default=False)
+
+
+class Mark(ABC):
+    """Annotation of what is read from a mapping of keys."""
+
+    __slots__ = ()
+
+    def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        if _later.get():
+            return core_schema.no_info_plain_validator_function(self._read)
+        return self.schema(handler)
+
+    def _read(self, data: Any) -> Any:
+        """Check a mapping and make its value; its problems become those of the whole file."""
+        return _adapter(self).validate_python(data)
+
+    @abstractmethod
+    def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """What checks the mapping, as pydantic has it."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Outer:
+    """Annotation of a whole file: only what nests in it may be built later."""
+
+    mark: Mark
+
+    def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        token = _later.set(True)
+        try:
+            return self.mark.schema(handler)
+        finally:
+            _later.reset(token)
+
+
+@dataclass(frozen=True, slots=True)
+class Keys(Mark):
+    """Annotation of a dataclass that is read from a mapping of keys."""
+
+    of: type
+
+    def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """What checks the keys and makes the dataclass."""
+        inner = handler.generate_schema(_model(self.of))
+        return core_schema.no_info_after_validator_function(self._build, inner)
+
+    def _build(self, model: BaseModel) -> Any:
+        """Make the dataclass from the validated keys."""
+        values, made = _values(self.of, model), _made(self.of)
+        return self.of(**{k: v for k, v in values.items() if not (v is None and k in made)})
+
+
+@dataclass(frozen=True, slots=True)
+class Given(Mark):
+    """Annotation of a dictionary of only those fields of a dataclass that a file gives.
+
+    Args:
+        of: The dataclass.
+        null: Whether every key may be `null`.
+    """
+
+    of: type
+    null: bool = False
+
+    def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """What checks the keys that are given."""
+        inner = handler.generate_schema(_model(self.of, given=True, null=self.null))
+        return core_schema.no_info_after_validator_function(partial(_values, self.of), inner)
+
+
+@dataclass(frozen=True, slots=True)
+class Methods(Mark):
+    """Annotation of one of several dataclasses, which the key `method` names.
+
+    Args:
+        text: Description of the keys.
+        method: Description of the key `method`.
+        kinds: The dataclasses, each with the name of its method; the first one is the default.
+        more: Further annotations of the key `method`.
+    """
+
+    text: str
+    method: str
+    kinds: tuple[Any, ...]
+    more: tuple[Any, ...] = ()
+
+    @property
+    def keys(self) -> list[str]:
+        """Fields of the dataclasses that are keys: they have an `About`."""
+        hints = [
+            x for kind in self.kinds for x in get_type_hints(kind, include_extras=True).items()
+        ]
+        return sorted({name for name, x in hints if any(isinstance(y, About) for y in parts_of(x))})
+
+    def schema(self, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """What checks the keys and makes the dataclass of the method."""
+        inner = handler.generate_schema(_methods_model(self))
+        return core_schema.no_info_after_validator_function(self._build, inner)
+
+    def _build(self, model: BaseModel) -> Any:
+        """Make the dataclass from the validated keys.
+
+        Raises:
+            ValueError: A key of another method.
+        """
+        values = {x: getattr(model, x) for x in model.model_fields_set}
+        method: str = getattr(model, "method")  # noqa: B009
+        given = {key: x for key, x in values.items() if x is not None and key != "method"}
+        kind = next(x for x in self.kinds if x.method == method)
+        for key in given.keys() - _parameters(kind).keys():
+            raise ValueError(f"{key} goes with the method {self.methods(key)}, not {kind.method}")
+        return kind(**given)
+
+    def methods(self, key: str) -> str:
+        """Names of the methods that have a key."""
+        return " and ".join(x.method for x in self.kinds if key in _parameters(x))
+
+
+def read_keys(mark: Mark, data: Any, source: str) -> Any:
+    """Check the data of a file and make the value of its dataclass.
+
+    Args:
+        mark: The dataclass of the file.
+        data: The data of the file.
+        source: Name of the file in messages.
+
+    Raises:
+        InvalidInput: An unknown key, or an invalid value; one sentence that names the key.
+    """
+    with suppress(ValidationError):
+        return _adapter(mark).validate_python(data)
+    # Its sentences need the schema of the whole file anyway.
+    try:
+        return _whole(mark).validate_python(data)
+    except ValidationError as error:
+        raise InvalidInput(f"{source}: {first_problem(error, schema_of(mark))}") from None
+
+
+@cache
+def schema_of(mark: Mark) -> dict[str, Any]:
+    """The JSON Schema of a file with the keys of a dataclass."""
+    return _whole(mark).json_schema()
+
+
+@cache
+def _adapter(mark: Mark) -> TypeAdapter[Any]:
+    """What checks a mapping, in which others are checked when they are met."""
+    return TypeAdapter(Annotated[Any, _Outer(mark)])
+
+
+@cache
+def _whole(mark: Mark) -> TypeAdapter[Any]:
+    """What checks a mapping and all that may be in it."""
+    return TypeAdapter(Annotated[Any, mark])
+
+
+@cache
+def _model(of: type, *, given: bool = False, null: bool = False) -> type[BaseModel]:
+    """The pydantic model of a dataclass; with `given` all keys are optional, without defaults."""
+    name = f"Given{of.__name__}" if given else of.__name__
+    summary = inspect.cleandoc(of.__doc__ or "").split("\n\n")[0]
+    return _new_model(name, summary, _keys(of, given=given, null=null))
+
+
+@cache
+def _methods_model(mark: Methods) -> type[BaseModel]:
+    """The pydantic model of the keys of several methods."""
+    default, *_ = names = tuple(str(x.method) for x in mark.kinds)
+    one_of = Annotated[(Literal[names], *mark.more)] if mark.more else Literal[names]
+    found: dict[str, Any] = {"method": (one_of, Field(default, description=mark.method))}
+    every = {key: x for kind in mark.kinds for key, x in _keys(kind).items()}
+    for key in mark.keys:
+        of, info = every[key]
+        text = info.description
+        if any(key not in _parameters(x) for x in mark.kinds):
+            text = f"For the method {mark.methods(key)}: {text[:1].lower()}{text[1:]}"
+        found[key] = (of, Field(info.default, description=text))
+    return _new_model(mark.kinds[0].__mro__[1].__name__, mark.text, found)
+
+
+def _new_model(name: str, summary: str, keys: dict[str, Any]) -> type[BaseModel]:
+    config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+    return create_model(name, __config__=config, __doc__=summary, __module__=__name__, **keys)
+
+
+def _keys(of: type, *, given: bool = False, null: bool = False) -> dict[str, Any]:
+    """The keys of a dataclass, as pydantic makes fields of them."""
+    form = FORMS.get(of, Form())
+    hints = {**get_type_hints(of, include_extras=True), **form.types}
+    described = {**_descriptions(of), **form.texts}
+    fields: dict[str, Any] = {}
+    own = inspect.get_annotations(of)
+    # Keys of the class come before those of the options that it extends.
+    for x in sorted(dataclasses.fields(of), key=lambda x: x.name not in own):
+        if x.name in form.omit or not x.init:
+            continue
+        kind = _type_of(hints[x.name])
+        if null or (_is_made(x) and x.default_factory not in (dict, list)):
+            kind = kind | None
+        default = None if given else form.defaults.get(x.name, _default(of, x))
+        key = form.names.get(x.name, x.name)
+        text = described.get(x.name)
+        if isinstance(default, Options):
+            same: Any = partial(dataclasses.replace, default)
+            fields[key] = (kind, Field(default_factory=same, description=text))
+        else:
+            fields[key] = (kind, Field(default, description=text))
+    return fields
+
+
+def _default(of: type, x: dataclasses.Field[Any]) -> Any:
+    """The default of a field's key; null for a default factory that does not make it empty."""
+    if x.default_factory in (dict, list):
+        return x.default_factory()
+    if _is_made(x):
+        return None
+    default = _parameters(of)[x.name].default
+    return ... if default is inspect.Parameter.empty else default
+
+
+@cache
+def _parameters(of: type) -> Mapping[str, inspect.Parameter]:
+    return inspect.signature(of).parameters
+
+
+def _is_made(x: dataclasses.Field[Any]) -> bool:
+    """Whether a field has a default factory."""
+    return x.default_factory is not dataclasses.MISSING
+
+
+@cache
+def _made(of: type) -> frozenset[str]:
+    """Fields of a dataclass with a default factory, for which null means the default."""
+    return frozenset(x.name for x in dataclasses.fields(of) if _is_made(x))
+
+
+def _values(of: type, model: BaseModel) -> dict[str, Any]:
+    """The values that a file gives, by the fields of the dataclass."""
+    names, given = _names_of(of), model.model_fields_set
+    return {names.get(x, x): getattr(model, x) for x in type(model).model_fields if x in given}
+
+
+@cache
+def _names_of(of: type) -> dict[str, str]:
+    """Names of the fields of a dataclass by their keys, where these differ."""
+    return {key: name for name, key in FORMS.get(of, Form()).names.items()}
+
+
+def _descriptions(of: type) -> dict[str, str]:
+    """Descriptions of the keys of a dataclass: those of its fields, with null for None."""
+    fields = describe_fields(of).items()
+    return {name: SHAPE.sub("", text).replace("None ", "null ") for name, text in fields}
+
+
+def _type_of(hint: Any) -> Any:
+    """The pydantic type of a key, from the annotation of a field."""
+    origin, parts = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        return _annotated(*parts)
+    if origin in (Union, types.UnionType):
+        return Union[tuple(_type_of(x) for x in parts)]  # noqa: UP007
+    origin = PLAIN.get(origin, origin)
+    if origin in (list, dict, tuple):
+        return origin[tuple(_type_of(x) for x in parts)]
+    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
+        return Annotated[hint, Keys(hint)]
+    return PLAIN.get(hint, hint)
+
+
+def _annotated(of: Any, *marks: Any) -> Any:
+    """The pydantic type of an annotated field."""
+    mark = marks[0]
+    if isinstance(mark, Quantity):
+        number = _number(mark)
+        if of is float:
+            return number if mark.unit else Number
+        each: Any = number | list[number]  # type: ignore[valid-type]
+        lengths = next((x.axes for x in marks[1:] if isinstance(x, Axes)), ())
+        match lengths:
+            case (int(n),):
+                exact: Any = Annotated[list[number], Field(min_length=n, max_length=n)]  # type: ignore[valid-type]
+                return exact
+        bound: Any = _number(dataclasses.replace(mark, sign="any"))
+        pair = Annotated[list[bound], Field(min_length=2, max_length=2)]
+        return each | list[pair] if mark.bounds else each
+    if isinstance(mark, Choice):
+        known: Any = Literal[mark.known]
+        if of is not str:
+            return known | list[known]
+        return Annotated[(known, *marks[1:])] if marks[1:] else known
+    if isinstance(mark, AtLeast):
+        return Annotated[StrictInt, Field(ge=mark.least, le=mark.most)]
+    if isinstance(mark, Named):
+        return Annotated[str, Field(min_length=1)] if mark.needed else str
+    if isinstance(mark, Some):
+        return Annotated[dict[str, Any], Given(mark.of, null=True)]
+    if isinstance(mark, Given | Methods):
+        return Annotated[of, mark]
+    return Annotated[(_type_of(of), *marks)]
+
+
+def _bounds(kind: Quantity) -> dict[str, float]:
+    """The range of a quantity, as JSON Schema has it."""
+    if kind.within is None:
+        return BOUNDS[kind.sign]
+    return dict(zip(("minimum", "maximum"), kind.within, strict=True))
+
+
+def _number(kind: Quantity) -> Any:
+    """The pydantic type of a quantity: a plain number, or text with a unit."""
+    text = f"A number in {kind.unit}, or text with a unit such as '{kind.example}'."
+    if kind.unit == "1":
+        text = f"A plain number, or text in percent such as '{kind.example}'."
+    schema: dict[str, Any] = {
+        "description": text,
+        "anyOf": [{"type": "number", **_bounds(kind)}, {"type": "string"}],
+        "examples": [kind.example],
+    }
+    read = BeforeValidator(partial(read_quantity, kind=kind))
+    return Annotated[float, read, WithJsonSchema(schema)]

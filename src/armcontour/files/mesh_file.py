@@ -1,0 +1,219 @@
+"""Read meshes of bodies: STL, binary and ASCII, and OBJ."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path as FilePath
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core import file_access
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import plain_number, show
+from armcontour.files.units import parse
+from armcontour.robot.scene import Mesh
+from armcontour.robot.scene.shapes import LARGEST, SMALLEST
+
+MESHES = (".stl", ".obj")
+# Largest number of triangles: a scan of a whole machine; distances of more take minutes.
+MOST_TRIANGLES = 2_000_000
+# Two million triangles of ASCII STL take about this much [bytes].
+MOST_BYTES = 600 * file_access.MEGABYTE
+# Binary STL: a header with the number of triangles, and triangles of twelve numbers and two bytes.
+HEADER, RECORD = 84, 50
+VERTEX = re.compile(rb"^\s*vertex[ \t]+(.*)$", re.MULTILINE)
+# Units that drawings of bodies have, and the sizes that bodies in a cell usually have [m].
+USUAL = ("mm", "inch", "cm", "km")
+LIKELY = (0.01, 5.0)
+
+
+def read_mesh(
+    file: str | FilePath,
+    *,
+    unit: str | None = None,
+    scale: npt.ArrayLike | None = None,
+) -> Mesh:
+    """Read the triangles of a body.
+
+    Triangles without an area are left out: their edges belong to their neighbours.
+
+    Args:
+        file: A .stl file, binary or ASCII, or a .obj file.
+        unit: The unit of its lengths, such as "mm"; metres by default.
+        scale: Factors of x, y and z, or one of all.
+
+    Raises:
+        InvalidInput: No such file, another format, no triangles, a number that is none, too many
+            triangles, or a size that cannot be true if lengths are metres and neither unit nor
+            scale says otherwise.
+    """
+    place = FilePath(file)
+    kind = place.suffix.lower()
+    if kind not in MESHES:
+        raise InvalidInput(
+            f"The mesh {place} is not read: name a {' or '.join(MESHES)} file, to which programs "
+            "for meshes convert others."
+        )
+    factor = 1.0 if unit is None else _factor(unit, place)
+    content = file_access.read_bytes(place, "mesh", most=MOST_BYTES)
+    points, triangles = (_read_stl if kind == ".stl" else _read_obj)(content, str(place))
+    points = points * factor * (1.0 if scale is None else np.asarray(scale))
+    if unit is None and scale is None:
+        _refuse_size(points, place)
+    first, second, third = points[triangles.T]
+    flat = ~np.cross(second - first, third - first).any(axis=1)
+    if flat.all():
+        raise InvalidInput(f"No triangle of the mesh {place} has an area: export it again.")
+    return Mesh(points=points, triangles=triangles[~flat], source=place.name)
+
+
+def _factor(unit: str, place: FilePath) -> float:
+    """A unit of length in metres."""
+    try:
+        return parse(f"1 {unit}", "m")
+    except ValueError:
+        raise InvalidInput(
+            f"The mesh {place} has the unit {show(unit)}, which is no unit of length such as mm."
+        ) from None
+
+
+def _refuse_size(points: FloatArray, place: FilePath) -> None:
+    """Refuse a size that shows that lengths are not metres, with the unit that would fit."""
+    size = float(np.ptp(points, axis=0).max())
+    if SMALLEST <= size <= LARGEST:
+        return
+    factors = {x: parse(f"1 {x}", "m") for x in USUAL}
+    hint = "its unit or a scale"
+    for unit, factor in factors.items():
+        if LIKELY[0] <= size * factor <= LIKELY[1]:
+            scale = " ".join([f"{factor:g}"] * 3)
+            hint = (
+                f"unit: {unit} if that is its unit, which makes it {size * factor:.4g} m large (in "
+                f'a URDF, scale="{scale}")'
+            )
+            break
+    raise InvalidInput(
+        f"The mesh {place} would be {size:.4g} m large if its lengths were metres, and bodies in a "
+        f"cell are {SMALLEST:g} to {LARGEST:g} m: say {hint}."
+    )
+
+
+def _read_stl(content: bytes, where: str) -> tuple[FloatArray, IntArray]:
+    """Points and triangles of an STL file, binary or ASCII."""
+    if content[:5].lower() == b"solid" and b"vertex" in content[:4096]:
+        corners = _ascii_corners(content, where)
+    else:
+        corners = _binary_corners(content, where)
+    points, index = _merge(corners)
+    return points, index.reshape(-1, 3)
+
+
+def _binary_corners(content: bytes, where: str) -> FloatArray:
+    """Corners of the triangles of a binary STL file, (3 n, 3)."""
+    count = int.from_bytes(content[80:HEADER], "little")
+    if len(content) < HEADER + RECORD * count:
+        raise InvalidInput(
+            f"The mesh {where} ends early, or is no STL file: {count} triangles take "
+            f"{HEADER + RECORD * count} bytes, and it has {len(content)}."
+        )
+    _refuse_count(count, where)
+    rows = np.frombuffer(content, np.uint8, RECORD * count, HEADER).reshape(-1, RECORD)
+    corners = rows[:, 12:48].copy().view("<f4").reshape(-1, 3).astype(np.float64)
+    wrong = ~np.isfinite(corners).all(axis=1)
+    if wrong.any():
+        raise InvalidInput(
+            f"Triangle {int(np.argmax(wrong)) // 3 + 1} of the mesh {where} has a corner that is "
+            "no finite number: export it again."
+        )
+    return corners
+
+
+def _ascii_corners(content: bytes, where: str) -> FloatArray:
+    """Corners of the triangles of an ASCII STL file, (3 n, 3)."""
+    words = [x.split() for x in VERTEX.findall(content)]
+    _refuse_count(len(words) // 3, where)
+    if len(words) % 3:
+        raise InvalidInput(f"The mesh {where} ends within a triangle: it has {len(words)} corners.")
+    try:
+        corners = np.array(words, dtype=np.float64)
+        good = corners.shape[1:] == (3,) and bool(np.isfinite(corners).all())
+    except ValueError:
+        good = False
+    if not good:
+        for found in VERTEX.finditer(content):
+            line = content.count(b"\n", 0, found.start(1)) + 1
+            _three(found[1].decode("utf-8", "replace").split(), where, line)
+    return corners
+
+
+def _read_obj(content: bytes, where: str) -> tuple[FloatArray, IntArray]:
+    """Points and triangles of an OBJ file; faces of more corners are cut into triangles."""
+    points: list[list[float]] = []
+    triangles: list[tuple[int, int, int]] = []
+    for number, words in _obj_lines(content):
+        if words[0] == "v":
+            points.append(_three(words[1:4], where, number))
+        elif words[0] == "f":
+            corners = [_corner(x, len(points), where, number) for x in words[1:]]
+            if len(corners) < 3:
+                raise InvalidInput(f"{where}, line {number}: a face has at least 3 corners.")
+            triangles += [(corners[0], *x) for x in zip(corners[1:-1], corners[2:], strict=True)]
+            _refuse_count(len(triangles), where)
+    _refuse_count(len(triangles), where)
+    return np.array(points), np.array(triangles)
+
+
+def _obj_lines(content: bytes) -> Iterator[tuple[int, list[str]]]:
+    """Lines with vertices and faces, with their numbers."""
+    for number, line in enumerate(content.splitlines(), start=1):
+        if line[:2] in (b"v ", b"f ", b"v\t", b"f\t"):
+            yield number, line.split(b"#")[0].decode("utf-8", "replace").split()
+
+
+def _corner(word: str, count: int, where: str, line: int) -> int:
+    """The index of a corner of a face, such as 7, 7/1/3 or -2."""
+    text = word.split("/")[0]
+    try:
+        index = int(text)
+    except ValueError:
+        index = 0
+    # Indices count from 1, or back from the last vertex so far.
+    found = index - 1 if index > 0 else count + index
+    if index == 0 or not 0 <= found < count:
+        raise InvalidInput(
+            f"{where}, line {line}: the face names the vertex {show(text)}, and there are "
+            f"{count} before it."
+        )
+    return found
+
+
+def _three(words: list[str], where: str, line: int) -> list[float]:
+    """Three finite numbers of a line."""
+    found = [plain_number(x) for x in words]
+    if len(found) != 3 or None in found:
+        raise InvalidInput(
+            f"{where}, line {line}: a vertex has three finite numbers, not {show(' '.join(words))}."
+        )
+    return [float(x) for x in found if x is not None]
+
+
+def _refuse_count(count: int, where: str) -> None:
+    """Refuse a mesh without triangles, or with too many."""
+    if count == 0:
+        raise InvalidInput(f"The mesh {where} has no triangles: export it again.")
+    if count > MOST_TRIANGLES:
+        raise InvalidInput(
+            f"The mesh {where} has {count:,} triangles, more than the {MOST_TRIANGLES:,} that are "
+            "read: export it coarser."
+        )
+
+
+def _merge(corners: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Different points, and the index of each given one among them."""
+    # Zero with and without a sign are the same number, but not the same bytes.
+    rows = np.ascontiguousarray(corners + 0.0).view(np.dtype((np.void, 24))).ravel()
+    _, first, index = np.unique(rows, return_index=True, return_inverse=True)
+    return corners[first], index.astype(np.intp)

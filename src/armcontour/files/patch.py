@@ -1,0 +1,250 @@
+"""Patches: values of keys in the place of those that a job file has.
+
+Options of the command line, edits of the Studio, batches and placements change keys by them only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+from typing import Any
+
+from armcontour import planning
+from armcontour.control import compensation
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import show, suggest
+from armcontour.core.yaml_layout import load
+from armcontour.files.job_arm import ARM_FILES
+from armcontour.files.job_edits import REMOVE, Change, Keys, change_data, change_text, value_at
+from armcontour.files.job_model import JobModel, RunModel
+from armcontour.files.problems import Patch as Patch
+from armcontour.jobs.job import ARC, FREE, OF_FREE
+from armcontour.motion import Method
+
+IN_JOB, IN_RUN = ({x.name for x in fields(of)} for of in (JobModel, RunModel))
+# Keys of which a run has some in the place of the job's; it replaces other keys as a whole.
+MERGED = ("limits", "command_limits")
+# Options of each choice, with the choice that they go with.
+TIMING_OPTIONS, COMPENSATION_OPTIONS = (
+    {key: str(kind.method) for kind in methods.values() for key in kind.__annotations__}
+    for methods in (planning.METHODS, compensation.METHODS)
+)
+SHAPE_OPTIONS = {**dict.fromkeys(OF_FREE, FREE), "continuity": ARC, "transition_tolerance": ARC}
+CHOICES: dict[Keys, dict[str, str]] = {
+    ("timing", "method"): TIMING_OPTIONS,
+    ("compensation", "method"): COMPENSATION_OPTIONS,
+    ("corners", "shape"): SHAPE_OPTIONS,
+}
+
+
+class Name(str):
+    """A name in a key, such as of a layer; digits do not make it a number."""
+
+
+def parse_set(text: str) -> Patch:
+    """The patch of a text such as `corners.tolerance=0.2 mm`, with the value as in a job file.
+
+    Args:
+        text: A key, with dots between its parts, and a value (YAML).
+
+    Raises:
+        InvalidInput: Text of another form.
+    """
+    key, equals, value = text.partition("=")
+    if not equals:
+        raise InvalidInput(f"{show(text)} sets no key: write one such as limits.speed=0.2 m/s.")
+    return {key_of(key.strip()): load(value, key.strip())}
+
+
+def key_of(key: Any) -> Keys:
+    """The keys of a text such as `limits.speed`, or of a list of them.
+
+    Raises:
+        InvalidInput: Neither of them.
+    """
+    parts = key.split(".") if isinstance(key, str) else key
+    listed = isinstance(parts, list | tuple) and all(type(part) in (str, int) for part in parts)
+    if not listed or not parts or "" in parts:
+        raise InvalidInput(f"{show(key)} is no key: write one such as limits.speed.")
+    return tuple(parts)
+
+
+def full_key(keys: Keys) -> Keys:
+    """The keys of a value in a job file; a key that only runs have is in some run."""
+    return ("runs", "", *keys) if keys[0] in IN_RUN - IN_JOB else keys
+
+
+def place(keys: Keys, data: Any, run: str | None = None) -> Keys:
+    """The keys where a value is set: those of the run if it has the value, else those of the job.
+
+    Args:
+        keys: The keys, such as ("limits", "speed"); numbers may be texts.
+        data: The data of the job file.
+        run: Name of the run that sees the value; by default the value is the job's.
+
+    Raises:
+        InvalidInput: The keys name a run that the job does not have.
+    """
+    runs = value_at(data, ("runs",))
+    if keys[0] == "runs" and isinstance(runs, Mapping) and (len(keys) < 2 or keys[1] not in runs):
+        names = [str(x) for x in runs]
+        hint = suggest("".join(map(str, keys[1:2])), names, f"it has {', '.join(names)}.")
+        raise InvalidInput(f"{'.'.join(map(str, keys))} names no run of the job: {hint}")
+    if run is not None and keys[0] in IN_RUN:
+        value = value_at(data, ("runs", run, keys[0]))
+        merged = keys[0] in MERGED and len(keys) > 1
+        hides = isinstance(value, Mapping) and keys[1] in value if merged else value is not None
+        if hides or keys[0] not in IN_JOB:
+            keys = ("runs", run, *keys)
+    numbered: list[Any] = []
+    for part in keys:
+        # A number is a position in a list, or a key of a mapping, unless that has such a text.
+        named = isinstance(data, Mapping) and part in data
+        whole = type(part) is str and part.isdecimal() and not named
+        numbered.append(int(part) if whole else part)
+        data = value_at(data, (numbered[-1],))
+    return tuple(numbered)
+
+
+def resolve(data: Any, patch: Patch, run: str | None = None) -> list[Change]:
+    """The changes of a job file that a patch makes.
+
+    Args:
+        data: The data of the job file.
+        patch: The values by their keys.
+        run: Name of the run that sees the values; by default the job has them, and all runs that
+            have values of their own.
+
+    Raises:
+        InvalidInput: A key that the data cannot have, or that no run takes.
+    """
+    return _resolved(data, patch, run)[1]
+
+
+def apply(data: Any, patch: Patch, run: str | None = None) -> Any:
+    """The data of a job file with the values of a patch; the given data stay as they are.
+
+    Args:
+        data: As of `resolve`.
+        patch: As of `resolve`.
+        run: As of `resolve`.
+
+    Raises:
+        InvalidInput: As `resolve`.
+    """
+    return _resolved(data, patch, run)[0]
+
+
+def write(text: str, patch: Patch, source: str = "job") -> str:
+    """A job file with the values of a patch; its comments stay.
+
+    Args:
+        text: The job file.
+        patch: As of `resolve`.
+        source: Name of the text in messages.
+
+    Raises:
+        InvalidInput: As `resolve` and `change_text`.
+    """
+    return change_text(text, resolve(load(text, source), patch), source)
+
+
+def arm_keys(arm: str) -> dict[str, str]:
+    """The keys of an arm that is given by its name or its file alone."""
+    return {"file" if arm.lower().endswith(ARM_FILES) else "name": arm}
+
+
+def _resolved(data: Any, patch: Patch, run: str | None) -> tuple[Any, list[Change]]:
+    """The data with the values of a patch, and the changes that lead there."""
+    changes: list[Change] = []
+    for keys in sorted(patch, key=_rank):
+        more = list(_changes(keys, patch[keys], data, run))
+        data = change_data(data, more)
+        changes += more
+    return data, changes
+
+
+def _rank(keys: Keys) -> tuple[bool, bool, int]:
+    """The order in which keys are set: those that others depend on first, such as methods."""
+    *_, outer, key = ("", *keys)
+    depends = any(key in names for (x, _), names in CHOICES.items() if x == outer)
+    return len(keys) > 1, outer == "corners", 2 * depends + (keys[-2:] in CHOICES)
+
+
+def _changes(keys: Keys, value: Any, data: Any, run: str | None) -> Iterator[Change]:
+    """The changes that one value makes."""
+    runs = value_at(data, ("runs",))
+    if run is not None or keys[0] not in IN_RUN or not isinstance(runs, Mapping):
+        yield from _set(place(keys, data, run), value, data)
+    elif keys[0] == "corners" and (keys[1:] == ("shape",) or keys[1:] and keys[1] in SHAPE_OPTIONS):
+        yield from _rounded(keys, value, data, runs)
+    else:
+        if keys[0] in IN_JOB:
+            yield from _set(place(keys, data), value, data)
+        for name in runs:
+            keys_of_run = place(keys, data, name)
+            replaces = keys_of_run[0] == "runs" and value_at(data, keys_of_run) is not None
+            if replaces or keys[0] not in IN_JOB:
+                yield from _set(keys_of_run, value, data)
+
+
+def _rounded(keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]) -> Iterator[Change]:
+    """The changes that a shape of the corners makes, in all runs that can have it.
+
+    Raises:
+        InvalidInput: There is no such run.
+    """
+    refused = True
+    for name in runs:
+        inherited = place(("corners",), data, name)
+        corners = value_at(data, inherited)
+        method = value_at(data, ("runs", name, "timing", "method"), Method.OPTIMAL)
+        if not isinstance(corners, Mapping) or method != Method.OPTIMAL:
+            continue
+        if SHAPE_OPTIONS.get(str(keys[1])) == ARC and corners.get("shape") == FREE:
+            continue
+        refused, keys_of_run = False, ("runs", name, "corners")
+        if inherited != keys_of_run:
+            copy = Change(keys_of_run, dict(corners))
+            yield copy
+            data = change_data(data, [copy])
+        yield from _set((*keys_of_run, *keys[1:]), value, data)
+    if refused:
+        raise InvalidInput(
+            f"No run takes {'.'.join(map(str, keys))}, which goes with rounded corners and the "
+            "timing optimal: give a run timing: {method: optimal}, or set corners.tolerance if "
+            "only the corners are missing."
+        )
+
+
+def _set(keys: Keys, value: Any, data: Any) -> Iterator[Change]:
+    """The changes that a value makes at its keys.
+
+    Raises:
+        InvalidInput: There is something on the way that has no keys.
+    """
+    for k in range(1, len(keys)):
+        here, rest = value_at(data, keys[:k]), keys[k:]
+        # Short forms of mappings are written whole.
+        if keys[:k] == ("arm",) and isinstance(here, str):
+            yield Change(keys[:k], change_data(arm_keys(here), [Change(rest, value)]))
+            return
+        if keys[:k] == ("path", "layers") and isinstance(here, list):
+            layers: dict[str, Any] = {str(name): {} for name in here}
+            yield Change(keys[:k], change_data(layers, [Change(rest, value)]))
+            return
+        listed = isinstance(here, list) and isinstance(keys[k], int)
+        if not (here is None or here == "sharp" or isinstance(here, Mapping) or listed):
+            outer = ".".join(map(str, keys[:k]))
+            raise InvalidInput(
+                f"{outer} is {show(here)} there, which has no key {keys[k]}: give {outer} whole."
+            )
+    old = value_at(data, keys)
+    if keys == ("path", "layers") and isinstance(old, Mapping) and isinstance(value, list):
+        # Chosen layers keep their speeds and tolerances.
+        value = {name: old.get(name) or {} for name in map(str, value)}
+    yield Change(keys, value)
+    beside = value_at(data, keys[:-1])
+    for name, choice in CHOICES.get(keys[-2:], {}).items():
+        if choice != value and isinstance(beside, Mapping) and name in beside:
+            yield Change((*keys[:-1], name), REMOVE)

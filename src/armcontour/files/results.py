@@ -1,0 +1,254 @@
+"""Result folders: written completely or not at all; files of others are never overwritten.
+
+A result is written to a hidden folder first, then renamed. An earlier result is moved aside before,
+and removed after. Its summary is moved first, and the new summary last: a folder without
+`summary.json` has no complete result.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path as FilePath
+from typing import Any
+
+from armcontour._version import __version__
+from armcontour.core import file_access, staging
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import list_some
+
+SUMMARY = "summary.json"
+# Names and checksums of the written files: --force removes only files with these checksums.
+MANIFEST = ".armcontour.json"
+# Largest number of files in a message.
+MOST_NAMED = 3
+
+
+class ResultFolder:
+    """A result folder: collects files in a hidden folder and moves them in place at the end.
+
+    Use it as a context manager; the files are moved only if no error occurs.
+
+    Args:
+        folder: The destination.
+        force: Whether an earlier result may be replaced, if its files did not change since this
+            program wrote them. Other files and folders next to them stay.
+        replaces: Name of a kind of result, such as "demo". An earlier result of the same kind may
+            be replaced without `force`.
+
+    Attributes:
+        folder: The destination.
+        files: Names of the files written so far, relative to the folder.
+
+    Raises:
+        InvalidInput: The folder holds other files, another run is writing to the folder, or the
+            folder cannot be written.
+    """
+
+    def __init__(self, folder: FilePath, *, force: bool = False, replaces: str = "") -> None:
+        self.folder = folder
+        self.files: list[str] = []
+        self._force, self._kind = force, replaces
+        if os.path.lexists(folder) and not folder.is_dir():
+            raise InvalidInput(f"{folder} is not a folder: choose another --out.")
+        try:
+            self._target = folder.resolve()
+            self._staging = staging.Staging(_staging_place(self._target), folder)
+            try:
+                self._staging.empty()
+                self._find_earlier()
+            except BaseException:
+                self._staging.remove()
+                raise
+        except OSError as error:
+            raise self._unwritable(error) from None
+
+    @property
+    def scratch(self) -> FilePath:
+        """A folder for temporary files, removed at the end also after an error."""
+        return self._made("scratch")
+
+    @property
+    def _new(self) -> FilePath:
+        return self._made("new")
+
+    def _made(self, name: str) -> FilePath:
+        """A folder in the staging folder."""
+        place = self._staging.place / name
+        place.mkdir(exist_ok=True)
+        return place
+
+    def __enter__(self) -> ResultFolder:
+        return self
+
+    def write(self, name: str, text: str) -> None:
+        """Write one file, by its name relative to the folder."""
+        self.place(name, lambda file: file.write_text(text, encoding="utf-8"))
+
+    def place(self, name: str, write: Callable[[FilePath], object]) -> None:
+        """Let a function write one file, or a folder of files.
+
+        Args:
+            name: Name of the file or folder, relative to the result folder.
+            write: Called with the path of the file or folder to write.
+        """
+        file = self._new / name
+        try:
+            file.parent.mkdir(parents=True, exist_ok=True)
+            write(file)
+        except OSError as error:
+            raise staging.unwritable(self.folder / name, error) from None
+        inside = sorted(x for x in file.rglob("*") if x.is_file()) if file.is_dir() else [file]
+        self.files += [x.relative_to(self._new).as_posix() for x in inside]
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        try:
+            if kind is None:
+                self._put_in_place()
+        except OSError as error:
+            raise self._unwritable(error) from None
+        finally:
+            self._staging.remove()
+
+    def _find_earlier(self) -> list[str]:
+        """Names of the files and folders of the earlier result in the destination.
+
+        Raises:
+            InvalidInput: The destination has files that must not be replaced.
+        """
+        hidden = staging.inside(self._target).name
+        present = _names_in(self._target) - {hidden}
+        if not present:
+            return []
+        manifest = _manifest(self._target)
+        if not self._force and not (self._kind and manifest.get("kind") == self._kind):
+            raise InvalidInput(
+                f"The folder {self.folder} is not empty: choose another --out, or replace an "
+                "earlier result with --force."
+            )
+        if not manifest:
+            raise InvalidInput(
+                f"The folder {self.folder} is not empty and holds no result of armcontour, so "
+                "--force removes nothing there: choose another --out."
+            )
+        written = manifest["files"]
+        names = present & {MANIFEST, *(x.split("/")[0] for x in written)}
+        files = [x for name in names for x in _files_below(self._target, name) if x != MANIFEST]
+        changed = [x for x in files if not _is_unchanged(self._target / x, written.get(x))]
+        if changed:
+            raise InvalidInput(
+                f"In the folder {self.folder}, {list_some(sorted(changed), MOST_NAMED)} changed "
+                "since armcontour wrote the result, or are not of it: move them elsewhere, or "
+                "choose another --out."
+            )
+        # The summary marks a complete result, so it is moved first.
+        return sorted(names, key=lambda x: x != SUMMARY)
+
+    def _put_in_place(self) -> None:
+        """Write the manifest and move all files to the destination."""
+        checksums = {x: _checksum(self._new / x) for x in self.files}
+        data = {"armcontour": __version__, "kind": self._kind, "files": checksums}
+        text = json.dumps(data, indent=1)
+        (self._new / MANIFEST).write_text(text + "\n", encoding="utf-8")
+        if self._staging.place.parent != self._target:
+            self._target.parent.mkdir(parents=True, exist_ok=True)
+            self._staging.move([(self._new, self._target)])
+            return
+        earlier = self._find_earlier()
+        old = self._made(staging.OLD)
+        fresh = sorted(_names_in(self._new), key=lambda x: x == SUMMARY)
+        foreign = [x for x in fresh if os.path.lexists(self._target / x) and x not in earlier]
+        if foreign:
+            raise InvalidInput(
+                f"Cannot write {self.folder / foreign[0]}: armcontour did not write what has that "
+                "name. Move it elsewhere, or choose another --out."
+            )
+        aside = [(self._target / x, old / x) for x in earlier]
+        self._staging.move([*aside, *((self._new / x, self._target / x) for x in fresh)])
+
+    def _unwritable(self, error: OSError) -> InvalidInput:
+        return staging.unwritable(f"to the folder {self.folder}", error)
+
+
+def _staging_place(target: FilePath) -> FilePath:
+    """The staging folder: inside a destination that exists, else in the nearest folder above."""
+    if target.is_dir():
+        return staging.inside(target)
+    above = next(x for x in target.parents if x.exists())
+    return staging.beside(above / "-".join(target.relative_to(above).parts))
+
+
+def _names_in(folder: FilePath) -> set[str]:
+    """Names of the files and folders in a folder; none if there is no folder."""
+    return {x.name for x in folder.iterdir()} if folder.is_dir() else set()
+
+
+def _files_below(folder: FilePath, name: str) -> list[str]:
+    """Names, relative to a folder, of a file in it or of all files below a folder in it.
+
+    Links count as files.
+    """
+    place = folder / name
+    if place.is_symlink() or not place.is_dir():
+        return [name]
+    return [y for x in sorted(_names_in(place)) for y in _files_below(folder, f"{name}/{x}")]
+
+
+def _manifest(folder: FilePath) -> dict[str, Any]:
+    """The manifest in a folder; empty without a valid one of this program."""
+    try:
+        data = json.loads(file_access.read_text(folder / MANIFEST, "list of files"))
+    except (InvalidInput, ValueError, RecursionError):
+        return {}
+    valid = isinstance(data, dict) and "armcontour" in data and isinstance(data.get("files"), dict)
+    return data if valid else {}
+
+
+def verify_file(folder: FilePath, name: str) -> FilePath:
+    """The path of a file of a result, if armcontour wrote the file and it did not change.
+
+    Args:
+        folder: The result folder.
+        name: Name of the file relative to the folder.
+
+    Raises:
+        InvalidInput: The folder has no result, the result has no such file, or the file changed.
+    """
+    written = _manifest(folder).get("files", {})
+    if SUMMARY not in written:
+        raise InvalidInput(
+            f"{folder} holds no result: name the folder that --out of run, certify or learn made."
+        )
+    if name not in written:
+        raise InvalidInput(
+            f"The result in {folder} has no {name}: a run with --no-simulation and --export "
+            "writes only the exports."
+        )
+    if not _is_unchanged(folder / name, written[name]):
+        raise InvalidInput(
+            f"{folder / name} changed since armcontour wrote it, or is gone: run the job again."
+        )
+    return folder / name
+
+
+def _is_unchanged(file: FilePath, checksum: object) -> bool:
+    """Whether a file is a regular file with a checksum."""
+    return bool(checksum) and _checksum(file) == checksum
+
+
+def _checksum(file: FilePath) -> str:
+    """The SHA-256 of a regular file; empty for links and for anything else."""
+    no_link = getattr(os, "O_NOFOLLOW", 0)
+    try:
+        stream = open(
+            file, "rb", opener=lambda x, flags: file_access.open_at_once(x, flags | no_link)
+        )
+    except OSError:
+        return ""
+    with stream:
+        if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+            return ""
+        return hashlib.file_digest(stream, "sha256").hexdigest()

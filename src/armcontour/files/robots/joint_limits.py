@@ -1,0 +1,207 @@
+"""Joint limits as a table, and their replacement by a `joint_limits.yaml` of MoveIt."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from armcontour.core import file_access, yaml_layout
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import plain_number, show
+from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, UNITS, Limits, or_unlimited
+
+# Values of each limit, one per joint, or lower and upper bounds; None where a joint has no such
+# limit.
+Table = dict[str, list[Any]]
+
+# Kinds of limits that a file switches on and off; keys of the file and names of the limits.
+KINDS = {
+    "position": {"min_position": "joint_lower", "max_position": "joint_upper"},
+    "velocity": {"max_velocity": "joint_velocity"},
+    "acceleration": {"max_acceleration": "joint_acceleration"},
+    "jerk": {"max_jerk": "joint_jerk"},
+    "effort": {"max_effort": "joint_torque"},
+}
+ACCELERATING = {
+    f"{word}_{kind}{end}"
+    for kind in ("acceleration", "deceleration")
+    for word, end in (("has", "_limits"), ("max", ""))
+}
+# Keys of such files that armcontour does not use.
+IGNORED = {"angle_wraparound", "k_position", "k_velocity", "min_velocity"}
+SOFT = ("soft_lower_limit", "soft_upper_limit")
+KNOWN = {"has_soft_limits", *SOFT}
+KNOWN |= {f"has_{kind}_limits" for kind in KINDS} | {x for kind in KINDS.values() for x in kind}
+KNOWN |= ACCELERATING
+# Outer keys in files for the parameter server.
+WRAPPERS = ("/**", "ros__parameters", "robot_description_planning")
+NAMES = (*JOINT_LIMITS, *JOINT_RANGE)
+
+
+def table_of(limits: Limits, dof: int) -> Table:
+    """Limits as a table with one value per joint."""
+    found: Table = {}
+    for name in NAMES:
+        values = getattr(limits, name)
+        found[name] = [None] * dof if values is None else or_unlimited(values, dof).tolist()
+    return found
+
+
+def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
+    """Replace limits in a table by those of a `joint_limits.yaml`.
+
+    A kind of limit that is switched off (`has_velocity_limits: false`) is lifted; a kind that is
+    not in the file stays. Soft limits narrow the range. `max_deceleration` may be positive or, as
+    in MoveIt, negative. The smaller of `max_deceleration` and `max_acceleration` becomes the
+    acceleration limit in both directions, so that both are kept. The default scaling factors are
+    not applied: they are defaults of requests to MoveIt, not limits.
+
+    Raises:
+        InvalidInput: No such file, a file for other joints, or a value that is no limit.
+    """
+    content = file_access.read_bytes(file, "file of joint limits")
+    data = yaml_layout.load(content, str(file), yaml_layout.AngleLoader)
+    for wrapper in WRAPPERS:
+        if isinstance(data, Mapping) and wrapper in data:
+            data = data[wrapper]
+    entries = data.get("joint_limits") if isinstance(data, Mapping) else None
+    if not isinstance(entries, Mapping):
+        raise InvalidInput(
+            f"{file} gives no joint limits: it needs the key joint_limits, with the joints' names "
+            "below."
+        )
+    if not set(map(str, entries)) & set(joints):
+        raise InvalidInput(
+            f"{file} gives limits to none of the arm's joints: it names "
+            f"{', '.join(map(str, entries)) or 'none'}, and the arm has {', '.join(joints)}."
+        )
+    for k, joint in enumerate(joints):
+        if joint in entries:
+            _override_joint(table, k, f"{file}, joint {joint}", entries[joint])
+
+
+def limits_of(table: Table, joints: Sequence[str], where: str) -> Limits:
+    """Make `Limits` from a table.
+
+    Args:
+        table: The table.
+        joints: Names of the joints.
+        where: File or arm, for messages.
+
+    Raises:
+        InvalidInput: A limit that only some joints have, or a value that is no limit.
+    """
+    found: dict[str, Any] = {}
+    for name in JOINT_LIMITS:
+        if any(x is not None for x in table[name]):
+            found[name] = _of_all_joints(name, table[name], joints, where)
+    for name, none in zip(JOINT_RANGE, (-np.inf, np.inf), strict=True):
+        ends = [none if value is None else value for value in table[name]]
+        if np.isfinite(ends).any():
+            found[name] = ends
+    lower, upper = (found.get(name) for name in JOINT_RANGE)
+    if lower is not None and upper is not None:
+        for joint, low, high in zip(joints, lower, upper, strict=True):
+            if low >= high:
+                raise InvalidInput(
+                    f"{where}: the range of joint {joint} is empty, from {low:g} to {high:g} rad: "
+                    "its lower end must lie below its upper end."
+                )
+    return Limits(**found)
+
+
+def _of_all_joints(
+    name: str, values: Sequence[Any], joints: Sequence[str], where: str
+) -> Sequence[Any]:
+    """The values of a limit that joints have, or lower and upper bounds of all joints."""
+    # Unlike other limits, jerk may be limited for some joints only.
+    some = name == "joint_jerk"
+    for joint, value in zip(joints, values, strict=True):
+        if value is None and not some:
+            raise InvalidInput(
+                f"{where}: joint {joint} has no {name}, but other joints have: give it to every "
+                "joint or to none, in the file or with joint_limits."
+            )
+        endless = some and value == math.inf
+        if isinstance(value, int | float) and not (0 < value < math.inf or endless):
+            raise InvalidInput(
+                f"{where}: the {name} of joint {joint} must be above zero and finite, not "
+                f"{value:g} {UNITS[name]}: give its true value in the file or with "
+                "joint_limits.",
+                limit=name,
+            )
+    if any(isinstance(x, list) for x in values):
+        return [x if isinstance(x, list) else [-x, x] for x in values]
+    return [math.inf if x is None else x for x in values]
+
+
+def _override_joint(table: Table, k: int, where: str, entry: Any) -> None:
+    """Replace the limits of joint k by an entry of the file."""
+    if not isinstance(entry, Mapping):
+        raise InvalidInput(f"{where} must be named limits, such as max_velocity, not {entry!r}.")
+    for key in entry:
+        if key not in KNOWN | IGNORED:
+            raise InvalidInput(
+                f"{where} has the unknown key {key!r}: the known ones are "
+                f"{', '.join(sorted(KNOWN))}."
+            )
+    for kind, values in KINDS.items():
+        for key, name in values.items():
+            if _switch(where, entry, kind) is False:
+                table[name][k] = None
+            else:
+                value = _given(where, entry, kind, key)
+                table[name][k] = table[name][k] if value is None else value
+    _override_acceleration(table, k, where, entry)
+    if _switch(where, entry, "soft") is not False:
+        low, high = (_given(where, entry, "soft", key) for key in SOFT)
+        if low is not None and high is not None:
+            narrow(table, k, low, high)
+
+
+def narrow(table: Table, k: int, low: float, high: float) -> None:
+    """Narrow the range of joint k [rad] to soft limits."""
+    for name, value, inner in zip(JOINT_RANGE, (low, high), (max, min), strict=True):
+        own = table[name][k]
+        table[name][k] = value if own is None else inner(own, value)
+
+
+def _override_acceleration(table: Table, k: int, where: str, entry: Mapping[Any, Any]) -> None:
+    """Set one acceleration limit for both directions from acceleration and deceleration."""
+    if not ACCELERATING & set(entry):
+        return
+    slowing = None
+    if _switch(where, entry, "deceleration") is not False:
+        slowing = _given(where, entry, "deceleration", "max_deceleration")
+    if slowing is not None:
+        speeding = table["joint_acceleration"][k]
+        if speeding is None:
+            raise InvalidInput(f"{where} has a max_deceleration but no max_acceleration: add it.")
+        table["joint_acceleration"][k] = float(np.abs([slowing, *np.atleast_1d(speeding)]).min())
+
+
+def _switch(where: str, entry: Mapping[Any, Any], kind: str) -> bool | None:
+    """Whether a kind of limit is switched on; None if the file does not say."""
+    switch = entry.get(f"has_{kind}_limits")
+    if switch is None or isinstance(switch, bool):
+        return switch
+    raise InvalidInput(f"{where}: has_{kind}_limits must be true or false, not {switch!r}.")
+
+
+def _given(where: str, entry: Mapping[Any, Any], kind: str, key: str) -> float | None:
+    """The value of a limit in the file; None without one."""
+    if key in entry:
+        value = plain_number(entry[key])
+        if value is None:
+            raise InvalidInput(
+                f"{where}: {key} must be a number, not {show(entry[key])}; expressions are not "
+                "worked out, but an angle may be written as !degrees 90."
+            )
+        return value
+    if _switch(where, entry, kind):
+        raise InvalidInput(f"{where} has has_{kind}_limits but no {key}: add it.")
+    return None

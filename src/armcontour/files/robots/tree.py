@@ -1,0 +1,263 @@
+"""Read a robot description (URDF) as a tree of links and joints, and check it."""
+
+from __future__ import annotations
+
+import io
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from armcontour.core.checks import check_name
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import list_some, plain_number, show
+from armcontour.files.robots.options import MOST_CHARACTERS
+
+# Kinds of joints whose position is one angle.
+TURNING = ("revolute", "continuous")
+KINDS = (*TURNING, "fixed", "prismatic", "planar", "floating")
+# Deepest nesting of elements; the format needs 6.
+DEEPEST = 100
+# Robots have about 100 links.
+MOST_LINKS = 1000
+# Elements of all kinds: visuals, transmissions, plugins of simulators.
+MOST_ELEMENTS = 200_000
+# Largest number of names in a message.
+MOST_NAMED = 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Joint:
+    """A joint of a robot description.
+
+    Args:
+        name, kind, parent, child: Its name, type and links, as in the file.
+        element: Its XML element.
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    element: ET.Element
+
+    @property
+    def master(self) -> str | None:
+        """Name of the joint that this joint mimics; None if it moves by itself."""
+        found = self.element.find("mimic")
+        return None if found is None else found.get("joint", "")
+
+    def number(self, tag: str, key: str, where: str) -> float | None:
+        """The number in attribute `key` of the joint's element `tag`; None without one."""
+        found = self.element.find(tag)
+        given = None if found is None else found.get(key)
+        value = plain_number(given)
+        if given is not None and value is None:
+            raise InvalidInput(
+                f"{where}: {key} of the {tag} of joint {self.name} must be one finite number, not "
+                f"{show(given)}."
+            )
+        return value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tree:
+    """Links and joints of a robot description.
+
+    Args:
+        file: Name of the file, for messages.
+        name: Name of the robot.
+        links: XML elements of the links, by name.
+        joints: Joints by name, in the order of the file.
+        above: The joint that carries each link except the root.
+    """
+
+    file: str
+    name: str
+    links: Mapping[str, ET.Element]
+    joints: Mapping[str, Joint]
+    above: Mapping[str, Joint] = field(default_factory=dict)
+    _carried: dict[str, list[Joint]] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for joint in self.joints.values():
+            self._carried.setdefault(joint.parent, []).append(joint)
+
+    @property
+    def root(self) -> str:
+        """The link that no joint moves."""
+        return next(link for link in self.links if link not in self.above)
+
+    def from_link(self, link: str) -> list[Joint]:
+        """The joints that hang on a link."""
+        return self._carried.get(link, [])
+
+    def below(self, link: str) -> list[Joint]:
+        """All joints below a link, parents before children."""
+        found: list[Joint] = []
+        waiting = [link]
+        while waiting:
+            nearest = self.from_link(waiting.pop())
+            found += nearest
+            waiting += [joint.child for joint in nearest]
+        return found
+
+    def between(self, base: str, tip: str) -> list[Joint]:
+        """The joints from the link `base` to the link `tip`.
+
+        Raises:
+            InvalidInput: No such link, or no chain of joints from base to tip.
+        """
+        link, start = self.link("tip", tip), self.link("base", base)
+        found: list[Joint] = []
+        # From the tip up to the base; reversed at the end.
+        while link != start:
+            if link not in self.above:
+                raise InvalidInput(
+                    f"The base {start} does not carry the tip {tip} in {self.file}: choose a "
+                    f"base above it, such as {self.root}."
+                )
+            found.append(self.above[link])
+            link = found[-1].parent
+        return found[::-1]
+
+    def link(self, what: str, name: str) -> str:
+        """The name of a link, which must exist.
+
+        Args:
+            what: What the link is, for messages.
+            name: The name.
+
+        Raises:
+            InvalidInput: There is no such link.
+        """
+        if name not in self.links:
+            raise InvalidInput(
+                f"{self.file} has no link {name!r} to be the {what}: its links are "
+                f"{list_some(list(self.links), MOST_NAMED)}."
+            )
+        return name
+
+
+def read_tree(file: str, content: bytes | str) -> Tree:
+    """Read and check the tree of links and joints in a robot description.
+
+    Args:
+        file: Name of the file, for messages.
+        content: Content of the file.
+
+    Raises:
+        InvalidInput: Not XML, not a robot, or links and joints that form no tree.
+    """
+    robot = parse_xml(file, content)
+    if robot.tag != "robot":
+        raise InvalidInput(
+            f"{file} is not a robot description: it holds <{robot.tag}>, not <robot>."
+        )
+    check_name(f"name of the robot of {file}", robot.get("name", ""), most=MOST_CHARACTERS)
+    if any(str(element.tag).startswith("{") and "xacro" in str(element.tag) for element in robot):
+        raise InvalidInput(
+            f"{file} holds xacro that is not expanded: name it .xacro, and say "
+            "with --trust-xacro that you trust it, to load it."
+        )
+    links: dict[str, ET.Element] = {}
+    for element in robot.findall("link"):
+        name = _required_name(file, element)
+        if name in links:
+            raise InvalidInput(f"{file} has two links of the name {name}.")
+        links[name] = element
+    joints, above = _joints(file, robot, links)
+    roots = [name for name in links if name not in above]
+    if not links:
+        raise InvalidInput(f"{file} is a robot description without links.")
+    if len(roots) > 1:
+        raise InvalidInput(
+            f"{file} is in parts: the links {list_some(roots, MOST_NAMED)} hang on nothing."
+        )
+    tree = Tree(file=file, name=robot.get("name") or file, links=links, joints=joints, above=above)
+    if not roots or len(tree.below(roots[0])) < len(joints):
+        raise InvalidInput(f"In {file} some joints make a loop: the links must make a tree.")
+    return tree
+
+
+def _joints(
+    file: str, robot: ET.Element, links: Mapping[str, ET.Element]
+) -> tuple[dict[str, Joint], dict[str, Joint]]:
+    """The joints of a robot by name, and the joint that carries each link."""
+    joints: dict[str, Joint] = {}
+    above: dict[str, Joint] = {}
+    for element in robot.findall("joint"):
+        joint = _joint(file, element, links)
+        if joint.name in joints:
+            raise InvalidInput(f"{file} has two joints of the name {joint.name}.")
+        if joint.child in above:
+            raise InvalidInput(
+                f"In {file} the link {joint.child} hangs on two joints, {above[joint.child].name} "
+                f"and {joint.name}: the links must make a tree, without loops."
+            )
+        joints[joint.name] = above[joint.child] = joint
+    return joints, above
+
+
+def parse_xml(file: str, content: bytes | str) -> ET.Element:
+    """Parse an XML document and return its outermost element.
+
+    Raises:
+        InvalidInput: Not XML, an unknown encoding, or a document that is too deep or too large.
+    """
+    data = content.encode() if isinstance(content, str) else content
+    # Text is encoded as UTF-8 above, even if its first line names another encoding.
+    parser = ET.XMLParser(encoding="utf-8" if isinstance(content, str) else None)
+    depth = links = 0
+    root: ET.Element | None = None
+    try:
+        events = ET.iterparse(io.BytesIO(data), ("start", "end"), parser)
+        for count, (event, element) in enumerate(events):
+            root = element if root is None else root
+            depth += 1 if event == "start" else -1
+            links += event == "start" and depth == 2 and element.tag == "link"
+            _refuse_flood(file, depth, links, count // 2)
+    except (ET.ParseError, ValueError, LookupError) as error:
+        if isinstance(error, InvalidInput):
+            raise
+        raise InvalidInput(f"{file} is not XML: {error}.") from None
+    if root is None:
+        raise InvalidInput(f"{file} is not XML: it holds no element.")
+    return root
+
+
+def _refuse_flood(file: str, depth: int, links: int, elements: int) -> None:
+    """Refuse a document that is deeper or larger than any robot description."""
+    if depth > DEEPEST:
+        raise InvalidInput(f"{file} has elements nested more than {DEEPEST} deep.")
+    for count, most, what in ((links, MOST_LINKS, "links"), (elements, MOST_ELEMENTS, "elements")):
+        if count > most:
+            raise InvalidInput(
+                f"{file} has more than the {most} {what} that are read: take out what does not "
+                "belong to the arm."
+            )
+
+
+def _required_name(file: str, element: ET.Element) -> str:
+    """The name of a link or joint."""
+    name = element.get("name")
+    if not name:
+        raise InvalidInput(f"{file} has a {element.tag} without a name.")
+    check_name(f"name of a {element.tag} of {file}", name, most=MOST_CHARACTERS)
+    return name
+
+
+def _joint(file: str, element: ET.Element, links: Mapping[str, ET.Element]) -> Joint:
+    """The joint of an XML element, whose links must exist."""
+    name, kind = _required_name(file, element), element.get("type") or ""
+    if kind not in KINDS:
+        raise InvalidInput(
+            f"In {file} joint {name} has the type {kind!r}: it must be one of {', '.join(KINDS)}."
+        )
+    ends = []
+    for tag in ("parent", "child"):
+        found = element.find(tag)
+        link = None if found is None else found.get("link")
+        if link not in links:
+            raise InvalidInput(f"In {file} joint {name} has no {tag} that is a link, but {link!r}.")
+        ends.append(str(link))
+    return Joint(name=name, kind=kind, parent=ends[0], child=ends[1], element=element)

@@ -1,0 +1,214 @@
+"""Expand xacro files with the library xacro, in a child process with limits of time and memory.
+
+A xacro file is a program: it can run any code with the rights of the user. The limits end a file
+that never ends; they are no protection. Only files that the user trusts are expanded.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path as FilePath
+from typing import Any
+
+from armcontour.core import file_access
+from armcontour.core.errors import InvalidInput
+from armcontour.core.text import make_printable
+from armcontour.files.robots.options import Value
+
+# Time limit [s]; the largest public descriptions take about 2 s.
+SECONDS = 10.0
+# Memory limit of the process [MB]; the largest public descriptions need a tenth of it.
+MEGABYTES = 1000
+# Folder of packages that are not found. A description may name them, but not read their files:
+# many descriptions name packages of simulators.
+NOWHERE = os.path.join(os.sep, "package-not-found", "")
+
+
+def expand_xacro(
+    file: FilePath,
+    *,
+    packages: Mapping[str, str | FilePath] | None = None,
+    arguments: Mapping[str, Value] | None = None,
+) -> str:
+    """Expand a trusted xacro file to the text of a robot description.
+
+    Args:
+        file: The xacro file.
+        packages: Folders of ROS packages by name. Other packages are looked for in a sourced ROS,
+            then by their `package.xml` near the file.
+        arguments: Values of the file's arguments by name.
+
+    Raises:
+        InvalidInput: xacro is not installed, a package or an argument is lacking or unknown, or
+            xacro cannot expand the file within the limits.
+    """
+    if importlib.util.find_spec("xacro") is None:
+        raise InvalidInput(
+            f"{file} needs the package xacro, which is not installed: pip install "
+            "'armcontour[ros]', or expand it to a .urdf elsewhere."
+        )
+    from armcontour.core.process import import_path
+
+    place = os.path.abspath(file)
+    wishes = {"packages": _folders(packages or {}), "arguments": _texts(arguments or {})}
+    try:
+        done = subprocess.run(
+            [sys.executable, "-P", "-X", "utf8", "-c", f"from {__name__} import main; main()"],
+            input=json.dumps({"file": place, **wishes}).encode(),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            cwd=os.path.dirname(place),
+            # Modules next to the file, such as xacro.py, do not replace libraries.
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(import_path(os.path.dirname(place)))},
+            timeout=SECONDS,
+            creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
+        )
+        answer = json.loads(done.stdout)
+    except subprocess.TimeoutExpired:
+        answer = {"error": f"it takes longer than {SECONDS:g} s"}
+    except OSError as error:
+        answer = {"error": f"Python cannot be started for it ({error.strerror})"}
+    except ValueError:
+        answer = {"error": "its process ended without an answer"}
+    if "error" in answer:
+        message = make_printable(answer["error"][:500].rstrip(". "))
+        raise InvalidInput(f"{file} cannot be expanded by xacro: {message}.")
+    # The child process reads the included files, so listeners get the expanded text.
+    file_access.tell_content(file.with_name(f"{file.name} expanded"), answer["text"].encode())
+    return str(answer["text"])
+
+
+def _folders(packages: Mapping[str, str | FilePath]) -> dict[str, str]:
+    """The absolute folders of packages.
+
+    Raises:
+        InvalidInput: There is no such folder.
+    """
+    for name, folder in packages.items():
+        if not os.path.isdir(folder):
+            raise InvalidInput(f"The folder of the package {name}, {folder}, is not there.")
+    return {str(name): os.path.abspath(folder) for name, folder in packages.items()}
+
+
+def _texts(arguments: Mapping[str, Value]) -> dict[str, str]:
+    """The values of arguments as xacro reads them.
+
+    Raises:
+        InvalidInput: A value that is neither text, a number, nor true or false.
+    """
+    for name, value in arguments.items():
+        if not isinstance(value, Value):
+            raise InvalidInput(
+                f"The argument {name} of a xacro file must be text, a number, or true or false, "
+                f"not {type(value).__name__}."
+            )
+    return {
+        str(name): str(value).lower() if isinstance(value, bool) else str(value)
+        for name, value in arguments.items()
+    }
+
+
+class _Lacking(BaseException):
+    """A package or an argument is lacking; a BaseException, so that xacro does not catch it."""
+
+
+class _Arguments(dict[str, str]):
+    """Values of arguments by name; remembers the names that the file declares or reads."""
+
+    def __init__(self, given: Mapping[str, str]) -> None:
+        super().__init__(given)
+        self.known: dict[str, None] = {}
+
+    def __contains__(self, name: object) -> bool:
+        self.known[str(name)] = None
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        if name not in self:
+            raise _Lacking(
+                f"it needs a value of its argument {name!r}: give it with "
+                f"arguments={{{name!r}: ...}} (in a job, arm.arguments; with --arm, "
+                f"--xacro-arg {name}=VALUE)"
+            )
+        return super().__getitem__(name)
+
+
+def main() -> None:
+    """In the child process: write the expanded text, or the error, as JSON to standard output."""
+    request = json.load(sys.stdin)
+    try:
+        answer = {"text": _expand(**request)}
+    # Expressions of the file may raise any exception.
+    except (Exception, _Lacking) as error:
+        answer = {"error": _message(error)}
+    json.dump(answer, sys.stdout)
+
+
+def _expand(file: str, packages: dict[str, str], arguments: dict[str, str]) -> str:
+    """The expanded text of a description.
+
+    Raises:
+        _Lacking: A package or an argument is lacking, or the file has no such argument.
+    """
+    import xacro
+    from xacro import substitution_args as substitution
+
+    from armcontour.files.robots.packages import find_near
+
+    in_ros, absolute = substitution._eval_find, xacro.abs_filename_spec
+
+    def find(name: str) -> str:
+        if name not in packages:
+            found = None
+            with suppress(ImportError, LookupError):
+                found = in_ros(name)
+            packages[name] = str(found or find_near(FilePath(file).parent, name) or NOWHERE + name)
+        return packages[name]
+
+    def checked(name: str) -> str:
+        if name.startswith(NOWHERE):
+            package = name[len(NOWHERE) :].split("/")[0]
+            raise _Lacking(
+                f"it reads files of the package {package!r}, which no package.xml near it names, "
+                f"nor a sourced ROS: give its folder with packages={{{package!r}: ...}} (in a "
+                f"job, arm.packages; with --arm, --package {package}=FOLDER)"
+            )
+        return str(absolute(name))
+
+    substitution._eval_find = substitution._eval_dict["find"] = find
+    xacro.abs_filename_spec = checked
+    _limit()
+    mappings = _Arguments(arguments)
+    text = str(xacro.process_file(file, verbosity=0, mappings=mappings).toxml())
+    for name in arguments.keys() - mappings.known.keys():
+        raise _Lacking(f"it has no argument {name!r}: it takes {', '.join(mappings.known)}")
+    return text
+
+
+def _limit() -> None:
+    """Limit memory and processor time of this process, where the system supports it."""
+    with suppress(ImportError):
+        import resource
+
+        for kind, most in (
+            (resource.RLIMIT_AS, MEGABYTES * 1_000_000),
+            (resource.RLIMIT_CPU, int(SECONDS) + 2),
+        ):
+            with suppress(ValueError, OSError):
+                resource.setrlimit(kind, (most, most))
+
+
+def _message(error: BaseException) -> str:
+    """The message of an error, or of a memory error that xacro wrapped in it."""
+    cause: Any = error
+    while cause is not None:
+        if isinstance(cause, MemoryError):
+            return f"it needs more memory than {MEGABYTES} MB"
+        cause = getattr(cause, "exc", None)
+    return " ".join(str(error).split()) or type(error).__name__

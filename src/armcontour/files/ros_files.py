@@ -1,0 +1,561 @@
+"""Read joint trajectories and logs of ROS: a JointTrajectory as YAML, or messages of a bag."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from io import BytesIO
+from itertools import islice
+from pathlib import Path as FilePath
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from armcontour.core import yaml_layout
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.file_access import LARGE, MEGABYTE, SMALL, read_text
+from armcontour.core.text import plain_number, show
+from armcontour.files.csv_table import Digits, last_digit, rename
+from armcontour.files.joint_table import TrajectoryFile, tidy_times
+from armcontour.motion.log_checks import describe_match, match_joints
+
+TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+# Goals of actions as ROS 1 and 2 record them.
+GOALS = tuple(
+    f"{package}/{'action' if '_' in end else 'msg'}/{name}{end}"
+    for package, name in (
+        ("control_msgs", "FollowJointTrajectory"),
+        ("moveit_msgs", "ExecuteTrajectory"),
+    )
+    for end in ("ActionGoal", "Goal", "_Goal", "_SendGoal_Request", "_SendGoal_Event")
+)
+# Messages that have a trajectory, and the fields of goals and messages that lead to it.
+AROUND = ("moveit_msgs/msg/RobotTrajectory", "moveit_msgs/msg/DisplayTrajectory", *GOALS)
+LEADING = ("request", "goal", "trajectory", "joint_trajectory")
+EVENT = "_SendGoal_Event"
+STATE = "sensor_msgs/msg/JointState"
+CONTROLLER = "control_msgs/msg/JointTrajectoryControllerState"
+# Names of command and measurement in a controller's state, in newer and older releases of ROS 2.
+COMMANDS = ("reference", "desired")
+MEASUREMENTS = ("feedback", "actual")
+# Fields of times in ROS 2 and 1.
+STAMPS = (("sec", "nanosec"), ("secs", "nsecs"))
+YAMLS = (".yaml", ".yml")
+BAGS = (".mcap", ".db3")
+ARRAYS = {"q": "positions", "dq": "velocities", "ddq": "accelerations"}
+# The decompression of rosbags is replaced for one bag at a time.
+_rosbags = threading.Lock()
+# Times of ROS are whole nanoseconds [s].
+NANOSECOND = 1e-9
+
+
+def is_ros_file(file: str | FilePath) -> bool:
+    """Whether a file or folder is one of ROS, by its name."""
+    place = FilePath(file)
+    return place.is_dir() or place.suffix.lower() in (*YAMLS, *BAGS)
+
+
+def read_ros_motion(
+    file: FilePath, joint_names: Sequence[str], topic: str | None, names: str | None = None
+) -> TrajectoryFile:
+    """Read the motion of some joints.
+
+    Args:
+        file: YAML of a JointTrajectory, of a FollowJointTrajectory goal or of MoveIt's
+            RobotTrajectory or DisplayTrajectory; or a bag. Of a bag, the first of these that it
+            has: a JointTrajectory, a message of MoveIt or a goal, a controller's state (its
+            measurement), JointStates.
+        joint_names: Names of the joints, in the order of the result; by default those of the file.
+            Those of the file may have a prefix.
+        topic: Topic of a bag; by default the only one of its type.
+        names: New names of the file's joints, as `rename` takes them.
+
+    Raises:
+        InvalidInput: No such message, or a joint is missing.
+    """
+    called = _renaming(file.name, names)
+    if file.suffix.lower() in YAMLS and not file.is_dir():
+        if topic is not None:
+            raise InvalidInput(f"{file.name} is YAML, which has no topics: leave --topic out.")
+        return _read_yaml(file, joint_names, called)
+    kind, messages = _read_bag(file, (TRAJECTORY, *AROUND, CONTROLLER, STATE), topic)
+    if kind in (TRAJECTORY, *AROUND):
+        if len(messages) > 1:
+            raise InvalidInput(
+                f"{file.name} holds more than one {kind.rpartition('/')[2]} message: record one "
+                "per bag."
+            )
+        message = _trajectory_in(file.name, messages[0][1])
+        return _join_points(file.name, called(message.joint_names), message.points, joint_names)
+    every = [called(_names_of(kind, x[1])) for x in messages]
+    wanted = tuple(joint_names) or every[0]
+    orders = [match_joints(x, wanted, file.name) for x in every]
+    if not any(orders):
+        raise InvalidInput(_describe_missing(file.name, every[0], wanted))
+    some = [i for i, x in enumerate(orders) if x]
+    return _tidy(
+        file.name,
+        [messages[i] for i in some],
+        _stack(
+            file.name,
+            [_measured_part(kind, messages[i][1]) for i in some],
+            [orders[i] or [] for i in some],
+        ),
+        wanted,
+        describe_match(every[some[0]], wanted, orders[some[0]] or []),
+    )
+
+
+def _renaming(source: str, names: str | None) -> Callable[[Sequence[str]], tuple[str, ...]]:
+    """A function that renames joints.
+
+    Raises:
+        InvalidInput: The names are those of columns.
+    """
+    if names is not None and "=" not in names:
+        raise InvalidInput(
+            f"{source} is a file of ROS, which has no columns to name: --columns can only rename "
+            "its joints, such as 'elbow_joint=left_elbow_joint'."
+        )
+    return lambda x: tuple(x) if names is None else rename(tuple(x), names, source)
+
+
+def _tidy(
+    source: str,
+    messages: Sequence[tuple[int, Any]],
+    arrays: dict[str, FloatArray],
+    names: Sequence[str],
+    notes: Sequence[str],
+) -> TrajectoryFile:
+    """The motion of messages with stamps, without repeated messages."""
+    values = np.concatenate(list(arrays.values()), axis=1)
+    t, rows, more = tidy_times(_times([_stamp(x) for x in messages]), values, NANOSECOND, source)
+    tidied: dict[str, Any] = {key: x[rows] for key, x in arrays.items()}
+    return TrajectoryFile(
+        source=source,
+        joints=tuple(names),
+        t=t,
+        **tidied,
+        resolution={"t": NANOSECOND},
+        notes=(*notes, *more),
+    )
+
+
+def read_ros_log(file: FilePath, topic: str | None, names: str | None = None) -> TrajectoryFile:
+    """Read commands and measured positions from the state of a controller in a bag.
+
+    Args:
+        file: The bag.
+        topic: Its topic; by default the only one of that type.
+        names: New names of the joints, as `rename` takes them.
+
+    Raises:
+        InvalidInput: No such message, or messages without positions.
+    """
+    if file.suffix.lower() in YAMLS and not file.is_dir():
+        raise InvalidInput(
+            f"{file.name} is YAML, but a log needs commands and measured positions: record the "
+            "topic controller_state of the joint trajectory controller in a bag, or write CSV."
+        )
+    called = _renaming(file.name, names)
+    _, messages = _read_bag(file, (CONTROLLER,), topic)
+    joints = called(messages[0][1].joint_names)
+    orders = [_order(file.name, called(x[1].joint_names), joints) for x in messages]
+    arrays = {}
+    for what, fields in (("command", COMMANDS), ("q", MEASUREMENTS)):
+        parts = [_point(x[1], fields) for x in messages]
+        arrays[what] = _stack(file.name, parts, orders, ("q",))["q"]
+    return _tidy(file.name, messages, arrays, joints, ())
+
+
+def _read_yaml(
+    file: FilePath,
+    joint_names: Sequence[str],
+    called: Callable[[Sequence[str]], tuple[str, ...]],
+) -> TrajectoryFile:
+    """A JointTrajectory as it is exported, or as `ros2 topic echo` prints it or what has it.
+
+    Raises:
+        InvalidInput: Another content.
+    """
+    # What `echo` prints ends with the mark of a next message.
+    text = read_text(file, "trajectory file").rstrip().removesuffix("---")
+    data = _trajectory_in(file.name, yaml_layout.load(text, file.name))
+    if not isinstance(data, dict) or not {"joint_names", "points"} <= set(data):
+        raise InvalidInput(
+            f"{file.name} is no JointTrajectory, nor a goal or a message with one: that needs the "
+            "keys joint_names and points, with positions and time_from_start in each point."
+        )
+    if not isinstance(data["points"], list) or not isinstance(data["joint_names"], list):
+        raise InvalidInput(f"{file.name}: joint_names and points must be lists.")
+    points = [_Point(file.name, i, x) for i, x in enumerate(data["points"], start=1)]
+    names = called([str(x) for x in data["joint_names"]])
+    return _join_points(file.name, names, points, joint_names, printed=True)
+
+
+def _trajectory_in(source: str, data: Any) -> Any:
+    """The JointTrajectory in a goal or a message, or the data itself.
+
+    Args:
+        source: Name of the file.
+        data: Mapping of YAML, or message of a bag.
+
+    Raises:
+        InvalidInput: There are several.
+    """
+    if isinstance(data, list):
+        if len(data) > 1:
+            raise InvalidInput(
+                f"{source} holds {len(data)} trajectories, but one is judged at a time: write them "
+                "to files of their own."
+            )
+        return _trajectory_in(source, data[0]) if data else data
+    for name in LEADING:
+        inner = data.get(name) if isinstance(data, dict) else getattr(data, name, None)
+        if inner is not None:
+            return _trajectory_in(source, inner)
+    return data
+
+
+class _Point:
+    """A point of a trajectory in YAML, with the attributes of a message.
+
+    Args:
+        source: Name of the file.
+        number: Number of the point, from 1.
+        data: Its content.
+
+    Raises:
+        InvalidInput: A key is missing, or a value is no number.
+    """
+
+    def __init__(self, source: str, number: int, data: Any) -> None:
+        where = f"{source}, point {number}"
+        if not isinstance(data, dict):
+            raise InvalidInput(
+                f"{where}: it must have positions and time_from_start, not {show(data)}."
+            )
+        for name in ARRAYS.values():
+            values = data.get(name) or ()
+            numbers = (
+                [plain_number(x) for x in values] if isinstance(values, list | tuple) else [None]
+            )
+            if None in numbers:
+                raise InvalidInput(
+                    f"{where}: {name} must be a list of numbers, not {show(values)}."
+                )
+            setattr(self, name, numbers)
+        start = data.get("time_from_start")
+        self.nanoseconds = _nanoseconds(start)
+        if abs(self.nanoseconds) >= 2**63:
+            raise InvalidInput(
+                f"{where}: time_from_start must be a number of seconds, or sec and nanosec (secs "
+                f"and nsecs in ROS 1), within 292 years, not {show(start)}."
+            )
+
+
+def _nanoseconds(start: Any) -> int:
+    """A time in YAML [ns]: in seconds, or in the fields of ROS 1 or 2; too large if it is none."""
+    fields = [start]
+    if isinstance(start, dict):
+        pair = next((x for x in STAMPS if set(start) == set(x)), None)
+        fields = [] if pair is None else [start[x] for x in pair]
+    numbers = [plain_number(x) for x in fields]
+    if not numbers or None in numbers or isinstance(start, str):
+        return 2**63
+    if isinstance(start, dict):
+        return int(fields[0]) * 10**9 + int(fields[1])
+    return round(float(start) * 1e9)
+
+
+def _join_points(
+    source: str,
+    names: Sequence[str],
+    points: Sequence[Any],
+    joint_names: Sequence[str],
+    *,
+    printed: bool = False,
+) -> TrajectoryFile:
+    """The motion of the points of one trajectory."""
+    if not points:
+        raise InvalidInput(f"{source} has a trajectory without points.")
+    wanted = tuple(joint_names) or tuple(names)
+    order = _order(source, names, wanted)
+    notes = tuple(describe_match(names, wanted, order))
+    arrays: dict[str, Any] = _stack(source, points, [order] * len(points))
+    times = [_duration(x) for x in points]
+    digits = {x: _digit(values) for x, values in arrays.items()} if printed else {}
+    return TrajectoryFile(
+        source=source,
+        joints=wanted,
+        t=np.array(times) * NANOSECOND,
+        **arrays,
+        resolution={"t": NANOSECOND, **digits},
+        notes=notes,
+    )
+
+
+def _digit(values: FloatArray) -> float:
+    """Value of the last printed digit of numbers, as the shortest text of each has it."""
+    found = Digits()
+    found.add([repr(x) for x in values.ravel().tolist()])
+    return last_digit([found])
+
+
+def _stack(
+    source: str,
+    points: Sequence[Any],
+    orders: Sequence[list[int]],
+    kinds: Sequence[str] = tuple(ARRAYS),
+) -> dict[str, FloatArray]:
+    """Arrays of the points, with joints in the wanted order; those that points lack are left out.
+
+    Raises:
+        InvalidInput: A point without positions, or with another number of joints than the others.
+    """
+    found = {}
+    for kind in kinds:
+        rows = [getattr(x, ARRAYS[kind], ()) for x in points]
+        if kind != "q" and not all(len(x) for x in rows):
+            continue
+        for number, (row, order) in enumerate(zip(rows, orders, strict=True), start=1):
+            if len(row) <= max(order):
+                raise InvalidInput(
+                    f"{source}, sample {number}: {len(row)} {ARRAYS[kind]}, but at least "
+                    f"{max(order) + 1} joints are named: record all of them.",
+                    index=number - 1,
+                )
+        found[kind] = np.array(
+            [[row[j] for j in order] for row, order in zip(rows, orders, strict=True)], dtype=float
+        )
+    return found
+
+
+def _order(source: str, names: Sequence[str], wanted: Sequence[str]) -> list[int]:
+    """Places of the wanted joints among those of a message.
+
+    Raises:
+        InvalidInput: One is missing.
+    """
+    found = match_joints(list(names), wanted, source)
+    if not found:
+        raise InvalidInput(_describe_missing(source, names, wanted))
+    return found
+
+
+def _describe_missing(source: str, known: Sequence[str], wanted: Sequence[str]) -> str:
+    """A sentence on joints that a file lacks."""
+    return (
+        f"{source} has the joints {', '.join(map(show, known))}, but "
+        f"{', '.join(map(show, wanted)) or 'the names of joints'} are needed: give the arm of the "
+        "file with --arm, or its names to the joints, such as --columns "
+        f"'{wanted[0] if wanted else 'NAME'}={next(iter(known), 'NAME')}'."
+    )
+
+
+def _read_bag(
+    file: FilePath, kinds: Sequence[str], topic: str | None
+) -> tuple[str, list[tuple[int, Any]]]:
+    """Type, and times [ns] with messages, of one topic of a bag.
+
+    Raises:
+        InvalidInput: No bag, rosbags is not installed, or no topic or several that would do.
+    """
+    try:
+        from rosbags.highlevel import AnyReader
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise InvalidInput(
+            "Bags of ROS need the library rosbags: pip install 'armcontour[ros]'."
+        ) from None
+    _refuse_size(file)
+    unpacker, read = _Unpacker(file.name), _Unpacker(file.name)
+    try:
+        # Bags of before 2023 do not say what their messages are made of.
+        store = get_typestore(Stores.ROS2_HUMBLE)
+        with unpacker.installed(), AnyReader([file], default_typestore=store) as reader:
+            # Without an index, the whole bag has been unpacked once already.
+            unpacker.left = LARGE
+            of_topic = {x.topic: x for x in reader.connections}
+            used = _choose_topic(
+                file.name, {k: x.msgtype for k, x in of_topic.items()}, kinds, topic
+            )
+            kind = of_topic[used].msgtype
+            messages: list[tuple[int, Any]] = [
+                (at, reader.deserialize(read.count(raw), connection.msgtype))
+                for connection, at, raw in islice(
+                    reader.messages([x for x in reader.connections if x.topic == used]),
+                    # A second trajectory is refused, so further ones are not needed.
+                    2 if kind in (TRAJECTORY, *AROUND) and not kind.endswith(EVENT) else None,
+                )
+            ]
+            if kind.endswith(EVENT):
+                # Sent, received, and twice the response, which has no request.
+                goals = {
+                    bytes(x.request[0].goal_id.uuid): (at, x) for at, x in messages if x.request
+                }
+                messages = list(goals.values())
+    except InvalidInput:
+        raise
+    except Exception as error:  # of damaged bags, rosbags lets errors of its libraries through
+        problem = str(error).strip().rstrip(".") or type(error).__name__
+        raise InvalidInput(
+            f"{file.name} cannot be read as a bag of ROS 2: {show(problem)}."
+        ) from None
+    if not messages:
+        raise InvalidInput(f"{file.name}: the topic {show(used)} has no message.")
+    return kind, messages
+
+
+class _Unpacker:
+    """Decompression with a bound, in place of that of rosbags, which has none.
+
+    Args:
+        source: Name of the bag.
+
+    Attributes:
+        left: What may still be unpacked [bytes].
+    """
+
+    def __init__(self, source: str) -> None:
+        self._source = source
+        self.left = LARGE
+
+    def count(self, data: bytes) -> bytes:
+        """Return unpacked data, unless its size or the size of all data exceeds the bound."""
+        self.left -= len(data)
+        if self.left < 0 or len(data) > SMALL:
+            raise InvalidInput(
+                f"{self._source} unpacks to more than {LARGE / MEGABYTE:.0f} MB, or one of its "
+                f"chunks or messages to more than {SMALL / MEGABYTE:.0f} MB: record only the topic "
+                "that is needed."
+            )
+        return data
+
+    @contextmanager
+    def installed(self) -> Iterator[None]:
+        """Context in which rosbags uses this decompression; one bag at a time."""
+        import lz4.frame  # type: ignore[import-untyped, unused-ignore]
+        import rosbags.rosbag2
+
+        package: Any = rosbags.rosbag2
+        reader, mcap = package.reader, package.storage_mcap
+
+        def unpack(library: Any, data: bytes) -> bytes:
+            with library.open(BytesIO(data), "rb") as unpacked:
+                return self.count(unpacked.read(min(self.left, SMALL) + 1))
+
+        @contextmanager
+        def open_counted(file: Any, mode: str) -> Iterator[Any]:
+            with zstd.open(file, mode) as unpacked:
+                yield SimpleNamespace(read=lambda size: self.count(unpacked.read(size)))
+
+        with _rosbags:
+            zstd, unpack_lz4 = mcap.zstd, mcap.lz4_decompress
+            bounded = SimpleNamespace(decompress=partial(unpack, zstd), open=open_counted)
+            try:
+                reader.zstd = mcap.zstd = bounded
+                mcap.lz4_decompress = partial(unpack, lz4.frame)
+                yield
+            finally:
+                reader.zstd = mcap.zstd = zstd
+                mcap.lz4_decompress = unpack_lz4
+
+
+def _refuse_size(file: FilePath) -> None:
+    """Refuse a bag that is not there or too large.
+
+    Raises:
+        InvalidInput: As said.
+    """
+    if not file.exists():
+        raise InvalidInput(f"There is no trajectory file or log {file}.")
+    parts = [x for x in file.iterdir() if x.is_file()] if file.is_dir() else [file]
+    size = sum(x.stat().st_size for x in parts)
+    if size > LARGE:
+        raise InvalidInput(
+            f"{file.name} has {size / MEGABYTE:.0f} MB, more than the {LARGE / MEGABYTE:.0f} MB "
+            "that are read: record only the topic that is needed."
+        )
+
+
+def _choose_topic(
+    source: str, types: dict[str, str], kinds: Sequence[str], topic: str | None
+) -> str:
+    """The topic to read: the given one, or the only one of the first type that a bag has.
+
+    Raises:
+        InvalidInput: No topic, or several.
+    """
+    shown = ", ".join(f"{show(k)} ({x.rpartition('/')[2]})" for k, x in types.items()) or "none"
+    names = " or ".join(x.rpartition("/")[2] for x in kinds)
+    if topic is not None:
+        if types.get(topic) not in kinds:
+            raise InvalidInput(
+                f"{source} has no topic {show(topic)} of {names}: its topics are {shown}."
+            )
+        return topic
+    for kind in kinds:
+        found = [x for x, y in types.items() if y == kind]
+        if len(found) > 1:
+            raise InvalidInput(
+                f"{source} has several topics of {kind.rpartition('/')[2]}: choose one with "
+                f"--topic ({', '.join(found)})."
+            )
+        if found:
+            return found[0]
+    raise InvalidInput(f"{source} has no topic of {names}: its topics are {shown}.")
+
+
+def _names_of(kind: str, message: Any) -> Sequence[str]:
+    """Names of the joints in a message."""
+    return list(message.name if kind == STATE else message.joint_names)
+
+
+def _measured_part(kind: str, message: Any) -> Any:
+    """The part of a message with measured positions, as a point."""
+    return _State(message) if kind == STATE else _point(message, MEASUREMENTS)
+
+
+class _State:
+    """A JointState with the attributes of a point; it has no accelerations.
+
+    Args:
+        message: The message.
+    """
+
+    def __init__(self, message: Any) -> None:
+        self.positions = message.position
+        self.velocities = message.velocity
+
+
+def _point(message: Any, fields: Sequence[str]) -> Any:
+    """The first of some fields of a controller's state that has positions, else the first."""
+    points: Iterator[Any] = (getattr(message, x) for x in fields if hasattr(message, x))
+    found = list(points)
+    return next((x for x in found if len(x.positions)), found[0])
+
+
+def _duration(point: Any) -> int:
+    """Time of a point from the start of its trajectory [ns]."""
+    if isinstance(point, _Point):
+        return point.nanoseconds
+    start = point.time_from_start
+    return int(start.sec) * 10**9 + int(start.nanosec)
+
+
+def _stamp(given: tuple[int, Any]) -> int:
+    """Time of a message by its header [ns]; by the bag if the header has none."""
+    at, message = given
+    stamp = message.header.stamp
+    return (int(stamp.sec) * 10**9 + int(stamp.nanosec)) or at
+
+
+def _times(nanoseconds: Sequence[int]) -> FloatArray:
+    """Times from the first one on [s]."""
+    first = nanoseconds[0]
+    return np.array([x - first for x in nanoseconds]) * NANOSECOND

@@ -1,0 +1,447 @@
+"""Make the scene, and the shapes of links and tool, that a job file describes."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.frames import Frame, exp, from_rpy, rotations
+from armcontour.core.quantities import Choice, Distance, Length, Turn
+from armcontour.core.text import list_some, show
+from armcontour.files.forms import Place
+from armcontour.files.keys import Number
+from armcontour.robot import Arm
+from armcontour.robot.scene import (
+    Box,
+    Capsule,
+    Cylinder,
+    HalfSpace,
+    LinkShape,
+    Obstacle,
+    Scene,
+    Shape,
+    Sphere,
+)
+from armcontour.robot.scene.arm_shapes import ASSUMED_GAP, ASSUMED_RADIUS
+from armcontour.robot.scene.scene import AT_BASE, BASE, PART, TOOL, Margins
+
+# Keys of bodies that only obstacles have, and only shapes of links.
+OF_OBSTACLES, OF_LINKS = ("fixed_to", "margin", "allow"), ("link",)
+MOST_NAMED = 40
+Angles = Annotated[list[Turn], Field(min_length=3, max_length=3)]
+Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
+
+
+def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
+    """The scene of a job.
+
+    Args:
+        model: The value of the key `scene`.
+        folder: Folder of the job file.
+        part: The frame of the path, in the frame of the arm's paths.
+
+    Raises:
+        InvalidInput: Values that make no body, or a file that is not there or wrong.
+    """
+    obstacles = []
+    for where, x in _bodies(model, "scene", OF_LINKS, "shapes of links"):
+        with locate_errors(where):
+            found = Obstacle(name=x.name, shape=_shape(x, folder), place=_place(x))
+        obstacles.append(_stand(found, x, part))
+    for given in model.files:
+        file = SceneFileModel(file=given) if isinstance(given, str) else given
+        _refuse_keys(f"scene.files: {file.file}", file, OF_LINKS, "shapes of links")
+        with locate_errors("scene.files"):
+            from armcontour.files.scene_files import read_scene_file
+
+            for found in read_scene_file(folder / file.file, unit=file.unit):
+                moved = dataclasses.replace(found, place=_place(file) @ found.place)
+                obstacles.append(_stand(moved, file, part))
+    return Scene(obstacles=tuple(obstacles), margins=model.margins, floor=model.floor)
+
+
+def tool_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
+    """The shapes of a tool, which are in the frame of the tip.
+
+    Args:
+        model: The value of the key `shapes` of a tool.
+        folder: Folder of the job file.
+        arm: The arm.
+
+    Raises:
+        InvalidInput: As in `scene_of`.
+    """
+    chain = arm.chain
+    if chain is None:
+        raise InvalidInput(f"The arm {arm.name} has no chain of links that a tool could hang on.")
+    keys = (*OF_OBSTACLES, *OF_LINKS)
+    return tuple(
+        _link_shape(where, x, folder, len(chain), tip=chain.tip)
+        for where, x in _bodies(model, "arm.tool.shapes", keys, "obstacles and links")
+    )
+
+
+def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
+    """A capsule from the flange to near the tool point, for a tool whose shapes are not given.
+
+    It ends before the tool point, which touches the work. A tool that is too short for it has no
+    shape.
+
+    Args:
+        arm: The arm with its tool frame.
+    """
+    chain = arm.chain
+    if chain is None:
+        return ()
+    flange, point = chain.tip.position, (chain.tip @ chain.tool).position
+    reach = float(np.linalg.norm(point - flange))
+    length = reach - 2 * ASSUMED_RADIUS - ASSUMED_GAP
+    if length <= 0:
+        return ()
+    out = (point - flange) / reach
+    middle = flange + (ASSUMED_RADIUS + length / 2) * out
+    return (
+        LinkShape(
+            name=TOOL,
+            link=len(chain),
+            shape=Capsule(radius=ASSUMED_RADIUS, length=length),
+            place=Frame(position=middle, rotation=upright(out)),
+            tool=True,
+            assumed=True,
+        ),
+    )
+
+
+def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
+    """Shapes that a job adds to links of its arm, in the frames of the links.
+
+    Args:
+        model: The value of the key `shapes` of an arm.
+        folder: Folder of the job file.
+        arm: The arm.
+
+    Raises:
+        InvalidInput: As in `scene_of`, or there is no such link.
+    """
+    links = {x.name: x.link for x in (() if arm.shapes is None else arm.shapes.shapes)}
+    links |= {BASE: 0} | {name: k for k, name in enumerate(arm.joint_names, start=1)}
+    found = []
+    for where, x in _bodies(model, "arm.shapes", OF_OBSTACLES, "obstacles"):
+        if x.link not in links:
+            raise InvalidInput(
+                f"{where}: link must be one of {list_some(list(links), MOST_NAMED)}, "
+                f"{'but is missing' if x.link is None else f'not {x.link!r}'}."
+            )
+        found.append(_link_shape(where, x, folder, links[x.link]))
+    return tuple(found)
+
+
+def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
+    """The rotation matrix of a model, (3, 3); None if the model gives no rotation.
+
+    Args:
+        key: Key of the model, for messages; empty if these are located already.
+        model: The model.
+
+    Raises:
+        InvalidInput: Both rpy and quaternion, or a quaternion whose length is not 1.
+    """
+    if model.rpy is not None and model.quaternion is not None:
+        raise InvalidInput(f"{key or 'It'} takes either rpy or quaternion, not both.")
+    if model.quaternion is not None:
+        return rotations(f"{key}.quaternion".lstrip("."), model.quaternion)
+    return None if model.rpy is None else from_rpy(model.rpy)
+
+
+def _bodies(
+    model: BodiesModel, key: str, keys: tuple[str, ...], whose: str
+) -> Iterator[tuple[str, BodyModel]]:
+    """All bodies under a key, with their places in the job; none may have some keys."""
+    for x in dataclasses.fields(BodiesModel):
+        for body in getattr(model, x.name):
+            where = f"{key}.{x.name}: {body.name}"
+            _refuse_keys(where, body, keys, whose)
+            yield where, body
+
+
+def _link_shape(
+    where: str, model: BodyModel, folder: FilePath, link: int, *, tip: Frame | None = None
+) -> LinkShape:
+    """A shape of a link, or with `tip` of the tool, whose frame that is in the last link."""
+    with locate_errors(where):
+        shape, place = _shape(model, folder), _place(model)
+        if tip is not None:
+            place = tip @ place
+        body = LinkShape(name=model.name, link=link, shape=shape, place=place, tool=tip is not None)
+        return body.with_hull()
+
+
+def _stand(obstacle: Obstacle, model: PlacedModel, part: Frame) -> Obstacle:
+    """An obstacle as the keys of a job place it and allow bodies to touch it."""
+    fixed = obstacle.fixed_to if model.fixed_to is None else model.fixed_to
+    changes: dict[str, Any] = {"fixed_to": fixed}
+    if fixed == PART:
+        changes["place"] = part @ obstacle.place
+    if model.margin is not None:
+        changes["margin"] = model.margin
+    if model.allow is not None:
+        changes["allow"] = tuple(model.allow)
+    return dataclasses.replace(obstacle, **changes)
+
+
+def _place(model: PlacedModel) -> Frame:
+    """The frame of a body."""
+    turned = _normal(model) if isinstance(model, HalfSpaceModel) else rotation_of("", model)
+    return Frame(
+        position=np.array(model.at or [0.0, 0.0, 0.0]),
+        rotation=np.eye(3) if turned is None else turned,
+    )
+
+
+def _normal(model: HalfSpaceModel) -> FloatArray | None:
+    """The rotation whose z axis is the direction out of a half-space."""
+    turned = rotation_of("", model)
+    if model.normal is None:
+        return turned
+    if turned is not None:
+        raise InvalidInput("A half-space takes either normal, or rpy or quaternion, not both.")
+    out = checks.numbers("normal", model.normal)
+    length = float(np.linalg.norm(out))
+    if length == 0:
+        raise InvalidInput("The normal of a half-space has the length 0: give it a direction.")
+    return upright(out / length)
+
+
+def upright(z: FloatArray) -> FloatArray:
+    """A rotation whose z axis has a given direction, (3, 3).
+
+    Args:
+        z: The direction, of length 1, (3,).
+    """
+    axis = np.array([-z[1], z[0], 0.0])
+    size = float(np.linalg.norm(axis))
+    if size == 0:
+        return np.diag([1.0, z[2], z[2]])
+    return exp(axis / size * np.arctan2(size, z[2]))
+
+
+def _shape(model: BodyModel, folder: FilePath) -> Shape:
+    """The shape of a body.
+
+    Raises:
+        InvalidInput: A size that no body has, or a mesh that is not there.
+    """
+    match model:
+        case BoxModel():
+            return Box(size=np.array(model.size))
+        case SphereModel():
+            return Sphere(radius=model.radius)
+        case CylinderModel():
+            return Cylinder(radius=model.radius, length=model.length)
+        case CapsuleModel():
+            return Capsule(radius=model.radius, length=model.length)
+        case MeshModel():
+            from armcontour.files.mesh_file import read_mesh
+
+            return read_mesh(folder / model.file, unit=model.unit)
+    return HalfSpace()
+
+
+def _refuse_keys(where: str, model: PlacedModel, keys: tuple[str, ...], whose: str) -> None:
+    """Refuse keys that bodies of another use have."""
+    for key in keys:
+        if getattr(model, key) is not None:
+            raise InvalidInput(f"{where}: {key} is a key of {whose}: leave it out here.")
+
+
+def three_numbers(value: Any) -> Any:
+    """Refuse a direction that has another shape than three numbers; return it as written."""
+    shaped = isinstance(value, list) and len(value) == 3
+    if not shaped or any(isinstance(x, list | dict) for x in value):
+        raise ValueError(f"must be three numbers such as [0, 0, -1], not {show(value)}")
+    return value
+
+
+Direction = Annotated[
+    list[Number], Field(min_length=3, max_length=3), BeforeValidator(three_numbers)
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RotationModel:
+    """Either `rpy` or `quaternion`.
+
+    Args:
+        rpy: Roll, pitch and yaw about fixed x, y and z [rad].
+        quaternion: Unit quaternion as x, y, z, w.
+    """
+
+    rpy: Angles | None = None
+    quaternion: Quaternion | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlacedModel(RotationModel):
+    """What obstacles, and shapes of links and tools, have in common.
+
+    Args:
+        at: The position of its origin [m]: the middle of boxes, cylinders, spheres and capsules, a
+            point of the plane of a half-space, the origin of a mesh or of a file.
+        fixed_to: For obstacles, what they stand on: the `base` of the arm, whose frame places them,
+            or the `part`, with the frame of the path.
+        margin: For obstacles, how near links and tool may come [m]; by default as `margins` says.
+        allow: For obstacles, links that may touch; `tool` is the tool.
+        link: For shapes of links, the link: a joint, for the link after this joint, another shape's
+            name, or `base`.
+    """
+
+    at: Place | None = None
+    fixed_to: Annotated[str, Choice((BASE, PART))] | None = None
+    margin: Distance | None = None
+    allow: list[str] | None = None
+    link: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodyModel(PlacedModel):
+    """A body with a name.
+
+    Args:
+        name: Its name, for messages.
+    """
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoxModel(BodyModel):
+    """A box.
+
+    Args:
+        size: Its lengths along x, y and z [m].
+    """
+
+    size: Place
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SphereModel(BodyModel):
+    """A ball.
+
+    Args:
+        radius: Its radius [m].
+    """
+
+    radius: Distance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CylinderModel(BodyModel):
+    """A round cylinder along its z axis.
+
+    Args:
+        radius: Its radius [m].
+        length: Its length [m].
+    """
+
+    radius: Distance
+    length: Distance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CapsuleModel(BodyModel):
+    """All points near a stretch of its z axis.
+
+    Args:
+        radius: Distance of the surface from the stretch [m].
+        length: Length of the stretch, without the round ends [m].
+    """
+
+    radius: Distance
+    length: Distance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HalfSpaceModel(BodyModel):
+    """All points on one side of a plane, such as a table or a wall.
+
+    Args:
+        normal: The direction out of the half-space, upwards by default; in the place of rpy and
+            quaternion.
+    """
+
+    normal: Direction | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeshModel(BodyModel):
+    """A body within the triangles of a file.
+
+    Args:
+        file: A .stl or .obj file; its name is relative to the job file.
+        unit: Unit of its lengths, such as mm; metres by default.
+    """
+
+    file: str
+    unit: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodiesModel:
+    """Bodies by their shapes.
+
+    Args:
+        boxes: Boxes with lengths along three axes.
+        cylinders: Round cylinders.
+        spheres: Balls about a point.
+        capsules: Cylinders with round ends.
+        halfspaces: Half-spaces, for obstacles only.
+        meshes: Bodies from files.
+    """
+
+    boxes: list[BoxModel] = field(default_factory=list)
+    cylinders: list[CylinderModel] = field(default_factory=list)
+    spheres: list[SphereModel] = field(default_factory=list)
+    capsules: list[CapsuleModel] = field(default_factory=list)
+    halfspaces: list[HalfSpaceModel] = field(default_factory=list)
+    meshes: list[MeshModel] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneFileModel(PlacedModel):
+    """A file of obstacles.
+
+    Args:
+        file: A description (.urdf) whose `<collision>` elements stand still; its name is relative
+            to the job file.
+        unit: Unit of the lengths of meshes that the file names without a scale; metres by default.
+    """
+
+    file: str
+    unit: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneModel(BodiesModel):
+    """Obstacles in the cell, and how near the arm may come to them and to itself.
+
+    Args:
+        margins: How near bodies may come, by the kinds of pairs.
+        files: Files of more obstacles, with or without their place and margin.
+        floor: Height of the floor in the frame of the arm's base, an obstacle; "none" where nothing
+            is below the base, as on a pedestal or a wall. By default a link below the base is a
+            warning.
+    """
+
+    margins: Margins = Margins()
+    floor: Literal["base", "none"] | Length = AT_BASE
+    files: list[str | SceneFileModel] = field(default_factory=list)

@@ -1,0 +1,261 @@
+"""Convert quantities that users write, a number in SI units or text such as `5 mm`, to SI units."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from decimal import Decimal
+from functools import cache
+from typing import Any
+
+from armcontour.core.checks import suffix
+from armcontour.core.quantities import WHOLE_TURN, Quantity
+from armcontour.core.text import plain_number, show
+
+# What stands for infinity where a quantity may be infinite.
+ENDLESS = {
+    "none": math.inf,
+    "inf": math.inf,
+    "-inf": -math.inf,
+    math.inf: math.inf,
+    -math.inf: -math.inf,
+}
+# Longest text of a quantity.
+MOST_CHARACTERS = 100
+# Possessive quantifiers prevent backtracking, so that the time is linear in the length of the text.
+NUMBER = r"[-+]?(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3}+)?+"
+# A name, and at most one power of one digit: pint would compute powers of powers.
+NAME = r"[A-Za-zµμΩÅ][A-Za-z0-9_µμΩÅ]*+(?:\s*+(?:\*\*|\^)\s*+-?[0-9](?![0-9])|[²³])?+"
+# Products and quotients of names; the first factor may be 1, as in 1/s.
+UNIT = rf"(?:1\s*+/\s*+)?+{NAME}(?:(?:\s*+[*/·]\s*+|\s++){NAME})*+"
+QUANTITY = re.compile(rf"\s*+({NUMBER})\s*+({UNIT}|°)\s*+")
+PERCENT = re.compile(rf"\s*+({NUMBER})\s*+%\s*+")
+# Numbers that differ by less than this share of themselves differ by rounding errors.
+NOISE = 1e-15
+# Longest number that is written without an exponent.
+LONGEST_POSITIONAL = 20
+# Usual units: pint, which knows all of them, takes a third of a second to start.
+USUAL = {
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6},
+    "m/s": {"m/s": 1.0, "mm/s": 1e-3, "m/min": 1 / 60, "mm/min": 1e-3 / 60},
+    "m/s^2": {"m/s^2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "mm/s^2": 1e-3, "mm/s²": 1e-3},
+    "rad": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180, "°": math.pi / 180},
+    "rad/s": {"rad/s": 1.0, "deg/s": math.pi / 180},
+    "rad/s^2": {"rad/s^2": 1.0, "rad/s²": 1.0, "rad/s**2": 1.0, "deg/s^2": math.pi / 180},
+    "m/s^3": {"m/s^3": 1.0, "m/s³": 1.0},
+    "rad/s^3": {"rad/s^3": 1.0, "rad/s³": 1.0},
+    "N m": {"N m": 1.0, "N*m": 1.0},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
+    "1/s": {"1/s": 1.0},
+    "kg": {"kg": 1.0, "g": 1e-3},
+}
+
+
+@cache
+def _registry() -> Any:
+    """The units of pint, with names from data sheets."""
+    from pint import UnitRegistry
+
+    registry: Any = UnitRegistry(cache_folder=None)
+    # Data sheets write Nm for the unit of torque.
+    registry.define("newton_meter = newton * meter = Nm")
+    return registry
+
+
+def parse(value: Any, unit: str) -> float:
+    """Convert a quantity to a number in `unit`.
+
+    Args:
+        value: A number, which is in `unit` already, or text such as "5 mm".
+        unit: The SI unit of the result, such as "m/s".
+
+    Raises:
+        ValueError: Neither a number nor text, text without a unit, an unknown unit, or a unit of
+            another dimension.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"must be a number in {unit} or text with a unit, not {show(value)}")
+    return _parse_text(value, unit) if isinstance(value, str) else _finite(value)
+
+
+def _parse_text(text: str, unit: str) -> float:
+    """Convert text such as "5 mm" to a number in `unit`."""
+    if len(text) > MOST_CHARACTERS:
+        raise ValueError(
+            f"{show(text)} has {len(text)} characters, more than the {MOST_CHARACTERS} of a "
+            f"quantity in {unit}: write a number and a unit"
+        )
+    if plain_number(text) is not None:
+        raise ValueError(
+            f"{text!r} has no unit: write one, such as '{text} {unit}', or a plain number in {unit}"
+        )
+    # Checked here, because pint would compute any arithmetic in the text.
+    found = QUANTITY.fullmatch(text)
+    if not found:
+        pointed = re.sub(r"(?<=\d),(?=\d)", ".", text, count=1)
+        if pointed != text and QUANTITY.fullmatch(pointed):
+            raise ValueError(f"{text!r} has a decimal comma: write {pointed!r}")
+        raise ValueError(f"{show(text)} is not a quantity in {unit}: write a number and a unit")
+    number, given = found.groups()
+    factor = USUAL.get(unit, {}).get(given.strip())
+    result = _convert(text, unit) if factor is None else float(number) * factor
+    if not math.isfinite(result):
+        raise ValueError(f"must be finite, but is {text!r}")
+    return result
+
+
+def _convert(text: str, unit: str) -> float:
+    """Convert text such as "5 thou" to a number in `unit`, by pint."""
+    import pint
+
+    try:
+        return float(_registry().Quantity(text).to(unit).magnitude)
+    except pint.DimensionalityError:
+        raise ValueError(f"must be a quantity in {unit}, which {text!r} is not") from None
+    except Exception as error:  # pint's parser lets tokenizer and syntax errors through
+        raise ValueError(f"{text!r} is not a quantity in {unit}: {error}") from None
+
+
+def _finite(value: float) -> float:
+    """A number as a finite float."""
+    try:
+        number = float(value)
+    except OverflowError:
+        raise ValueError("must be finite, but has hundreds of digits") from None
+    if not math.isfinite(number):
+        raise ValueError(f"must be finite, but is {value}")
+    return number
+
+
+def share(value: Any) -> float:
+    """Convert a share, given as a plain number or as text such as "10 %", to a number.
+
+    Raises:
+        ValueError: Neither a number nor a percentage.
+    """
+    if isinstance(value, str):
+        found = PERCENT.fullmatch(value[: MOST_CHARACTERS + 1])
+        if found is None or len(value) > MOST_CHARACTERS:
+            raise ValueError(
+                f"must be a plain number or a percentage such as '10 %', not {show(value)}"
+            )
+        return parse(float(found[1]), "%") / 100
+    return parse(value, "1")
+
+
+def read_quantity(value: Any, kind: Quantity) -> float:
+    """Convert a quantity that a user wrote to SI units, and check its range.
+
+    Args:
+        value: A plain number, or text with a unit.
+        kind: Unit and range of the quantity.
+
+    Raises:
+        ValueError: No quantity of this unit, or out of range.
+    """
+    if kind.endless and isinstance(value, str | float) and value in ENDLESS:
+        endless = ENDLESS[value]
+        if endless > 0 or kind.sign == "any":
+            return endless
+    found = read_plain(value, kind)
+    low, high = kind.range
+    turned = kind.sign == "turn" and abs(found) > WHOLE_TURN and not isinstance(value, str)
+    if low <= found <= high and not turned:
+        return found
+    written = value.strip() if isinstance(value, str) else f"{found:g}{suffix(kind.words)}"
+    percent = kind.sign == "share" and not isinstance(value, str) and 1 <= found < 100
+    hint = f": for {written} percent write {written} %" if percent else ""
+    if turned:
+        hint = f": for {found:g} degrees write {found:g} deg"
+    needed = "be at most a whole turn without a unit" if turned else kind.needed(found)
+    raise ValueError(f"must {needed}, but is {written}{hint}")
+
+
+def write_like(value: float, old: Any, kind: Quantity, *, within: float = 0.0) -> Any:
+    """Write a quantity in the form in which another one is written.
+
+    Args:
+        value: The quantity in SI units.
+        old: The other one, such as "350 mm", a plain number, or None for the kind's usual unit.
+        kind: The kind of both.
+        within: How far the written value may be from `value` [SI]: the fewest digits are taken.
+
+    Returns:
+        Text with the unit of `old`, or a plain number. It differs from `value` by at most `within`,
+        or by a few units in the last place of a float.
+    """
+    found = _written(old, kind)
+    if found is None:
+        number = float(_shortest(value, value, float, within))
+        return int(number) if isinstance(old, int) and number == int(number) else number
+    before, after = found
+    one = read_plain(f"{before}1{after}", kind)
+    text = _shortest(value / one, value, lambda x: read_plain(f"{before}{x}{after}", kind), within)
+    return before + text + after
+
+
+def unit_of(old: Any, kind: Quantity) -> tuple[str, float]:
+    """The unit in which a quantity is written, and its size in SI units.
+
+    Args:
+        old: The quantity, such as "350 mm", a plain number, or None for the kind's usual unit.
+        kind: The kind of the quantity.
+    """
+    found = _written(old, kind)
+    if found is None:
+        return ("" if kind.unit == "1" else kind.unit), 1.0
+    return found[1].strip(), read_plain(f"1{found[1]}", kind)
+
+
+def _written(old: Any, kind: Quantity) -> tuple[str, str] | None:
+    """What is before and behind the number of a quantity; None for a plain number."""
+    if isinstance(old, int | float) and not isinstance(old, bool):
+        return None
+    pattern = PERCENT if kind.unit == "1" else QUANTITY
+    match = pattern.fullmatch(old) if isinstance(old, str) else None
+    if match is None:
+        old, match = kind.example, pattern.fullmatch(kind.example)
+    assert match is not None
+    return old[: match.start(1)], old[match.end(1) :]
+
+
+def read_plain(value: Any, kind: Quantity) -> float:
+    """Convert a quantity to SI units, in any range.
+
+    Args:
+        value: A plain number, or text with a unit.
+        kind: Its unit.
+
+    Raises:
+        ValueError: As in `read_quantity`.
+    """
+    return share(value) if kind.unit == "1" else parse(value, kind.unit)
+
+
+def _shortest(number: float, value: float, read: Callable[[str], float], within: float) -> str:
+    """The fewest digits of a number that are read as a value.
+
+    Args:
+        number: The number.
+        value: The value [SI].
+        read: Gives the value of a text.
+        within: How far the value of the text may be off [SI].
+    """
+    allowed = max(within, NOISE * abs(value))
+    text = "0"
+    if abs(value) <= allowed:
+        return text
+    for digits in range(1, 18):
+        text = _positional(f"{number:.{digits}g}")
+        if abs(read(text) - value) <= allowed:
+            break
+    return text
+
+
+def _positional(text: str) -> str:
+    """A decimal number without an exponent, unless that is long."""
+    if "e" not in text:
+        return text
+    plain = f"{Decimal(text):f}"
+    return text if len(plain) > LONGEST_POSITIONAL else plain

@@ -1,0 +1,14 @@
+"""Timing of joint paths: the entry point `plan`, with one file per method."""
+
+from armcontour.core.lazy import lazy_names
+
+_HOME = {
+    "common": "RESERVED with_reserve",
+    "explanation": "Binding Explanation Shortfall explain find_jerk_stops",
+    "options": "METHODS Conventional Optimal Paper PlanOptions Shaped",
+    "planner": "intervals_of plan refuse_endless",
+    "program_timing": "refuse_unkept_jerk",
+    "program_tracing": "Tracing trace_fastest trace_program turn_along",
+    "shaping": "shape",
+}
+__getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -1,0 +1,193 @@
+"""Functions that several planners share: assigned speeds, path laws, and limits along laws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.errors import InvalidInput, NotRealizable
+from armcontour.geometry import Path
+from armcontour.motion import JointPath, Law, LawAlongPath, PathLaw, Rates
+from armcontour.robot import Arm, Limits
+from armcontour.robot.limit_use import States
+from armcontour.robot.limits import UNITS
+
+# Samples per smooth piece of a law. A piece turns by half a radian at most, so the sampled peak is
+# less than the true peak by under a part in ten thousand.
+PEAK_SAMPLES = 33
+# A law may exceed a limit by rounding only.
+ROUNDING = 1e-6
+# Words after a unit that does not name the quantity by itself.
+OF = {"angular_speed": " of turning", "angular_acceleration": " of turning"}
+# Limits that a reserve reduces.
+RESERVED = ("joint_acceleration", "joint_torque")
+
+
+def with_reserve(limits: Limits, reserve: float) -> Limits:
+    """Reduce the limits of joint acceleration and torque by a share.
+
+    Args:
+        limits: The limits.
+        reserve: Share to subtract, from 0 to below 1.
+    """
+    if not reserve:
+        return limits
+    left = {
+        name: (1 - reserve) * value
+        for name in RESERVED
+        if (value := getattr(limits, name)) is not None
+    }
+    return limits.replace(**left) if left else limits
+
+
+def tool_path_of(joint_path: JointPath, method: str) -> Path:
+    """The tool path that a joint path follows.
+
+    Raises:
+        InvalidInput: The joint path has no tool path.
+    """
+    if joint_path.tool_path is None:
+        raise InvalidInput(
+            f"The method {method} plans along a tool path: give it a Path, or a traced one."
+        )
+    return joint_path.tool_path
+
+
+def require_speed(limits: Limits, method: str) -> float:
+    """The assigned velocity [m/s], without which a method cannot plan.
+
+    Raises:
+        InvalidInput: The limits have no assigned velocity.
+    """
+    if limits.speed is None:
+        raise InvalidInput(
+            f"The method {method} needs an assigned velocity: give the limit speed [m/s]."
+        )
+    return limits.speed
+
+
+def segment_speeds(path: Path, speed: float) -> FloatArray:
+    """Assigned velocity of each segment [m/s], (n,): its own velocity, but at most `speed`."""
+    return np.fmin(path.speeds, speed)
+
+
+def path_law(joint_path: JointPath, s: FloatArray, start: FloatArray, end: FloatArray) -> PathLaw:
+    """The time law with a uniform path acceleration on each interval.
+
+    Args:
+        joint_path: The joint path.
+        s: Arc lengths of the interval ends [m], (n + 1,).
+        start: Tool speed at the start of each interval [m/s], (n,).
+        end: Tool speed at the end of each interval [m/s], (n,).
+    """
+    lengths = np.diff(s)
+    times = 2 * lengths / (start + end)
+    none = np.zeros_like(lengths)
+    rates = Rates(ds=start, dds=(end - start) / times, slope=none, jerk=none)
+    return PathLaw(
+        joint_path=joint_path, breaks=np.concatenate([[0.0], np.cumsum(times)]), s=s, rates=rates
+    )
+
+
+def law_peaks(laws: Sequence[Law], arm: Arm) -> dict[str, Any]:
+    """Largest joint accelerations, (27), and tool speed along laws, as fields of `Stretch`."""
+    states = [law_states(x, arm) for x in laws]
+    return {
+        "demand": np.max([np.abs(x.ddq).max(axis=0) for x in states], axis=0),
+        "speed": max(float(x.bound("speed")[0].max()) for x in states),
+    }
+
+
+def law_states(law: Law, arm: Arm) -> States:
+    """Joint states at the samples of a law."""
+    i, t = sample_times(law)
+    return States(arm, law.motion(i, t))
+
+
+def sample_times(law: Law) -> tuple[IntArray, FloatArray]:
+    """Samples of a law that include its peaks.
+
+    Returns:
+        The interval of each sample, (n,), and its time [s], (n,).
+    """
+    knots = law.breaks
+    if isinstance(law, PathLaw):
+        knots = np.unique(np.append(knots, law.passages))
+    count = PEAK_SAMPLES if isinstance(law, PathLaw) else 3
+    grid = np.linspace(knots[:-1], knots[1:], count)
+    interval = np.searchsorted(law.breaks, (knots[:-1] + knots[1:]) / 2, side="right") - 1
+    return np.broadcast_to(interval, grid.shape).ravel(), grid.ravel()
+
+
+def refuse_broken(
+    laws: Sequence[LawAlongPath],
+    arm: Arm,
+    limits: Limits,
+    names: Sequence[str],
+    *,
+    where: str,
+    t: float,
+    mends: str,
+) -> None:
+    """Refuse laws that break one of the named limits at a sample.
+
+    Args:
+        laws: The laws, one after the other.
+        arm: The arm.
+        limits: The limits. A named limit that is None is not checked.
+        names: Fields of `Limits` to check.
+        where: First words of the error message; the arc length follows.
+        t: Start time of the first law [s].
+        mends: Last words of the error message: what would help.
+
+    Raises:
+        NotRealizable: With position and time, the joint, the value it would need, and the limit.
+        InvalidInput: A torque limit for an arm without masses, or a limit of angular motion for a
+            tool without orientation.
+    """
+    given = [name for name in names if getattr(limits, name) is not None]
+    start = t
+    for law in laws if given else ():
+        states = law_states(law, arm)
+        for name in given:
+            _refuse_in_law(law, states, limits, name, where, start, mends)
+        start += float(law.breaks[-1])
+
+
+def _refuse_in_law(
+    law: LawAlongPath,
+    states: States,
+    limits: Limits,
+    name: str,
+    where: str,
+    start: float,
+    mends: str,
+) -> None:
+    """Refuse a law that starts at the time `start` [s] and breaks one limit.
+
+    Raises:
+        NotRealizable: With position and time, the joint, the value it would need, and the limit.
+    """
+    found = states.use(name, limits)
+    ratio = found.ratio
+    if ratio.max() <= 1 + ROUNDING:
+        return
+    at = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+    joint = int(at[1]) if len(at) == 2 else None
+    needed, limit = found.value[at], np.broadcast_to(found.limit, ratio.shape)[at]
+    who = "the tool" if joint is None else f"joint {joint + 1}"
+    intervals, times = sample_times(law)
+    s = float(law.path_position(intervals[at[0]], times[at[0]]))
+    raise NotRealizable(
+        f"{where}, at {s:.4g} m, {who} would need {needed:.4g} {UNITS[name]}{OF.get(name, '')}, "
+        f"but its limit is {limit:.4g} {UNITS[name]}: {mends}.",
+        s=s,
+        t=start + float(times[at[0]]),
+        joint=joint,
+        limit=name,
+        needed=float(needed),
+        allowed=float(limit),
+    )

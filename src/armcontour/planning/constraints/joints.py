@@ -1,0 +1,136 @@
+"""Limits of joints: velocity, acceleration, which may differ in the two directions, and torque."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray, for_kernel
+from armcontour.planning.constraints.base import Constraint
+from armcontour.planning.constraints.second_order import refuse_excess_at_rest
+from armcontour.planning.grid import Grid
+from armcontour.planning.topp._forms import ROUNDING
+from armcontour.planning.topp.limits import (
+    BY_SLOPE,
+    BY_U,
+    BY_X,
+    HIGH,
+    LOW,
+    A,
+    B,
+    Form,
+    Friction,
+    Joints,
+    Rows,
+)
+from armcontour.planning.topp.on_grid import OnGrid
+from armcontour.robot import Arm
+
+
+class JointMotion(Constraint):
+    """Bounds of velocities `q' ds` and accelerations `q' u + q'' x` of every joint.
+
+    Args:
+        velocity: Lower bounds, negative, and upper ones [rad/s], infinite where there is none,
+            (dof,) each; None for none.
+        acceleration: Those of accelerations [rad/s²].
+    """
+
+    def __init__(
+        self,
+        velocity: tuple[FloatArray, FloatArray] | None = None,
+        acceleration: tuple[FloatArray, FloatArray] | None = None,
+    ) -> None:
+        none = np.empty((2, 0))
+        self.velocity = none if velocity is None else np.stack(velocity)
+        self.low, self.high = none if acceleration is None else map(for_kernel, acceleration)
+
+    def bounds(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds of accelerations on every interval, (n, joints) each."""
+        shape = len(grid), len(self.low)
+        return np.broadcast_to(self.low, shape), np.broadcast_to(self.high, shape)
+
+    def fastest(self, path: OnGrid) -> FloatArray:
+        """Largest amounts of velocities in the directions of the joints on intervals, (n, dof)."""
+        (slopes, _), (third, _) = path.derivatives
+        certain = path.grid.width[:, None] ** 2 / 8 * third
+        low, high = np.abs(self.velocity)
+        # Where a joint may turn round, it keeps both bounds.
+        back = np.where(slopes.max(axis=1) < -certain, low, np.minimum(low, high))
+        return np.asarray(np.where(slopes.min(axis=1) > certain, high, back))
+
+    def on(self, path: OnGrid) -> Iterable[Form]:
+        """The bounds, of which the planner makes rows."""
+        none = np.full(0, np.inf), np.full(0, np.inf)
+        accelerations = (self.low, self.high) if len(self.low) else none
+        return (Joints.of(path.grid.joint_path.dof, *accelerations, *(1 / self.velocity**2)),)
+
+    def rows(self, path: OnGrid) -> Rows:
+        """The accelerations as rows: g = q' u + q'' x has g'' = 5 q''' u + q'''' x + 4 q'' k."""
+        (first, second), (third, fourth) = path.derivatives
+        w, n = path.grid.width[:, None], len(path)
+        ends, rise = np.empty((n, 2, len(self.low), 4)), np.zeros((n, len(self.low), 4))
+        ends[..., A], ends[..., B] = first, second
+        ends[..., LOW], ends[..., HIGH] = (x[:, None] for x in self.bounds(path.grid))
+        q1 = np.abs(first).max(axis=1) + w**2 / 8 * third
+        q2 = np.abs(second).max(axis=1) + w * third
+        rise[..., BY_U] = w**2 / 8 * 5 * third
+        rise[..., BY_X] = w**2 / 8 * fourth + ROUNDING / w * q1
+        rise[..., BY_SLOPE] = w**2 / 8 * 4 * q2
+        return Rows(ends, rise)
+
+
+class JointTorque(Constraint):
+    """`|a u + b x + c + viscous q' sqrt(x) + coulomb sign(q')| <= limit` for every joint.
+
+    Args:
+        arm: The arm, with masses.
+        limit: Largest torques [N m], (dof,).
+
+    Raises:
+        InvalidInput: The arm has no masses.
+    """
+
+    name = "torque"
+    limit_name = "joint_torque"
+    limit: FloatArray
+    joints = True
+
+    def __init__(self, arm: Arm, limit: FloatArray) -> None:
+        self.dynamics = arm.dynamics
+        self.limit = np.array(limit)
+        chain = self.dynamics.chain
+        self.viscous, self.coulomb = np.array(chain.viscous), np.array(chain.coulomb)
+        self.curved = bool(self.viscous.any())
+
+    def on(self, path: OnGrid) -> Iterable[Form]:
+        """The torques, less dry friction, and viscous friction.
+
+        Raises:
+            NotRealizable: A joint exceeds its limit at rest, or in arbitrarily slow motion.
+        """
+        terms, bounds = self.dynamics.path_terms(*path.motion), (-self.limit, self.limit)
+        rows = path.rows(terms, *bounds)
+        weight = path.at_ends(terms[2])
+        refuse_excess_at_rest(path.grid, self, weight, bounds)
+        if not (self.curved or self.coulomb.any()):
+            return (rows,)
+        (first, _), (third, _) = path.derivatives
+        off = path.grid.width[:, None] ** 2 / 8 * third
+        size = np.abs(first)
+        largest = size.max(axis=1) + off
+        one_way = (first[:, 0] * first[:, 1] > 0) & (size.min(axis=1) > off)
+        sign = np.where(one_way, np.sign(first[:, 0]), 0.0)
+        dry = np.where(largest > 0, self.coulomb, 0.0)
+        # Where a joint may turn round, dry friction counts against both limits.
+        above, below = np.where(one_way, sign, 1.0) * dry, np.where(one_way, sign, -1.0) * dry
+        creeping = weight + np.where(weight > 0, above[:, None], below[:, None])
+        when = "in the slowest motion, with friction"
+        refuse_excess_at_rest(path.grid, self, creeping, bounds, when=when, cannot="move")
+        rows.ends[..., LOW] -= below[:, None]
+        rows.ends[..., HIGH] -= above[:, None]
+        if not self.curved:
+            return (rows,)
+        within = np.stack([self.viscous * largest, self.viscous * off, sign], axis=2)
+        return rows, Friction(self.viscous * first, within)

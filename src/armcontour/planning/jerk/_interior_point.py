@@ -1,0 +1,677 @@
+"""A feasible interior point method for the fastest speed along a path; compiled.
+
+The unknowns are the middle control points d of `a = ds²` on n cells, between the values of a at
+both ends. Each row couples three neighbours, so that every step solves a system of five diagonals.
+Every iterate keeps every row. See docs/concepts/jerk.md.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.kernels import compiled
+
+# Share of the way to the nearest row that a step may go.
+NEAREST = 0.995
+# The same for rows of the length of a vector, whose bounds are round.
+NEAREST_ROUND = 0.9
+# A step that breaks a row by rounding errors is shortened by this factor, at most so often.
+SHORTER, MOST_SHORTER = 0.5, 30
+# The barrier falls by this factor, once Newton's decrement is below this share of the gap and the
+# step was longer than this share: faster rules end in tiny steps.
+FALL, CENTERED, LONG = 0.15, 0.1, 0.3
+# Tangents move where rows keep this share of their slack.
+KEPT = 0.1
+# Gauss-Legendre nodes and weights on [0, 1], of the duration of a cell.
+NODES = 0.5 + 0.5 * np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
+WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
+# The scaled diagonal is at least this far above zero.
+RIDGE = 1e-14
+TINY = 1e-300
+# What is minimized: the duration, or the speed at the start or at the end, with a minus sign.
+DURATION, START, END = 0, 1, 2
+
+
+class Section(NamedTuple):
+    """The problem between two rests, or other ends, on n cells in m parts.
+
+    A row `(x, y, z)` of cell i means `x d[i] + y d[i + 1] + z d[i + 2]`, where d[0] and d[n + 1]
+    are the values of a at the start and the end.
+
+    Args:
+        width: Lengths of the cells [m], (n,).
+        begin, end: Rows of the first and last control point of a on each cell, (n, 3) each.
+        ramps: Lengths of the cells of uniform jerk before the first and after the last cell [m],
+            (2,); 0 where there is none.
+        cell: The cell in which each part lies, (m,).
+        plain: Rows `low <= row <= high` of each part, (m, k, 3).
+        low, high: Their bounds, (m, k).
+        curved: Rows `|row| <= jerk f`, where f is a control point of the tangent below a^(-1/2),
+            (m, l, 3).
+        jerk: Their limits, (l,).
+        of: The control point of each, (l,).
+        raised: Rows of the control points of a on each part, as a polynomial of the degree of the
+            curved rows, (m, j, 3).
+        about: Where the tangent of each part touches a^(-1/2) [m²/s²], (m,); the search moves it.
+        round: Vectors of rows, `|vector| <= radius`, or `<= radius f - margin`, (m, o, 3, 3).
+        radius, margin: Of the round rows, (m, o).
+        round_of: The control point of each, or -1 for a fixed radius, (o,).
+    """
+
+    width: FloatArray
+    begin: FloatArray
+    end: FloatArray
+    ramps: FloatArray
+    cell: IntArray
+    plain: FloatArray
+    low: FloatArray
+    high: FloatArray
+    curved: FloatArray
+    jerk: FloatArray
+    of: IntArray
+    raised: FloatArray
+    about: FloatArray
+    round: FloatArray
+    radius: FloatArray
+    margin: FloatArray
+    round_of: IntArray
+
+
+class _Duals(NamedTuple):
+    """One number for each bound of each row; slacks, multipliers, or their changes."""
+
+    low: FloatArray
+    high: FloatArray
+    curved: FloatArray
+    round: FloatArray
+    positive: FloatArray
+
+
+@compiled(inner=True, allocates=True)
+def _duals(p: Section) -> _Duals:
+    n = len(p.cell)
+    return _Duals(
+        np.zeros(p.low.shape),
+        np.zeros(p.low.shape),
+        np.zeros((n, p.curved.shape[1], 2)),
+        np.zeros((n, p.round.shape[1])),
+        np.zeros(len(p.width) + 2),
+    )
+
+
+# Rows are read number by number: a view of each row would cost more than what is computed with it.
+
+
+@compiled(inner=True, inline="always")
+def _end(rows: FloatArray, i: int, d: FloatArray) -> float:
+    """The value of the only row of cell i."""
+    return float(rows[i, 0] * d[i] + rows[i, 1] * d[i + 1] + rows[i, 2] * d[i + 2])
+
+
+@compiled(inner=True, inline="always")
+def _of(rows: FloatArray, c: int, r: int, i: int, d: FloatArray) -> float:
+    """The value of row r of part c, which lies in cell i."""
+    return float(rows[c, r, 0] * d[i] + rows[c, r, 1] * d[i + 1] + rows[c, r, 2] * d[i + 2])
+
+
+@compiled(inner=True, inline="always")
+def _axis(rows: FloatArray, c: int, r: int, k: int, i: int, d: FloatArray) -> float:
+    """The value of axis k of the vector r of part c, which lies in cell i."""
+    x, y, z = rows[c, r, k, 0], rows[c, r, k, 1], rows[c, r, k, 2]
+    return float(x * d[i] + y * d[i + 1] + z * d[i + 2])
+
+
+@compiled(inner=True, inline="always")
+def _tangents(p: Section, c: int, d: FloatArray, found: FloatArray) -> None:
+    """Write the control points of the tangent below a^(-1/2) in part c, and slopes, (j, 4)."""
+    i = p.cell[c]
+    root = 1.0 / math.sqrt(p.about[c])
+    half = 0.5 * root / p.about[c]
+    for k in range(p.raised.shape[1]):
+        found[k, 0] = 1.5 * root - half * _of(p.raised, c, k, i, d)
+        found[k, 1] = -half * p.raised[c, k, 0]
+        found[k, 2] = -half * p.raised[c, k, 1]
+        found[k, 3] = -half * p.raised[c, k, 2]
+
+
+@compiled(inner=True, inline="always")
+def _mean(p: Section, c: int, d: FloatArray) -> float:
+    """The mean of a over part c."""
+    total = 0.0
+    for k in range(p.raised.shape[1]):
+        total += _of(p.raised, c, k, p.cell[c], d)
+    return float(total / p.raised.shape[1])
+
+
+@compiled(inner=True, inline="always")
+def _radius(p: Section, c: int, r: int, tangents: FloatArray) -> Any:
+    """The radius of a round row, and its slope, (value, x, y, z)."""
+    k, radius = p.round_of[r], p.radius[c, r]
+    if k < 0:
+        return radius - p.margin[c, r], 0.0, 0.0, 0.0
+    value, x, y, z = tangents[k, 0], tangents[k, 1], tangents[k, 2], tangents[k, 3]
+    return radius * value - p.margin[c, r], radius * x, radius * y, radius * z
+
+
+@compiled(inner=True, inline="always")
+def _vector(p: Section, c: int, r: int, i: int, d: FloatArray) -> Any:
+    """The vector of a round row."""
+    return (
+        _axis(p.round, c, r, 0, i, d),
+        _axis(p.round, c, r, 1, i, d),
+        _axis(p.round, c, r, 2, i, d),
+    )
+
+
+@compiled(inner=True, inline="always")
+def _room(bound: float, vector: Any) -> float:
+    """How far a vector is from its bound; without a radius the row is broken."""
+    x, y, z = vector
+    return bound - (x * x + y * y + z * z) / bound if bound > 0.0 else -1.0
+
+
+@compiled(inner=True)
+def _slacks(p: Section, d: FloatArray, free: int, tangents: FloatArray, found: _Duals) -> bool:
+    """Write how far d is from every bound, and return whether it is within all.
+
+    An end that is not free has no bound.
+    """
+    n, least = len(p.width), math.inf
+    for c in range(len(p.cell)):
+        i = p.cell[c]
+        _tangents(p, c, d, tangents)
+        for r in range(p.plain.shape[1]):
+            f = _of(p.plain, c, r, i, d)
+            found.high[c, r], found.low[c, r] = p.high[c, r] - f, f - p.low[c, r]
+            least = min(least, found.high[c, r], found.low[c, r])
+        for r in range(p.curved.shape[1]):
+            bound, f = p.jerk[r] * tangents[p.of[r], 0], _of(p.curved, c, r, i, d)
+            found.curved[c, r, 0], found.curved[c, r, 1] = bound - f, bound + f
+            least = min(least, found.curved[c, r, 0], found.curved[c, r, 1])
+        for r in range(p.round.shape[1]):
+            radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
+            found.round[c, r] = _room(radius[0], vector)
+            least = min(least, found.round[c, r])
+    for i in range(n + 2):
+        found.positive[i] = d[i]
+        if 0 < i <= n:
+            least = min(least, d[i])
+    if free != START:
+        found.positive[0] = 0.0
+    if free != END:
+        found.positive[n + 1] = 0.0
+    # False for what is no number, too.
+    return least > 0.0
+
+
+@compiled()
+def limit_steps(values: FloatArray, steps: FloatArray) -> None:
+    """Lower values in place until neighbours differ by no more than these steps, (n - 1,)."""
+    for i in range(1, len(values)):
+        values[i] = min(values[i], values[i - 1] + steps[i - 1])
+    for i in range(len(values) - 1, 0, -1):
+        values[i - 1] = min(values[i - 1], values[i] + steps[i - 1])
+
+
+@compiled()
+def least_slacks(p: Section, d: FloatArray) -> FloatArray:
+    """The least share of any bound that d leaves in each cell, (n,); positive where rows hold.
+
+    Tangents are put at d, where `improve` begins.
+    """
+    for c in range(len(p.cell)):
+        p.about[c] = _mean(p, c, d)
+    slack, tangents = _duals(p), np.empty((p.raised.shape[1], 4))
+    _slacks(p, d, DURATION, tangents, slack)
+    found = np.ones(len(p.width))
+    for c in range(len(p.cell)):
+        i = p.cell[c]
+        least = found[i] if d[i + 1] > 0.0 else -1.0
+        _tangents(p, c, d, tangents)
+        for r in range(p.plain.shape[1]):
+            f = abs(_of(p.plain, c, r, i, d))
+            if p.high[c, r] < math.inf:
+                least = min(least, slack.high[c, r] / max(abs(p.high[c, r]), f, TINY))
+            if p.low[c, r] > -math.inf:
+                least = min(least, slack.low[c, r] / max(abs(p.low[c, r]), f, TINY))
+        for r in range(p.curved.shape[1]):
+            left, right = slack.curved[c, r, 0], slack.curved[c, r, 1]
+            # The sum of both slacks is twice the bound.
+            least = min(least, min(left, right) / max(abs(left + right) / 2, TINY))
+        for r in range(p.round.shape[1]):
+            bound = abs(_radius(p, c, r, tangents)[0])
+            least = min(least, slack.round[c, r] / max(bound, TINY))
+        found[i] = least
+    return found
+
+
+@compiled(inner=True, inline="always")
+def _add(bands: FloatArray, right: FloatArray, i: int, h: Any, g: Any) -> None:
+    """Add second derivatives and right sides of cell i to the diagonals."""
+    bands[0, i] += h[0]
+    bands[1, i] += h[1]
+    bands[2, i] += h[2]
+    bands[0, i + 1] += h[3]
+    bands[1, i + 1] += h[4]
+    bands[0, i + 2] += h[5]
+    right[i] += g[0]
+    right[i + 1] += g[1]
+    right[i + 2] += g[2]
+
+
+@compiled(inner=True, inline="always")
+def _more(
+    h: tuple[float, float, float, float, float, float],
+    g: tuple[float, float, float],
+    row: tuple[float, float, float],
+    weight: float,
+    push: float,
+) -> Any:
+    """Second derivatives and right sides of one cell, with those of one more row."""
+    x, y, z = row
+    squares = (
+        h[0] + weight * x * x,
+        h[1] + weight * x * y,
+        h[2] + weight * x * z,
+        h[3] + weight * y * y,
+        h[4] + weight * y * z,
+        h[5] + weight * z * z,
+    )
+    return squares, (g[0] + push * x, g[1] + push * y, g[2] + push * z)
+
+
+@compiled(inner=True)
+def _add_durations(p: Section, d: FloatArray, bands: FloatArray, right: FloatArray) -> float:
+    """Duration [s]; adds its second derivatives and subtracts its gradient."""
+    n = len(p.width)
+    total = 0.0
+    for i in range(n):
+        first, last = _end(p.begin, i, d), _end(p.end, i, d)
+        h = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        g = (0.0, 0.0, 0.0)
+        for k in range(3):
+            x = NODES[k]
+            b0, b1, b2 = (1.0 - x) * (1.0 - x), 2.0 * x * (1.0 - x), x * x
+            a = b0 * first + b1 * d[i + 1] + b2 * last
+            part = WEIGHTS[k] * p.width[i] / math.sqrt(a)
+            total += part
+            row = (
+                b0 * p.begin[i, 0] + b2 * p.end[i, 0],
+                b0 * p.begin[i, 1] + b2 * p.end[i, 1] + b1,
+                b0 * p.begin[i, 2] + b2 * p.end[i, 2],
+            )
+            h, g = _more(h, g, row, 0.75 * part / (a * a), 0.5 * part / a)
+        _add(bands, right, i, h, g)
+    for side in range(2):
+        if p.ramps[side] > 0.0:
+            i = 0 if side == 0 else n - 1
+            rows = p.begin if side == 0 else p.end
+            a = _end(rows, i, d)
+            part = 3.0 * p.ramps[side] / math.sqrt(a)
+            total += part
+            row = (rows[i, 0], rows[i, 1], rows[i, 2])
+            h, g = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+            h, g = _more(h, g, row, 0.75 * part / (a * a), 0.5 * part / a)
+            _add(bands, right, i, h, g)
+    return total
+
+
+@compiled(inner=True)
+def _add_bounds(
+    p: Section,
+    d: FloatArray,
+    tangents: FloatArray,
+    slack: _Duals,
+    dual: _Duals,
+    mu: float,
+    bands: FloatArray,
+    right: FloatArray,
+) -> None:
+    """Add what the barriers of all bounds contribute to Newton's system."""
+    n = len(p.width)
+    for c in range(len(p.cell)):
+        i = p.cell[c]
+        _tangents(p, c, d, tangents)
+        h = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        g = (0.0, 0.0, 0.0)
+        for r in range(p.plain.shape[1]):
+            weight, push = 0.0, 0.0
+            if p.high[c, r] < math.inf:
+                one = 1.0 / slack.high[c, r]
+                weight += dual.high[c, r] * one
+                push -= mu * one
+            if p.low[c, r] > -math.inf:
+                one = 1.0 / slack.low[c, r]
+                weight += dual.low[c, r] * one
+                push += mu * one
+            row = (p.plain[c, r, 0], p.plain[c, r, 1], p.plain[c, r, 2])
+            h, g = _more(h, g, row, weight, push)
+        for r in range(p.curved.shape[1]):
+            k = p.of[r]
+            x, y, z = tangents[k, 1], tangents[k, 2], tangents[k, 3]
+            for side in range(2):
+                sign = -1.0 if side == 0 else 1.0
+                one = 1.0 / slack.curved[c, r, side]
+                row = (
+                    p.jerk[r] * x + sign * p.curved[c, r, 0],
+                    p.jerk[r] * y + sign * p.curved[c, r, 1],
+                    p.jerk[r] * z + sign * p.curved[c, r, 2],
+                )
+                h, g = _more(h, g, row, dual.curved[c, r, side] * one, mu * one)
+        for r in range(p.round.shape[1]):
+            radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
+            bound, x, y, z = radius
+            one, weight = 1.0 / slack.round[c, r], dual.round[c, r]
+            h, g = _more(h, g, _round_slope(p, c, r, radius, vector), weight * one, mu * one)
+            for k in range(3):
+                share = vector[k] / bound
+                row = (
+                    p.round[c, r, k, 0] - share * x,
+                    p.round[c, r, k, 1] - share * y,
+                    p.round[c, r, k, 2] - share * z,
+                )
+                h, g = _more(h, g, row, 2.0 * weight / bound, 0.0)
+        _add(bands, right, i, h, g)
+    for i in range(n + 2):
+        if slack.positive[i] > 0.0:
+            bands[0, i] += dual.positive[i] / slack.positive[i]
+            right[i] += mu / slack.positive[i]
+
+
+@compiled(inner=True, inline="always")
+def _round_slope(p: Section, c: int, r: int, radius: Any, vector: Any) -> Any:
+    """The slope of `bound - |vector|² / bound`, (x, y, z)."""
+    bound, x, y, z = radius
+    u, v, w = vector[0] / bound, vector[1] / bound, vector[2] / bound
+    more = 1.0 + u * u + v * v + w * w
+    rows = p.round
+    return (
+        more * x - 2.0 * (u * rows[c, r, 0, 0] + v * rows[c, r, 1, 0] + w * rows[c, r, 2, 0]),
+        more * y - 2.0 * (u * rows[c, r, 0, 1] + v * rows[c, r, 1, 1] + w * rows[c, r, 2, 1]),
+        more * z - 2.0 * (u * rows[c, r, 0, 2] + v * rows[c, r, 1, 2] + w * rows[c, r, 2, 2]),
+    )
+
+
+@compiled(inner=True, inline="always")
+def _reach(slack: float, dual: float, rise: float, change: float, reach: Any) -> Any:
+    """The longest steps of slacks and multipliers so far, with those of one more row."""
+    one, other = reach
+    if -rise * one > NEAREST * slack:
+        one = -NEAREST * slack / rise
+    if -change * other > NEAREST * dual:
+        other = -NEAREST * dual / change
+    return one, other
+
+
+@compiled(inner=True, inline="always")
+def _round_reach(bound: float, rise: float, vector: Any, change: Any, slack: float) -> float:
+    """The longest step that leaves a share of the slack of a round row.
+
+    `bound² - |vector|² - left bound >= 0` is quadratic in the step.
+    """
+    start = NEAREST_ROUND * bound * slack
+    linear = (2.0 * bound - (1.0 - NEAREST_ROUND) * slack) * rise
+    linear -= 2.0 * (vector[0] * change[0] + vector[1] * change[1] + vector[2] * change[2])
+    square = rise * rise - change[0] ** 2 - change[1] ** 2 - change[2] ** 2
+    inner = linear * linear - 4.0 * square * start
+    if inner < 0.0 or (linear > 0.0 and square >= 0.0):
+        return math.inf
+    root = math.sqrt(inner)
+    found = (linear + root) / (-2.0 * square) if linear > 0.0 else 2.0 * start / (root - linear)
+    return float(found)
+
+
+@compiled(inner=True)
+def _changes(
+    p: Section,
+    d: FloatArray,
+    step: FloatArray,
+    tangents: FloatArray,
+    slack: _Duals,
+    dual: _Duals,
+    mu: float,
+    change: _Duals,
+) -> tuple[float, float]:
+    """Write the changes of all multipliers; returns the longest steps of slacks and multipliers."""
+    n = len(p.width)
+    reach = (1.0, 1.0)
+    for c in range(len(p.cell)):
+        i = p.cell[c]
+        _tangents(p, c, d, tangents)
+        for r in range(p.plain.shape[1]):
+            rise = _of(p.plain, c, r, i, step)
+            if p.high[c, r] < math.inf:
+                room, old = slack.high[c, r], dual.high[c, r]
+                new = (mu + old * rise) / room - old
+                reach = _reach(room, old, -rise, new, reach)
+                change.high[c, r] = new
+            if p.low[c, r] > -math.inf:
+                room, old = slack.low[c, r], dual.low[c, r]
+                new = (mu - old * rise) / room - old
+                reach = _reach(room, old, rise, new, reach)
+                change.low[c, r] = new
+        for r in range(p.curved.shape[1]):
+            k = p.of[r]
+            x, y, z = tangents[k, 1], tangents[k, 2], tangents[k, 3]
+            common = p.jerk[r] * (x * step[i] + y * step[i + 1] + z * step[i + 2])
+            rise = _of(p.curved, c, r, i, step)
+            for side in range(2):
+                own = common - rise if side == 0 else common + rise
+                room, old = slack.curved[c, r, side], dual.curved[c, r, side]
+                new = (mu - old * own) / room - old
+                reach = _reach(room, old, own, new, reach)
+                change.curved[c, r, side] = new
+        for r in range(p.round.shape[1]):
+            radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
+            x, y, z = _round_slope(p, c, r, radius, vector)
+            rise = x * step[i] + y * step[i + 1] + z * step[i + 2]
+            room, old = slack.round[c, r], dual.round[c, r]
+            new = (mu - old * rise) / room - old
+            one, other = _reach(room, old, 0.0, new, reach)
+            turn = radius[1] * step[i] + radius[2] * step[i + 1] + radius[3] * step[i + 2]
+            change_of = _vector(p, c, r, i, step)
+            reach = min(one, _round_reach(radius[0], turn, vector, change_of, room)), other
+            change.round[c, r] = new
+    for i in range(n + 2):
+        if slack.positive[i] > 0.0:
+            room, old = slack.positive[i], dual.positive[i]
+            new = (mu - old * step[i]) / room - old
+            reach = _reach(room, old, step[i], new, reach)
+            change.positive[i] = new
+    return reach
+
+
+@compiled(inner=True)
+def _move_tangents(p: Section, d: FloatArray, tangents: FloatArray, slack: _Duals) -> None:
+    """Put tangents at d where that leaves most of the slack of every row; writes the new slack."""
+    for c in range(len(p.cell)):
+        i, before = p.cell[c], p.about[c]
+        p.about[c] = _mean(p, c, d)
+        _tangents(p, c, d, tangents)
+        good = True
+        for r in range(p.curved.shape[1]):
+            bound, f = p.jerk[r] * tangents[p.of[r], 0], _of(p.curved, c, r, i, d)
+            good &= bound - f >= KEPT * slack.curved[c, r, 0]
+            good &= bound + f >= KEPT * slack.curved[c, r, 1]
+        for r in range(p.round.shape[1]):
+            radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
+            good &= _room(radius[0], vector) >= KEPT * slack.round[c, r]
+        if not good:
+            p.about[c] = before
+            continue
+        for r in range(p.curved.shape[1]):
+            bound, f = p.jerk[r] * tangents[p.of[r], 0], _of(p.curved, c, r, i, d)
+            slack.curved[c, r, 0], slack.curved[c, r, 1] = bound - f, bound + f
+        for r in range(p.round.shape[1]):
+            radius, vector = _radius(p, c, r, tangents), _vector(p, c, r, i, d)
+            slack.round[c, r] = _room(radius[0], vector)
+
+
+@compiled(inner=True, allocates=True)
+def _solve_bands(bands: FloatArray, right: FloatArray) -> None:
+    """Solve a symmetric system of five diagonals in place, by LDLᵀ with a scaled diagonal."""
+    n = len(right)
+    scale = np.empty(n)
+    for i in range(n):
+        scale[i] = 1.0 / math.sqrt(bands[0, i])
+    for i in range(n):
+        right[i] *= scale[i]
+        bands[0, i] = 1.0 + RIDGE
+        if i < n - 1:
+            bands[1, i] *= scale[i] * scale[i + 1]
+        if i < n - 2:
+            bands[2, i] *= scale[i] * scale[i + 2]
+    for i in range(n):
+        pivot = max(bands[0, i], RIDGE)
+        bands[0, i] = pivot
+        if i < n - 1:
+            one = bands[1, i] / pivot
+            bands[0, i + 1] -= one * bands[1, i]
+            right[i + 1] -= one * right[i]
+            if i < n - 2:
+                two = bands[2, i] / pivot
+                bands[1, i + 1] -= one * bands[2, i]
+                bands[0, i + 2] -= two * bands[2, i]
+                right[i + 2] -= two * right[i]
+                bands[2, i] = two
+            bands[1, i] = one
+    for i in range(n - 1, -1, -1):
+        total = right[i] / bands[0, i]
+        if i < n - 1:
+            total -= bands[1, i] * right[i + 1]
+        if i < n - 2:
+            total -= bands[2, i] * right[i + 2]
+        right[i] = total
+    for i in range(n):
+        right[i] *= scale[i]
+
+
+@compiled(inner=True)
+def _hold(bands: FloatArray, right: FloatArray, free: int) -> None:
+    """Take the ends out of Newton's system, but for a free one."""
+    last = len(right) - 1
+    if free != START:
+        bands[0, 0], bands[1, 0], bands[2, 0], right[0] = 1.0, 0.0, 0.0, 0.0
+    if free != END:
+        bands[0, last], bands[1, last - 1], bands[2, last - 2], right[last] = 1.0, 0.0, 0.0, 0.0
+
+
+@compiled(inner=True)
+def _move(d: FloatArray, step: FloatArray, share: float, trial: FloatArray) -> None:
+    for i in range(len(d)):
+        trial[i] = d[i] + share * step[i]
+
+
+@compiled(inner=True)
+def _count(p: Section, dual: _Duals) -> float:
+    """Number of bounds."""
+    found = dual.curved.size + dual.round.size
+    for c in range(p.low.shape[0]):
+        for r in range(p.low.shape[1]):
+            found += (p.low[c, r] > -math.inf) + (p.high[c, r] < math.inf)
+    return float(found + len(p.width))
+
+
+@compiled(inner=True)
+def _start_duals(p: Section, slack: _Duals, mu: float, dual: _Duals) -> None:
+    """Multipliers on the central path of mu."""
+    for c in range(p.low.shape[0]):
+        for r in range(p.low.shape[1]):
+            dual.low[c, r] = mu / slack.low[c, r] if p.low[c, r] > -math.inf else 0.0
+            dual.high[c, r] = mu / slack.high[c, r] if p.high[c, r] < math.inf else 0.0
+        for r in range(p.curved.shape[1]):
+            for side in range(2):
+                dual.curved[c, r, side] = mu / slack.curved[c, r, side]
+        for r in range(p.round.shape[1]):
+            dual.round[c, r] = mu / slack.round[c, r]
+    for i in range(len(slack.positive)):
+        if slack.positive[i] > 0.0:
+            dual.positive[i] = mu / slack.positive[i]
+
+
+@compiled(inner=True)
+def _climb(dual: FloatArray, change: FloatArray, share: float) -> None:
+    """Add a share of the changes to multipliers."""
+    flat, more = dual.reshape(-1), change.reshape(-1)
+    for i in range(flat.size):
+        flat[i] += share * more[i]
+
+
+@compiled()
+def improve(
+    p: Section,
+    d: FloatArray,
+    goal: int,
+    target: float,
+    weight: float,
+    tolerance: float,
+    most: int,
+) -> int:
+    """Improve a strictly feasible d in place until its gap is small; returns the iterations.
+
+    Args:
+        p: The problem.
+        d: Control points of a [m²/s²], (n + 2,); those of the ends stay, but for the goal's.
+        goal: DURATION, or START or END: the end at which a is free and is raised to the target.
+        target: The value of a at which the search for START or END ends.
+        weight: What reaching the target counts, against the whole duration, which is minimized too
+            and keeps the rest of the path away from rest.
+        tolerance: Share of the optimum within which the result is.
+        most: Largest number of iterations.
+    """
+    n = len(p.width)
+    slack, dual, change = _duals(p), _duals(p), _duals(p)
+    tangents = np.empty((p.raised.shape[1], 4))
+    bands, right, trial = np.zeros((3, n + 2)), np.zeros(n + 2), np.empty(n + 2)
+    end = 0 if goal == START else n + 1
+    _slacks(p, d, goal, tangents, slack)
+    size = _add_durations(p, d, bands, right)
+    pull = weight * size / target if goal != DURATION else 0.0
+    bounds = _count(p, dual)
+    mu = size / bounds
+    _start_duals(p, slack, mu, dual)
+    for iteration in range(most):
+        bands[:], right[:] = 0.0, 0.0
+        size = _add_durations(p, d, bands, right)
+        if goal != DURATION:
+            right[end] += pull
+        _add_bounds(p, d, tangents, slack, dual, mu, bands, right)
+        _hold(bands, right, goal)
+        trial[:] = right
+        _solve_bands(bands, right)
+        decrement = 0.0
+        for i in range(n + 2):
+            decrement += trial[i] * right[i]
+        reach = _changes(p, d, right, tangents, slack, dual, mu, change)
+        share = reach[0]
+        landed = goal != DURATION and d[end] + share * right[end] >= target
+        if landed:
+            share = (target - d[end]) / right[end]
+        _move(d, right, share, trial)
+        shorter = 0
+        while not _slacks(p, trial, goal, tangents, slack):
+            # Rounding errors next to a bound.
+            shorter, share, landed = shorter + 1, share * SHORTER, False
+            if shorter > MOST_SHORTER:
+                return iteration
+            _move(d, right, share, trial)
+        d[:] = trial
+        if landed:
+            d[end] = target
+        _move_tangents(p, d, tangents, slack)
+        if landed:
+            return iteration + 1
+        _climb(dual.low, change.low, reach[1])
+        _climb(dual.high, change.high, reach[1])
+        _climb(dual.curved, change.curved, reach[1])
+        _climb(dual.round, change.round, reach[1])
+        _climb(dual.positive, change.positive, reach[1])
+        if decrement < CENTERED * bounds * mu and min(share, reach[1]) > LONG:
+            if bounds * mu <= 0.5 * tolerance * size:
+                return iteration + 1
+            mu *= FALL
+    return most

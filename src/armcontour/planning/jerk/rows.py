@@ -1,0 +1,426 @@
+"""The rows of the interior point: what limits mean for the control points of ds²."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray, IntArray, for_kernel
+from armcontour.planning.constraints import Constraint, JointMotion, OnGrid, limits_on
+from armcontour.planning.jerk._interior_point import Section
+from armcontour.planning.jerk._polynomials import (
+    Basis,
+    basis,
+    elevated,
+    motion_rows,
+    raised,
+    to_bernstein,
+)
+from armcontour.planning.jerk.mesh import Mesh
+from armcontour.planning.jerk.tool import DEGREE, ToolMotion, arc_length_bounds, largest_at_ramps
+from armcontour.planning.options import JerkLimits
+from armcontour.planning.topp._kernel import Bounds, rows_with_friction
+from armcontour.planning.topp.limits import HIGH, LOW, A, B, Limits, margins_of
+from armcontour.robot import Arm
+
+# A tangent of the bound of ds² is used unless it falls below this share of its middle at an end.
+LEAST_SHARE = 0.25
+
+
+class Rows:
+    """All rows of a mesh, from which the sections take theirs.
+
+    Args:
+        mesh: The cells.
+        active: The constraints of the planner.
+        jerk: The limits of jerk.
+        bounds: Bounds of ds² and dds on the parts of cells, which rows hold the plan to, and from
+            which margins between the ends follow; None for no margins.
+        about: Without bounds: ds² on each part near which rows that stand for a curve are
+            linearized, (n,).
+        arm: The arm.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        active: Sequence[Constraint],
+        jerk: JerkLimits,
+        bounds: Bounds | None,
+        about: FloatArray,
+        arm: Arm,
+    ) -> None:
+        self.mesh, self.bounds, self.jerk = mesh, bounds, jerk
+        grid = mesh.grid
+        self.path = OnGrid(grid)
+        width = mesh.width[mesh.cell]
+        start = (grid.s[:-1] - mesh.nodes[mesh.cell]) / width
+        self.basis: Basis = basis(np.clip(start, 0, 1), grid.width / width, width)
+        self.degree = _degree(grid.joint_path.coefficients)
+        self.tool: ToolMotion | None = None
+        if np.isfinite(jerk.tool):
+            # The tangents have as many control points as the jerk of the tool.
+            self.tool, self.degree = ToolMotion.on(grid, arm), DEGREE + 1
+        self.length: FloatArray | None = None
+        if np.isfinite(jerk.path) and grid.joint_path.tool_path is not None:
+            self.length = arc_length_bounds(grid, arm)
+        self.lost = np.zeros(len(grid))  # largest share of any limit that margins take
+        self.bounded = np.full((2, len(grid), grid.joint_path.dof), np.inf)
+        self.speeds = np.full((len(grid), grid.joint_path.dof), np.inf)
+        others = []
+        for x in active:
+            if isinstance(x, JointMotion):
+                # Their rows are polynomials, and need no margins.
+                if x.velocity.size:
+                    self.speeds = np.minimum(self.speeds, x.fastest(self.path))
+                if len(x.low):
+                    low, high = x.bounds(grid)
+                    self.bounded = np.minimum(self.bounded, [-low, high])
+            else:
+                others.append(x)
+        self.limits = self._with_margins(limits_on(self.path, others), about)
+        # Joints whose accelerations, and whose jerks are limited.
+        self.joints = (
+            np.flatnonzero(np.isfinite(self.bounded).any(axis=(0, 1))),
+            np.flatnonzero(np.isfinite(jerk.joint)),
+        )
+        self.section = self._whole()
+
+    def _with_margins(self, limits: Limits, about: FloatArray) -> Limits:
+        """Limits less their margins, which `lost` counts, and with lines for friction."""
+        none, bounds = np.zeros(len(about)), self.bounds
+        near = Bounds(about, about, none, none) if bounds is None else bounds
+        if limits.friction.viscous.shape[2]:
+            near = Bounds(*(for_kernel(x) for x in near))
+            width, margins = self.mesh.grid.width, bounds is not None
+            limits = limits._replace(rows=rows_with_friction(width, limits, near, margins))
+        if bounds is None:
+            return limits
+        ends, radius = limits.rows.ends.copy(), limits.rounds.radius
+        room = np.minimum(ends[..., HIGH], -ends[..., LOW]).min(axis=1)
+        rows, squares, rounds = (margins_of(x.rise, bounds) for x in limits[:3])
+        self._lose(rows, room)
+        self._lose(squares, np.ones_like(squares))
+        self._lose(rounds, radius)
+        ends[..., LOW] += rows[:, None]
+        ends[..., HIGH] -= rows[:, None]
+        left = np.maximum(1 - squares, 0.0)[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            tight = np.where(left > 0, limits.squares.ends / left, np.inf)
+        return limits._replace(
+            rows=limits.rows._replace(ends=ends),
+            squares=limits.squares._replace(ends=tight),
+            rounds=limits.rounds._replace(radius=np.maximum(radius - rounds, 0.0)),
+        )
+
+    def _lose(self, margins: FloatArray, room: FloatArray) -> None:
+        """Count the share that margins take of what limits leave at rest, (n, rows) each."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.where(np.isfinite(room), margins / room, 0.0)
+        lost = np.where(room > 0, share, 1.0).max(axis=1, initial=0.0)
+        self.lost = np.maximum(self.lost, lost)
+
+    @property
+    def exact(self) -> bool:
+        """Whether all limits are polynomials, which need no margins."""
+        others = any(x.rise.size for x in self.limits[:3])
+        return not (others or self.tool or np.isfinite(self.limits.ceiling).any())
+
+    @property
+    def count(self) -> int:
+        """Number of bounds of all rows."""
+        p = self.section
+        finite = sum(int(np.isfinite(x).sum()) for x in (p.low, p.high, p.radius))
+        return finite + 2 * len(p.curved) * int(p.curved.shape[1])
+
+    def of_section(self, k: int) -> Section:
+        """The rows of one section, without its cells of uniform jerk."""
+        mesh, p = self.mesh, self.section
+        first, last = mesh.sections[k : k + 2]
+        ramps = np.zeros(2)
+        if mesh.at_rest[k, 0]:
+            ramps[0] = mesh.width[first]
+            first += 1
+        if mesh.at_rest[k, 1]:
+            last -= 1
+            ramps[1] = mesh.width[last]
+        start, end = np.searchsorted(mesh.cell, [first, last])
+        cells = {name: getattr(p, name)[first:last] for name in ("width", "begin", "end")}
+        parts = {
+            name: getattr(p, name)[start:end]
+            for name in (
+                "plain",
+                "low",
+                "high",
+                "curved",
+                "raised",
+                "about",
+                "round",
+                "radius",
+                "margin",
+            )
+        }
+        return p._replace(ramps=ramps, cell=mesh.cell[start:end] - first, **cells, **parts)
+
+    def steep(self, k: int) -> tuple[FloatArray, FloatArray]:
+        """Slopes of ds^1.5 and ds² that leave half of jerk and acceleration on straight paths.
+
+        Of the cells of a section but those of uniform jerk, (n,) each.
+        """
+        mesh, found = self.mesh, []
+        first = int(mesh.sections[k]) + int(mesh.at_rest[k, 0])
+        last = int(mesh.sections[k + 1]) - int(mesh.at_rest[k, 1])
+        start, end = np.searchsorted(mesh.cell, [first, last])
+        slopes = np.abs(self.path.derivatives[0][0][start:end]).max(axis=1)
+        begins = np.searchsorted(mesh.cell[start:end], np.arange(first, last))
+        with np.errstate(divide="ignore"):
+            jerk = np.minimum((self.jerk.joint / slopes).min(axis=1), self.jerk.path)
+            rate = (self.bounded[:, start:end].min(axis=0) / slopes).min(axis=1)
+        if self.tool is not None:
+            jerk = np.minimum(jerk, self.jerk.tool / self.tool.largest[0, start:end])
+        for x in (np.sqrt(4.5 * jerk) / 2, rate):
+            found.append(np.minimum.reduceat(x, begins))
+        return found[0], found[1]
+
+    def _whole(self) -> Section:
+        """The rows of all cells."""
+        of, on = self.mesh.cell, self.basis
+        begin, end = control_points(self.mesh)
+        acceleration, jerk = self._motion()
+        plain, low, high = self._plain(acceleration)
+        curved, limits = [jerk], [np.repeat(self.jerk.joint[self.joints[1]], self.degree)]
+        if np.isfinite(self.jerk.path):
+            curved += self._path_jerk()
+            limits.append(np.full(self.degree * (len(curved) - 1), self.jerk.path))
+        rows = np.concatenate(curved, axis=1)
+        vectors, radius, margin, points = self._round()
+
+        def local(x: FloatArray) -> FloatArray:
+            """Rows of control points of ds² on each cell as rows of the unknowns."""
+            around = (of,) + (None,) * (x.ndim - 2)
+            found = x[..., :1] * begin[around] + x[..., 2:] * end[around]
+            found[..., 1] += x[..., 1]
+            return np.asarray(found)
+
+        return Section(
+            width=self.mesh.width,
+            begin=begin,
+            end=end,
+            ramps=np.zeros(2),
+            cell=of,
+            plain=local(plain),
+            low=low,
+            high=high,
+            curved=local(rows),
+            jerk=np.concatenate(limits),
+            of=np.tile(np.arange(self.degree), rows.shape[1] // self.degree),
+            raised=local(raised(on, self.degree - 1)),
+            about=np.zeros(len(of)),
+            round=local(vectors),
+            radius=radius,
+            margin=margin,
+            round_of=points,
+        )
+
+    def _path_jerk(self) -> list[FloatArray]:
+        """Rows of the third derivative of the tool's arc length, over ds.
+
+        It is `m slope + 3 m' dds + m'' ds²` with the derivative m of the arc length over s. All
+        signs of m' and m'' are allowed for.
+        """
+        on, last = self.basis, self.degree - 1
+        slope = np.repeat(on.slope[:, None], self.degree, axis=1)
+        if self.length is None:
+            return [slope]
+        first, second, third = self.length[..., None, None]
+        rate = 3 * second * elevated(on.rate, last)
+        square = third * raised(on, last)
+        return [first * slope + x + y for x in (-rate, rate) for y in (-square, square)]
+
+    def _motion(self) -> tuple[FloatArray, FloatArray]:
+        """Rows of the accelerations and jerks of the limited joints, joint after joint."""
+        grid, degree = self.mesh.grid, self.degree
+        n, joints = len(grid), self.joints
+        found = (
+            np.empty((n, len(joints[0]) * (degree + 1), 3)),
+            np.empty((n, len(joints[1]) * degree, 3)),
+        )
+        powers = to_bernstein(degree), to_bernstein(degree - 1)
+        path, on = grid.joint_path, self.basis
+        motion_rows(
+            path.coefficients, path.breaks, grid.piece, grid.s, on, degree, powers, joints, found
+        )
+        return found
+
+    def _plain(self, acceleration: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Rows with fixed bounds: ds², accelerations, and the rows of other constraints."""
+        n, bounds, on = len(self.mesh.grid), self.bounds, self.basis
+        none = np.full((n, 3), np.inf)
+        top = np.minimum(self._speed_ceiling(), self._ceiling())
+        ends = [on.at_end(e) for e in range(2)]
+        rows, low, high = [on.points], [-none], [top]
+        if bounds is not None:
+            least = np.where(bounds.least > 0, bounds.least, -np.inf)
+            low = [np.broadcast_to(least[:, None], (n, 3))]
+            high = [np.minimum(top, bounds.x[:, None])]
+            most = np.stack([bounds.u, bounds.u, np.abs(bounds.k)], axis=1)
+            rows.append(np.stack([ends[0][1], ends[1][1], on.slope], axis=1))
+            low.append(-most)
+            high.append(most)
+        rows.append(acceleration)
+        for sign, out in ((-1, low), (1, high)):
+            bound = self.bounded[(sign + 1) // 2][:, self.joints[0]]
+            out.append(np.repeat(sign * bound, self.degree + 1, axis=1))
+        general = self.limits.rows.ends
+        for e in range(2):
+            square, rate = (x[:, None] for x in ends[e])
+            a, b = general[:, e, :, A, None], general[:, e, :, B, None]
+            rows.append(a * rate + b * square)
+            low.append(general[:, e, :, LOW])
+            high.append(general[:, e, :, HIGH])
+        bottom, top = np.concatenate(low, axis=1), np.concatenate(high, axis=1)
+        self._bound_next_to_ramps(top)
+        return np.concatenate(rows, axis=1), bottom, top
+
+    def _round(self) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+        """Round rows, (n, l, 3, 3), their radii and margins, (n, l), and control points, (l,)."""
+        n, rounds = len(self.mesh.grid), self.limits.rounds
+        products = rounds.products
+        vectors, radius = [np.zeros((n, 0, 3, 3))], []
+        for r in range(rounds.radius.shape[1]):
+            for e in range(2):
+                # In the plane of both vectors: the first one is along the first axis.
+                square, rate = (x[:, None] for x in self.basis.at_end(e))
+                aa, ab, bb = (x[:, e, r, None] for x in products)
+                along = np.sqrt(aa)
+                with np.errstate(invalid="ignore", divide="ignore"):
+                    part = np.where(aa > 0, ab / along, 0.0)
+                both = np.zeros((n, 1, 3, 3))
+                both[:, :, 0] = (along * rate[:, 0] + part * square[:, 0])[:, None]
+                both[:, :, 1] = (np.sqrt(np.maximum(bb - part * part, 0.0)) * square[:, 0])[:, None]
+                vectors.append(both)
+            radius += [rounds.radius[:, r]] * 2
+        of, margin = [-1] * len(radius), [np.zeros(n)] * len(radius)
+        if self.tool is not None:
+            vectors.append(self.tool.rows(self.basis))
+            left_out = np.zeros(n)
+            if self.bounds is not None:
+                left_out = self.tool.margin(self.bounds)
+                share = left_out * np.sqrt(self.bounds.x) / self.jerk.tool
+                self.lost = np.maximum(self.lost, share)
+            of += range(DEGREE + 1)
+            radius += [np.full(n, self.jerk.tool)] * (DEGREE + 1)
+            margin += [left_out] * (DEGREE + 1)
+        none = np.zeros((n, 0))
+        return (
+            np.concatenate(vectors, axis=1),
+            np.stack(radius, axis=1) if radius else none,
+            np.stack(margin, axis=1) if margin else none,
+            np.array(of, dtype=np.intp),
+        )
+
+    def _speed_ceiling(self) -> FloatArray:
+        """Bounds of the control points of a under joint velocity limits, (n, 3)."""
+        limited = np.isfinite(self.speeds).any(axis=0)
+        if not limited.any():
+            return np.full((len(self.mesh.grid), 3), np.inf)
+        width, limit = self.mesh.grid.width[:, None], self.speeds[:, limited]
+        (slopes, _), (third, _) = self.path.derivatives
+        bulge = width**2 / 8 * third[:, limited]
+        # |q'| over its limit lies below a line, and the tangent of 1 / line² below that.
+        first, last = (np.abs(slopes[:, e, limited]) + bulge for e in range(2))
+        first, last = np.maximum(first / limit, 1e-150), np.maximum(last / limit, 1e-150)
+        middle = (first + last) / 2
+        change = (last - first) / middle
+        level = 1 / np.maximum(first, last) ** 2
+        tangent = 1 / middle**2
+        steep = np.abs(change) > 1 - LEAST_SHARE
+        points = [
+            np.where(steep, level, tangent * (1 + change)),
+            np.where(steep, level, tangent),
+            np.where(steep, level, tangent * (1 - change)),
+        ]
+        return np.asarray(np.min(points, axis=2).T)
+
+    def _ceiling(self) -> FloatArray:
+        """Ceilings of the control points of a, (n, 3)."""
+        with np.errstate(divide="ignore"):
+            squares = (1 / self.limits.squares.ends).min(axis=2, initial=np.inf)
+        first, last = np.minimum(self.limits.ceiling, squares).T
+        return np.stack([first, (first + last) / 2, last], axis=1)
+
+    def _bound_next_to_ramps(self, top: FloatArray) -> None:
+        """Lower the bounds of ds² where cells of uniform jerk end, so that they keep all limits."""
+        mesh, ramps = self.mesh, self.mesh.ramps
+        largest = np.full(len(ramps), np.inf)
+        np.minimum.at(largest, mesh.cell, self._largest_at_ramps())
+        first = np.searchsorted(mesh.cell, np.flatnonzero(ramps > 0) + 1)
+        last = np.searchsorted(mesh.cell, np.flatnonzero(ramps < 0)) - 1
+        top[first, 0] = np.minimum(top[first, 0], largest[ramps > 0])
+        top[last, 2] = np.minimum(top[last, 2], largest[ramps < 0])
+
+    def _largest_at_ramps(self) -> FloatArray:
+        """Largest ds² at the moving end of cells of uniform jerk, by each of their parts, (m,).
+
+        From rest, `ds² = A (s / h)^(4/3)`. At the end dds is `2 A / 3 h`; the jerk is
+        `2 A^1.5 / 9 h²`. Each part is bounded with the speed and acceleration of the end. Parts of
+        other cells mean nothing.
+        """
+        width, h = self.mesh.grid.width, self.mesh.width[self.mesh.cell]
+        wide, own = h[:, None], width[:, None]
+        (slopes, bends), (third, fourth) = self.path.derivatives
+        first = np.abs(slopes).max(axis=1) + own**2 / 8 * third
+        second = np.abs(bends).max(axis=1) + own**2 / 8 * fourth
+        rate = 2 / (3 * h)
+        found = [self._ceiling().min(axis=1)]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found.append(((self.speeds / first) ** 2).min(axis=1))
+            pull = second + first * rate[:, None]
+            found.append((self.bounded.min(axis=0) / pull).min(axis=1))
+            jerk = third + 2 * second / wide + 2 / 9 * first / wide**2
+            found.append(((self.jerk.joint / jerk) ** (2 / 3)).min(axis=1))
+            length = np.array([[1.0], [0.0], [0.0]]) if self.length is None else self.length
+            found.append(largest_at_ramps(length, self.jerk.path, h))
+            general, rounds = self.limits.rows.ends, self.limits.rounds
+            for sign, which in ((1, HIGH), (-1, LOW)):
+                up = np.maximum(sign * general[..., A], 0).max(axis=1) * rate[:, None]
+                up += np.maximum(sign * general[..., B], 0).max(axis=1)
+                left = np.maximum((sign * general[..., which]).min(axis=1), 0)
+                found.append(np.where(up > 0, left / up, np.inf).min(axis=1, initial=np.inf))
+            aa, ab, bb = rounds.products
+            turned = rate[:, None, None]
+            size = np.sqrt(np.maximum(aa * turned**2 + 2 * ab * turned + bb, 0.0)).max(axis=1)
+            found.append((rounds.radius / size).min(axis=1, initial=np.inf))
+            if self.tool is not None:
+                found.append(largest_at_ramps(self.tool.largest, self.jerk.tool, h))
+            if self.bounds is not None:
+                found += [self.bounds.x, self.bounds.u / rate]
+        return np.asarray(np.nanmin(found, axis=0))
+
+
+def control_points(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
+    """Rows of the first and last control point of ds² on every cell, (n, 3) each.
+
+    Inside a section both are means of the neighbours, so that ds² has a continuous slope. Next to a
+    cell of uniform jerk they have its slope, `4 A / 3 h`; at other ends they are given.
+    """
+    width = mesh.width
+    begin, end = np.zeros((2, len(width), 3))
+    total = width[:-1] + width[1:]
+    begin[1:, 0], begin[1:, 1] = width[1:] / total, width[:-1] / total
+    end[:-1, 1], end[:-1, 2] = width[1:] / total, width[:-1] / total
+    first, last = mesh.sections[:-1], mesh.sections[1:] - 1
+    begin[first], end[last] = (1, 0, 0), (0, 0, 1)
+    for rows, ramp, step in ((begin, first, 1), (end, last, -1)):
+        ramp = ramp[mesh.at_rest[:, 0 if step > 0 else 1]]
+        near = ramp + step
+        rows[near] = 0
+        rows[near, 1] = 1 / (1 + 2 * width[near] / (3 * width[ramp]))
+    return begin, end
+
+
+def _degree(coefficients: FloatArray) -> int:
+    """Degree of a joint path, at least 3."""
+    used = np.flatnonzero(coefficients.any(axis=(0, 2)))
+    return max(3, int(used[-1]) if len(used) else 3)

@@ -1,0 +1,311 @@
+"""The paper's method: maximum joint acceleration on lines, uniform speed on corners, Sec. III-A.
+
+Lines are in `mac_line.py`. Corners are arcs run at one speed, (16)-(17). Where a line is too short
+to reach the speed of a corner or to brake to it, the speed of that corner is lowered to what the
+line can reach; the paper has no rule for this case.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput, NotRealizable
+from armcontour.geometry import Path
+from armcontour.motion import (
+    JointPath,
+    LawAlongPath,
+    Method,
+    Stretch,
+    Trajectory,
+)
+from armcontour.planning.common import (
+    law_peaks,
+    path_law,
+    refuse_broken,
+    require_speed,
+    segment_speeds,
+    tool_path_of,
+)
+from armcontour.planning.mac_line import Line, Part, parts_by_rule
+from armcontour.planning.options import FEWEST_LAPS, MOST_LAPS, Paper
+from armcontour.robot import Arm, Limits
+
+# Next to a rest the speed grows by a large factor per knot: one lap there would be a coarse step.
+LAPS_AT_REST = 10
+# Limits that every part is checked for, because the method does not check them everywhere.
+CHECKED = (
+    "joint_velocity",
+    "joint_acceleration",
+    "joint_torque",
+    "angular_speed",
+    "angular_acceleration",
+)
+
+
+@dataclass(slots=True)
+class Junction:
+    """The part of a path before, between or after lines: arcs at one speed, a vertex, or a stop.
+
+    Args:
+        arcs: Segment indices of the arcs; empty where lines meet.
+        speed: Tool speed through the junction [m/s]; lowered where the lines cannot reach it.
+    """
+
+    arcs: range
+    speed: float
+
+
+def plan_mac(joint_path: JointPath, arm: Arm, limits: Limits, options: Paper) -> Trajectory:
+    """Plan a path of lines and arcs by the paper's method.
+
+    Args:
+        joint_path: A traced path of lines and arcs.
+        arm: The arm.
+        limits: Limits with joint accelerations and an assigned velocity; the centripetal
+            acceleration sets the corner speed (16).
+        options: Laps per line, and command interval.
+
+    Raises:
+        NotRealizable: A lap, the middle path or a corner would break a joint limit; or the path
+            starts or ends on an arc, for which the method has no rule.
+        InvalidInput: A limit that the method needs is missing.
+    """
+    path = tool_path_of(joint_path, "mac")
+    assigned = segment_speeds(path, require_speed(limits, "mac"))
+    _refuse_limits(limits)
+    junctions = _junctions(path, _straight(path), assigned, limits)
+    lines = _make_lines(joint_path, arm, limits, assigned, junctions, options)
+    _match_speeds(lines, junctions)
+    return _join(lines, junctions, arm, limits)
+
+
+def _straight(path: Path) -> list[int]:
+    """Indices of the segments that are lines."""
+    return list(np.flatnonzero(path.curvatures == 0).tolist())
+
+
+def _make_lines(
+    joint_path: JointPath,
+    arm: Arm,
+    limits: Limits,
+    assigned: FloatArray,
+    junctions: list[Junction],
+    options: Paper,
+) -> list[Line]:
+    """Place the knots on the lines of a path; arguments as in `plan_mac`.
+
+    Raises:
+        InvalidInput: A line would have too many knots.
+    """
+    path = tool_path_of(joint_path, "mac")
+    lines = []
+    for number, i in enumerate(_straight(path)):
+        count = options.knots
+        if count is None:
+            count = _usual_knots(path.lengths[i], assigned[i], options.period, number)
+        rest = (junctions[number].speed == 0, junctions[number + 1].speed == 0)
+        lines.append(
+            Line(
+                name=f"line {number + 1}",
+                joint_path=joint_path,
+                arm=arm,
+                limit=limits.acceleration_bounds(arm.dof)[1],
+                s=_knots(path.breaks[i], path.breaks[i + 1], count, rest),
+                assigned=float(assigned[i]),
+            )
+        )
+    return lines
+
+
+def _refuse_limits(limits: Limits) -> None:
+    """Refuse limits that the method needs and lacks, and limits that it cannot keep.
+
+    Raises:
+        InvalidInput: No joint acceleration, one that differs by direction, or a tool acceleration.
+    """
+    if limits.joint_acceleration is None:
+        raise InvalidInput(
+            "The method mac needs joint acceleration limits: give joint_acceleration [rad/s²]."
+        )
+    if limits.tool_acceleration is not None:
+        raise InvalidInput(
+            "The method mac does not limit the tool's acceleration: leave tool_acceleration out, "
+            "or plan by the method optimal."
+        )
+    if not limits.same_both_ways():
+        raise InvalidInput(
+            "The method mac knows one acceleration limit per joint for both directions: give one "
+            "value of joint_acceleration per joint, or plan by the method optimal."
+        )
+
+
+def _usual_knots(length: float, speed: float, interval: float, number: int) -> int:
+    """Number of laps of a line that take one command interval each at the assigned velocity.
+
+    Args:
+        length: Length of the line [m].
+        speed: Assigned velocity [m/s].
+        interval: Command interval [s].
+        number: Number of the line from 0, for the error message.
+
+    Raises:
+        InvalidInput: There would be too many laps.
+    """
+    wanted = length / (speed * interval)
+    if not wanted <= MOST_LAPS:
+        raise InvalidInput(
+            f"Line {number + 1} would have {wanted:.3g} knots at {speed:g} m/s and a "
+            f"command interval of {interval:g} s: give knots."
+        )
+    return max(FEWEST_LAPS, int(np.ceil(wanted)))
+
+
+def _join(lines: list[Line], junctions: list[Junction], arm: Arm, limits: Limits) -> Trajectory:
+    """Plan all lines and corners, one after the other, and join them.
+
+    Raises:
+        NotRealizable: A line or a corner would break a limit.
+    """
+    joint_path = lines[0].joint_path
+    laws: list[LawAlongPath] = []
+    stretches: list[Stretch] = []
+    corner = 0
+    for number, line in enumerate(lines):
+        pieces = line.plan(junctions[number].speed, junctions[number + 1].speed)
+        laws += [x.law for x in pieces]
+        parts = parts_by_rule(line.name, pieces)
+        for i in junctions[number + 1].arcs:
+            corner += 1
+            parts.append(_corner(f"corner {corner}", joint_path, i, junctions[number + 1].speed))
+            laws += parts[-1].laws
+        for part in parts:
+            now = stretches[-1].t[1] if stretches else 0.0
+            stretches.append(_stretch(part, now, arm, limits))
+    return Trajectory(
+        laws=tuple(laws),
+        method=Method.MAC,
+        path=joint_path.tool_path,
+        stretches=tuple(stretches),
+    )
+
+
+def _junctions(
+    path: Path,
+    lines: list[int],
+    assigned: FloatArray,
+    limits: Limits,
+) -> list[Junction]:
+    """Find the junctions of a path with their largest speeds.
+
+    Args:
+        path: The tool path.
+        lines: Indices of the segments that are lines.
+        assigned: Assigned velocity of each segment [m/s], (segments,).
+        limits: The limits.
+
+    Returns:
+        One junction before the first line and one after each line.
+
+    Raises:
+        NotRealizable: The tool is at rest next to an arc.
+    """
+    ends = np.concatenate([[-1], lines, [len(path)]])
+    stop_vertices = set(np.searchsorted(path.breaks, path.stops).tolist())
+    result = []
+    for number, (before, after) in enumerate(zip(ends[:-1], ends[1:], strict=True)):
+        arcs = range(int(before) + 1, int(after))
+        rest = number in (0, len(lines)) or any(
+            vertex in stop_vertices for vertex in range(int(before) + 1, int(after) + 1)
+        )
+        if rest and len(arcs):
+            s = float(path.breaks[arcs[0]])
+            raise NotRealizable(
+                f"At {s:.4g} m along the path the tool is at rest next to an arc: the method mac "
+                "runs arcs at one speed and has no rule for that; start and end on lines, or "
+                "plan by the method optimal.",
+                s=s,
+                point=path(s).tolist(),
+            )
+        speeds = [assigned[i] for i in range(max(int(before), 0), min(int(after) + 1, len(path)))]
+        if limits.centripetal_acceleration is not None:
+            speeds += [
+                float(np.sqrt(limits.centripetal_acceleration / path.curvatures[i])) for i in arcs
+            ]
+        result.append(Junction(arcs, 0.0 if rest else float(min(speeds))))
+    return result
+
+
+def _knots(start: float, end: float, count: int, rest: tuple[bool, bool]) -> FloatArray:
+    """Knots of a line with laps of equal length.
+
+    The first or last lap is divided so that its parts take equal times from rest.
+
+    Args:
+        start: Arc length of the start of the line [m].
+        end: Arc length of the end of the line [m].
+        count: Number of laps.
+        rest: Whether the tool is at rest at the start and at the end.
+    """
+    shares = np.arange(count + 1) / count
+    parts = (np.arange(1, LAPS_AT_REST) / LAPS_AT_REST) ** 2 / count
+    if rest[0]:
+        shares = np.concatenate([shares[:1], parts, shares[1:]])
+    if rest[1]:
+        shares = np.concatenate([shares[:-1], 1 - parts[::-1], shares[-1:]])
+    s = start + (end - start) * shares
+    s[-1] = end
+    return s
+
+
+def _match_speeds(lines: list[Line], junctions: list[Junction]) -> None:
+    """Lower the speeds of junctions to what the lines can reach, forwards and then backwards."""
+    for number, line in enumerate(lines):
+        run = line.forward(junctions[number].speed)
+        if run.joint < 0 and run.last_within(line.assigned) == len(line.s) - 1:
+            after = junctions[number + 1]
+            after.speed = min(after.speed, float(run.speed[-1]))
+    for number, line in reversed(list(enumerate(lines))):
+        run = line.reverse(junctions[number + 1].speed)
+        if run.joint < 0 and run.last_within(line.assigned) == len(line.s) - 1:
+            before = junctions[number]
+            before.speed = min(before.speed, float(run.speed[-1]))
+
+
+def _corner(name: str, joint_path: JointPath, arc: int, speed: float) -> Part:
+    """Plan an arc at one speed, (17)."""
+    path = tool_path_of(joint_path, "mac")
+    law = path_law(joint_path, path.breaks[arc : arc + 2], np.array([speed]), np.array([speed]))
+    ends = (float(path.breaks[arc]), float(path.breaks[arc + 1]))
+    return Part(name, "corner", float(law.breaks[-1]), ends, [law])
+
+
+def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> Stretch:
+    """Check a part that starts at the time `now` [s], and find its peaks.
+
+    MAC itself does not check the middle path, the corners, joint velocities, torques or the angular
+    motion of the tool, so they are checked here.
+
+    Raises:
+        NotRealizable: A limit is broken.
+    """
+    refuse_broken(
+        part.laws,
+        arm,
+        limits,
+        CHECKED,
+        where=f"On {part.name} ({part.kind}), between {part.s[0]:.4g} and {part.s[1]:.4g} m along "
+        "the path",
+        t=now,
+        mends="the method mac does not plan for this limit there; a lower assigned velocity or "
+        "centripetal acceleration, or the method optimal, helps",
+    )
+    return Stretch(
+        name=part.name,
+        kind=part.kind,
+        t=(now, now + part.duration),
+        s=part.s,
+        **law_peaks(part.laws, arm),
+    )

@@ -1,0 +1,336 @@
+"""The optimal planner: the fastest timing of a path that keeps its limits, between grid points too.
+
+Backward and forward reachability in (s, ds²), after TOPP-RA. On each interval the path acceleration
+is linear in s. Its slope is chosen beforehand so that the binding constraint binds on the whole
+interval. Every constraint is kept at both ends of an interval, less a margin that bounds what can
+happen between them; for torques and some limits of the tool that bound comes from samples. See
+docs/concepts/optimal.md for the proof.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NoReturn
+
+import numpy as np
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput, NotRealizable
+from armcontour.motion import JointPath, Method, PathLaw, Trajectory
+from armcontour.planning.constraints import (
+    AngularAcceleration,
+    AngularSpeed,
+    CentripetalAcceleration,
+    Constraint,
+    JointMotion,
+    JointTorque,
+    OnGrid,
+    ToolAcceleration,
+    ToolMetric,
+    ToolSpeed,
+    limits_on,
+)
+from armcontour.planning.end_speeds import END, START, Ends, refuse_speed
+from armcontour.planning.grid import (
+    DEFAULT_INTERVALS,
+    Grid,
+    cut_pieces,
+    grid_through,
+    share_out,
+    split,
+)
+from armcontour.planning.options import FASTEST, JerkLimits, Optimal, Task
+from armcontour.planning.topp import _kernel
+from armcontour.planning.topp._kernel import Plan, Rules, plan_on_grid
+from armcontour.planning.topp._losses import estimate_losses
+from armcontour.planning.topp.limits import Limits as LimitsOnGrid
+from armcontour.planning.vanishing import reparametrize, stands_at
+from armcontour.robot import Arm, Limits
+from armcontour.robot.limits import TOOL_LIMITS
+
+# The grid is refined while the margin for maxima inside intervals exceeds this share of a limit, at
+# most MOST_REFINEMENTS times; the share grows each time, up to LARGEST_MARGIN_EVER: on thousands of
+# corners a finer grid costs more. Who asks for fewer intervals than COARSE wants a plan soon: a
+# margin of FIRST_MARGIN is refined.
+LARGEST_MARGIN = 3e-3
+FIRST_MARGIN, COARSE = 1e-2, 500
+MORE_EACH_TIME = 2.0
+LARGEST_MARGIN_EVER = 0.2
+MOST_REFINEMENTS = 12
+# The grid is refined, too, while it loses more than this share of the duration, by an estimate that
+# is right within a factor of about three; more intervals than DEFAULT_INTERVALS lose less.
+LARGEST_LOSS = 1e-4
+MOST_PARTS_AT_ONCE = 8
+# No grid is refined to more intervals than these, about 1 GB, unless twice the first grid is more;
+# for loss, it is not refined near them by less than LEAST_GROWTH at once either.
+MOST_REFINED, LEAST_GROWTH = 300_000, 1.1
+
+
+def plan_optimal(
+    joint_path: JointPath, arm: Arm, limits: Limits, options: Optimal = FASTEST
+) -> Trajectory:
+    """Plan the fastest motion along a path, without a given duration.
+
+    Args:
+        joint_path: A traced path, or a joint path without a tool path (then without tool limits).
+        arm: The arm.
+        limits: The limits. All are kept except those of range; the speed of each path segment is
+            kept too.
+        options: Grid, speeds at the ends, and further constraints. Where a joint path needs another
+            parameter than s, grid points keep their shares of the pieces.
+
+    Raises:
+        NotRealizable: The limits do not allow the start or end speed, or no motion at some point.
+        InvalidInput: Nothing limits the acceleration, or tool limits without a tool path.
+    """
+    points, intervals, constraints = options.grid, options.intervals, options.constraints
+    if points is not None:
+        points = checks.for_kernel(points)
+    suited, places = reparametrize(joint_path)
+    at_rest = joint_path.breaks[:0]
+    if constraints or limits.path_jerk is not None:
+        # Both count in s.
+        at_rest = at_rest if suited is joint_path else joint_path.breaks[stands_at(joint_path)]
+    elif suited is not joint_path:
+        if points is not None:
+            grid_through(joint_path, points)
+            points = np.interp(points, joint_path.breaks, places)
+        joint_path = suited
+    if points is None:
+        count = share_out(joint_path, intervals)
+        loss = LARGEST_LOSS * DEFAULT_INTERVALS / (intervals or DEFAULT_INTERVALS)
+    else:
+        placed = grid_through(joint_path, points)
+    active = [*constraints_of(joint_path, arm, limits), *constraints]
+    jerk = JerkLimits.of(limits, joint_path.dof)
+
+    def solve(start: float, end: float) -> PathLaw:
+        if points is None:
+            law = time_optimal(cut_pieces(joint_path, count), active, arm, start, end, loss)
+        else:
+            law = time_optimal(placed, active, arm, start, end)
+        if jerk is None:
+            return law
+        # Most plans have no limits of jerk.
+        from armcontour.planning.jerk.limiting import limit_jerk
+
+        task = Task(arm, tuple(active), jerk, start, end, intervals, options.iterations)
+        return limit_jerk(law, task)
+
+    try:
+        law = solve(options.start_speed, options.end_speed)
+    except NotRealizable as error:
+        if error.limit not in (START, END):
+            if len(at_rest):
+                _refuse_standing(float(at_rest[0]))
+            raise
+        raise Ends(solve, options.start_speed, options.end_speed).refuse(error) from None
+    return Trajectory(laws=(law,), method=Method.OPTIMAL, path=joint_path.tool_path)
+
+
+def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Constraint]:
+    """Make the constraints of the planner from the limits of an arm and a path.
+
+    Raises:
+        InvalidInput: Tool limits without a tool path, limits of angular motion for a tool without
+            orientation, or torque limits for an arm without masses.
+    """
+    active: list[Constraint] = []
+    # Rows with viscous friction come first.
+    if limits.joint_torque is not None:
+        active.append(JointTorque(arm, limits.joint_torque))
+    dof = joint_path.dof
+    velocity = None if limits.joint_velocity is None else limits.velocity_bounds(dof)
+    acceleration = None if limits.joint_acceleration is None else limits.acceleration_bounds(dof)
+    if velocity is not None or acceleration is not None:
+        active.append(JointMotion(velocity, acceleration))
+    speed = assigned_speeds(joint_path, limits)
+    if joint_path.tool_path is None:
+        return active
+    assigned = bool(np.isfinite(speed).any())
+    if assigned or limits.centripetal_acceleration is not None:
+        metric = ToolMetric.of(joint_path, arm)
+        if assigned:
+            active.append(ToolSpeed(speed, metric))
+        if limits.centripetal_acceleration is not None:
+            active.append(CentripetalAcceleration(limits.centripetal_acceleration, metric))
+    if limits.tool_acceleration is not None:
+        active.append(ToolAcceleration(limits.tool_acceleration, arm))
+    if limits.angular_speed is not None:
+        active.append(AngularSpeed(limits.angular_speed, arm))
+    if limits.angular_acceleration is not None:
+        active.append(AngularAcceleration(limits.angular_acceleration, arm))
+    return active
+
+
+def assigned_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
+    """Assigned velocity on each piece of a joint path [m/s], infinite without one, (pieces,).
+
+    Raises:
+        InvalidInput: Tool limits without a tool path.
+    """
+    path, breaks = joint_path.tool_path, joint_path.breaks
+    if path is None:
+        tool = [x for x in TOOL_LIMITS if x != "path_jerk" and getattr(limits, x) is not None]
+        if tool:
+            raise InvalidInput(
+                "Limits of the tool need a tool path: plan a Path or a traced one, or lift them "
+                f"with limits.replace({', '.join(f'{x}=math.inf' for x in tool)})."
+            )
+        return np.full(len(breaks) - 1, np.inf)
+    speed = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
+    speed = np.where(np.isnan(speed), np.inf, speed)
+    if len(speed) == 1:
+        return np.repeat(speed, len(breaks) - 1)
+    return np.asarray(speed[path.locate((breaks[:-1] + breaks[1:]) / 2)])
+
+
+def time_optimal(
+    grid: Grid,
+    active: Sequence[Constraint],
+    arm: Arm,
+    start_speed: float,
+    end_speed: float,
+    largest_loss: float = math.inf,
+) -> PathLaw:
+    """Plan on a grid, which is refined where margins or the estimated loss of time are too large.
+
+    Args:
+        grid: The grid.
+        active: The constraints.
+        arm: The arm, for messages.
+        start_speed: ds at the start [m/s].
+        end_speed: ds at the end [m/s].
+        largest_loss: Share of the duration that the grid may lose.
+
+    Raises:
+        InvalidInput: Nothing limits the acceleration.
+        NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
+    """
+    # Where dq_ds vanishes, the joints rest at any ds.
+    stands = stands_at(grid.joint_path)
+    start = np.inf if start_speed == 0 and stands[0] else start_speed**2
+    end = np.inf if end_speed == 0 and stands[-1] else end_speed**2
+    most = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
+    rules, s = Rules(float(start), float(end), most), 0.0
+    best: tuple[Grid, Plan] | None = None
+    shortest, room = math.inf, max(MOST_REFINED, 2 * len(grid))
+    for k in range(MOST_REFINEMENTS):
+        path = OnGrid(grid)
+        limits = _with_stops(limits_on(path, active), grid)
+        found = plan_on_grid(path.intervals, limits, rules)
+        if found.outcome == _kernel.FOUND:
+            if math.isinf(largest_loss):
+                return _law(grid, found)
+            duration, loss, points = estimate_losses(path.intervals, limits, found)
+            gained = shortest - duration
+            if duration < shortest:
+                best, shortest = (grid, found), duration
+            if loss.sum() <= largest_loss * duration or gained < largest_loss / 4 * duration:
+                break
+            parts = _parts_by_loss(loss, largest_loss * duration)
+            if parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MOST_REFINED / 2:
+                break
+            grid = split(grid, parts, points)
+            continue
+        s = float(grid.s[found.place])
+        if found.outcome != _kernel.FINER:
+            if best is not None:
+                break
+            _refuse(grid, found, arm, rules)
+        parts = _whole(np.sqrt(found.lost / LARGEST_MARGIN), room)
+        crowded = parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MOST_REFINED / 2
+        if crowded and most == LARGEST_MARGIN_EVER:
+            break
+        grid = split(grid, parts)
+        most = min(MORE_EACH_TIME ** (k + 1) * LARGEST_MARGIN, LARGEST_MARGIN_EVER)
+        rules = rules._replace(most=most, steady=0.0)
+    if best is not None:
+        return _law(*best)
+    raise NotRealizable(
+        f"At {s:.6g} m along the path the limits cannot be kept between grid points, however fine "
+        "the grid: the joint path is too uneven there; smooth it or trace it more exactly.",
+        s=s,
+    )
+
+
+def _parts_by_loss(loss: FloatArray, most: float) -> FloatArray:
+    """Into how many parts to split intervals with such losses, to lose at most so much on all."""
+    parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / most, MOST_PARTS_AT_ONCE**2))
+    return _whole(parts, max(MOST_REFINED, len(loss)))
+
+
+def _whole(parts: FloatArray, most: int) -> FloatArray:
+    """Numbers of parts rounded up, after halving until there are at most so many in all."""
+    while True:
+        counts = np.maximum(np.ceil(parts), 1.0)
+        if counts.sum() <= most:
+            return np.asarray(counts)
+        parts = parts / 2
+
+
+def _with_stops(limits: LimitsOnGrid, grid: Grid) -> LimitsOnGrid:
+    """Limits with x = 0 at the stops of the joint path."""
+    stops = grid.joint_path.stops
+    if not len(stops):
+        return limits
+    at, ceiling = np.searchsorted(grid.s, stops), limits.ceiling.copy()
+    ceiling[at, 0] = ceiling[at - 1, 1] = 0.0
+    return limits._replace(ceiling=ceiling)
+
+
+def _law(grid: Grid, found: Plan) -> PathLaw:
+    """Make the continuous time law: the path acceleration is linear in s on every interval.
+
+    Raises:
+        NotRealizable: Two neighbouring points are at rest.
+    """
+    try:
+        return PathLaw.of_squares(grid.joint_path, grid.s, found.x, found.k)
+    except InvalidInput as error:
+        if error.index is None:
+            raise
+        _refuse_stuck(grid, error.index)
+
+
+def _refuse(grid: Grid, found: Plan, arm: Arm, rules: Rules) -> NoReturn:
+    """Raise the error of a plan that was not found, as in `time_optimal`."""
+    i = found.place
+    if found.outcome == _kernel.START:
+        refuse_speed("start", rules.start, found.allowed, float(grid.s[0]))
+    if found.outcome == _kernel.END:
+        refuse_speed("end", rules.end, found.allowed, float(grid.s[-1]))
+    if found.outcome == _kernel.STUCK:
+        _refuse_stuck(grid, i)
+    if not OnGrid(grid).derivatives[0][0, i].any():
+        raise InvalidInput(
+            f"No joint moves from s = {grid.s[i]:.6g} to {grid.s[i + 1]:.6g}, where nothing "
+            "bounds dds: leave this piece of the joint path out."
+        )
+    hint = arm.limits_hint
+    raise InvalidInput(
+        "Nothing limits the acceleration along the path: give joint_acceleration, "
+        f"joint_torque or tool_acceleration{f'; {hint}' if hint else ''}."
+    )
+
+
+def _refuse_standing(s: float) -> NoReturn:
+    """Refuse constraints that count in s along a path on which the joints stand at some s."""
+    raise NotRealizable(
+        f"At {s:.6g} m along the path no joint moves with s, so that nothing bounds ds there, and "
+        "constraints that are functions of s cannot be kept: leave them out, or give the joint "
+        "path a parameter along which the joints go on.",
+        s=s,
+    )
+
+
+def _refuse_stuck(grid: Grid, i: int) -> NoReturn:
+    """Refuse a path on which the limits allow no motion in the interval i."""
+    s = float(grid.s[i])
+    raise NotRealizable(
+        f"At {s:.6g} m along the path the limits allow no motion at all: check the limits, or move "
+        "the path away from the singularity.",
+        s=s,
+    )

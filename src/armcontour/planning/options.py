@@ -1,0 +1,256 @@
+"""Options of planning: one class per method, which has only the fields that the method uses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Options
+from armcontour.core.quantities import (
+    About,
+    AngularDistance,
+    AtLeast,
+    Axes,
+    Distance,
+    Interval,
+    Quantity,
+    Reserve,
+    Tolerance,
+)
+from armcontour.core.render import number
+from armcontour.motion import PERIOD, JointPath, Method, check_interval
+from armcontour.planning.constraints import Constraint
+from armcontour.planning.grid import FEWEST_PER_PIECE, MOST_INTERVALS
+from armcontour.robot import Arm, Limits
+from armcontour.robot.limits import or_unlimited
+
+# A motion of more than eleven days is a mistake in a number [s]; its times round to a nanosecond.
+LONGEST_MOTION = 1e6
+MotionTime = Annotated[float, Quantity("s", "6.5 s", within=(checks.SMALLEST, LONGEST_MOTION))]
+Intervals = Annotated[int, AtLeast(FEWEST_PER_PIECE, MOST_INTERVALS)]
+# Of fields that are keys of a job, whose other options have keys elsewhere or none.
+KEY = About()
+PathSpeed = Annotated[float, Quantity("m/s", "0.15 m/s", "not negative")]
+# Laps per line of the paper's method. With fewer laps a short line from rest to rest would have no
+# lap to move in; more are some GB of data for an arm with six joints.
+FEWEST_LAPS, MOST_LAPS = 8, 5_000_000
+# Largest number of iterations of each pass that limits jerk.
+MOST_ITERATIONS = 150
+# Iterations of shaping, unless another number is given, and at most.
+DEFAULT_ITERATIONS, MOST_SHAPES = 60, 10_000
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlanOptions(Options):
+    """Options that all methods of `plan` have: the base of the options of each method.
+
+    Args:
+        reserve: Share of the limits of joint acceleration and torque that the plan leaves to the
+            servo. With a reserve of 0, a servo that lags cannot catch up.
+        branch: For an arm in the plane: the branch of its inverse kinematics; by default the one
+            that is fastest along the path.
+        start: For an arm in space: joint positions near the required start [rad], (dof,); by
+            default the configuration that is fastest along the path.
+        fits: Whether the arm may follow a joint path, such as `Cell(arm, scene).fits`: the fastest
+            configuration that fits is taken, and the fastest of all if none does. By default no
+            collisions are considered; `check_clearance` finds those of a plan.
+
+    Raises:
+        InvalidInput: A value of the wrong type or out of range.
+    """
+
+    method: ClassVar[Method]
+    reserve: Annotated[Reserve, About(usual=(0.0, 0.9))] = 0.0
+    branch: str | None = None
+    start: Annotated[FloatArray, Quantity("rad", "10 deg")] | None = None
+    fits: Callable[[JointPath], bool] | None = None
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Optimal(PlanOptions):
+    """Options of the fastest timing that satisfies every limit; also those of `PlanOptions`.
+
+    Args:
+        duration: Time from start to end [s]: contours are slowed down by one factor, rapids and
+            dwells are not. By default the motion is the fastest.
+        intervals: Approximate number of grid intervals of each contour; by default 4000, fewer for
+            a program of many contours.
+        iterations: Largest number of iterations with limits of jerk. A plan that was stopped early
+            is slower, and satisfies all limits.
+        grid: Grid points along one path [m], (n,), in place of `intervals`; the breaks of the joint
+            path are added. With limits of jerk it is the grid of the plan without them only.
+        start_speed: Path speed at the start of one path [m/s].
+        end_speed: Path speed at the end of one path [m/s].
+        constraints: Further constraints.
+
+    Raises:
+        InvalidInput: A value of the wrong type or out of range, or a motion of a given duration
+            that starts or ends at a speed.
+    """
+
+    method = Method.OPTIMAL
+    duration: MotionTime | None = None
+    intervals: Annotated[Intervals | None, KEY] = None
+    iterations: Annotated[int, AtLeast(1, MOST_ITERATIONS)] = MOST_ITERATIONS
+    grid: Annotated[FloatArray, Quantity("m", "5 mm"), Axes("points")] | None = None
+    start_speed: PathSpeed = 0.0
+    end_speed: PathSpeed = 0.0
+    constraints: tuple[Constraint, ...] = ()
+
+    def _check_together(self) -> None:
+        for name in ("start_speed", "end_speed"):
+            if self.duration is not None and getattr(self, name):
+                raise InvalidInput(
+                    f"A motion of a given duration starts and ends at rest: leave out {name}, or "
+                    "duration."
+                )
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Shaped(PlanOptions):
+    """Options of the fastest path within a tolerance of the given one; also those of `PlanOptions`.
+
+    Args:
+        tolerance: Largest distance of the path from the objective, and of the vertices of the
+            objective from the path [m]; 0 stops at every vertex. Tolerances of the path's own
+            segments cap it, and so does half of a stretch between two sharp corners.
+        line_tolerance: The tolerance farther than `zone` from every vertex [m]; by default the same
+            as `tolerance`.
+        zone: Distance from the vertices, along the objective, from which `line_tolerance` holds
+            [m].
+        angular_tolerance: Largest angle between the tool and its required orientation [rad], as in
+            `round_corners`.
+        iterations: Largest number of iterations; after each one the path satisfies everything.
+        intervals: Approximate number of grid intervals of the plans that are compared.
+
+    Raises:
+        InvalidInput: A value of the wrong type or out of range, or one of `line_tolerance` and
+            `zone` without the other.
+    """
+
+    method = Method.SHAPED
+    tolerance: Distance
+    line_tolerance: Distance | None = None
+    zone: Tolerance | None = None
+    angular_tolerance: AngularDistance | None = None
+    iterations: Annotated[int, AtLeast(0, MOST_SHAPES)] = DEFAULT_ITERATIONS
+    intervals: Intervals | None = None
+
+    def _check_together(self) -> None:
+        if (self.line_tolerance is None) != (self.zone is None):
+            given, missing = ("line_tolerance", "zone")[:: 1 if self.zone is None else -1]
+            raise InvalidInput(
+                f"{given} is given without {missing}: line_tolerance holds farther from the "
+                "vertices than zone, so give both or neither."
+            )
+        if self.line_tolerance is None or self.zone is None:
+            return
+        if self.line_tolerance > self.tolerance:
+            raise InvalidInput(
+                f"line_tolerance of {number(self.line_tolerance, 'm')} is above the tolerance of "
+                f"{number(self.tolerance, 'm')}: lines may not be less exact than corners.",
+                needed=self.line_tolerance,
+                allowed=self.tolerance,
+            )
+        if self.zone < self.tolerance:
+            raise InvalidInput(
+                f"zone of {number(self.zone, 'm')} is below the tolerance of "
+                f"{number(self.tolerance, 'm')}, which reaches that far from a vertex: give at "
+                "least the tolerance.",
+                needed=self.tolerance,
+                allowed=self.zone,
+            )
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Paper(PlanOptions):
+    """Options of the paper's method, for paths of lines and arcs; also those of `PlanOptions`.
+
+    Args:
+        knots: Laps of equal length per line. By default the knots are no farther apart than the
+            tool moves in one command interval at the assigned velocity. The lap next to a rest is
+            divided further.
+        period: Command interval [s].
+
+    Raises:
+        InvalidInput: A value of the wrong type or out of range.
+    """
+
+    method = Method.MAC
+    knots: Annotated[Annotated[int, AtLeast(FEWEST_LAPS, MOST_LAPS)] | None, KEY] = None
+    period: Interval = PERIOD
+
+    def _check_together(self) -> None:
+        check_interval(self.period)
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Conventional(PlanOptions):
+    """Options of uniform speed along the raw path, as in the paper: those of `PlanOptions`."""
+
+    method = Method.CONVENTIONAL
+
+
+FASTEST = Optimal()
+# Options by the names of their methods, for those that time a path as it is given.
+METHODS: dict[str, type[PlanOptions]] = {x.method.value: x for x in (Optimal, Paper, Conventional)}
+
+
+@dataclass(frozen=True, slots=True)
+class JerkLimits:
+    """Limits of jerk, infinite where there is none.
+
+    Args:
+        joint: Of each joint [rad/s³], (dof,).
+        path: Of the arc length [m/s³].
+        tool: Of the tool [m/s³].
+    """
+
+    joint: FloatArray
+    path: float
+    tool: float
+
+    @classmethod
+    def of(cls, limits: Limits, dof: int) -> JerkLimits | None:
+        """The limits of jerk among limits; None if there are none."""
+        if limits.joint_jerk is None and limits.path_jerk is None and limits.tool_jerk is None:
+            return None
+        joint = or_unlimited(limits.joint_jerk, dof)
+        path, tool = (np.inf if x is None else x for x in (limits.path_jerk, limits.tool_jerk))
+        if not (np.isfinite(joint).any() or np.isfinite([path, tool]).any()):
+            return None
+        return cls(np.broadcast_to(joint, (dof,)), float(path), float(tool))
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A planning problem with limits of jerk.
+
+    Args:
+        arm: The arm.
+        active: The constraints of the planner without jerk.
+        jerk: The limits of jerk.
+        start_speed, end_speed: Path speeds at the start and the end [m/s].
+        cells: About so many cells; None for the default.
+        iterations: Largest number of iterations of each pass; any number gives a plan that keeps
+            all limits.
+    """
+
+    arm: Arm
+    active: tuple[Constraint, ...]
+    jerk: JerkLimits
+    start_speed: float = 0.0
+    end_speed: float = 0.0
+    cells: int | None = None
+    iterations: int = MOST_ITERATIONS

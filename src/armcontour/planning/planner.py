@@ -1,0 +1,292 @@
+"""Entry point `plan`: checks the input, traces paths that are not traced yet, and times them."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.describing import several
+from armcontour.core.errors import InvalidInput, NotRealizable
+from armcontour.core.fields import checked
+from armcontour.core.progress import Progress
+from armcontour.core.text import capitalise
+from armcontour.geometry import Path
+from armcontour.geometry.shaped import doubt_search
+from armcontour.motion import JointPath, Trajectory
+from armcontour.planning.common import with_reserve
+from armcontour.planning.grid import DEFAULT_INTERVALS
+from armcontour.planning.options import FASTEST, LONGEST_MOTION, Optimal, PlanOptions, Shaped
+from armcontour.planning.program_timing import (
+    Timing,
+    refuse_unkept_jerk,
+    time_contour,
+    time_program,
+)
+from armcontour.planning.program_tracing import TracedMove, Tracing, trace_program
+from armcontour.planning.tracing import refuse_out_of_range
+from armcontour.program import Dwell, Program
+from armcontour.robot import Arm, Limits, compare_limits, resolve_limits
+
+# Options that apply to one path only: a program has many paths, and rests between them.
+OF_ONE_PATH = ("grid", "start_speed", "end_speed")
+# With many contours each contour gets fewer grid intervals: it is shorter, and each costs time.
+MOST_BY_DEFAULT = 40_000
+FEWEST_INTERVALS = 500
+
+
+@checked
+def plan(
+    path: Path | Program | JointPath | Tracing,
+    arm: Arm | Any | None = None,
+    limits: Limits | None = None,
+    options: PlanOptions = FASTEST,
+    *,
+    progress: Progress | None = None,
+) -> Trajectory:
+    """Time a path or a program: compute its realizable trajectory.
+
+    Args:
+        path: A tool path, or a program of several with rapids between them, which are traced first;
+            or a joint path or tracing.
+        arm: The arm, or what has the `dof` and `limits` of an arm, to time a joint path. A joint
+            path without a tool path needs none if `limits` are given, without those of torque.
+        limits: Limits in place of those of the arm. What they do not give is the arm's own,
+            infinity lifts a limit.
+        options: The method and its options: `Optimal`, the fastest timing that satisfies every
+            limit; `Shaped`, the fastest path within a tolerance of the given one, with that
+            timing; `Paper`, the paper's method; or `Conventional`, uniform speed along the raw
+            path.
+        progress: Called after every contour with the step "timing" and the share that is done.
+
+    Raises:
+        InvalidInput: A limit that the method needs is missing, an option that applies to one path
+            for a program of several, too many intervals, or a speed at which the motion takes too
+            long.
+        Unreachable: A point of the path is out of reach, out of a joint range or singular.
+        NotRealizable: The method cannot keep the limits on this path, or not in so short a
+            duration, or it keeps no limits of jerk and there are some.
+
+    Warns:
+        UserWarning: A given limit is above the arm's own, or limits of jerk add full stops, as
+            accelerations would jump there.
+    """
+    arm = _arm_of(path, arm, limits)
+    bounds = resolve_limits("plan", arm, limits)
+    if not isinstance(arm, Arm):
+        arm = _JointSpace(arm.dof, arm.limits)
+    if not isinstance(path, Tracing) and (above := compare_limits(bounds, arm)):
+        # Jobs plan tracings, and have warnings of their own.
+        warnings.warn(capitalise(above), stacklevel=3)
+    refuse_unkept_jerk(options.method, bounds)
+    traced: Tracing | JointPath
+    if isinstance(path, JointPath | Tracing):
+        traced = _refuse_foreign(path, arm, bounds, options)
+    else:
+        program = Program.of(path, "plan needs a Path, a JointPath or a Program")
+        refuse_endless(program, bounds)
+        if isinstance(options, Shaped):
+            from armcontour.planning.shaping import Shaping
+
+            shaping = Shaping(arm, bounds, options)
+            program = shaping.shape(program, progress, named=program is path)
+            for doubt in doubt_search(x.path for x in program.contours):
+                warnings.warn(capitalise(doubt), stacklevel=3)
+        traced = trace_program(
+            program,
+            arm,
+            bounds,
+            branch=options.branch,
+            start=options.start,
+            fits=options.fits,
+        )
+    kept = with_reserve(bounds, options.reserve)
+    if isinstance(traced, JointPath):
+        timing = Timing(arm, kept, options)
+        found = time_contour(traced, timing)
+    else:
+        timing = Timing(arm, kept, _fit_options(traced.program, options))
+        found = time_program(traced, timing, progress)
+    if isinstance(options, Optimal) and options.duration is not None:
+        from armcontour.planning.given_duration import slow_down
+
+        found = slow_down(found, options.duration, traced, timing)
+    _refuse_endless_motion(found)
+    found = found.limited(bounds, options.reserve, None if isinstance(arm, _JointSpace) else arm)
+
+    if not isinstance(path, Tracing) and bounds.jerk_limits:
+        _warn_of_stops(traced, found)
+    return found
+
+
+def _warn_of_stops(traced: Tracing | JointPath, trajectory: Trajectory) -> None:
+    """Warn of full stops that limits of jerk have added inside contours."""
+    from armcontour.planning.explanation import find_jerk_stops
+
+    paths = {} if isinstance(traced, JointPath) else {x.move: x.joint_path for x in traced.steps}
+    stops: list[float] = []
+    for x in trajectory.contour_spans:
+        joint_path = traced if isinstance(traced, JointPath) else paths[x.move]
+        if joint_path is not None and x.trajectory is not None:
+            stops += (x.s[0] + find_jerk_stops(joint_path, x.trajectory)).tolist()
+    if stops:
+        warnings.warn(
+            f"Limits of jerk add {several(len(stops), 'full stop')}, the first at s = "
+            f"{stops[0]:.4g} m, because the curvature of the path or the angular acceleration of "
+            'the tool jumps there: round_corners(..., continuity="curvature") and smooth_curvature '
+            "make paths whose curvature does not jump; explain(...).jerk_stops lists the stops.",
+            stacklevel=4,
+        )
+
+
+class _JointSpace(Arm):
+    """Joints without kinematics and masses, to time a joint path without a tool path."""
+
+    name = "without a name"
+    dimension = 0
+
+    def __init__(self, dof: int, limits: Limits) -> None:
+        self.joint_names = tuple(f"joint {k + 1}" for k in range(dof))
+        self.limits = limits
+
+    def _refuse(self, q: npt.ArrayLike, dq: npt.ArrayLike = 0.0) -> FloatArray:
+        raise InvalidInput("A joint path without a tool path has no tool: give plan the arm.")
+
+    tool_position = tool_jacobian = tool_jacobian_rate = links = _refuse
+
+    @cached_property
+    def dynamics(self) -> NoReturn:
+        """Refused, because the masses are not known.
+
+        Raises:
+            InvalidInput: Always.
+        """
+        raise InvalidInput("Limits of torque need an arm with masses: give plan the arm.")
+
+
+def _arm_of(
+    path: Path | Program | JointPath | Tracing, arm: Arm | None, limits: Limits | None
+) -> Arm:
+    """The arm, or what stands for it along a joint path without a tool path.
+
+    Raises:
+        InvalidInput: The arm is missing, or is none.
+    """
+    if arm is None and limits and isinstance(path, JointPath) and path.tool_path is None:
+        return _JointSpace(path.dof, Limits())
+    if arm is None:
+        raise InvalidInput(
+            "plan needs an Arm, such as load_arm('ur5e'), not None; only a joint path without a "
+            "tool path can be planned with limits alone."
+        )
+    return arm
+
+
+def _fit_options(program: Program, options: PlanOptions) -> PlanOptions:
+    """Fit the options of a method to all contours of a program.
+
+    Raises:
+        InvalidInput: An option that applies to one path only.
+    """
+    if not isinstance(options, Optimal):
+        return options
+    for name in OF_ONE_PATH if program.single_path is None else ():
+        if not np.array_equal(getattr(options, name), getattr(FASTEST, name)):
+            raise InvalidInput(
+                f"{name} is an option for one path: a program rests between its moves."
+            )
+    fewer = intervals_of(program)
+    return options if options.intervals or fewer is None else replace(options, intervals=fewer)
+
+
+def intervals_of(program: Program) -> int | None:
+    """Grid intervals for each contour of a program; None for the default of a single path."""
+    count = len(program.contours)
+    if count <= MOST_BY_DEFAULT // DEFAULT_INTERVALS:
+        return None
+    return max(FEWEST_INTERVALS, MOST_BY_DEFAULT // count)
+
+
+def refuse_endless(program: Program, limits: Limits) -> None:
+    """Refuse a program that takes longer than LONGEST_MOTION at its assigned velocities.
+
+    Raises:
+        InvalidInput: The program takes longer.
+    """
+    total = assigned_time(program, limits)
+    if not total <= LONGEST_MOTION:
+        raise InvalidInput(
+            f"At its assigned velocities, and with its dwells, the path takes {total:.3g} s, but a "
+            f"motion lasts {LONGEST_MOTION:g} s at most: raise speed, or shorten the dwells.",
+            limit="speed",
+            needed=total,
+            allowed=LONGEST_MOTION,
+        )
+
+
+def assigned_time(program: Program, limits: Limits) -> float:
+    """Time of a program at its assigned velocities, where given, and of its dwells [s].
+
+    Rounded corners make the motion shorter, limits make it longer.
+    """
+    dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
+    return dwells + sum(_assigned_time(x.path, limits) for x in program.contours)
+
+
+def _assigned_time(path: Path, limits: Limits) -> float:
+    """Time of a path at its assigned velocities [s]; segments without one count as zero."""
+    speeds = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
+    return float((path.lengths / speeds).sum())
+
+
+def _refuse_endless_motion(trajectory: Trajectory) -> None:
+    """Refuse a trajectory that takes longer than LONGEST_MOTION.
+
+    Raises:
+        NotRealizable: The trajectory takes longer, or its duration is not a number.
+    """
+    if not trajectory.duration <= LONGEST_MOTION:
+        raise NotRealizable(
+            f"The motion would take {trajectory.duration:.3g} s, but lasts {LONGEST_MOTION:g} s at "
+            "most: raise the limits that bind.",
+            needed=trajectory.duration,
+            allowed=LONGEST_MOTION,
+        )
+
+
+def _refuse_foreign(
+    path: JointPath | Tracing, arm: Arm, limits: Limits, options: PlanOptions
+) -> JointPath | Tracing:
+    """What the joints follow: a tracing, or a joint path that has no tool path.
+
+    Raises:
+        InvalidInput: A joint path of another arm, or options that a traced path cannot take.
+        Unreachable: A joint path leaves a joint range.
+    """
+    if isinstance(options, Shaped):
+        raise InvalidInput(
+            "The method shaped changes the tool path, but this path is traced already: give it "
+            "the Path or Program."
+        )
+    if not (options.branch is None and options.start is None):
+        given = "start" if options.branch is None else "branch"
+        raise InvalidInput(f"A joint path is traced already: give {given} to trace instead.")
+    steps = (TracedMove(move=None, joint_path=path),) if isinstance(path, JointPath) else path.steps
+    for x in steps:
+        if x.joint_path is None:
+            continue
+        if x.joint_path.dof != arm.dof:
+            raise InvalidInput(
+                f"The joint path has {x.joint_path.dof} joints, but the arm {arm.name} has "
+                f"{arm.dof}."
+            )
+        with x.named():
+            refuse_out_of_range(x.joint_path, limits)
+    if isinstance(path, JointPath) and path.tool_path is not None:
+        return Tracing.along(path, path.tool_path)
+    return path

@@ -1,0 +1,564 @@
+"""Joint paths of all moves of a program, each contour in the configuration that is the fastest."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import ArmContourError, Unreachable, locate_errors
+from armcontour.core.frames import exp, log, shortest
+from armcontour.core.progress import Progress, Step
+from armcontour.geometry import Path, ShapedPath
+from armcontour.geometry.cutting import cut_path
+from armcontour.geometry.orientation import Orientation
+from armcontour.motion import JointPath
+from armcontour.planning.optimal import plan_optimal
+from armcontour.planning.options import Optimal
+from armcontour.planning.tracing import sketch_all, trace, trace_all
+from armcontour.program import Contour, Move, Program, Rapid, contour_called
+from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limits
+
+# Joint positions nearer than this are the same [rad]: the error of exact inverse kinematics.
+SAME_POSITION = 1e-9
+# Configurations are compared by coarse plans.
+ROUGHLY = Optimal(intervals=400)
+# In the plane, joint paths of more pieces are compared by lower bounds: a plan takes seconds.
+MOST_PLANNED = 8_000
+# On paths of more segments than LONG they are compared on parts of about PART_SEGMENTS, one in
+# PART_EVERY segments, and at most MOST_PARTS. Parts tell durations apart by some thousandths only:
+# what is slower there by no more than SLOWER is traced along the whole path.
+LONG = 20_000
+PART_SEGMENTS, PART_EVERY, MOST_PARTS = 200, 2500, 40
+SLOWER = 0.01
+# What differs on the parts by less than this share differs by the turn of a wrist only, and is as
+# fast on the whole path.
+ALIKE = 1e-4
+# A configuration is not planned if this share of its lower bound exceeds a plan: the bound keeps
+# limits at points, and may miss what happens between them.
+SURE = 0.998
+# Plans whose durations differ by less than this share are as fast: the planner is no more exact.
+AS_FAST = 1e-6
+# Where configurations are as fast for a contour, so many contours after it tell which is chosen.
+AHEAD = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TracedMove:
+    """The joint path of a move of a program, or of the rapid from one move to the next.
+
+    Args:
+        move: Index of the move; None for a rapid between two moves that do not meet.
+        joint_path: The joint path; None where the joints stand still.
+        called: Name of the move in error messages; empty for a single path.
+    """
+
+    move: int | None
+    joint_path: JointPath | None = None
+    called: str = ""
+
+    def named(self) -> AbstractContextManager[None]:
+        """A context in which error messages start with the name of the move."""
+        return locate_errors(self.called) if self.called else nullcontext()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tracing:
+    """A program with its joint paths; plans that differ only in timing share it.
+
+    Args:
+        program: The program.
+        steps: The joint paths in order.
+        passed_over: Whether a configuration was taken that is not the fastest, as that did not fit.
+    """
+
+    program: Program
+    steps: tuple[TracedMove, ...]
+    passed_over: bool = False
+
+    @classmethod
+    def along(cls, joint_path: JointPath, path: Path) -> Tracing:
+        """The tracing of one path that is traced already."""
+        return cls(program=Program.of(path), steps=(TracedMove(move=0, joint_path=joint_path),))
+
+    def is_contour(self, step: TracedMove) -> bool:
+        """Whether a step is a contour of the program."""
+        return step.move is not None and isinstance(self.program.moves[step.move], Contour)
+
+    @property
+    def joint_paths(self) -> tuple[JointPath, ...]:
+        """The joint paths in order, without the steps at which the joints stand still."""
+        return tuple(x.joint_path for x in self.steps if x.joint_path is not None)
+
+
+def trace_program(
+    program: Program,
+    arm: Arm,
+    limits: Limits | None = None,
+    *,
+    branch: str | None = None,
+    start: npt.ArrayLike | None = None,
+    fits: Callable[[JointPath], bool] | None = None,
+    progress: Progress | None = None,
+) -> Tracing:
+    """Trace all moves of a program.
+
+    The first contour starts in its fastest configuration, and where several are as fast for it, in
+    the one in which the next contours are reached and done the soonest. Every other contour starts
+    in the configuration nearest to the joint positions before it, or in its fastest configuration
+    if the nearest one does not complete it. A rapid without a path, and a gap between two moves,
+    becomes a straight line in joint space.
+
+    Args:
+        program: The program, with rounded corners and the required tool orientation.
+        arm: The arm.
+        limits: Limits with the joint ranges; they also decide which configuration is the fastest.
+            By default the arm's own.
+        branch: As in `plan`.
+        start: As in `plan`; by default where the contours were shaped, if they were.
+        fits: Whether a contour may be followed along a joint path, asked where a configuration is
+            chosen: one that does not fit is only taken if none does.
+        progress: Called after every contour with the step "tracing" and the share that is done.
+
+    Raises:
+        ArmContourError: A move cannot be traced; the message starts with the name of the contour.
+    """
+    bounds = resolve_limits("trace_program", arm, limits)
+    if start is None:
+        shaped = [x.path for x in program.contours if isinstance(x.path, ShapedPath)]
+        start = shaped[0].outcome.joints if shaped else None
+    tracer = _Tracer(
+        program.single_path,
+        program.moves,
+        program.contours,
+        arm,
+        arm.with_limits(bounds),
+        bounds,
+        branch,
+        start,
+        fits,
+    )
+    for i, move in enumerate(program.moves):
+        tracer.follow(i, move)
+        if isinstance(move, Contour) and progress is not None:
+            progress(Step(("tracing",), tracer.done / len(tracer.contours)))
+    return Tracing(program=program, steps=tuple(tracer.steps), passed_over=tracer.passed_over)
+
+
+@dataclass(slots=True)
+class _Tracer:
+    """Traces the moves of a program one after the other; each starts where the last one ended."""
+
+    single_path: Path | None
+    moves: tuple[Move, ...]
+    contours: tuple[Contour, ...]
+    arm: Arm
+    limited: Arm
+    limits: Limits
+    branch: str | None
+    start: npt.ArrayLike | None
+    fits: Callable[[JointPath], bool] | None
+    steps: list[TracedMove] = field(default_factory=list)
+    last: JointPath | None = None
+    done: int = 0
+    looks_ahead: bool = True
+    passed_over: bool = False
+
+    def follow(self, i: int, move: Move) -> None:
+        """Add the steps of a move; a rapid without a path is the gap before the next move."""
+        if isinstance(move, Contour):
+            # A single path has no number.
+            alone = self.single_path is not None and not move.name
+            called = "" if alone else contour_called(move, self.done)
+            with TracedMove(move=i, called=called).named():
+                self._append(i, self._trace(move.path, i), called)
+            self.done += 1
+        elif not isinstance(move, Rapid):
+            self.steps.append(TracedMove(move=i))
+        elif move.path is not None:
+            self._rapid(i, move.path)
+
+    def _rapid(self, i: int, path: Path) -> None:
+        """Add a rapid along a path, called by the contour that it leads to, or away from."""
+        before = self.contours[max(self.done - 1, 0) : self.done]
+        after = self.contours[self.done : self.done + 1]
+        if after:
+            called = f"rapid to {contour_called(after[0], self.done)}"
+        else:
+            called = f"rapid away from {contour_called(before[0], self.done - 1)}"
+        turned = turn_along(path, before, after)
+        with locate_errors(called):
+            first = self.last is None and self.start is None
+            found = self._trace_to(after[0], turned, i) if first else self._trace(turned, i)
+            self._append(i, found, called)
+
+    def _append(self, i: int, joint_path: JointPath, called: str) -> None:
+        """Append a joint path, with a straight line in joint space to its start if needed."""
+        if self.last is not None:
+            end, q = ends_of(self.last)[1], ends_of(joint_path)[0]
+            if np.abs(q - end).max() > SAME_POSITION:
+                self.steps.append(TracedMove(move=None, joint_path=_line(end, q), called=called))
+        self.steps.append(TracedMove(move=i, joint_path=joint_path, called=called))
+        self.last = joint_path
+
+    def _trace(self, path: Path, i: int) -> JointPath:
+        """Trace the path of a move from the present configuration, else from the fastest one."""
+        if self.last is None:
+            return self._fastest(path, i, branch=self.branch, start=self.start)
+        try:
+            return trace(path, self.limited, **configuration_of(self.arm, ends_of(self.last)[1]))
+        except Unreachable:
+            return self._fastest(path, i, branch=self.branch)
+
+    def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
+        """Trace a rapid to the first contour, in the configuration that is fastest for it."""
+        arm, limited = self.arm, self.limited
+        try:
+            at = next(k for k in range(i, len(self.moves)) if self.moves[k] is contour)
+            fastest = self._fastest(contour.path, at, branch=self.branch)
+            back = trace(path.reversed(), limited, **configuration_of(arm, fastest(0.0)))
+            return trace(path, limited, **configuration_of(arm, back(back.length)))
+        except ArmContourError:
+            # Try the other configurations; errors of the contour are raised when it is traced.
+            return self._trace(path, i)
+
+    def _fastest(
+        self, path: Path, i: int, branch: str | None = None, start: npt.ArrayLike | None = None
+    ) -> JointPath:
+        """Trace the path of a move in its fastest configuration; of equals that for what follows.
+
+        Args:
+            path: The path.
+            i: Index of the move.
+            branch: As in `trace_fastest`.
+            start: As in `trace_fastest`.
+        """
+        fits = self.fits if self.looks_ahead else None
+        first: JointPath | None = None
+        for group in trace_by_duration(path, self.limited, branch=branch, start=start):
+            for x in self._in_order(group, i):
+                if fits is None or np.all(fits(x)):
+                    self.passed_over |= first is not None
+                    return x
+                first = x if first is None else first
+        assert first is not None
+        return first
+
+    def _in_order(self, as_fast: list[JointPath], i: int) -> list[JointPath]:
+        """Joint paths of a move that are as fast: those first after which the rest is faster.
+
+        Args:
+            as_fast: The joint paths.
+            i: Index of the move.
+        """
+        if len(as_fast) == 1 or not self.looks_ahead:
+            return as_fast
+        durations = np.array([self._look_ahead(x, i) for x in as_fast])
+        durations[durations <= durations.min() * (1 + AS_FAST)] = durations.min()
+        return [as_fast[k] for k in np.argsort(durations, kind="stable")]
+
+    def _look_ahead(self, joint_path: JointPath, i: int) -> float:
+        """A lower bound of the duration of some moves after a move [s]; infinite without a way.
+
+        Args:
+            joint_path: The joint path of the move.
+            i: Index of the move.
+        """
+        done = sum(isinstance(x, Contour) for x in self.moves[: i + 1])
+        trial = dataclasses.replace(self, steps=[], last=joint_path, done=done, looks_ahead=False)
+        for k, move in enumerate(self.moves[i + 1 :], i + 1):
+            if trial.done == done + AHEAD:
+                break
+            try:
+                trial.follow(k, move)
+            except ArmContourError:
+                return np.inf
+        ways = [x.joint_path for x in trial.steps if x.joint_path is not None]
+        return sum(bound_duration(x, self.limits) for x in ways)
+
+
+def _line(begin: FloatArray, end: FloatArray) -> JointPath:
+    """The straight line between joint positions [rad], (dof,) each, over its length [rad]."""
+    length = float(np.linalg.norm(end - begin))
+    coefficients = np.zeros((1, 6, len(begin)))
+    coefficients[0, 0], coefficients[0, 1] = begin, (end - begin) / length * length
+    return JointPath(breaks=np.array([0.0, length]), coefficients=coefficients)
+
+
+def ends_of(joint_path: JointPath) -> tuple[FloatArray, FloatArray]:
+    """Joint positions at the start and at the end of a joint path [rad], (dof,) each."""
+    start, end = joint_path.coefficients[0, 0], joint_path.coefficients[-1, 5]
+    # The polynomial of the last interval at its end, as Horner's rule has it.
+    for k in range(4, -1, -1):
+        end = end + joint_path.coefficients[-1, k]
+    return start + 0.0, end
+
+
+def configuration_of(arm: Arm, q: FloatArray) -> dict[str, Any]:
+    """Arguments of `trace` for the configuration of joint positions [rad], (dof,)."""
+    return {"branch": arm.branch_of(q)} if isinstance(arm, PlanarTwoLink) else {"start": q}
+
+
+def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) -> Path:
+    """Turn the tool along a rapid from the orientation of the last contour to that of the next.
+
+    Args:
+        path: The path of the rapid.
+        before: The contour before the rapid, or nothing.
+        after: The contour after the rapid, or nothing.
+
+    Returns:
+        The path with an orientation; the same path where it has one, or where none is required.
+    """
+    if path.orientation is not None or path.dimension == 2:
+        return path
+    ends = [(x.path.orientation, x.path.length) for x in before]
+    ends += [(x.path.orientation, 0.0) for x in after]
+    given = [(x, s) for x, s in ends if x is not None]
+    if not given:
+        return path
+    free = all(x.axis_only for x, _ in given)
+    first, last = given[0][0](given[0][1]), given[-1][0](given[-1][1])
+    # If only tool axes are given, the tool does not turn about its axis. For opposite orientations
+    # either direction of rotation will do.
+    turn = shortest(first[:, 2], last[:, 2]) if free else log((last @ first.T)[None])[0]
+    rates = np.tile(turn / path.length, (len(path), 1))
+    starts = exp(path.breaks[:-1, None] * rates) @ first
+    return dataclasses.replace(
+        path, orientation=Orientation.even(path.lengths, starts, rates, axis_only=free)
+    )
+
+
+def trace_fastest(
+    path: Path,
+    arm: Arm,
+    limits: Limits | None = None,
+    *,
+    branch: str | None = None,
+    start: npt.ArrayLike | None = None,
+) -> JointPath:
+    """Trace a path in the configuration whose optimal plan takes the least time.
+
+    Among equals it is the one with the shortest joint path.
+
+    Args:
+        path: A tool path.
+        arm: The arm.
+        limits: Limits, including the joint ranges, without those of jerk; by default the arm's own.
+        branch: For an arm in the plane: the branch, as in `trace`, which leaves no choice.
+        start: For an arm in space: joint positions near the required start [rad], (dof,).
+
+    Raises:
+        Unreachable: No configuration completes the path.
+        InvalidInput: The path does not fit the arm.
+    """
+    return next(trace_by_duration(path, arm, limits, branch=branch, start=start))[0]
+
+
+def trace_by_duration(
+    path: Path,
+    arm: Arm,
+    limits: Limits | None = None,
+    *,
+    branch: str | None = None,
+    start: npt.ArrayLike | None = None,
+) -> Iterator[list[JointPath]]:
+    """Trace a path in all configurations, those with the fastest optimal plans first.
+
+    Args:
+        path: As in `trace_fastest`, as the others.
+        arm: See above.
+        limits: See above.
+        branch: See above.
+        start: See above.
+
+    Yields:
+        Joint paths that are as fast, the shortest one first. Of a long path there is only the
+        fastest one.
+
+    Raises:
+        Unreachable: No configuration completes the path.
+        InvalidInput: The path does not fit the arm.
+    """
+    bounds = resolve_limits("fastest_configurations", arm, limits)
+    # Limits of jerk cost much time here, and favour no configuration.
+    rough = bounds.without_jerk
+    if isinstance(path, Path) and len(path) > LONG and isinstance(arm, SerialArm):
+        long = _trace_long(path, arm, bounds) if branch is None and start is None else None
+        if long is not None:
+            yield [long]
+            return
+    found = trace_all(path, arm, limits=bounds, branch=branch, start=start)
+    if len(found) == 1:
+        yield found
+    else:
+        yield from _by_duration(found, arm, rough)
+
+
+def _by_duration(found: list[JointPath], arm: Arm, rough: Limits) -> Iterator[list[JointPath]]:
+    """Joint paths of one tool path, those with the fastest plans under rough limits first."""
+    at_least = [bound_duration(x, rough) for x in found]
+    order = np.argsort(at_least, kind="stable").tolist()
+    if isinstance(arm, PlanarTwoLink) and len(found[0].breaks) > MOST_PLANNED:
+        yield from ([found[i]] for i in order)
+        return
+    # Of those that are planned and did not come yet.
+    durations: dict[int, float] = {}
+    while order or durations:
+        # What takes longer by its bound is not planned yet.
+        while order and SURE * at_least[order[0]] <= min(durations.values(), default=np.inf):
+            i = order.pop(0)
+            durations[i] = np.inf
+            # If no configuration can be planned, the plan of the first one raises the reason.
+            with suppress(ArmContourError):
+                durations[i] = plan_optimal(found[i], arm, rough, ROUGHLY).duration
+        least = min(durations.values())
+        as_fast = sorted(i for i, x in durations.items() if x <= least * (1 + AS_FAST))
+        yield [found[i] for i in as_fast]
+        for i in as_fast:
+            del durations[i]
+
+
+def find_starts(path: Path, arm: SerialArm, limits: Limits | None = None) -> list[FloatArray]:
+    """Joint positions in which a path can start, one for each configuration [rad], (dof,) each.
+
+    On a long path a few places are looked at, so that a configuration may not complete the path.
+
+    Args:
+        path: A tool path.
+        arm: The arm.
+        limits: Limits with the joint ranges; by default the arm's own.
+
+    Raises:
+        Unreachable: No configuration completes the path.
+        InvalidInput: The path does not fit the arm.
+    """
+    if len(path) > LONG:
+        try:
+            return [x[0] for x in sketch_all(path, arm, limits=limits)[1]]
+        except Unreachable:
+            # Tracing says why.
+            pass
+    return [x(0.0) for x in trace_all(path, arm, limits=limits)]
+
+
+def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
+    """Trace a long path in the fastest configuration.
+
+    Some parts of the path tell which configurations may be the fastest. Along the whole path these
+    are compared by a lower bound, and by how far plans of the parts are above it.
+
+    Args:
+        path: The path.
+        arm: The arm.
+        limits: The limits, with the joint ranges.
+
+    Returns:
+        The joint path; None if no configuration is found this way.
+    """
+    rough = limits.without_jerk
+    try:
+        s, solutions = sketch_all(path, arm, limits=limits)
+    except Unreachable:
+        # Tracing says why.
+        return None
+    bounds, durations = _compare(path, arm, limits, s, solutions)
+    near = durations <= (1 + SLOWER) * durations.min()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        above = durations / bounds
+    slow = np.flatnonzero(~near)
+    best, least, done = None, np.inf, list[float]()
+    # The shortest joint paths come first; slow ones are traced only if no other can be.
+    for k in [*np.flatnonzero(near), *slow[np.argsort(durations[slow], kind="stable")]]:
+        if done and not near[k]:
+            break
+        if any((1 - ALIKE) * x < durations[k] < (1 + ALIKE) * x for x in done):
+            continue
+        try:
+            found = trace(path, arm, limits=limits, start=solutions[k][0])
+        except ArmContourError:
+            continue
+        done.append(float(durations[k]))
+        duration = bound_duration(found, rough) * above[k]
+        if best is None or duration < least:
+            best, least = found, duration
+    return best
+
+
+def _compare(
+    path: Path, arm: SerialArm, limits: Limits, s: FloatArray, solutions: list[FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Bounds and durations of parts of a long path in each configuration, (solutions,) each [s].
+
+    A configuration without a plan has its bound as its duration, which is too slow then; one that
+    does not complete the parts has an infinite one.
+
+    Args:
+        path: The path.
+        arm: The arm.
+        limits: The limits, with the joint ranges.
+        s: Arc lengths of some places of the path [m], (n,).
+        solutions: Joint positions at these places in each configuration [rad], (n, dof) each.
+    """
+    rough = limits.without_jerk
+    parts = min(max(len(path) // PART_EVERY, 1), MOST_PARTS)
+    length = path.length * min(PART_SEGMENTS / len(path), 1.0)
+    first = np.searchsorted(s, np.linspace(0, path.length - length, parts), side="right") - 1
+    last = np.append(s[first[:-1]] + length, path.length)
+    cuts = [cut_path(path, s[i], end) for i, end in zip(first, last, strict=True)]
+    bounds, traced = np.full(len(solutions), np.inf), list[list[JointPath]]()
+    for k, q in enumerate(solutions):
+        try:
+            found = [
+                trace(part, arm, limits=limits, start=q[i])
+                for part, i in zip(cuts, first, strict=True)
+            ]
+            bounds[k] = sum(bound_duration(x, rough) for x in found)
+        except ArmContourError:
+            found = []
+        traced.append(found)
+    durations, least = bounds.copy(), np.inf
+    for k in np.argsort(bounds, kind="stable"):
+        if SURE * bounds[k] > (1 + SLOWER) * least:
+            break
+        try:
+            durations[k] = sum(plan_optimal(x, arm, rough, ROUGHLY).duration for x in traced[k])
+        except ArmContourError:
+            durations[k] = np.inf
+        least = min(least, float(durations[k]))
+    return bounds, durations
+
+
+def bound_duration(joint_path: JointPath, limits: Limits) -> float:
+    """A duration that no motion from rest to rest along a joint path falls below [s].
+
+    It takes account of the joints' velocities and accelerations, the tool's speed and, on arcs, its
+    centripetal acceleration; torques and all other limits are left out.
+
+    Args:
+        joint_path: A traced path.
+        limits: The limits.
+    """
+    breaks, dof = joint_path.breaks, joint_path.dof
+    rests = np.isin(breaks, joint_path.stops)
+    rests[[0, -1]] = True
+    ceilings = np.full(len(breaks) - 1, np.inf)
+    path = joint_path.tool_path
+    if path is not None:
+        segment = path.locate((breaks[:-1] + breaks[1:]) / 2)
+        speed = np.inf if limits.speed is None else limits.speed
+        across = [limits.centripetal_acceleration, limits.tool_acceleration]
+        most = min((x for x in across if x is not None), default=np.inf)
+        bend = np.where(path.segments.bent, 0.0, path.curvatures)
+        with np.errstate(divide="ignore"):
+            ceilings = np.minimum(np.fmin(path.speeds, speed) ** 2, most / bend)[segment]
+    bounds = np.stack([*limits.velocity_bounds(dof), *limits.acceleration_bounds(dof)])
+    from armcontour.planning._least_duration import least_duration
+
+    return float(least_duration(breaks, joint_path.coefficients, rests, ceilings, bounds))

@@ -1,0 +1,8 @@
+"""Shaping: the path and its timing found together, within a tolerance of an objective path."""
+
+from armcontour.core.lazy import lazy_names
+
+_HOME = {
+    "shaper": "Shaping shape",
+}
+__getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -1,0 +1,212 @@
+"""The tool path that a spline of the joints draws, as tangent arcs with a smooth curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core._quintics import quintic
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.sampling import number_parts
+from armcontour.geometry import Path, Segments, SmoothCurve
+from armcontour.geometry.biarcs import biarcs
+from armcontour.planning.shaping.rows import Spline
+from armcontour.robot import Arm
+
+# A span is cut into parts in which the joint velocity changes by this share of itself.
+CHANGE = 0.1
+MOST_PARTS = 8
+# Spans whose arcs are farther from the curve than this share of the tolerance, or than this
+# distance where the tolerance is small [m], are drawn in more parts.
+NEAR, NEAREST = 1e-4, 1e-10
+MOST_ROUNDS = 4
+# Largest turn of a part [rad].
+SHARPEST = 0.35
+# Places at which arcs are compared with the curve, over each quintic.
+PLACES = np.linspace(0.1, 0.9, 9)
+# The largest distance that is found there, times this, bounds the distance in between.
+SURE = 1.25
+# Points, tangents and their derivatives along the arc length.
+Ends: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drawn:
+    """A tool path that was drawn by a spline.
+
+    Args:
+        segments: The arcs.
+        curve: The curve that the tool follows.
+        places: Arc lengths on the objective and on the path that belong together [m], (m, 2).
+        knots: Arc lengths of the knots of the spline [m], (n + 1,).
+    """
+
+    segments: Segments
+    curve: SmoothCurve
+    places: FloatArray
+    knots: FloatArray
+
+
+def draw(
+    spline: Spline, arm: Arm, objective: Path, place: FloatArray, tolerance: FloatArray
+) -> Drawn:
+    """The tool path of a spline.
+
+    Args:
+        spline: The spline.
+        arm: The arm.
+        objective: The objective path.
+        place: Arc lengths on the objective at the control points [m], (n,).
+        tolerance: Tolerance at the control points [m], (n,); the arcs are a small part of this from
+            the curve.
+    """
+    count = _count_parts(spline)
+    drawn = _draw(spline, arm, objective, place, count)
+    more = _lack(drawn.segments, drawn.curve.spreads, count, tolerance)
+    if not (more > 1).any():
+        return drawn
+    rough = np.arange(len(count))
+    for left in reversed(range(MOST_ROUNDS - 1)):
+        rough, more = rough[more > 1], more[more > 1]
+        count[rough] *= np.clip(np.ceil(more), 2, MOST_PARTS).astype(np.intp)
+        if not (left and len(rough)):
+            break
+        span, share = _parts(rough, count[rough])
+        arcs, breaks, quintics = _fit(*(_points(spline, arm, span, x) for x in share.T))
+        more = _lack(arcs, _spreads(arcs, breaks, quintics), count[rough], tolerance[rough])
+    return _draw(spline, arm, objective, place, count)
+
+
+def _lack(
+    arcs: Segments, spreads: FloatArray, count: IntArray, tolerance: FloatArray
+) -> FloatArray:
+    """How many times as many parts spans need for their arcs to be near the curve, (m,).
+
+    Args:
+        arcs: Two arcs for each part.
+        spreads: Distance of the arcs of each part from the curve [m].
+        count: Number of parts of each span, (m,).
+        tolerance: Tolerance at each span [m], (m,).
+    """
+    first = np.cumsum(count) - count
+    far = np.maximum.reduceat(spreads, first) / np.maximum(NEAR * tolerance, NEAREST)
+    turns = (arcs.curvatures * arcs.lengths).reshape(-1, 2).sum(axis=1)
+    # Where the tool nearly stops it may turn within a small part of a span.
+    turn = np.maximum.reduceat(turns, first) / SHARPEST
+    # The distance falls with the cube of the length.
+    return np.asarray(np.maximum(np.cbrt(far), turn))
+
+
+def _parts(spans: IntArray, count: IntArray) -> tuple[IntArray, FloatArray]:
+    """The span of each part, and the shares of its span at which it begins and ends, (p, 2)."""
+    of, number = number_parts(count)
+    return spans[of], np.stack([number, number + 1], axis=1) / count[of][:, None]
+
+
+def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
+    """Two arcs and a quintic along each part, whose ends are as from `_points`.
+
+    Returns:
+        The arcs; the arc lengths of the ends of the parts [m]; coefficients of the quintics.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # Straight parts have no normal.
+        first, second = biarcs(begin[0], begin[1], end[0], end[1])
+    order = np.arange(2 * len(begin[0])).reshape(2, -1).T.ravel()
+    arcs = Segments.join([first, second])[order]
+    breaks = arcs.breaks[::2]
+    return arcs, breaks, quintic(np.diff(breaks), begin, end)
+
+
+def _draw(spline: Spline, arm: Arm, objective: Path, place: FloatArray, count: IntArray) -> Drawn:
+    """The tool path of a spline whose spans are drawn in several parts each, (n,)."""
+    span, share = _parts(np.arange(len(count)), count)
+    begin = _points(spline, arm, span, share[:, 0])
+    end = _points(spline, arm, span, share[:, 1])
+    rests = np.flatnonzero((share[:, 1] == 1) & spline.rest[span + 1])
+    # Ends meet to the last digit, but where the tool stops the tangent may jump.
+    points = np.concatenate([begin[0], end[0][-1:]])
+    into = np.concatenate([begin[1][1:], end[1][-1:]])
+    into[rests] = end[1][rests]
+    arcs, breaks, coefficients = _fit(begin, (points[1:], into, end[2]))
+    ends = spline.at_knots(place[:, None])[:, 0]
+    at = ends[span][:, None] + share * (ends[span + 1] - ends[span])[:, None]
+    segments = _with_columns(arcs, objective, at)
+    curve = SmoothCurve(
+        breaks=breaks, coefficients=coefficients, spreads=_spreads(segments, breaks, coefficients)
+    )
+    places = np.stack([np.append(at[:, 0], at[-1, 1]), breaks], axis=1)
+    places[[0, -1], 0] = 0.0, objective.length
+    places[:, 0] = np.maximum.accumulate(places[:, 0])
+    knots = np.append(breaks[np.searchsorted(span, np.arange(len(spline.q)))], breaks[-1])
+    return Drawn(segments=segments, curve=curve, places=places, knots=knots)
+
+
+def _count_parts(spline: Spline) -> IntArray:
+    """How many parts to draw each span in, so that speeds change little along a part, (n,)."""
+    e = np.linalg.norm(spline.velocities, axis=1)
+    change = np.linalg.norm(np.diff(spline.velocities, axis=0), axis=1)
+    slow = np.maximum(np.minimum(e[1:], e[:-1]), 0.2 * np.maximum(e[1:], e[:-1]))
+    count = np.clip(np.ceil(change / (CHANGE * slow)), 1, MOST_PARTS).astype(np.intp)
+    # Beside a rest a span is straight in joint space.
+    count[spline.rest[1:] | spline.rest[:-1]] = 1
+    return np.asarray(count)
+
+
+def _points(spline: Spline, arm: Arm, span: IntArray, share: FloatArray) -> Ends:
+    """Points, tangents and their derivatives along the arc length, (m, dimension) each.
+
+    Args:
+        spline: The spline.
+        arm: The arm.
+        span: Span of each point, (m,).
+        share: Time since the start of the span, over the span time, (m,).
+    """
+    e, knots, h = spline.velocities, spline.knots, spline.h
+    a = (np.diff(e, axis=0) / h[:, None])[span]
+    t = (share * h[span])[:, None]
+    q, dq = knots[span] + e[span] * t + a * t**2 / 2, e[span] + a * t
+    # Beside a rest the direction is that of the other end, and any even speed will do.
+    for side, other in ((spline.rest[:-1], e[1:]), (spline.rest[1:], e[:-1])):
+        beside = side[span]
+        dq[beside], a[beside] = other[span][beside], 0.0
+    velocity, acceleration = arm.tool_motion(q, dq, a)
+    speed = np.linalg.norm(velocity, axis=1, keepdims=True)
+    tangent = velocity / speed
+    along = np.sum(acceleration * tangent, axis=1, keepdims=True)
+    return arm.tool_position(q), tangent, (acceleration - along * tangent) / speed**2
+
+
+def _with_columns(arcs: Segments, objective: Path, places: FloatArray) -> Segments:
+    """The arcs with assigned velocities, tolerances and tags of their parts of the objective."""
+    last = len(objective) - 1
+    first = np.clip(np.searchsorted(objective.breaks, places[:, 0], side="right") - 1, 0, last)
+    end = np.clip(np.searchsorted(objective.breaks, places[:, 1], side="left") - 1, first, last)
+    columns: dict[str, npt.NDArray[Any]] = {}
+    for name in ("speeds", "tolerances"):
+        values = getattr(objective, name)
+        found = values[first]
+        if not np.isnan(values).all():
+            # A part that lies along several segments takes the least of their values.
+            for k in range(1, int((end - first).max(initial=0)) + 1):
+                found = np.fmin(found, values[np.minimum(first + k, end)])
+        columns[name] = np.repeat(found, 2)
+    columns["tags"] = np.repeat(objective.segments.tags[first], 2)
+    return arcs.replace(checked=False, **columns)
+
+
+def _spreads(segments: Segments, breaks: FloatArray, coefficients: FloatArray) -> FloatArray:
+    """Largest distance of the arcs from each quintic [m], (n,)."""
+    width = np.diff(breaks)
+    powers = PLACES[:, None] ** np.arange(6)
+    points = np.einsum("pk,nkd->npd", powers, coefficients)
+    u = PLACES * width[:, None]
+    half = segments.lengths[::2][:, None]
+    second = u > half
+    row = 2 * np.arange(len(width))[:, None] + second
+    on = segments.at(row.ravel(), np.where(second, u - half, u).ravel())
+    off = np.linalg.norm(on.reshape(points.shape) - points, axis=2)
+    return np.asarray(SURE * off.max(axis=1))

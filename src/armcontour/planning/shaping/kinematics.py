@@ -1,0 +1,119 @@
+"""Control points of the joints from points of the tool, near a joint path that is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import Unreachable
+from armcontour.geometry import Path
+from armcontour.planning.tracing.poses import task_dimension
+from armcontour.robot import Arm, PlanarTwoLink, SerialArm
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NearPath:
+    """Inverse kinematics at n places near a joint path.
+
+    Args:
+        arm: The arm.
+        branch: For an arm in the plane, the branch of its inverse kinematics.
+        q: Joint positions at the places on the joint path [rad], (n, dof).
+        poses: Tool poses there, (n, 3, 4); the positions are replaced. None in the plane.
+        task: Number of the tool's degrees of freedom that are prescribed.
+        free: Rows w of what an arm with more joints keeps: `w q` as on the joint path,
+            (n, dof - task, dof).
+    """
+
+    arm: Arm
+    branch: str | None
+    q: FloatArray
+    poses: FloatArray | None = None
+    task: int = 2
+    free: FloatArray | None = None
+
+    @classmethod
+    def along(
+        cls,
+        q: FloatArray,
+        arm: Arm,
+        branch: str | None,
+        path: Path,
+        s: FloatArray,
+    ) -> NearPath:
+        """The inverse kinematics near joint positions along a path.
+
+        Args:
+            q: Joint positions along the path [rad], (n, dof).
+            arm: The arm.
+            branch: For an arm in the plane, the branch of its inverse kinematics.
+            path: The path.
+            s: Arc lengths of the joint positions [m], (n,).
+        """
+        if isinstance(arm, PlanarTwoLink):
+            return cls(arm=arm, branch=branch, q=q)
+        assert isinstance(arm, SerialArm)
+        poses = np.zeros((len(s), 3, 4))
+        poses[:, :, 3] = arm.tool_position(q)
+        poses[:, :, :3] = np.eye(3) if path.orientation is None else path.orientation(s)
+        task = task_dimension(path, arm)
+        free = np.zeros((len(s), 0, arm.dof))
+        if task < arm.dof:
+            from armcontour.planning.tracing.redundancy import null_space
+
+            free = null_space(arm, poses, task, q)
+        return cls(arm=arm, branch=branch, q=q, poses=poses, task=task, free=free)
+
+    def solve(self, points: FloatArray, guess: FloatArray) -> FloatArray:
+        """Joint positions with the tool at points, near a guess [rad], (n, dof).
+
+        Args:
+            points: Points of the tool [m], (n, dimension).
+            guess: Joint positions nearby [rad], (n, dof).
+
+        Raises:
+            Unreachable: A point is out of reach.
+        """
+        if isinstance(self.arm, PlanarTwoLink):
+            q = self.arm.joint_position(points, self.branch)
+            return np.asarray(q + 2 * np.pi * np.round((guess - q) / (2 * np.pi)))
+        assert isinstance(self.arm, SerialArm) and self.poses is not None
+        assert self.free is not None
+        from armcontour.robot import _newton
+
+        poses = np.array(self.poses)
+        poses[:, :, 3] = points
+        q = np.array(guess, order="C")
+        found = _newton.newton(
+            self.arm.link_table, self.task, q, poses, self.free[:, None], self.q[:, None]
+        )
+        if not found.all():
+            i = int(np.argmin(found))
+            raise Unreachable("A control point is out of reach.", point=points[i].tolist())
+        return q
+
+    def steps(self, q: FloatArray, frames: FloatArray) -> FloatArray:
+        """Changes of the joints per metre of offset along directions, (n, dof, k).
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            frames: Directions of the offsets as columns, (n, dimension, k).
+        """
+        if self.poses is None:
+            return np.asarray(np.linalg.solve(self.arm.tool_jacobian(q), frames))
+        assert isinstance(self.arm, SerialArm) and self.free is not None
+        n, dof, k = len(q), self.arm.dof, frames.shape[2]
+        full = self.arm.jacobian(q)
+        matrix = np.empty((n, dof, dof))
+        matrix[:, :3] = full[:, :3]
+        if self.task == 6:
+            matrix[:, 3:6] = full[:, 3:]
+        elif self.task == 5:
+            axes = self.poses[:, :, :2]
+            matrix[:, 3:5] = np.einsum("nij,nik->njk", axes, full[:, 3:])
+        matrix[:, self.task :] = self.free
+        right = np.zeros((n, dof, k))
+        right[:, :3] = frames
+        return np.asarray(np.linalg.solve(matrix, right))

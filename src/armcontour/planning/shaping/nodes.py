@@ -1,0 +1,363 @@
+"""Nodes along a start, and how far the control points may leave them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.frames import perpendicular
+from armcontour.core.sampling import number_parts
+from armcontour.geometry import Path, Tube
+from armcontour.motion import JointPath
+from armcontour.planning.shaping.kinematics import NearPath
+from armcontour.planning.shaping.starts import Candidate
+from armcontour.robot import Arm
+
+# Distance between nodes at a corner that turns by 90°, over the tolerance, and its growth from node
+# to node away from the corner.
+AT_CORNER = 0.045
+GROWTH = 0.12
+# Corners that turn by less than this [rad], nearer to others than this many tolerances, are chords
+# of a curve, and get no nodes of their own.
+SHALLOW, DENSE = 0.15, 4.0
+# Distance beside a rest over what it would be without the rest.
+AT_REST = 0.12
+# A polygon of control points may leave its curve by this share of the tolerance.
+SAG = 0.03
+# Largest distance between nodes, over the radius of the tool's path when all joints move evenly.
+LONGEST = 0.027
+# A stretch from rest to rest has at least about this many nodes.
+FEWEST = 64
+# Below this relative growth from sample to sample the logarithm is replaced by its series.
+EVEN = 1e-5
+# A stretch has at most so many nodes on average: the distance between nodes falls with the square
+# root of the tolerance, so that an iteration would take ever longer.
+MOST_NODES = 4000
+# Samples for the distances between nodes: at first between two marks, then for each node.
+SAMPLES, PER_NODE = 32, 8
+# Offsets are looked for up to this many tolerances, in steps of this share of the tolerance.
+FARTHEST = 2.5
+MARCH = 1 / 24
+HALVINGS = 24
+# Offsets stay inside the tolerance by this share of it.
+INSIDE = 1e-3
+# Places nearer than this are one [m].
+SAME = 1e-9
+# The own part of a point reaches this many tolerances along the objective, and to its neighbours.
+REACH = 3.0
+# Directions in which offsets in space are bounded.
+SIDES = 12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Nodes:
+    """The n nodes along a start.
+
+    Args:
+        place: Arc lengths on the objective [m], (n,).
+        points: Points on the start [m], (n, dimension).
+        frames: Directions of the offsets as columns, (n, dimension, k).
+        sides: Directions in the coordinates of the offsets in which they are bounded, (m, k).
+        sag: How far the curve may lie from the polygon of the control points [m], (n,).
+        tolerance: Tolerance at each node [m], (n,).
+        least: The least tolerance at each node and its neighbours, whose control points shape the
+            curve together [m], (n,).
+        reach: Reach of the own part of each node along the objective [m], (n,).
+        fixed: Whether the control point stays on the start, (n,).
+        rest: Whether the joints rest at the knots before, between and after the spans, (n + 1,).
+        vertex: Index of the corner, in the tube, that each node has to stay near; -1 for none.
+        group: Number of the corner or rest that each node is nearest to, ascending, (n,).
+        times: Times at which the start passes the nodes' ends, halfway between nodes [s], (n + 1,).
+        near: Inverse kinematics near the start.
+        q: Joint positions at the nodes [rad], (n, dof).
+    """
+
+    place: FloatArray
+    points: FloatArray
+    frames: FloatArray
+    sides: FloatArray
+    sag: FloatArray
+    tolerance: FloatArray
+    least: FloatArray
+    reach: FloatArray
+    fixed: BoolArray
+    rest: BoolArray
+    vertex: IntArray
+    group: IntArray
+    times: FloatArray
+    near: NearPath
+    q: FloatArray
+
+    def __len__(self) -> int:
+        """Number of nodes."""
+        return len(self.place)
+
+    def bounds(self, tube: Tube, inside: FloatArray) -> FloatArray:
+        """Largest offsets along every side, (n, m), in metres.
+
+        Args:
+            tube: The tube of the tolerance.
+            inside: Share of the tolerance that offsets stay inside by, (n,).
+        """
+        windows = self._windows(tube)
+        spare = inside * self.least + np.minimum(self.sag, 0.3 * self.least)
+        kept = spare + self.tolerance - self.least
+        near = self.vertex >= 0
+        corners = tube.objective.vertices[np.append(tube.vertex, 0)[self.vertex]]
+        allowed = np.where(near, np.append(tube.vertex_tolerance, 0.0)[self.vertex] - spare, np.inf)
+
+        def fits(offset: FloatArray, direction: FloatArray) -> BoolArray:
+            points = self.points + offset[:, None] * direction
+            off = np.linalg.norm(points - corners, axis=1)
+            return np.asarray((tube.margin(points, windows) >= kept) & (off <= allowed))
+
+        found = np.zeros((len(self), len(self.sides)))
+        # An inscribed polygon: between its sides' directions the tube is not looked at.
+        share = np.cos(np.pi / len(self.sides)) if self.sides.shape[1] > 1 else 1.0
+        for j, side in enumerate(self.sides):
+            direction = self.frames @ side
+            found[:, j] = share * _farthest(fits, direction, self.tolerance)
+        found[self.fixed] = 0.0
+        return found
+
+    def _windows(self, tube: Tube) -> IntArray:
+        """First and last piece that each node may be near, (n, 2): of its stretch of the objective.
+
+        A stretch leads from corner to corner; a node at a corner belongs to both.
+        """
+        ends = tube.objective.breaks[tube.vertex]
+        corners = np.concatenate([[-np.inf], ends, [np.inf]])
+        low = corners[np.searchsorted(ends, self.place - SAME, side="right")]
+        high = corners[np.searchsorted(ends, self.place + SAME, side="left") + 1]
+        low = np.maximum(self.place - self.reach, low + SAME)
+        high = np.minimum(self.place + self.reach, high - SAME)
+        return tube.windows_between(low, high)
+
+
+def _farthest(
+    fits: Callable[[FloatArray, FloatArray], BoolArray],
+    direction: FloatArray,
+    tolerance: FloatArray,
+) -> FloatArray:
+    """Largest offsets along directions up to which all smaller ones fit [m], (n,)."""
+    low, alive = np.zeros(len(tolerance)), np.ones(len(tolerance), dtype=bool)
+    for share in np.arange(MARCH, FARTHEST, MARCH):
+        alive &= fits(share * tolerance, direction)
+        if not alive.any():
+            break
+        low = np.where(alive, share * tolerance, low)
+    high = low + MARCH * tolerance
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        good = fits(middle, direction)
+        low, high = np.where(good, middle, low), np.where(good, high, middle)
+    return low
+
+
+def place_nodes(start: Candidate, tube: Tube, arm: Arm, branch: str | None) -> Nodes | None:
+    """Nodes along a start, dense at corners and rests; None if they are too many.
+
+    Args:
+        start: The start, with its timing.
+        tube: The tube of the tolerance.
+        arm: The arm.
+        branch: For an arm in the plane, the branch of its inverse kinematics.
+    """
+    path, places, joint_path = start.path, start.places, start.joint_path
+    marks = _Marks.of(path, places, tube)
+    spread = _spread(start, arm, tube, marks)
+    if spread is None:
+        return None
+    s, index = spread
+    # A rest between two stretches has a node on either side.
+    row = np.repeat(np.arange(len(s)), 1 + np.isin(index, np.flatnonzero(marks.rest)[1:-1]))
+    doubled = np.concatenate([[False], row[1:] == row[:-1], [False]])
+    s, mark = s[row], np.where(doubled[1:], -1, index[row])
+    corner = np.where(mark >= 0, marks.corner[mark], -1)
+    place = np.interp(s, places[:, 1], places[:, 0])
+    place[corner >= 0] = tube.objective.breaks[tube.vertex[corner[corner >= 0]]]
+    tolerance = _tolerance_at(tube, place)
+    resting = np.isin(index[row], np.flatnonzero(marks.rest))
+    gap = np.diff(s)
+    wide = np.maximum(np.append(0.0, gap), np.append(gap, 0.0))
+    tangents = path(s, 1)
+    return Nodes(
+        place=place,
+        points=path(s),
+        frames=_frames(tangents),
+        sides=_sides(tangents.shape[1] - 1),
+        # A tube around a line holds the hull of its control points, but for what even motion of
+        # the joints bends.
+        sag=wide**2 * _bend(joint_path, arm, s) / 8,
+        tolerance=tolerance,
+        least=_least_nearby(tolerance),
+        reach=REACH * tolerance + 2 * wide,
+        fixed=resting | (tolerance == 0),
+        rest=doubled | np.isin(np.arange(len(s) + 1), [0, len(s)]),
+        vertex=np.where(resting, -1, _beside_corners(corner)),
+        group=np.searchsorted((marks.at[1:] + marks.at[:-1]) / 2, s),
+        times=start.trajectory.time_at(np.concatenate([s[:1], (s[1:] + s[:-1]) / 2, s[-1:]])),
+        near=NearPath.along(joint_path(s), arm, branch, path, s),
+        q=joint_path(s),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Marks:
+    """Rests and corners of a start, m of them.
+
+    Args:
+        at: Arc lengths on the start, ascending [m], (m,).
+        rest: Whether the tool rests there, (m,).
+        corner: Index of the corner in the tube; -1 for rests, (m,).
+        first: Distance to the next nodes [m], (m,); of no meaning for rests.
+    """
+
+    at: FloatArray
+    rest: BoolArray
+    corner: IntArray
+    first: FloatArray
+
+    @classmethod
+    def of(cls, path: Path, places: FloatArray, tube: Tube) -> _Marks:
+        """The marks of a path with places in a tube."""
+        at = np.interp(tube.objective.breaks[tube.vertex], places[:, 0], places[:, 1])
+        stops = np.concatenate([[0.0], path.stops, [path.length]])
+        turns = path_turns(tube)
+        gaps = np.diff(np.concatenate([[0.0], at, [path.length]]))
+        own = _tolerance_at(tube, tube.objective.breaks[tube.vertex])
+        dense = (turns < SHALLOW) & (np.minimum(gaps[1:], gaps[:-1]) < DENSE * own)
+        corner = np.flatnonzero(~_near(at, stops) & ~dense)
+        marks = np.concatenate([stops, at[corner]])
+        order = np.argsort(marks, kind="stable")
+        which = np.concatenate([np.full(len(stops), -1), corner])[order]
+        # The last entry is for rests, whose index is -1.
+        half = np.append(turns, 0.0)[which] / 2
+        own = _tolerance_at(tube, np.interp(marks[order], places[:, 1], places[:, 0]))
+        first = AT_CORNER * own / np.maximum(np.sin(half), 1e-6)
+        return cls(marks[order], order < len(stops), which, first)
+
+
+def _beside_corners(corner: IntArray) -> IntArray:
+    """The corner that each node is at or next to; -1 for none, (n,)."""
+    found = corner.copy()
+    at = np.flatnonzero(corner >= 0)
+    for side in (np.maximum(at - 1, 0), np.minimum(at + 1, len(corner) - 1)):
+        free = found[side] < 0
+        found[side[free]] = corner[at[free]]
+    return found
+
+
+def _least_nearby(values: FloatArray) -> FloatArray:
+    """The least of each value and its neighbours, (n,)."""
+    least = values.copy()
+    least[1:] = np.minimum(least[1:], values[:-1])
+    least[:-1] = np.minimum(least[:-1], values[1:])
+    return least
+
+
+def path_turns(tube: Tube) -> FloatArray:
+    """Turns of the objective at its corners [rad], (k,)."""
+    return np.asarray(tube.objective.turns[tube.vertex - 1])
+
+
+def _near(at: FloatArray, others: FloatArray) -> BoolArray:
+    """Whether each of several arc lengths is one of others."""
+    i = np.clip(np.searchsorted(others, at), 1, len(others) - 1)
+    return np.asarray(np.minimum(np.abs(at - others[i - 1]), np.abs(at - others[i])) < 1e-9)
+
+
+def _tolerance_at(tube: Tube, place: FloatArray) -> FloatArray:
+    """Tolerance at places on the objective; the smaller one where it changes [m], (n,)."""
+    last = len(tube) - 1
+    before = np.clip(np.searchsorted(tube.breaks, place, side="left") - 1, 0, last)
+    after = np.clip(np.searchsorted(tube.breaks, place, side="right") - 1, 0, last)
+    return np.asarray(np.minimum(tube.tolerance[before], tube.tolerance[after]))
+
+
+def _bend(joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArray:
+    """Curvature of the tool's path when all joints move evenly [1/m], (n,)."""
+    slope = joint_path(s, 1)
+    even = np.einsum("nij,nj->ni", arm.tool_jacobian_rate(joint_path(s), slope), slope)
+    return np.asarray(np.linalg.norm(even, axis=1))
+
+
+def _spread(
+    start: Candidate, arm: Arm, tube: Tube, marks: _Marks
+) -> tuple[FloatArray, IntArray] | None:
+    """Arc lengths of nodes, and the mark at which each is; -1 for none. None if they are too many.
+
+    The distance between nodes grows from that at a mark by GROWTH from node to node.
+    """
+    path, places, joint_path = start.path, start.places, start.joint_path
+    rests = marks.at[marks.rest]
+    at, _ = _divide(marks.at, marks.at, np.full(len(marks.at) - 1, SAMPLES))
+    typical = max(float(np.median(_bend(joint_path, arm, at))), 1e-3)
+    for parts in (SAMPLES, PER_NODE, PER_NODE, 0):
+        own = np.maximum(_tolerance_at(tube, np.interp(at, places[:, 1], places[:, 0])), 1e-9)
+        bend = _bend(joint_path, arm, at)
+        curved = bend + np.linalg.norm(path(at, 2), axis=1)
+        step = np.minimum(np.sqrt(8 * SAG * own / np.maximum(curved, 1e-6)), LONGEST / typical)
+        i = np.clip(np.searchsorted(rests, at, side="right") - 1, 0, len(rests) - 2)
+        step = np.minimum(step, np.diff(rests)[i] / FEWEST)
+        k = np.searchsorted(at, marks.at)
+        step[k] = np.where(marks.rest, AT_REST * step[k], np.minimum(marks.first, step[k]))
+        # Neighbouring distances differ by no more than the growth.
+        step = GROWTH * at + np.minimum.accumulate(step - GROWTH * at)
+        step = np.minimum.accumulate((step + GROWTH * at)[::-1])[::-1] - GROWTH * at
+        # The number of nodes over a distance along which the step grows evenly.
+        growth = np.diff(step) / step[:-1]
+        safe = np.where(np.abs(growth) > EVEN, growth, 1.0)
+        mean = np.where(np.abs(growth) > EVEN, np.log1p(safe) / safe, 1 - growth / 2)
+        total = np.append(0.0, np.cumsum(mean / step[:-1] * np.diff(at)))
+        least = np.where(marks.rest[:-1] | marks.rest[1:], 3, 1)
+        count = np.maximum(np.ceil(np.diff(total[k])), least).astype(np.intp)
+        if count.sum() > MOST_NODES * len(count):
+            return None
+        if not parts:
+            break
+        # Samples are denser where nodes will be.
+        at, _ = _divide(total[k], marks.at, np.maximum(count * PER_NODE, parts), (total, at))
+    s, mark = _divide(total[k], marks.at, count, (total, at))
+    return s, mark
+
+
+def _divide(
+    ends: FloatArray,
+    marks: FloatArray,
+    count: IntArray,
+    along: tuple[FloatArray, FloatArray] | None = None,
+) -> tuple[FloatArray, IntArray]:
+    """Arc lengths that divide the stretches between marks, and the mark of each; -1 for none.
+
+    Args:
+        ends: Values at the marks that each stretch is divided evenly in, (m,).
+        marks: Arc lengths of the marks [m], (m,).
+        count: Parts of every stretch, (m - 1,).
+        along: These values over arc lengths, where they are others.
+    """
+    stretch, number = number_parts(count)
+    value = ends[stretch] + np.diff(ends)[stretch] * number / count[stretch]
+    s = value if along is None else np.interp(value, *along)
+    s = np.append(np.where(number == 0, marks[stretch], s), marks[-1])
+    return s, np.append(np.where(number == 0, stretch, -1), len(marks) - 1)
+
+
+def _frames(tangents: FloatArray) -> FloatArray:
+    """Unit vectors at right angles to tangents as columns, (n, dimension, dimension - 1)."""
+    if tangents.shape[1] == 2:
+        return np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)[:, :, None]
+    first = perpendicular(tangents)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(tangents, first)], axis=2)
+
+
+def _sides(k: int) -> FloatArray:
+    """Directions in which offsets are bounded, (m, k)."""
+    if k == 1:
+        return np.array([[1.0], [-1.0]])
+    angle = 2 * np.pi * np.arange(SIDES) / SIDES
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)

@@ -1,0 +1,293 @@
+"""Limits as rows of the quadratic program, linear in changes of control points and span times.
+
+The joint path is a quadratic B-spline in time with control points q_i and span times h_i. The joint
+velocity at the knot between spans i and i + 1 is `e_i = 2 (q_{i+1} - q_i) / (h_i + h_{i+1})`, and
+the joint acceleration in span i is `(e_i - e_{i-1}) / h_i`. A limit of span i is a function of
+e_{i-1}, e_i and h_i that must not be above zero; its row holds the derivatives of that function.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.frames import perpendicular
+from armcontour.robot import Arm, Limits
+from armcontour.robot.limit_use import States
+
+# Directions in which a disc in space is bounded by planes.
+DIRECTIONS = 8
+# Speeds that are this share of their limits below them are left out: one step cannot reach them.
+FAR = -0.6
+# A span time may shrink to this share of itself in one step.
+LEAST_SPAN = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Spline:
+    """A quadratic B-spline in time with n control points, from rest to rest.
+
+    Args:
+        q: Control points [rad], (n, dof).
+        h: Span times [s], (n,).
+        rest: Whether the joints rest at the knots before, between and after the spans, (n + 1,).
+            Both control points beside a rest between spans lie where the joints rest.
+    """
+
+    q: FloatArray
+    h: FloatArray
+    rest: BoolArray
+
+    @property
+    def velocities(self) -> FloatArray:
+        """Joint velocities at the knots before, between and after the spans, (n + 1, dof)."""
+        e = np.zeros((len(self.q) + 1, self.q.shape[1]))
+        e[1:-1] = 2 * np.diff(self.q, axis=0) / (self.h[1:] + self.h[:-1])[:, None]
+        e[self.rest] = 0.0
+        return e
+
+    @property
+    def knots(self) -> FloatArray:
+        """Joint positions at the knots before, between and after the spans, (n + 1, dof)."""
+        return self.at_knots(self.q)
+
+    def at_knots(self, values: FloatArray) -> FloatArray:
+        """Values at the knots from those at the control points, (n, k) to (n + 1, k)."""
+        h = self.h[:, None]
+        inner = (h[1:] * values[:-1] + h[:-1] * values[1:]) / (h[1:] + h[:-1])
+        return np.concatenate([values[:1], inner, values[-1:]])
+
+
+@dataclass(slots=True)
+class SpanRows:
+    """Rows of all spans, as functions of the velocities at both ends and of the span time.
+
+    Args:
+        value: Values of the functions, not above zero where a limit is kept, (n, m).
+        before: Derivatives by the velocity at the start, (n, m, dof).
+        after: Derivatives by the velocity at the end, (n, m, dof).
+        time: Derivatives by the span time, (n, m).
+        scale: What the values are divided by: the limits, (n, m).
+    """
+
+    value: FloatArray
+    before: FloatArray
+    after: FloatArray
+    time: FloatArray
+    scale: FloatArray
+
+
+def span_rows(spline: Spline, arm: Arm, limits: Limits, speeds: FloatArray) -> SpanRows:
+    """All rows of the limits, but for those on the tool's turning and of the joint ranges.
+
+    Turning depends on the orientation, which belongs to the place and not to the offsets: the exact
+    timing keeps its limits. Shapes that leave a joint range cannot be traced.
+
+    Args:
+        spline: The motion.
+        arm: The arm.
+        limits: The limits, one value per joint.
+        speeds: Assigned velocity at the end of every span [m/s], infinite without one, (n,).
+    """
+    e, knots, h = spline.velocities, spline.knots, spline.h
+    a = np.diff(e, axis=0) / h[:, None]
+    n, dof = spline.q.shape
+    none = np.zeros((n, 0))
+    found = [SpanRows(none, np.zeros((n, 0, dof)), np.zeros((n, 0, dof)), none, none)]
+    eye = np.eye(dof)
+    both = np.broadcast_to(np.concatenate([eye, -eye]), (n, 2 * dof, dof))
+    if limits.joint_acceleration is not None:
+        lower, upper = limits.acceleration_bounds(dof)
+        found.append(_acceleration(both, e, h, np.concatenate([upper, -lower])))
+    if limits.joint_velocity is not None:
+        lower, upper = limits.velocity_bounds(dof)
+        found.append(_velocity(both, e, np.concatenate([upper, -lower])))
+    ends = [States(arm, (knots[:-1], e[:-1], a)), States(arm, (knots[1:], e[1:], a))]
+    if np.isfinite(speeds).any():
+        found.append(_tool_speed(ends[1], speeds))
+    for last, x in enumerate(ends):
+        if limits.centripetal_acceleration is not None:
+            found.append(
+                _tool_acceleration(x, h, limits.centripetal_acceleration, bool(last), across=True)
+            )
+        if limits.tool_acceleration is not None:
+            found.append(
+                _tool_acceleration(x, h, limits.tool_acceleration, bool(last), across=False)
+            )
+        if limits.joint_torque is not None:
+            found.append(_torque(x, both, h, np.asarray(limits.joint_torque), bool(last)))
+    return SpanRows(
+        *(
+            np.concatenate([getattr(x, name) for x in found], axis=1)
+            for name in ("value", "before", "after", "time", "scale")
+        )
+    )
+
+
+def _acceleration(both: FloatArray, e: FloatArray, h: FloatArray, most: FloatArray) -> SpanRows:
+    """`±(e_i - e_{i-1}) <= most h_i`; the bounds of positive accelerations come first."""
+    bound = np.broadcast_to(most, both.shape[:2])
+    value = np.einsum("nrj,nj->nr", both, np.diff(e, axis=0)) - bound * h[:, None]
+    return SpanRows(value, -both, both, -bound, bound * h[:, None])
+
+
+def _velocity(both: FloatArray, e: FloatArray, most: FloatArray) -> SpanRows:
+    """`±e_i <= most`."""
+    bound = np.broadcast_to(most, both.shape[:2])
+    value = np.einsum("nrj,nj->nr", both, e[1:]) - bound
+    after = np.where((value > FAR * bound)[..., None], both, 0.0)
+    return SpanRows(value, np.zeros_like(both), after, np.zeros_like(value), bound)
+
+
+def _tool_speed(end: States, speeds: FloatArray) -> SpanRows:
+    """`|J e_i| <= speed`."""
+    velocity = end.tool_velocity
+    speed = np.linalg.norm(velocity, axis=1)
+    direction = velocity / np.where(speed > 0, speed, 1.0)[:, None]
+    # Without a limit, any bound that does not bind.
+    bound = np.where(np.isfinite(speeds), speeds, 10 * speed + 1)
+    near = np.where(speed - bound > FAR * bound, 1.0, 0.0)[:, None] * direction
+    after = np.einsum("ni,nij->nj", near, end.arm.tool_jacobian(end.q))[:, None]
+    none = np.zeros((len(speed), 1))
+    return SpanRows((speed - bound)[:, None], np.zeros_like(after), after, none, bound[:, None])
+
+
+def _tool_acceleration(
+    end: States, h: FloatArray, most: float, last: bool, *, across: bool
+) -> SpanRows:
+    """The acceleration of the tool in several directions, or its part across the motion.
+
+    In direction d it is `d (J a + H(e, e))`, with H(e, e) = dJ/dt e; times h_i.
+    """
+    arm, q, e = end.arm, end.q, end.dq
+    jacobian, rate = arm.tool_jacobian(q), arm.tool_jacobian_rate(q, e)
+    velocity = np.einsum("nij,nj->ni", jacobian, e)
+    acceleration = np.einsum("nij,nj->ni", jacobian, end.ddq) + np.einsum("nij,nj->ni", rate, e)
+    speed = np.linalg.norm(velocity, axis=1)
+    moving = speed > 0
+    tangent = velocity / np.where(moving, speed, 1.0)[:, None]
+    along = np.sum(tangent * acceleration, axis=1)
+    d = _directions(tangent, acceleration, across=across)
+    value = (np.einsum("nri,ni->nr", d, acceleration) - most) * h[:, None]
+    by_joints = np.einsum("nri,nij->nrj", d, jacobian)
+    # H is quadratic in e. Directions across the motion turn with the velocity.
+    by_end = 2 * np.einsum("nri,nij->nrj", d, rate)
+    if across:
+        turn = np.where(moving, along / np.where(moving, speed, 1.0), 0.0)
+        by_end = by_end - turn[:, None, None] * by_joints
+    by_end = by_end * h[:, None, None]
+    before, after = _by_both_ends(by_joints, by_end, last)
+    time = np.einsum("nri,nij,nj->nr", d, rate, e) - most
+    if across:
+        # At rest nothing is across the motion.
+        for x in (before, after, time, value):
+            x[~moving] = 0.0
+    return SpanRows(value, before, after, time, np.full_like(value, most) * h[:, None])
+
+
+def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) -> FloatArray:
+    """Unit vectors in which the acceleration is bounded, (n, m, dimension).
+
+    The first lies along the acceleration, or along its part across the motion.
+    """
+    n, dimension = tangent.shape
+    if dimension == 2:
+        first = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
+        other = tangent
+        if across:
+            return np.stack([first, -first], axis=1)
+    else:
+        part = acceleration
+        if across:
+            part = part - np.sum(part * tangent, axis=1, keepdims=True) * tangent
+        size = np.linalg.norm(part, axis=1, keepdims=True)
+        spare = perpendicular(tangent)
+        first = np.where(size > 1e-9, part / np.where(size > 1e-9, size, 1.0), spare)
+        first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-12)
+        third = tangent if across else spare
+        other = np.cross(third, first)
+        length = np.linalg.norm(other, axis=1, keepdims=True)
+        other = other / np.where(length > 1e-9, length, 1.0)
+    if not across and dimension == 2:
+        size = np.linalg.norm(acceleration, axis=1, keepdims=True)
+        first = np.where(size > 1e-9, acceleration / np.where(size > 1e-9, size, 1.0), first)
+        other = np.stack([-first[:, 1], first[:, 0]], axis=1)
+    angle = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    found = np.cos(angle)[:, None] * first[:, None] + np.sin(angle)[:, None] * other[:, None]
+    if not across and dimension == 3:
+        third = np.cross(first, other)[:, None]
+        found = np.concatenate([found, third, -third], axis=1)
+    return np.asarray(found)
+
+
+def _torque(end: States, both: FloatArray, h: FloatArray, most: FloatArray, last: bool) -> SpanRows:
+    """`±(M (e_i - e_{i-1}) + h_i (c + g + f)) <= most h_i`, at one end of every span.
+
+    Coriolis torques c grow with the square of the velocity; mass matrix M, gravity g and friction f
+    count as constant.
+    """
+    dynamics = end.arm.dynamics
+    zero = np.zeros_like(end.dq)
+    mass = dynamics.mass_matrix(end.q)
+    still = dynamics.torque(end.q, zero, zero)
+    drag = dynamics.friction(end.dq)
+    bias = dynamics.torque(end.q, end.dq, zero) + drag
+    bound = np.broadcast_to(np.tile(most, 2), both.shape[:2])
+    torque = np.einsum("nij,nj->ni", mass, end.ddq) + bias
+    value = (np.einsum("nrj,nj->nr", both, torque) - bound) * h[:, None]
+    by_joints = np.einsum("nri,nij->nrj", both, mass)
+    square = np.sum(end.dq**2, axis=1)
+    share = 2 * h / np.where(square > 0, square, 1.0)
+    coriolis = np.einsum("nrj,nj->nr", both, bias - still - drag)
+    by_end = (share[:, None] * coriolis)[..., None] * end.dq[:, None]
+    before, after = _by_both_ends(by_joints, by_end, last)
+    time = np.einsum("nrj,nj->nr", both, bias) - bound
+    return SpanRows(value, before, after, time, bound * h[:, None])
+
+
+def _by_both_ends(
+    by_change: FloatArray, by_end: FloatArray, last: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Derivatives by the velocities at both ends: by their change, and by the one at one end."""
+    return (-by_change, by_change + by_end) if last else (by_end - by_change, by_change)
+
+
+def assemble(
+    spline: Spline, rows: SpanRows, steps: FloatArray, unit: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Rows of the quadratic program in scaled unknowns, and their bounds.
+
+    The unknowns of node i are its offsets over `unit` and the change of h_i over h_i.
+
+    Args:
+        spline: The motion.
+        rows: Rows of the limits.
+        steps: Change of each control point by its offsets [rad/m], (n, dof, k).
+        unit: Scale of the offsets of each node, 0 where they are fixed [m], (n,).
+
+    Returns:
+        Coefficients, (n, m, 3 (k + 1)), and bounds, (n, m).
+    """
+    n, dof, k = steps.shape
+    e, h = spline.velocities, spline.h
+    pair = np.ones(n + 1)
+    pair[1:-1] = h[1:] + h[:-1]
+    rate = np.where(spline.rest, 0.0, 2 / pair)
+    scaled = steps * unit[:, None, None]
+    width = k + 1
+    found = np.zeros((n, rows.value.shape[1], 3 * width))
+    for x, first in ((rows.before, 0), (rows.after, 1)):
+        # The velocity at this end depends on the nodes `first - 1` and `first` from this one.
+        pace, ends = rate[first : n + first], e[first : n + first]
+        for node, sign in ((first - 1, -1.0), (first, 1.0)):
+            at = (node + 1) * width
+            near = np.clip(np.arange(n) + node, 0, n - 1)
+            part = np.einsum("nrj,njk->nrk", x, scaled[near])
+            found[:, :, at : at + k] += sign * pace[:, None, None] * part
+            slower = -np.einsum("nrj,nj->nr", x, ends) * (pace / 2)[:, None]
+            found[:, :, at + k] += slower * h[near][:, None]
+    found[:, :, width + k] += rows.time * h[:, None]
+    scale = 1 / rows.scale
+    return found * scale[..., None], -rows.value * scale

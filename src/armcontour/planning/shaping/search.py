@@ -1,0 +1,514 @@
+"""The search for a faster shape: proposed by a quadratic program, decided by the exact timing."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.errors import ArmContourError
+from armcontour.core.sampling import number_parts
+from armcontour.geometry import Outcome, Path, ShapedPath, Tube, orient_shaped
+from armcontour.geometry.orientation import SAME_ORIENTATION
+from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.geometry.shaped import ARCS, PARABOLAS, SHAPED
+from armcontour.planning.options import Shaped
+from armcontour.planning.shaping._quadratic import solve_program
+from armcontour.planning.shaping.curves import Drawn, draw
+from armcontour.planning.shaping.kinematics import NearPath
+from armcontour.planning.shaping.nodes import INSIDE, Nodes, place_nodes
+from armcontour.planning.shaping.rows import LEAST_SPAN, Spline, assemble, span_rows
+from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, match, prove
+
+# Paths of more corners and rests than this are long.
+LONG = 40
+# Corners of a chunk, and by how many the cuts move from one iteration to the next.
+CORNERS, SHIFT = 8, 3
+
+
+def is_long(group: IntArray) -> bool:
+    """Whether a path is long.
+
+    Args:
+        group: Number of the corner or rest that each node is nearest to, ascending, (n,).
+    """
+    return bool(group[-1] >= LONG)
+
+
+def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntArray:
+    """The first of both nodes that stay between chunks, none where the path is not long, (m,).
+
+    Args:
+        group: Number of the corner or rest that each node is nearest to, ascending, (n,).
+        iteration: Number of the iteration.
+        whole: Whether a long path is not cut either.
+    """
+    if whole or not is_long(group):
+        return np.zeros(0, dtype=np.intp)
+    first = 1 + SHIFT * iteration % CORNERS
+    cuts = np.searchsorted(group, np.arange(first, int(group[-1]) + 1, CORNERS))
+    # A chunk, and its first and last node, need room.
+    return np.asarray(cuts[(cuts > 2) & (cuts < len(group) - 4)])
+
+
+def solve_in_chunks(
+    cost: FloatArray,
+    rows: FloatArray,
+    bounds: FloatArray,
+    weight: FloatArray,
+    cuts: IntArray,
+    threads: int | None = None,
+) -> FloatArray:
+    """Solve the programs of all chunks; the others' unknowns are zero meanwhile, (n, k).
+
+    Args:
+        cost: As in `solve_program`.
+        rows: As in `solve_program`.
+        bounds: As in `solve_program`.
+        weight: As in `solve_program`.
+        cuts: The first of both nodes that stay between chunks, (m,).
+        threads: Number of threads; by default that of processors.
+    """
+    if not len(cuts):
+        return solve_program(cost, rows, bounds, weight)[0]
+    n, k = cost.shape
+    begins, ends = np.append(0, cuts + 1), np.append(cuts + 1, n)
+
+    def solve(begin: int, end: int) -> FloatArray:
+        """The unknowns of a chunk, whose first and last node stay."""
+        part = slice(begin, end)
+        own_cost, own = cost[part].copy(), rows[part].copy()
+        if begin > 0:
+            own_cost[0], own[0, :, : 2 * k], own[1, :, :k] = 0.0, 0.0, 0.0
+        if end < n:
+            own_cost[-1], own[-1, :, k:], own[-2, :, 2 * k :] = 0.0, 0.0, 0.0
+        x, _ = solve_program(own_cost, own, bounds[part], weight[part])
+        # A chunk without a solution stays as it is.
+        return x if np.isfinite(x).all() else np.zeros_like(x)
+
+    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+        return np.concatenate(list(pool.map(solve, begins.tolist(), ends.tolist())))
+
+
+# Changes of offsets are limited to this share of the tolerance at first, and at most and at least
+# to these. Where an iteration is refused the limit shrinks, where it pays the limit grows.
+FIRST_TRUST, MOST_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
+SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
+# The search ends when this many iterations in sequence gain less than this share of the duration.
+IDLE, LEAST_GAIN = 4, 1e-5
+# It also ends when so many in sequence leave the tube.
+MOST_TIGHTENED = 12
+# After each refusal in sequence a change is this share of what was proposed.
+LESS = 0.6
+# Corners of a long path go back to the best shape so often in an iteration.
+MOST_MENDED = 4
+# Weights of the squares of offsets and of times, which make the quadratic program definite.
+WEIGHT = (1e-3, 1e-9)
+# Where the tube is left the offsets keep this much more than was lacking.
+SPARE = 1.5
+# The search starts from parabolas within this share of the tolerance.
+SHARE = 0.7
+
+
+@dataclass(slots=True)
+class _State:
+    """The best shape so far.
+
+    Args:
+        best: The best candidate.
+        offsets: Its offsets [m], (n, k).
+        h: Its span times [s], (n,).
+        trust: Largest change of the offsets of each node, over the tolerance, (n,).
+        inside: Share of the tolerance that offsets stay inside by, (n,).
+        limits: Largest offsets along every side [m], (n, m).
+        refused: How many proposals in sequence were slower.
+        proposals: Number of quadratic programs that were solved.
+    """
+
+    best: Candidate
+    offsets: FloatArray
+    h: FloatArray
+    trust: FloatArray
+    inside: FloatArray
+    limits: FloatArray
+    refused: int = 0
+    proposals: int = 0
+
+
+@dataclass(slots=True)
+class Search:
+    """A search along the nodes of one start; each step gives the best candidate so far.
+
+    Args:
+        nodes: The nodes.
+        start: The start.
+        tube: The tube of the tolerance.
+        timer: Times the shapes.
+        options: Options of the shaped path.
+    """
+
+    nodes: Nodes
+    start: Candidate
+    tube: Tube
+    timer: Timer
+    options: Shaped
+    state: _State = field(init=False)
+
+    @property
+    def size(self) -> float:
+        """Number of control points of the joints, for each corner or rest."""
+        return self.nodes.q.size / float(self.nodes.group[-1] + 1)
+
+    def __post_init__(self) -> None:
+        n, k = len(self.nodes), self.nodes.frames.shape[2]
+        inside = np.full(n, INSIDE)
+        self.state = _State(
+            best=self.start,
+            offsets=np.zeros((n, k)),
+            h=np.diff(self.nodes.times),
+            trust=np.full(n, FIRST_TRUST),
+            inside=inside,
+            limits=self.nodes.bounds(self.tube, inside),
+        )
+
+    def run(self) -> Iterator[Candidate]:
+        """Yield the best candidate after each iteration, until nothing is gained."""
+        idle = tightened = 0
+        while idle < IDLE and tightened < MOST_TIGHTENED:
+            before = self.state.best.duration
+            kept = self._iterate()
+            gained = before - self.state.best.duration
+            tightened = 0 if kept else tightened + 1
+            idle = 0 if gained > LEAST_GAIN * before else idle + kept
+            yield self.state.best
+
+    def _iterate(self) -> bool:
+        """Propose a change and keep it if the exact timing is faster.
+
+        Returns:
+            False if the change left the tube, whose limits are then less.
+        """
+        state, nodes = self.state, self.nodes
+        try:
+            offsets, h, drawn = self._draw_most(*self._propose())
+            judged = None if drawn is None else self._judge(drawn)
+        except (ArmContourError, np.linalg.LinAlgError):
+            state.trust *= SHRINK
+            return True
+        if drawn is None:
+            return False
+        if judged is None:
+            state.trust *= SHRINK
+            return True
+        found, times, slower = judged
+        # The first spline only has to be: it may be slower than the start that it is drawn from.
+        better = state.best is self.start or found.duration < state.best.duration
+        if not better and self._keep_faster_parts(offsets, h, slower):
+            state.refused = 0
+            factor = np.where(slower, SHRINK, 1.0)
+        elif better:
+            state.best, state.offsets, state.h = found, offsets, times
+            self._keep_near(found, drawn.knots)
+            state.refused = 0
+            factor = np.where(slower, EASE, GROW)
+        else:
+            state.refused += 1
+            # Neighbours of a corner share its lines.
+            wide = slower | np.append(slower[1:], False) | np.append(False, slower[:-1])
+            factor = np.where(wide if slower.any() else True, SHRINK, 1.0)
+        state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST, MOST_TRUST)
+        return True
+
+    def _keep_near(self, found: Candidate, knots: FloatArray) -> None:
+        """Let control points have the tool orientations, and redundant joints, of a candidate.
+
+        Args:
+            found: The candidate.
+            knots: Arc lengths of the knots on its path [m], (n + 1,).
+        """
+        if self.nodes.near.poses is None:
+            return
+        # Where control points of the arc length itself lie: at a rest they lie at the rest.
+        at = np.clip(knots, 0.0, found.path.length)
+        speed = found.trajectory.speed_at(at)
+        speed[self.nodes.rest] = 0.0
+        both = np.maximum(speed[:-1] + speed[1:], np.finfo(float).tiny)
+        s = at[:-1] + speed[:-1] / both * np.diff(at)
+        q = found.trajectory(found.trajectory.time_at(s))
+        near = NearPath.along(q, self.timer.arm, self.timer.branch, found.path, s)
+        self.nodes = replace(self.nodes, near=near, q=q)
+
+    def _judge(self, drawn: Drawn) -> tuple[Candidate, FloatArray, BoolArray] | None:
+        """The drawn path timed, its span times [s], and which corners are slower than before.
+
+        None if the arm cannot follow the path.
+        """
+        path = self._path(drawn)
+        found = None if path is None else self.timer.candidate(SHAPED, path, drawn.places)
+        if path is None or found is None:
+            return None
+        times = np.diff(found.trajectory.time_at(np.clip(drawn.knots, 0.0, path.length)))
+        now, then = (np.bincount(self.nodes.group, x) for x in (self.state.h, times))
+        return found, times, then > now
+
+    def _draw_most(
+        self, offsets: FloatArray, h: FloatArray
+    ) -> tuple[FloatArray, FloatArray, Drawn | None]:
+        """Draw a proposal; on a long path, corners that leave the tube go back to the best shape.
+
+        Returns:
+            The offsets and times that are drawn, and their path; None if it leaves the tube.
+        """
+        for _ in range(MOST_MENDED if is_long(self.nodes.group) else 1):
+            before = self.state.inside
+            drawn = self._draw(offsets, h)
+            if drawn is not None:
+                return offsets, h, drawn
+            left = np.bincount(self.nodes.group, self.state.inside > before) > 0
+            offsets, h = self._back(offsets, h, left)
+        return offsets, h, None
+
+    def _keep_faster_parts(self, offsets: FloatArray, h: FloatArray, slower: BoolArray) -> bool:
+        """On a long path, keep a proposal but for the corners that are slower, if that pays."""
+        if not is_long(self.nodes.group) or slower.all():
+            return False
+        try:
+            offsets, h, drawn = self._draw_most(*self._back(offsets, h, slower))
+            judged = None if drawn is None else self._judge(drawn)
+        except ArmContourError:
+            return False
+        if drawn is None or judged is None or judged[0].duration >= self.state.best.duration:
+            return False
+        self.state.best, self.state.offsets, self.state.h = judged[0], offsets, judged[1]
+        self._keep_near(judged[0], drawn.knots)
+        return True
+
+    def _back(
+        self, offsets: FloatArray, h: FloatArray, corners: BoolArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """A proposal in which some corners go back to the best shape.
+
+        Their neighbours go back less and less.
+
+        Args:
+            offsets: Offsets of the proposal [m], (n, k).
+            h: Span times of the proposal [s], (n,).
+            corners: Whether each corner or rest goes back, (groups,).
+        """
+        group, state = self.nodes.group, self.state
+        stays = 1.0 - corners
+        edges = np.minimum(stays[1:], stays[:-1])
+        first, last = np.append(stays[0], edges)[group], np.append(edges, stays[-1])[group]
+        count = np.bincount(group)
+        _, number = number_parts(count)
+        share = first + (number + 0.5) / count[group] * (last - first)
+        return (
+            state.offsets + share[:, None] * (offsets - state.offsets),
+            state.h + share * (h - state.h),
+        )
+
+    def _spline(self, offsets: FloatArray, h: FloatArray) -> Spline:
+        """The spline of the joints for offsets [m] and span times [s]."""
+        nodes = self.nodes
+        points = nodes.points + np.einsum("ndk,nk->nd", nodes.frames, offsets)
+        return Spline(q=nodes.near.solve(points, nodes.q), h=h, rest=nodes.rest)
+
+    def _propose(self) -> tuple[FloatArray, FloatArray]:
+        """Offsets and span times of the quadratic program around the best shape."""
+        state, nodes = self.state, self.nodes
+        n, k = state.offsets.shape
+        unit = np.where(nodes.fixed, 0.0, np.maximum(nodes.tolerance, 1e-12))
+        rows, bounds = self._limit_rows(state.offsets, state.h, unit)
+        own, own_bounds = self._own_rows(unit)
+        cost = np.zeros((n, k + 1))
+        cost[:, k] = state.h / state.h.mean()
+        # Offsets that gain nothing go back.
+        cost[:, :k] = WEIGHT[0] * state.offsets / np.where(unit > 0, unit, 1.0)[:, None]
+        x = solve_in_chunks(
+            cost,
+            np.concatenate([rows, own], axis=1),
+            np.concatenate([bounds, own_bounds], axis=1),
+            np.tile([*[WEIGHT[0]] * k, WEIGHT[1]], (n, 1)),
+            # The start is no spline: nodes that stay on it may leave no solution.
+            place_cuts(nodes.group, state.proposals, whole=state.best is self.start),
+        )
+        state.proposals += 1
+        if not np.isfinite(x).all():
+            raise np.linalg.LinAlgError("The quadratic program has no solution.")
+        # The trust region bounds offsets only; after refusals all changes are less.
+        x *= LESS**state.refused
+        offsets = state.offsets + x[:, :k] * unit[:, None]
+        return self._clip(offsets), state.h * (1 + np.maximum(x[:, k], -LEAST_SPAN))
+
+    def _limit_rows(
+        self, offsets: FloatArray, h: FloatArray, unit: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Rows of the limits around offsets [m] and span times [s], and their bounds."""
+        nodes, limits = self.nodes, self.timer.limits
+        spline = self._spline(offsets, h)
+        steps = nodes.near.steps(spline.q, nodes.frames)
+        speeds = self.tube.objective.speeds[self.tube.objective.locate(nodes.place)]
+        # The end of a span may lie on the segment of either node.
+        speeds[:-1] = np.fmin(speeds[:-1], speeds[1:])
+        assigned = np.fmin(speeds, np.inf if limits.speed is None else limits.speed)
+        assigned = np.where(np.isnan(assigned), np.inf, assigned)
+        return assemble(spline, span_rows(spline, self.timer.arm, limits, assigned), steps, unit)
+
+    def _own_rows(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rows of each node alone: the tube, the trust region, and the least span time."""
+        state, nodes = self.state, self.nodes
+        n, k = state.offsets.shape
+        m = len(nodes.sides)
+        rows = np.zeros((n, m + 2 * k + 1, 3 * (k + 1)))
+        bounds = np.zeros((n, m + 2 * k + 1))
+        free = unit > 0
+        room = state.limits - state.offsets @ nodes.sides.T
+        rows[free, :m, k + 1 : 2 * k + 1] = nodes.sides
+        bounds[:, :m] = np.maximum(room / np.where(free, unit, 1.0)[:, None], 0.0)
+        for j in range(k):
+            for row, sign in ((m + 2 * j, 1.0), (m + 2 * j + 1, -1.0)):
+                rows[free, row, k + 1 + j] = sign
+                bounds[:, row] = state.trust
+        rows[:, -1, 2 * k + 1] = -1.0
+        bounds[:, -1] = LEAST_SPAN
+        return rows, bounds
+
+    def _clip(self, offsets: FloatArray) -> FloatArray:
+        """Offsets drawn back to their limits along the line to the start, (n, k)."""
+        along = offsets @ self.nodes.sides.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = np.where(along > self.state.limits, self.state.limits / along, 1.0)
+        return np.asarray(offsets * np.clip(share.min(axis=1), 0.0, 1.0)[:, None])
+
+    def _draw(self, offsets: FloatArray, h: FloatArray) -> Drawn | None:
+        """The path of offsets and times; None if it leaves the tube, whose limits are then less."""
+        nodes = self.nodes
+        spline = self._spline(offsets, h)
+        drawn = draw(spline, self.timer.arm, self.tube.objective, nodes.place, nodes.tolerance)
+        if self._nearly_stops(drawn):
+            return None
+        knots = np.interp(drawn.places[:, 1], drawn.knots, np.arange(len(nodes) + 1))
+        reach = nodes.reach[np.clip(knots.astype(np.intp), 0, len(nodes) - 1)]
+        plain = Path(segments=drawn.segments)
+        drawn = replace(drawn, places=match(self.tube, plain, drawn.places, reach))
+        proof = prove(self.tube, plain, drawn.places)
+        # The tool follows the curve, which is a little beside the arcs.
+        beside = np.repeat(drawn.curve.spreads, 2)
+        vertices = proof.vertices + drawn.curve.spreads.max()
+        excess = max(float((proof.segments + beside).max()), float(vertices.max(initial=-np.inf)))
+        if excess <= proof.slack:
+            return drawn
+        middle = (plain.breaks[:-1] + plain.breaks[1:]) / 2
+        span = np.clip(np.searchsorted(drawn.knots, middle) - 1, 0, len(nodes) - 1)
+        lacking = np.zeros(len(nodes))
+        np.maximum.at(lacking, span, proof.segments + beside)
+        self._tighten(lacking, np.where(vertices > proof.slack, vertices, 0.0))
+        return None
+
+    def _tighten(self, lacking: FloatArray, missed: FloatArray) -> None:
+        """Limit the offsets of nodes more where the tube is left.
+
+        Args:
+            lacking: How far the path leaves the tube in the span of each node [m], (n,).
+            missed: How much farther than allowed each corner is from the path [m], (k,).
+        """
+        nodes, state = self.nodes, self.state
+        lacking = lacking.copy()
+        at = self.tube.objective.breaks[self.tube.vertex]
+        for k in np.flatnonzero(missed):
+            near = nodes.vertex == k
+            if not near.any():
+                near = np.abs(nodes.place - at[k]) == np.abs(nodes.place - at[k]).min()
+            lacking[near] = np.maximum(lacking[near], missed[k])
+        # Control points shape their own span and both neighbours.
+        wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
+        lacking = np.maximum(lacking, wide)
+        less = SPARE * np.maximum(lacking, 0.0) / np.maximum(nodes.least, 1e-12)
+        # At least twice as much as before, so that a few times are enough.
+        more = np.maximum(2 * state.inside, state.inside + less)
+        state.inside = np.where(lacking > 0, np.minimum(more, 1.0), state.inside)
+        state.limits = nodes.bounds(self.tube, state.inside)
+        state.offsets = self._clip(state.offsets)
+
+    def _nearly_stops(self, drawn: Drawn) -> bool:
+        """Whether the tool turns on the spot somewhere; the offsets there then change less."""
+        nodes, lengths = self.nodes, np.diff(drawn.curve.breaks)
+        tiny = drawn.curve.breaks[:-1][lengths < REPEATED_POINT]
+        if not len(tiny):
+            return False
+        span = np.clip(np.searchsorted(drawn.knots, tiny, side="right") - 1, 0, len(nodes) - 1)
+        there = np.isin(nodes.group, nodes.group[span])
+        self.state.trust[there] = np.maximum(SHRINK * self.state.trust[there], LEAST_TRUST)
+        return True
+
+    def _path(self, drawn: Drawn) -> ShapedPath | None:
+        """The drawn path, whose outcome is not known yet; None if its tool turns too far off."""
+        options, objective = self.options, self.tube.objective
+        path = ShapedPath(
+            segments=drawn.segments,
+            objective=objective,
+            places=drawn.places,
+            tolerance=options.tolerance,
+            line_tolerance=options.line_tolerance,
+            zone=options.zone,
+            outcome=Outcome(start=self.start.name, durations={}),
+            curve=drawn.curve,
+        )
+        if objective.orientation is not None:
+            # As at the place, also where that follows the tangent.
+            plain = replace(objective, orientation=replace(objective.orientation, follows=False))
+            path, off = orient_shaped(path, plain, drawn.places, options.angular_tolerance)
+            if off > (np.inf if options.angular_tolerance is None else options.angular_tolerance):
+                return None
+        return path
+
+
+def why_not(objective: Path, tube: Tube) -> str | None:
+    """A clause that says why nothing can be shaped; None if something can.
+
+    Args:
+        objective: The objective path.
+        tube: The tube of the tolerance.
+    """
+    if (tube.tolerance == 0).any():
+        # Splines of the joints do not keep to a line.
+        return "lines without a tolerance stay as they are: not shaped"
+    if _turns_at_corners(objective):
+        return "the orientation follows the tangent round corners: not shaped"
+    return None
+
+
+def make_searches(
+    objective: Path, tube: Tube, timer: Timer, options: Shaped
+) -> Iterator[Search | None]:
+    """Searches from parabolas and from arcs that the arm can follow, the faster ones first.
+
+    None stands for a search that would need too many nodes.
+
+    Args:
+        objective: The objective path.
+        tube: The tube of the tolerance.
+        timer: Times the shapes.
+        options: Options of the shaped path.
+    """
+    starts = make_starts(objective, tube, options, SHARE)
+    found = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
+    for start in sorted((x for x in found if x is not None), key=lambda x: x.duration):
+        nodes = place_nodes(start, tube, timer.arm, timer.branch)
+        if nodes is None:
+            yield None
+        elif not nodes.fixed.all():
+            yield Search(nodes, start, tube, timer, options)
+
+
+def _turns_at_corners(objective: Path) -> bool:
+    """Whether the orientation follows a tangent that jumps: what it has to be depends on the shape.
+
+    Where it follows a smooth tangent, shapes have the orientation of their places.
+    """
+    own = objective.orientation
+    return own is not None and own.follows and bool((own.jumps > SAME_ORIENTATION).any())

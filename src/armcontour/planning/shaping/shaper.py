@@ -1,0 +1,409 @@
+"""Entry point `shape`: paths whose shape and timing are found together, contour by contour."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import dataclass
+from itertools import islice
+from typing import cast, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import ArmContourError, locate_errors
+from armcontour.core.fields import checked
+from armcontour.core.progress import Progress, Step
+from armcontour.core.text import capitalise
+from armcontour.geometry import Outcome, Path, ShapedPath, Tube
+from armcontour.geometry.shaped import ARCS, SHAPED, STOPS, doubt_search
+from armcontour.motion import JointPath, Method, Trajectory
+from armcontour.planning.common import with_reserve
+from armcontour.planning.options import Optimal, Shaped
+from armcontour.planning.program_timing import Timing, refuse_unkept_jerk, time_program
+from armcontour.planning.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
+from armcontour.planning.shaping.search import make_searches, why_not
+from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, tube_of
+from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs, put_on_path
+from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
+
+# Vertices that turn by more than this are corners of a contour; others may be points along a
+# curve, however near they are [rad].
+SHARP = np.radians(30)
+# The search ends with the first start that saves this share of the duration.
+ENOUGH = 0.01
+# From so many contours on other processes shape them, which take a few seconds to start.
+MANY = 24
+# The search ends after so many control points of the joints in all iterations, for each corner or
+# rest. Tolerances of about 1 µm (six joints) and 0.1 µm (two joints) need more.
+WORK = 30_000
+# Why a contour that could be shaped has arcs.
+ARCS_ARE_FASTER = "no shape that was found is faster than arcs"
+
+
+@overload
+def shape(
+    path: Path, arm: Arm, limits: Limits | None, options: Shaped, *, progress: Progress | None = ...
+) -> ShapedPath: ...
+@overload
+def shape(
+    path: Program,
+    arm: Arm,
+    limits: Limits | None,
+    options: Shaped,
+    *,
+    progress: Progress | None = ...,
+) -> Program: ...
+@checked
+def shape(
+    path: Path | Program,
+    arm: Arm,
+    limits: Limits | None,
+    options: Shaped,
+    *,
+    progress: Progress | None = None,
+) -> Path | Program:
+    """Find the path within a tolerance of an objective along which an arm moves the fastest.
+
+    Every point of the path is within the tolerance of its own place on the objective, and every
+    vertex of the objective is within the tolerance of the path. The fastest motion along the path
+    takes no longer than along arcs or parabolas at the corners, or with a stop at every vertex.
+
+    Args:
+        path: The objective path, or a program, whose contours are shaped one by one.
+        arm: The arm.
+        limits: Limits in place of those of the arm, as in `plan`; None for those of the arm.
+        options: Tolerances, search, and reserve.
+        progress: Called with the step "shaping" and the share that is done.
+
+    Raises:
+        InvalidInput: Limits that do not fit the arm.
+        Unreachable: The arm cannot follow the objective.
+        NotRealizable: No motion along the objective keeps the limits, or there are limits of jerk,
+            which would stop the tool where the curvature of a shaped path jumps.
+
+    Warns:
+        UserWarning: The search along a path ended early, because the tolerance is tiny.
+    """
+    bounds = resolve_limits("shape", arm, limits)
+    refuse_unkept_jerk(Method.SHAPED, bounds)
+    program = Program.of(path, "shape needs a Path or a Program")
+    found = Shaping(arm, bounds, options).shape(program, progress, named=program is path)
+    if program is path:
+        return found
+    for doubt in doubt_search([found.path]):
+        warnings.warn(capitalise(doubt), stacklevel=3)
+    # Whoever gives a path gets a path.
+    return found.path
+
+
+@dataclass(frozen=True, slots=True)
+class Shaping:
+    """How the contours of a program are shaped.
+
+    Args:
+        arm: The arm.
+        limits: The limits, one value per joint, with which the arm's configuration is chosen.
+        options: Options of the shaped paths.
+    """
+
+    arm: Arm
+    limits: Limits
+    options: Shaped
+
+    def shape(self, program: Program, progress: Progress | None, *, named: bool) -> Program:
+        """The shaped program; `start_of` tells where an arm in space starts it.
+
+        Args:
+            program: The program.
+            progress: Called after every iteration, or contour where there are many.
+            named: Whether error messages start with the name of the contour.
+
+        Raises:
+            ArmContourError: As `shape`.
+        """
+        drawn = [self._draw(x) if isinstance(x, Contour) else x for x in program.moves]
+        program = dataclasses.replace(program, moves=tuple(drawn))
+        start = self.options.start
+        arcs, traced = self._trace(program)
+        moves = list(program.moves)
+        tasks: list[tuple[int, Contour, _Task]] = []
+        for step in traced.steps:
+            move = None if step.move is None else moves[step.move]
+            if isinstance(move, Contour) and step.move is not None and step.joint_path is not None:
+                task = _Task(move.path, self._timer(step.joint_path, start), self.options)
+                tasks.append((step.move, move, task))
+        found = _shape_all([x[2] for x in tasks], progress)
+        for done, (i, move, _) in enumerate(tasks):
+            with _named(move, done, named):
+                moves[i] = put_on_path(move, found(done))
+        shaped = dataclasses.replace(program, moves=tuple(moves))
+        if arcs is None or start is not None or self.arm.dimension == 2:
+            return shaped
+        return self._faster(program, arcs, shaped, ends_of(traced.joint_paths[0])[0])
+
+    def _draw(self, contour: Contour) -> Contour:
+        """A contour of lines and arcs, with the tolerances that its short stretches bear."""
+        contour = draw_with_arcs(contour)
+        return dataclasses.replace(contour, path=_cap(contour.path, self.options.tolerance))
+
+    def _faster(
+        self, program: Program, arcs: Tracing, shaped: Program, first: FloatArray
+    ) -> Program:
+        """The shaped program in the start that is faster, or arcs if these are faster still.
+
+        Shapes are compared near one start. An arm with more joints than the task needs is a little
+        slower there than where it may choose its start, as it does along arcs.
+
+        Args:
+            program: The program.
+            arcs: Its contours with arcs, and their joint paths.
+            shaped: The shaped program.
+            first: Joint positions at the start of the program in which it was shaped [rad], (dof,).
+        """
+        start = tuple(first.tolist())
+        ways: list[tuple[Program, tuple[float, ...] | None, Trajectory]] = []
+        with suppress(ArmContourError):
+            ways.append((arcs.program, None, self._time(arcs)))
+        along_arcs = ways[0][2].contour_spans if ways else None
+        for near in (None, start):
+            with suppress(ArmContourError):
+                ways.append((shaped, near, self._time(self._follow(shaped, near))))
+        if not ways:
+            # Planning says why.
+            return shaped
+        taken, joints, planned = min(ways, key=lambda x: x[2].duration)
+        moves = list(taken.moves)
+        for i, span in enumerate(planned.contour_spans):
+            assert span.move is not None and span.trajectory is not None
+            outcome = _path_of(shaped.moves[span.move]).outcome
+            durations = dict(outcome.durations) | {SHAPED: span.trajectory.duration}
+            if along_arcs is not None and ARCS in durations:
+                durations[ARCS] = cast(Trajectory, along_arcs[i].trajectory).duration
+            starts = {name: x for name, x in durations.items() if name != SHAPED}
+            outcome = dataclasses.replace(
+                outcome,
+                # Of equal starts the plainest one, whatever rounding makes of their durations.
+                start=min(starts, key=lambda name: round(starts[name], 9)),
+                durations=durations,
+                note=outcome.note or (None if taken is shaped else ARCS_ARE_FASTER),
+                joints=joints,
+            )
+            move = moves[span.move]
+            path = dataclasses.replace(_path_of(move), outcome=outcome)
+            moves[span.move] = dataclasses.replace(cast(Contour, move), path=path)
+        return dataclasses.replace(taken, moves=tuple(moves))
+
+    def _time(self, traced: Tracing) -> Trajectory:
+        """The plan of a traced program."""
+        limits = with_reserve(self.limits, self.options.reserve)
+        timing = Timing(self.arm, limits, Optimal(intervals=self.options.intervals))
+        return time_program(traced, timing)
+
+    def _follow(self, program: Program, start: npt.ArrayLike | None) -> Tracing:
+        """The joint paths of a program."""
+        branch = self.options.branch
+        return trace_program(program, self.arm, self.limits, branch=branch, start=start)
+
+    def _trace(self, program: Program) -> tuple[Tracing | None, Tracing]:
+        """Trace the program with arcs at its corners, and where that is faster with sharp corners.
+
+        Returns:
+            The program with arcs and its joint paths, None if the arm cannot follow it; and the
+            tracing whose configurations of the arm all starts and shapes then have.
+        """
+        start = self.options.start
+        try:
+            arcs = self._follow(self._with_arcs(program), start)
+        except ArmContourError:
+            return None, self._follow(program, start)
+        if start is not None or program.single_path is None or self.arm.dimension == 2:
+            return arcs, arcs
+        try:
+            sharp = self._follow(program, None)
+        except ArmContourError:
+            return arcs, arcs
+        first, other = (ends_of(x.joint_paths[0])[0] for x in (arcs, sharp))
+        if np.abs(first - other).max() <= SAME_POSITION:
+            return arcs, arcs
+
+        def least_duration(traced: Tracing) -> float:
+            tube, timer = tube_of(program.path, self.options), self._timer(traced.joint_paths[0])
+            known = _time_starts(program.path, tube, timer, self.options)
+            return min((x.duration for x in known), default=np.inf)
+
+        return arcs, min(arcs, sharp, key=least_duration)
+
+    def _with_arcs(self, program: Program) -> Program:
+        """The program with arcs at its corners, or with stops where no arcs are within the tube."""
+        moves = list(program.moves)
+        for i, move in enumerate(moves):
+            if isinstance(move, Contour):
+                starts = make_starts(move.path, tube_of(move.path, self.options), self.options)
+                name = ARCS if ARCS in starts else STOPS
+                path, places = starts[name]
+                outcome = Outcome(start=name, durations={})
+                moves[i] = put_on_path(
+                    move, _shaped_path(move.path, path, places, self.options, outcome)
+                )
+        return dataclasses.replace(program, moves=tuple(moves))
+
+    def _timer(self, joint_path: JointPath, given: FloatArray | None = None) -> Timer:
+        """What times paths in the configuration of a joint path, from a given start if it is that.
+
+        The knots of an arm with more joints than the task needs depend on rounding of the start.
+        """
+        start, intervals = ends_of(joint_path)[0], self.options.intervals
+        limits = with_reserve(self.limits, self.options.reserve)
+        if isinstance(self.arm, PlanarTwoLink):
+            return Timer(self.arm, limits, self.arm.branch_of(start), None, intervals)
+        if given is not None and np.abs(given - start).max() <= SAME_POSITION:
+            start = given
+        return Timer(self.arm, limits, None, start, intervals)
+
+
+def _cap(path: Path, tolerance: float) -> Path:
+    """A path with tolerances of at most half of its stretches between two sharp corners.
+
+    A line that is drawn twice, a micrometre apart, leaves a stretch that bears no more.
+    """
+    sharp = np.flatnonzero(path.turns > SHARP) + 1
+    ends = np.concatenate([[0], sharp, [len(path)]])
+    half = np.repeat(np.diff(path.breaks[ends]) / 2, np.diff(ends))
+    if (half >= tolerance).all():
+        return path
+    own = np.where(half < tolerance, np.fmin(path.tolerances, half), path.tolerances)
+    return dataclasses.replace(path, segments=path.segments.replace(tolerances=own, checked=True))
+
+
+def _path_of(move: Move) -> ShapedPath:
+    """The path of a shaped contour."""
+    assert isinstance(move, Contour) and isinstance(move.path, ShapedPath)
+    return move.path
+
+
+def _named(contour: Contour, number: int, wanted: bool) -> AbstractContextManager[None]:
+    """A context in which error messages start with the name of a contour, if wanted."""
+    return locate_errors(contour_called(contour, number)) if wanted else nullcontext()
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """A contour to be shaped, as other processes get it.
+
+    Args:
+        objective: The objective path.
+        timer: Times its shapes.
+        options: Options of the shaped path.
+    """
+
+    objective: Path
+    timer: Timer
+    options: Shaped
+
+
+def _shape_all(tasks: list[_Task], progress: Progress | None) -> Callable[[int], ShapedPath]:
+    """What gives the shaped path of each contour, in order; many are shaped in other processes.
+
+    Raises where the path is asked for.
+    """
+    count = len(tasks)
+
+    def tell(done: float) -> None:
+        if progress is not None:
+            progress(Step(("shaping",), done / count))
+
+    if count < MANY:
+        return lambda i: _shape(tasks[i], lambda share: tell(i + share))
+    from armcontour.core.pool import map_in_processes
+
+    found = map_in_processes(_shape_or_error, tasks, done=tell)
+    tell(count)
+
+    def take(i: int) -> ShapedPath:
+        shaped = found[i]
+        if isinstance(shaped, ArmContourError):
+            raise shaped
+        return shaped
+
+    return take
+
+
+def _shape_or_error(task: _Task) -> ShapedPath | ArmContourError:
+    """The shaped path of one contour, or why there is none."""
+    try:
+        return _shape(task, lambda share: None)
+    except ArmContourError as error:
+        return error
+
+
+def _shape(task: _Task, tell: Callable[[float], None]) -> ShapedPath:
+    """The shaped path of one contour; `tell` is called with the share that is done."""
+    objective, timer, options = task.objective, task.timer, task.options
+    tube = tube_of(objective, options)
+    known = _time_starts(objective, tube, timer, options)
+    if not known:
+        # Raises what is wrong with the objective.
+        timer.time(timer.trace(objective))
+    durations = {x.name: x.duration for x in known}
+    first = min(known, key=lambda x: x.duration)
+    best, history = first, [first.duration]
+    note = why_not(objective, tube)
+    searches = make_searches(objective, tube, timer, options) if note is None else iter(())
+    unfinished, work = False, float(WORK)
+    for search in searches:
+        if search is None:
+            unfinished = True
+            continue
+        left = options.iterations - len(history) + 1
+        most = min(left, int(work / search.size))
+        before = len(history)
+        for found in islice(search.run(), most):
+            best = min(best, found, key=lambda x: x.duration)
+            history.append(best.duration)
+            tell((len(history) - 1) / options.iterations)
+        work -= (len(history) - before) * search.size
+        unfinished |= len(history) - before == most < left
+        # Another start mostly leads to the same shape.
+        if best.duration < (1 - ENOUGH) * first.duration:
+            break
+    durations[SHAPED] = best.duration
+    outcome = Outcome(
+        start=first.name,
+        durations=durations,
+        history=tuple(history),
+        note=note,
+        unfinished=unfinished,
+    )
+    tell(1.0)
+    return _shaped_path(objective, best.path, best.places, options, outcome)
+
+
+def _time_starts(objective: Path, tube: Tube, timer: Timer, options: Shaped) -> list[Candidate]:
+    """The starts with their timings, without those that the arm cannot follow."""
+    found = [
+        timer.candidate(name, path, places)
+        for name, (path, places) in make_starts(objective, tube, options).items()
+    ]
+    return [x for x in found if x is not None]
+
+
+def _shaped_path(
+    objective: Path, path: Path, places: FloatArray, options: Shaped, outcome: Outcome
+) -> ShapedPath:
+    """A path that has these places on its objective as a shaped path."""
+    return ShapedPath(
+        segments=path.segments,
+        merged=path.merged,
+        orientation=path.orientation,
+        objective=objective,
+        places=places,
+        tolerance=options.tolerance,
+        line_tolerance=options.line_tolerance,
+        zone=options.zone,
+        outcome=outcome,
+        curve=path.curve if isinstance(path, ShapedPath) else None,
+    )

@@ -1,0 +1,1092 @@
+"""The compiled plan on a grid: first without margins, then with margins that the plan proves.
+
+On each interval u is linear in s with a slope k that is chosen beforehand. With its mean m and half
+its change t = k w / 2, it is m - t and m + t at the ends, and x at the end is x + 2 w m. All limits
+of an interval are then lines and conics in the plane of x and m. docs/concepts/optimal.md has the
+mathematics.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from armcontour.core._vectors import (
+    LANES,
+    choose,
+    higher,
+    highest,
+    load,
+    lower,
+    lowest,
+    size,
+    store,
+)
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.kernels import FUSED, compiled
+from armcontour.motion._intervals import interval_time
+from armcontour.planning.topp.limits import (
+    ALONE,
+    BACK,
+    BY_SLOPE,
+    BY_U,
+    BY_X,
+    FORTH,
+    HIGH,
+    HIGHEST,
+    KEPT,
+    LANE,
+    LARGEST,
+    LOW,
+    LOWEST,
+    OFF,
+    ROWS,
+    SIGN,
+    A,
+    B,
+    Friction,
+    Intervals,
+    Limits,
+    Rounds,
+    Rows,
+)
+
+Vector = Any  # of LANES numbers
+
+FOUND, FINER, STUCK, START, END, UNLIMITED = range(6)
+INSIDE = 1 - 1e-14  # a step of Newton ends inside by this share, far more than rounding
+LARGEST_X = 1e100  # from which Newton starts without a ceiling
+FAR, ROUNDED = 1e-3, 1e-12  # a step to less than the share FAR of x has the error ROUNDED of it
+SLACK = 1e-9  # ends of a range of u that differ by this share differ by rounding
+PLAY = 1e-7  # share by which x at an end may miss what was asked for
+ROUNDING = 2e-15  # of x, in differences of x
+TINY = 1e-14  # share of its terms, each with rounding, below which a coefficient is zero
+NEAR = 0.01  # nearer to its bound than this share of its range, u is at the bound
+BELOW_CEILING = 1 - 1e-6  # where x is at its ceiling, nothing else binds
+LARGEST_TURN = 0.25  # a slope changes u by less than this share of its range
+NO_WAY = 4e-2  # the share that stands for margins that leave no plan: a finer grid may have one
+AROUND = 10  # intervals next to one that leaves no plan, that are made finer with it
+SHARE_AT_REST = 0.5  # a line above friction takes at most this share of what is left at rest
+NOTHING = 1e-150  # a coefficient below this is zero
+BLOCK = 1 << 13  # so many intervals are drawn at a time, which bounds the memory
+LEAST = 1e-300  # keeps divisions finite; its root is far below any path speed
+
+
+class Rules(NamedTuple):
+    """What a plan may do.
+
+    Args:
+        start: ds² at the start; infinite for the largest.
+        end: ds² at the end; infinite for the largest.
+        most: Largest share of a limit that margins may take.
+        steady: Where margins take more than this, slopes are left out first.
+        headroom: Bounds of x and u are those of the plan before times this.
+        close: The same of bounds around a proven plan.
+        window: U is the largest |u| of so many neighbours either way, as switches move.
+        floor: U is at least this share of the largest |u| of all, or of x over the width of the
+            interval if that is less: next to a place where dq_ds vanishes |u| has no bound.
+        tangents: Most plans without margins in which friction is linear near the plan before.
+        near: Error of x, as a share, below which such a plan is near enough.
+        tries: Most plans on a grid.
+        enough: With more intervals, what margins do not allow is refused.
+        gain: Bounds come closer while that gains more than this share of the duration.
+    """
+
+    start: float = 0.0
+    end: float = 0.0
+    most: float = 1e-2
+    steady: float = 0.999
+    headroom: float = 1.05
+    close: float = 1.02
+    window: int = 1
+    floor: float = 1e-3
+    tangents: int = 2
+    near: float = 1e-2
+    tries: int = 30
+    enough: int = 20_000
+    gain: float = 1e-6
+
+
+class Bounds(NamedTuple):
+    """For a plan with slopes k margins hold while |u| <= u and least <= x <= x, (n,) each."""
+
+    x: FloatArray
+    least: FloatArray
+    u: FloatArray
+    k: FloatArray
+
+
+class Plan(NamedTuple):
+    """A plan, or why there is none.
+
+    Args:
+        x: ds² at the ends of the intervals, (n + 1,).
+        k: Slopes of dds over s, (n,).
+        lost: Share of limits that margins take, (n,).
+        outcome: FOUND, or FINER, STUCK, START, END, UNLIMITED.
+        place: Where there is none: an interval.
+        allowed: With START and END: the largest ds² there.
+    """
+
+    x: FloatArray
+    k: FloatArray
+    lost: FloatArray
+    outcome: int
+    place: int
+    allowed: float
+
+
+class Lines(NamedTuple):
+    """The limits of one try, in the plane of x at the start and the mean u of each interval.
+
+    Args:
+        of: `bottom <= m + tilt x <= top`: tilts, bottoms and tops of the drawn intervals, flat.
+            Each has LANES for the starts and LANES for the ends of every LANES joints or rows.
+        width: Number of lines of an interval.
+        drawn: The intervals that are drawn, (BLOCK,) or for fewer all.
+        conics: `|m + p x + q|² <= d0 + 2 d1 x - d2 x²`: p, q, d0, d1 and d2 of the drawn intervals,
+            (len(drawn), conics, 5).
+        cap: Largest x at the start and at the end, (n, 2).
+        lost: Share of limits that margins take, (n,).
+        scratch: Takes rows, side by side.
+    """
+
+    of: FloatArray
+    width: int
+    drawn: IntArray
+    conics: FloatArray
+    cap: FloatArray
+    lost: FloatArray
+    scratch: FloatArray
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _margin(rise: FloatArray, i: int, r: int, bounds: Bounds) -> float:
+    by = rise[i, r, BY_U] * bounds.u[i] + rise[i, r, BY_X] * bounds.x[i]
+    return float(by + rise[i, r, BY_SLOPE] * abs(bounds.k[i]) + rise[i, r, ALONE])
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _draw_end(
+    lines: Lines,
+    place: tuple[int, int, int],
+    motion: tuple[float, float],
+    row: tuple[Vector, Vector, Vector, Vector],
+) -> None:
+    """Draw `low <= a u + b x <= high` of LANES rows at one end of an interval.
+
+    Where no m is left it is a ceiling of x, since rest is allowed.
+
+    Args:
+        lines: Output.
+        place: The interval, the end, and the first line.
+        motion: Length of the interval, and half of the change of u.
+        row: a, b, low and high.
+    """
+    (i, end, line), (w, turn), (a, b, low, high) = place, motion, row
+    shift = turn - 2 * turn * end
+    low, high = low + shift * a, high + shift * a
+    by_mean, bends = a + (2 * w * end) * b, 2 * w * size(b)
+    some, least = size(by_mean), TINY * (size(a) + bends)
+    alone = size(a) - TINY * bends
+    if lowest(lower(some - least, alone)) <= 0.0:
+        most = choose(NOTHING, size(b), higher(low / b, high / b), math.inf)
+        ceiling = higher(choose(least, some, math.inf, most), 0.0)
+        lines.cap[i, 0] = min(lines.cap[i, 0], lowest(ceiling))
+        ceiling = higher(choose(0.0, alone, math.inf, most), 0.0)
+        lines.cap[i, end] = min(lines.cap[i, end], lowest(ceiling))
+        some = choose(least, some, choose(0.0, alone, some, 0.0), 0.0)
+    inverse = 1.0 / choose(NOTHING, some, by_mean, 1.0)
+    low, high = low * inverse, high * inverse
+    first = 3 * lines.width * (i & (len(lines.drawn) - 1)) + line
+    last = first + 2 * lines.width
+    store(lines.of, first, choose(NOTHING, some, b * inverse, 0.0))
+    store(lines.of, first + lines.width, choose(NOTHING, some, lower(low, high), -math.inf))
+    store(lines.of, last, choose(NOTHING, some, higher(low, high), math.inf))
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _draw_both(
+    lines: Lines,
+    i: int,
+    line: int,
+    motion: tuple[float, float],
+    rows: tuple[tuple[Vector, Vector, Vector, Vector], tuple[Vector, Vector, Vector, Vector]],
+    room: Vector,
+    margins: bool,
+) -> None:
+    """Draw LANES rows at both ends of interval i, less margins, and count what these take."""
+    (a0, b0, low0, high0), (a1, b1, low1, high1) = rows
+    if margins:
+        rest = lower(lower(high0, 0.0 - low0), lower(high1, 0.0 - low1))
+        used = room + abs(motion[1]) * higher(size(a0), size(a1))
+        # All is lost where rest may not be allowed.
+        share = choose(0.0, room, choose(rest, used, 1.0, room / rest), 0.0)
+        lines.lost[i] = max(lines.lost[i], highest(share))
+    _draw_end(lines, (i, 0, line), motion, (a0, b0, low0 + room, high0 - room))
+    _draw_end(lines, (i, 1, line + LANES), motion, (a1, b1, low1 + room, high1 - room))
+
+
+class Bracket(NamedTuple):
+    """A range of x on an interval: the smallest x, and the roots of the smallest and largest."""
+
+    least: float
+    low: float
+    high: float
+
+
+@compiled(inner=True)
+def bracket(least: float, most: float) -> Bracket:
+    """The bracket from one x to another."""
+    return Bracket(least, math.sqrt(least), math.sqrt(max(most, LEAST)))
+
+
+@compiled(inner=True)
+def friction_row(
+    friction: Friction, i: int, j: int, towards: float, room: float, within: Bracket
+) -> tuple[float, float, float]:
+    """What takes the place of friction in the row of one limit of joint j on interval i.
+
+    Where the joint may turn round, it is the largest friction on the interval. Else it is the
+    friction at each end times a line in x in place of the root of x. The line below the root is the
+    chord. The line above is the tangent that is as far above the root at both ends of the bracket;
+    of a smaller x if its offset takes too much of what is left at rest; or the line of that offset
+    that meets the root at the smallest x.
+
+    Args:
+        friction: The friction.
+        i: The interval.
+        j: The joint.
+        towards: 1 for the upper limit, -1 for the lower one.
+        room: What is left of the limit at rest.
+        within: The range of x.
+
+    Returns:
+        The largest friction, or 0; offset and slope of the line, or 0.
+    """
+    largest, sign = friction.within[i, j, LARGEST], friction.within[i, j, SIGN]
+    if sign == 0.0:
+        return towards * largest * within.high, 0.0, 0.0
+    total = within.low + within.high
+    if sign != towards:
+        slope = 1 / total
+        return 0.0, within.low * within.high * slope, slope
+    offset = total / 4
+    if offset * largest > SHARE_AT_REST * room:
+        offset = max(SHARE_AT_REST * room / largest, LEAST)
+    if offset >= within.low / 2:
+        return 0.0, offset, 1 / (4 * offset)
+    return 0.0, offset, (within.low - offset) / within.least
+
+
+@compiled(inner=True)
+def friction_rise(
+    friction: Friction, i: int, j: int, offset: float, slope: float, w: float
+) -> tuple[float, float, float, float]:
+    """What a line in place of the root of x adds to the rise of a row: by U, X, slope, and alone.
+
+    Its product with x bends as those of b do; friction itself is off its chord.
+
+    Args:
+        friction: The friction.
+        i: The interval.
+        j: The joint.
+        offset: Of the line of `friction_row`.
+        slope: Of the line.
+        w: Length of the interval.
+    """
+    v0, v1, off = friction.viscous[i, 0, j], friction.viscous[i, 1, j], friction.within[i, j, OFF]
+    by_slope = slope * max(abs(v0), abs(v1)) * w * w / 4
+    return slope * abs(v1 - v0) * w / 2, slope * off, by_slope, offset * off
+
+
+@compiled(inner=True)
+def _products(ends: FloatArray, i: int, end: int, r: int) -> tuple[float, float, float]:
+    """The products a a, a b and b b of the vectors at one end of an interval."""
+    aa = ab = bb = 0.0
+    for d in range(3):
+        a, b = ends[i, end, r, A, d], ends[i, end, r, B, d]
+        aa, ab, bb = aa + a * a, ab + a * b, bb + b * b
+    return aa, ab, bb
+
+
+@compiled(inner=True)
+def _draw_conic(
+    lines: Lines,
+    i: int,
+    r: int,
+    ends: FloatArray,
+    square: float,
+    motion: tuple[float, float],
+    end: int,
+) -> None:
+    """Draw `|a u + b x|² <= square` at one end of an interval."""
+    w, turn = motion
+    out = lines.conics[i & (len(lines.drawn) - 1), 2 * r + end]
+    for d in range(5):
+        out[d] = 0.0
+    # The vector that multiplies m is a at the start, and a + 2 w b at the end.
+    step = 2 * w * end
+    a0, a1, a2 = ends[i, end, r, A, 0], ends[i, end, r, A, 1], ends[i, end, r, A, 2]
+    b0, b1, b2 = ends[i, end, r, B, 0], ends[i, end, r, B, 1], ends[i, end, r, B, 2]
+    e0, e1, e2 = a0 + step * b0, a1 + step * b1, a2 + step * b2
+    ee, eb = e0 * e0 + e1 * e1 + e2 * e2, e0 * b0 + e1 * b1 + e2 * b2
+    aa, bb = a0 * a0 + a1 * a1 + a2 * a2, b0 * b0 + b1 * b1 + b2 * b2
+    if ee <= TINY**2 * (aa + 4 * w * w * bb):
+        # x alone, at the start.
+        out[2] = math.inf
+        if bb > 0.0:
+            most = math.sqrt(square / bb) - 2 * w * abs(turn)
+            lines.cap[i, 0] = min(lines.cap[i, 0], max(most, 0.0))
+        return
+    # As a x b, with the same rounding as the vector.
+    c0, c1, c2 = e1 * b2 - e2 * b1, e2 * b0 - e0 * b2, e0 * b1 - e1 * b0
+    spread = (c0 * c0 + c1 * c1 + c2 * c2) / (ee * ee)
+    out[0], out[4] = eb / ee, spread
+    if end == 0:
+        out[1], out[2] = -turn, square / ee
+    else:
+        out[1] = turn * (1 - step * out[0])
+        out[2] = square / ee - spread * (step * turn) ** 2
+        out[3] = step * spread * turn
+    # Beyond this x there is no m.
+    if spread > 0.0:
+        root = math.sqrt(max(out[3] * out[3] + spread * out[2], 0.0))
+        lines.cap[i, 0] = min(lines.cap[i, 0], max((out[3] + root) / spread * INSIDE, 0.0))
+
+
+@compiled(inner=True)
+def _row(
+    limits: Limits, i: int, r: int, w: float, within: Bracket, margins: bool
+) -> tuple[float, ...]:
+    """Row r of interval i: a, b, low and high at its start and at its end, and the rise.
+
+    Lines for friction come first: those of upper limits, then those of lower ones.
+
+    Args:
+        limits: The limits.
+        i: The interval.
+        r: The row.
+        w: Length of the interval.
+        within: The range of x.
+        margins: Whether friction counts where a joint may turn round.
+    """
+    ends, rise, friction = limits.rows.ends, limits.rows.rise, limits.friction
+    rubbing = friction.within.shape[1]
+    side = 0 if r < rubbing else 1 if r < 2 * rubbing else 2
+    j = r - min(side, 1) * rubbing
+    a0, b0, low0, high0 = (
+        ends[i, 0, j, A],
+        ends[i, 0, j, B],
+        ends[i, 0, j, LOW],
+        ends[i, 0, j, HIGH],
+    )
+    a1, b1, low1, high1 = (
+        ends[i, 1, j, A],
+        ends[i, 1, j, B],
+        ends[i, 1, j, LOW],
+        ends[i, 1, j, HIGH],
+    )
+    by_u, by_x = rise[i, j, BY_U], rise[i, j, BY_X]
+    by_slope, alone = rise[i, j, BY_SLOPE], rise[i, j, ALONE]
+    if side < 2:
+        towards, rest = (1.0, min(high0, high1)) if side == 0 else (-1.0, min(-low0, -low1))
+        most, offset, slope = friction_row(friction, i, j, towards, rest, within)
+        v0, v1, alike = friction.viscous[i, 0, j], friction.viscous[i, 1, j], most * margins
+        b0, b1, off0, off1 = b0 + v0 * slope, b1 + v1 * slope, v0 * offset, v1 * offset
+        if side == 0:
+            low0, low1 = -math.inf, -math.inf
+            high0, high1 = high0 - (off0 + alike), high1 - (off1 + alike)
+        else:
+            low0, low1 = low0 - (off0 + alike), low1 - (off1 + alike)
+            high0, high1 = math.inf, math.inf
+        more = friction_rise(friction, i, j, offset, slope, w)
+        by_u, by_x = by_u + more[BY_U], by_x + more[BY_X]
+        by_slope, alone = by_slope + more[BY_SLOPE], alone + more[ALONE]
+    return a0, b0, low0, high0, a1, b1, low1, high1, by_u, by_x, by_slope, alone
+
+
+@compiled()
+def rows_with_friction(width: FloatArray, limits: Limits, bounds: Bounds, margins: bool) -> Rows:
+    """The rows with lines for friction: upper limits, then lower ones, then those without friction.
+
+    Args:
+        width: Lengths of the intervals, (n,).
+        limits: The limits.
+        bounds: The bounds, of which the range of x counts.
+        margins: Whether friction counts where a joint may turn round.
+    """
+    n, count = len(width), limits.rows.rise.shape[1] + limits.friction.within.shape[1]
+    found = Rows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
+    for i in range(n):
+        within = bracket(bounds.least[i], bounds.x[i])
+        for r in range(count):
+            row = _row(limits, i, r, width[i], within, margins)
+            for k in range(4):
+                found.ends[i, 0, r, k], found.ends[i, 1, r, k] = row[k], row[4 + k]
+                found.rise[i, r, k] = row[8 + k]
+    return found
+
+
+@compiled(inner=True)
+def _lose(lines: Lines, i: int, room: float, turn: float, rest: float) -> None:
+    """Count the share `room` of what a limit leaves at rest; all where rest may not be allowed."""
+    if room + turn > rest:
+        lines.lost[i] = max(lines.lost[i], 1.0)
+    elif room > lines.lost[i] * rest:
+        lines.lost[i] = room / rest
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _draw_caps(
+    lines: Lines, limits: Limits, bounds: Bounds, i: int, w: float, margins: bool
+) -> None:
+    """Write the ceilings of x on interval i; arguments as in `_draw`."""
+    squares, cap0, cap1 = limits.squares, limits.ceiling[i, 0], limits.ceiling[i, 1]
+    lowest, steepest = min(cap0, cap1), 0.0
+    for r in range(squares.most.shape[1]):
+        b0, b1, most = squares.ends[i, 0, r], squares.ends[i, 1, r], squares.most[i, r]
+        room, steepest = 1.0, max(steepest, b0, b1)
+        if margins:
+            room -= _margin(squares.rise, i, r, bounds)
+        if most == 0.0 or room >= most * max(cap0, cap1):
+            continue
+        # Both ends with the margin, or both slow enough for the largest b of the interval.
+        tight = 1.0 / most
+        at0, at1 = (room / b0, room / b1) if room > 0.0 else (0.0, 0.0)
+        if margins and at0 + at1 < 2 * tight:
+            at0 = at1 = tight
+        cap0, cap1 = min(cap0, at0), min(cap1, at1)
+    # Where u falls, x lies above its chord.
+    sag = max(-bounds.k[i], 0.0) * w * w / 4
+    lines.cap[i, 0], lines.cap[i, 1] = cap0 - sag, cap1 - sag
+    lines.lost[i] = 0.0
+    if steepest > 0.0 and lowest > 0.0:
+        lines.lost[i] = 1.0 - min(cap0, cap1) / min(lowest, 1.0 / steepest)
+
+
+@compiled(inner=True)
+def _coefficients(grid: Intervals, i: int, joint: int, power: int) -> Vector:
+    """The coefficients of a power of LANES joints, from one on, on the piece of an interval."""
+    k = grid.piece[i]
+    k_last = k - (len(grid.breaks) - 1 - KEPT)
+    if k_last >= 0:
+        return load(grid.last, (6 * k_last + power) * grid.dof + joint)
+    return load(grid.coefficients, (6 * k + power) * grid.dof + joint)
+
+
+@compiled(inner=True, fastmath=FUSED)
+def slopes_of(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, Vector]:
+    """dq_ds and d2q_ds2 of LANES joints, from one on, at an end of an interval."""
+    k = grid.piece[i]
+    scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
+    x = (grid.s[i + end] - grid.breaks[k]) * scale
+    c1, c2 = _coefficients(grid, i, joint, 1), _coefficients(grid, i, joint, 2)
+    c3, c4 = _coefficients(grid, i, joint, 3), _coefficients(grid, i, joint, 4)
+    c5 = _coefficients(grid, i, joint, 5)
+    first = c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + (5.0 * x) * c5)))
+    second = 2.0 * c2 + x * (6.0 * c3 + x * (12.0 * c4 + (20.0 * x) * c5))
+    return scale * first, (scale * scale) * second
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _largest(grid: Intervals, i: int, joint: int) -> tuple[Vector, Vector]:
+    """Bounds of |d3q_ds3| and |d4q_ds4| on an interval, by Taylor about its middle."""
+    k = grid.piece[i]
+    scale, begin = 1.0 / (grid.breaks[k + 1] - grid.breaks[k]), grid.breaks[k]
+    middle = ((grid.s[i] + grid.s[i + 1]) / 2 - begin) * scale
+    half, cube = (grid.s[i + 1] - grid.s[i]) / 2 * scale, scale * scale * scale
+    c3, c4 = _coefficients(grid, i, joint, 3), _coefficients(grid, i, joint, 4)
+    c5 = _coefficients(grid, i, joint, 5)
+    q5 = 120.0 * size(c5)
+    q4 = size(24.0 * c4 + (120.0 * middle) * c5) + half * q5
+    q3 = size(6.0 * c3 + middle * (24.0 * c4 + (60.0 * middle) * c5))
+    return cube * (q3 + half * (q4 - (half / 2) * q5)), (cube * scale) * q4
+
+
+@compiled(inner=True)
+def next_joint(grid: Intervals, joint: int) -> int:
+    """The first joint of the group of bounds that follows one that begins with a joint."""
+    return joint + LANES if joint + LANES < grid.dof else 0
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _draw_joints(
+    lines: Lines,
+    grid: Intervals,
+    limits: Limits,
+    bounds: Bounds,
+    i: int,
+    place: tuple[int, int],
+    margins: bool,
+) -> None:
+    """Draw a group of bounds on interval i; `place` has the group and its first joint.
+
+    With the derivatives q1 to q4, g = q1 u + q2 x has g'' = 5 q3 u + q4 x + 4 q2 k, and h = q1² x
+    has h'' = 8 q1 q2 u + 2 (q2² + q1 q3) x + 2 q1² k.
+    """
+    (group, joint), table = place, limits.joints
+    at = ROWS * group
+    (a0, b0), (a1, b1) = slopes_of(grid, i, joint, 0), slopes_of(grid, i, joint, 1)
+    q3, q4 = _largest(grid, i, joint)
+    w, slope = grid.s[i + 1] - grid.s[i], bounds.k[i]
+    share = w * w / 8
+    certain = share * q3
+    q1 = higher(size(a0), size(a1)) + certain
+    # Where a joint may turn round, it keeps both bounds.
+    back, forth = load(table, at + BACK), load(table, at + FORTH)
+    by = choose(higher(a0, a1), 0.0 - certain, back, higher(forth, back))
+    by = choose(certain, lower(a0, a1), forth, by)
+    room, e0, e1 = 0.0 * q1, a0 * a0 * by, a1 * a1 * by
+    if margins:
+        u, x, k = bounds.u[i], bounds.x[i], abs(slope)
+        q2 = higher(size(b0), size(b1)) + w * q3
+        room = (share * 5 * u) * q3 + (share * x) * q4 + (share * 4 * k) * q2
+        room = room + (ROUNDING / w * x) * q1
+        # What the rounding of s changes.
+        off = ROUNDING * max(abs(grid.s[i]), abs(grid.s[i + 1]))
+        room = room + (off * u) * q2 + (off * x) * q3
+        bend = (8 * u) * (q1 * q2) + (2 * x) * (q2 * q2 + q1 * q3) + (2 * k) * (q1 * q1)
+        rest, most, plain = 1.0 - share * by * bend, q1 * q1 * by, higher(e0, e1)
+        # Both ends with the margin, or both slow enough for the largest h / x of the interval.
+        chord = choose(2.0 * e0 * e1, rest * (e0 + e1) * most, 1.0, 0.0)
+        chord = choose(0.0, rest, chord, 0.0)
+        over = choose(0.0, chord, rest, 1.0)
+        e0, e1 = choose(0.0, chord, e0, most) / over, choose(0.0, chord, e1, most) / over
+        gone = choose(0.0, plain, 1.0 - plain / higher(e0, e1), 0.0)
+        lines.lost[i] = max(lines.lost[i], highest(gone))
+    # Where u falls, x lies above its chord.
+    sag = max(-slope, 0.0) * w * w / 4
+    lines.cap[i, 0] = min(lines.cap[i, 0], 1.0 / highest(e0) - sag)
+    lines.cap[i, 1] = min(lines.cap[i, 1], 1.0 / highest(e1) - sag)
+    low, high = load(table, at + LOWEST), load(table, at + HIGHEST)
+    rows = (a0, b0, low, high), (a1, b1, low, high)
+    _draw_both(lines, i, 2 * LANES * group, (w, slope * w / 2), rows, room, margins)
+
+
+@compiled(inner=True)
+def _draw_rows(
+    lines: Lines,
+    limits: Limits,
+    bounds: Bounds,
+    i: int,
+    first: int,
+    line: int,
+    w: float,
+    margins: bool,
+) -> None:
+    """Draw LANES rows on interval i from one row on."""
+    by, count = lines.scratch, limits.rows.rise.shape[1] + limits.friction.within.shape[1]
+    within = bracket(bounds.least[i], bounds.x[i])
+    for lane in range(LANES):
+        if first + lane < count:
+            row = _row(limits, i, first + lane, w, within, margins)
+            for k in range(8):
+                by[k * LANES + lane] = row[k]
+            room = row[8] * bounds.u[i] + row[9] * bounds.x[i] + row[10] * abs(bounds.k[i])
+            by[8 * LANES + lane] = room + row[11] if margins else 0.0
+        else:
+            for k in range(9):
+                by[k * LANES + lane] = 0.0
+            by[LOW * LANES + lane] = by[(4 + LOW) * LANES + lane] = -math.inf
+            by[HIGH * LANES + lane] = by[(4 + HIGH) * LANES + lane] = math.inf
+    start = load(by, 0), load(by, LANES), load(by, 2 * LANES), load(by, 3 * LANES)
+    end = load(by, 4 * LANES), load(by, 5 * LANES), load(by, 6 * LANES), load(by, 7 * LANES)
+    room = load(by, 8 * LANES)
+    _draw_both(lines, i, line, (w, bounds.k[i] * w / 2), (start, end), room, margins)
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _draw(
+    grid: Intervals, limits: Limits, bounds: Bounds, i: int, margins: bool, lines: Lines
+) -> None:
+    """Draw the limits on interval i for a plan within bounds, with or without margins."""
+    rounds, groups = limits.rounds, len(limits.joints) // ROWS
+    count = limits.rows.rise.shape[1] + limits.friction.within.shape[1]
+    w = grid.s[i + 1] - grid.s[i]
+    turn, line = bounds.k[i] * w / 2, 2 * LANES * groups
+    lines.drawn[i & (len(lines.drawn) - 1)] = i
+    _draw_caps(lines, limits, bounds, i, w, margins)
+    joint = 0
+    for group in range(groups):
+        _draw_joints(lines, grid, limits, bounds, i, (group, joint), margins)
+        joint = next_joint(grid, joint)
+    for r in range(0, count, LANES):
+        _draw_rows(lines, limits, bounds, i, r, line + 2 * r, w, margins)
+    for r in range(rounds.radius.shape[1]):
+        radius, room = rounds.radius[i, r], 0.0
+        if margins:
+            room = _margin(rounds.rise, i, r, bounds)
+            first, _, _ = _products(rounds.ends, i, 0, r)
+            last, _, _ = _products(rounds.ends, i, 1, r)
+            _lose(lines, i, room, math.sqrt(max(first, last)) * abs(turn), radius)
+        square = max(radius - room, 0.0) ** 2
+        for end in range(2):
+            _draw_conic(lines, i, r, rounds.ends, square, (w, turn), end)
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _mean_range(lines: Lines, i: int, x: float) -> tuple[float, float]:
+    """Range of the mean u for x."""
+    of, count, at = lines.of, lines.width, i & (len(lines.drawn) - 1)
+    first = 3 * count * at
+    tilted = x * load(of, first)
+    bottom, top = load(of, first + count) - tilted, load(of, first + 2 * count) - tilted
+    for line in range(first + LANES, first + count, LANES):
+        tilted = x * load(of, line)
+        bottom = higher(bottom, load(of, line + count) - tilted)
+        top = lower(top, load(of, line + 2 * count) - tilted)
+    low, high = highest(bottom), lowest(top)
+    for k in range(lines.conics.shape[1]):
+        p, q, d0, d1, d2 = lines.conics[at, k]
+        root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), LEAST))
+        low, high = max(low, -p * x - q - root), min(high, -p * x - q + root)
+    return low, high
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _means(lines: Lines, i: int, x: float) -> tuple[float, float, float, float, int]:
+    """Range of the mean u for x, how fast its bottom and its top fall with x, the line below."""
+    of, count, at = lines.of, lines.width, i & (len(lines.drawn) - 1)
+    low, high, below, above = -math.inf, math.inf, -1, -1
+    for k in range(3 * count * at, 3 * count * at + count):
+        moved = of[k] * x
+        bottom, top = of[k + count] - moved, of[k + 2 * count] - moved
+        if top < high:
+            high, above = top, k
+        if bottom > low:
+            low, below = bottom, k
+    low_tilt, high_tilt = of[below] if below >= 0 else 0.0, of[above] if above >= 0 else 0.0
+    for k in range(lines.conics.shape[1]):
+        p, q, d0, d1, d2 = lines.conics[at, k]
+        root = math.sqrt(max(d0 + x * (2 * d1 - d2 * x), LEAST))
+        bend = (d1 - d2 * x) / root
+        bottom, top = -p * x - q - root, -p * x - q + root
+        if top < high:
+            high, high_tilt = top, p - bend
+        if bottom > low:
+            low, low_tilt, below = bottom, p + bend, -1
+    return low, high, low_tilt, high_tilt, below - 3 * count * at
+
+
+@compiled(inner=True)
+def _start(lines: Lines, w: float, most: FloatArray) -> float:
+    """The ds² at a start at which joints rest at any: the fastest on the first interval.
+
+    Next to nothing less than the largest may allow a far larger u, as dq_ds is rounded.
+    """
+    best, fastest = most[0], 0.0
+    for k in range(60, -1, -1):
+        first = most[0] * (1 - 0.5**k) if k < 60 else most[0]
+        _, high = _mean_range(lines, 0, first)
+        last = min(first + 2 * w * high, most[1])
+        speeds = math.sqrt(first) + math.sqrt(max(last, 0.0))
+        if speeds > fastest:
+            best, fastest = first, speeds
+    return float(best)
+
+
+@compiled(inner=True, allocates=True, fastmath=FUSED)
+def _sweep(
+    grid: Intervals,
+    limits: Limits,
+    bounds: Bounds,
+    state: tuple[BoolArray, bool],
+    lines: Lines,
+    rules: Rules,
+    cap: FloatArray,
+    most: FloatArray,
+    x: FloatArray,
+) -> int:
+    """Draw limits, and write the largest x that lead from start to end, backward and forward.
+
+    Backward: the range of the mean u is concave in x and not empty for x = 0, so Newton's steps
+    come down from the cap to the largest x that has a range.
+
+    Args:
+        grid: The intervals.
+        limits: The limits.
+        bounds: The bounds.
+        state: Whether to draw each interval, (n,), and whether with margins.
+        lines: Take the limits.
+        rules: The rules.
+        cap: Takes the lower cap of both sides of every point, (n + 1,).
+        most: Takes the largest x from which the end is reached, (n + 1,).
+        x: Takes the plan, (n + 1,).
+
+    Returns:
+        -1, the interval on which no motion is allowed, or n more than one where nothing limits u.
+    """
+    (changed, margins), n, below, stuck = state, len(grid.piece), -1, -1
+    mean, slots = np.empty(n), len(lines.drawn) - 1
+    # While the processor waits for an interval, it draws the one before.
+    for i in range(n, -1, -1):
+        here = math.inf
+        if i > 0:
+            if changed[i - 1] or lines.drawn[(i - 1) & slots] != i - 1:
+                _draw(grid, limits, bounds, i - 1, margins, lines)
+            here = lines.cap[i - 1, 1]
+        if i < n:
+            here = min(here, lines.cap[i, 0])
+        cap[i] = here
+        if i == n:
+            most[n] = min(rules.end, here, LARGEST_X)
+            continue
+        if stuck >= n:
+            low, high = _mean_range(lines, i, 0.0)
+            if low > -math.inf and high < math.inf:
+                break
+            stuck = n + i
+        if stuck >= 0:
+            continue
+        steep, y = 0.5 / (grid.s[i + 1] - grid.s[i]), most[i + 1]
+        here = min(here, LARGEST_X)
+        # The line of y and one that bounds m from below bound x: the one of the interval before.
+        if below >= 0:
+            line = 3 * lines.width * (i & slots) + below
+            tilt, bottom = lines.of[line], lines.of[line + lines.width]
+            if tilt < steep and y * steep - bottom < (steep - tilt) * here:
+                here = max((y * steep - bottom) / (steep - tilt) * INSIDE, 0.0)
+        for _ in range(100):
+            low, high = _mean_range(lines, i, here)
+            if low == -math.inf or high == math.inf:
+                stuck = n + i
+                break
+            high = min(high, (y - here) * steep)
+            if max(low, -here * steep) <= high:
+                break
+            low, high, low_tilt, high_tilt, below = _means(lines, i, here)
+            if (y - here) * steep < high:
+                high, high_tilt = (y - here) * steep, steep
+            if -here * steep > low:
+                low, low_tilt = -here * steep, steep
+            there = here - (low - high) / (high_tilt - low_tilt)
+            # Next to nothing, a difference of large numbers: a step ends a little above it.
+            here = there * INSIDE if there > FAR * here else max(there, 0.0) + ROUNDED * here
+        else:
+            stuck = i
+        most[i], mean[i] = here, high
+    if stuck >= 0:
+        return stuck
+    x[0] = min(rules.start, most[0])
+    if rules.start == math.inf:
+        x[0] = _start(lines, grid.s[1] - grid.s[0], most)
+    for i in range(n):
+        w, high = grid.s[i + 1] - grid.s[i], mean[i]
+        if x[i] < most[i]:
+            if lines.drawn[i & slots] != i:
+                _draw(grid, limits, bounds, i, margins, lines)
+            low, high = _mean_range(lines, i, x[i])
+            steep = 0.5 / w
+            high = min(high, (most[i + 1] - x[i]) * steep)
+            if low > high + SLACK * (abs(low) + abs(high) + most[i + 1] * steep):
+                return i
+        x[i + 1] = min(max(x[i] + 2 * w * high, 0.0), most[i + 1])
+    return -1
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _roots(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, float]:
+    """The smallest and the largest u that a vector allows."""
+    aa = ab = bb = 0.0
+    for d in range(3):
+        a, b = rounds.ends[i, end, r, A, d], rounds.ends[i, end, r, B, d] * x
+        aa, ab, bb = aa + a * a, ab + a * b, bb + b * b
+    if aa == 0.0:
+        return -math.inf, math.inf
+    root = math.sqrt(max(ab * ab - aa * (bb - rounds.radius[i, r] ** 2), 0.0))
+    return (-ab - root) / aa, (-ab + root) / aa
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _joint_range(
+    grid: Intervals, limits: Limits, place: tuple[int, int, int, int], x: float
+) -> tuple[float, float, float, int, int]:
+    """As `range_of`, of one group of bounds, with its first joint."""
+    i, end, group, joint = place
+    at = ROWS * group
+    a, b = slopes_of(grid, i, joint, end)
+    some = size(a)
+    inverse = 1.0 / choose(NOTHING, some, a, 1.0)
+    least, most = load(limits.joints, at + LOWEST), load(limits.joints, at + HIGHEST)
+    one, other = (least - x * b) * inverse, (most - x * b) * inverse
+    bottom = choose(NOTHING, some, lower(one, other), -math.inf)
+    top = choose(NOTHING, some, higher(one, other), math.inf)
+    low, high = highest(bottom), lowest(top)
+    # Twice the joint, and one more for an upper bound.
+    lane = load(limits.joints, at + LANE)
+    below = highest(choose(bottom, low, -1.0, lane + choose(a, 0.0, 1.0, 0.0)))
+    above = highest(choose(high, top, -1.0, lane + choose(a, 0.0, 0.0, 1.0)))
+    wide = lowest(choose(NOTHING, some, size((most - least) * inverse), math.inf))
+    return low, high, wide, int(below) + 2 * LANES * group, int(above) + 2 * LANES * group
+
+
+@compiled(inner=True, fastmath=FUSED)
+def range_of(
+    grid: Intervals, limits: Limits, i: int, end: int, x: float
+) -> tuple[float, float, float, int, int]:
+    """The smallest and the largest u at one end of an interval, and the bounds that do so.
+
+    And, between these two, the range of u that the tightest limit alone leaves.
+    """
+    rows, viscous, rounds = limits.rows.ends, limits.friction.viscous, limits.rounds
+    low, high, wide, below, above = -math.inf, math.inf, math.inf, -1, -1
+    joint = 0
+    for group in range(len(limits.joints) // ROWS):
+        first, last, range_, bottom, top = _joint_range(grid, limits, (i, end, group, joint), x)
+        joint, wide = next_joint(grid, joint), min(wide, range_)
+        if first > low:
+            low, below = first, -2 - bottom
+        if last < high:
+            high, above = last, -2 - top
+    for r in range(rows.shape[2]):
+        a, by_x = rows[i, end, r, A], rows[i, end, r, B] * x
+        if a == 0.0:
+            continue
+        if r < viscous.shape[2]:
+            by_x += viscous[i, end, r] * math.sqrt(x)
+        inverse = 1.0 / a
+        wide = min(wide, (rows[i, end, r, HIGH] - rows[i, end, r, LOW]) * abs(inverse))
+        first = (rows[i, end, r, LOW] - by_x) * inverse
+        last = (rows[i, end, r, HIGH] - by_x) * inverse
+        bottom, top = 2 * r, 2 * r + 1
+        if inverse < 0.0:
+            first, last, bottom, top = last, first, top, bottom
+        if first > low:
+            low, below = first, bottom
+        if last < high:
+            high, above = last, top
+    for r in range(rounds.radius.shape[1]):
+        first, last = _roots(rounds, i, end, r, x)
+        wide = min(wide, last - first)
+        if first > low:
+            low, below = first, 2 * (rows.shape[2] + r)
+        if last < high:
+            high, above = last, 2 * (rows.shape[2] + r) + 1
+    return low, high, wide, below, above
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _steer(grid: Intervals, limits: Limits, cap: FloatArray, x: FloatArray, bounds: Bounds) -> None:
+    """Write slopes with which u stays at its bound on the whole interval."""
+    for i in range(len(grid.piece)):
+        w, x0, x1 = grid.s[i + 1] - grid.s[i], x[i], x[i + 1]
+        bounds.k[i] = 0.0
+        if not (0.0 < x0 < cap[i] * BELOW_CEILING and 0.0 < x1 < cap[i + 1] * BELOW_CEILING):
+            continue
+        mean = (x1 - x0) / (2 * w)
+        low0, high0, wide0, _, _ = range_of(grid, limits, i, 0, x0)
+        low1, high1, wide1, _, _ = range_of(grid, limits, i, 1, x1)
+        falling = min((mean - low0) / wide0, (mean - low1) / wide1) < NEAR
+        turn = 0.0
+        if min((high0 - mean) / wide0, (high1 - mean) / wide1) < NEAR:
+            turn = high1 - high0
+            if falling:
+                # Both bounds, as where two joints limit u from both sides: by the middle.
+                turn = (turn + low1 - low0) / 2
+        elif falling:
+            turn = low1 - low0
+        small = abs(turn) < LARGEST_TURN * min(wide0, wide1)
+        # x must not dip deeply.
+        if small and 8 * turn * w <= x0 + x1:
+            bounds.k[i] = turn / w
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _sizes(width: FloatArray, x: FloatArray, k: FloatArray, i: int) -> tuple[float, float, float]:
+    """The largest and the smallest x, and the largest |u|, on an interval."""
+    w, first, last = width[i], x[i], x[i + 1]
+    mean, turn = (last - first) / (2 * w), abs(k[i]) * w / 2
+    sag = turn * w / 2
+    return max(first, last) + sag, max(min(first, last) - sag, 0.0), abs(mean) + turn
+
+
+@compiled(inner=True, allocates=True, fastmath=FUSED)
+def _enclose(
+    width: FloatArray, x: FloatArray, rules: Rules, headroom: float, bounds: Bounds
+) -> None:
+    """Write bounds around a plan; u of its neighbours counts too, as switches move."""
+    n, fastest = len(width), 0.0
+    rates = np.empty(n)
+    for i in range(n):
+        largest, least, rates[i] = _sizes(width, x, bounds.k, i)
+        bounds.x[i], bounds.least[i] = headroom * largest, least / headroom
+        fastest = max(fastest, rates[i])
+    for i in range(n):
+        most = rules.floor * min(fastest, bounds.x[i] / width[i])
+        for m in range(max(i - rules.window, 0), min(i + rules.window + 1, n)):
+            most = max(most, headroom * rates[m])
+        bounds.u[i] = most
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _widen(
+    width: FloatArray, x: FloatArray, rules: Rules, bounds: Bounds, rubs: bool, changed: BoolArray
+) -> bool:
+    """The proof: say whether a plan is within its bounds; where it is not, widen them."""
+    holds = True
+    for i in range(len(width)):
+        largest, least, rate = _sizes(width, x, bounds.k, i)
+        out = largest > bounds.x[i] or rate > bounds.u[i]
+        if rubs and least < bounds.least[i]:
+            out, bounds.least[i] = True, least / (rules.headroom * rules.headroom)
+        if out:
+            bounds.x[i] = max(bounds.x[i], rules.headroom * largest)
+            bounds.u[i] = max(bounds.u[i], 1.2 * rate)
+        speeds = math.sqrt(x[i]) + math.sqrt(x[i + 1])
+        if 4 * bounds.k[i] * width[i] ** 2 > speeds**2:  # x would dip deeply
+            bounds.k[i], out = 0.0, True
+        changed[i] = out
+        holds &= not out
+    return holds
+
+
+@compiled(inner=True)
+def _worst(lost: FloatArray) -> int:
+    """The interval on which margins take the largest share."""
+    worst = 0
+    for i in range(len(lost)):
+        if lost[i] > lost[worst]:
+            worst = i
+    return worst
+
+
+@compiled(inner=True)
+def _duration(width: FloatArray, x: FloatArray, k: FloatArray) -> float:
+    total = 0.0
+    for i in range(len(width)):
+        total += interval_time(width[i], math.sqrt(x[i]), math.sqrt(x[i + 1]), k[i])
+    return total
+
+
+@compiled(inner=True)
+def _is_near(x: FloatArray, bounds: Bounds, near: float) -> bool:
+    """Whether a plan is near that about which friction is linear; makes it that plan."""
+    found = True
+    for i in range(len(bounds.x)):
+        middle = (x[i] + x[i + 1]) / 2
+        found &= abs(middle - bounds.x[i]) <= near * bounds.x[i]
+        bounds.x[i] = bounds.least[i] = middle
+    return found
+
+
+@compiled(inner=True)
+def _judge_ends(stuck: int, rules: Rules, most: FloatArray, x: FloatArray) -> tuple[int, float]:
+    """The outcome of a sweep, and the largest ds² at the end that is too fast."""
+    n = len(x) - 1
+    if rules.start < math.inf and min(rules.start, most[0]) < rules.start * (1 - PLAY):
+        return START, most[0]
+    if stuck >= 0:
+        return STUCK, 0.0
+    if rules.end < math.inf and x[n] < rules.end * (1 - PLAY):
+        return END, x[n]
+    return FOUND, 0.0
+
+
+@compiled(inner=True)
+def _drop_slopes(bounds: Bounds, lost: FloatArray, most: float, changed: BoolArray) -> bool:
+    """Leave out slopes where margins take more than a share, and say whether there were any."""
+    again = False
+    for i in range(len(lost)):
+        changed[i] = lost[i] > most and bounds.k[i] != 0.0
+        if changed[i]:
+            bounds.k[i], again = 0.0, True
+    return again
+
+
+@compiled()
+def plan_on_grid(grid: Intervals, limits: Limits, rules: Rules) -> Plan:
+    """Plan without margins; then with margins for bounds around that plan, until it is within.
+
+    With one try only: the plan without margins, and FINER.
+
+    Args:
+        grid: The intervals.
+        limits: The limits.
+        rules: The rules.
+    """
+    n, rubbing = len(grid.piece), limits.friction.within.shape[1]
+    width, x, most, cap = np.empty(n), np.zeros(n + 1), np.empty(n + 1), np.empty(n + 1)
+    bounds = Bounds(np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n))
+    changed, slots = np.ones(n, np.bool_), 1
+    while slots < min(n, BLOCK):
+        slots *= 2
+    groups = (limits.rows.rise.shape[1] + rubbing + LANES - 1) // LANES
+    count = 2 * LANES * max(1, len(limits.joints) // ROWS + groups)
+    lines = Lines(
+        np.empty(3 * count * slots),
+        count,
+        np.full(slots, -1),
+        np.empty((slots, 2 * limits.rounds.radius.shape[1], 5)),
+        np.empty((n, 2)),
+        np.zeros(n),
+        np.empty(9 * LANES),
+    )
+    found, lost, shortest = np.zeros(n + 1), np.zeros(n), math.inf
+    slopes, kind, tangents = np.zeros(n), 0, 0
+    # The first plan has no friction.
+    none = Friction(np.empty((n, 2, 0)), np.empty((n, 0, 3)))
+    free = Limits(limits.rows, limits.squares, limits.rounds, none, limits.ceiling, limits.joints)
+    for i in range(n):
+        width[i] = grid.s[i + 1] - grid.s[i]
+    if rubbing > 0 or count > 2 * LANES * (len(limits.joints) // ROWS):
+        # Lines that no try draws limit nothing.
+        for line in range(3 * count * slots):
+            lines.of[line] = 0.0
+        for slot in range(slots):
+            for line in range(3 * count * slot + count, 3 * count * slot + 2 * count):
+                lines.of[line], lines.of[line + count] = -math.inf, math.inf
+    for _ in range(rules.tries):
+        drawn = limits if kind > 0 else free
+        stuck = _sweep(grid, drawn, bounds, (changed, kind == 2), lines, rules, cap, most, x)
+        if stuck >= n:
+            return Plan(x, bounds.k, lost, UNLIMITED, stuck - n, 0.0)
+        worst = _worst(lines.lost)
+        if kind == 2 and lines.lost[worst] > rules.most:
+            if _drop_slopes(bounds, lines.lost, max(rules.most, rules.steady), changed):
+                continue
+            break
+        outcome, allowed = _judge_ends(stuck, rules, most, x)
+        if outcome != FOUND:
+            if shortest < math.inf:
+                break
+            if kind == 2 and n <= rules.enough:
+                # Near the place where the motion gets stuck; anywhere if an end is too fast.
+                for i in range(n):
+                    if stuck < 0 or abs(i - stuck) < AROUND:
+                        lines.lost[i] = max(lines.lost[i], NO_WAY)
+                return Plan(x, bounds.k, lines.lost, FINER, max(stuck, 0), 0.0)
+            return Plan(x, bounds.k, lines.lost, outcome, stuck, allowed)
+        if kind < 2:
+            near = _is_near(x, bounds, rules.near)
+            kind = 1
+            if rubbing and not near and tangents < rules.tangents:
+                tangents += 1
+                continue
+            _steer(grid, limits, cap, x, bounds)
+            _enclose(width, x, rules, rules.headroom, bounds)
+            changed[:] = True
+            kind = 2
+        elif _widen(width, x, rules, bounds, rubbing > 0, changed):
+            if not rubbing:
+                return Plan(x, bounds.k, lines.lost, FOUND, -1, 0.0)
+            duration = _duration(width, x, bounds.k)
+            better = duration < shortest * (1 - rules.gain)
+            if duration < shortest:
+                shortest = duration
+                found, slopes, lost = x.copy(), bounds.k.copy(), lines.lost.copy()
+            if not better:
+                break
+            _enclose(width, x, rules, rules.close, bounds)
+            changed[:] = True
+    if shortest < math.inf:
+        return Plan(found, slopes, lost, FOUND, -1, 0.0)
+    worst = _worst(lines.lost)
+    if lines.lost[worst] <= rules.most:
+        for i in range(n):
+            if changed[i]:
+                lines.lost[i] = NO_WAY
+        worst = _worst(lines.lost)
+    return Plan(x, bounds.k, lines.lost, FINER, worst, 0.0)

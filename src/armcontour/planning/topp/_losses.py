@@ -1,0 +1,140 @@
+"""The compiled estimate of the time that a plan loses by its grid and its slopes."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from armcontour.core._vectors import choose, highest, load
+from armcontour.core.checks import FloatArray
+from armcontour.core.kernels import FUSED, compiled
+from armcontour.motion._intervals import interval_time
+from armcontour.planning.topp._kernel import Plan, next_joint, range_of, slopes_of
+from armcontour.planning.topp.limits import BACK, FORTH, ROWS, Intervals, Limits
+
+BINDS = 0.02  # nearer to its bound than this share of its range, u is at the bound
+# Share of what an interval leaves of the range of u that its time is longer, as measured against
+# finer grids; it is less where the range is small against u.
+BY_GAP, BY_GAP_AT_REST = 0.25, 1.5
+# Where u is at both bounds, at different ends, and a larger x would leave a range of u at both, the
+# speed is too low by any factor: what it takes to reach it may be lost.
+CROSSED, MORE = 0.4, 1.02
+AROUND = 0.05  # and so it would be within this share of the length in which x changes by itself
+INSIDE = 0.02  # a point that is nearer to an end of an interval than this share gains nothing
+
+
+@compiled(inner=True, fastmath=FUSED)
+def _ceiling(grid: Intervals, limits: Limits, i: int, end: int) -> float:
+    """The largest x at one end of an interval."""
+    steepest, joint = 0.0, 0
+    for group in range(len(limits.joints) // ROWS):
+        a, _ = slopes_of(grid, i, joint, end)
+        joint = next_joint(grid, joint)
+        at = ROWS * group
+        back, forth = load(limits.joints, at + BACK), load(limits.joints, at + FORTH)
+        steepest = max(steepest, highest(a * a * choose(a, 0.0, back, forth)))
+    for r in range(limits.squares.most.shape[1]):
+        steepest = max(steepest, limits.squares.ends[i, end, r])
+    return float(min(limits.ceiling[i, end], 1.0 / steepest))
+
+
+@compiled(inner=True)
+def _detour(
+    w: float, x: tuple[float, float], rates: tuple[float, float], ceiling: float
+) -> tuple[float, float]:
+    """The shortest time from x to x with given rates of u up and down, and where u changes [share].
+
+    Args:
+        w: Length of the interval.
+        x: At both ends.
+        rates: Largest u, and largest -u.
+        ceiling: Largest x.
+    """
+    up, down = 2 * rates[0], 2 * rates[1]
+    first = min(max((x[1] - x[0] + down * w) / (up + down), 0.0), w)
+    top = x[0] + up * first
+    last = first
+    if top > ceiling:
+        top = max(ceiling, x[0], x[1])
+        first, last = min((top - x[0]) / up, w), w - min((top - x[1]) / down, w)
+    speeds = math.sqrt(x[0]), math.sqrt(top), math.sqrt(x[1])
+    time = interval_time(first, speeds[0], speeds[1], 0.0) if first > 0.0 else 0.0
+    if last < w:
+        time += interval_time(w - last, speeds[1], speeds[2], 0.0)
+    if last > first:
+        time += (last - first) / speeds[1]
+    share = first / w if first > INSIDE * w else last / w
+    return time, share
+
+
+@compiled(fastmath=FUSED)
+def estimate_losses(
+    grid: Intervals, limits: Limits, plan: Plan
+) -> tuple[float, FloatArray, FloatArray]:
+    """Estimate the time that a plan loses by its grid and its slopes.
+
+    Args:
+        grid: The intervals.
+        limits: The limits.
+        plan: The plan.
+
+    Returns:
+        The duration of the plan [s]; the time lost on each interval [s], (n,); and the point of
+        each interval at which a grid point would gain most [m], its start if there is none, (n,).
+    """
+    s, x, k, lost, n, duration = grid.s, plan.x, plan.k, plan.lost, len(plan.k), 0.0
+    loss, point, valley = np.empty(n), np.empty(n), np.zeros(n)
+    for i in range(n):
+        w, x0, x1 = s[i + 1] - s[i], x[i], x[i + 1]
+        time = interval_time(w, math.sqrt(x0), math.sqrt(x1), k[i])
+        duration += time
+        loss[i], point[i] = time * lost[i] / 2, s[i]
+        near, by_gap = BINDS + lost[i], BY_GAP if x0 > 0.0 and x1 > 0.0 else BY_GAP_AT_REST
+        top0, top1 = _ceiling(grid, limits, i, 0), _ceiling(grid, limits, i, 1)
+        if x0 > 0.0 and x1 > 0.0 and x0 >= (1 - near) * top0 and x1 >= (1 - near) * top1:
+            use = (math.sqrt(x0 / top0) + math.sqrt(x1 / top1)) / 2
+            loss[i] = time * max(1 - use, 0.0)
+            continue
+        mean, turn = (x1 - x0) / (2 * w), k[i] * w / 2
+        low0, high0, wide0, below0, above0 = range_of(grid, limits, i, 0, x0)
+        low1, high1, wide1, below1, above1 = range_of(grid, limits, i, 1, x1)
+        if not (wide0 < math.inf or wide1 < math.inf):
+            continue
+        # What is left to the bounds, as a share; an end that does not limit u counts as the other.
+        up0, up1 = (high0 - mean + turn) / wide0, (high1 - mean - turn) / wide1
+        down0, down1 = (mean - turn - low0) / wide0, (mean + turn - low1) / wide1
+        if not wide0 < math.inf:
+            up0, down0 = up1, down1
+        if not wide1 < math.inf:
+            up1, down1 = up0, down0
+        rising, falling = min(up0, up1) < near, min(down0, down1) < near
+        up, down = (up0 + up1) / 2, (down0 + down1) / 2
+        if rising and falling:
+            gap = min(up, down)
+            if gap > CROSSED and above0 != below1 and below0 != above1:
+                rate = max(max(abs(low0), abs(high0)), max(abs(low1), abs(high1)))
+                low0, high0, _, _, _ = range_of(grid, limits, i, 0, MORE * x0)
+                low1, high1, _, _, _ = range_of(grid, limits, i, 1, MORE * x1)
+                if low0 < high0 and low1 < high1:
+                    wrong = by_gap * gap * math.sqrt(x0) / min(high0 - low0, high1 - low1)
+                    reach = max(AROUND * min(x0, x1) / rate, w)
+                    first = last = i
+                    while first > 0 and s[i] - s[first] < reach:
+                        first -= 1
+                    while last < n - 1 and s[last] - s[i] < reach:
+                        last += 1
+                    valley[first : last + 1] = np.maximum(valley[first : last + 1], wrong)
+            loss[i] += by_gap * max(gap, 0.0) * time
+        elif rising or falling:
+            loss[i] += by_gap * time * max(up if rising else down, 0.0)
+        else:
+            rates = (high0 + high1) / 2, -(low0 + low1) / 2
+            if rates[0] > mean and -rates[1] < mean:
+                shortest, share = _detour(w, (x0, x1), rates, max(top0, top1))
+                loss[i] += max(time - shortest, 0.0)
+                if INSIDE < share < 1 - INSIDE:
+                    point[i] += share * w
+    for i in range(n):
+        loss[i] += valley[i]
+    return duration, loss, point

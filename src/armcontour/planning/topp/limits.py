@@ -1,0 +1,243 @@
+"""Limits on a grid, in the forms that the planner keeps, and how far each rises inside an interval.
+
+On an interval the path acceleration u = dds is linear in s. A limit holds between the ends of the
+interval if both ends keep it with a margin, `rise . (U, X, K, 1)`: it rises above its chord by no
+more while |u| <= U and x = ds² <= X, and where the slope of u has the size K. So each limit is
+written once for a grid. docs/concepts/optimal.md has the proofs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+
+from armcontour.core._vectors import LANES
+from armcontour.core.checks import FloatArray, IntArray, for_kernel
+from armcontour.core.errors import InvalidInput
+
+# Columns of `Rows.ends`, of the vectors of `Rounds.ends`, and of all rises.
+A, B, LOW, HIGH = range(4)
+BY_U, BY_X, BY_SLOPE, ALONE = range(4)
+# Rows of `Joints`, each of LANES joints: bounds of accelerations, inverse squares of those of
+# velocities, and twice the number of the lane; and the length of all.
+LOWEST, HIGHEST, BACK, FORTH, LANE, ROWS = range(0, 6 * LANES, LANES)
+# Vectors of one joint reach beyond the next piece.
+KEPT = 2
+LANE_CODES = 2.0 * np.arange(LANES)
+# Columns of `Friction.within`.
+LARGEST, OFF, SIGN = range(3)
+
+
+class Intervals(NamedTuple):
+    """The intervals of a grid, and the joint path that they cut.
+
+    Args:
+        s: Ends of the intervals [m], (n + 1,).
+        piece: Piece of the joint path that holds each interval, (n,).
+        breaks: Of the joint path [m], (pieces + 1,).
+        coefficients: Of the joint path, flat.
+        last: Those of the last KEPT pieces, after which LANES numbers can be read.
+        dof: Number of joints.
+    """
+
+    s: FloatArray
+    piece: IntArray
+    breaks: FloatArray
+    coefficients: FloatArray
+    last: FloatArray
+    dof: int
+
+
+class Joints(NamedTuple):
+    """Bounds of velocities and accelerations of joints, of which the planner itself makes rows.
+
+    Args:
+        bounds: The rows LOWEST, HIGHEST, BACK, FORTH and LANE of each LANES joints, flat. Lanes
+            without a joint have no bounds.
+    """
+
+    bounds: FloatArray
+
+    @classmethod
+    def of(cls, dof: int, *limits: FloatArray) -> Joints:
+        """Make the table from bounds of accelerations and inverse squares of velocities, if any."""
+        groups = -(-dof // LANES)
+        table = np.zeros((ROWS // LANES, groups * LANES))
+        table[0], table[1], table[4] = -np.inf, np.inf, np.tile(LANE_CODES, groups)
+        for row, values in enumerate(limits):
+            table[row, : len(values)] = values
+        return cls(table.reshape(-1, groups, LANES).swapaxes(0, 1).ravel())
+
+
+class Rows(NamedTuple):
+    """`low <= a u + b x <= high`.
+
+    Args:
+        ends: a, b, low and high at the starts (index 0) and ends (1) of the intervals,
+            (n, 2, rows, 4).
+        rise: Of each row, (n, rows, 4).
+    """
+
+    ends: FloatArray
+    rise: FloatArray
+
+
+class Squares(NamedTuple):
+    """`b x <= 1`: squares of speeds over those of their limits.
+
+    Args:
+        ends: b at the starts and ends of the intervals, (n, 2, rows).
+        most: The largest b on the whole interval, (n, rows).
+        rise: Of each row, (n, rows, 4).
+    """
+
+    ends: FloatArray
+    most: FloatArray
+    rise: FloatArray
+
+
+class Rounds(NamedTuple):
+    """`|a u + b x| <= radius` for vectors a and b.
+
+    Args:
+        ends: a and b at the starts and ends of the intervals, (n, 2, rounds, 2, 3). Products of
+            vectors would lose the difference of two vectors that are almost equal.
+        radius: Radii, (n, rounds).
+        rise: Of the length of each vector, (n, rounds, 4).
+    """
+
+    ends: FloatArray
+    radius: FloatArray
+    rise: FloatArray
+
+    @property
+    def products(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """The products a a, a b and b b at the starts and ends, (n, 2, rounds) each."""
+        a, b = self.ends[..., A, :], self.ends[..., B, :]
+        return (a * a).sum(axis=-1), (a * b).sum(axis=-1), (b * b).sum(axis=-1)
+
+
+class Friction(NamedTuple):
+    """Viscous friction, which adds `viscous sqrt(x)` to the first rows.
+
+    Args:
+        viscous: Friction for x = 1 at the starts and ends of the intervals, (n, 2, joints).
+        within: The largest size on the interval, the largest distance from the chord, and the
+            sign, 0 where it may change, (n, joints, 3).
+    """
+
+    viscous: FloatArray
+    within: FloatArray
+
+
+class Ceiling(NamedTuple):
+    """Largest x [m²/s²], which holds on an interval if x stays below the chord of both ends.
+
+    Args:
+        x: At the starts and ends of the intervals, (n, 2).
+    """
+
+    x: FloatArray
+
+
+class Limits(NamedTuple):
+    """All limits on a grid; each field as in its class, `ceiling` the lowest one, (n, 2).
+
+    `joints` are the bounds of all `Joints`.
+    """
+
+    rows: Rows
+    squares: Squares
+    rounds: Rounds
+    friction: Friction
+    ceiling: FloatArray
+    joints: FloatArray
+
+
+Form = Joints | Rows | Squares | Rounds | Friction | Ceiling
+
+
+# Arrays of a form have n intervals, and these other axes; None is the number of rows.
+SHAPES: dict[type, dict[str, tuple[int | None, ...]]] = {
+    Rows: {"ends": (2, None, 4), "rise": (None, 4)},
+    Squares: {"ends": (2, None), "most": (None,), "rise": (None, 4)},
+    Rounds: {"ends": (2, None, 2, 3), "radius": (None,), "rise": (None, 4)},
+    Friction: {"viscous": (2, None), "within": (None, 3)},
+    Ceiling: {"x": (2,)},
+}
+
+
+def checked(form: Form, n: int, name: str) -> Form:
+    """A form with arrays that kernels take.
+
+    Args:
+        form: The form.
+        n: Number of intervals.
+        name: Name of its constraint, for the message.
+
+    Raises:
+        InvalidInput: An array has another shape than it should.
+    """
+    if isinstance(form, Joints):
+        return form
+    rows = form[-1].shape[1] if form[-1].ndim > 1 else 0
+    for field, values in zip(form._fields, form, strict=True):
+        shape = n, *(rows if x is None else x for x in SHAPES[type(form)][field])
+        if values.shape != shape:
+            raise InvalidInput(
+                f"The {type(form).__name__} of the constraint {name} have {field} of shape "
+                f"{values.shape}, where {shape} is expected, with {n} intervals."
+            )
+    return type(form)(*(for_kernel(x) for x in form))
+
+
+def collect(forms: Iterable[Form], n: int) -> Limits:
+    """Put the forms of all constraints on a grid of n intervals together."""
+    found: dict[type, list[tuple[FloatArray, ...]]] = {}
+    for x in forms:
+        found.setdefault(type(x), []).append(x)
+    ceiling = found.get(Ceiling)
+    if ceiling is None:
+        lowest = np.full((n, 2), np.inf)
+    else:
+        lowest = ceiling[0][0] if len(ceiling) == 1 else np.min([x[0] for x in ceiling], axis=0)
+    return Limits(
+        Rows(*_joined(found.get(Rows), (n, 2, 0, 4), (n, 0, 4))),
+        Squares(*_joined(found.get(Squares), (n, 2, 0), (n, 0), (n, 0, 4))),
+        Rounds(*_joined(found.get(Rounds), (n, 2, 0, 2, 3), (n, 0), (n, 0, 4))),
+        Friction(*_joined(found.get(Friction), (n, 2, 0), (n, 0, 3))),
+        lowest,
+        np.concatenate([*(x[0] for x in found.get(Joints, [])), np.empty(0)]),
+    )
+
+
+def _joined(
+    tables: list[tuple[FloatArray, ...]] | None, *empty: tuple[int, ...]
+) -> Iterable[FloatArray]:
+    """The arrays of some tables of one form with all their rows, or empty ones."""
+    if tables is None:
+        return [np.empty(x) for x in empty]
+    if len(tables) == 1:
+        return tables[0]
+    # Arrays of both ends have one more axis before their rows.
+    return [
+        np.concatenate(x, axis=2 if k == 0 else 1) for k, x in enumerate(zip(*tables, strict=True))
+    ]
+
+
+def largest_u(limits: Limits) -> FloatArray:
+    """Largest |u| at rest on every interval, without friction and `Joints`, (n,)."""
+    ends, rounds = limits.rows.ends, limits.rounds
+    with np.errstate(divide="ignore"):
+        rows = np.maximum(ends[..., HIGH], -ends[..., LOW]) / np.abs(ends[..., A])
+        along = rounds.radius[:, None] / np.linalg.norm(rounds.ends[..., A, :], axis=-1)
+    return np.asarray(np.concatenate([rows, along], axis=2).min(axis=(1, 2), initial=np.inf))
+
+
+def margins_of(rise: FloatArray, bounds: tuple[FloatArray, ...]) -> FloatArray:
+    """Margins of rows, (n, rows), for bounds of x, the least x, u and its slope, (n,) each."""
+    x, _, u, slope = (y[:, None] for y in bounds)
+    by = rise[..., BY_U] * u + rise[..., BY_X] * x
+    return np.asarray(by + rise[..., BY_SLOPE] * np.abs(slope) + rise[..., ALONE])

@@ -1,0 +1,121 @@
+"""Inverse kinematics of serial arms along a path, by Newton's method at knots."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.geometry import Path
+from armcontour.planning.tracing.configurations import Solution
+from armcontour.planning.tracing.knots import MIDDLE, Knots
+from armcontour.planning.tracing.poses import (
+    FirstPoses,
+    motion_at,
+    poses_at,
+    tool_errors,
+)
+from armcontour.planning.tracing.redundancy import Guide, null_space
+from armcontour.planning.tracing.solver import (
+    Ends,
+    Solver,
+    largest_errors,
+    quintics_at_places,
+    refuse_singularity,
+)
+from armcontour.robot import SerialArm, _newton
+
+# Largest angle between the tool and its required orientation between knots [rad].
+ANGULAR_TOLERANCE = 1e-9
+# Smallest ratio of pivots in elimination; below it the Jacobian counts as singular.
+SINGULAR = 1e-9
+
+
+class Numeric(Solver[SerialArm]):
+    """Exact joint positions and derivatives at knots, by Newton's method from nearby guesses.
+
+    Args:
+        path: The tool path.
+        arm: The arm.
+        task: Task dimension: 6, 5 or 3, see `task_dimension`.
+        first: What the path demands at the first knots.
+        solution: Joint positions at the first knots.
+        tolerance: Largest distance of the tool from the path between knots [m].
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        arm: SerialArm,
+        task: int,
+        first: FirstPoses,
+        solution: Solution,
+        tolerance: float,
+    ) -> None:
+        super().__init__(path, arm)
+        self.task, self.tolerance = task, tolerance
+        self._solution, self._first = solution, first
+        self._guide: Guide | None = None
+        if task < arm.dof:
+            w = null_space(arm, first.row, task, solution.q)
+            s = np.append(first.knots.s0, path.length)
+            self._guide = Guide.through(s, solution.q, w, first.stops)
+
+    def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
+        """As of every solver, once where an interval ends and the next one starts."""
+        first, q = self._first, self._solution.q
+        alone = first.ends >= len(knots)
+        guess = np.concatenate([q[:-1], q[1:][alone]])
+        found = self._solve(first.places, first.u, guess, first.poses, first.rates)
+        q, dq_ds, d2q_ds2 = (x[: len(knots)] for x in found)
+        end_q, end_dq_ds, end_d2q_ds2 = (x[first.ends] for x in found)
+        return (q, dq_ds, d2q_ds2), (end_q, end_dq_ds, end_d2q_ds2)
+
+    def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
+        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots.
+
+        Raises:
+            Unreachable: The arm is singular there; with the arc length.
+        """
+        assert guess is not None
+        return self._solve(knots, u, np.array(guess, order="C"), *motion_at(self.path, knots, u))
+
+    def _solve(
+        self, knots: Knots, u: FloatArray, q: FloatArray, poses: FloatArray, rates: FloatArray
+    ) -> Ends:
+        """What `ends` gives, for tool poses and their derivatives; q are guesses, overwritten."""
+        w, g = self._rows(knots, u)
+        links = self.arm.link_table
+        found = _newton.newton(links, self.task, q, poses, w, g)
+        dq_ds, d2q_ds2, pivot_ratio = _newton.path_derivatives(
+            links, self.task, q, poses, rates, w, g
+        )
+        bad = ~(found & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))
+        if bad.any():
+            refuse_singularity(self, float(knots.at(u)[np.argmax(bad)]), "is singular")
+        return q, dq_ds, d2q_ds2
+
+    def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
+        """As of every solver; poses at the places of the first knots are those of all solutions."""
+        if knots is not self._first.knots:
+            return super().errors_between(knots, start, end)
+        q = quintics_at_places(knots, start, end)
+        errors = self._errors(self._first.between, q.reshape(-1, self.arm.dof))
+        return largest_errors(errors, len(knots)), q[MIDDLE]
+
+    def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
+        """Larger of position error and orientation error of the tool, over its tolerance, (n,)."""
+        return self._errors(poses_at(self.path, knots, u), q)
+
+    def _errors(self, targets: FloatArray, q: FloatArray) -> FloatArray:
+        """The errors of `tool_errors` from target poses, (n, 3, 4)."""
+        return tool_errors(self.arm, q, targets, self.task, (self.tolerance, ANGULAR_TOLERANCE))
+
+    def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Null-space rows w, (n, 3, free, dof), and guide positions g, (n, 3, dof).
+
+        The second axis is the order of the derivative along s, see `redundancy`.
+        """
+        n, dof = len(u), self.arm.dof
+        if self._guide is None:
+            return np.zeros((n, 3, 0, dof)), np.zeros((n, 3, dof))
+        return self._guide.at(knots.at(u), knots.at((knots.u0 + knots.u1) / 2))

@@ -1,0 +1,120 @@
+"""Check of a joint path against the joint ranges, by its exact extrema between knots."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import Unreachable
+from armcontour.geometry import Path
+from armcontour.motion import JointPath
+from armcontour.planning.tracing.poses import what_helps
+from armcontour.robot import Limits
+
+# Joint positions have smaller rounding errors than this, and no robot resolves it [rad].
+ROUNDING = 1e-9
+# Matrix from the monomial to the Bernstein coefficients of a quintic, binom(i, j) / binom(5, j).
+BERNSTEIN = np.array(
+    [
+        [1, 0, 0, 0, 0, 0],
+        [1, 1 / 5, 0, 0, 0, 0],
+        [1, 2 / 5, 1 / 10, 0, 0, 0],
+        [1, 3 / 5, 3 / 10, 1 / 10, 0, 0],
+        [1, 4 / 5, 6 / 10, 4 / 10, 1 / 5, 0],
+        [1, 1, 1, 1, 1, 1],
+    ]
+)
+
+
+def refuse_out_of_range(joint_path: JointPath, limits: Limits) -> None:
+    """Refuse a joint path on which any joint leaves its range.
+
+    Args:
+        joint_path: The joint path.
+        limits: Limits with the joint ranges.
+
+    Raises:
+        Unreachable: A joint leaves its range; with the joint and arc length of the largest excess.
+    """
+    if limits.joint_lower is None and limits.joint_upper is None:
+        return
+    lower, upper = limits.joint_range(joint_path.dof)
+    c = joint_path.coefficients
+    spread = np.abs(c[:, 1:]).sum(axis=1)
+    if ((c[:, 0] - spread >= lower) & (c[:, 0] + spread <= upper)).all():
+        return
+    # A polynomial lies within the hull of its Bernstein coefficients, so most pieces need no roots.
+    hull = np.matmul(BERNSTEIN, joint_path.coefficients)
+    suspect = (hull.min(axis=1) < lower - ROUNDING) | (hull.max(axis=1) > upper + ROUNDING)
+    worst, found = ROUNDING, None
+    for piece, joint in np.argwhere(suspect):
+        for x in _extremum_candidates(joint_path.coefficients[piece, :, joint]):
+            q = float(np.polynomial.polynomial.polyval(x, joint_path.coefficients[piece, :, joint]))
+            beyond = max(lower[joint] - q, q - upper[joint])
+            if beyond > worst:
+                worst, found = float(beyond), (piece, joint, x, q)
+    if found is not None:
+        piece, joint, x, q = found
+        s = float(joint_path.breaks[piece] + x * np.diff(joint_path.breaks)[piece])
+        edge = float(upper[joint] if q > upper[joint] else lower[joint])
+        raise out_of_range(joint_path.tool_path, s, int(joint), q, edge)
+
+
+def out_of_range(
+    path: Path | None, s: float, joint: int, q: float, edge: float, also: str = ""
+) -> Unreachable:
+    """The error for a joint that leaves its range.
+
+    Args:
+        path: The tool path, if known.
+        s: Arc length at which the joint is out of range [m].
+        joint: Index of the joint, from 0.
+        q: Joint position that the path would need there [rad].
+        edge: The end of the joint range that is exceeded [rad].
+        also: Text to add to the sentence.
+    """
+    name = "upper" if q > edge else "lower"
+    return Unreachable(
+        f"At {s:.6g} m along the path joint {joint + 1} would stand at {q:.6g} rad, "
+        f"{abs(q - edge):.3g} rad beyond its {name} limit of {edge:.6g} rad{also}: "
+        f"{what_helps(path)}.",
+        s=s,
+        point=None if path is None else path(s).tolist(),
+        joint=joint,
+        limit=f"joint_{name}",
+        needed=q,
+        allowed=edge,
+    )
+
+
+def turn_into_range(joint_path: JointPath, limits: Limits) -> JointPath:
+    """The joint path with joints shifted by whole turns into their ranges, where possible."""
+    if limits.joint_lower is None and limits.joint_upper is None:
+        return joint_path
+    lower, upper = limits.joint_range(joint_path.dof)
+    q = joint_path(joint_path.breaks)
+    least = np.ceil((lower - ROUNDING - q.min(axis=0)) / (2 * np.pi))
+    most = np.floor((upper + ROUNDING - q.max(axis=0)) / (2 * np.pi))
+    turns = np.where(least <= most, np.clip(0.0, least, most), 0.0)
+    if not turns.any():
+        return joint_path
+    coefficients = joint_path.coefficients.copy()
+    coefficients[:, 0] += 2 * np.pi * turns
+    return dataclasses.replace(joint_path, coefficients=coefficients)
+
+
+def _extremum_candidates(coefficients: FloatArray) -> FloatArray:
+    """The ends 0 and 1 of a polynomial's interval, and its stationary points between them."""
+    slope = np.polynomial.polynomial.polyder(coefficients)
+    # Leading coefficients that are zero, or rounding errors of zero, would give infinite roots.
+    size = float(np.abs(slope).max())
+    used = np.flatnonzero(np.abs(slope) > 1e-15 * size)
+    ends = np.array([0.0, 1.0])
+    if size == 0 or used[-1] == 0:
+        return ends
+    roots = np.polynomial.polynomial.polyroots(slope[: used[-1] + 1])
+    # Rounding can turn a double root into a complex pair, so the real parts of all roots count.
+    inside = np.real(roots[(np.real(roots) > 0) & (np.real(roots) < 1)])
+    return np.concatenate([ends, inside])

@@ -1,0 +1,309 @@
+"""Redundancy resolution: a smooth null-space reference that makes the joint path unique.
+
+If the arm has more joints than the task dimension, the rows `w(s) (q - g(s)) = 0` are added to the
+equations of the tool pose. g is a spline through joint positions that were chosen for a short joint
+path away from the ends of the joint ranges; the rows of w span the null space. Both are C² between
+stops, so that dq_ds and d2q_ds2 are exact.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour.core._banded import solve_banded
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.motion import quintic
+from armcontour.robot import SerialArm, _newton
+
+# A spline overshoots if it leaves a chord by more than this fraction of the largest step next to
+# it, and by more than the floor [rad].
+SWING = 0.1
+SWING_FLOOR = 0.01
+QUARTERS = np.array([0.25, 0.5, 0.75])[:, None, None]
+# Joint positions cost from this fraction of half the joint range on, with this weight relative to
+# the length of the joint path.
+INNER_RANGE = 0.7
+RANGE_WEIGHT = 30.0
+# Largest change of a joint position in one iteration of smoothing, about [rad].
+LARGEST_CHANGE = 0.3
+# Smoothing ends if an iteration changes no joint position by more than this [rad].
+SETTLED = 1e-4
+# Added to the diagonal of an iteration's matrix, relative to its largest entry; without it the
+# matrix is singular if no cost depends on a null-space motion.
+DAMPING = 1e-6
+# Largest number of iterations of smoothing.
+ROUNDS = 25
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Guide:
+    """Splines of the reference g and the null-space rows w, one per section between stops.
+
+    Args:
+        s: Arc lengths of the knots [m], (n,).
+        coefficients: Coefficients of powers of the distance from the knot before, from 1 to u⁵, of
+            g and then of the rows of w, (n - 1, 6, values).
+        dof: Number of joints.
+    """
+
+    s: FloatArray
+    coefficients: FloatArray
+    dof: int
+
+    @classmethod
+    def through(cls, s: FloatArray, q: FloatArray, w: FloatArray, stops: FloatArray) -> Guide:
+        """The guide through given joint positions.
+
+        The splines are cubic, or quintics where a cubic spline overshoots: it does if the tool
+        turns much faster on a short part of the path than next to it.
+
+        Args:
+            s: Arc lengths [m], (n,).
+            q: Joint positions [rad], (n, dof).
+            w: Bases of the null space, (n, free, dof).
+            stops: Arc lengths, out of s, at which the tool stops [m].
+        """
+        n, free, dof = w.shape
+        turned = [np.eye(free)]
+        for turn in _turns(w):
+            turned.append(turned[-1] @ turn)
+        values = np.concatenate([q, (np.array(turned) @ w).reshape(n, free * dof)], axis=1)
+        cuts = [0, *np.searchsorted(s, stops).tolist(), n - 1]
+        parts = [
+            _spline(s[i : last + 1], values[i : last + 1])
+            for i, last in zip(cuts[:-1], cuts[1:], strict=True)
+        ]
+        return cls(s=s, coefficients=np.concatenate(parts), dof=dof)
+
+    def at(self, s: FloatArray, middle: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """W and g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof).
+
+        Args:
+            s: Arc lengths [m], (n,).
+            middle: Arc lengths inside the intervals that `s` belong to [m], (n,); at a knot they
+                tell the interval before from the interval after.
+        """
+        at, k = np.searchsorted(self.s, middle) - 1, np.arange(6)
+        x = (s - self.s[at])[:, None]
+        one, two = k * x ** np.maximum(k - 1, 0), k * (k - 1) * x ** np.maximum(k - 2, 0)
+        found = np.stack([x**k, one, two], axis=1) @ self.coefficients[at]
+        g, w = (np.ascontiguousarray(x) for x in np.split(found, [self.dof], axis=2))
+        return w.reshape(len(s), 3, -1, self.dof), g
+
+
+def _turns(w: FloatArray) -> FloatArray:
+    """How bases turn as little as possible from knot to knot, (n - 1, free, free).
+
+    Args:
+        w: Bases of the null space, (n, free, dof).
+    """
+    along = np.einsum("nik,njk->nij", w[:-1], w[1:])
+    if w.shape[1] == 1:
+        return np.where(along < 0, -1.0, 1.0)
+    u, _, v = np.linalg.svd(along)
+    return np.asarray(u @ v)
+
+
+def _spline(s: FloatArray, values: FloatArray) -> FloatArray:
+    """Coefficients of a cubic spline, or of quintics where it would overshoot, (n - 1, 6, values).
+
+    Args:
+        s: The knots [m], (n,).
+        values: The values, (n, values).
+    """
+    width, steps = np.diff(s)[:, None], np.diff(values, axis=0)
+    slopes, chord = _slopes(s, values), steps / width
+    bend = (slopes[:-1] + slopes[1:] - 2 * chord) / width
+    c = np.zeros((len(steps), 6, values.shape[1]))
+    c[:, 0], c[:, 1], c[:, 3] = values[:-1], slopes[:-1], bend / width
+    c[:, 2] = (chord - slopes[:-1]) / width - bend
+    if len(steps) == 1:
+        return c
+    largest = np.pad(np.abs(steps).max(axis=1), 1)
+    largest = np.maximum(np.maximum(largest[:-2], largest[2:]), largest[1:-1])
+    u = QUARTERS * width
+    off = np.abs(u * (c[:, 1] + u * (c[:, 2] + u * c[:, 3])) - QUARTERS * steps).max(axis=(0, 2))
+    return _without_swing(s, values) if (off > SWING * largest + SWING_FLOOR).any() else c
+
+
+def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
+    """Slopes at its knots of the cubic spline through values, (n, values).
+
+    The third derivative does not jump at the second knot nor at the last but one ("not a knot").
+    Through two points the spline is a line, through three a parabola.
+    """
+    h = np.diff(s)[:, None]
+    chord = np.diff(values, axis=0) / h
+    if len(s) == 2:
+        return np.repeat(chord, 2, axis=0)
+    first, last = h[0] + h[1], h[-1] + h[-2]
+    if len(s) == 3:
+        bend = (chord[1] - chord[0]) / first
+        return np.stack([chord[0] - bend * h[0], chord[0] + bend * h[0], chord[1] + bend * h[1]])
+    # Rows are scaled so that the matrix is symmetric.
+    bands, right = np.zeros((len(s), 2)), np.empty_like(values)
+    bands[1:-1, 0] = 2 / h[:-1, 0] + 2 / h[1:, 0]
+    bands[[0, -1], 0] = np.concatenate([h[1] / (first * h[0]), h[-2] / (last * h[-1])])
+    bands[:-1, 1] = 1 / h[:, 0]
+    right[1:-1] = 3 * (chord[:-1] / h[:-1] + chord[1:] / h[1:])
+    right[0] = ((1 / first + 2 / h[0]) * h[1] * chord[0] + h[0] / first * chord[1]) / first
+    right[-1] = (h[-1] / last * chord[-2] + (2 / h[-1] + 1 / last) * h[-2] * chord[-1]) / last
+    solve_banded(bands, right)
+    return right
+
+
+def _without_swing(s: FloatArray, values: FloatArray) -> FloatArray:
+    """Quintics through values with no second derivative at the knots, and with PCHIP's slopes.
+
+    Args:
+        s: The knots [m], (n,).
+        values: The values, (n, values).
+
+    Returns:
+        Coefficients of powers of the distance from the knot before, (n - 1, 6, values).
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    slopes, width = PchipInterpolator(s, values)(s, 1), np.diff(s)
+    zero = np.zeros_like(slopes[1:])
+    start, end = (values[:-1], slopes[:-1], zero), (values[1:], slopes[1:], zero)
+    return np.asarray(quintic(width, start, end) / width[:, None, None] ** np.arange(6)[:, None])
+
+
+def null_space(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> FloatArray:
+    """Orthonormal bases of the joint motions that do not move the tool, (n, dof - task, dof)."""
+    return np.asarray(_newton.free_motions(arm.link_table, task, q, poses))
+
+
+def smooth(
+    arm: SerialArm,
+    s: FloatArray,
+    poses: FloatArray,
+    task: int,
+    q: FloatArray,
+    *,
+    start_stays: bool = False,
+    rounds: int = ROUNDS,
+) -> tuple[FloatArray, FloatArray]:
+    """Joint positions with the same tool poses and shorter joint paths, by null-space motion.
+
+    Gauss-Newton iterations reduce the sum of squares of the joints' steps, weighted by the joints'
+    largest velocities, and of their excess over the inner part of their ranges.
+
+    Args:
+        arm: The arm.
+        s: Arc lengths [m], (n,).
+        poses: Rotations and positions of the tool, (n, 3, 4).
+        task: Task dimension.
+        q: Joint positions at the poses in several configurations [rad], (ways, n, dof).
+        start_stays: Whether the first joint position is kept.
+        rounds: Largest number of iterations.
+
+    Returns:
+        The joint positions, (ways, n, dof), and their costs, (ways,).
+    """
+    cost, n, free = _Cost(arm, s, q), len(s), arm.dof - task
+    found, values, going = q.copy(), cost.values(q), np.arange(len(q))
+    for _ in range(rounds):
+        q, ways = found[going], len(going)
+        targets = np.tile(poses, (ways, 1, 1))
+        w = null_space(arm, targets, task, q.reshape(-1, arm.dof)).reshape(ways, n, free, arm.dof)
+        bands, right = cost.equations(q, w)
+        if start_stays:
+            right[:, :free], bands[:, :free] = 0.0, np.eye(1, 2 * free)
+        solve_banded(bands.reshape(-1, 2 * free), right.reshape(-1, 1))
+        change = (right.reshape(ways, n, 1, free) @ w)[:, :, 0]
+        size = np.abs(change).max(axis=(1, 2))
+        trial = (
+            q + np.minimum(1.0, LARGEST_CHANGE / np.maximum(size, 1e-12))[:, None, None] * change
+        )
+        rows, goals = w.reshape(-1, 1, free, arm.dof), trial.reshape(-1, 1, arm.dof).copy()
+        moved = trial.reshape(-1, arm.dof)
+        met = _newton.newton(arm.link_table, task, moved, targets, rows, goals).reshape(ways, n)
+        fresh = cost.values(trial)
+        better = met.all(axis=1) & (fresh < values[going])
+        found[going[better]], values[going[better]] = trial[better], fresh[better]
+        better &= size >= SETTLED
+        going = going[better]
+        if not len(going):
+            break
+        cost = cost.some(better)
+    return found, values
+
+
+class _Cost:
+    """Sum of squares of the weighted joint steps and of the excess over the inner ranges.
+
+    A step may be as long as its share of the tool path and of the initial joint path: at a tight
+    corner the joints move far on a short path, which must not outweigh all other steps.
+
+    Args:
+        arm: The arm.
+        s: Arc lengths [m], (n,).
+        q: Joint positions in several configurations [rad], (ways, n, dof).
+    """
+
+    def __init__(self, arm: SerialArm, s: FloatArray, q: FloatArray) -> None:
+        lower, upper = arm.limits.joint_range(arm.dof)
+        both = np.isfinite(lower) & np.isfinite(upper)
+        low, high = np.where(both, lower, 0.0), np.where(both, upper, 0.0)
+        self.middle, self.half = (high + low) / 2, np.where(both, (high - low) / 2, np.inf)
+        self.outside = RANGE_WEIGHT / np.sqrt(len(s))
+        pace = np.ones(arm.dof)
+        if arm.limits.joint_velocity is not None:
+            slowest = np.minimum(*np.abs(arm.limits.velocity_bounds(arm.dof)))
+            pace = np.min(slowest) / slowest
+        steps = np.linalg.norm((q[:, 1:] - q[:, :-1]) * pace, axis=2)
+        whole, share = steps.sum(axis=1, keepdims=True), np.diff(s) / (s[-1] - s[0])
+        both = share / 2 + steps / np.where(whole > 0.0, whole, 1.0) / 2
+        self.weights = pace / np.sqrt(np.where(whole > 0.0, both, share))[..., None]
+
+    def some(self, which: BoolArray) -> _Cost:
+        """The cost of some of the configurations."""
+        found = copy(self)
+        found.weights = self.weights[which]
+        return found
+
+    def values(self, q: FloatArray) -> FloatArray:
+        """The costs of joint positions [rad], (ways,)."""
+        steps = (q[:, 1:] - q[:, :-1]) * self.weights
+        excess = self.outside * np.maximum(np.abs((q - self.middle) / self.half) - INNER_RANGE, 0.0)
+        # NumPy adds many values half by half. Joint positions that differ in a free turn of the
+        # tool cost the same, so rounding errors, which are small then, decide which are taken.
+        return np.asarray((steps**2).sum(axis=(1, 2)) + (excess**2).sum(axis=(1, 2)))
+
+    def equations(self, q: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Equations of the null-space motion that minimizes the linearized cost.
+
+        Args:
+            q: Joint positions [rad], (ways, n, dof).
+            w: Bases of the null space, (ways, n, free, dof).
+
+        Returns:
+            The matrices as `solve_banded` takes them, (ways, n free, 2 free), and half the negative
+            gradients, (ways, n free).
+        """
+        ways, n, free, _ = w.shape
+        share = (q - self.middle) / self.half
+        beyond = np.maximum(np.abs(share) - INNER_RANGE, 0.0)
+        slope = np.where(beyond > 0.0, self.outside / self.half, 0.0)
+        gradient, weight = slope * self.outside * np.copysign(beyond, share), slope**2
+        ahead = self.weights**2
+        pull = ahead * (q[:, 1:] - q[:, :-1])
+        gradient[:, :-1] -= pull
+        gradient[:, 1:] += pull
+        weight[:, :-1] += ahead
+        weight[:, 1:] += ahead
+        turned = np.swapaxes(w, 2, 3)
+        same = (w * weight[:, :, None]) @ turned
+        following = (w[:, :-1] * ahead[:, :, None]) @ turned[:, 1:]
+        bands = np.zeros((ways, n, free, 2 * free))
+        for a in range(free):
+            bands[:, :, a, : free - a] = same[:, :, a, a:]
+            bands[:, :-1, a, free - a : 2 * free - a] = -following[:, :, a]
+        bands[..., 0] += DAMPING * (1.0 + bands[..., 0].max(axis=(1, 2), keepdims=True))
+        right = -(w @ gradient[..., None])
+        return bands.reshape(ways, n * free, 2 * free), right.reshape(ways, n * free)

@@ -1,0 +1,250 @@
+"""Inverse kinematics along a path at knots, which are added until the tool keeps to its path."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, Generic, NoReturn, TypeVar
+
+import numpy as np
+
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.errors import InvalidInput, Unreachable
+from armcontour.geometry import Path
+from armcontour.motion import JointPath, quintic
+from armcontour.planning.tracing.knots import MIDDLE, PLACES, Knots
+from armcontour.planning.tracing.poses import (
+    turning_too_fast,
+    what_helps,
+)
+from armcontour.robot import Arm, PlanarTwoLink
+
+# If an interval this short still leaves the path, the cause is a singularity [m].
+SMALLEST_INTERVAL = 1e-9
+# Powers of the places of an interval, (places, 6).
+POWERS = PLACES[:, None] ** np.arange(6)
+# q, dq_ds and d2q_ds2 at the starts, or at the ends, of n intervals, (n, dof) each.
+Ends = tuple[FloatArray, FloatArray, FloatArray]
+
+
+A = TypeVar("A", bound=Arm, covariant=True)
+
+
+class Solver(ABC, Generic[A]):
+    """Joint positions and their derivatives along a tool path.
+
+    Args:
+        path: The tool path.
+        arm: The arm.
+    """
+
+    def __init__(self, path: Path, arm: A) -> None:
+        self.path = path
+        self.arm = arm
+
+    def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
+        """q, dq_ds and d2q_ds2 at the starts and at the ends of the first intervals.
+
+        Raises:
+            Unreachable: As in `ends`.
+        """
+        return self.ends(knots, knots.u0, None), self.ends(knots, knots.u1, None)
+
+    @abstractmethod
+    def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
+        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots.
+
+        Args:
+            knots: The knot intervals, n of them.
+            u: Distance along the segment of each interval [m], (n,).
+            guess: Joint positions near the solution, (n, dof); None for the first knots.
+
+        Raises:
+            Unreachable: The arm cannot reach the path or is singular; with the arc length.
+        """
+
+    def guess(
+        self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray
+    ) -> FloatArray | None:
+        """Joint positions near the solutions within intervals, (n, dof); None if none are needed.
+
+        Args:
+            knots: The knot intervals, n of them.
+            u: Distance along the segment of each interval [m], (n,).
+            middle: Joint positions in the middle of the quintics of the intervals, (n, dof).
+            halfway: Means of the joint positions at both ends, (n, dof).
+        """
+        # Near a singularity the quintic may overshoot; the mean of the ends is the better guess.
+        nearer = self.tool_errors(knots, u, halfway) < self.tool_errors(knots, u, middle)
+        return np.where(nearer[:, None], halfway, middle)
+
+    @abstractmethod
+    def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
+        """Error of the tool at joint positions `q`, over the tolerance, (n,)."""
+
+    def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
+        """Largest error of the tool on the quintics of intervals, over the tolerance, (n,).
+
+        Args:
+            knots: The intervals, n of them.
+            start: Joint positions and derivatives at their starts.
+            end: The same at their ends.
+
+        Returns:
+            The errors, and the joint positions in the middle of the intervals, (n, dof).
+        """
+        q = quintics_at_places(knots, start, end)
+        errors = self.tool_errors(*knots.places(), q.reshape(-1, q.shape[2]))
+        return largest_errors(errors, len(knots)), q[MIDDLE]
+
+    def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
+        """Values at starts and ends of the intervals, without jumps from interval to interval."""
+        return start, end
+
+
+def quintics_at_places(knots: Knots, start: Ends, end: Ends) -> FloatArray:
+    """Joint positions on the quintics of n intervals at their places, (places, n, dof)."""
+    coefficients = quintic(knots.u1 - knots.u0, start, end)
+    return np.tensordot(POWERS, coefficients, (1, 1))
+
+
+def largest_errors(errors: FloatArray, n: int) -> FloatArray:
+    """The largest error of each of n intervals, from those at all their places, (n,)."""
+    return np.asarray(errors.reshape(-1, n).max(axis=0))
+
+
+class Analytic(Solver[PlanarTwoLink]):
+    """Exact joint positions and derivatives at knots, by (3)-(4), (28) and (27).
+
+    Args:
+        path: The tool path.
+        arm: The arm.
+        branch: One of `arm.branches`.
+        tolerance: Largest distance of the tool from the path between knots [m].
+
+    Raises:
+        InvalidInput: The path and the arm's workspace differ in dimension.
+    """
+
+    def __init__(self, path: Path, arm: PlanarTwoLink, branch: str, tolerance: float) -> None:
+        if path.dimension != arm.dimension:
+            raise InvalidInput(
+                f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} "
+                f"moves in {arm.dimension}."
+            )
+        super().__init__(path, arm)
+        self.branch, self.tolerance = branch, tolerance
+
+    def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
+        """q, dq_ds and d2q_ds2 at the starts and at the ends of the first intervals, at once."""
+        n = len(knots)
+        both = knots.part(np.tile(np.arange(n), 2))
+        q, dq_ds, d2q_ds2 = self.ends(both, np.concatenate([knots.u0, knots.u1]), None)
+        return (q[:n], dq_ds[:n], d2q_ds2[:n]), (q[n:], dq_ds[n:], d2q_ds2[n:])
+
+    def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
+        """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots."""
+        try:
+            q = self.arm.joint_position(self.path.on_segment(knots.segment, u), self.branch)
+        except Unreachable as error:
+            index = error.index or 0
+            s = float(knots.at(u)[index])
+            raise Unreachable(
+                f"At {s:.6g} m along the path: {error}",
+                point=error.point,
+                index=int(knots.segment[index]),
+                s=s,
+                limit=error.limit,
+                needed=error.needed,
+                allowed=error.allowed,
+            ) from None
+        dq_ds = self.arm.joint_velocity(q, self.path.on_segment(knots.segment, u, 1))
+        curvature = self.path.on_segment(knots.segment, u, 2)
+        return q, dq_ds, self.arm.joint_acceleration(q, dq_ds, curvature)
+
+    def guess(self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray) -> None:
+        """None, as a closed form needs none."""
+
+    def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
+        """The same starts and ends, with jumps by whole turns removed from the joint positions."""
+        q = np.stack([start[0], end[0]], axis=1).reshape(-1, start[0].shape[1])
+        unwrapped = np.unwrap(q, axis=0).reshape(len(start[0]), 2, -1)
+        return (unwrapped[:, 0], *start[1:]), (unwrapped[:, 1], *end[1:])
+
+    def tool_errors(self, knots: Knots, u: FloatArray, q: FloatArray) -> FloatArray:
+        """Distances of the tool from its position on the path, over the tolerance, (n,)."""
+        off = self.arm.tool_position(q) - self.path.on_segment(knots.segment, u)
+        return np.asarray(np.linalg.norm(off, axis=1) / self.tolerance)
+
+
+def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
+    """The joint path through exact knots, refined until it meets the solver's tolerance.
+
+    Args:
+        solver: Computes joint positions and their derivatives.
+        knots: The first knots.
+        stops: Arc lengths at which the tool stops [m].
+
+    Raises:
+        Unreachable: The arm cannot reach a knot or is singular; with the arc length.
+    """
+    start, end = solver.first_ends(knots)
+    settled = np.zeros(len(knots), dtype=bool)
+    while True:
+        start, end = solver.continuous(start, end)
+        open_ = np.flatnonzero(~settled)
+        if len(open_) == len(knots):
+            errors, middle = solver.errors_between(knots, start, end)
+        else:
+            errors, middle = solver.errors_between(
+                knots.part(open_), _select(start, open_), _select(end, open_)
+            )
+        leaves = ~(errors <= 1)
+        missed = np.zeros(len(settled), dtype=bool)
+        missed[open_[leaves]] = True
+        if not missed.any():
+            break
+        coarse = knots.part(missed)
+        small = np.flatnonzero(coarse.u1 - coarse.u0 < SMALLEST_INTERVAL)
+        if len(small):
+            place = float(coarse.s0[small[0]])
+            refuse_singularity(solver, place, "is singular or jumps between configurations")
+        u = (coarse.u0 + coarse.u1) / 2
+        halfway = (start[0][missed] + end[0][missed]) / 2
+        between = solver.ends(coarse, u, solver.guess(coarse, u, middle[leaves], halfway))
+        knots, parent, second = knots.halve(missed, u)
+        start, end = _select(start, parent), _select(end, parent)
+        for k in range(3):
+            start[k][second], end[k][second - 1] = between[k], between[k]
+        settled = (~missed)[parent]
+    path = solver.path
+    breaks = np.append(knots.s0, path.length)
+    return JointPath.hermite(breaks, start, end, stops=stops, tool_path=path)
+
+
+def _select(ends: Ends, which: BoolArray | IntArray) -> Ends:
+    """The joint positions and derivatives of the selected intervals."""
+    q, dq_ds, d2q_ds2 = ends
+    return q[which], dq_ds[which], d2q_ds2[which]
+
+
+def refuse_singularity(solver: Solver[Any], s: float, state: str) -> NoReturn:
+    """Refuse a place of the path where no joint motion is found.
+
+    Args:
+        solver: The solver of the path.
+        s: Arc length of the place [m].
+        state: What the arm is or does there.
+
+    Raises:
+        Unreachable: Always.
+    """
+    path, point = solver.path, solver.path(s).tolist()
+    raise Unreachable(
+        turning_too_fast(path, s)
+        or f"At {s:.6g} m of {path.length:.6g} m along the path, at "
+        f"{tuple(round(x, 6) for x in point)} m, the arm {solver.arm.name} {state}: "
+        f"{what_helps(path)}.",
+        point=point,
+        s=s,
+        limit="singularity",
+    )

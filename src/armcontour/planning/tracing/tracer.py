@@ -1,0 +1,269 @@
+"""Public functions of tracing: the joint paths along which an arm follows a tool path."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.errors import InvalidInput, Unreachable
+from armcontour.geometry import Path
+from armcontour.motion import JointPath
+from armcontour.planning.tracing.knots import Knots, first_knots
+from armcontour.planning.tracing.poses import FirstPoses, row_of_poses, task_dimension
+from armcontour.planning.tracing.ranges import refuse_out_of_range, turn_into_range
+from armcontour.planning.tracing.solver import Analytic, refine
+from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm
+
+if TYPE_CHECKING:
+    from armcontour.planning.tracing.configurations import Solution
+
+# With redundant degrees of freedom the first knots lie closer together by this factor, as the
+# null-space motion is interpolated between them.
+FINER = 3
+# Distance between the places of a sketch, over the length of all the arm's links.
+SKETCHED = 0.01
+
+
+@checks.explained
+def trace(
+    path: Path,
+    arm: Arm,
+    *,
+    limits: Limits | None = None,
+    branch: str | None = None,
+    start: npt.ArrayLike | None = None,
+    tolerance: float = 1e-10,
+) -> JointPath:
+    """The joint path along which the arm's tool follows `path`.
+
+    q, dq_ds and d2q_ds2 at the knots are exact, by (28) and (27) for an arm in the plane and by
+    their counterparts for an arm in space. Between knots the joint path is a quintic. Knots are
+    added until the tool is within `tolerance` of the path and within 1e-9 rad of its orientation.
+
+    Args:
+        path: Tool path.
+        arm: The arm.
+        limits: Limits whose joint ranges apply, and whose joint velocities weight the lengths of
+            joint paths; by default the arm's own.
+        branch: For an arm in the plane, one of `arm.branches`; by default the first that completes
+            the path. `plan` chooses the fastest.
+        start: For an arm in space, joint positions near the start of the joint path [rad], (dof,);
+            by default the configuration with the shortest joint path. `plan` chooses the fastest.
+        tolerance: Largest distance between the tool and its position on the path [m].
+
+    Raises:
+        Unreachable: The path is out of reach, leaves a joint range or meets a singularity; with
+            the arc length.
+        InvalidInput: The path does not fit the arm.
+    """
+    found = trace_all(
+        path, arm, limits=limits, branch=branch, start=start, tolerance=tolerance, most=1
+    )
+    return found[0]
+
+
+def trace_all(
+    path: Path,
+    arm: Arm,
+    *,
+    limits: Limits | None = None,
+    branch: str | None = None,
+    start: npt.ArrayLike | None = None,
+    tolerance: float = 1e-10,
+    most: int | None = None,
+) -> list[JointPath]:
+    """Joint paths of all configurations that complete the path, the shortest first.
+
+    An arm in the plane has one per branch, in the order of its branches. An arm in space has one
+    per configuration. An arm with redundant degrees of freedom has infinitely many:
+    `configurations.MOST_STARTS` sampled starts are followed, and at most
+    `configurations.MOST_SOLUTIONS` joint paths are kept.
+
+    Args:
+        path: Tool path.
+        arm: The arm.
+        limits: As in `trace`.
+        branch: As in `trace`.
+        start: As in `trace`.
+        tolerance: As in `trace`.
+        most: Largest number of joint paths to return; all by default.
+
+    Raises:
+        Unreachable: As in `trace`.
+        InvalidInput: As in `trace`.
+    """
+    if not isinstance(path, Path):
+        raise InvalidInput(
+            f"trace takes a Path, not a {type(path).__name__}: plan takes programs, and traces "
+            "their contours itself."
+        )
+    checks.positive("tracing tolerance", tolerance, "m")
+    if limits is not None:
+        checks.refuse_other("trace", limits, Limits)
+        arm = arm.with_limits(limits)
+    if isinstance(arm, PlanarTwoLink):
+        if start is not None:
+            raise InvalidInput(f"The arm {arm.name} takes a branch to start in, not a start.")
+        branches = arm.branches if branch is None else (branch,)
+        return _complete((partial(_trace_planar, path, arm, x, tolerance) for x in branches), most)
+    if not isinstance(arm, SerialArm):
+        raise InvalidInput(f"There is no inverse kinematics for {type(arm).__name__}.")
+    if branch is not None:
+        raise InvalidInput(
+            f"The arm {arm.name} has no named branches: give start, joint positions near those at "
+            "the start of the path."
+        )
+    _refuse_flat(arm)
+    near = None if start is None else _check_start(arm, start)
+    return _trace_serial(path, arm, near, tolerance, most)
+
+
+def _refuse_flat(arm: SerialArm) -> None:
+    """Refuse an arm in space whose joints are all parallel, so that its tool stays in a plane.
+
+    Raises:
+        InvalidInput: The arm is such an arm: it is singular everywhere.
+    """
+    if arm.dof > 2 and arm.moves_in_a_plane:
+        raise InvalidInput(
+            f"The {arm.dof} joints of the arm {arm.name} are parallel, so its tool stays in a "
+            "plane. Arms in a plane have two links: lock the other joints (locked= of ArmOptions, "
+            "arm.locked in a job), and describe the two by an arm file of the kind planar_two_link."
+        )
+
+
+def sketch_all(
+    path: Path, arm: SerialArm, *, limits: Limits | None = None
+) -> tuple[FloatArray, list[FloatArray]]:
+    """Joint positions at a few places of a long path, in all configurations that get along there.
+
+    Args:
+        path: Tool path.
+        arm: The arm, which moves in space.
+        limits: As in `trace`.
+
+    Returns:
+        Arc lengths of the places from 0 to the path's end [m], (n,), and joint positions there
+        [rad], (n, dof) each, the shortest joint path first.
+
+    Raises:
+        Unreachable: No configuration gets along these places.
+        InvalidInput: The path does not fit the arm.
+    """
+    from armcontour.planning.tracing.configurations import find_solutions
+
+    if limits is not None:
+        arm = arm.with_limits(limits)
+    _refuse_flat(arm)
+    task = task_dimension(path, arm)
+    knots = first_knots(path, arm.span)
+    few = knots.part(_few_places(path, knots, SKETCHED * arm.span))
+    found = find_solutions(path, arm, few, row_of_poses(path, few), task, None)
+    return np.append(few.s0, path.length), [x.q for x in found]
+
+
+def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
+    """Indices of knots that lie about `step` apart [m], or `CHORD_TURN` of the tool; with the last.
+
+    Args:
+        path: The path.
+        knots: The knots.
+        step: Distance along the path [m].
+    """
+    from armcontour.planning.tracing.configurations import CHORD_TURN
+
+    turn = np.linalg.norm(np.diff(row_of_poses(path, knots)[:, :, :3], axis=0), axis=(1, 2))
+    done = knots.s0 / step + np.cumsum(turn) / CHORD_TURN
+    fresh = np.diff(np.floor(done), prepend=-1.0) > 0
+    fresh[-1] = True
+    return np.flatnonzero(fresh)
+
+
+def _trace_planar(path: Path, arm: PlanarTwoLink, branch: str, tolerance: float) -> JointPath:
+    """The joint path of a planar arm in one branch, inside the joint ranges.
+
+    Raises:
+        Unreachable: As in `trace`.
+        InvalidInput: As in `trace`.
+    """
+    joint_path = refine(
+        Analytic(path, arm, branch, tolerance), first_knots(path, arm.span), path.stops
+    )
+    joint_path = turn_into_range(joint_path, arm.limits)
+    refuse_out_of_range(joint_path, arm.limits)
+    return joint_path
+
+
+def _trace_serial(
+    path: Path, arm: SerialArm, start: FloatArray | None, tolerance: float, most: int | None
+) -> list[JointPath]:
+    """Joint paths of a serial arm in all its configurations, at most `most`, the shortest first.
+
+    Raises:
+        Unreachable: As in `trace`.
+        InvalidInput: As in `trace`.
+    """
+    from armcontour.planning.tracing.configurations import find_solutions
+    from armcontour.planning.tracing.numeric import Numeric
+
+    task = task_dimension(path, arm)
+    knots = first_knots(path, arm.span, FINER if task < arm.dof else 1)
+    first = FirstPoses.of(path, knots)
+
+    def refine_solution(solution: Solution) -> JointPath:
+        numeric = Numeric(path, arm, task, first, solution, tolerance)
+        joint_path = refine(numeric, knots, first.stops)
+        refuse_out_of_range(joint_path, arm.limits)
+        return joint_path
+
+    solutions = find_solutions(path, arm, knots, first.row, task, start)
+    return _complete((partial(refine_solution, x) for x in solutions), most)
+
+
+def _complete(tries: Iterable[Callable[[], JointPath]], most: int | None) -> list[JointPath]:
+    """Joint paths of the configurations that complete a path, at most `most`.
+
+    Raises:
+        Unreachable: None does; the reason of the first one.
+    """
+    joint_paths: list[JointPath] = []
+    refusals: list[Unreachable] = []
+    for attempt in tries:
+        if most is not None and len(joint_paths) == most:
+            break
+        # A configuration that is singular or leaves a joint range between two knots is no reason
+        # to refuse the others.
+        try:
+            joint_paths.append(attempt())
+        except Unreachable as error:
+            refusals.append(error)
+    if not joint_paths:
+        raise refusals[0]
+    return joint_paths
+
+
+def _check_start(arm: SerialArm, start: npt.ArrayLike) -> FloatArray:
+    """The given start as joint positions inside the joint ranges [rad], (dof,).
+
+    Raises:
+        InvalidInput: The start has a wrong number of joints, or a joint is out of its range.
+    """
+    near = checks.per_joint("start", start, arm.dof, "rad")
+    lower, upper = arm.limits.joint_range(arm.dof)
+    outside = (near < lower) | (near > upper)
+    if outside.any():
+        j = int(np.argmax(outside))
+        raise InvalidInput(
+            f"start has joint {j + 1} at {near[j]:.6g} rad, outside its range from {lower[j]:.6g} "
+            f"to {upper[j]:.6g} rad: give angles in rad, or with their unit.",
+            joint=j,
+            needed=float(near[j]),
+            allowed=float(lower[j] if near[j] < lower[j] else upper[j]),
+        )
+    return near

@@ -1,0 +1,13 @@
+"""Arms: kinematics, dynamics and limits. Knows no path, no time and no file."""
+
+from armcontour.core.lazy import lazy_names
+
+_HOME = {
+    "arm": "Arm compare_limits resolve_limits",
+    "chain": "Chain Payload",
+    "dynamics": "Dynamics",
+    "limits": "Limits",
+    "planar": "PlanarTwoLink",
+    "serial": "SerialArm",
+}
+__getattr__, __all__ = lazy_names(__name__, _HOME)

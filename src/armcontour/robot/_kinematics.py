@@ -1,0 +1,295 @@
+"""Compiled forward kinematics of a serial chain: frames, Jacobians, and the motion of the tool.
+
+A chain is a table of links, (dof + 1, 12): rotation, row by row, and position of the frames of all
+joints and of the tool, each in the frame before, with z along the joint axis. The first frame is in
+the work frame. Many states are computed in blocks, so that the processor uses vector instructions:
+a row holds one number of all states of a block.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TypeAlias
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.kernels import FUSED, compiled
+
+Vector: TypeAlias = tuple[float, float, float]
+Rotation: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
+
+# States of a block.
+B = 32
+# Half a turn in two parts of 33 bits: the multiples below the angle EXACT_TO [rad] are exact.
+HALF_TURN, REST_OF_IT = 3.1415926534682512, 1.2154201012607932e-10
+EXACT_TO = 1e6
+# Added to a number and subtracted again, this rounds it to a whole number.
+TO_WHOLE = 6755399441055744.0
+# The Taylor series of sine over x and of cosine, in x², from their last terms that count for
+# angles up to a quarter turn.
+SINE = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(10, -1, -1))
+COSINE = tuple((-1) ** k / math.factorial(2 * k) for k in range(11, -1, -1))
+# Rows of a joint: cosine and sine, then the derivatives of its position.
+JOINT_ROWS = 5
+# First rows of the vectors of a state: columns of the rotation, position, vector from the joint
+# before, axis; then velocity and angular velocity, and their first and second derivatives.
+PLACE, WAY, AXIS, MOTION, ROWS = 9, 12, 15, 18, 36
+UNTURNED = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
+# Up to this angle [rad] from a known angle, sine and cosine come from a series, which is exact to
+# rounding there.
+NEAR_ANGLE = 0.125
+
+
+@compiled(inner=True, fastmath=FUSED)
+def write_sines(own: FloatArray) -> None:
+    """Write the cosines and sines of the joint positions [rad] in row 0 into rows 0 and 1."""
+    largest = 0.0
+    for i in range(B):
+        largest = max(largest, abs(own[i]))
+    if not largest < EXACT_TO:
+        for i in range(B):
+            own[B + i], own[i] = math.sin(own[i]), math.cos(own[i])
+        return
+    for i in range(B):
+        turns = (own[i] * (1 / math.pi) + TO_WHOLE) - TO_WHOLE
+        odd = turns - 2.0 * ((turns * 0.5 + TO_WHOLE) - TO_WHOLE)
+        x = (own[i] - turns * HALF_TURN) - turns * REST_OF_IT
+        square, sine, cosine = x * x, 0.0, 0.0
+        for term in SINE:
+            sine = sine * square + term
+        for term in COSINE:
+            cosine = cosine * square + term
+        sign = 1.0 - 2.0 * odd * odd
+        own[i], own[B + i] = sign * cosine, sign * sine * x
+
+
+@compiled(inner=True, fastmath=FUSED)
+def cross(a: Vector, b: Vector) -> Vector:
+    """Vector product."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@compiled(inner=True, fastmath=FUSED)
+def add(a: Vector, share: float, b: Vector) -> Vector:
+    """The sum `a + share b`."""
+    return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
+
+
+@compiled(inner=True)
+def get(rows: FloatArray, row: int, i: int) -> Vector:
+    """The vector of state i that is in three rows of a block."""
+    return rows[row * B + i], rows[(row + 1) * B + i], rows[(row + 2) * B + i]
+
+
+@compiled(inner=True)
+def put(rows: FloatArray, row: int, i: int, v: Vector) -> None:
+    """Write the vector of state i into three rows of a block."""
+    rows[row * B + i], rows[(row + 1) * B + i], rows[(row + 2) * B + i] = v
+
+
+@compiled(inner=True)
+def rotation_of(links: FloatArray, j: int) -> Rotation:
+    """Rotation of link j in the frame before, row by row."""
+    x = links
+    return x[j, 0], x[j, 1], x[j, 2], x[j, 3], x[j, 4], x[j, 5], x[j, 6], x[j, 7], x[j, 8]
+
+
+@compiled(inner=True, fastmath=FUSED)
+def into_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
+    """Components along the axes of a link, from those along the axes of the frame before.
+
+    Args:
+        r: Rotation of the link at joint position 0.
+        c: Cosine of the joint position.
+        s: Sine of the joint position.
+        v: Vector.
+    """
+    x, y = r[0] * v[0] + r[3] * v[1] + r[6] * v[2], r[1] * v[0] + r[4] * v[1] + r[7] * v[2]
+    return c * x + s * y, c * y - s * x, r[2] * v[0] + r[5] * v[1] + r[8] * v[2]
+
+
+@compiled(inner=True, fastmath=FUSED)
+def out_of_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
+    """Components along the axes of the frame before a link; the inverse of `into_link`."""
+    x, y, z = c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]
+    return (
+        r[0] * x + r[1] * y + r[2] * z,
+        r[3] * x + r[4] * y + r[5] * z,
+        r[6] * x + r[7] * y + r[8] * z,
+    )
+
+
+@compiled(inner=True)
+def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
+    """Write the frames of all joints and of the tool in the work frame for one state.
+
+    Args:
+        links: Links of the chain, (dof + 1, 12).
+        q: Joint positions [rad], (dof,).
+        frames: Output: rotations and positions, (dof + 1, 3, 4).
+    """
+    for j in range(len(links)):
+        c, s = (math.cos(q[j]), math.sin(q[j])) if j < len(q) else (1.0, 0.0)
+        r = rotation_of(links, j)
+        p0, p1, p2 = links[j, 9], links[j, 10], links[j, 11]
+        for k in range(3):
+            x, y, z, at = UNTURNED[k]
+            if j > 0:
+                x, y = frames[j - 1, k, 0], frames[j - 1, k, 1]
+                z, at = frames[j - 1, k, 2], frames[j - 1, k, 3]
+            frames[j, k, 3] = at + (x * p0 + y * p1 + z * p2)
+            # A row of the rotation is a vector of the work frame along the axes of the link.
+            frames[j, k, 0], frames[j, k, 1], frames[j, k, 2] = into_link(r, c, s, (x, y, z))
+
+
+@compiled()
+def frames_of(links: FloatArray, q: FloatArray) -> FloatArray:
+    """Frames of all joints and of the tool for many states, (n, dof + 1, 3, 4).
+
+    Args:
+        links: As in `write_frames`.
+        q: Joint positions [rad], (n, dof).
+    """
+    found = np.empty((len(q), len(links), 3, 4))
+    for i in range(len(q)):
+        write_frames(links, q[i], found[i])
+    return found
+
+
+@compiled()
+def jacobians(links: FloatArray, q: FloatArray) -> FloatArray:
+    """Tool velocity and angular velocity per joint velocity for many states, (n, 6, dof)."""
+    n, dof = q.shape
+    out, frames = np.empty((n, 6, dof)), np.empty((dof + 1, 3, 4))
+    for i in range(n):
+        write_frames(links, q[i], frames)
+        for k in range(dof):
+            own, tool = frames[k], frames[dof]
+            axis = own[0, 2], own[1, 2], own[2, 2]
+            way = tool[0, 3] - own[0, 3], tool[1, 3] - own[1, 3], tool[2, 3] - own[2, 3]
+            out[i, 0, k], out[i, 1, k], out[i, 2, k] = cross(axis, way)
+            out[i, 3, k], out[i, 4, k], out[i, 5, k] = axis
+    return out
+
+
+@compiled(inner=True, fastmath=FUSED)
+def add_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
+    """Take velocities and angular velocities of a block, and their derivatives, to the next frame.
+
+    A vector l of a link has the derivatives `l1 = w x l`, `l2 = e x l + w x l1` and
+    `l3 = f x l + 2 e x l1 + w x l2`. So has the axis of the next joint.
+    """
+    # The highest derivative first, as it depends on the others of the frame before.
+    for i in range(B if order > 2 else 0):
+        way, axis, rate = get(state, WAY, i), get(state, AXIS, i), joint[2 * B + i]
+        w, e, f = get(state, MOTION + 3, i), get(state, MOTION + 9, i), get(state, MOTION + 15, i)
+        way1, axis1 = cross(w, way), cross(w, axis)
+        way2 = add(cross(e, way), 1.0, cross(w, way1))
+        axis2 = add(cross(e, axis), 1.0, cross(w, axis1))
+        way3 = add(add(cross(f, way), 2.0, cross(e, way1)), 1.0, cross(w, way2))
+        put(state, MOTION + 12, i, add(get(state, MOTION + 12, i), 1.0, way3))
+        turned = add(add(f, joint[4 * B + i], axis), 2.0 * joint[3 * B + i], axis1)
+        put(state, MOTION + 15, i, add(turned, rate, axis2))
+    for i in range(B if order > 1 else 0):
+        way, axis, rate = get(state, WAY, i), get(state, AXIS, i), joint[2 * B + i]
+        w, e = get(state, MOTION + 3, i), get(state, MOTION + 9, i)
+        way2 = add(cross(e, way), 1.0, cross(w, cross(w, way)))
+        put(state, MOTION + 6, i, add(get(state, MOTION + 6, i), 1.0, way2))
+        put(state, MOTION + 9, i, add(add(e, joint[3 * B + i], axis), rate, cross(w, axis)))
+    for i in range(B):
+        w = get(state, MOTION + 3, i)
+        way1 = cross(w, get(state, WAY, i))
+        put(state, MOTION, i, add(get(state, MOTION, i), 1.0, way1))
+        put(state, MOTION + 3, i, add(w, joint[2 * B + i], get(state, AXIS, i)))
+
+
+@compiled(fastmath=FUSED)
+def tool_motion(
+    links: FloatArray,
+    order: int,
+    q: FloatArray,
+    first: FloatArray,
+    second: FloatArray,
+    third: FloatArray,
+) -> FloatArray:
+    """Poses of the tool, or the derivatives of its motion up to an order, of many states.
+
+    Args:
+        links: Links of the chain, (dof + 1, 12).
+        order: Order of the highest derivative, 0 to 3; without derivatives, poses are given.
+        q: Joint positions [rad], (n, dof).
+        first: First derivatives, (n, dof); of any values if above the order, as the next two.
+        second: Second derivatives, (n, dof).
+        third: Third derivatives, (n, dof).
+
+    Returns:
+        For order 0 rotation and position, (3, 4) row by row, (n, 12); else velocity and angular
+        velocity, their derivatives, and their second derivatives, (n, 6 order).
+    """
+    n, dof = q.shape
+    found = np.empty((n, 6 * order if order else 12))
+    joint, state = np.empty(JOINT_ROWS * B), np.empty(ROWS * B)
+    for begin in range(0, n, B):
+        # Before the first joint the rotation is none, and nothing moves.
+        for i in range(ROWS * B):
+            state[i] = 0.0
+        for k in range(3):
+            for i in range(B):
+                state[4 * k * B + i] = 1.0
+        for j in range(dof + 1):
+            if j == dof:
+                # The tool does not turn against the last link.
+                for i in range(JOINT_ROWS * B):
+                    joint[i] = 1.0 if i < B else 0.0
+            for i in range(B if j < dof else 0):
+                # The last block is filled up with the last state.
+                at = min(begin + i, n - 1)
+                joint[i], joint[2 * B + i] = q[at, j], first[at, j]
+                joint[3 * B + i], joint[4 * B + i] = second[at, j], third[at, j]
+            if j < dof:
+                write_sines(joint)
+            r, p0, p1, p2 = rotation_of(links, j), links[j, 9], links[j, 10], links[j, 11]
+            for i in range(B):
+                c, s = joint[i], joint[B + i]
+                for k in range(3):
+                    x, y, z = state[k * B + i], state[(3 + k) * B + i], state[(6 + k) * B + i]
+                    way = x * p0 + y * p1 + z * p2
+                    state[(PLACE + k) * B + i] += way
+                    state[(WAY + k) * B + i] = way
+                    x, y, z = into_link(r, c, s, (x, y, z))
+                    state[k * B + i], state[(3 + k) * B + i] = x, y
+                    state[(AXIS + k) * B + i] = state[(6 + k) * B + i] = z
+            if order > 0:
+                add_motion(order, joint, state)
+        for i in range(min(B, n - begin)):
+            for k in range(found.shape[1]):
+                row = MOTION + k if order else 3 * (k % 4) + k // 4
+                found[begin + i, k] = state[row * B + i]
+    return found
+
+
+@compiled(inner=True, fastmath=FUSED)
+def tool_point(links: FloatArray, q: FloatArray, anchors: FloatArray) -> Vector:
+    """Tool point [m] of one state, with few evaluations of sines and cosines.
+
+    Args:
+        links: Links of the chain, (dof + 1, 12).
+        q: Joint positions [rad], (dof,).
+        anchors: For each joint an angle with its sine and cosine, (dof, 3), updated when the joint
+            is far from the angle; 0, 0, 1 before the first call.
+    """
+    dof = len(q)
+    at = links[dof, 9], links[dof, 10], links[dof, 11]
+    for j in range(dof - 1, -1, -1):
+        x = q[j] - anchors[j, 0]
+        if not -NEAR_ANGLE < x < NEAR_ANGLE:
+            anchors[j, 0], anchors[j, 1], anchors[j, 2] = q[j], math.sin(q[j]), math.cos(q[j])
+            x = 0.0
+        y = x * x
+        s = x * (1 - y * (1 / 6 - y * (1 / 120 - y * (1 / 5040 - y * (1 / 362880)))))
+        c = 1 - y * (1 / 2 - y * (1 / 24 - y * (1 / 720 - y * (1 / 40320 - y * (1 / 3628800)))))
+        s, c = anchors[j, 1] * c + anchors[j, 2] * s, anchors[j, 2] * c - anchors[j, 1] * s
+        turned = out_of_link(rotation_of(links, j), c, s, at)
+        at = add((links[j, 9], links[j, 10], links[j, 11]), 1.0, turned)
+    return at

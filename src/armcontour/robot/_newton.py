@@ -1,0 +1,509 @@
+"""Compiled inverse kinematics: Newton's method, damped least squares, following of pose sequences.
+
+The task dimension is the number of equations that a target pose gives: 6; 5 if rotation about the
+tool axis is free; 3 if only the tool point counts. If the arm has more joints than that, guide
+equations `w q = w g` fix the redundant degrees of freedom: w are the guide's rows, g the guide's
+joint positions.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.kernels import compiled
+from armcontour.robot._kinematics import Vector, add, cross, write_frames
+
+# Newton's method ends when its step is below this [rad]: the next step would be the square of this
+# one times the condition number of the Jacobian.
+ARRIVED = 1e-10
+MOST_STEPS = 15
+# Longest step of any joint [rad]; longer steps are shortened.
+LONGEST_STEP = 0.5
+# `follow`: longest correction of any joint [rad], and largest number of corrections per step.
+FOLLOW_STEP = 0.15
+FOLLOW_CORRECTIONS = 6
+# `follow` gives up after it has halved the step between two poses this many times.
+MOST_HALVINGS = 12
+# A matrix counts as singular if its smallest pivot over its largest one is below this.
+SINGULAR = 1e-11
+
+
+@compiled(inner=True)
+def solve(a: FloatArray, b: FloatArray, n: int) -> float:
+    """Solve a x = b in place by Gaussian elimination with pivoting.
+
+    Args:
+        a: Matrix, (n, n), overwritten.
+        b: Right-hand side, (n,), overwritten with the solution.
+        n: Number of equations.
+
+    Returns:
+        The smallest pivot over the largest pivot; 0 if a is singular.
+    """
+    least, most = math.inf, 0.0
+    for i in range(n):
+        best = i
+        for k in range(i + 1, n):
+            if abs(a[k, i]) > abs(a[best, i]):
+                best = k
+        if best != i:
+            for j in range(n):
+                a[i, j], a[best, j] = a[best, j], a[i, j]
+            b[i], b[best] = b[best], b[i]
+        pivot = a[i, i]
+        least, most = min(least, abs(pivot)), max(most, abs(pivot))
+        if pivot == 0.0 or not math.isfinite(pivot):
+            return 0.0
+        for k in range(i + 1, n):
+            factor = a[k, i] / pivot
+            if factor != 0.0:
+                for j in range(i + 1, n):
+                    a[k, j] -= factor * a[i, j]
+                b[k] -= factor * b[i]
+    for i in range(n - 1, -1, -1):
+        value = b[i]
+        for k in range(i + 1, n):
+            value -= a[i, k] * b[k]
+        b[i] = value / a[i, i]
+    return least / most
+
+
+@compiled(inner=True)
+def write_row(row: FloatArray, out: FloatArray) -> None:
+    """Write numbers into another array; assignments of whole arrays take long to compile."""
+    for k in range(len(row)):
+        out[k] = row[k]
+
+
+@compiled(inner=True)
+def column(frame: FloatArray, k: int) -> Vector:
+    """A column of a frame."""
+    return frame[0, k], frame[1, k], frame[2, k]
+
+
+@compiled(inner=True)
+def dot(a: Vector, b: Vector) -> float:
+    """Scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled(inner=True)
+def write_task(task: int, target: FloatArray, move: Vector, turn: Vector, out: FloatArray) -> None:
+    """Write what a task prescribes of a motion of the tool and its turn into `out`, (task,)."""
+    out[0], out[1], out[2] = move
+    if task == 6:
+        out[3], out[4], out[5] = turn
+    elif task == 5:
+        out[3], out[4] = dot(column(target, 0), turn), dot(column(target, 1), turn)
+
+
+class Equations(NamedTuple):
+    """Memory for the equations of one pose.
+
+    Attributes:
+        frames: Frames of the joints and of the tool, (dof + 1, 3, 4).
+        rows: Jacobian of the pose error, (task, dof) or more.
+        error: The pose error, (task,) or longer.
+    """
+
+    frames: FloatArray
+    rows: FloatArray
+    error: FloatArray
+
+
+@compiled(inner=True)
+def write_equations(
+    links: FloatArray, task: int, q: FloatArray, target: FloatArray, out: Equations
+) -> None:
+    """Write the error of the tool's pose and its derivatives by the joints.
+
+    The first 3 values are the position error [m]. For task 6 the others are the rotation vector
+    from the pose to the target [rad]. For task 5 they are the components of the rotation vector
+    between the tool axes along the target's x and y axes [rad].
+
+    Args:
+        links: Links of the chain, (dof + 1, 12).
+        task: Task dimension: 6, 5 or 3.
+        q: Joint positions [rad], (dof,).
+        target: Target pose, (3, 4).
+        out: Output: the equations.
+    """
+    dof, rows, frames = len(q), out.rows, out.frames
+    write_frames(links, q, frames)
+    pose = frames[dof]
+    for k in range(dof):
+        axis = column(frames[k], 2)
+        way = add(column(pose, 3), -1.0, column(frames[k], 3))
+        rows[0, k], rows[1, k], rows[2, k] = cross(axis, way)
+        if task == 6:
+            rows[3, k], rows[4, k], rows[5, k] = axis
+        elif task == 5:
+            rows[3, k], rows[4, k] = dot(column(target, 0), axis), dot(column(target, 1), axis)
+    turn, cosine = (0.0, 0.0, 0.0), 0.0
+    # The rotation to the target is the target times the transposed pose: sine and cosine, twice.
+    for k in range(0 if task == 6 else 2, 3):
+        turn = add(turn, 1.0, cross(column(pose, k), column(target, k)))
+        cosine += dot(column(pose, k), column(target, k))
+    cosine -= 1.0 if task == 6 else 0.0
+    sine = math.sqrt(dot(turn, turn))
+    scale = 0.5 if task == 6 else 1.0
+    if sine > 1e-12:
+        scale = math.atan2(sine, cosine) / sine
+    elif cosine < 0.0:
+        # At half a turn the axis is undefined; a rotation about any axis makes progress.
+        turn, scale = (1.0, 0.0, 0.0) if task == 6 else column(target, 0), math.pi
+    move = add(column(target, 3), -1.0, column(pose, 3))
+    write_task(task, target, move, add((0.0, 0.0, 0.0), scale, turn), out.error)
+
+
+@compiled()
+def newton(
+    links: FloatArray, task: int, q: FloatArray, targets: FloatArray, w: FloatArray, g: FloatArray
+) -> BoolArray:
+    """Solve the inverse kinematics at many poses by Newton's method from initial guesses.
+
+    Args:
+        links: Links of the chain, (dof + 1, 12).
+        task: Task dimension: 6, 5 or 3.
+        q: Initial guesses of the joint positions [rad], overwritten with the results, (n, dof).
+        targets: Target poses, (n, 3, 4).
+        w: Rows of the guide equations in [:, 0], (n, 1 or 3, dof - task, dof); derivatives are
+            not used.
+        g: Joint positions of the guide in [:, 0] [rad], (n, 1 or 3, dof).
+
+    Returns:
+        Whether a solution was found for each pose, (n,).
+    """
+    n, dof = q.shape
+    found, a, b = np.empty(n, np.bool_), np.empty((dof, dof)), np.empty(dof)
+    own = Equations(np.empty((dof + 1, 3, 4)), a, b)
+    for i in range(n):
+        found[i] = False
+        for _ in range(MOST_STEPS):
+            write_equations(links, task, q[i], targets[i], own)
+            for r in range(task, dof):
+                write_row(w[i, 0, r - task], a[r])
+                b[r] = 0.0
+                for k in range(dof):
+                    b[r] += a[r, k] * (g[i, 0, k] - q[i, k])
+            if solve(a, b, dof) < SINGULAR:
+                break
+            size = 0.0
+            for k in range(dof):
+                size = max(size, abs(b[k]))
+            scale = LONGEST_STEP / size if size > LONGEST_STEP else 1.0
+            for k in range(dof):
+                q[i, k] += scale * b[k]
+            if size < ARRIVED:
+                found[i] = True
+                break
+    return found
+
+
+@compiled()
+def path_derivatives(
+    links: FloatArray,
+    task: int,
+    q: FloatArray,
+    targets: FloatArray,
+    rates: FloatArray,
+    w: FloatArray,
+    g: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Derivatives of the joint positions by arc length s, at the poses of a path.
+
+    If rotation about the tool axis is free, the equations of the orientation are
+    `x . omega = x . rate` for the target's x and y axes, which rotate with the target. The second
+    derivative follows from differentiating these equations.
+
+    Args:
+        links: Links of the chain, (dof + 1, 12).
+        task: Task dimension: 6, 5 or 3.
+        q: Joint positions that solve the inverse kinematics [rad], (n, dof).
+        targets: Target poses, (n, 3, 4).
+        rates: Derivatives of the targets by s: first and second of the position, angular velocity
+            and its derivative, (n, 4, 3).
+        w: Rows of the guide equations and their first two derivatives by s,
+            (n, 3, dof - task, dof).
+        g: Joint positions of the guide and their first two derivatives by s, (n, 3, dof).
+
+    Returns:
+        dq_ds [rad/m] and d2q_ds2 [rad/m²], (n, dof), and the smallest over the largest pivot of
+        the equations, (n,): 0 if they are singular.
+    """
+    n, dof = q.shape
+    first, second, pivot_ratio = np.empty((n, dof)), np.empty((n, dof)), np.empty(n)
+    frames, a, b = np.empty((dof + 1, 3, 4)), np.empty((dof, dof)), np.empty(dof)
+    copy = np.empty((dof, dof))
+    for i in range(n):
+        write_equations(links, task, q[i], targets[i], Equations(frames, a, b))
+        x = rates[i]
+        move, bend = (x[0, 0], x[0, 1], x[0, 2]), (x[1, 0], x[1, 1], x[1, 2])
+        turn, twist = (x[2, 0], x[2, 1], x[2, 2]), (x[3, 0], x[3, 1], x[3, 2])
+        write_task(task, targets[i], move, turn, b)
+        for r in range(task, dof):
+            write_row(w[i, 0, r - task], a[r])
+            b[r] = 0.0
+            for k in range(dof):
+                b[r] += a[r, k] * g[i, 1, k] - w[i, 1, r - task, k] * (q[i, k] - g[i, 0, k])
+        for k in range(dof):
+            write_row(a[k], copy[k])
+        pivot_ratio[i] = solve(copy, b, dof)
+        write_row(b, first[i])
+        # Angular velocity of the tool, and its acceleration and angular acceleration at ddq = 0.
+        turned = bent = twisted = (0.0, 0.0, 0.0)
+        for k in range(dof):
+            # The link before the joint turns the joint axis, which adds omega x axis dq.
+            axis = column(frames[k], 2)
+            twisted = add(twisted, b[k], cross(turned, axis))
+            turned = add(turned, b[k], axis)
+            way = add(column(frames[k + 1], 3), -1.0, column(frames[k], 3))
+            bent = add(bent, 1.0, cross(twisted, way))
+            bent = add(bent, 1.0, cross(turned, cross(turned, way)))
+        # The tool may rotate about its axis at another rate than the target: the difference of
+        # the angular velocities is along the tool axis.
+        free = cross(add(turn, -1.0, turned), turn)
+        twist = add(add(twist, -1.0, twisted), 1.0, free)
+        write_task(task, targets[i], add(bend, -1.0, bent), twist, b)
+        for r in range(task, dof):
+            w0, w1, w2 = w[i, 0, r - task], w[i, 1, r - task], w[i, 2, r - task]
+            b[r] = 0.0
+            for k in range(dof):
+                b[r] += w0[k] * g[i, 2, k] - 2.0 * w1[k] * (first[i, k] - g[i, 1, k])
+                b[r] -= w2[k] * (q[i, k] - g[i, 0, k])
+        solve(a, b, dof)
+        write_row(b, second[i])
+    return first, second, pivot_ratio
+
+
+@compiled()
+def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArray) -> FloatArray:
+    """Orthonormal basis of the null-space motion: joint motion that does not move the tool.
+
+    For task 5 the tool may rotate about its axis, for task 3 about its tool point.
+
+    Args:
+        links: Links of the chain, (dof + 1, 12).
+        task: Task dimension: 6, 5 or 3.
+        q: Joint positions [rad], (n, dof).
+        targets: Target poses, (n, 3, 4).
+
+    Returns:
+        Unit vectors of joint motion, (n, dof - task, dof).
+    """
+    n, dof = q.shape
+    found, rows, rest = np.empty((n, dof - task, dof)), np.empty((dof, dof)), np.empty(dof)
+    own = Equations(np.empty((dof + 1, 3, 4)), rows, np.empty(dof))
+    for i in range(n):
+        write_equations(links, task, q[i], targets[i], own)
+        for r in range(dof):
+            if r >= task:
+                # Start from the joint axis that is farthest from the span of the rows so far.
+                farthest = 0
+                for k in range(dof):
+                    rest[k], rows[r, k] = 1.0, 0.0
+                    for j in range(r):
+                        rest[k] -= rows[j, k] ** 2
+                    if rest[k] > rest[farthest]:
+                        farthest = k
+                rows[r, farthest] = 1.0
+            # Two passes of Gram-Schmidt make the rows orthogonal to the last digit.
+            for _ in range(2):
+                for j in range(r):
+                    along = 0.0
+                    for k in range(dof):
+                        along += rows[j, k] * rows[r, k]
+                    for k in range(dof):
+                        rows[r, k] -= along * rows[j, k]
+                size = 0.0
+                for k in range(dof):
+                    size += rows[r, k] ** 2
+                if size > 0.0:
+                    for k in range(dof):
+                        rows[r, k] /= math.sqrt(size)
+        for r in range(task, dof):
+            write_row(rows[r], found[i, r - task])
+    return found
+
+
+@compiled(inner=True)
+def write_shortest_step(
+    task: int,
+    own: Equations,
+    damping: float,
+    square: FloatArray,
+    right: FloatArray,
+    out: FloatArray,
+) -> float:
+    """Write the shortest joint step that removes the pose error into `out`.
+
+    The step is `J^T (J J^T + damping² I)^-1 e`; it is long or not finite near a singularity.
+
+    Args:
+        task: Task dimension: 6, 5 or 3.
+        own: The equations.
+        damping: Damping of the least squares.
+        square: Memory, (6, 6).
+        right: Memory, (6,).
+        out: Output: the step [rad], (dof,).
+
+    Returns:
+        The largest step of a joint [rad]; infinite if the equations are singular.
+    """
+    rows, dof = own.rows, len(out)
+    for i in range(task):
+        for j in range(i + 1):
+            value = damping * damping if i == j else 0.0
+            for k in range(dof):
+                value += rows[i, k] * rows[j, k]
+            square[i, j] = square[j, i] = value
+        right[i] = own.error[i]
+    if solve(square, right, task) == 0.0:
+        return math.inf
+    most = 0.0
+    for k in range(dof):
+        value = 0.0
+        for i in range(task):
+            value += rows[i, k] * right[i]
+        out[k] = value
+        most = max(most, abs(value))
+    return most
+
+
+@compiled()
+def approach(
+    links: FloatArray, task: int, target: FloatArray, q: FloatArray, weight: float, most: int
+) -> FloatArray:
+    """Move each row of joint positions as close to one pose as possible, by damped least squares.
+
+    Args:
+        links: Links of the chain, (dof + 1, 12).
+        task: Task dimension: 6, 5 or 3.
+        target: Target pose, (3, 4).
+        q: Joint positions to start from [rad], overwritten with the results, (n, dof).
+        weight: Weight of a radian against a metre [m/rad].
+        most: Largest number of steps.
+
+    Returns:
+        Position and orientation error that remain, (n, 2) [m, rad].
+    """
+    n, dof = q.shape
+    frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
+    best = Equations(frames, np.empty((6, dof)), np.empty(6))
+    tried = Equations(frames, np.empty((6, dof)), np.empty(6))
+    step, trial, residual = np.empty(dof), np.empty(dof), np.empty((n, 2))
+    for i in range(n):
+        damping, cost, residual[i, 0], residual[i, 1] = 0.05, math.inf, math.inf, math.inf
+        write_row(q[i], trial)
+        for _ in range(most):
+            write_equations(links, task, trial, target, tried)
+            error, turn = tried.error, 0.0
+            for r in range(3, task):
+                error[r] *= weight
+                turn += error[r] ** 2
+                for k in range(dof):
+                    tried.rows[r, k] *= weight
+            place = error[0] ** 2 + error[1] ** 2 + error[2] ** 2
+            if place + turn < cost:
+                gain, cost = cost - (place + turn), place + turn
+                best, tried = tried, best
+                write_row(trial, q[i])
+                residual[i, 0], residual[i, 1] = math.sqrt(place), math.sqrt(turn) / weight
+                damping = max(damping * 0.3, 1e-9)
+                if cost < 1e-26 or gain < 1e-12 * cost:
+                    break
+            else:
+                damping *= 4.0
+                if damping > 1e3:
+                    break
+            size = write_shortest_step(task, best, damping, square, right, step)
+            if not math.isfinite(size):
+                break
+            scale = LONGEST_STEP / size if size > LONGEST_STEP else 1.0
+            for k in range(dof):
+                trial[k] = q[i, k] + scale * step[k]
+    return residual
+
+
+@compiled(inner=True)
+def write_pose_between(
+    first: FloatArray, second: FloatArray, share: float, out: FloatArray
+) -> None:
+    """Write the pose at `share` (0 to 1) from the first to the second of two close poses."""
+    for i in range(3):
+        for j in range(4):
+            out[i, j] = first[i, j] + share * (second[i, j] - first[i, j])
+    # Make the axes orthonormal again: first z, then x, then y.
+    for j in (2, 0):
+        if j == 0:
+            along = dot(column(out, 0), column(out, 2))
+            for i in range(3):
+                out[i, 0] -= along * out[i, 2]
+        size = math.sqrt(dot(column(out, j), column(out, j)))
+        for i in range(3):
+            out[i, j] /= size
+    out[0, 1], out[1, 1], out[2, 1] = cross(column(out, 2), column(out, 0))
+
+
+@compiled()
+def follow(
+    links: FloatArray,
+    task: int,
+    targets: FloatArray,
+    q: FloatArray,
+    reached: IntArray,
+    enough: float,
+) -> None:
+    """Follow a sequence of poses from several joint positions by the shortest joint steps.
+
+    Args:
+        links: Links of the chain, (dof + 1, 12).
+        task: Task dimension: 6, 5 or 3.
+        targets: Target poses, each close to the one before, (n, 3, 4).
+        q: Joint positions of every way [rad], (ways, n, dof): rows 0 are given, the other rows are
+            outputs, as far as poses are reached.
+        reached: Takes the number of poses that were reached, including the first one, (ways,).
+        enough: A pose is reached with a correction below this [rad].
+    """
+    ways, n, dof = q.shape
+    frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
+    own = Equations(frames, np.empty((6, dof)), np.empty(6))
+    step, here, trial = np.empty(dof), np.empty(dof), np.empty(dof)
+    between = np.empty((3, 4))
+    for way in range(ways):
+        reached[way] = n
+        for i in range(1, n):
+            write_row(q[way, i - 1], here)
+            done, share = 0.0, 1.0
+            while done < 1.0 and share >= 0.5**MOST_HALVINGS:
+                ahead, target = min(done + share, 1.0), targets[i]
+                if ahead < 1.0:
+                    write_pose_between(targets[i - 1], targets[i], ahead, between)
+                    target = between
+                write_row(here, trial)
+                size, before = math.inf, math.inf
+                for _ in range(FOLLOW_CORRECTIONS):
+                    write_equations(links, task, trial, target, own)
+                    size = write_shortest_step(task, own, 0.0, square, right, step)
+                    # Each correction must be at most half of the one before; otherwise the steps
+                    # may lead to another configuration.
+                    if not size < 0.5 * before or size > FOLLOW_STEP:
+                        break
+                    for k in range(dof):
+                        trial[k] += step[k]
+                    before = size
+                    if size < enough:
+                        break
+                if size < enough:
+                    write_row(trial, here)
+                    done, share = ahead, min(2.0 * share, 1.0)
+                else:
+                    share *= 0.5
+            if done < 1.0:
+                reached[way] = i
+                break
+            write_row(here, q[way, i])

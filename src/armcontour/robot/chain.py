@@ -1,0 +1,245 @@
+"""The data of a chain of joints and links: joint axes, masses, inertias, friction, payload."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Checked
+from armcontour.core.frames import Frame, rotations
+from armcontour.core.quantities import (
+    Axes,
+    CoulombFrictions,
+    JointArmatures,
+    Mass,
+    Name,
+    Quantity,
+    ViscousFrictions,
+)
+
+# What is changed in a chain again and again, and checks itself.
+FRAMES = frozenset(("base", "tip", "tool", "payload"))
+GRAVITY = checks.lock_floats([0.0, 0.0, -9.81])
+LENGTH, INERTIA = Quantity("m"), Quantity("kg m^2")
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Payload(Checked):
+    """A load at the tool, in the frame of the chain's tip.
+
+    Args:
+        mass: Mass of the load [kg].
+        center: Centre of mass of the load [m], (3,).
+        inertia: Inertia about the centre of mass, along the tip's axes [kg m²], (3, 3); by default
+            that of a point mass.
+
+    Raises:
+        InvalidInput: The mass is negative, or no body can have this inertia.
+    """
+
+    mass: Mass = field(kw_only=False)
+    center: Annotated[FloatArray, LENGTH, Axes(3)] = field(
+        default_factory=lambda: np.zeros(3), kw_only=False
+    )
+    inertia: Annotated[FloatArray, INERTIA, Axes(3, 3)] = field(
+        default_factory=lambda: np.zeros((3, 3))
+    )
+
+    def _check_together(self) -> None:
+        refuse_inertia("the payload", self.inertia)
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Chain(Checked):
+    """Revolute joints in series, each with the link after the joint; arrays have one row per joint.
+
+    Joint i turns by q[i] about `axes[i]`. The frame of joint i is also the frame of link i; at
+    q = 0 it has the position `positions[i]` and the rotation `rotations[i]` in the frame of link
+    i - 1. The first joint is in the frame of the base.
+
+    Args:
+        joints: Names of the joints.
+        rotations: Rotations of the joint frames, (n, 3, 3).
+        positions: Positions of the joint frames [m], (n, 3).
+        axes: Joint axes as unit vectors in the joint frames, (n, 3).
+        masses: Masses of the links [kg], (n,); None if they are not known.
+        centers: Centres of mass of the links in the link frames [m], (n, 3).
+        inertias: Inertias of the links about their centres of mass, along the axes of the link
+            frames [kg m²], (n, 3, 3).
+        armature: Inertia of each drive, reflected to its joint [kg m²], (n,).
+        viscous: Viscous friction of the joints [N m s/rad], (n,).
+        coulomb: Coulomb friction of the joints [N m], (n,).
+        base: Frame of the base in the work frame, in which tool points are given.
+        tip: Frame of the end of the chain (the flange) in the frame of the last link.
+        tool: Tool frame in the frame of the tip. Its origin follows paths; its z axis is the tool
+            axis.
+        gravity: Acceleration of gravity in the frame of the base [m/s²], (3,).
+        payload: Load at the tip.
+        assumed: Which data are assumed, and by which rule; empty if none are.
+
+    Raises:
+        InvalidInput: Shapes of arrays do not fit, a rotation is none, or no body can have the mass
+            or inertia of a link.
+    """
+
+    joints: Annotated[tuple[Name, ...], Axes("joints")]
+    rotations: Annotated[FloatArray, Quantity(""), Axes("joints", 3, 3)]
+    positions: Annotated[FloatArray, LENGTH, Axes("joints", 3)]
+    axes: Annotated[FloatArray, Quantity(""), Axes("joints", 3)]
+    masses: Annotated[FloatArray, Quantity("kg"), Axes("joints")] | None = None
+    centers: Annotated[FloatArray, LENGTH, Axes("joints", 3)] | None = None
+    inertias: Annotated[FloatArray, INERTIA, Axes("joints", 3, 3)] | None = None
+    armature: Annotated[JointArmatures, Axes("joints")] | None = None
+    viscous: Annotated[ViscousFrictions, Axes("joints")] | None = None
+    coulomb: Annotated[CoulombFrictions, Axes("joints")] | None = None
+    base: Frame = field(default_factory=Frame)
+    tip: Frame = field(default_factory=Frame)
+    tool: Frame = field(default_factory=Frame)
+    gravity: Annotated[FloatArray, Quantity("m/s^2"), Axes(3)] = field(
+        default_factory=lambda: GRAVITY
+    )
+    payload: Payload | None = None
+    assumed: str = ""
+
+    def _check_together(self) -> None:
+        n = len(self.joints)
+        if n == 0:
+            raise InvalidInput("A chain needs at least one revolute joint.")
+        if self.masses is not None and (self.centers is None or self.inertias is None):
+            raise InvalidInput("A chain with masses needs centres of mass and inertias too.")
+        for name in ("armature", "viscous", "coulomb"):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, checks.lock_floats(np.zeros(n)))
+        # They are kept as given: only what is no rotation is refused.
+        rotations("rotations of a chain", self.rotations)
+        if (np.abs(np.linalg.norm(self.axes, axis=1) - 1) > 1e-9).any():
+            raise InvalidInput("The axes of a chain must be unit vectors.")
+        self._refuse_bodies()
+
+    def _refuse_bodies(self) -> None:
+        """Refuse links with a negative mass, or with an inertia that no body can have."""
+        if self.masses is None or self.inertias is None:
+            return
+        for name, mass, inertia in zip(self.joints, self.masses, self.inertias, strict=True):
+            if mass < 0:
+                raise InvalidInput(
+                    f"The link after {name} has the mass {mass:g} kg: it must not be negative."
+                )
+            refuse_inertia(f"the link after {name}", inertia)
+
+    def __len__(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    def replace(self, **changes: object) -> Chain:
+        """A copy of the chain with some of its data changed."""
+        if not FRAMES.issuperset(changes):
+            return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
+        # Looking at all links anew would take a millisecond.
+        found = copy(self)
+        for name, value in changes.items():
+            object.__setattr__(found, name, value)
+        return found
+
+
+def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
+    """Frames of the base and of all links in the work frame, (n, dof + 1, 3, 4).
+
+    Args:
+        chain: The chain.
+        q: Joint positions [rad], (n, dof).
+    """
+    from armcontour.robot._kinematics import frames_of
+
+    joints = frames_of(link_table(chain), checks.for_kernel(np.asarray(q, dtype=np.float64)))
+    found = np.empty_like(joints)
+    found[:, 0] = chain.base.matrix
+    found[:, 1:, :, :3] = joints[:, :-1, :, :3] @ np.swapaxes(joint_frames(chain), 1, 2)
+    found[:, 1:, :, 3] = joints[:, :-1, :, 3]
+    return found
+
+
+def link_table(chain: Chain) -> FloatArray:
+    """The chain as compiled kinematics take it, (dof + 1, 12).
+
+    Rows have rotation and position of the frames of all joints and of the tool, each in the one
+    before, with z along the joint axis. The first is in the work frame.
+
+    Args:
+        chain: The chain.
+    """
+    found, end = np.empty((len(chain) + 1, 12)), chain.tip @ chain.tool
+    turns = [*joint_frames(chain), np.eye(3)]
+    rotations = [*chain.rotations, end.rotation]
+    positions = [*chain.positions, end.position]
+    before, place = chain.base.rotation, chain.base.position
+    for own, rotation, position, turn in zip(found, rotations, positions, turns, strict=True):
+        own[:9] = (before @ rotation @ turn).ravel()
+        own[9:] = place + before @ position
+        before, place = turn.T, np.zeros(3)
+    return checks.lock_floats(found)
+
+
+def joint_frames(chain: Chain) -> FloatArray:
+    """Rotations of frames with z along the joint axes, in the frames of the links, (n, 3, 3)."""
+    found = np.tile(np.eye(3), (len(chain), 1, 1))
+    for frame, axis in zip(found, chain.axes, strict=True):
+        if axis[2] != 1.0:
+            across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+            frame[:, 0] = across / np.linalg.norm(across)
+            frame[:, 1], frame[:, 2] = np.cross(axis, frame[:, 0]), axis
+    return found
+
+
+def join_bodies(
+    bodies: Sequence[tuple[float, FloatArray, FloatArray]],
+) -> tuple[float, FloatArray, FloatArray]:
+    """Mass [kg], centre of mass [m] and inertia about it [kg m²] of bodies fixed to each other.
+
+    Args:
+        bodies: Mass, centre of mass, (3,), and inertia about it, (3, 3), of each body, in the same
+            frame. The sum of the masses must be above zero.
+    """
+    masses, centers, inertias = (np.array(x) for x in zip(*bodies, strict=True))
+    mass = float(masses.sum())
+    center = masses @ centers / mass
+    # The parallel-axis theorem for each body.
+    away = centers - center
+    apart = (masses[:, None] * away).T @ away
+    inertia = inertias.sum(axis=0) + np.trace(apart) * np.eye(3) - apart
+    return mass, center, (inertia + inertia.T) / 2
+
+
+def refuse_inertia(who: str, inertia: npt.ArrayLike) -> None:
+    """Refuse an inertia matrix that no body can have.
+
+    Args:
+        who: Name of the body, for the message.
+        inertia: Inertia about the centre of mass [kg m²], (3, 3).
+
+    Raises:
+        InvalidInput: The matrix is not symmetric, or its principal moments are negative or break
+            the triangle inequality.
+    """
+    matrix = np.asarray(inertia, dtype=np.float64)
+    size = float(np.abs(matrix).max())
+    if np.abs(matrix - matrix.T).max() > 1e-9 * size:
+        raise InvalidInput(f"The inertia of {who} must be symmetric.")
+    moments = np.linalg.eigvalsh(matrix)
+    if moments[0] < -1e-9 * size or moments[2] > (moments[0] + moments[1]) * (1 + 1e-6) + 1e-12:
+        raise InvalidInput(
+            f"No body can have the inertia of {who}: its principal moments are "
+            f"{', '.join(f'{x:.4g}' for x in moments)} kg m², and none may be negative or exceed "
+            "the sum of the two others."
+        )

@@ -1,0 +1,167 @@
+"""`Drives`: the torques that the joints' drives give, and the command for a motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.robot import Arm
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.model import integrator_filter
+
+# Below this speed the torque of Coulomb friction shrinks to 0 in proportion [rad/s]: a joint that a
+# plan leaves at rest has rounding errors of either sign. A joint reverses through this range in
+# less than a command interval.
+CREEP = 1e-3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Drives:
+    """The drives of an arm with masses: `tau = J K_v (K_p (u - q) - dq) + g(q)`.
+
+    With an integrator, K_v is `K_v (1 + k_i / s)`. u is the command after dead time and
+    interpolation. g is the gravity torque that the controller
+    feeds forward: that of the arm as the controller knows it.
+
+    Args:
+        arm: The nominal arm, with masses.
+        servo: Servo of order "second".
+        gravity_feedforward: Whether the controller adds the gravity torque.
+        known: The arm as its controller knows it, for g and J: for example without a payload that
+            was found later. By default the arm itself.
+
+    Attributes:
+        inertia: J, the servo's inertia, or else the nominal inertia of the known arm [kg m²],
+            (dof,).
+        damping: J K_v [N m s/rad], (dof,).
+        stiffness: J K_v K_p [N m/rad], (dof,).
+
+    Raises:
+        InvalidInput: An arm has no masses, the servo is of first order, or joints differ in number.
+    """
+
+    arm: Arm
+    servo: ServoModel
+    gravity_feedforward: bool = True
+    known: Arm | None = None
+    inertia: FloatArray = field(init=False)
+    damping: FloatArray = field(init=False)
+    stiffness: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        servo = self.servo.for_joints(self.arm.dof)
+        servo.refuse_mixed("The inverse dynamics of rigid bodies", integrator=True)
+        assert servo.kv is not None
+        if self.known is not None and self.known.dof != self.arm.dof:
+            raise InvalidInput(
+                f"The arm {self.arm.name} has {self.arm.dof} joints, but the arm that its "
+                f"controller knows has {self.known.dof}."
+            )
+        own = nominal_inertia(self.as_known) if servo.inertia is None else servo.inertia
+        object.__setattr__(self, "servo", servo)
+        object.__setattr__(self, "inertia", checks.lock_floats(own))
+        object.__setattr__(self, "damping", checks.lock_floats(own * servo.kv))
+        object.__setattr__(self, "stiffness", checks.lock_floats(own * servo.kv * servo.kp))
+
+    @property
+    def as_known(self) -> Arm:
+        """The arm as its controller knows it."""
+        return self.arm if self.known is None else self.known
+
+    def command(
+        self, q: FloatArray, dq: FloatArray, ddq: FloatArray, step: float = np.inf
+    ) -> FloatArray:
+        """The command u with which the drives make a motion [rad], (n, dof).
+
+        `u = q + dq / K_p + tau / (J K_v K_p)`, tau being the torque without gravity feed-forward
+        and without what an integrator gives, which holds the arm at the first time.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof).
+            step: Time between two rows, which only integrators need [s]; by default they are
+                states of rest that last.
+        """
+        torque = self.moving_torque(q, dq, ddq)
+        if self.servo.ki.any():
+            from scipy.signal import lfilter
+
+        for j in np.flatnonzero(self.servo.ki):
+            share = integrator_filter(self.servo.ki[j], step, 0.0)
+            torque[:, j] = lfilter(*share, torque[:, j] - torque[0, j])
+        return np.asarray(q + dq / self.servo.kp + torque / self.stiffness)
+
+    def moving_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+        """The torque of the loops for a motion, without gravity feed-forward [N m].
+
+        It covers inertia, coupling, Coriolis and centrifugal torques, payload, friction, and
+        gravity that the controller does not feed forward. Coulomb friction is `coulomb sign(dq)`
+        but for joints slower than `CREEP`.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof).
+        """
+        chain = self.arm.dynamics.chain
+        found = self.inertial_torque(q, dq, ddq) + np.asarray(chain.viscous) * dq
+        found += np.asarray(chain.coulomb) * np.clip(dq / CREEP, -1.0, 1.0)
+        return found
+
+    def inertial_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
+        """`moving_torque` without friction [N m], (n, dof)."""
+        found = self.arm.dynamics.torque(q, dq, ddq)
+        return found - self.as_known.dynamics.gravity(q) if self.gravity_feedforward else found
+
+    def linear(
+        self, q: FloatArray, dq: FloatArray, ddq: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Mass, damping and stiffness of the closed loops around a motion, (n, dof, dof) each.
+
+        The damping includes viscous friction, and not Coulomb friction.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof).
+        """
+        # Gravity of the arm that the controller knows cancels.
+        fed, differs = self.gravity_feedforward, self.known is not None
+        stiffness, damping, mass = self.arm.dynamics.derivatives(
+            q, dq, ddq, gravity=differs or not fed
+        )
+        if fed and differs:
+            still = np.zeros_like(q)
+            stiffness = stiffness - self.as_known.dynamics.derivatives(q, still, still)[0]
+        viscous = np.asarray(self.arm.dynamics.chain.viscous)
+        return mass, damping + np.diag(self.damping + viscous), stiffness + np.diag(self.stiffness)
+
+
+def nominal_inertia(arm: Arm) -> FloatArray:
+    """Nominal inertia of each joint with its drive [kg m²], (dof,).
+
+    It is the diagonal of the mass matrix in the middle of the joint ranges, without payload.
+
+    Args:
+        arm: An arm with masses.
+
+    Raises:
+        InvalidInput: The masses are not known, or a joint turns no inertia.
+    """
+    from armcontour.robot.dynamics import Dynamics
+
+    chain = arm.dynamics.chain
+    bare = arm.dynamics if chain.payload is None else Dynamics(chain.replace(payload=None))
+    found = np.diagonal(bare.mass_matrix(arm.limits.middle(arm.dof))).copy()
+    if (found <= 0).any():
+        j = int(np.argmin(found))
+        raise InvalidInput(
+            f"Joint {j + 1} ({chain.joints[j]}) turns no inertia: give the link after it a mass "
+            "and an inertia, or its drive an armature."
+        )
+    return found

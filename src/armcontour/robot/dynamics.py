@@ -1,0 +1,243 @@
+"""Joint torques of a chain of rigid bodies, their derivatives, and the model for pinocchio."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.robot.chain import Chain, joint_frames
+from armcontour.robot.limits import Limits, or_unlimited
+
+
+class Dynamics:
+    """Inverse dynamics of a chain; arrays are (n, dof), or (dof,) for one state.
+
+    Args:
+        chain: A chain with masses. Its armature is added to the torque of each joint separately.
+
+    Raises:
+        InvalidInput: The chain has no masses.
+    """
+
+    def __init__(self, chain: Chain) -> None:
+        if chain.masses is None:
+            raise InvalidInput("A chain without masses has no dynamics: give the masses of links.")
+        self.chain = chain
+        self._links = _numbers(chain)
+        self._gravity = np.array(chain.gravity)
+        self._friction = np.asarray(chain.viscous), np.asarray(chain.coulomb)
+
+    @property
+    def numbers(self) -> tuple[FloatArray, FloatArray]:
+        """What compiled dynamics take: numbers of the links, (dof, 24), and gravity, (3,)."""
+        return self._links, self._gravity
+
+    def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
+        """Joint torques [N m] of links, payload, drives and gravity, without friction."""
+        _, moving, weight = self.path_terms(q, dq, ddq)
+        return moving + weight
+
+    def friction(self, dq: npt.ArrayLike) -> FloatArray:
+        """Joint torques [N m] of viscous and Coulomb friction."""
+        rate = checks.floats("joint velocities", dq, "rad/s")
+        viscous, coulomb = self._friction
+        return np.asarray(viscous * rate + coulomb * np.sign(rate))
+
+    def path_terms(
+        self, q: npt.ArrayLike, dq_ds: npt.ArrayLike, d2q_ds2: npt.ArrayLike
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Coefficients a, b, c of the torque `a dds + b ds² + c` along a path, without friction.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            dq_ds: First derivatives by arc length [rad/m], same shape.
+            d2q_ds2: Second derivatives by arc length [rad/m²], same shape.
+        """
+        from armcontour.robot import _dynamics
+
+        a, b, c = _dynamics.path_terms(self._links, self._gravity, *self._rows(q, dq_ds, d2q_ds2))
+        shape = np.shape(q)
+        return a.reshape(shape), b.reshape(shape), c.reshape(shape)
+
+    def mass_matrix(self, q: npt.ArrayLike) -> FloatArray:
+        """Mass matrix: torque per joint acceleration [kg m²], (n, dof, dof)."""
+        (at,) = self._rows(q)
+        n, dof = at.shape
+        # Its rows are the torques that an acceleration of one joint takes without gravity.
+        one = np.tile(np.eye(dof), (n, 1))
+        found, _, _ = self.path_terms(np.repeat(at, dof, axis=0), one, np.zeros_like(one))
+        found = found.reshape(n, dof, dof)
+        return ((found + np.swapaxes(found, 1, 2)) / 2).reshape(*np.shape(q), dof)
+
+    def gravity(self, q: npt.ArrayLike) -> FloatArray:
+        """Joint torques [N m] that hold links and payload against gravity."""
+        still = np.zeros(np.shape(q))
+        return self.path_terms(q, still, still)[2]
+
+    def derivatives(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, gravity: bool = True
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Derivatives of the torque by position, velocity and acceleration, without friction.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
+            gravity: Whether the torque includes gravity.
+
+        Returns:
+            Derivatives by position [N m/rad], by velocity [N m s/rad] and by acceleration, which is
+            the mass matrix [kg m²], (n, dof, dof) each.
+        """
+        states, unit = self._rows(q, dq, ddq), np.eye(len(self.chain))
+
+        def change(order: int, step: float) -> FloatArray:
+            """Half the change of the torque from -step to step of each joint, (n, dof, joints)."""
+            ends = []
+            for end in (-step, step):
+                moved = [x[:, None] + (k == order) * end * unit for k, x in enumerate(states)]
+                _, moving, weight = self.path_terms(*moved)
+                ends.append(moving + gravity * weight)
+            return np.swapaxes(ends[1] - ends[0], 1, 2) / 2
+
+        # The torque is a trigonometric polynomial of degree 2 in each joint position and a
+        # quadratic polynomial in each velocity, so these differences are exact.
+        position = (3 * change(0, math.pi / 3) - change(0, 2 * math.pi / 3)) / math.sqrt(3)
+        shape = (*np.shape(q), len(unit))
+        return position.reshape(shape), change(1, 1.0).reshape(shape), self.mass_matrix(q)
+
+    def last_body_regressor(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, gravity: bool = True
+    ) -> FloatArray:
+        """Joint torques per parameter of the last body, of which they are linear.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
+            gravity: Whether the torque includes gravity.
+
+        Returns:
+            Torques per mass, per first moments, and per moments of inertia xx, xy, yy, xz, yz and
+            zz about the origin, all in the frame of the last joint, (n, dof, 10).
+        """
+        from armcontour.robot import _dynamics
+
+        states, weight = self._rows(q, dq, ddq), self._gravity * gravity
+        turn = joint_frames(self.chain)[-1]
+        links, found = self._links.copy(), np.empty((*np.shape(q), 10))
+        for k, unit in enumerate(np.eye(10)):
+            # All links have no mass but the last one, with one parameter of 1.
+            links[:, 12:] = 0.0
+            links[:, 22] = links[-1, 12] = unit[0]
+            links[-1, 13:16] = unit[1:4] @ turn
+            xx, xy, yy, xz, yz, zz = unit[4:]
+            about = turn.T @ [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]] @ turn
+            links[-1, 16:22] = about[np.triu_indices(3)]
+            _, moving, still = _dynamics.path_terms(links, weight, *states)
+            found[..., k] = (moving + still).reshape(np.shape(q))
+        return found
+
+    def _rows(self, *states: npt.ArrayLike) -> list[FloatArray]:
+        """The given states as rows, (n, dof) each.
+
+        The shapes are checked because compiled code would read past the end of a short row.
+
+        Raises:
+            InvalidInput: The shapes differ, or the number of columns is not that of the joints.
+        """
+        arrays = [checks.floats("states of an arm", x) for x in states]
+        shape, dof = arrays[0].shape, len(self.chain)
+        if any(x.shape != shape for x in arrays) or shape[-1:] != (dof,):
+            raise InvalidInput(
+                f"The states of {dof} joints must be arrays of one shape with {dof} columns, not "
+                f"{', '.join(str(x.shape) for x in arrays)}."
+            )
+        # Numba would compile a second time for arrays that are read-only.
+        return [np.require(x.reshape(-1, dof), requirements=["C", "W"]) for x in arrays]
+
+
+def pinocchio() -> Any:
+    """The module pinocchio, imported at first use.
+
+    Raises:
+        InvalidInput: pinocchio is not installed.
+    """
+    try:
+        import pinocchio as module
+    except ImportError as error:
+        raise InvalidInput(
+            f"This needs pinocchio, which cannot be imported ({error}): pip install "
+            "'armcontour[dynamics]' (there are no wheels for Windows)."
+        ) from None
+    return module
+
+
+def _numbers(chain: Chain) -> FloatArray:
+    """The links as the compiled dynamics takes them: 24 numbers each, in frames about the joints.
+
+    The numbers are rotation and position of the frame in the one before, in which z is the joint
+    axis; mass, first moment, and inertia about the joint xx, xy, xz, yy, yz, zz; the mass of all
+    that the joint carries; the armature.
+    """
+    assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
+    found, before = np.zeros((len(chain), 24)), np.eye(3)
+    for k, (own, frame) in enumerate(zip(found, joint_frames(chain), strict=True)):
+        bodies = [(chain.masses[k], chain.centers[k], chain.inertias[k])]
+        if chain.payload is not None and k == len(chain) - 1:
+            load, tip = chain.payload, chain.tip
+            center = tip.position + tip.rotation @ load.center
+            bodies.append((load.mass, center, tip.rotation @ load.inertia @ tip.rotation.T))
+        own[:9] = (before.T @ chain.rotations[k] @ frame).ravel()
+        own[9:12] = before.T @ chain.positions[k]
+        for mass, center, inertia in bodies:
+            at = center @ frame
+            about = frame.T @ inertia @ frame + mass * (at @ at * np.eye(3) - np.outer(at, at))
+            own[12] += mass
+            own[13:16] += mass * at
+            own[16:22] += about[np.triu_indices(3)]
+        before = frame
+    found[:, 22] = np.cumsum(found[::-1, 12])[::-1]
+    found[:, 23] = chain.armature
+    return found
+
+
+def pinocchio_model(chain: Chain, limits: Limits) -> Any:
+    """As `ChainArm.pinocchio`."""
+    pin, dof = pinocchio(), len(chain)
+    model = pin.Model()
+    model.gravity.linear = np.array(chain.gravity)
+    joint = 0
+    for k, name in enumerate(chain.joints):
+        joint = model.addJoint(
+            joint,
+            pin.JointModelRevoluteUnaligned(np.array(chain.axes[k])),
+            pin.SE3(np.array(chain.rotations[k]), np.array(chain.positions[k])),
+            name,
+        )
+        if chain.masses is not None and chain.centers is not None and chain.inertias is not None:
+            body = pin.Inertia(
+                float(chain.masses[k]), np.array(chain.centers[k]), np.array(chain.inertias[k])
+            )
+            model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+    if chain.payload is not None:
+        load = chain.payload
+        body = pin.Inertia(load.mass, np.array(load.center), np.array(load.inertia))
+        tip = pin.SE3(np.array(chain.tip.rotation), np.array(chain.tip.position))
+        model.appendBodyToJoint(joint, body, tip)
+    for name, place in (("tip", chain.tip), ("tool", chain.tip @ chain.tool)):
+        at = pin.SE3(np.array(place.rotation), np.array(place.position))
+        model.addFrame(pin.Frame(name, dof, at, pin.FrameType.OP_FRAME))
+    model.lowerPositionLimit, model.upperPositionLimit = limits.joint_range(dof)
+    model.velocityLimit = limits.velocity_bounds(dof)[1]
+    model.effortLimit = or_unlimited(limits.joint_torque, dof)
+    for name in ("armature", "damping", "upperDryFrictionLimit"):
+        values = {"damping": chain.viscous, "upperDryFrictionLimit": chain.coulomb}
+        setattr(model, name, np.array(values.get(name, chain.armature)))
+    return model

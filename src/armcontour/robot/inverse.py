@@ -1,0 +1,241 @@
+"""Inverse kinematics of serial arms: all joint positions that put the tool in one pose.
+
+They are known in closed form for most arms of six joints; else they are searched.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput, Unreachable
+from armcontour.core.frames import UNTURNED, Pose, read_poses
+from armcontour.core.pool import map_in_threads, split_evenly
+from armcontour.robot import _newton
+from armcontour.robot.arm import hint_at_unit
+from armcontour.robot.planar import PlanarTwoLink
+from armcontour.robot.serial import ChainArm, SerialArm
+
+# Task dimension of the whole pose, for which there are closed forms, and that of the tool point.
+WHOLE, POINT = 6, 3
+# Number of joint positions that the search starts from. With this number the search found all
+# eight configurations of a common six-joint arm in each of thousands of random poses.
+SEEDS = 400
+# Weight of a radian against a metre [m/rad]: in the search for solutions, and in the search for
+# the reachable point that is nearest to a pose.
+SEARCH_WEIGHT = 0.5
+REACH_WEIGHT = 10.0
+MOST_STEPS = 200
+# To find the distance of a pose that is out of reach, this number of them is tried.
+REACH_SEEDS = 60
+# The search from all of them is shared by threads in so many parts.
+PARTS = 8
+# A pose is reached if position and orientation are closer than this [m, rad].
+MET = 1e-8
+# Two solutions are distinct if they differ by more than this [rad]. A redundant arm has infinitely
+# many solutions, so only solutions that differ a lot are listed.
+APART = 1e-3
+APART_REDUNDANT = 0.5
+
+
+def solve(arm: ChainArm, pose: Pose, near: npt.ArrayLike | None, *, every: bool) -> FloatArray:
+    """As `ChainArm.inverse`; `every` is its `all`."""
+    points, axes = read_poses("pose", pose)
+    if every and points.ndim > 1:
+        raise InvalidInput(f"All configurations are those of one pose, not of {points.shape[:-1]}.")
+    rows = points.reshape(-1, points.shape[-1])
+    start = None if near is None else checks.per_joint("near", near, arm.dof, "rad")
+    if isinstance(arm, PlanarTwoLink):
+        if rows[:, 2:].any():
+            raise InvalidInput(f"The arm {arm.name} moves in the plane: z of a pose must be 0.")
+        known = np.stack([arm.joint_position(rows[:, :2], x) for x in arm.branches], axis=1)
+    elif rows.shape[1] != 3:
+        raise InvalidInput(f"The arm {arm.name} moves in space: give x, y and z of a position.")
+    turned = np.broadcast_to(
+        UNTURNED if axes is None else axes.reshape(-1, 3, 3), (len(rows), 3, 3)
+    )
+    solutions: list[FloatArray] = []
+    for i, point in enumerate(rows):
+        gap = 0.0
+        if isinstance(arm, PlanarTwoLink):
+            found = known[i]
+        else:
+            assert isinstance(arm, SerialArm)
+            target, task = np.column_stack([turned[i], point]), POINT if axes is None else WHOLE
+            found = configurations(arm, target, task)
+            if start is not None and task < arm.dof:
+                # Of infinitely many, the sample need not have one that is near.
+                found = np.concatenate([configurations(arm, target, task, start), found])
+            if not len(found):
+                gap = float(out_of_reach(arm, target[None], task, seeds(arm)[:REACH_SEEDS])[0])
+        inside = _within_ranges(arm, found, start)
+        if not len(inside):
+            _refuse(arm, i, point, found, gap)
+        if every:
+            return inside
+        start = inside[0]
+        solutions.append(start)
+    return np.reshape(solutions, (*points.shape[:-1], arm.dof))
+
+
+def _within_ranges(arm: ChainArm, found: FloatArray, near: FloatArray | None) -> FloatArray:
+    """Solutions within the joint ranges, the nearest to a position or to the middle first."""
+    turned = [shift_by_turns(arm, q[None], near) for q in found]
+    inside = np.array([q[0] for q, fits in turned if fits]).reshape(-1, arm.dof)
+    away = np.abs(inside - (_middle(arm) if near is None else near)).max(axis=1)
+    return np.asarray(inside[np.argsort(away, kind="stable")])
+
+
+def _refuse(arm: ChainArm, index: int, point: FloatArray, found: FloatArray, gap: float) -> None:
+    """Raise Unreachable for a pose: it has no solution, or only ones out of the joint ranges."""
+    if len(found):
+        why = f"with joints out of their ranges only, such as {np.round(found[0], 4).tolist()} rad"
+    elif gap > MET:
+        why = f"as the tool stays {gap:.3g} m away"
+    else:
+        why = "with this rotation"
+    raise Unreachable(
+        f"The arm {arm.name} does not reach the pose at {tuple(np.round(point, 6).tolist())} m "
+        f"{why}: move or turn the pose{hint_at_unit(gap)}.",
+        point=point.tolist(),
+        index=index,
+        limit="range" if len(found) else "reach",
+        needed=gap,
+        allowed=0.0,
+    )
+
+
+def _middle(arm: ChainArm) -> FloatArray:
+    """Middle of each joint range [rad], 0 for a range without both ends, (dof,)."""
+    lower, upper = arm.limits.joint_range(arm.dof)
+    both = np.isfinite(lower) & np.isfinite(upper)
+    return np.where(both, lower, 0.0) / 2 + np.where(both, upper, 0.0) / 2
+
+
+def shift_by_turns(
+    arm: ChainArm, q: FloatArray, start: FloatArray | None = None
+) -> tuple[FloatArray, bool]:
+    """The positions, shifted by whole turns, and whether they are in the joint ranges then.
+
+    They are as near to the start as the ranges allow, or as near to the middle of the ranges as
+    possible. A joint whose range has one end only is shifted into its range.
+    """
+    lower, upper = arm.limits.joint_range(arm.dof)
+    low, high, turn = q.min(axis=0), q.max(axis=0), 2 * np.pi
+    both = np.isfinite(lower) & np.isfinite(upper)
+    middle = _middle(arm)
+    least = np.where(both, -np.inf, np.ceil((lower - low) / turn))
+    most = np.where(both, np.inf, np.floor((upper - high) / turn))
+    turns = np.rint((middle - (low + high) / 2) / turn)
+    shift = turn * np.minimum(np.maximum(turns, least), most)
+    if start is not None:
+        near = turn * np.rint((start - q[0]) / turn)
+        shift = np.where((low + near >= lower) & (high + near <= upper), near, shift)
+    return q + shift, bool(((low + shift >= lower) & (high + shift <= upper)).all())
+
+
+def configurations(
+    arm: SerialArm, pose: FloatArray, task: int, near: FloatArray | None = None
+) -> FloatArray:
+    """All joint positions that put the tool in a pose, up to whole turns of a joint.
+
+    A redundant arm has infinitely many; the function returns a sample of them.
+
+    Args:
+        arm: The arm.
+        pose: Rotation and position of the tool, (3, 4).
+        task: Task dimension: 6 for the whole pose, 5 if rotation about the tool axis is free, 3
+            for the tool point alone.
+        near: Joint positions [rad] to start the search from, (dof,); by default all are found.
+
+    Returns:
+        Joint positions [rad], (k, dof); k is 0 if there is no solution.
+    """
+    if near is None and task == WHOLE and arm.closed_form is not None:
+        found = arm.closed_form.solve(arm.chain.base.matrix, pose)
+        if found is not None:
+            return found
+    return search(arm, pose, task, near)
+
+
+def search(
+    arm: SerialArm, pose: FloatArray, task: int, near: FloatArray | None = None
+) -> FloatArray:
+    """As `configurations`, by damped Newton steps from joint positions all over the joint ranges.
+
+    Args:
+        arm: The arm.
+        pose: As in `configurations`.
+        task: As in `configurations`.
+        near: Joint positions [rad] to start from in the place of all these, (dof,).
+    """
+    q = seeds(arm) if near is None else np.array(near, dtype=np.float64).reshape(1, -1)
+    target = np.ascontiguousarray(pose)
+
+    def approach(part: slice) -> FloatArray:
+        own = q[part], SEARCH_WEIGHT, MOST_STEPS
+        return np.asarray(_newton.approach(arm.link_table, task, target, *own))
+
+    if near is None:
+        residuals = np.concatenate(map_in_threads(approach, split_evenly(len(q), PARTS)))
+    else:
+        residuals = approach(slice(1))
+    solutions = q[(residuals < MET).all(axis=1)]
+    solutions = np.pi - np.mod(np.pi - solutions, 2 * np.pi) if near is None else solutions
+    apart = np.cos(APART if task == arm.dof else APART_REDUNDANT)
+    kept, left, turns = [], np.arange(len(solutions)), np.exp(1j * solutions)
+    while len(left):
+        kept.append(left[0])
+        left = left[(turns[left] * turns[left[0]].conj()).real.min(axis=1) < apart]
+    return np.asarray(solutions[kept].reshape(-1, arm.dof))
+
+
+def seeds(arm: SerialArm) -> FloatArray:
+    """Random joint positions [rad] all over the joint ranges, the same in every call, (SEEDS, dof).
+
+    A joint range of a whole turn or more counts as the one turn from -pi to pi.
+    """
+    lower, upper = arm.limits.joint_range(arm.dof)
+    narrow = upper - lower < 2 * np.pi
+    lower, upper = np.where(narrow, lower, -np.pi), np.where(narrow, upper, np.pi)
+    random = np.random.default_rng(0)
+    return lower + random.uniform(size=(SEEDS, arm.dof)) * (upper - lower)
+
+
+def out_of_reach(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> FloatArray:
+    """Distance from each pose to the nearest tool point that the arm reaches [m], (n,).
+
+    The search keeps the required tool orientation as far as possible.
+
+    Args:
+        arm: The arm.
+        poses: Rotations and positions of the tool, (n, 3, 4).
+        task: Task dimension, as in `configurations`.
+        q: Joint positions to start the search from [rad], (k, dof).
+    """
+    return np.array([_approach(arm, x, task, q)[1].min() for x in poses])
+
+
+def nearest_reached(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) -> FloatArray:
+    """Joint positions with which the tool is nearest to a pose, by the same search [rad], (dof,).
+
+    Args:
+        arm: The arm.
+        pose: Rotation and position of the tool, (3, 4).
+        task: As in `out_of_reach`.
+        q: As in `out_of_reach`.
+    """
+    tried, distances = _approach(arm, pose, task, q)
+    return np.asarray(tried[np.argmin(distances)])
+
+
+def _approach(
+    arm: SerialArm, pose: FloatArray, task: int, q: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Where searches from joint positions end [rad], (k, dof), and how far from the pose [m]."""
+    tried = q.copy()
+    own = tried, REACH_WEIGHT, MOST_STEPS
+    residuals = _newton.approach(arm.link_table, task, np.ascontiguousarray(pose), *own)
+    return tried, np.asarray(residuals[:, 0])

@@ -1,0 +1,358 @@
+"""What an arm, its tool and the process allow."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.describing import brief, digits, line_up, to_html
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Checked, checked, quantities
+from armcontour.core.quantities import (
+    About,
+    AccelerationLimit,
+    AngularAccelerationLimit,
+    AngularSpeedLimit,
+    AtLeast,
+    Choice,
+    JerkLimit,
+    JointAccelerations,
+    JointJerks,
+    JointRanges,
+    JointTorques,
+    JointVelocities,
+    SpeedLimit,
+)
+
+JOINT_RANGE = ("joint_lower", "joint_upper")
+# Limits of joints that may differ between the two directions.
+DIRECTED = ("joint_velocity", "joint_acceleration")
+# Limits of jerk, which only the method optimal keeps.
+JERK_LIMITS = ("joint_jerk", "tool_jerk", "path_jerk")
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Limits(Checked):
+    """Limits of the joints and of the tool.
+
+    Limits replace those of an arm value by value: None is the arm's own limit, infinity lifts it.
+    In a lifted limit, the value is None, too, and `lifted` has its name.
+
+    Args:
+        joint_acceleration: Largest acceleration of each joint, either way [rad/s²], (dof,); or the
+            lower bounds, below zero, and the upper ones, (dof, 2).
+        joint_velocity: Largest velocity of each joint [rad/s], (dof,) or (dof, 2) in the same way.
+        joint_torque: Largest torque of each joint's drive, either way [N m], (dof,).
+        joint_jerk: Largest jerk of each joint [rad/s³], (dof,), infinite where there is none.
+        joint_lower, joint_upper: Range of each joint [rad], (dof,); infinite where there is none.
+        speed: Assigned velocity: tool speed asked for and not exceeded [m/s].
+        tool_acceleration: Largest acceleration of the tool, as a vector's length [m/s²].
+        centripetal_acceleration: Largest part of it at right angles to the motion [m/s²].
+        angular_speed: Largest rate at which the tool turns [rad/s].
+        angular_acceleration: Largest angular acceleration of the tool, as a vector's length
+            [rad/s²].
+        tool_jerk: Largest jerk of the tool, as a vector's length [m/s³].
+        path_jerk: Largest third derivative of the arc length over time, either way [m/s³].
+
+    Attributes:
+        lifted: Names of the limits that are lifted.
+
+    Raises:
+        InvalidInput: A limit that is not above zero, bounds that zero is not between, or a range
+            that is empty.
+    """
+
+    joint_acceleration: Annotated[JointAccelerations | None, About(usual=(1e-2, 100.0))] = None
+    joint_velocity: Annotated[JointVelocities | None, About(usual=(1e-2, 10.0))] = None
+    joint_torque: JointTorques | None = None
+    joint_jerk: Annotated[JointJerks | None, About(usual=(1.0, 1e4))] = None
+    joint_lower: JointRanges | None = None
+    joint_upper: JointRanges | None = None
+    speed: Annotated[SpeedLimit | None, About("--speed", usual=(1e-3, 2.0))] = None
+    tool_acceleration: Annotated[AccelerationLimit | None, About(usual=(1e-2, 50.0))] = None
+    centripetal_acceleration: Annotated[AccelerationLimit | None, About(usual=(1e-2, 20.0))] = None
+    angular_speed: AngularSpeedLimit | None = None
+    angular_acceleration: AngularAccelerationLimit | None = None
+    tool_jerk: JerkLimit | None = None
+    path_jerk: JerkLimit | None = None
+    lifted: frozenset[str] = field(default=frozenset(), init=False)
+
+    def __post_init__(self) -> None:
+        lifted = {x for x in UNITS if _is_endless(x, getattr(self, x))}
+        if lifted:
+            for name in lifted:
+                object.__setattr__(self, name, None)
+            object.__setattr__(self, "lifted", frozenset(lifted))
+        Checked.__post_init__(self)
+
+    def _check_together(self) -> None:
+        # Of jerk, which files give for some joints only, infinity is no limit.
+        for name in JOINT_LIMITS:
+            if name != "joint_jerk" and getattr(self, name) is not None:
+                checks.lock_numbers(name, getattr(self, name))
+        # Infinity means no end of the range, whatever its sign.
+        for name, end in (("joint_lower", -np.inf), ("joint_upper", np.inf)):
+            values = getattr(self, name)
+            if values is not None and np.isinf(values).any():
+                array = np.where(np.isinf(values), end, values)
+                object.__setattr__(self, name, checks.lock_floats(array))
+        self._refuse_empty_range()
+
+    def __str__(self) -> str:
+        """The limits that are given or lifted, with their units."""
+        given = {x: getattr(self, x) for x in UNITS}
+        rows = [
+            (x, "none" if values is None else f"{_list_values(values)} {UNITS[x]}")
+            for x, values in given.items()
+            if values is not None or x in self.lifted
+        ]
+        return line_up("Limits" if rows else "Limits: none", rows)
+
+    __repr__ = brief
+    _repr_html_ = to_html
+
+    def _refuse_empty_range(self) -> None:
+        lower, upper = self.joint_lower, self.joint_upper
+        if lower is None or upper is None:
+            return
+        if len({x.size for x in (lower, upper)} - {1}) > 1:
+            raise InvalidInput(
+                f"joint_lower has {lower.size} values, but joint_upper {upper.size}: give one for "
+                "all joints or one per joint."
+            )
+        empty = np.atleast_1d(lower >= upper)
+        if empty.any():
+            j = int(np.argmax(empty))
+            low, high = (float(np.broadcast_to(x, empty.shape)[j]) for x in (lower, upper))
+            raise InvalidInput(
+                f"The range of joint {j + 1} is empty: its joint_lower, {low:g} rad, must lie "
+                f"below its joint_upper, {high:g} rad."
+            )
+
+    def replace(self, **changes: Any) -> Limits:
+        """The same limits with some of them changed.
+
+        Args:
+            changes: New values by the names of the limits. Infinity lifts a limit; None stands for
+                the limit of the arm with which the limits are used.
+
+        Raises:
+            InvalidInput: An unknown name, or a value that is not a limit.
+        """
+        for name in changes:
+            if name not in UNITS:
+                raise InvalidInput(f"Unknown limit {name!r}: the limits are {', '.join(UNITS)}.")
+        return dataclasses.replace(self, **(dict.fromkeys(self.lifted, math.inf) | changes))
+
+    @classmethod
+    def only(cls, **values: Any) -> Limits:
+        """The given limits, with all others lifted, so that no limit of an arm is left.
+
+        Args:
+            values: Values by the names of the limits.
+
+        Raises:
+            InvalidInput: As of `replace`.
+        """
+        given = cls().replace(**values)
+        return given._without(x for x in UNITS if getattr(given, x) is None)
+
+    @checked
+    def over(self, others: Limits) -> Limits:
+        """These limits, and where they have neither a value nor lift one, the others.
+
+        Args:
+            others: The other limits, such as those of an arm.
+
+        Raises:
+            InvalidInput: A joint range is empty.
+        """
+        missing = [x for x in UNITS if getattr(self, x) is None and x not in self.lifted]
+        added = {x: y for x in missing if (y := getattr(others, x)) is not None}
+        lifted = others.lifted.intersection(missing)
+        if not added and not lifted:
+            return self
+        merged = self._with(added, self.lifted | lifted)
+        if not added.keys().isdisjoint(JOINT_RANGE):
+            merged._refuse_empty_range()
+        return merged
+
+    def _with(self, changes: Mapping[str, Any], lifted: frozenset[str]) -> Limits:
+        """The same limits with some replaced by others that need no check, and those lifted."""
+        changed = object.__new__(Limits)
+        for name in UNITS:
+            object.__setattr__(changed, name, changes.get(name, getattr(self, name)))
+        object.__setattr__(changed, "lifted", lifted)
+        return changed
+
+    def _without(self, names: Iterable[str]) -> Limits:
+        """The same limits with some lifted."""
+        names = tuple(names)
+        lifted = self.lifted.union(names)
+        return self if lifted == self.lifted else self._with(dict.fromkeys(names), lifted)
+
+    @property
+    def of_joints(self) -> Limits:
+        """The limits and ranges of the joints, without the limits of the tool."""
+        return self._without(TOOL_LIMITS)
+
+    @property
+    def jerk_limits(self) -> tuple[str, ...]:
+        """Names of the limits of jerk, without those that are infinite for every joint."""
+        given = {x: getattr(self, x) for x in JERK_LIMITS}
+        return tuple(x for x, y in given.items() if y is not None and np.isfinite(y).any())
+
+    @property
+    def without_jerk(self) -> Limits:
+        """The limits without those of jerk."""
+        return self._without(JERK_LIMITS)
+
+    @property
+    def of_tool(self) -> Limits:
+        """The limits of the tool, without the limits and ranges of the joints."""
+        return self._without(JOINT_VALUES)
+
+    def for_joints(self, dof: int) -> Limits:
+        """The same limits with one value per joint.
+
+        Args:
+            dof: Number of joints.
+
+        Raises:
+            InvalidInput: A wrong number of values.
+        """
+        dof = checks.whole("dof", dof, 1, checks.MOST_JOINTS)
+        changes: dict[str, FloatArray | None] = {}
+        for name, unit in JOINT_VALUES.items():
+            values = getattr(self, name)
+            if values is None or values.shape in ((dof,), (dof, 2)):
+                continue
+            if values.shape == (1, 2):
+                changes[name] = checks.lock_floats(np.repeat(values, dof, axis=0))
+                continue
+            if values.ndim == 2:
+                raise InvalidInput(
+                    f"{name} has bounds for {len(values)} joints, but the arm has {dof}: give one "
+                    f"pair for all joints or {dof}."
+                )
+            if values.ndim:
+                # Infinite values are no limits, and their number is refused.
+                checks.per_joint(name, np.where(np.isinf(values), 0.0, values), dof, unit)
+            one_each = changes[name] = np.full(dof, values)
+            one_each.setflags(write=False)
+        return self._with(changes, self.lifted) if changes else self
+
+    def acceleration_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
+        """Lower (negative) and upper bound of every joint's acceleration, infinite without one.
+
+        Args:
+            dof: Number of joints.
+        """
+        return self.bounds("joint_acceleration", dof)
+
+    def velocity_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
+        """Lower (negative) and upper bound of every joint's velocity, infinite without one.
+
+        Args:
+            dof: Number of joints.
+        """
+        return self.bounds("joint_velocity", dof)
+
+    @checked
+    def bounds(
+        self,
+        name: Annotated[str, Choice((*DIRECTED, "joint_torque", "joint_jerk"))],
+        dof: Annotated[int, AtLeast(1)],
+    ) -> tuple[FloatArray, FloatArray]:
+        """Lower (negative) and upper bounds of a limit of joints, infinite without one.
+
+        Args:
+            name: "joint_velocity", "joint_acceleration", "joint_torque" or "joint_jerk".
+            dof: Number of joints.
+        """
+        values = getattr(self, name)
+        try:
+            if values is not None and values.ndim == 2:
+                low, high = np.array(np.broadcast_to(values, (dof, 2)).T, order="C")
+                return low, high
+            upper = np.full(dof, np.inf if values is None else values)
+        except (TypeError, ValueError):
+            self.for_joints(dof)
+            raise
+        return -upper, upper
+
+    def joint_range(self, dof: int) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper end of every joint's range [rad], infinite without one.
+
+        Args:
+            dof: Number of joints.
+        """
+        try:
+            found = np.empty((2, dof))
+            found[0] = -np.inf if self.joint_lower is None else self.joint_lower
+            found[1] = np.inf if self.joint_upper is None else self.joint_upper
+        except (TypeError, ValueError):
+            self.for_joints(dof)
+            raise
+        return found[0], found[1]
+
+    def middle(self, dof: int) -> FloatArray:
+        """Middle of every joint's range [rad]; for an open range the position closest to 0.
+
+        Args:
+            dof: Number of joints.
+        """
+        low, high = self.joint_range(dof)
+        both = np.isfinite(low) & np.isfinite(high)
+        middle = (np.where(both, low, 0.0) + np.where(both, high, 0.0)) / 2
+        return np.asarray(np.where(both, middle, np.clip(0.0, low, high)))
+
+    def same_both_ways(self) -> bool:
+        """Whether every joint may accelerate alike in both directions."""
+        values = self.joint_acceleration
+        return values is None or values.ndim < 2 or bool((values.sum(axis=1) == 0).all())
+
+
+# The unit of every limit; limits with one value for all joints or one per joint, all others, and
+# those of joints that are no range.
+UNITS = {name: x.words for name, x in quantities(Limits).items()}
+JOINT_VALUES = {name: unit for name, unit in UNITS.items() if name.startswith("joint_")}
+TOOL_LIMITS = tuple(x for x in UNITS if x not in JOINT_VALUES)
+JOINT_LIMITS = tuple(x for x in JOINT_VALUES if x not in JOINT_RANGE)
+
+
+def _is_endless(name: str, values: Any) -> bool:
+    """Whether a limit is infinite for every joint, in both directions."""
+    if values is None or isinstance(values, str):
+        return False
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        # Refused by its check.
+        return False
+    if name in TOOL_LIMITS and array.ndim:
+        return False
+    if array.ndim == 2 and array.shape[1] == 2:
+        array = array * (-1.0, 1.0)
+    return bool(array.size and np.isposinf(array).all())
+
+
+def _list_values(values: npt.ArrayLike) -> str:
+    """The values of all joints; one if they are the same."""
+    rows = np.atleast_1d(values)
+    listed = [" to ".join(digits(x) for x in np.atleast_1d(row)) for row in rows]
+    return listed[0] if len(set(listed)) == 1 else ", ".join(listed)
+
+
+def or_unlimited(values: npt.ArrayLike | None, dof: int) -> FloatArray:
+    """The given joint limits, or infinity for every joint."""
+    return np.full(dof, np.inf) if values is None else np.array(values, dtype=np.float64)

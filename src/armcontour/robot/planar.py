@@ -1,0 +1,308 @@
+"""The planar two-link arm of the paper with its closed-form kinematics, eq. (1)-(4)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput, Unreachable
+from armcontour.core.fields import Checked, checked
+from armcontour.core.frames import Frame
+from armcontour.core.quantities import Length, Name, Quantity, Size
+from armcontour.robot.arm import hint_at_unit
+from armcontour.robot.chain import Chain, Payload
+from armcontour.robot.limits import Limits
+from armcontour.robot.scene import ArmShapes, Capsule, LinkShape
+from armcontour.robot.serial import ChainArm
+
+# Closer than this [m] to a limit of its reach the arm counts as singular: there sin(theta2) is
+# about 1e-4, the joints move 10^4 times faster than the tool, and double precision leaves 8 digits
+# of the position.
+SINGULAR_MARGIN = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tube(Checked):
+    """A uniform round tube, which stands for a link whose mass and inertia are not known.
+
+    Args:
+        outer_diameter: Outer diameter [m].
+        wall: Thickness of the wall [m].
+        density: Density of the material [kg/m³].
+
+    Raises:
+        InvalidInput: A value is not above zero, or the wall is thicker than the outer radius.
+    """
+
+    outer_diameter: Size
+    wall: Size
+    density: Annotated[float, Quantity("kg/m^3", sign="positive")]
+
+    def _check_together(self) -> None:
+        if 2 * self.wall > self.outer_diameter:
+            raise InvalidInput(
+                f"The wall of a tube must be at most half its outer diameter of "
+                f"{self.outer_diameter:g} m, but is {self.wall:g} m."
+            )
+
+    def mass(self, length: float) -> float:
+        """Mass of a tube of this length [kg]."""
+        outer, inner = self._radii()
+        return self.density * math.pi * (outer**2 - inner**2) * length
+
+    def inertia(self, length: float) -> FloatArray:
+        """Inertia of a tube of this length along y, about its middle [kg m²], (3, 3)."""
+        outer, inner = self._radii()
+        mass, squares = self.mass(length), outer**2 + inner**2
+        across = mass * (3 * squares + length**2) / 12
+        return np.diag([across, mass * squares / 2, across])
+
+    def _radii(self) -> tuple[float, float]:
+        """Outer and inner radius [m]."""
+        outer = self.outer_diameter / 2
+        return outer, outer - self.wall
+
+
+class PlanarTwoLink(ChainArm):
+    """An arm of two links in a plane, with two parallel joint axes.
+
+    Joint angles are measured clockwise: the first from the y axis, the second from the first link.
+    The plane is z = 0 of the attribute `chain`. It is assumed to be horizontal, so gravity causes
+    no torque.
+
+    Args:
+        name: Name of the arm, for messages and reports.
+        base: Distance L0 of the first joint from the origin, along x [m].
+        links: Link lengths L1, L2 [m].
+        limits: Limits of the arm's joints and tool.
+        source: Where the data of the arm come from.
+        joint_names: Names of the two joints.
+        tubes: The tubes that stand for the two links; None if neither masses nor shapes are known.
+        payload: Load at the tool; its frame lies in the plane, with y along the second link.
+        assumed: Which masses and inertias are assumed, and by which rule, for messages.
+        limits_hint: What the user can do to add the limits that the arm lacks, for messages.
+    """
+
+    dimension = 2
+    # Named after the sign of theta2. The paper prints (4) for the first solution only.
+    branches = ("positive", "negative")
+
+    @checked
+    def __init__(
+        self,
+        *,
+        name: str,
+        base: Length,
+        links: tuple[Size, Size],
+        limits: Limits,
+        source: str = "",
+        joint_names: tuple[Name, Name] = ("joint 1", "joint 2"),
+        tubes: tuple[Tube, Tube] | None = None,
+        payload: Payload | None = None,
+        assumed: str = "",
+        limits_hint: str = "",
+    ) -> None:
+        self.base = base
+        self.link1, self.link2 = links
+        chain = self._chain(joint_names, tubes, payload, assumed)
+        self._describe(name, chain, limits, source, limits_hint)
+        if tubes is not None:
+            self.shapes = _capsules(tubes, (self.link1, self.link2))
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Shortest and longest distance of the tool from the first joint [m]."""
+        return abs(self.link1 - self.link2), self.link1 + self.link2
+
+    @property
+    def span(self) -> float:
+        """Length of all links together [m]."""
+        return self.reach[1]
+
+    def joint_position(self, points: npt.ArrayLike, branch: str | None = None) -> FloatArray:
+        """Joint positions [rad] that put the tool at the points, (..., 2), eq. (3)-(4).
+
+        The quadrant of (3) is corrected; theta1 is within (-2 pi, 2 pi).
+
+        Args:
+            points: Tool points [m], (..., 2).
+            branch: Solution of the inverse kinematics, by default the first of `branches`.
+
+        Raises:
+            Unreachable: A point is out of reach or singular; `index` is the first such point.
+        """
+        sign = 1.0 if self._branch(branch) == "positive" else -1.0
+        at = checks.floats("tool points", points, "m")
+        if at.shape[-1:] != (2,):
+            raise InvalidInput(f"Tool points of an arm in the plane are x and y, not {at.shape}.")
+        c, y = at[..., 0] - self.base, at[..., 1]
+        distance = np.hypot(c, y)
+        self._refuse_out_of_reach(at, distance)
+        # 1 - cos(theta2) and 1 + cos(theta2) as products, which are exact at both limits of reach.
+        near, far = self.reach
+        low = (distance - near) * (distance + near) / (2 * self.link1 * self.link2)
+        high = (far - distance) * (far + distance) / (2 * self.link1 * self.link2)
+        q2 = sign * 2 * np.arctan2(np.sqrt(high), np.sqrt(low))
+        q1 = np.arctan2(c, y) - np.arctan2(
+            self.link2 * np.sin(q2), self.link1 + self.link2 * np.cos(q2)
+        )
+        return np.stack([q1, q2], axis=-1)
+
+    def branch_of(self, q: npt.ArrayLike) -> str:
+        """The one of `branches` to which joint positions belong.
+
+        Args:
+            q: Joint positions [rad], (2,).
+        """
+        bend = float(np.sin(checks.shaped("joint positions", q, (2,), "rad")[1]))
+        return self.branches[0 if bend >= 0 else 1]
+
+    def joint_velocity(self, q: npt.ArrayLike, velocity: npt.ArrayLike) -> FloatArray:
+        """Joint velocities [rad/s] that give the tool the velocity `velocity`, eq. (28).
+
+        Args:
+            q: Joint positions [rad], (..., 2).
+            velocity: Tool velocities [m/s], same shape.
+
+        Raises:
+            Unreachable: The arm is singular at one of the joint positions.
+        """
+        return self._solve(q, checks.floats("tool velocities", velocity, "m/s"))
+
+    def joint_acceleration(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, acceleration: npt.ArrayLike
+    ) -> FloatArray:
+        """Joint accelerations [rad/s²] that give the tool the acceleration `acceleration`.
+
+        The equation is `J⁻¹ (a - dJ/dt dq)`, which is (27) without its misprints.
+
+        Args:
+            q: Joint positions [rad], (..., 2).
+            dq: Joint velocities [rad/s], same shape.
+            acceleration: Tool accelerations [m/s²], same shape.
+
+        Raises:
+            Unreachable: The arm is singular at one of the joint positions.
+        """
+        rate, wanted = (checks.floats("states of an arm", x) for x in (dq, acceleration))
+        self._common_shape([checks.floats("states of an arm", q), rate, wanted])
+        return self._solve(q, wanted - self.tool_acceleration(q, rate, np.zeros_like(rate)))
+
+    def _solve(self, q: npt.ArrayLike, right: FloatArray) -> FloatArray:
+        """Solve `J(q) x = right` for x, (..., 2)."""
+        self._common_shape([checks.floats("states of an arm", q), right])
+        jacobian = self.tool_jacobian(q)
+        try:
+            return np.asarray(np.linalg.solve(jacobian, right[..., None])[..., 0])
+        except np.linalg.LinAlgError:
+            raise Unreachable(
+                f"The arm {self.name} is singular at one of the joint positions: "
+                "its tool cannot move in every direction there."
+            ) from None
+
+    def _chain(
+        self,
+        joints: tuple[str, ...],
+        tubes: tuple[Tube, Tube] | None,
+        payload: Payload | None,
+        assumed: str,
+    ) -> Chain:
+        """The two joints and links as a chain in space."""
+        lengths = np.array([self.link1, self.link2])
+        bodies: dict[str, npt.ArrayLike] = {}
+        if tubes is not None:
+            pieces = tuple(zip(tubes, lengths.tolist(), strict=True))
+            bodies["masses"] = [tube.mass(length) for tube, length in pieces]
+            bodies["centers"] = np.outer(lengths / 2, [0.0, 1.0, 0.0])
+            bodies["inertias"] = [tube.inertia(length) for tube, length in pieces]
+        return Chain(
+            joints=joints,
+            rotations=np.tile(np.eye(3), (2, 1, 1)),
+            positions=np.array([[self.base, 0.0, 0.0], [0.0, self.link1, 0.0]]),
+            # Positive angles turn clockwise, seen from above.
+            axes=np.tile([0.0, 0.0, -1.0], (2, 1)),
+            base=Frame(),
+            tip=Frame(position=np.array([0.0, self.link2, 0.0])),
+            gravity=np.zeros(3),
+            payload=payload,
+            assumed=assumed,
+            **bodies,  # type: ignore[arg-type]
+        )
+
+    def _branch(self, branch: str | None) -> str:
+        """Name of a solution, the default one for None.
+
+        Raises:
+            InvalidInput: The arm has no solution of this name.
+        """
+        if branch is None:
+            return self.branches[0]
+        if not isinstance(branch, str) or branch not in self.branches:
+            raise InvalidInput(
+                f"The arm {self.name} has the branches {', '.join(self.branches)}, not {branch!r}."
+            )
+        return branch
+
+    def _refuse_out_of_reach(self, points: FloatArray, distance: FloatArray) -> None:
+        """Refuse points that are out of reach or singular.
+
+        Args:
+            points: Tool points [m], (..., 2).
+            distance: Distances of the points from the first joint [m], (...).
+
+        Raises:
+            Unreachable: Names the first such point.
+        """
+        near, far = self.reach
+        outside = ~((distance > near + SINGULAR_MARGIN) & (distance < far - SINGULAR_MARGIN))
+        if not outside.any():
+            return
+        index = int(np.flatnonzero(outside.ravel())[0])
+        point = points.reshape(-1, 2)[index]
+        at = float(distance.ravel()[index])
+        x, y = point.tolist()
+        beyond = max(near - at, at - far)
+        if beyond > SINGULAR_MARGIN:
+            edge = f"more than {far:g} m" if at > far else f"less than {near:g} m"
+            problem = (
+                f"is {beyond:.3g} m out of reach of the arm {self.name} ({edge} from its base)"
+            )
+        else:
+            problem = (
+                f"lies on the edge of the reach of the arm {self.name}, {at:.9g} m from its base, "
+                "where it is singular"
+            )
+        raise Unreachable(
+            f"Point ({x:.6g}, {y:.6g}) m {problem}: move the path or the arm"
+            f"{hint_at_unit(beyond)}.",
+            point=point.tolist(),
+            index=index,
+            limit="reach",
+            needed=at,
+            allowed=far if at > (near + far) / 2 else near,
+        )
+
+
+def _capsules(tubes: tuple[Tube, Tube], lengths: tuple[float, float]) -> ArmShapes:
+    """Round-ended tubes in the place of links; the second one ends at the tool.
+
+    Args:
+        tubes: The tubes.
+        lengths: Lengths of the links [m].
+    """
+    shapes = []
+    for k, (tube, length) in enumerate(zip(tubes, lengths, strict=True), start=1):
+        radius = tube.outer_diameter / 2
+        # The end of a link that is thicker than long is left round.
+        stretch = length - radius if k == 2 and length > radius else length
+        shape = Capsule(radius=radius, length=stretch)
+        place = Frame.rpy((0.0, stretch / 2, 0.0), (-np.pi / 2, 0.0, 0.0))
+        shapes.append(LinkShape(name=f"link {k}", link=k, shape=shape, place=place))
+    source = "capsules in the place of links, with the assumed diameters of their tubes"
+    return ArmShapes(shapes=tuple(shapes), source=source)

@@ -1,0 +1,14 @@
+from armcontour.robot.scene.arm_shapes import ArmShapes as ArmShapes
+from armcontour.robot.scene.arm_shapes import LeftOut as LeftOut
+from armcontour.robot.scene.arm_shapes import LinkShape as LinkShape
+from armcontour.robot.scene.scene import MARGINS as MARGINS
+from armcontour.robot.scene.scene import Margins as Margins
+from armcontour.robot.scene.scene import Obstacle as Obstacle
+from armcontour.robot.scene.scene import Scene as Scene
+from armcontour.robot.scene.shapes import Box as Box
+from armcontour.robot.scene.shapes import Capsule as Capsule
+from armcontour.robot.scene.shapes import Cylinder as Cylinder
+from armcontour.robot.scene.shapes import HalfSpace as HalfSpace
+from armcontour.robot.scene.shapes import Mesh as Mesh
+from armcontour.robot.scene.shapes import Shape as Shape
+from armcontour.robot.scene.shapes import Sphere as Sphere

@@ -1,0 +1,357 @@
+"""Serial arms: the kinematics of a chain of any number of revolute joints."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.fields import checked
+from armcontour.core.frames import Frame, Pose, transforms
+from armcontour.robot.arm import Arm
+from armcontour.robot.chain import Chain, Payload, link_table
+from armcontour.robot.limits import Limits
+
+if TYPE_CHECKING:
+    from armcontour.robot.closed_form import ClosedForm
+
+# Joint axes are parallel if the sine of their angle is below this, for rounding errors.
+PARALLEL = 1e-9
+
+
+class ChainArm(Arm):
+    """An arm whose tool moves by a chain of joints: in space, or with x and y in the plane z = 0.
+
+    Attributes:
+        link_table: The chain as `link_table` has it, for compiled kinematics, (dof + 1, 12).
+    """
+
+    chain: Chain
+    link_table: FloatArray
+
+    def _describe(
+        self, name: str, chain: Chain, limits: Limits, source: str, limits_hint: str
+    ) -> None:
+        """Check and keep what every arm of a chain has."""
+        self.name = checks.check_name("name of an arm", name)
+        self.chain = chain
+        self.joint_names = chain.joints
+        self.limits = limits.for_joints(len(chain))
+        self.source = source
+        self.limits_hint = limits_hint
+        self.link_table = link_table(chain)
+
+    @property
+    def pinocchio(self) -> Any:
+        """A new `pinocchio.Model` of the arm in the frame of its base.
+
+        It has the masses, the payload, friction and limits, and the frames `tip` and `tool`.
+
+            model = arm.pinocchio
+            mass = pinocchio.crba(model, model.createData(), q)
+
+        Raises:
+            InvalidInput: pinocchio is not installed.
+        """
+        from armcontour.robot.dynamics import pinocchio_model
+
+        return pinocchio_model(self.chain, self.limits)
+
+    @cached_property
+    def span(self) -> float:
+        """Distances from joint to joint, and on to the tool, together [m]."""
+        end = self.chain.tip @ self.chain.tool
+        parts = np.concatenate([self.chain.positions, end.position[None]])
+        return float(np.linalg.norm(parts, axis=1).sum())
+
+    @checked
+    def forward(self, q: npt.ArrayLike) -> FloatArray:
+        """Poses of the tool in the work frame as homogeneous transforms, (..., 4, 4).
+
+        An arm in the plane has such poses, too: they lie in the plane z = 0.
+
+            arm = load_arm("ur5e")
+            arm.forward(np.zeros(6))[:3, 3]  # the tool point [m]
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+
+        Raises:
+            InvalidInput: The number of columns is not that of the joints.
+        """
+        return transforms(self.poses(q))
+
+    @checked
+    def inverse(
+        self,
+        pose: Pose,
+        near: npt.ArrayLike | None = None,
+        all: bool = False,  # noqa: A002, FBT001, FBT002
+    ) -> FloatArray:
+        """Joint positions [rad] with which the tool has a pose, (dof,), within the joint ranges.
+
+        In closed form for arms of two joints and most arms of six; else by a search.
+
+            q = arm.inverse(arm.forward(start), near=start)
+            elbow_up_and_down = arm.inverse(Frame((0.4, 0.1, 0.3), flipped), all=True)
+
+        Args:
+            pose: The pose in the work frame: a 4 by 4 transform, a pinocchio.SE3 or a Frame. A
+                position alone [m] leaves the rotation free, and so does an arm in the plane, whose
+                poses have z = 0. Of several poses, (n, 4, 4), each starts from the one before it.
+            near: Joint positions [rad] to which the solution is nearest, (dof,); by default the
+                middle of the joint ranges.
+            all: Whether all configurations for one pose are returned, the nearest first, (k, dof).
+                They do not differ by whole turns. Of infinitely many, these are some.
+
+        Raises:
+            Unreachable: No joint positions within the ranges reach the pose.
+            InvalidInput: It is no pose, or `near` is for another number of joints.
+        """
+        # An import by name: the solvers take the arms of this file.
+        solvers: Any = import_module("armcontour.robot.inverse")
+        return np.asarray(solvers.solve(self, pose, near, every=all))
+
+    @checked
+    def jacobian(self, q: npt.ArrayLike) -> FloatArray:
+        """Geometric Jacobian: twist of the tool per joint velocity, (..., 6, dof).
+
+        The first three rows are the velocity of the tool point [m/rad], the last three the angular
+        velocity [rad/rad], along the axes of the work frame; pinocchio calls that
+        `LOCAL_WORLD_ALIGNED`.
+
+            arm = load_arm("ur5e")
+            twist = arm.jacobian(q) @ dq
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+
+        Raises:
+            InvalidInput: The number of columns is not that of the joints.
+        """
+        from armcontour.robot._kinematics import jacobians
+
+        leading, (rows,) = self._rows(q)
+        return np.asarray(jacobians(self.link_table, rows).reshape(*leading, 6, self.dof))
+
+    def tool_position(self, q: npt.ArrayLike) -> FloatArray:
+        """Tool points [m], (n, dimension), in the plane eq. (1)-(2)."""
+        return self.poses(q)[..., : self.dimension, 3].copy()
+
+    def links(self, q: npt.ArrayLike) -> FloatArray:
+        """Points of all joints and of the tool, (n, dof + 1, dimension) [m]."""
+        found = self._frames(q)[..., : self.dimension, 3].copy()
+        found[..., -1, :] = self.tool_position(q)
+        return found
+
+    def tool_jacobian(self, q: npt.ArrayLike) -> FloatArray:
+        """Tool velocity per joint velocity [m/rad], (n, dimension, dof)."""
+        return self.jacobian(q)[..., : self.dimension, :]
+
+    def tool_jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
+        """Time derivative of `tool_jacobian` at the joint velocities `dq`, (n, dimension, dof)."""
+        leading, (rows, rates) = self._rows(q, dq)
+        frames = self._frames(rows)
+        points, directions = frames[..., 3], frames[:, :-1, :, 2]
+        angular = np.cumsum(directions * rates[..., None], axis=1)
+        # Each link moves the origin of the next joint; the last link moves the tool.
+        steps = _cross(angular, np.diff(points, axis=1))
+        moving = np.concatenate([np.zeros_like(steps[:, :1]), np.cumsum(steps, axis=1)], axis=1)
+        # A joint does not move its own axis, so the axis may be taken as fixed in its own link.
+        turning = _cross(angular, directions)
+        arms, opening = points[:, -1:] - points[:, :-1], moving[:, -1:] - moving[:, :-1]
+        found = _cross(turning, arms) + _cross(directions, opening)
+        found = np.swapaxes(found, -1, -2)[:, : self.dimension]
+        return found.reshape(*leading, self.dimension, self.dof)
+
+    def tool_velocity(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
+        """Tool velocity [m/s], eq. (22)."""
+        return self._motion(q, dq)[..., : self.dimension]
+
+    def tool_acceleration(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
+    ) -> FloatArray:
+        """Tool acceleration [m/s²]."""
+        return self._motion(q, dq, ddq)[..., 6 : 6 + self.dimension]
+
+    def tool_jerk(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, dddq: npt.ArrayLike
+    ) -> FloatArray:
+        """Tool jerk [m/s³], (..., dimension), from link to link; arguments as of every arm."""
+        return self._motion(q, dq, ddq, dddq)[..., 12 : 12 + self.dimension]
+
+    def tool_motion(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
+    ) -> tuple[FloatArray, FloatArray]:
+        """Tool velocity [m/s] and acceleration [m/s²] from one evaluation of the kinematics."""
+        found = self._motion(q, dq, ddq)
+        return found[..., : self.dimension], found[..., 6 : 6 + self.dimension]
+
+    def _motion(self, *states: npt.ArrayLike) -> FloatArray:
+        """Twist of the tool and its derivatives: as many as there are states after the first."""
+        # Numba is imported at first use: it loads slowly, and arms are also loaded to be listed.
+        from armcontour.robot._kinematics import tool_motion
+
+        leading, rows = self._rows(*states)
+        # Derivatives above the order are not read.
+        found = tool_motion(self.link_table, len(rows) - 1, *(rows * 4)[:4])
+        return np.asarray(found.reshape(*leading, found.shape[1]))
+
+    def poses(self, q: npt.ArrayLike) -> FloatArray:
+        """Rotations and positions of the tool in the work frame, (..., 3, 4).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+        """
+        return self._motion(q).reshape(*np.shape(q)[:-1], 3, 4)
+
+    def _frames(self, q: npt.ArrayLike) -> FloatArray:
+        """Frames of all joints and of the tool in the work frame, (..., dof + 1, 3, 4)."""
+        from armcontour.robot._kinematics import frames_of
+
+        leading, (rows,) = self._rows(q)
+        return np.asarray(frames_of(self.link_table, rows).reshape(*leading, self.dof + 1, 3, 4))
+
+
+class SerialArm(ChainArm):
+    """A serial arm in space.
+
+    All positions, velocities and orientations of the tool are in the work frame. Methods take
+    states of any leading shape. A twist is the tool's velocity [m/s] followed by its angular
+    velocity [rad/s], (n, 6), along the axes of the work frame.
+
+    Args:
+        name: Name of the arm, for messages and reports.
+        chain: Joints and links of the arm.
+        limits: Limits of the arm's joints and tool.
+        source: Where the data of the arm come from.
+        limits_hint: What the user can do to add the limits that the arm lacks, for messages.
+        notes: Sentences on what was left out or chosen when the arm was read.
+    """
+
+    dimension = 3
+    branches = ()
+
+    @checked
+    def __init__(
+        self,
+        *,
+        name: str,
+        chain: Chain,
+        limits: Limits,
+        source: str = "",
+        limits_hint: str = "",
+        notes: tuple[str, ...] = (),
+    ) -> None:
+        self._describe(name, chain, limits, source, limits_hint)
+        self.notes = notes
+
+    @cached_property
+    def closed_form(self) -> ClosedForm | None:
+        """Closed-form inverse kinematics of the whole pose; None if the arm is of another kind."""
+        from armcontour.robot.closed_form import ClosedForm
+
+        return ClosedForm.of(self.chain)
+
+    @cached_property
+    def moves_in_a_plane(self) -> bool:
+        """Whether all joints are parallel, so that the tool stays in a plane."""
+        # The rows of the angular velocity are the axes of the joints.
+        axes = self.jacobian(np.zeros(self.dof))[3:]
+        return bool(np.linalg.matrix_rank(axes, tol=PARALLEL) < 2)
+
+    @checked
+    def with_tool(self, tool: Pose, payload: Payload | None = None) -> SerialArm:
+        """A copy of the arm with another tool.
+
+        Args:
+            tool: Tool frame in the frame of the tip: a Frame, a 4 by 4 transform, a pinocchio.SE3
+                or a position [m]. Its origin follows paths; its z axis is the tool axis.
+            payload: Load at the tip; by default the load of this arm.
+        """
+        carried = self.chain.payload if payload is None else payload
+        return self._with(self.chain.replace(tool=Frame.of(tool), payload=carried))
+
+    @checked
+    def with_work(self, work: Pose) -> SerialArm:
+        """A copy of the arm with its tool points in another work frame.
+
+        Args:
+            work: Work frame of the paths, in the frame of the base, in the forms of a tool.
+        """
+        return self._with(self.chain.replace(base=Frame.of(work).inverse), "closed_form")
+
+    def pose(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Tool points [m], (n, 3), and tool orientations as rotation matrices, (n, 3, 3).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+        """
+        found = self.poses(q)
+        return found[..., 3].copy(), found[..., :3].copy()
+
+    def links(self, q: npt.ArrayLike) -> FloatArray:
+        """Points of the base, all joints, the tip and the tool, (n, dof + 3, 3) [m]."""
+        found = np.insert(super().links(q), [0, self.dof], 0.0, axis=-2)
+        point, rotation = self.pose(q)
+        found[..., 0, :] = self.chain.base.position
+        found[..., -2, :] = point + rotation @ self.chain.tool.inverse.position
+        return found
+
+    def twist_drift(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
+        """Bias acceleration `dJ/dt dq` of the tool: its twist rate at ddq = 0, (n, 6).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+        """
+        return self.tool_twist_rate(q, dq, np.zeros_like(checks.floats("q", q, "rad")))
+
+    def tool_twist(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
+        """Twist of the tool: velocity [m/s] and angular velocity [rad/s], (n, 6).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+        """
+        return self._motion(q, dq)
+
+    def tool_twist_rate(
+        self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
+    ) -> FloatArray:
+        """Acceleration [m/s²] and angular acceleration [rad/s²] of the tool, (n, 6).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
+        """
+        return self._motion(q, dq, ddq)[..., 6:]
+
+    def _with(self, chain: Chain, *kept: str) -> SerialArm:
+        """A copy of the arm with another chain, which keeps what was computed of some names."""
+        found = SerialArm(
+            name=self.name,
+            chain=chain,
+            limits=self.limits,
+            source=self.source,
+            limits_hint=self.limits_hint,
+            notes=self.notes,
+        )
+        # Shapes are those of this arm, read or not.
+        kept = ("shapes", "_read_shapes", *kept)
+        vars(found).update({key: x for key, x in vars(self).items() if key in kept})
+        return found
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Vector products, (..., 3); NumPy's own takes five times as long for few of them."""
+    found = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        found[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
+    return found

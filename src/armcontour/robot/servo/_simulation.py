@@ -1,0 +1,256 @@
+"""Compiled simulation of joints from command to command: the one march of a joint's servo."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.kernels import FUSED, compiled
+from armcontour.robot.servo._cascade import march_cascade, march_lines
+from armcontour.robot.servo._response import (
+    LARGEST_STEP,
+    Cubic,
+    Motion,
+    Servo,
+    Step,
+    advance_freely,
+    demand,
+    fastest_rate,
+    progresses,
+    respond,
+    shift,
+    transition,
+)
+
+# Steps may exceed their largest length by rounding errors.
+SLACK = 1 - 1e-9
+# Times and time spans [s] that differ by less than this are equal; rounding of times is less.
+NEAR = 4e-12
+# Time spans whose free motions are kept, and columns of one: span, repeats and the step.
+KEPT, COLUMNS = 4, 13
+
+
+class Joints(NamedTuple):
+    """Gains and acceleration bounds of all joints, (rows,) each, as in `Servo`."""
+
+    kp: FloatArray
+    kv: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+    ki: FloatArray
+
+
+class Run(NamedTuple):
+    """Simulated motion of all joints.
+
+    `states` are position, velocity and demand at n results, (rows, n, 3); the others are time in
+    saturation, lowest and highest demand, the acceleration or velocity that a drive with a cycle
+    holds at the end (the demand, with an integrator), and True if the motion could not be computed,
+    (rows,).
+    """
+
+    states: FloatArray
+    saturated: FloatArray
+    lowest: FloatArray
+    highest: FloatArray
+    held: FloatArray
+    stuck: BoolArray
+
+
+@compiled(inner=True, fastmath=FUSED)
+def piece_at(pieces: FloatArray, starts: FloatArray, at: int, now: float) -> Cubic:
+    """The command from time `now` [s] on, in its piece `at`."""
+    u = Cubic(pieces[at, 0], pieces[at, 1], pieces[at, 2], pieces[at, 3])
+    # The command is constant before the first set-point and after the last one.
+    return shift(u, now - starts[at - 1]) if 0 < at < len(starts) else u
+
+
+@compiled(inner=True, fastmath=FUSED)
+def write_step(kp: float, kv: float, span: float, straight: bool, row: FloatArray) -> bool:
+    """Write the free motion over a time span into an array, (COLUMNS,); False if it is too long."""
+    if not progresses(kp, kv, span):
+        return False
+    repeats = max(int(math.ceil(span * fastest_rate(kp, kv) / LARGEST_STEP * SLACK)), 1)
+    s = transition(kp, kv, span / repeats, straight)
+    row[0], row[1] = span, repeats
+    row[2], row[3], row[4], row[5], row[6], row[7] = s.time, s.qq, s.qw, s.wq, s.ww, s.q1
+    row[8], row[9], row[10], row[11], row[12] = s.q2, s.q3, s.w1, s.w2, s.w3
+    return True
+
+
+@compiled(inner=True, fastmath=FUSED)
+def march_held(
+    servo: Servo,
+    pieces: FloatArray,
+    starts: FloatArray,
+    times: FloatArray,
+    m: Motion,
+    at: int,
+    out: FloatArray,
+) -> Motion:
+    """Simulate a joint whose acceleration or velocity is held for a piece; as `march`.
+
+    `at` is the number of pieces that have begun at times[0]. The integral changes once per piece,
+    by the law of `_cascade`, before the demand is computed.
+    """
+    q, w, held, saturated, lowest, highest = m
+    first, last, now = servo.kv == 0.0, len(starts), times[0]
+    kp, kv, ki = servo.kp, servo.kv, servo.ki
+    if 0 < at and starts[at - 1] > now - NEAR:
+        at -= 1
+    z, x, cycle = held, 0.0, starts[1] - starts[0] if last > 1 else 0.0
+    if ki > 0.0 and at > 0:
+        # From the demand of the last cycle, and where the joint was then.
+        held = min(max(z, servo.lower), servo.upper)
+        t = now - starts[at - 1]
+        v = w - t * held
+        p = q - t * (w + v) / 2
+        x = (z / kv - kp * (pieces[at, 0] - p) + v) / ki - cycle * (z - held) / kv
+    for row in range(1, len(times)):
+        until = times[row]
+        while until - now > NEAR:
+            if at < last and starts[at] - now <= NEAR:
+                at += 1
+                if first:
+                    held, z = kp * (pieces[at, 0] - q), 0.0
+                else:
+                    if ki > 0.0:
+                        x += cycle * (kp * (pieces[at, 4] - q) - w)
+                    z = kv * (kp * (pieces[at, 0] - q) - w + ki * x)
+                    held = min(max(z, servo.lower), servo.upper)
+                    x -= cycle * (z - held) / kv
+                lowest, highest = min(lowest, z), max(highest, z)
+                continue
+            stop = starts[at] if at < last and starts[at] < until - NEAR else until
+            h = stop - now
+            if first:
+                q, w = q + h * held, held
+            else:
+                q, w = q + h * (w + h / 2 * held), w + h * held
+                saturated += h if z != held else 0.0
+            now = stop
+        now = until
+        out[row - 1, 0], out[row - 1, 1], out[row - 1, 2] = q, w, z
+    return Motion(q, w, z if ki > 0.0 else held, saturated, lowest, highest)
+
+
+@compiled(inner=True, allocates=True, fastmath=FUSED)
+def march(
+    servo: Servo,
+    kind: int,
+    pieces: FloatArray,
+    starts: FloatArray,
+    times: FloatArray,
+    motion: Motion,
+    out: FloatArray,
+) -> Motion:
+    """Simulate one joint from times[0] on.
+
+    Args:
+        servo: Gains and acceleration bounds of the joint; an infinite kp only delays.
+        kind: 0: commands are held or lines; 1: cubics; 2: a drive holds its acceleration for each
+            piece; 3: as 0, without saturation, and only positions are results.
+        pieces: Coefficients of the command in the time since the begin of each piece; the first
+            and the last one are constant, (n + 1, 4); with an integrator those of v, too, (n + 1,
+            8).
+        starts: Times at which all pieces but the first reach the joint [s], (n,).
+        times: Time of the start, and those of the results [s], (m + 1,).
+        motion: State at the start.
+        out: Output: position, velocity and demand at the results, (m, 3).
+
+    Returns:
+        State at the end; not finite if time steps as short as the servo needs make no progress.
+    """
+    if servo.ki > 0.0 and kind != 2:
+        return march_cascade(servo, pieces, starts, times, motion, out)
+    m, delays, last, now = motion, math.isinf(servo.kp), len(starts), times[0]
+    # The number of pieces that have begun, by bisection.
+    at, high = 0, last
+    while at < high:
+        middle = (at + high) // 2
+        if starts[middle] <= now + NEAR:
+            at = middle + 1
+        else:
+            high = middle
+    if kind == 2 and not delays:
+        return march_held(servo, pieces, starts, times, m, at, out)
+    kept, oldest = np.empty((KEPT, COLUMNS)), 0
+    for i in range(KEPT):
+        kept[i, 0] = -1.0
+    for row in range(1, len(times)):
+        until = times[row]
+        u = piece_at(pieces, starts, at, now)
+        while until - now > NEAR:
+            if at < last and starts[at] - now <= NEAR:
+                at += 1
+                u = piece_at(pieces, starts, at, now)
+                continue
+            stop = starts[at] if at < last and starts[at] < until - NEAR else until
+            span, now, slot = stop - now, stop, -1
+            if delays:
+                continue
+            for i in range(KEPT):
+                if abs(kept[i, 0] - span) <= NEAR:
+                    slot = i
+            if slot < 0:
+                slot, oldest = oldest, (oldest + 1) % KEPT
+                if not write_step(servo.kp, servo.kv, span, kind != 1, kept[slot]):
+                    return Motion(math.nan, math.nan, 0.0, m.saturated, m.lowest, m.highest)
+            x = kept[slot]
+            step = Step(x[2], x[3], x[4], x[5], x[6], x[7], x[8], x[9], x[10], x[11], x[12])
+            for _ in range(int(x[1])):
+                if kind == 3:
+                    q, w = advance_freely(step, u, m.q, m.w)
+                    m = Motion(q, w, 0.0, m.saturated, m.lowest, m.highest)
+                else:
+                    m = respond(servo, step, u, m)
+                u = shift(u, step.time)
+        now = until
+        if delays:
+            u, z = piece_at(pieces, starts, at, now), 0.0
+            m = Motion(u.value, u.rate, 0.0, m.saturated, m.lowest, m.highest)
+            out[row - 1, 2] = 2 * u.second
+        else:
+            out[row - 1, 2] = z = demand(servo, u, m.q, m.w)
+        out[row - 1, 0], out[row - 1, 1] = m.q, m.w
+        m = Motion(m.q, m.w, 0.0, m.saturated, min(m.lowest, z), max(m.highest, z))
+    return m
+
+
+@compiled(fastmath=FUSED)
+def run_joints(
+    joints: Joints,
+    kind: int,
+    commands: FloatArray,
+    starts: FloatArray,
+    times: FloatArray,
+    states: FloatArray,
+) -> Run:
+    """Simulate all joints, or one joint with different parameters, row by row.
+
+    Args:
+        joints: Gains and acceleration bounds.
+        kind: As in `march`.
+        commands: Pieces of the commands, (rows, n + 1, 4); (rows, n + 1, 8) with integrators.
+        starts: Times at which they reach the joints [s], (rows, n).
+        times: Time of the start, and those of the results [s], (m + 1,).
+        states: Position [rad], velocity [rad/s] and what a drive holds at the start, (3, rows).
+    """
+    rows = len(joints.kp)
+    out = np.empty((rows, len(times) - 1, 3))
+    saturated, lowest, highest, held = np.empty((4, rows))
+    stuck = np.empty(rows, np.bool_)
+    for j in range(rows):
+        bounds = joints.lower[j], joints.upper[j]
+        servo = Servo(joints.kp[j], joints.kv[j], bounds[0], bounds[1], joints.ki[j])
+        m = Motion(states[0, j], states[1, j], states[2, j], 0.0, 0.0, 0.0)
+        if joints.ki[j] > 0.0 and kind == 3:
+            m = march_lines(servo, commands[j], starts[j], times, m, out[j])
+        else:
+            m = march(servo, kind, commands[j], starts[j], times, m, out[j])
+        saturated[j], lowest[j], highest[j], held[j] = m.saturated, m.lowest, m.highest, m.held
+        stuck[j] = not math.isfinite(m.q + m.w)
+    return Run(out, saturated, lowest, highest, held, stuck)

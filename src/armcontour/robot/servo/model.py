@@ -1,0 +1,579 @@
+"""Model of joint servos: the paper's two loops (5)-(7), a P-PI cascade, a lag or a delay."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Annotated, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core import checks
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import Checked
+from armcontour.core.quantities import DEAD_TIME, About, AtLeast, Choice, OwnAccelerations, Quantity
+
+INTERPOLATIONS = ("linear", "step", "cubic")
+ORDERS = ("second", "first", "delay", "unknown")
+# Smallest and largest gain [1/s], for time constants from a microsecond to a quarter of an hour: no
+# robot joint is faster or slower, and no result overflows.
+GAINS = (1e-3, 1e6)
+# Smallest and largest inertia of a joint [kg m²]: from a milligram at 1 cm to ten tonnes at 10 m.
+INERTIAS = (1e-10, 1e6)
+# Largest feed-forward: no drive asks for three times the velocity of its command.
+MOST_FEEDFORWARD = 3.0
+# Longest cycle of a drive's loop [s].
+LONGEST_CYCLE = 0.02
+# Largest dry friction, as a position error [rad], and the command velocity at which it has 71 % of
+# its size [rad/s].
+MOST_FRICTION = 0.1
+SLIDING = 5e-3
+# Largest dead time; set-points have a time advance of the dead time, so the robot waits for it [s].
+LONGEST_DEAD_TIME = 60.0
+# Most time constants in a command interval. With more, the joint comes to rest long before the next
+# set-point, and the simulation needs a step for each half of a time constant.
+MOST_TIME_CONSTANTS = 1000.0
+# Compensation that leaves a larger share of the contour error where the servo was not fitted may be
+# worse than none on other programs.
+TRUSTED = 0.5
+# Range of logged velocities and accelerations [rad/s, rad/s²], and the ratio that is exceeded.
+LOGGED, EXCEEDED = (0.0, 1e6), 1.02
+PER_JOINT = (
+    *("kp", "kv", "acceleration_limit", "ki", "dead_time", "inertia", "velocity_feedforward"),
+    *("acceleration_feedforward", "friction", "unexplained", "logged_velocity"),
+    "logged_acceleration",
+)
+
+Gains = Annotated[FloatArray, Quantity("1/s", "25 1/s", "positive", endless=True, within=GAINS)]
+FeedForwards = Annotated[FloatArray, Quantity("1", "100 %", within=(0.0, MOST_FEEDFORWARD))]
+AngularErrors = Annotated[FloatArray, Quantity("rad", "0.1 mrad", within=(0.0, np.pi))]
+
+
+@checks.explain_calls
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ServoModel(Checked):
+    """The joint servos: response of each joint to its command u, with dead time `tau`.
+
+    - order "second": `ddq = K_v (K_p (u - q) + f du - dq) + g ddu`, a velocity loop inside a
+      position loop; with f = g = 0 it is (6) of the paper. An integral gain k_i makes it the P-PI
+      cascade `ddq = K_v (1 + k_i / s) (K_p (u - q) + f du - dq) + g ddu`;
+    - order "first": `dq = K_p (u - q) + f du + g ddu`, a first-order lag, for a very fast velocity
+      loop;
+    - order "delay": `q = u`;
+    - order "unknown": no model of the joint but its dead time. Compensation leaves the plan as its
+      set-points, and simulations let it follow these exactly, both with the dead time.
+
+    All of u, du and ddu are delayed by tau, and dry friction reduces u by `c sign(du)`; in a P-PI
+    cascade it is the acceleration `-K_p K_v c sign(du)`, which the integrator does not see. In
+    saturation the integrator does not wind up: it integrates the velocity error less the part of
+    the demand above the limit, over K_v (back-calculation with the gain k_i, also known as
+    automatic reset). Between two set-points the command is, by interpolation,
+
+    - "linear": the straight line;
+    - "step": the earlier set-point (zero-order hold);
+    - "cubic": the cubic with slopes `(u[k + 1] - u[k - 1]) / (2 T)` at set-points, and 0 at the
+      first and the last one (Catmull-Rom spline: continuously differentiable, and local).
+
+    Before the first set-point the command equals the first set-point, and after the last one the
+    last, and du and ddu are 0. The rates of the command are, by interpolation,
+
+    - "linear": du is the slope of the line, and ddu the second difference of the set-points that
+      end it, `(u[k] - 2 u[k - 1] + u[k - 2]) / T²`;
+    - "step": du is the difference to the set-point before, over the command interval; there is no
+      ddu;
+    - "cubic": the derivatives of the cubic.
+
+    With a cycle, the loop is computed once per cycle, from command and state at its begin: the
+    acceleration (order "second") or velocity ("first") is constant for the cycle, and du and ddu
+    are differences of u over cycles. The integral then includes the velocity error of that cycle.
+
+    The command passes each set-point at its time. A controller needs the next set-point for
+    a line, and the one after it for the cubic; its wait for them is part of the dead time.
+
+    Args:
+        kp: Position loop gain [1/s], one for all joints or one per joint; infinite for joints of
+            order "delay" or "unknown".
+        kv: Velocity loop gain [1/s], one for all joints or one per joint; infinite for joints of
+            another order than "second", and None if all are.
+        interpolation: Interpolation between set-points: "linear", "step" or "cubic".
+        dead_time: Time from a set-point's time until it reaches the joint's servo [s], one for all
+            joints or one per joint; need not be a multiple of the command interval.
+        order: "second", "first", "delay" or "unknown", one for all joints or one per joint.
+        inertia: Inertia J by which the controller scales the velocity loop [kg m²], one for all
+            joints or one per joint: its torque is J times the acceleration that the model of order
+            "second" demands. Only for rigid bodies and for servos of order "second". None is the
+            arm's own nominal inertia.
+        ki: Integral gain k_i of the velocity loop [1/s], one for all joints or one per joint; 0
+            without an integrator. Only for order "second".
+        velocity_feedforward: Share f of the velocity of the command that is added to the velocity
+            loop, one for all joints or one per joint: 0 for the paper's servo, about 1 for most
+            drives of industrial robots.
+        acceleration_feedforward: Share g of the acceleration of the command that is added to the
+            demand, one for all joints or one per joint; a time [s] for order "first". Above 0 only
+            with velocity feed-forward, and not for interpolation "step".
+        friction: Position error c by which dry friction holds a joint back [rad], one for all
+            joints or one per joint.
+        acceleration_limit: Acceleration at which a joint of order "second" saturates [rad/s²], one
+            for all joints or one per joint; infinite for a joint that never does. None is the
+            limit joint_acceleration of the robot.
+        cycle: Time between two computations of the drives' loops [s]; 0 for continuous loops.
+        unexplained: Largest error of this model on measured motion to which it was not fitted
+            [rad], one for all joints or one per joint; None if it is not known.
+        logged_velocity: Largest velocity [rad/s] of the motion on which `unexplained` was
+            determined, one for all joints or one per joint; None if it is not known.
+        logged_acceleration: Largest acceleration of that motion [rad/s²], one for all joints or one
+            per joint; None if it is not known.
+        contour_ratio: RMS contour error with compensation over that without it, on measured motion
+            to which the model was not fitted; None if it is not known.
+        programs: Number of programs on which contour_ratio was determined; None if it is not known.
+
+    Raises:
+        InvalidInput: A gain or an inertia is missing, not needed or out of range; a dead time is
+            negative or above LONGEST_DEAD_TIME; a feed-forward is negative, above MOST_FEEDFORWARD
+            or not possible; friction, acceleration limit or cycle are out of range; the
+            interpolation or order is unknown.
+    """
+
+    kp: Annotated[Gains, About(usual=(1.0, 500.0))]
+    kv: Annotated[Gains | None, About(usual=(1.0, 2e3))]
+    ki: Annotated[
+        FloatArray,
+        Quantity("1/s", "5 1/s", within=(0.0, GAINS[1])),
+        About(usual=(0.1, 2e2)),
+    ]
+    order: Annotated[str | tuple[str, ...], Choice(ORDERS)]
+    dead_time: Annotated[FloatArray, replace(DEAD_TIME, within=(0.0, LONGEST_DEAD_TIME))]
+    interpolation: Annotated[str, Choice(INTERPOLATIONS)]
+    inertia: Annotated[FloatArray, Quantity("kg m^2", "1.2 kg m^2", within=INERTIAS)] | None
+    velocity_feedforward: FeedForwards
+    acceleration_feedforward: FeedForwards
+    friction: Annotated[FloatArray, Quantity("rad", "0.1 mrad", within=(0.0, MOST_FRICTION))]
+    acceleration_limit: OwnAccelerations | None
+    cycle: Annotated[float, Quantity("s", "4 ms", within=(0.0, LONGEST_CYCLE))]
+    unexplained: AngularErrors | None
+    logged_velocity: Annotated[FloatArray, Quantity("rad/s", "1.5 rad/s", within=LOGGED)] | None
+    logged_acceleration: (
+        Annotated[FloatArray, Quantity("rad/s^2", "8 rad/s^2", within=LOGGED)] | None
+    )
+    contour_ratio: Annotated[float, Quantity("1", "40 %", within=(0.0, 1e9))] | None
+    programs: Annotated[int, AtLeast(1, 10**9)] | None
+
+    def __init__(
+        self,
+        kp: npt.ArrayLike = np.inf,
+        kv: npt.ArrayLike | None = None,
+        *,
+        ki: npt.ArrayLike = 0.0,
+        interpolation: str = "linear",
+        dead_time: npt.ArrayLike = 0.0,
+        order: str | Sequence[str] = "second",
+        inertia: npt.ArrayLike | None = None,
+        velocity_feedforward: npt.ArrayLike = 0.0,
+        acceleration_feedforward: npt.ArrayLike = 0.0,
+        friction: npt.ArrayLike = 0.0,
+        acceleration_limit: npt.ArrayLike | None = None,
+        cycle: float = 0.0,
+        unexplained: npt.ArrayLike | None = None,
+        logged_velocity: npt.ArrayLike | None = None,
+        logged_acceleration: npt.ArrayLike | None = None,
+        contour_ratio: float | None = None,
+        programs: int | None = None,
+    ) -> None:
+        given = locals()
+        for x in fields(self):
+            object.__setattr__(self, x.name, given[x.name])
+        self.__post_init__()
+
+    def _check_together(self) -> None:
+        orders = (self.order,) if isinstance(self.order, str) else self.order
+        same = len(set(orders)) == 1
+        second = np.array([x == "second" for x in orders])
+        lagged = second | np.array([x == "first" for x in orders])
+        if (self.kv is None) == bool(second.any()):
+            raise InvalidInput(
+                "A servo of order second needs the velocity loop gain kv [1/s] beside kp."
+                if self.kv is None
+                else f"A servo of order {orders[0]} has no velocity loop: leave its gain kv out."
+            )
+        if self.inertia is not None and not second.all():
+            lagging = orders[int(np.argmin(second))]
+            raise InvalidInput(
+                f"A servo of order {lagging} has no velocity loop: leave its inertia out."
+            )
+        feed = self.acceleration_feedforward
+        _refuse_integrator(self.ki, second, self.interpolation, feed)
+        if feed.any() and self.interpolation == "step":
+            raise InvalidInput(
+                "A servo with held set-points has no acceleration of the command: leave "
+                "acceleration_feedforward out."
+            )
+        if ((feed > 0) & (self.velocity_feedforward == 0)).any():
+            raise InvalidInput(
+                "acceleration_feedforward without velocity_feedforward would swing for a long "
+                "time: give velocity_feedforward, too, such as 1."
+            )
+        object.__setattr__(self, "order", orders[0] if same else orders)
+        object.__setattr__(self, "kp", _needed_gain("kp", self.kp, lagged, same))
+        if self.kv is not None:
+            object.__setattr__(self, "kv", _needed_gain("kv", self.kv, second, same))
+
+    def __str__(self) -> str:
+        """Gains, dead time and feed-forward, such as "kp 25 1/s, kv 150 1/s"."""
+        found = [] if self.order == "second" else [f"order {_per_joint(self.order)}"]
+        rows = [(x, "1/s", 1.0) for x in ("kp", "kv", "ki")] + [("dead_time", "ms", 1e3)]
+        rows += [("velocity_feedforward", "", 1.0), ("acceleration_feedforward", "", 1.0)]
+        rows += [("friction", "mrad", 1e3), ("acceleration_limit", "rad/s²", 1.0)]
+        for name, unit, scale in [*rows, ("cycle", "ms", 1e3)]:
+            values = getattr(self, name)
+            if values is None or not np.any(np.isfinite(values) & (values > 0)):
+                continue
+            words = name.replace("_", " ").replace("feedforward", "feed-forward")
+            shown = _per_joint([_or_none(x) for x in np.atleast_1d(values * scale)])
+            found.append(f"{words} {shown} {unit}".rstrip())
+        return ", ".join(found)
+
+    def for_joints(self, dof: int) -> ServoModel:
+        """The same servo with one gain, dead time and feed-forward per joint.
+
+        Args:
+            dof: Number of joints.
+
+        Raises:
+            InvalidInput: The number of gains, dead times or inertias is not 1 or `dof`.
+        """
+        dof = checks.whole("dof", dof, 1, checks.MOST_JOINTS)
+        values = [getattr(self, x) for x in PER_JOINT]
+        if all(x is None or x.shape == (dof,) for x in values) and isinstance(self.order, str):
+            return self
+        given: dict[str, Any] = {}
+        for x in PER_JOINT:
+            values = getattr(self, x)
+            if values is None:
+                continue
+            if values.ndim:
+                # Infinite values are none, and their number is refused.
+                checks.per_joint(x, np.where(np.isinf(values), 0.0, values), dof)
+            given[x] = np.full(dof, values)
+        if not isinstance(self.order, str) and len(self.order) != dof:
+            raise InvalidInput(
+                f"order of the servo has {len(self.order)} values, but the arm has {dof} joints: "
+                f"give one for all joints or {dof}."
+            )
+        return self.replace(**given)
+
+    def replace(self, **changes: Any) -> ServoModel:
+        """The same servo with other values of some parameters.
+
+        Args:
+            changes: New values by the names of the constructor's parameters.
+
+        Raises:
+            InvalidInput: As the constructor raises it, or an unknown name.
+        """
+        own = {x.name: getattr(self, x.name) for x in fields(self)}
+        return ServoModel(**{**own, **changes})
+
+    @property
+    def doubt(self) -> str:
+        """Warning that compensation may be worse than none, or empty for a trusted model."""
+        found = []
+        if self.contour_ratio is not None and self.contour_ratio > TRUSTED:
+            found.append(
+                f"where the servo was not fitted, {self.contour_ratio:.0%} of the contour error "
+                f"remain, above {TRUSTED:.0%}"
+            )
+        if self.programs == 1:
+            found.append("the servo was judged on one program only")
+        if not found:
+            return ""
+        return (
+            f"Compensation may be worse than none: {', and '.join(found)}. Identify the servo from "
+            "more programs, or take the compensation none."
+        )
+
+    def describe_excess(self, dq: FloatArray, ddq: FloatArray) -> str:
+        """Warning that a motion is beyond that on which `unexplained` was determined, or empty.
+
+        Args:
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof).
+        """
+        if self.unexplained is None:
+            return ""
+        found = []
+        for name, values, logged in (
+            ("velocity", dq, self.logged_velocity),
+            ("acceleration", ddq, self.logged_acceleration),
+        ):
+            if logged is None or not len(values):
+                continue
+            ratios = np.abs(values).max(axis=0) / np.maximum(logged, 1e-9)
+            j = int(np.argmax(ratios))
+            if ratios[j] > EXCEEDED:
+                found.append(f"joint {j + 1} has {ratios[j]:.3g} times the largest {name}")
+        if not found:
+            return ""
+        return (
+            "What the servo model does not explain is bounded for motion as in its logs only, but "
+            f"{', and '.join(found)} there: plan slower, or identify from logs of this motion."
+        )
+
+    @property
+    def has_feedforward(self) -> bool:
+        """Whether any joint has feed-forward."""
+        return bool(self.velocity_feedforward.any())
+
+    def without_feedforward(self) -> ServoModel:
+        """The same servo without velocity and acceleration feed-forward."""
+        return self.replace(velocity_feedforward=0.0, acceleration_feedforward=0.0)
+
+    @property
+    def lead(self) -> tuple[FloatArray, FloatArray]:
+        """Factors a [s] and b [s²] by which feed-forward changes the command, (dof,) each.
+
+        The servo responds to u as one without feed-forward to `u + a du + b ddu`.
+        """
+        feed = self.velocity_feedforward, self.acceleration_feedforward
+        return lead_of(self.kp, self._loops, *feed)
+
+    @property
+    def _loops(self) -> FloatArray:
+        """Velocity loop gains [1/s], infinite for joints without a velocity loop."""
+        return np.full_like(self.kp, np.inf) if self.kv is None else self.kv
+
+    @property
+    def slowest(self) -> float:
+        """Smallest decay rate of any joint [1/s]; infinite where all joints only delay."""
+        kp, kv = np.broadcast_arrays(self.kp, self._loops)
+        # Rates are the negative real parts of the roots of s² + kv s + kp kv. For real roots the
+        # sum of the rates is kv and their product kp kv.
+        loop = np.isfinite(kv)
+        if not loop.any():
+            return float(kp.min())
+        ki = np.broadcast_to(self.ki, kp.shape)[loop]
+        kp, kv, alone = kp[loop], kv[loop], np.min(kp[~loop], initial=np.inf)
+        root = np.sqrt(np.maximum(kv * kv / 4 - kp * kv, 0.0))
+        rate = np.where(root > 0, kp * kv / (kv / 2 + root), kv / 2)
+        for j in np.flatnonzero(ki):
+            cascade = [1.0, kv[j], kv[j] * (kp[j] + ki[j]), kv[j] * kp[j] * ki[j]]
+            rate[j] = -np.roots(cascade).real.max()
+        return float(min(rate.min(), alone))
+
+    def saturate(self, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Acceleration bounds of the joints [rad/s²], (dof,) each; none without a velocity loop.
+
+        Args:
+            lower: Lower bounds of the robot [rad/s²], (dof,); they hold without acceleration_limit.
+            upper: Its upper bounds [rad/s²], (dof,).
+        """
+        if self.acceleration_limit is not None:
+            upper = np.broadcast_to(self.acceleration_limit, upper.shape)
+            lower = -upper
+        loop = np.isfinite(self._loops)
+        return np.where(loop, lower, -np.inf), np.where(loop, upper, np.inf)
+
+    def is_plain(self, *orders: str) -> bool:
+        """Whether all joints are of the same order, without friction and cycle.
+
+        Args:
+            orders: Orders that count.
+        """
+        return self.order in orders and not self.friction.any() and not self.cycle
+
+    def refuse_mixed(self, who: str, integrator: bool = False) -> None:
+        """Refuse joints of another order than "second", integrators, friction and a drive's cycle.
+
+        Args:
+            who: What cannot use them, which begins the message.
+            integrator: Whether integrators are valid.
+
+        Raises:
+            InvalidInput: The servo has them.
+        """
+        if not self.is_plain("second") or (self.ki.any() and not integrator):
+            more = "" if integrator else ", and without integrator"
+            raise InvalidInput(
+                f"{who} needs joint servos of order second without friction and cycle{more}, but "
+                f"the servo has {self}: take the compensation inverse and independent joints."
+            )
+
+    def refuse_too_fast(self, period: float) -> None:
+        """Refuse gains that are too large for a command interval.
+
+        Args:
+            period: Command interval [s].
+
+        Raises:
+            InvalidInput: The interval is longer than MOST_TIME_CONSTANTS time constants.
+        """
+        for name, values in (("kp", self.kp), ("kv", self._loops), ("ki", self.ki)):
+            largest = float(np.max(values, initial=0.0, where=np.isfinite(values)))
+            if largest * period > MOST_TIME_CONSTANTS:
+                more = ", or take a servo of order first" if name == "kv" else ""
+                raise InvalidInput(
+                    f"servo gain {name} is {largest:g} 1/s, which is {largest * period:.3g} time "
+                    f"constants in a command interval of {period:g} s, but at most "
+                    f"{MOST_TIME_CONSTANTS:g} are simulated: lower {name} to "
+                    f"{MOST_TIME_CONSTANTS / period:g} 1/s, shorten the command interval{more}.",
+                    limit=name,
+                    needed=largest,
+                    allowed=MOST_TIME_CONSTANTS / period,
+                )
+
+    def command(self, q: FloatArray, dq: FloatArray, ddq: FloatArray | None = None) -> FloatArray:
+        """The command that makes the unsaturated servo without dead time follow q [rad], (n, dof).
+
+        Second order: `q + dq / K_p + ddq / (K_p K_v)`, from (6). First order: `q + dq / K_p`. Dry
+        friction adds `c sign(dq)`. With feed-forward, it is `u + a du + b ddu` with the factors of
+        `lead`, from which `compensate` gets set-points. In a P-PI cascade ddq is that part of
+        acceleration and friction that the integrator does not give.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+            dq: Joint velocities [rad/s], (n, dof).
+            ddq: Joint accelerations [rad/s²], (n, dof); needed for second order only.
+
+        Raises:
+            InvalidInput: The accelerations are missing.
+        """
+        at, rate = checks.floats("q", q, "rad"), checks.floats("dq", dq, "rad/s")
+        bends = 0.0 if ddq is None else checks.floats("ddq", ddq, "rad/s²")
+        try:
+            np.broadcast(at, rate, bends, self.kp, self.friction)
+        except ValueError:
+            raise InvalidInput("q, dq and ddq must have one column per joint.") from None
+        found = np.asarray(at + rate / self.kp + self.friction * sliding(rate))
+        loops = self._loops
+        # A velocity that is held for a cycle, and differences over a cycle, are late by half of it.
+        late = self.cycle / 2 * (np.isinf(loops) + self.velocity_feedforward)
+        bend = np.asarray((1 / loops + late) / self.kp)
+        if not bend.any():
+            return found
+        if ddq is None:
+            raise InvalidInput("A servo of order second needs joint accelerations, too: give ddq.")
+        return found + bend * bends
+
+    def response(self, s: npt.ArrayLike) -> FloatArray:
+        """Transfer function from command to joint position at each s; complex, (n, joints).
+
+        `G(s) = exp(-s tau) (g s² + f K_v s + K_p K_v) / (s² + K_v s + K_p K_v)`, with f = g = 0
+        (5), or for order "first" `exp(-s tau) (f s + K_p) / (s + K_p)`; in a P-PI cascade with
+        `K_v (1 + k_i / s)` for K_v. The interpolation of set-points is not included.
+
+        Args:
+            s: Complex frequencies [rad/s], (n,).
+        """
+        try:
+            at = np.asarray(s, np.complex128).reshape(-1, 1)
+        except (TypeError, ValueError, OverflowError):
+            raise InvalidInput("s must be complex frequencies in rad/s.") from None
+        a, b = self.lead
+        ki = np.atleast_1d(self.ki)
+        bend = at**2 * np.where(ki > 0, at / np.where(ki > 0, at + ki, 1.0), 1.0)
+        found = np.exp(-at * np.atleast_1d(self.dead_time)) * (1 + at * a + bend * b)
+        slow = 1 + at / np.atleast_1d(self.kp) + bend / np.atleast_1d(self.kp * self._loops)
+        return np.asarray(found / slow)
+
+
+def lead_of(kp: Any, kv: Any, velocity: Any, acceleration: Any) -> tuple[FloatArray, FloatArray]:
+    """Factors of `ServoModel.lead` of servos; kv is infinite without a velocity loop."""
+    loops = np.where(np.isinf(kv), 1.0, kv)
+    return np.asarray(velocity / kp), np.asarray(acceleration / (kp * loops))
+
+
+def integrator_filter(ki: float, period: float, cycle: float) -> tuple[FloatArray, FloatArray]:
+    """Numerator and denominator, in z, of means over intervals of `s / (s + ki)` of means.
+
+    With a cycle, the integral is a sum; for intervals of one cycle the filter is then exact.
+    """
+    decay = np.log1p(ki * cycle) / cycle if cycle else ki
+    mean = -np.expm1(-decay * period) / (ki * period)
+    return mean * np.array([1.0, -1.0]), np.array([1.0, -np.exp(-decay * period)])
+
+
+def without_integral(
+    dq: FloatArray, ddq: FloatArray, servo: ServoModel, period: float
+) -> FloatArray:
+    """The part of means of accelerations that the integrators do not give [rad/s²], (n, dof).
+
+    The loop gives `K_v (1 + k_i / s)` of the velocity error, from rest, also against friction.
+
+    Args:
+        dq: Means of velocities over intervals [rad/s], (n, dof).
+        ddq: Means of accelerations [rad/s²], (n, dof).
+        servo: Servo model with values per joint.
+        period: Length of the intervals [s].
+    """
+    if not servo.ki.any():
+        return ddq
+    from scipy.signal import lfilter
+
+    assert servo.kv is not None
+    found = ddq.copy()
+    for j in np.flatnonzero(servo.ki):
+        rub = servo.kp[j] * servo.kv[j] * servo.friction[j] * sliding(dq[:, j])
+        share = integrator_filter(servo.ki[j], period, servo.cycle)
+        # Feed-forward of a drive with a cycle is late, which the integrator does not change.
+        late = servo.kv[j] * servo.velocity_feedforward[j] * servo.cycle / 2
+        found[:, j] = lfilter(*share, ddq[:, j] + rub) - rub + late * ddq[:, j]
+        found[:, j] /= 1 + late
+    return found
+
+
+def sliding(rate: FloatArray) -> FloatArray:
+    """The direction in which dry friction acts at command velocities [rad/s], smooth at rest."""
+    return np.asarray(rate / np.hypot(rate, SLIDING))
+
+
+def _or_none(value: float) -> str:
+    """A value as text, as in a job file."""
+    return f"{value:g}" if np.isfinite(value) else "none"
+
+
+def _per_joint(shown: str | Sequence[str]) -> str:
+    """Texts of all joints: one where they are equal."""
+    if isinstance(shown, str):
+        return shown
+    return shown[0] if len(set(shown)) == 1 else ", ".join(shown)
+
+
+def _needed_gain(name: str, array: FloatArray, needed: BoolArray, same: bool) -> FloatArray:
+    """Gains as a locked array, one for all joints or one per joint; infinite where not needed.
+
+    Raises:
+        InvalidInput: A gain is missing.
+    """
+    if not same:
+        array = np.array(np.broadcast_to(array, needed.shape))
+    used = np.broadcast_to(needed, array.shape) if array.ndim else needed[0]
+    if (np.isinf(array) & used).any():
+        raise InvalidInput(
+            f"servo gain {name} is missing: give one for all joints or one per joint."
+        )
+    return checks.lock_floats(np.where(used, array, np.inf))
+
+
+def _refuse_integrator(
+    ki: FloatArray, second: BoolArray, interpolation: str, feed: npt.ArrayLike
+) -> None:
+    """Refuse an integrator where no model has one.
+
+    Raises:
+        InvalidInput: A joint without a velocity loop has one, or acceleration feed-forward is not
+            linear in the set-points.
+    """
+    if not ki.any():
+        return
+    fits = ki.size == 1 or second.size in (1, ki.size)
+    if fits and (ki * ~second).any():
+        raise InvalidInput(
+            "ki is the integral gain of a velocity loop, which only order second has: give 0 for "
+            "joints of another order."
+        )
+    if interpolation == "cubic" and np.any(feed):
+        raise InvalidInput(
+            "acceleration_feedforward with ki is for linear set-points only: leave one of them out "
+            "or take the interpolation linear."
+        )

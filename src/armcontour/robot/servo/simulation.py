@@ -1,0 +1,484 @@
+"""Simulation of the servos of joints: over command intervals, at any times, and over logs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.errors import ExecutionError
+from armcontour.robot.servo._simulation import Joints, Run, run_joints
+from armcontour.robot.servo.model import ServoModel, lead_of, sliding
+
+# Kinds of commands, as in `march`.
+STRAIGHT, CUBIC, HELD, LINES = range(4)
+# Times closer to a set-point than this, in command intervals, count as the set-point's time.
+SNAP = 1e-9
+
+
+class Simulation:
+    """Response of all joints to set-points, exact between the starts and ends of saturation.
+
+    Args:
+        q: Set-points [rad], (n, dof).
+        period: Command interval [s].
+        servo: Servo model with values per joint.
+        lower: Lower acceleration bounds [rad/s²], (dof,); none by default.
+        upper: Upper acceleration bounds [rad/s²], (dof,); none by default.
+        steps: Number of results per interval.
+    """
+
+    def __init__(
+        self,
+        q: FloatArray,
+        period: float,
+        servo: ServoModel,
+        lower: FloatArray | None = None,
+        upper: FloatArray | None = None,
+        *,
+        steps: int = 1,
+    ) -> None:
+        self.q, self.period, self.servo, self.steps = q, period, servo, steps
+        free = np.full(len(servo.kp), np.inf)
+        bounds = -free if lower is None else lower, free if upper is None else upper
+        gains, ki = (servo.kp, _loops(servo.kv, free)), np.broadcast_to(servo.ki, free.shape)
+        self.joints = Joints(*(np.array(x) for x in (*gains, *bounds, ki)))
+        self.kind = CUBIC if servo.interpolation == "cubic" else STRAIGHT
+        if servo.cycle:
+            self.kind = HELD
+            self.commands = command_and_rates(q, period, servo.interpolation)[0]
+            return
+        self.commands = with_integrated(servo, lambda x: polynomials(q, period, x))
+        self.starts = np.arange(len(q)) * period + servo.dead_time[:, None]
+
+    def run(
+        self,
+        begin: int,
+        end: int,
+        q: FloatArray,
+        dq: FloatArray,
+        bounds: tuple[FloatArray, FloatArray] | None = None,
+        held: FloatArray | None = None,
+    ) -> Run:
+        """Simulate all joints over command intervals.
+
+        Args:
+            begin: Index of the first interval; 0 starts at the first set-point.
+            end: Index after that of the last interval.
+            q: Positions at the start [rad], (dof,).
+            dq: Velocities at the start [rad/s], (dof,).
+            bounds: Lower and upper acceleration bounds for this run [rad/s²], (dof,) each; by
+                default those of the simulation.
+            held: Accelerations [rad/s²] that drives with a cycle hold at the start, for order
+                "first" velocities; with an integrator the demand, (dof,).
+
+        Raises:
+            ExecutionError: The motion cannot be computed.
+        """
+        results = np.arange(begin * self.steps, end * self.steps + 1, dtype=np.float64)
+        return self.run_at(results * (self.period / self.steps), q, dq, bounds, held)
+
+    def run_at(
+        self,
+        times: FloatArray,
+        q: FloatArray,
+        dq: FloatArray,
+        bounds: tuple[FloatArray, FloatArray] | None = None,
+        held: FloatArray | None = None,
+    ) -> Run:
+        """Simulate all joints as `run`, from times[0] on, with results at the other times [s]."""
+        joints = self.joints
+        if bounds is not None:
+            joints = joints._replace(lower=np.array(bounds[0]), upper=np.array(bounds[1]))
+        states = np.stack([q, dq, np.zeros_like(q) if held is None else held])
+        if self.servo.cycle:
+            commands, starts = self._cycles(times[0], times[-1])
+        else:
+            commands, starts = self.commands, self.starts
+        run = run_joints(joints, self.kind, commands, starts, times, states)
+        if run.stuck.any():
+            j, kv = int(np.argmax(run.stuck)), self.servo.kv
+            gains = f"kp = {self.servo.kp[j]:g}" + ("" if kv is None else f" and kv = {kv[j]:g}")
+            raise ExecutionError(
+                f"Joint {j + 1} cannot be simulated with {gains} 1/s and a command interval of "
+                f"{self.period:g} s: time steps as short as the servo needs make no progress, so "
+                "lower the gains.",
+                joint=j,
+            )
+        return run
+
+    def velocities_after(self, t: FloatArray, q: FloatArray) -> FloatArray:
+        """Velocities of joints without a velocity loop just after some times [rad/s], (m, dof).
+
+        Args:
+            t: Times [s], (m,).
+            q: Positions then [rad], (m, dof).
+
+        Returns:
+            Velocities; nan for joints of order "second".
+        """
+        found = np.full(q.shape, np.nan)
+        for j in np.flatnonzero(self.joints.kv == 0):
+            k = np.searchsorted(self.starts[j], t + SNAP * self.period, side="right")
+            moves = (k > 0) & (k < len(self.q))
+            x = np.where(moves, t - self.starts[j, k - 1], 0.0)
+            a, b, c, d = self.commands[j, k, :4].T
+            found[:, j] = b + x * (2 * c + x * 3 * d)
+            if np.isfinite(self.joints.kp[j]):
+                found[:, j] = self.joints.kp[j] * (a + x * (b + x * (c + x * d)) - q[:, j])
+        return found
+
+    def _cycles(self, begin: float, end: float) -> tuple[FloatArray, FloatArray]:
+        """What the drives hold in each cycle between two times, and when the cycles begin."""
+        cycle, pieces, period = self.servo.cycle, self.commands, self.period
+        # The integral at the begin follows from the cycle before.
+        first = int(np.floor(begin / cycle + SNAP)) - 1
+        count = int(np.ceil(end / cycle - SNAP)) - first + 1
+        starts = (first + np.arange(max(count, 2), dtype=np.float64)) * cycle
+
+        def commands(servo: ServoModel) -> FloatArray:
+            # Feed-forward needs two cycles more.
+            times = np.asarray((first + np.arange(-2, len(starts))) * cycle, np.float64)
+            u = sample_command(pieces, period, servo.dead_time, times).T
+            return hold(cycle_feedforward(u, cycle, servo), starts, self.joints.kp)
+
+        return with_integrated(self.servo, commands), np.tile(starts, (len(pieces), 1))
+
+
+def _loops(kv: FloatArray | None, like: FloatArray) -> FloatArray:
+    """Velocity loop gains [1/s], 0 for joints without a velocity loop."""
+    if kv is None:
+        return np.zeros_like(like)
+    return np.where(np.isinf(kv), 0.0, kv)
+
+
+def with_integrated(servo: Any, commands: Callable[[Any], FloatArray]) -> FloatArray:
+    """Pieces of commands, with those that integrators see, as in `run_joints`."""
+    found = commands(servo)
+    if not np.any(servo.ki):
+        return found
+    replace = servo._replace if isinstance(servo, JointServo) else servo.replace
+    seen = replace(friction=0.0, acceleration_feedforward=0.0)
+    return np.concatenate([found, commands(seen)], axis=2)
+
+
+def hold(values: FloatArray, starts: FloatArray, kp: FloatArray) -> FloatArray:
+    """Pieces of commands that are held; joints that only delay follow lines."""
+    pieces = np.zeros((len(values), values.shape[1] + 1, 4))
+    pieces[:, 1:, 0] = values
+    lines = np.isinf(kp)
+    pieces[lines, 1:-1, 1] = np.diff(values[lines], axis=1) / np.diff(starts)
+    return pieces
+
+
+def respond_within(
+    q: FloatArray,
+    period: float,
+    servo: ServoModel,
+    bounds: tuple[FloatArray, FloatArray],
+    k: int,
+    at: FloatArray,
+    state: tuple[FloatArray, FloatArray, FloatArray],
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Response of all joints at any times within one command interval, by the same formulas.
+
+    Args:
+        q: Set-points [rad], (n, dof).
+        period: Command interval [s].
+        servo: Servo model with values per joint.
+        bounds: Lower and upper acceleration bounds [rad/s²], (dof,) each.
+        k: Index of the interval; 0 starts at the first set-point.
+        at: Times since the start of the interval, increasing, at least two [s].
+        state: Positions [rad], velocities [rad/s] and what drives with a cycle hold at the first of
+            these times, (dof,) each.
+
+    Returns:
+        The times and those between them at which a set-point reaches a joint [s], (m,); there,
+        positions [rad], and velocities before and after [rad/s], (m, dof) each.
+
+    Raises:
+        ExecutionError: The motion cannot be computed.
+    """
+    rest = servo.dead_time % period
+    near = SNAP * period
+    at = np.union1d(at, rest[(rest > at[0] + near) & (rest < at[-1] - near)])
+    # The set-points that can be active then, and those next to them, which shape their commands.
+    late = np.floor(servo.dead_time / period + SNAP).astype(np.intp)
+    first = max(min(k - int(late.max()) - 3, len(q) - 4), 0) if not servo.cycle else 0
+    own = q[first : max(k - int(late.min()) + 4, first + 4)]
+    active = Simulation(own, period, servo, *bounds)
+    run = active.run_at((k - first) * period + at, *state[:2], held=state[2])
+    position, velocity = (np.vstack([x, run.states[:, :, i].T]) for i, x in enumerate(state[:2]))
+    after = velocity.copy()
+    if not servo.cycle:
+        jump = active.velocities_after((k - first) * period + at[:-1], position[:-1])
+        after[:-1] = np.where(np.isnan(jump), velocity[:-1], jump)
+    return at, position, velocity, after
+
+
+def follow(
+    command: LoggedCommand,
+    servo: JointServo,
+    q0: float | FloatArray,
+    dq0: float | FloatArray,
+    cycle: float = 0.0,
+    ddq0: float | FloatArray = 0.0,
+) -> FloatArray:
+    """Positions of a joint over its log, exact between the kinks of its command.
+
+    Args:
+        command: The command.
+        servo: The servo; its values may be arrays (rows,), for servos that are simulated one after
+            the other.
+        q0: Position at the first time [rad], a number or (rows,).
+        dq0: Velocity at the first time [rad/s], a number or (rows,).
+        cycle: Cycle of the drive [s]; one begins at the first set-point; 0 for a continuous servo.
+        ddq0: Demand of a servo with an integrator at the first time [rad/s²], as dq0.
+
+    Returns:
+        Positions at the times of the log [rad], (n,) or (rows, n); not finite where steps as short
+        as the servo needs make no progress.
+    """
+    shape = np.broadcast_shapes(*(np.shape(x) for x in (*servo, q0, dq0, ddq0)))
+    rows = int(np.prod(shape))
+    each = JointServo(*(np.array(np.broadcast_to(x, rows), dtype=np.float64) for x in servo))
+    limit = each.acceleration_limit
+    joints = Joints(each.kp, _loops(each.kv, limit), -limit, limit, each.ki)
+    kind = LINES if np.isinf(limit).all() else STRAIGHT
+    if cycle:
+        kind = HELD
+        origin = command.knots[0]
+        first = int(np.floor((command.t[0] - origin) / cycle + SNAP))
+        count = int(np.ceil((command.t[-1] - origin) / cycle - SNAP)) + 1
+        times = origin + np.arange(first - 3, count) * cycle
+        u = np.stack([command.at(times - late) for late in each.dead_time])
+
+        def held(own: JointServo) -> FloatArray:
+            return hold(cycle_feedforward(u, cycle, own), times[2:], each.kp)
+
+        pieces, starts = with_integrated(each, held), np.tile(times[2:], (rows, 1))
+    else:
+        # Earlier set-points have reached the joint before the motion.
+        early = command.t[0] - np.max(each.dead_time)
+        first = max(int(np.searchsorted(command.knots, early)) - 1, 0)
+        pieces = with_integrated(each, lambda x: command.for_servo(x, rows, first))
+        starts = command.knots[first:] + each.dead_time[:, None]
+    states = np.zeros((3, rows))
+    states[0], states[1], states[2] = q0, dq0, ddq0
+    run = run_joints(joints, kind, pieces, starts, command.t, states)
+    begin = np.where(np.isinf(each.kp), command.at(command.t[0] - each.dead_time), states[0])
+    found = np.concatenate([begin[:, None], run.states[:, :, 0]], axis=1)
+    return np.asarray(found.reshape(*shape, -1))
+
+
+def polynomials(q: FloatArray, period: float, servo: ServoModel) -> FloatArray:
+    """The command in each interval, as a cubic in the time since the interval's start.
+
+    It is the command to which a servo without feed-forward and friction responds in the same way:
+    what these add is a part of it. Interval k lies between set-points k - 1 and k. The first
+    interval is before all set-points and the last after them; the command is constant there.
+
+    Args:
+        q: Set-points [rad], (n, dof).
+        period: Command interval [s].
+        servo: Servo model; its interpolation, feed-forward and friction count, but no cycle.
+
+    Returns:
+        Coefficients [rad, rad/s, rad/s², rad/s³], (dof, n + 1, 4).
+    """
+    command, first, second = command_and_rates(q, period, servo.interpolation)
+    if servo.has_feedforward:
+        a, b = (np.broadcast_to(x, q.shape[1:])[:, None, None] for x in servo.lead)
+        command += a * first + b * second
+    if servo.friction.any():
+        held = servo.interpolation == "step"
+        rate = first[:, 1:-1, 0] if held else np.diff(q, axis=0).T / period
+        command[:, 1:-1, 0] -= np.broadcast_to(servo.friction, q.shape[1:])[:, None] * sliding(rate)
+    return command
+
+
+def cycle_feedforward(u: FloatArray, cycle: float, servo: ServoModel | JointServo) -> FloatArray:
+    """Commands of cycles with feed-forward and friction, from those of two more before.
+
+    Args:
+        u: Commands [rad], (rows, count + 2).
+        cycle: Cycle [s].
+        servo: Parameters of all rows.
+
+    Returns:
+        Commands [rad], (rows, count).
+    """
+    du, ddu = np.diff(u, axis=1)[:, 1:] / cycle, np.diff(u, 2, axis=1) / cycle**2
+    a, b, c = (np.broadcast_to(x, len(u))[:, None] for x in (*servo.lead, servo.friction))
+    return np.asarray(u[:, 2:] + a * du + b * ddu - c * sliding(du))
+
+
+class JointServo(NamedTuple):
+    """Parameters of the servo of one joint, as in `ServoModel`; numbers, or arrays (rows,)."""
+
+    kp: Any
+    kv: Any = np.inf
+    velocity_feedforward: Any = 0.0
+    acceleration_feedforward: Any = 0.0
+    dead_time: Any = 0.0
+    acceleration_limit: Any = np.inf
+    friction: Any = 0.0
+    ki: Any = 0.0
+
+    @property
+    def lead(self) -> tuple[FloatArray, FloatArray]:
+        """As `ServoModel.lead`."""
+        feed = self.velocity_feedforward, self.acceleration_feedforward
+        return lead_of(self.kp, self.kv, *feed)
+
+
+class LoggedCommand:
+    """The command of one joint in a log, at any times.
+
+    Args:
+        t: Times of the set-points [s], increasing, (n,).
+        u: Set-points [rad], (n,).
+        interpolation: "linear" or "step".
+        begin: Index of the set-point at which the motion begins; those before it arrive later.
+
+    Attributes:
+        knots: Times of all set-points.
+        t, u: Times and set-points of the motion.
+    """
+
+    def __init__(
+        self, t: FloatArray, u: FloatArray, interpolation: str = "linear", begin: int = 0
+    ) -> None:
+        self.knots, self.every, self.linear = np.array(t), np.array(u), interpolation == "linear"
+        self.t, self.u = self.knots[begin:], self.every[begin:]
+        width = np.diff(t)
+        chord = np.diff(u) / width
+        self.pieces = np.zeros((len(t) + 1, 4))
+        self.pieces[:, 0] = np.append(u[0], u)
+        self.rate, self.bend = np.zeros((2, len(t) + 1))
+        if self.linear:
+            self.pieces[1:-1, 1] = self.rate[1:-1] = chord
+            self.bend[2:-1] = np.diff(chord) / width[1:]
+        else:
+            self.rate[2:] = chord
+        self.slide = sliding(self.rate)
+
+    def for_servo(self, servo: JointServo, rows: int, first: int) -> FloatArray:
+        """Pieces from one on, with feed-forward and friction of some servos, as in `run_joints`."""
+        lead, bend, slide = (
+            np.broadcast_to(x, rows)[:, None] for x in (*servo.lead, servo.friction)
+        )
+        found = np.tile(self.pieces[first:], (rows, 1, 1))
+        found[:, :, 0] += lead * self.rate[first:]
+        if bend.any():
+            found[:, :, 0] += bend * self.bend[first:]
+        if slide.any():
+            found[:, :, 0] -= slide * self.slide[first:]
+        return found
+
+    def at(self, t: FloatArray) -> FloatArray:
+        """The command at some times [rad]."""
+        if self.linear:
+            return np.interp(t, self.knots, self.every)
+        k = np.searchsorted(self.knots, t + SNAP * 1e-3, side="right") - 1
+        return np.asarray(self.every[np.maximum(k, 0)])
+
+
+def command_and_rates(
+    q: FloatArray, period: float, interpolation: str
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The command without feed-forward, its velocity and its acceleration, as in `ServoModel`.
+
+    Args:
+        q: Set-points [rad], (n, dof).
+        period: Command interval [s].
+        interpolation: As in `ServoModel`.
+
+    Returns:
+        Coefficients of the three in the intervals of `polynomials`, (dof, n + 1, 4) each.
+    """
+    n, dof = q.shape
+    found = np.zeros((3, dof, n + 1, 4))
+    command, first, second = found
+    command[:, 0, 0] = q[0]
+    command[:, 1:, 0] = q.T
+    if n == 1:
+        return command, first, second
+    inner = slice(1, -1)
+    chord = np.diff(q, axis=0).T / period
+    before = np.concatenate([np.zeros((dof, 1)), chord[:, :-1]], axis=1)
+    if interpolation == "step":
+        first[:, inner, 0] = before
+    elif interpolation == "linear":
+        command[:, inner, 1] = first[:, inner, 0] = chord
+        second[:, inner, 0] = (chord - before) / period
+    else:
+        slope = np.zeros_like(q.T)
+        slope[:, 1:-1] = (q[2:] - q[:-2]).T / (2 * period)
+        start, end = slope[:, :-1], slope[:, 1:]
+        command[:, inner, 1] = start
+        command[:, inner, 2] = (3 * chord - 2 * start - end) / period
+        command[:, inner, 3] = (start + end - 2 * chord) / period**2
+        first[:, :, :3] = command[:, :, 1:] * [1, 2, 3]
+        second[:, :, :2] = first[:, :, 1:3] * [1, 2]
+    return command, first, second
+
+
+def sample_command(
+    pieces: FloatArray, period: float, dead_time: FloatArray, t: FloatArray
+) -> FloatArray:
+    """The delayed command that reaches the joints' servos at given times [rad], (len(t), dof).
+
+    Args:
+        pieces: Coefficients from `polynomials`, (dof, n + 1, 4).
+        period: Command interval [s].
+        dead_time: Dead time of each joint [s], (dof,).
+        t: Times since the first set-point [s].
+    """
+    found = np.empty((len(t), len(pieces)))
+    for j, own in enumerate(pieces):
+        at = (t - dead_time[j]) / period
+        k = np.clip(np.floor(at + SNAP), -1, len(own) - 2).astype(np.intp)
+        # The command is constant in the first and the last interval.
+        x = np.where((k < 0) | (k > len(own) - 3), 0.0, np.maximum(at - k, 0.0) * period)
+        a = own[k + 1]
+        found[:, j] = a[:, 0] + x * (a[:, 1] + x * (a[:, 2] + x * a[:, 3]))
+    return found
+
+
+def command_weights(
+    count: int, period: float, interpolation: str, t: FloatArray
+) -> tuple[IntArray, FloatArray]:
+    """Weights of the set-points in the command without dead time and feed-forward.
+
+    Args:
+        count: Number of set-points.
+        period: Command interval [s].
+        interpolation: As in `ServoModel`.
+        t: Times since the first set-point [s], (n,).
+
+    Returns:
+        Indices of two set-points, of four for "cubic", which may repeat, and their weights,
+        (n, 2) or (n, 4) each.
+    """
+    at = np.clip(t / period, 0.0, count - 1)
+    k = np.minimum(np.floor(at + SNAP), max(count - 2, 0)).astype(np.intp)
+    x = np.clip(at - k, 0.0, 1.0)
+    if interpolation != "cubic":
+        # The last set-point is reached at the end of the last interval.
+        end = x if interpolation == "linear" else (x >= 1 - SNAP).astype(np.float64)
+        return np.minimum(k[:, None] + [0, 1], count - 1), np.column_stack([1 - end, end])
+    index = np.clip(k[:, None] + np.arange(-1, 3), 0, count - 1)
+    weight = np.zeros((len(t), 4))
+    end = x * x * (3 - 2 * x)
+    weight[:, 1], weight[:, 2] = 1 - end, end
+    # The slopes at the first and the last set-point are 0.
+    slope = np.where(k > 0, x * (1 - x) ** 2, 0.0) / 2
+    weight[:, 0] -= slope
+    weight[:, 2] += slope
+    slope = np.where(k < count - 2, -x * x * (1 - x), 0.0) / 2
+    weight[:, 1] -= slope
+    weight[:, 3] += slope
+    return index, weight

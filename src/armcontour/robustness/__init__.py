@@ -1,9 +1,0 @@
-"""Robustness: contour errors of taught data on robots that differ from the model."""
-
-from armcontour._lazy import lazy_names
-
-_HOME = {
-    "box": "Box",
-    "monte_carlo": "Spread jitter_of spread worst_corner",
-}
-__getattr__, __all__ = lazy_names(__name__, _HOME)

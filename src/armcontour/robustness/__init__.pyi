@@ -1,5 +1,0 @@
-from armcontour.robustness.box import Box as Box
-from armcontour.robustness.monte_carlo import Spread as Spread
-from armcontour.robustness.monte_carlo import jitter_of as jitter_of
-from armcontour.robustness.monte_carlo import spread as spread
-from armcontour.robustness.monte_carlo import worst_corner as worst_corner

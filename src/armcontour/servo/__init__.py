@@ -1,5 +1,0 @@
-"""Model and simulation of the joint servos, without arm and path."""
-
-from armcontour.servo.model import INTERPOLATIONS, ORDERS, ServoModel
-
-__all__ = ["INTERPOLATIONS", "ORDERS", "ServoModel"]

@@ -1,0 +1,194 @@
+"""The compiled loop over the steps of drives that move MuJoCo's bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.kernels import compiled
+
+
+class Functions(NamedTuple):
+    """Addresses of MuJoCo's functions mj_step, mj_kinematics, mj_comPos and mj_rne."""
+
+    step: int
+    kinematics: int
+    com_pos: int
+    rne: int
+
+
+class Bodies(NamedTuple):
+    """A model of MuJoCo and its state, which lie in MuJoCo's memory.
+
+    Attributes:
+        model, data: Their addresses.
+        q, dq: Positions [rad] and velocities [rad/s] of all degrees of freedom, (n,).
+        torque: Torques that are applied, or for an arm at rest those against gravity [N m], (n,).
+    """
+
+    model: int
+    data: int
+    q: FloatArray
+    dq: FloatArray
+    torque: FloatArray
+
+    @classmethod
+    def of(cls, model: Any, data: Any) -> Bodies:
+        """The bodies of a model, as long as its `data` lives."""
+        return cls(model._address, data._address, data.qpos, data.qvel, data.qfrc_applied)
+
+
+class Loops(NamedTuple):
+    """The loops of the drives, as in `RigidBodyPlant`.
+
+    Attributes:
+        kp, kv, ki: Gains [1/s], (dof,).
+        integral: Integrals of the velocity errors [rad], which the loop writes, (dof,).
+        step: Time between two computations of the loops [s].
+        inertia: J [kg m²], (dof,).
+        limit: Torque limits [N m], (dof,).
+        holds: Whether the torque against gravity is added.
+        on_top: Whether the limits leave that torque out.
+    """
+
+    kp: FloatArray
+    kv: FloatArray
+    ki: FloatArray
+    integral: FloatArray
+    step: float
+    inertia: FloatArray
+    limit: FloatArray
+    holds: bool
+    on_top: bool
+
+
+class Rows(NamedTuple):
+    """What the loop writes, one row per step.
+
+    Attributes:
+        q, dq: Positions and velocities at the starts of the steps, and after the last one,
+            (steps + 1, n).
+        demand: Demanded accelerations [rad/s²], (steps, dof).
+        wanted, torque: Torques before and after saturation [N m], (steps, dof).
+    """
+
+    q: FloatArray
+    dq: FloatArray
+    demand: FloatArray
+    wanted: FloatArray
+    torque: FloatArray
+
+
+POINTER = ir.IntType(8).as_pointer()
+
+
+def _intrinsic(function: Callable[..., Any]) -> Any:
+    """A function of compiled functions that writes its machine code by itself."""
+    return intrinsic(function)
+
+
+@_intrinsic
+def _call(typing: Any, function: Any, model: Any, data: Any) -> Any:
+    """Call `function(model, data)`, all given by their addresses."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        kind = ir.FunctionType(ir.VoidType(), [POINTER, POINTER])
+        called = builder.inttoptr(args[0], kind.as_pointer())
+        builder.call(called, [builder.inttoptr(x, POINTER) for x in args[1:]])
+        return context.get_dummy_value()
+
+    return types.void(function, model, data), generate
+
+
+@_intrinsic
+def _call_rne(typing: Any, function: Any, model: Any, data: Any, result: Any) -> Any:
+    """Call `mj_rne(model, data, 0, result)`, all given by their addresses."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        whole = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [POINTER, POINTER, whole, POINTER])
+        called = builder.inttoptr(args[0], kind.as_pointer())
+        model, data, result = (builder.inttoptr(x, POINTER) for x in args[1:])
+        builder.call(called, [model, data, whole(0), result])
+        return context.get_dummy_value()
+
+    return types.void(function, model, data, result), generate
+
+
+@compiled()
+def advance(
+    functions: Functions,
+    bodies: Bodies,
+    known: Bodies,
+    loops: Loops,
+    parts: int,
+    commands: FloatArray,
+    integrated: FloatArray,
+    noise: FloatArray,
+    first: int,
+    end: int,
+    wildest: float,
+    rows: Rows,
+) -> int:
+    """Simulate the steps from `first` to before `end`.
+
+    Args:
+        functions: MuJoCo's functions.
+        bodies: The bodies; encoders and torques are those of the last dof.
+        known: The arm at rest as its controller knows it.
+        loops: The drives.
+        parts: Number of integration steps in a step of the drives.
+        commands: Commands in the steps [rad], (steps, dof).
+        integrated: Commands that the integrators see, without acceleration feed-forward [rad],
+            (steps, dof).
+        noise: Noise of measured positions in the steps [rad], (steps, dof); (0, dof) without.
+        first: The first step.
+        end: The step before which the loop ends.
+        wildest: Velocity of a joint that runs away [rad/s].
+        rows: What is written.
+
+    Returns:
+        `end`, or the step after which a joint runs away.
+    """
+    dof, n = len(loops.kp), len(bodies.q)
+    for k in range(first, end):
+        for j in range(n):
+            rows.q[k, j], rows.dq[k, j] = bodies.q[j], bodies.dq[j]
+        for j in range(dof):
+            known.q[j] = bodies.q[n - dof + j]
+            if len(noise):
+                known.q[j] += noise[k, j]
+        if loops.holds:
+            _call(functions.kinematics, known.model, known.data)
+            _call(functions.com_pos, known.model, known.data)
+            _call_rne(functions.rne, known.model, known.data, known.torque.ctypes.data)
+        for j in range(dof):
+            error = (integrated[k, j] - known.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
+            loops.integral[j] += loops.step * error
+            ask = (commands[k, j] - known.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
+            ask = (ask + loops.ki[j] * loops.integral[j]) * loops.kv[j]
+            beside = 0.0 if loops.on_top else known.torque[j]
+            above = known.torque[j] if loops.on_top else 0.0
+            want = ask * loops.inertia[j] + beside
+            get = max(min(want, loops.limit[j]), -loops.limit[j]) + above
+            # In saturation the integrator does not wind up, as in `ServoModel`.
+            excess = (want + above - get) / loops.inertia[j]
+            loops.integral[j] -= loops.step * excess / loops.kv[j]
+            bodies.torque[n - dof + j] = get
+            rows.demand[k, j], rows.wanted[k, j], rows.torque[k, j] = ask, want + above, get
+        for _ in range(parts):
+            _call(functions.step, bodies.model, bodies.data)
+        speed = 0.0
+        for j in range(n):
+            speed += bodies.dq[j] ** 2
+        # Speeds that are not numbers are wild, too.
+        if not speed < wildest**2:
+            return k
+    for j in range(n):
+        rows.q[end, j], rows.dq[end, j] = bodies.q[j], bodies.dq[j]
+    return end

@@ -1,0 +1,549 @@
+"""`execute`: plants that run set-points, and the independent servo of each joint."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from copy import copy
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray, IntArray, Locked
+from armcontour.core.errors import ExecutionError, InvalidInput
+from armcontour.core.fields import checked
+from armcontour.core.quantities import Interval
+from armcontour.motion import Execution, FineMotion, TaughtData
+from armcontour.robot import Arm, Limits, resolve_limits
+from armcontour.robot.limits import or_unlimited
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.simulation import Simulation, respond_within
+
+# Time that the joints get to come to rest after the last set-point [s], or in durations.
+PATIENCE = 60.0
+PATIENCE_IN_DURATIONS = 10.0
+# A joint at this velocity [rad/s] falls, or its servo is unstable.
+RUNAWAY = 1e3
+SATURATIONS = ("acceleration", "torque", "none")
+# A joint is at rest below this velocity [rad/s] and this distance to the last set-point [rad].
+REST_VELOCITY = 1e-8
+REST_DISTANCE = 1e-8
+# After the last set-point the simulation continues in parts of this time [s] until rest.
+CHUNK = 0.25
+# A servo with at most so many time constants between two results has no more than 1e-11 of its
+# acceleration per s² in what quintics leave out.
+SMOOTH = 1.0
+# Set-points that reach a joint nearer to a result than this share of the time to the next one count
+# as reaching it there.
+REACHED = 1e-6
+# Times from one result to the next at which the motion between them is computed: cubics between
+# these are off by less than 1e-11 rad for servos with time constants of a millisecond.
+PARTS = 16
+
+
+class Plant(ABC):
+    """A simulated robot: an arm with its drives."""
+
+    @abstractmethod
+    def run(self, taught: TaughtData, resolution: float) -> Execution:
+        """Execute taught data from rest at the first set-point until rest at the last one.
+
+        Args:
+            taught: The set-points.
+            resolution: Largest time between two results [s].
+        """
+
+    def motion_between(self, executed: Execution, which: IntArray) -> FineMotion | None:
+        """The motion from some results of an execution on this plant to the next ones.
+
+        Args:
+            executed: The execution, with all of its results.
+            which: Indices of the results before, increasing, (m,).
+
+        Returns:
+            The motion; None where the plant does not know it, as by default.
+        """
+        return None
+
+    def __repr__(self) -> str:
+        """The class, and the arm if it has one."""
+        arm = getattr(self, "arm", None)
+        return f"{type(self).__name__}({'' if arm is None else repr(arm)})"
+
+
+class LimitedPlant(Locked, Plant):
+    """A plant whose drives saturate at limits: the given ones, else those of the plan.
+
+    Once made, a plant does not change; the plant of an `Execution` has the limits of its plan.
+    """
+
+    limits: Limits | None
+
+    @abstractmethod
+    def _drives(self, planned: Limits | None) -> dict[str, Any]:
+        """What saturates, by the names of the attributes, with the limits of a plan."""
+
+    @checked
+    def for_plan(self, taught: TaughtData) -> Self:
+        """The plant with the limits of a plan, where it was given none.
+
+        Args:
+            taught: Taught data for the plan.
+        """
+        planned = taught.trajectory.limits
+        if planned is None:
+            return self
+        other = copy(self)
+        vars(other).update(self._drives(planned))
+        return other
+
+
+@checked
+def execute(
+    taught: TaughtData,
+    plant: Plant,
+    *,
+    resolution: Interval = 1e-3,
+) -> Execution:
+    """Execute taught data on a plant.
+
+    Args:
+        taught: The set-points.
+        plant: The plant, which must not be the model by which the taught data was compensated.
+        resolution: Largest time between two results [s]; it does not change the motion.
+
+    Raises:
+        InvalidInput: The taught data is for another number of joints, the gains are too large for
+            the command interval, or there would be too many results.
+        ExecutionError: Rigid bodies do not come to rest, or a drive is too weak to hold the arm.
+    """
+    fine = resolution
+    span = (len(taught.q) - 1) * taught.period
+    checks.refuse_too_many(
+        f"The simulation of {span:.4g} s of set-points with results every {fine:g} s",
+        (span / taught.period + 1) * max(taught.period / fine, 1.0) * taught.q.shape[1],
+        "take a coarser resolution or a higher speed, or leave the simulation out "
+        "(--no-simulation)",
+    )
+    return plant.run(taught, fine)
+
+
+def refuse_other_joints(taught: TaughtData, arm: Arm) -> None:
+    """Refuse taught data whose number of joints is not that of the arm.
+
+    Raises:
+        InvalidInput: The numbers differ, or it is no taught data.
+    """
+    checks.refuse_other("A plant", taught, TaughtData)
+    if taught.q.shape[1] != arm.dof:
+        raise InvalidInput(
+            f"The taught data is for {taught.q.shape[1]} joints, but the arm {arm.name} has "
+            f"{arm.dof}."
+        )
+
+
+def refuse_too_heavy(weight: FloatArray, limit: FloatArray, where: str, t: float) -> None:
+    """Refuse an arm whose drives are too weak to hold it against gravity.
+
+    Args:
+        weight: Absolute torques against gravity, (dof,) [N m].
+        limit: Torque limits of the drives, (dof,) [N m].
+        where: Name of the position, for the message.
+        t: Time at which the arm is there [s].
+
+    Raises:
+        ExecutionError: A torque exceeds its limit.
+    """
+    heavy = weight > limit
+    if heavy.any():
+        j = int(np.argmax(heavy))
+        raise ExecutionError(
+            f"Joint {j + 1} takes {weight[j]:.4g} N m to be held against gravity at {where}, but "
+            f"its drive gives at most {limit[j]:.4g} N m: raise its torque limit or lighten its "
+            "load.",
+            t=t,
+            joint=j,
+            limit="joint_torque",
+            needed=float(weight[j]),
+            allowed=float(limit[j]),
+        )
+
+
+def count_intervals(taught: TaughtData, servo: ServoModel) -> int:
+    """Number of command intervals until the last set-point has reached all joints."""
+    late = int(np.ceil(servo.dead_time.max() / taught.period * (1 - 1e-12)))
+    return len(taught.q) - 1 + late
+
+
+def patience(duration: float) -> float:
+    """Time allowed for coming to rest after a motion of a duration [s]."""
+    return max(PATIENCE, PATIENCE_IN_DURATIONS * duration)
+
+
+class Part(NamedTuple):
+    """The motion of all joints over some command intervals.
+
+    Attributes:
+        q, dq: Positions [rad] and velocities [rad/s] at the results, (n, dof).
+        demand: Demanded accelerations [rad/s²], (n, dof).
+        ddq: Accelerations after saturation [rad/s²], (n, dof).
+        saturated: Time in saturation [s], (dof,).
+        demand_range: Lowest and highest demand, also between the results [rad/s²], (2, dof).
+    """
+
+    q: FloatArray
+    dq: FloatArray
+    demand: FloatArray
+    ddq: FloatArray
+    saturated: FloatArray
+    demand_range: FloatArray
+
+
+def join_parts(parts: list[Part]) -> Part:
+    """The motion over consecutive parts."""
+    ends = np.concatenate([x.demand_range for x in parts])
+    q, dq, demand, ddq = (np.concatenate([x[i] for x in parts]) for i in range(4))
+    return Part(
+        q,
+        dq,
+        demand,
+        ddq,
+        saturated=np.sum([x.saturated for x in parts], axis=0),
+        demand_range=np.stack([ends.min(axis=0), ends.max(axis=0)]),
+    )
+
+
+class TorqueBounds:
+    """Acceleration bounds of the joints that follow from torque limits.
+
+    Args:
+        arm: An arm with masses.
+        limit: Torque limits, (dof,) [N m].
+        taught: The set-points.
+
+    Raises:
+        ExecutionError: Gravity alone exceeds a limit at the first or the last set-point.
+    """
+
+    def __init__(self, arm: Arm, limit: FloatArray, taught: TaughtData) -> None:
+        self.arm, self.limit, self.taught = arm, limit, taught
+        for which, k in (("first", 0), ("last", -1)):
+            q, still = taught.q[k], np.zeros(arm.dof)
+            weight = np.abs(arm.torque(q, still, still))
+            refuse_too_heavy(weight, limit, f"the {which} set-point", float(taught.t[k]))
+
+    def at(self, k: int, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Acceleration bounds `(-T - b) / M_jj` and `(T - b) / M_jj` in interval k [rad/s²].
+
+        If b alone exceeds T, both bounds have the same sign: the joint brakes or falls.
+
+        Args:
+            k: Index of the command interval.
+            q: Joint positions at the start of the interval [rad], (dof,).
+            dq: Joint velocities at the start of the interval [rad/s], (dof,).
+
+        Raises:
+            ExecutionError: A joint is faster than `RUNAWAY`.
+        """
+        fast = ~(np.abs(dq) < RUNAWAY)
+        if fast.any():
+            j = int(np.argmax(fast))
+            t = self.taught.start_time + k * self.taught.period
+            raise ExecutionError(
+                f"Joint {j + 1} runs away at t = {t:.4g} s, at {abs(dq[j]):.3g} rad/s: its drive "
+                f"gives at most {self.limit[j]:.4g} N m; raise its torque limit or lighten its "
+                "load.",
+                t=t,
+                joint=j,
+            )
+        bias = self.arm.torque(q, dq, np.zeros_like(q))
+        inertia = np.diagonal(self.arm.dynamics.mass_matrix(q))
+        return (-self.limit - bias) / inertia, (self.limit - bias) / inertia
+
+
+class ServoRun:
+    """The servos of all joints, with acceleration bounds that may change in every interval.
+
+    Args:
+        taught: The set-points.
+        steps: Number of results per command interval.
+        servo: A servo with values per joint.
+        accelerations: Lower and upper bounds, (dof,) each [rad/s²].
+        torque: Torque limits that give the bounds of each interval instead, if any.
+
+    Raises:
+        ExecutionError: The gains are too large to simulate.
+    """
+
+    def __init__(
+        self,
+        taught: TaughtData,
+        steps: int,
+        servo: ServoModel,
+        accelerations: tuple[FloatArray, FloatArray],
+        torque: TorqueBounds | None,
+    ) -> None:
+        # Copies that can be written to: for locked ones the kernels would be compiled once more.
+        lower, upper = (np.array(x) for x in accelerations)
+        self.bounds, self.torque = (lower, upper), torque
+        self.simulation = Simulation(taught.q, taught.period, servo, *accelerations, steps=steps)
+        self.held: FloatArray | None = None
+
+    def advance(self, begin: int, count: int, q: FloatArray, dq: FloatArray) -> Part:
+        """Simulate some command intervals.
+
+        Args:
+            begin: Index of the first interval.
+            count: Number of intervals.
+            q: Joint positions at the start [rad], (dof,).
+            dq: Joint velocities at the start [rad/s], (dof,).
+
+        Raises:
+            ExecutionError: A joint runs away, or its motion cannot be computed.
+        """
+        if self.torque is None or count == 0:
+            return self._run(begin, count, q, dq, self.bounds)
+        parts = []
+        for k in range(begin, begin + count):
+            parts.append(self._run(k, 1, q, dq, self.torque.at(k, q, dq)))
+            q, dq = parts[-1].q[-1], parts[-1].dq[-1]
+        return join_parts(parts)
+
+    def _run(
+        self,
+        begin: int,
+        count: int,
+        q: FloatArray,
+        dq: FloatArray,
+        bounds: tuple[FloatArray, FloatArray],
+    ) -> Part:
+        """Simulate some command intervals with constant acceleration bounds."""
+        run = self.simulation.run(begin, begin + count, q, dq, bounds, self.held)
+        self.held = run.held
+        position, velocity, demand = (run.states[:, :, i].T.copy() for i in range(3))
+        ddq = np.clip(demand, *bounds)
+        extremes = np.stack([run.lowest, run.highest])
+        return Part(position, velocity, demand, ddq, run.saturated, extremes)
+
+
+class ServoPlant(LimitedPlant):
+    """Independent joints, each with its own servo.
+
+    Args:
+        arm: The arm.
+        servo: The servo of the simulated robot; it may differ from the model by which the taught
+            data was compensated.
+        limits: Limits with the joint accelerations or torques that saturate, in place of those of
+            the plan that is executed; where a plan has none, the arm's own.
+        saturation: Which limit saturates a servo of second order. "acceleration" is (7):
+            acceleration_limit of the servo, or without one joint_acceleration.
+            "torque" bounds the acceleration by `-T <= M_jj(q) ddq_j + b_j(q, dq) <= T` with the
+            state at the start of each command interval, where T is joint_torque and b is the torque
+            of gravity, centrifugal and Coriolis effects and friction; accelerations of other joints
+            are neglected. "none" never saturates. The default is "acceleration" if there are such
+            limits; else "torque" if there are such limits and the arm has masses; else "none". A
+            joint of another order than "second" has no limited acceleration, and its demands are
+            its accelerations.
+
+    Once made, a plant does not change; the plant of an `Execution` has the limits of its plan.
+
+    Attributes:
+        limits: The given limits, or None.
+        saturation: The given or default saturation.
+        lower, acceleration: Acceleration bounds [rad/s²], (dof,); infinite without limits.
+        torque_limit: Torque limits [N m], (dof,); None unless torque saturates.
+
+    Raises:
+        InvalidInput: Gains or limits do not fit the arm, the servo is of first order and saturates,
+            or torque saturates but limits or masses are missing.
+    """
+
+    saturation: str
+    lower: FloatArray
+    acceleration: FloatArray
+    torque_limit: FloatArray | None
+
+    @checked
+    def __init__(
+        self,
+        arm: Arm,
+        servo: ServoModel,
+        limits: Limits | None = None,
+        *,
+        saturation: str | None = None,
+    ) -> None:
+        self.arm = arm
+        self.servo = servo.for_joints(arm.dof)
+        self.limits = limits
+        self._asked = saturation
+        vars(self).update(self._drives(None))
+
+    def _drives(self, planned: Limits | None) -> dict[str, Any]:
+        """What saturates, by the names of the attributes, with the limits of a plan."""
+        arm, servo = self.arm, self.servo
+        own = resolve_limits("A ServoPlant", arm, self.limits, planned)
+        saturation = _saturation(self._asked, servo, own, arm)
+        torque_limit = None
+        lower, upper = np.full((2, arm.dof), [[-np.inf], [np.inf]])
+        if saturation == "acceleration":
+            lower, upper = servo.saturate(*own.acceleration_bounds(arm.dof))
+        if saturation == "torque":
+            if own.joint_torque is None:
+                raise InvalidInput(
+                    "Saturation of torque needs joint_torque among the limits: give it, or let "
+                    "the plant saturate in acceleration.",
+                    limit="joint_torque",
+                )
+            torque_limit = checks.lock_floats(or_unlimited(own.joint_torque, arm.dof))
+            # This property refuses an arm without masses.
+            _ = arm.dynamics
+        return {
+            "saturation": saturation,
+            "lower": checks.lock_floats(lower),
+            "acceleration": checks.lock_floats(upper),
+            "torque_limit": torque_limit,
+        }
+
+    def run(self, taught: TaughtData, resolution: float) -> Execution:
+        """Execute taught data; the motion is exact between the starts and ends of saturation.
+
+        Raises:
+            InvalidInput: The taught data is for another number of joints, or the gains are too
+                large for the command interval.
+            ExecutionError: A drive is too weak to hold the arm.
+        """
+        refuse_other_joints(taught, self.arm)
+        self.servo.refuse_too_fast(taught.period)
+        return self.for_plan(taught)._execute(taught, resolution)
+
+    def _execute(self, taught: TaughtData, resolution: float) -> Execution:
+        """As `run`, with the limits of this plant."""
+        steps = int(np.ceil(taught.period / resolution * (1 - 1e-12)))
+        parts, unsettled = self._until_rest(taught, steps)
+        whole = join_parts(parts)
+        return Execution(
+            arm=self.arm,
+            taught=taught,
+            t=taught.times(len(whole.q), taught.period / steps),
+            q=whole.q,
+            dq=whole.dq,
+            ddq=whole.ddq,
+            demand=whole.demand,
+            demand_range=whole.demand_range,
+            saturated_time=whole.saturated,
+            unsettled=unsettled,
+            unexplained=self.servo.unexplained,
+            plant=self,
+        )
+
+    def motion_between(self, executed: Execution, which: IntArray) -> FineMotion | None:
+        """The motion from some results of an execution on this plant to the next ones.
+
+        Quintics where the motion is smooth. Else exact at PARTS times, and where a set-point
+        reaches a joint, with cubics between these.
+
+        Args:
+            executed: The execution, at regular times.
+            which: Indices of the results before, increasing, (m,).
+
+        Returns:
+            The motion; None if the torque limits of its command interval follow from a result that
+            the execution does not have.
+        """
+        x, taught = executed, executed.taught
+        steps = round(taught.period / float(x.t[1] - x.t[0]))
+        width = taught.period / steps
+        demand = np.stack([x.demand[which], x.demand[which + 1]])
+        if self._smooth_between(demand, width):
+            return FineMotion.through(x.t, x.q, x.dq, x.ddq, which)
+        parts = []
+        for i in which.tolist():
+            k, phase = divmod(round(float(x.t[i] - taught.start_time) / width), steps)
+            bounds = self.lower, self.acceleration
+            if self.torque_limit is not None:
+                # The bounds of a command interval follow from the state at its start.
+                if i < phase:
+                    return None
+                limits = TorqueBounds(self.arm, self.torque_limit, taught)
+                bounds = limits.at(k, x.q[i - phase], x.dq[i - phase])
+            at = (phase + np.arange(PARTS + 1) / PARTS) * width
+            held = np.where(self.servo.ki > 0, x.demand[i], np.clip(x.demand[i], *bounds))
+            if self.servo.cycle and self.servo.kv is None:
+                held = x.dq[i]
+            own = self.servo, bounds, k, at, (x.q[i], x.dq[i], held)
+            t, *states = respond_within(taught.q, taught.period, *own)
+            parts.append((t - at[0] + x.t[i], *states))
+        columns = (np.concatenate(each) for each in zip(*parts, strict=True))
+        t, q, before, after = columns
+        return FineMotion(t=t, q=q, before=before, after=after)
+
+    def _smooth_between(self, demand: FloatArray, width: float) -> bool:
+        """Whether nothing happens between results, and quintics are exact enough there.
+
+        Args:
+            demand: Demands at the results [rad/s²], (..., dof).
+            width: Time between two of them [s].
+        """
+        servo = self.servo
+        jumps = servo.interpolation == "step" or servo.has_feedforward or servo.friction.any()
+        if servo.order != "second" or servo.kv is None or jumps or servo.cycle or servo.ki.any():
+            return False
+        if self.torque_limit is not None:
+            return False
+        if not ((self.lower < demand) & (demand < self.acceleration)).all():
+            return False
+        late = servo.dead_time / width
+        slow = max(servo.kv.max(), servo.kp.max()) * width <= SMOOTH
+        return bool(slow and (abs(late - np.round(late)) < REACHED).all())
+
+    def _until_rest(self, taught: TaughtData, steps: int) -> tuple[list[Part], FloatArray | None]:
+        """The run in parts, from the state at the start on, and `Execution.unsettled`."""
+        run = self._begin(taught, steps)
+        first, last = taught.q[0], taught.q[-1]
+        still = np.zeros((1, len(first)))
+        begin = Part(first[None], still, still, still, still[0], np.zeros((2, len(first))))
+        done = count_intervals(taught, self.servo)
+        parts = [begin, run.advance(0, done, first, np.zeros_like(first))]
+        more = int(np.ceil(CHUNK / taught.period))
+        last_one = done + int(np.ceil(PATIENCE / taught.period))
+        q, dq = (
+            x[-1] if len(x) else y for x, y in zip(parts[1][:2], (first, 0 * first), strict=True)
+        )
+        while (np.abs(dq) > REST_VELOCITY).any() or (np.abs(q - last) > REST_DISTANCE).any():
+            if done > last_one:
+                return parts, np.abs(q - last)
+            parts.append(run.advance(done, more, q, dq))
+            q, dq = parts[-1].q[-1], parts[-1].dq[-1]
+            done += more
+        return parts, None
+
+    def _begin(self, taught: TaughtData, steps: int) -> ServoRun:
+        """A run of the servos, with `steps` results per command interval."""
+        bounds = None
+        if self.torque_limit is not None:
+            bounds = TorqueBounds(self.arm, self.torque_limit, taught)
+        return ServoRun(taught, steps, self.servo, (self.lower, self.acceleration), bounds)
+
+
+def _saturation(asked: str | None, servo: ServoModel, limits: Limits, arm: Arm) -> str:
+    """The given saturation, or the default one for None.
+
+    Raises:
+        InvalidInput: The saturation is unknown, or no joint is of second order and can saturate.
+    """
+    second = servo.kv is not None
+    if asked is None:
+        if servo.acceleration_limit is not None:
+            limited = second and np.isfinite(servo.acceleration_limit).any()
+            return "acceleration" if limited else "none"
+        if second and limits.joint_acceleration is not None:
+            return "acceleration"
+        torque = second and limits.joint_torque is not None and arm.has_bodies
+        return "torque" if torque else "none"
+    checks.choice("saturation", asked, SATURATIONS)
+    if not second and asked != "none":
+        raise InvalidInput(
+            f"A servo of order {servo.order} has no acceleration that its {asked} could limit: "
+            "leave saturation out, or take a servo of order second."
+        )
+    return asked

@@ -1,0 +1,717 @@
+"""The plant of rigid bodies in MuJoCo, with drives whose gains are not tuned to the job."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.errors import ExecutionError, InvalidInput
+from armcontour.core.fields import checked
+from armcontour.core.quantities import DAMPING, STIFFNESS, AtLeast, Quantity
+from armcontour.motion import Execution, FineMotion, TaughtData
+from armcontour.robot import Arm, Limits, resolve_limits
+from armcontour.robot.chain import Chain
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.simulation import polynomials, sample_command
+from armcontour.simulation import _mujoco, _stepping
+from armcontour.simulation._mujoco import Springs
+from armcontour.simulation._stepping import Bodies, Loops, Rows
+from armcontour.simulation.plant import (
+    PATIENCE,
+    RUNAWAY,
+    LimitedPlant,
+    count_intervals,
+    patience,
+    refuse_other_joints,
+    refuse_too_heavy,
+)
+from armcontour.simulation.stability import count_parts
+
+# Cycle time of a drive's velocity loop [s]: 4 kHz is usual, divides every usual command interval,
+# and delays the loop by 2 % of the time constant 1 / K_v of the paper's servo.
+STEP = 2.5e-4
+# Shortest and longest cycle time [s]: each cycle is a step of the simulation, which takes some
+# microseconds; no arm is controlled with longer cycles.
+STEPS = (1e-6, 0.1)
+# Largest noise of a position measurement [rad]; no encoder is worse.
+LARGEST_NOISE = 0.1
+DriveCycle = Annotated[float, Quantity("s", "4 ms", within=STEPS)]
+PositionNoise = Annotated[float, Quantity("rad", "2 deg", within=(0.0, LARGEST_NOISE))]
+# After the last set-point the joints are at rest when each stays within this range [rad], a micron
+# at 1 m, for this time [s] and for the slowest position loop's time constant. The test does not
+# depend on where the joints stop, because friction and gravity decide that.
+REST_TIME = 0.25
+REST_RANGE = 1e-6
+# Noise of the measured position moves a joint by less than this many standard deviations.
+REST_NOISE = 4.0
+# Tolerance of the equilibrium under the arm's weight [rad], and largest number of iterations.
+EQUILIBRIUM = 1e-13
+ITERATIONS = 200
+# Default damping of a joint over its stiffness [s]: 0.3 % of critical at 10 Hz, less than gears
+# have. Without any, modes above the drives' cycle take minutes to rest: held torques hardly damp
+# them.
+DAMPING_TIME = 1e-4
+# Number of random poses in which a drive must be able to give the acceleration limits.
+RATED_POSES = 200
+# Duration of the command intervals that are simulated at a time [s].
+BLOCK = 1.0
+# Number of integration steps in one compiled call, which take up to 0.1 s.
+STEPS_AT_ONCE = 1000
+
+
+class RigidBodyPlant(LimitedPlant):
+    """The arm's rigid bodies with a sampled position and velocity loop on every joint.
+
+    In every step each drive sets its torque to `J K_v (K_p (u - q) - dq)` and keeps it constant for
+    the step. An integrator in the velocity loop adds `J K_v k_i` times the sum of the velocity
+    errors of all steps. It does not wind up at torque limits, as in `ServoModel`. The controller
+    may add the torque that holds the arm against gravity. u is the command at the time of the step
+    minus the servo's dead time. J is the servo's inertia, if it has one. By
+    default J is the nominal inertia of the joint with its drive, without payload, with all joints
+    in the middle of the arm's joint ranges (at 0 for a joint without a range). This J is known when
+    the arm is built and does not depend on the job.
+
+    With `joint_stiffness`, drives move the links through springs and dampers (Spong's model):
+
+        M(q) q'' + c(q, q') + g(q) = K (theta - q) + D (theta' - q')
+        B theta'' + friction(theta') = tau - K (theta - q) - D (theta' - q')
+
+    theta are the motors' positions, seen from the links, and B the inertias of the drives
+    (armature). Encoders sit at the motors: the loops and gravity feed-forward see theta. That
+    rotors turn with the links that carry them is left out, as in Spong (1987).
+
+    Args:
+        arm: The arm; its chain must have masses.
+        servo: The gains of the drives, a servo of second order.
+        limits: Limits with the joint torques that saturate, in place of those of the plan that is
+            executed; where a plan has none, the arm's own. Without torque limits, the drives are
+            just strong enough for the joint accelerations of all joints at once in the worst pose.
+        step: Cycle time of the drives [s]; it is shortened to a fraction of the command interval.
+        gravity_feedforward: Whether the controller adds the torque against gravity, including that
+            of the payload that it knows.
+        friction: Whether the chain's viscous and Coulomb friction act.
+        noise: Standard deviation of measured joint positions [rad], independent in every step.
+            Measured velocities have no noise, because the filters of drives are not known.
+        seed: Seed of the noise, the same in every run.
+        known: The arm as its controller knows it, for J, for the gravity torque and for torque
+            limits that follow from acceleration limits: for example without a payload that nobody
+            told it of. By default the arm itself.
+        joint_stiffness: K, stiffness between each drive and its link [N m/rad], one for all joints
+            or one per joint; None for rigid joints.
+        joint_damping: D, damping between each drive and its link [N m s/rad], one for all joints or
+            one per joint; by default DAMPING_TIME times the stiffness, less than gears have.
+
+    Once made, a plant does not change.
+
+    Attributes:
+        limits: The given limits, or None.
+        reference: Joint positions at which J is computed [rad], (dof,).
+        nominal_inertia: J [kg m²], (dof,).
+        torque_limit: Torque limits [N m], (dof,); infinite without limits.
+
+    Raises:
+        InvalidInput: The arm or `known` has no masses, gains or limits do not fit the arm, the
+            servo is not of second order or has friction, cycle or acceleration limit, the step is
+            outside STEPS, the noise is too large, a drive with a spring has no inertia, or mujoco
+            is not installed.
+    """
+
+    torque_limit: FloatArray
+    _on_top: bool
+
+    @checked
+    def __init__(
+        self,
+        arm: Arm,
+        servo: ServoModel,
+        limits: Limits | None = None,
+        *,
+        step: DriveCycle = STEP,
+        gravity_feedforward: bool = True,
+        friction: bool = True,
+        noise: PositionNoise = 0.0,
+        seed: Annotated[int, AtLeast(0)] = 0,
+        known: Arm | None = None,
+        joint_stiffness: Annotated[npt.ArrayLike, STIFFNESS] | None = None,
+        joint_damping: Annotated[npt.ArrayLike, DAMPING] | None = None,
+    ) -> None:
+        self.arm = arm
+        self.chain = _bodies(arm)
+        self.known_chain = self.chain if known is None else _bodies(known)
+        if len(self.known_chain) != arm.dof:
+            raise InvalidInput(
+                f"The arm {arm.name} has {arm.dof} joints, but the arm that its controller knows "
+                f"has {len(self.known_chain)}."
+            )
+        self.servo = servo.for_joints(arm.dof)
+        self.servo.refuse_mixed("A rigid-body plant", integrator=True)
+        if self.servo.acceleration_limit is not None:
+            least = float(self.servo.acceleration_limit.min())
+            raise InvalidInput(
+                "A rigid-body plant saturates at torques, but the servo has an acceleration_limit "
+                f"of {least} rad/s²: leave it out, and give the plant limits with joint_torque."
+            )
+        assert self.servo.kv is not None
+        self.kv = self.servo.kv
+        self.step = step
+        self.gravity_feedforward = gravity_feedforward
+        self.friction = friction
+        self.noise = noise
+        self.seed = seed
+        self.reference = arm.limits.middle(arm.dof)
+        own_inertia = self.servo.inertia
+        self.nominal_inertia = (
+            _nominal(self.known_chain, self.reference) if own_inertia is None else own_inertia
+        )
+        self.limits = limits
+        vars(self).update(self._drives(None))
+        self._springs = _springs(self.chain, joint_stiffness, joint_damping)
+
+    def _drives(self, planned: Limits | None) -> dict[str, Any]:
+        """What saturates, by the names of the attributes, with the limits of a plan."""
+        own = resolve_limits("A RigidBodyPlant", self.arm, self.limits, planned)
+        torques = _torques(own, self.arm.limits, self.known_chain)
+        # A limit that stands for accelerations bounds the torque for motion alone; a torque limit
+        # bounds the sum of the torques for motion and against gravity.
+        return {
+            "torque_limit": checks.lock_floats(torques),
+            "_on_top": own.joint_torque is None,
+        }
+
+    @property
+    def joint_stiffness(self) -> FloatArray | None:
+        """Stiffness between each drive and its link [N m/rad], (dof,); None for rigid joints."""
+        return None if self._springs is None else self._springs.stiffness
+
+    @property
+    def joint_damping(self) -> FloatArray | None:
+        """Damping between each drive and its link [N m s/rad], (dof,); None for rigid joints."""
+        return None if self._springs is None else self._springs.damping
+
+    def run(self, taught: TaughtData, resolution: float) -> Execution:
+        """Execute taught data from the equilibrium at the first set-point.
+
+        With an integrator, with gravity feed-forward of all weight, or without gravity, the
+        equilibrium of a drive is the set-point itself; otherwise it is the position to which the
+        arm sags without friction.
+
+        Raises:
+            InvalidInput: The taught data is for another number of joints, or the resolution is
+                finer than the step.
+            ExecutionError: The drives are unstable, too weak to hold the arm, or do not settle.
+        """
+        refuse_other_joints(taught, self.arm)
+        return self.for_plan(taught)._execute(taught, resolution)
+
+    def _execute(self, taught: TaughtData, resolution: float) -> Execution:
+        """As `run`, with the limits of this plant."""
+        steps = int(np.ceil(taught.period / self.step * (1 - 1e-12)))
+        span = taught.period / steps
+        every = _every(steps, span, resolution)
+        robot = _Robot(self, span, taught)
+        loop, viscous = self.nominal_inertia * self.kv, np.asarray(self.chain.viscous)
+        parts = count_parts(robot.model, taught, span, loop, viscous * self.friction, self._springs)
+        robot.refine(parts)
+        rows = max(1, round(BLOCK / taught.period))
+        logs = []
+        command = self._command(taught, steps, self.servo)
+        integrated = command
+        if self.servo.ki.any() and self.servo.acceleration_feedforward.any():
+            integrated = self._command(
+                taught, steps, self.servo.replace(acceleration_feedforward=0.0)
+            )
+        count = count_intervals(taught, self.servo)
+        for k in range(0, count, rows):
+            both = (x(k, min(rows, count - k)) for x in (command, integrated))
+            logs.append(robot.advance(*both).thinned(every))
+        logs += self._come_to_rest(robot, taught, steps, every)
+        return self._execution(taught, logs, span * every)
+
+    def _command(
+        self, taught: TaughtData, steps: int, servo: ServoModel
+    ) -> Callable[[int, int], FloatArray]:
+        """A function of k and count: commands in every step of `count` intervals from k on."""
+        q, period = taught.q, taught.period
+        plain = servo.interpolation != "cubic" and not servo.has_feedforward
+        if plain and not servo.dead_time.any():
+            return lambda k, count: _straight(q[k : k + count + 1], steps, servo.interpolation)
+        pieces = polynomials(q, period, servo)
+        return lambda k, count: sample_command(
+            pieces,
+            period,
+            servo.dead_time,
+            (k + np.arange(count * steps) / steps) * period,
+        )
+
+    def _come_to_rest(
+        self, robot: _Robot, taught: TaughtData, steps: int, every: int
+    ) -> list[_Log]:
+        """Simulate after the last set-point until all joints are at rest.
+
+        Args:
+            robot: The run.
+            taught: The set-points.
+            steps: Number of steps per command interval.
+            every: Number of steps between two results.
+
+        Raises:
+            ExecutionError: A joint does not come to rest, or rests at its torque limit.
+        """
+        window = rest_window(self.servo)
+        commands = np.tile(taught.q[-1], (int(np.ceil(window / taught.period)) * steps, 1))
+        begin = robot.now
+        longest = patience(begin - taught.start_time)
+        logs = []
+        while robot.now - begin <= longest:
+            log = robot.advance(commands, commands)
+            logs.append(log.thinned(every))
+            moved = log.moved(robot.step)
+            if (moved <= REST_RANGE + REST_NOISE * self.noise).all():
+                self._refuse_weak(log, taught.q[-1], robot.now)
+                return logs
+        worst = int(np.argmax(moved))
+        j = worst % self.arm.dof
+        off = abs(float(log.q[-1, worst] - taught.q[-1, j]))
+        missing = (
+            "; the inertia of its drive, armature, is missing"
+            if np.asarray(self.chain.armature)[j] == 0
+            else ""
+        )
+        raise ExecutionError(
+            f"Joint {j + 1} is not at rest {robot.now - begin:.3g} s after its last set-point: "
+            f"{off:.3g} rad from it, it still moves by {moved[worst]:.3g} rad in {window:.3g} s, "
+            f"so its servo gains, torque limit and friction do not let it settle{missing}.",
+            t=robot.now,
+            joint=j,
+        )
+
+    def _refuse_weak(self, log: _Log, last: FloatArray, now: float) -> None:
+        """Refuse a rest at which a drive is always at its torque limit.
+
+        Args:
+            log: The last steps.
+            last: Last set-point [rad], (dof,).
+            now: Time [s].
+
+        Raises:
+            ExecutionError: A drive is too weak to reach its last set-point.
+        """
+        weak = (log.wanted != log.torque).all(axis=0)
+        if not weak.any():
+            return
+        j = int(np.argmax(weak))
+        needed, allowed = (float(abs(x[-1, j])) for x in (log.wanted, log.torque))
+        off = log.q[-1, -self.arm.dof :] - last
+        raise ExecutionError(
+            f"Joint {j + 1} rests {abs(off[j]):.3g} rad from its last set-point, "
+            f"since its drive gives {allowed:.4g} N m where its servo asks for {needed:.4g} N m: "
+            "raise its torque limit or lighten its load.",
+            t=now,
+            joint=j,
+            limit="joint_torque",
+            needed=needed,
+            allowed=allowed,
+        )
+
+    def _execution(self, taught: TaughtData, logs: list[_Log], span: float) -> Execution:
+        """The execution of consecutive logs with a time `span` between results [s]."""
+        q, dq, ddq, demand, wanted, torque = (
+            np.concatenate([getattr(x, name) for x in logs])
+            for name in ("q", "dq", "ddq", "demand", "wanted", "torque")
+        )
+        dof = self.arm.dof
+        return Execution(
+            arm=self.arm,
+            taught=taught,
+            t=taught.times(len(q), span),
+            q=q[:, :dof],
+            dq=dq[:, :dof],
+            ddq=ddq[:, :dof],
+            motor_q=None if self._springs is None else q[:, dof:],
+            demand=demand,
+            torque=torque,
+            torque_demand=wanted,
+            demand_range=np.stack(
+                [
+                    np.min([x.demand_range[0] for x in logs], axis=0),
+                    np.max([x.demand_range[1] for x in logs], axis=0),
+                ]
+            ),
+            saturated_time=np.sum([x.saturated for x in logs], axis=0),
+            plant=self,
+        )
+
+    def motion_between(self, executed: Execution, which: IntArray) -> FineMotion:
+        """The motion from some results of an execution to the next ones: cubics of the joints.
+
+        Args:
+            executed: The execution, with all of its results.
+            which: Indices of the results before, increasing, (m,).
+        """
+        return FineMotion.through(executed.t, executed.q, executed.dq, None, which)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Log:
+    """The results of some steps.
+
+    Args:
+        q, dq: Positions [rad] and velocities [rad/s] at the starts of the steps: of the links, and
+            with springs of the motors too, (n, dof) or (n, 2 dof).
+        ddq: Mean accelerations over the steps [rad/s²], of the same shape.
+        demand: Demanded accelerations [rad/s²], (n, dof).
+        wanted: Demanded torques [N m], (n, dof).
+        torque: Torques after saturation [N m], (n, dof).
+        demand_range: Lowest and highest demand [rad/s²], (2, dof).
+        saturated: Time in saturation [s], (dof,).
+    """
+
+    q: FloatArray
+    dq: FloatArray
+    ddq: FloatArray
+    demand: FloatArray
+    wanted: FloatArray
+    torque: FloatArray
+    demand_range: FloatArray
+    saturated: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        q: FloatArray,
+        dq: FloatArray,
+        demand: FloatArray,
+        wanted: FloatArray,
+        torque: FloatArray,
+        step: float,
+    ) -> _Log:
+        """From states at the beginnings of steps and at the end, (n + 1, ...), and what held."""
+        return cls(
+            q=q[:-1],
+            dq=dq[:-1],
+            ddq=np.diff(dq, axis=0) / step,
+            demand=demand,
+            wanted=wanted,
+            torque=torque,
+            demand_range=np.stack([demand.min(axis=0), demand.max(axis=0)]),
+            saturated=(wanted != torque).sum(axis=0) * step,
+        )
+
+    def moved(self, step: float) -> FloatArray:
+        """How far links and motors moved, also within the steps [rad], (dof,) or (2 dof,)."""
+        return np.asarray(np.ptp(self.q, axis=0) + np.abs(self.dq).max(axis=0) * step)
+
+    def thinned(self, every: int) -> _Log:
+        """The log with every n-th step only, as copies, so that the other steps use no memory."""
+        return _Log(
+            demand_range=self.demand_range,
+            saturated=self.saturated,
+            **{
+                name: getattr(self, name)[::every].copy()
+                for name in ("q", "dq", "ddq", "demand", "wanted", "torque")
+            },
+        )
+
+
+class _Robot:
+    """One run of a plant: the state of the bodies, and the drives."""
+
+    def __init__(self, plant: RigidBodyPlant, step: float, taught: TaughtData) -> None:
+        self.plant = plant
+        self.step = step
+        self.start = taught.start_time
+        self.steps = 0
+        self.mujoco = _mujoco.load()
+        springs = plant._springs
+        self.model = _mujoco.build(plant.chain, step, friction=plant.friction, springs=springs)
+        self.data = self.mujoco.MjData(self.model)
+        self.parts = 1
+        # The controller's model with a state at rest, for computing the torques of gravity.
+        self.known_model = (
+            self.model
+            if plant.known_chain is plant.chain and springs is None
+            else _mujoco.build(plant.known_chain, step, friction=False)
+        )
+        self.still = self.mujoco.MjData(self.known_model)
+        self.rng = np.random.default_rng(plant.seed)
+        motors, links, torque = self._equilibrium(np.array(taught.q[0]))
+        # Without springs both are the same.
+        self.data.qpos[-len(motors) :] = motors
+        self.data.qpos[: len(links)] = links
+        self.functions = _mujoco.functions()
+        self.bodies = Bodies.of(self.model, self.data)
+        self.known = Bodies.of(self.known_model, self.still)
+        ki = np.array(plant.servo.ki)
+        integral = torque / (plant.nominal_inertia * plant.kv * np.where(ki > 0, ki, np.inf))
+        self.loops = Loops(
+            kp=np.array(plant.servo.kp),
+            kv=np.array(plant.kv),
+            ki=ki,
+            integral=integral,
+            step=step,
+            inertia=np.array(plant.nominal_inertia),
+            limit=np.array(plant.torque_limit),
+            holds=plant.gravity_feedforward,
+            on_top=plant._on_top,
+        )
+
+    @property
+    def now(self) -> float:
+        """Time since the start of the plan [s]."""
+        return self.start + self.steps * self.step
+
+    def refine(self, parts: int) -> None:
+        """Integrate every step in so many parts."""
+        self.parts = parts
+        _mujoco.set_step(self.model, self.step / parts)
+        # Compiled calls of MuJoCo cannot raise exceptions: one of its errors would end the process.
+        # A step from Python shows whether there are any, as all steps do the same.
+        self.mujoco.mj_step(self.model, self.mujoco.MjData(self.model))
+
+    def advance(self, commands: FloatArray, integrated: FloatArray) -> _Log:
+        """Simulate one step per row of the commands.
+
+        Args:
+            commands: Commands [rad], (n, dof).
+            integrated: Commands that the integrators see [rad], (n, dof).
+
+        Raises:
+            ExecutionError: A joint runs away.
+        """
+        n, dof = commands.shape
+        q, dq = (np.empty((n + 1, self.model.nv)) for _ in range(2))
+        rows = Rows(q, dq, *(np.empty((n, dof)) for _ in range(3)))
+        noise = np.empty((0, dof))
+        if self.plant.noise:
+            noise = self.rng.normal(0.0, self.plant.noise, (n, dof))
+        commands, integrated = (np.ascontiguousarray(x) for x in (commands, integrated))
+        # Python answers signals between calls.
+        at_once = max(1, STEPS_AT_ONCE // self.parts)
+        for first in range(0, n, at_once):
+            end = min(first + at_once, n)
+            reached = _stepping.advance(
+                self.functions, self.bodies, self.known, self.loops, self.parts,
+                commands, integrated, noise, first, end, RUNAWAY, rows,
+            )  # fmt: skip
+            if reached != end:
+                self._refuse_runaway(reached)
+        self.steps += n
+        return _Log.of(*rows, self.step)
+
+    def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Positions at which the arm is at rest with the first set-point as command [rad].
+
+        The integrator, or else the position loop, holds the weight that is not fed forward, and a
+        spring all of the weight.
+
+        Returns:
+            Positions of the motors and of the links, without springs the same [rad], and torques
+            of the loops [N m], (dof,) each.
+
+        Raises:
+            ExecutionError: There is no equilibrium, or the drives are too weak.
+        """
+        plant, springs = self.plant, self.plant._springs
+        gain = plant.nominal_inertia * plant.kv * plant.servo.kp
+        gain = np.where(plant.servo.ki > 0, np.inf, gain)
+        motors = links = first
+        weight, fed = _mujoco.weight(self.model, self.data, links), self._fed_forward(motors)
+        for _ in range(ITERATIONS):
+            before = motors, links
+            motors = first - (weight - fed) / gain
+            links = motors if springs is None else motors - weight / springs.stiffness
+            moved = np.abs(np.subtract((motors, links), before)).max(axis=0)
+            if moved.max() <= EQUILIBRIUM:
+                break
+            weight, fed = _mujoco.weight(self.model, self.data, links), self._fed_forward(motors)
+        else:
+            j = int(np.argmax(moved))
+            loops = "servo gains are" if springs is None else "servo gains or its stiffness are"
+            raise ExecutionError(
+                f"Joint {j + 1} has no equilibrium near its first set-point: its {loops} too low "
+                "for the weight that gravity feed-forward does not hold.",
+                t=self.start,
+                joint=j,
+            )
+        where, torque = "the first set-point", weight - fed
+        if plant._on_top and plant.gravity_feedforward:
+            weight, where = torque, f"{where}, beside gravity feed-forward"
+        refuse_too_heavy(np.abs(weight), plant.torque_limit, where, self.start)
+        return motors, links, torque
+
+    def _fed_forward(self, q: FloatArray) -> FloatArray:
+        """Torques that the controller adds against gravity at q [N m], (dof,)."""
+        if not self.plant.gravity_feedforward:
+            return np.zeros(len(q))
+        return _mujoco.weight(self.known_model, self.still, q)
+
+    def _refuse_runaway(self, k: int) -> None:
+        """Refuse a motion that is faster than `RUNAWAY` in step k of the commands.
+
+        Raises:
+            ExecutionError: Always.
+        """
+        velocity = np.abs(self.data.qvel)
+        j = int(np.argmax(np.where(np.isfinite(velocity), velocity, np.inf)))
+        speed, j = velocity[j], j % self.plant.arm.dof
+        t = self.start + (self.steps + k + 1) * self.step
+        raise ExecutionError(
+            f"Joint {j + 1} runs away at t = {t:.4g} s, at {speed:.3g} rad/s: its servo is "
+            f"unstable with a step of {self.step:.3g} s; lower its gains or shorten the step.",
+            t=t,
+            joint=j,
+        )
+
+
+def can_simulate() -> bool:
+    """Whether MuJoCo is installed, which moves the bodies."""
+    return importlib.util.find_spec("mujoco") is not None
+
+
+def refuse_without_mujoco() -> None:
+    """Refuse what needs a rigid-body plant where there can be none.
+
+    Raises:
+        InvalidInput: MuJoCo is not installed.
+    """
+    _mujoco.load()
+
+
+def rest_window(servo: ServoModel) -> float:
+    """Time for which the joints must stay within `REST_RANGE` to be at rest [s]."""
+    # Of a cascade, the slowest time constant is at most the sum.
+    slowest = 1 / servo.kp + np.where(servo.ki > 0, 1 / np.where(servo.ki > 0, servo.ki, 1.0), 0.0)
+    return min(max(REST_TIME, float(slowest.max())), PATIENCE)
+
+
+def refuse_undriven_damping(stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None) -> None:
+    """Refuse damping of joints without their stiffness.
+
+    Raises:
+        InvalidInput: There is damping alone.
+    """
+    if stiffness is None and damping is not None:
+        raise InvalidInput(
+            "joint_damping is that of springs between drives and links: give their "
+            "joint_stiffness too."
+        )
+
+
+def _straight(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
+    """Linear or stepped commands at the starts of all steps between set-points, (n steps, dof)."""
+    if interpolation == "step":
+        return np.repeat(q[:-1], steps, axis=0)
+    share = np.arange(steps)[:, None] / steps
+    between = q[:-1, None] + share * np.diff(q, axis=0)[:, None]
+    return np.asarray(between.reshape(-1, q.shape[1]))
+
+
+def _bodies(arm: Arm) -> Chain:
+    """The chain of an arm with masses.
+
+    Raises:
+        InvalidInput: The arm has no masses, or another number of joints than its chain.
+    """
+    chain = arm.chain
+    if chain is None or not arm.has_bodies:
+        raise InvalidInput(
+            f"The masses of the arm {arm.name} are not known, so it has no rigid bodies: load it "
+            "from a file whose links have masses, centres of mass and inertias."
+        )
+    if len(chain) != arm.dof:
+        raise InvalidInput(
+            f"The arm {arm.name} has {arm.dof} joints, but its chain has {len(chain)}."
+        )
+    return chain
+
+
+def _springs(
+    chain: Chain, stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None
+) -> Springs | None:
+    """The springs between drives and links; None for rigid joints.
+
+    Raises:
+        InvalidInput: Damping without stiffness, values out of range or for another number of
+            joints, or a drive without inertia.
+    """
+    refuse_undriven_damping(stiffness, damping)
+    if stiffness is None:
+        return None
+    dof = len(chain)
+    k = checks.per_joint("joint_stiffness", stiffness, dof, "N m/rad")
+    d = DAMPING_TIME * k
+    if damping is not None:
+        d = checks.per_joint("joint_damping", damping, dof, "N m s/rad")
+    light = np.asarray(chain.armature) == 0
+    if light.any():
+        j = int(np.argmax(light))
+        raise InvalidInput(
+            f"Joint {j + 1} ({chain.joints[j]}) has a spring between its drive and its link, but "
+            "its drive has no inertia: give the arm the inertias of its drives (armature), or "
+            "leave joint_stiffness out."
+        )
+    return Springs(checks.lock_floats(k), checks.lock_floats(d))
+
+
+def _nominal(chain: Chain, reference: FloatArray) -> FloatArray:
+    """Inertia of each joint at the reference position without payload [kg m²], (dof,)."""
+    model = _mujoco.build(chain.replace(payload=None), STEP, friction=False)
+    return np.asarray(np.diagonal(_mujoco.mass_matrix(model, reference)))
+
+
+def _torques(limits: Limits, own: Limits, chain: Chain) -> FloatArray:
+    """Torque limits of the drives [N m], (dof,).
+
+    Without torque limits the drives are rated for the acceleration limits: without payload, they
+    are strong enough for all of them at once in each of `RATED_POSES` random poses.
+
+    Args:
+        limits: The limits that saturate.
+        own: The limits of the arm, which give the joint ranges.
+        chain: The arm's bodies.
+
+    Raises:
+        InvalidInput: There are no torque limits, and acceleration limits differ between directions.
+    """
+    if limits.joint_torque is not None:
+        return limits.joint_torque
+    dof = len(chain)
+    if limits.joint_acceleration is None:
+        return np.full(dof, np.inf)
+    if not limits.same_both_ways():
+        raise InvalidInput(
+            "The rigid-body plant saturates alike in both directions: give it one value of "
+            "joint_acceleration per joint, or joint_torque."
+        )
+    lower, upper = (np.clip(x, -np.pi, np.pi) for x in own.joint_range(dof))
+    shares = np.random.default_rng(0).uniform(size=(RATED_POSES, dof))
+    model = _mujoco.build(chain.replace(payload=None), STEP, friction=False)
+    matrices = np.abs(_mujoco.mass_matrices(model, lower + shares * (upper - lower)))
+    return np.asarray(np.max([x @ limits.acceleration_bounds(dof)[1] for x in matrices], axis=0))
+
+
+def _every(steps: int, span: float, resolution: float) -> int:
+    """Largest number of steps between two results that divides the steps of a command interval.
+
+    Args:
+        steps: Number of steps in a command interval.
+        span: Duration of a step [s].
+        resolution: Largest time between two results [s].
+
+    Raises:
+        InvalidInput: The resolution is finer than a step.
+    """
+    if span > resolution * (1 + 1e-9):
+        raise InvalidInput(
+            f"The rigid-body plant moves in steps of {span:.4g} s, so it has no results every "
+            f"{resolution:.4g} s: give it a step of at most that, or ask for a coarser resolution."
+        )
+    fitting = (m for m in range(steps, 0, -1) if steps % m == 0)
+    return next(m for m in fitting if m * span <= resolution * (1 + 1e-9))

@@ -1,0 +1,331 @@
+"""Compiled execution of a robot, with its contour error; joints respond by `march`."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.kernels import FUSED, compiled
+from armcontour.geometry._segments import Point, search_along
+from armcontour.robot._kinematics import tool_point
+from armcontour.robot.servo._response import Motion, Servo
+from armcontour.robot.servo._simulation import march
+
+# Number of command intervals simulated at a time: their results fit in the processor's cache.
+CHUNK = 64
+# The tool is at rest below the first speed [m/s], as in `evaluation`; below the second one it no
+# longer moves.
+REST_SPEED = 1e-3
+STILL_SPEED = 1e-9
+# Between two results next to a corner of the path the contour error has a sharp peak, so it is
+# evaluated at this many finer steps, as next to results that are near the largest square of it. A
+# vertex with a smaller turn than CORNER [rad] is no corner.
+FINER = 16
+CORNER = 1e-3
+NEAR_PEAK = 0.96
+# A joint with an integrator gets faster by at most about this factor before it rests.
+OVERSHOOT = 10.0
+# Times that differ by less than this many intervals between results are equal.
+SNAP = 1e-9
+
+
+class Line(NamedTuple):
+    """The path.
+
+    Attributes:
+        rows: The segments, as `nearest.pack` packs them.
+        corners: Turn at the vertex before each segment [rad], (segments,).
+        around: Length of a closed path [m]; 0 for an open one.
+        low, high: Smallest and largest arc length at which the tool can be, per command interval
+            [m].
+    """
+
+    rows: FloatArray
+    corners: FloatArray
+    around: float
+    low: FloatArray
+    high: FloatArray
+
+
+class Clock(NamedTuple):
+    """The times of an execution.
+
+    Attributes:
+        start: Time of the first set-point [s].
+        period: Command interval [s].
+        steps: Number of results per command interval.
+        begin: Start of the time over which errors are evaluated [s].
+        finish: End of that time [s].
+        fixed: Whether this end is fixed; otherwise largest errors are evaluated until the joints
+            rest, and root mean squares until the tool is slower than `REST_SPEED`.
+        patience: Time at which an execution ends that does not come to rest [s].
+    """
+
+    start: float
+    period: float
+    steps: int
+    begin: float
+    finish: float
+    fixed: bool
+    patience: float
+
+
+class Setting(NamedTuple):
+    """What all robots share.
+
+    Attributes:
+        robot: Numbers of the links, as `arm.link_table` has them.
+        reach: Largest distance of the tool from a joint [m].
+        line: The path.
+        clock: The times.
+        kind: Kind of the commands, as in `march`.
+        inertia: Inertia of 1 kg at the tool over each joint's own, (dof, n) [1/kg].
+        lower, upper: Acceleration bounds [rad/s²], (dof,).
+    """
+
+    robot: FloatArray
+    reach: float
+    line: Line
+    clock: Clock
+    kind: int
+    inertia: FloatArray
+    lower: FloatArray
+    upper: FloatArray
+
+
+class Sample(NamedTuple):
+    """The parameters of one robot.
+
+    Attributes:
+        kp, kv, ki: Servo gains [1/s], (dof,); kv is 0 for a servo of first order, and ki without
+            integrator.
+        load: Additional mass at the tool [kg].
+        commands: Polynomials of the commands, as in `march`, (dof, n + 1, 4 or 8).
+        starts: Times of the set-points at the joints [s], (dof, n).
+    """
+
+    kp: FloatArray
+    kv: FloatArray
+    ki: FloatArray
+    load: float
+    commands: FloatArray
+    starts: FloatArray
+
+
+class Errors(NamedTuple):
+    """Accumulated contour errors of one execution.
+
+    Attributes:
+        integral: Integral of the squared error over time [m² s].
+        square, peak: Last and largest squared error [m²].
+        tool: Last tool point [m].
+        moved: Last displacement of the tool [m].
+        end: End of the time over which errors are evaluated [s].
+        end_integral, end_peak: Integral and largest squared error at that time.
+    """
+
+    integral: float
+    square: float
+    peak: float
+    tool: Point
+    moved: Point
+    end: float
+    end_integral: float
+    end_peak: float
+
+
+@compiled(inner=True, allocates=True, fastmath=FUSED)
+def _measure(
+    setting: Setting,
+    begin: int,
+    size: int,
+    segment: int,
+    places: FloatArray,
+    anchors: FloatArray,
+    e: Errors,
+) -> tuple[int, Errors]:
+    """Accumulate the contour errors of some command intervals.
+
+    Args:
+        setting: What all robots share.
+        begin: First interval.
+        size: Number of intervals.
+        segment: Segment of the last nearest point.
+        places: Results of the joints, with positions in column 0, (dof, n, 3).
+        anchors: As in `tool_point`.
+        e: Errors so far.
+
+    Returns:
+        Segment of the last nearest point, and the accumulated errors.
+    """
+    # Tuples of arrays are unpacked outside of the loop: unpacking takes as long as all the rest.
+    line, clock = setting.line, setting.clock
+    rows, corners, around, low, high = line
+    h, q = clock.period / clock.steps, np.empty(len(places))
+    # A result when errors start to count is before that, whatever the rounding of its time says.
+    counted = clock.begin + SNAP * h
+    for row in range(size * clock.steps):
+        for j in range(len(q)):
+            q[j] = places[j, row, 0]
+        p = tool_point(setting.robot, q, anchors)
+        k = min(begin + row // clock.steps, len(low) - 1)
+        d2, now = search_along(p, rows, around, segment, low[k], high[k])
+        t = clock.start + (begin * clock.steps + row + 1) * h
+        dx, dy, dz = p[0] - e.tool[0], p[1] - e.tool[1], p[2] - e.tool[2]
+        far2, last, peak = dx * dx + dy * dy + dz * dz, e.square, max(e.peak, d2)
+        # The distance to the path grows at most as fast as the tool moves.
+        higher = math.sqrt(last) + math.sqrt(d2) + math.sqrt(far2) > 2 * math.sqrt(peak)
+        turned = now != segment and (abs(now - segment) > 1 or corners[max(now, segment)] > CORNER)
+        passed = last >= d2 and last > NEAR_PEAK * e.peak and t - 2 * h > counted
+        if higher and (turned or passed):
+            # Between the results the tool follows the parabola through the last three results.
+            for i in range(1 - FINER if passed else 1, FINER):
+                a = i / FINER
+                b = a * (a - 1) / 2
+                between = (
+                    e.tool[0] + a * dx + b * (dx - e.moved[0]),
+                    e.tool[1] + a * dy + b * (dy - e.moved[1]),
+                    e.tool[2] + a * dz + b * (dz - e.moved[2]),
+                )
+                found, _ = search_along(between, rows, around, segment, low[k], high[k])
+                peak = max(peak, found)
+        segment, moved = now, (dx, dy, dz)
+        end, end_integral, end_peak = e.end, e.end_integral, e.end_peak
+        if t <= counted:
+            # Errors do not count yet.
+            e = Errors(0.0, d2, 0.0, p, moved, end, end_integral, end_peak)
+            continue
+        width = h
+        if t - h <= counted:
+            # The first trapezoid begins between two results.
+            width = t - clock.begin
+            last = (width / h * math.sqrt(last) + (1 - width / h) * math.sqrt(d2)) ** 2
+            peak = max(peak, last)
+        if t - h < clock.finish <= t:
+            # The last trapezoid ends between two results.
+            share = (clock.finish - (t - width)) / width
+            final = ((1 - share) * math.sqrt(last) + share * math.sqrt(d2)) ** 2
+            end = clock.finish
+            end_integral = e.integral + 0.5 * share * width * (last + final)
+            end_peak = max(e.peak, last, final)
+        integral = e.integral + 0.5 * width * (last + d2)
+        if far2 > (REST_SPEED * h) ** 2 and t > clock.finish and not clock.fixed:
+            end, end_integral, end_peak = t, integral, peak
+        e = Errors(integral, d2, peak, p, moved, end, end_integral, end_peak)
+    return segment, e
+
+
+@compiled(inner=True, allocates=True, fastmath=FUSED)
+def _advance_joints(
+    setting: Setting, sample: Sample, begin: int, size: int, states: FloatArray, places: FloatArray
+) -> float:
+    """Simulate all joints of a robot over command intervals.
+
+    Args:
+        setting: What all robots share.
+        sample: The robot.
+        begin: First command interval.
+        size: Number of intervals.
+        states: Position [rad], velocity [rad/s], time in saturation [s], largest demand over its
+            limit, and demand without a payload [rad/s²] of all joints, (dof, 5); updated.
+        places: Output: results of all joints, (dof, n, 3).
+
+    Returns:
+        A bound on the sum of all later joint velocities once the command is constant [rad/s]; NaN
+        if the simulation makes no progress.
+    """
+    clock, total = setting.clock, 0.0
+    steps, count = clock.steps, size * clock.steps
+    times = np.empty(count + 1)
+    for i in range(len(times)):
+        times[i] = begin * clock.period + i * (clock.period / steps)
+    # A payload means more inertia at the same torque: less gain and limits in every interval.
+    chunk = count if sample.load == 0.0 else steps
+    for j in range(len(states)):
+        kp, kv, ki, share = sample.kp[j], sample.kv[j], sample.ki[j], 1.0
+        for first in range(0, count, chunk):
+            if sample.load != 0.0:
+                k = min(begin + first // steps, setting.inertia.shape[1] - 1)
+                share = 1 / (1 + sample.load * setting.inertia[j, k])
+            servo = Servo(kp, kv * share, setting.lower[j] * share, setting.upper[j] * share, ki)
+            limited = servo.upper < math.inf
+            least = states[j, 3] * servo.lower if limited else -math.inf
+            most = states[j, 3] * servo.upper if limited else math.inf
+            m = march(
+                servo,
+                setting.kind,
+                sample.commands[j],
+                sample.starts[j],
+                times[first : first + chunk + 1],
+                Motion(states[j, 0], states[j, 1], share * states[j, 4], states[j, 2], least, most),
+                places[j, first : first + chunk],
+            )
+            if not math.isfinite(m.q + m.w):
+                return math.nan
+            states[j, 0], states[j, 1], states[j, 2] = m.q, m.w, m.saturated
+            states[j, 4] = m.held / share
+            states[j, 3] = max(m.lowest / servo.lower, m.highest / servo.upper) if limited else 0.0
+        # The energy of a joint decreases, whether the joint is saturated or not.
+        off, w = states[j, 0] - sample.commands[j, -1, 0], states[j, 1]
+        if ki > 0.0:
+            # An integrator gives energy, too.
+            rate = max(kv, math.sqrt(kv * (kp + ki)))
+            total += OVERSHOOT * (abs(w) + rate * abs(off) + abs(states[j, 4]) / rate)
+        elif kv > 0.0:
+            total += math.sqrt(w * w + kp * kv * off * off)
+        elif off != 0.0:
+            total += kp * abs(off)
+    return total
+
+
+@compiled(fastmath=FUSED)
+def execute(setting: Setting, sample: Sample) -> tuple[float, float, float, float, float]:
+    """Execute taught data on a robot.
+
+    Args:
+        setting: What all robots share.
+        sample: The robot.
+
+    Returns:
+        RMS and largest contour error [m], end of the time over which errors are evaluated [s],
+        fraction of this time in saturation, and largest demand over its limit. The first is NaN
+        where time steps as short as the servo needs make no progress.
+    """
+    line, clock, dof = setting.line, setting.clock, len(sample.commands)
+    period, knots = clock.period, sample.commands.shape[1] - 1
+    anchors, states = np.zeros((dof, 3)), np.zeros((dof, 5))
+    anchors[:, 2] = 1.0
+    places, late = np.empty((dof, CHUNK * clock.steps, 3)), 0.0
+    for j in range(dof):
+        states[j, 0] = places[j, 0, 0] = sample.commands[j, 0, 0]
+        late = max(late, sample.starts[j, 0])
+    p = tool_point(setting.robot, places[:, 0, 0], anchors)
+    d2, segment = search_along(p, line.rows, line.around, 0, line.low[0], line.high[0])
+    e = Errors(0.0, d2, d2, p, (0.0, 0.0, 0.0), clock.finish, 0.0, 0.0)
+    # From this interval on all commands are constant.
+    quiet = knots + int(math.ceil(late / period)) + 1
+    fixed = int(math.ceil((clock.finish - clock.start) / period))
+    stop = fixed if clock.fixed else np.iinfo(np.int64).max
+    done, more = 0, 0.0
+    while True:
+        size = min(CHUNK, stop - done)
+        speed = _advance_joints(setting, sample, done, size, states, places)
+        if math.isnan(speed):
+            return math.nan, math.nan, e.end, 0.0, 0.0
+        segment, e = _measure(setting, done, size, segment, places, anchors, e)
+        done += size
+        now = clock.start + done * period
+        if done >= quiet and setting.reach * speed < STILL_SPEED:
+            more = max(clock.finish - now, 0.0)
+            break
+        if done == stop or now > clock.patience:
+            break
+    # A tool that rests before the end of the time keeps its error.
+    integral = e.integral + more * e.square if more > 0.0 else e.end_integral
+    # A tool that is slower than REST_SPEED can still leave the path.
+    peak = e.end_peak if clock.fixed and more == 0.0 else e.peak
+    rms = math.sqrt(integral / (e.end - max(clock.begin, 0.0)))
+    return rms, math.sqrt(peak), e.end, states[:, 2].max() / e.end, states[:, 3].max()

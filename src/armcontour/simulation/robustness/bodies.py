@@ -1,0 +1,187 @@
+"""Contour errors of taught data on rigid bodies that are not quite known, executed by MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Any, TypeVar, cast
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import ExecutionError
+from armcontour.core.pool import map_in_processes
+from armcontour.geometry import Path
+from armcontour.motion import TaughtData
+from armcontour.robot import Limits
+from armcontour.simulation import RigidBodyPlant, execute
+from armcontour.simulation.robustness.monte_carlo import Spread
+from armcontour.simulation.robustness.unknowns import Unknowns
+from armcontour.verification.following import follow_path
+
+# Longest time between two samples of the contour error [s].
+RESOLUTION = 5e-4
+R = TypeVar("R")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BodyRuns:
+    """Executes taught data on the robots of a box, each as `RigidBodyPlant` does; it can be called.
+
+    Args:
+        taught: The set-points.
+        path: The path that the tool must follow.
+        unknowns: The unknowns of the box.
+        limits: Limits with the joint torques that saturate.
+        options: Further options of `RigidBodyPlant`.
+    """
+
+    taught: TaughtData
+    path: Path
+    unknowns: Unknowns
+    limits: Limits
+    options: dict[str, Any]
+
+    def plant(self, errors: FloatArray) -> RigidBodyPlant:
+        """A robot of the box.
+
+        Args:
+            errors: Errors of the unknowns, (k,).
+        """
+        arm, known, servo = self.unknowns.robot(errors)
+        return RigidBodyPlant(arm, servo, self.limits, known=known, **self.options)
+
+    def trace(self, errors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | str:
+        """Execute on one robot, with results over time.
+
+        Returns:
+            Times [s], contour errors in both directions [m], (n,), and tool points [m],
+            (n, dimension); or a sentence if there is no execution.
+        """
+        plant = self.plant(errors)
+        try:
+            executed = execute(self.taught, plant, resolution=max(RESOLUTION, plant.step))
+        except ExecutionError as error:
+            return str(error)
+        followed = follow_path(self.path, executed.tool)
+        return executed.t, np.maximum(followed.distance, followed.missed), executed.tool
+
+    def __call__(self, errors: FloatArray) -> tuple[float, float, float, float, float] | str:
+        """Execute on one robot.
+
+        Returns:
+            Largest and RMS contour error [m], end [s], share of time in saturation, and largest
+            torque over its limit; or a sentence if there is no execution.
+        """
+        plant = self.plant(errors)
+        try:
+            found = execute(self.taught, plant, resolution=max(RESOLUTION, plant.step))
+        except ExecutionError as error:
+            return str(error)
+        followed = follow_path(self.path, found.tool)
+        missed = float(followed.missed.max(initial=0.0))
+        span = float(found.t[-1] - found.t[0])
+        asked = 0.0 if found.torque_demand is None else np.abs(found.torque_demand)
+        return (
+            max(float(followed.distance.max()), missed),
+            float(np.sqrt(np.mean(followed.distance**2))),
+            float(found.t[-1]),
+            float(found.saturated_time.max()) / span,
+            float(np.max(asked / plant.torque_limit)),
+        )
+
+
+def trace_on_bodies(
+    runs: BodyRuns, errors: FloatArray, *, executor: Executor | None = None
+) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Execute taught data on robots with given errors, with results over time.
+
+    Args:
+        runs: The executions.
+        errors: Errors of the unknowns, (n, k).
+        executor: An executor that does the work in place of this process.
+
+    Raises:
+        ExecutionError: As for `spread_on_bodies`.
+    """
+    rows = list(errors)
+    return _all(runs, rows, map_in_processes(runs.trace, rows, processes=1, executor=executor))
+
+
+def _all(runs: BodyRuns, rows: list[FloatArray], results: list[R | str]) -> list[R]:
+    """The results of robots, none of which may be a sentence on a failed execution.
+
+    Raises:
+        ExecutionError: One is.
+    """
+    for row, result in zip(rows, results, strict=True):
+        if isinstance(result, str):
+            robot = describe(runs.unknowns, row) if row.any() else "no errors"
+            raise ExecutionError(f"The robot with {robot}: {result}")
+    return cast(list[R], results)
+
+
+def spread_on_bodies(
+    runs: BodyRuns,
+    errors: FloatArray,
+    *,
+    seed: int | None = None,
+    processes: int | None = None,
+    executor: Executor | None = None,
+    done: Callable[[int], None] | None = None,
+) -> Spread:
+    """Execute taught data on robots with given errors, as rigid bodies.
+
+    Args:
+        runs: What is executed.
+        errors: Errors of the unknowns, (n, k).
+        seed: Seed that the errors were drawn with; None for corners.
+        processes: Number of processes; by default that of processors.
+        executor: An executor that does the work in place of these processes.
+        done: Called with the number of robots that are done.
+
+    Raises:
+        ExecutionError: A robot does not come to rest, its drives are too weak, or the executor has
+            lost a worker.
+    """
+    unknowns = runs.unknowns
+    rows = list(np.concatenate([np.zeros((1, len(unknowns))), errors]))
+    found = map_in_processes(runs, rows, processes=processes, executor=executor, done=done)
+    found = _all(runs, rows, found)
+    largest, rms, until, saturated, ratio = np.array(found).T
+    servos = [unknowns.robot(x)[2] for x in errors]
+    return Spread(
+        max=largest[1:],
+        rms=rms[1:],
+        until=until[1:],
+        saturated=saturated[1:],
+        demand_ratio=ratio[1:],
+        kp=np.array([x.kp for x in servos]).reshape(-1, unknowns.arm.dof),
+        kv=np.array([x.kv for x in servos]).reshape(-1, unknowns.arm.dof),
+        dead_time=np.array([x.dead_time for x in servos]).reshape(-1, unknowns.arm.dof),
+        payload=errors[:, 0] if "payload" in unknowns.kinds else np.zeros(len(errors)),
+        seed=seed,
+        names=unknowns.names,
+        deviations=errors,
+        nominal_max=float(largest[0]),
+        nominal_rms=float(rms[0]),
+    )
+
+
+def describe(unknowns: Unknowns, errors: FloatArray) -> str:
+    """The errors of a robot in words, with those alike of several joints said once.
+
+    Args:
+        unknowns: The unknowns.
+        errors: Their errors, (k,).
+    """
+    units = {"payload": " kg", "dead time": " s"}
+    said: dict[str, list[float]] = {}
+    for kind, error in zip(unknowns.kinds, errors.tolist(), strict=True):
+        said.setdefault(kind, []).append(error)
+    parts = [
+        f"{kind} {', '.join(f'{x:+.3g}' for x in dict.fromkeys(values))}{units.get(kind, '')}"
+        for kind, values in said.items()
+    ]
+    return "; ".join(parts) or "no errors"

@@ -1,0 +1,597 @@
+"""Contour errors of taught data on robots with uncertain parameters: Monte Carlo and corners."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+
+from armcontour.core import checks
+from armcontour.core.checks import BoolArray, FloatArray
+from armcontour.core.describing import brief
+from armcontour.core.errors import ExecutionError, InvalidInput
+from armcontour.core.fields import Checked, checked
+from armcontour.core.quantities import AtLeast, Interval, Seed, Time, Workers
+from armcontour.core.render import Result
+from armcontour.core.result import VERDICT, Data, Row
+from armcontour.geometry import Path, angle_between
+from armcontour.geometry.biarcs import draw_arcs
+from armcontour.geometry.nearest import pack_arcs
+from armcontour.geometry.segments import REPEATED_POINT
+from armcontour.motion import TaughtData
+from armcontour.robot import Arm, Limits, resolve_limits
+from armcontour.robot.serial import ChainArm
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.model import GAINS
+from armcontour.robot.servo.simulation import (
+    CUBIC,
+    STRAIGHT,
+    command_and_rates,
+    polynomials,
+    with_integrated,
+)
+from armcontour.simulation.robustness._monte_carlo import Clock, Line, Sample, Setting, execute
+from armcontour.simulation.robustness.box import Box
+
+# Longest time between two samples of the contour error: 2 ms [s], and half of the shortest time
+# constant of a servo. The RMS error of the paper's job is then within 1e-4 of that at 0.1 ms.
+RESOLUTION = 2e-3
+TIME_CONSTANTS = 0.5
+# Largest number of results in a command interval; a servo that needs more is not realistic.
+MOST_RESULTS = 1e5
+# Largest number of corners that are executed: all corners of 10 parameters.
+MOST_CORNERS = 1024
+# The tool is at most this many lags of its servo behind or ahead of the planned position.
+LAGS_BEHIND = 2.0
+LAGS_AHEAD = 1.0
+# Number of points at which the planned arc length is computed: per command interval, and least.
+PLACES_PER_INTERVAL = 2
+FEWEST_PLACES = 4000
+# As in `ServoPlant`: time to come to rest after the last set-point [s].
+PATIENCE = 60.0
+# Number of samples that a thread executes at a time.
+BATCH = 32
+
+
+# Number of parameters of the worst robot that are printed.
+MOST_NAMED = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Spread(Result, Checked):
+    """Contour errors of many executions of the same taught data.
+
+    Args:
+        max: Largest contour error of each execution [m], (n,).
+        rms: Root mean square over time of the contour error [m], (n,).
+        until: End of the time over which `rms` is taken [s], (n,).
+        saturated: Fraction of this time in which the joint that saturates longest is saturated,
+            (n,).
+        demand_ratio: Largest share of the acceleration limit in its direction that a joint would
+            have needed, (n,).
+        kp, kv: Gains [1/s], (n, dof); kv is None for a servo of first order.
+        dead_time: Dead times [s], (n, dof).
+        payload: Error of the payload's mass [kg], (n,).
+        seed: Seed of the random numbers; None for corners of the box.
+        names: Names of the varied parameters, without jitter.
+        deviations: Errors of these parameters: relative, in s or in kg, (n, len(names)).
+        nominal_max, nominal_rms: Contour errors of the nominal robot, without errors [m].
+    """
+
+    max: FloatArray
+    rms: FloatArray
+    until: FloatArray
+    saturated: FloatArray
+    demand_ratio: FloatArray
+    kp: FloatArray
+    kv: FloatArray | None
+    dead_time: FloatArray
+    payload: FloatArray
+    seed: int | None
+    names: tuple[str, ...]
+    deviations: FloatArray
+    nominal_max: float
+    nominal_rms: float
+
+    def to_data(self) -> Data:
+        """Largest contour errors of the robots, and what is behind the worst."""
+        drawn = "corners of the box" if self.seed is None else f"drawn robots (seed {self.seed})"
+        worst = self.worst_deviations
+        most = sorted(worst, key=lambda x: -abs(worst[x]))[:MOST_NAMED]
+        demand = self.demand_ratio.max()
+        robot = ", ".join(f"{x} {worst[x]:+.3g}" for x in most)
+        return Data(
+            f"{len(self)} {drawn}",
+            (
+                Row("executions", len(self)),
+                Row("seed", self.seed),
+                Row("max", self.max.max(), "m", "contour error, largest", robot, VERDICT),
+                Row("quantile_95", self.quantile(0.95), "m", "contour error, in 95 % of them"),
+                Row("rms", self.rms.max(), "m", "contour error, RMS, largest"),
+                Row("saturated", self.saturated.max(), "1", "saturated"),
+                Row("demand_ratio", demand, "1", "demand of the limit", level=VERDICT),
+                Row("worst", worst),
+                Row("nominal.max", self.nominal_max, "m", "nominal robot, largest"),
+                Row("nominal.rms", self.nominal_rms, "m", "nominal robot, RMS"),
+            ),
+        )
+
+    __repr__ = brief
+
+    def __len__(self) -> int:
+        """Number of executions."""
+        return len(self.max)
+
+    @property
+    def worst(self) -> int:
+        """Index of the execution with the largest contour error."""
+        return int(np.argmax(self.max))
+
+    @property
+    def worst_deviations(self) -> dict[str, float]:
+        """Errors of the parameters in the worst execution, by the parameters' names."""
+        return dict(zip(self.names, self.deviations[self.worst].tolist(), strict=True))
+
+    def servo(self, i: int, like: ServoModel) -> ServoModel:
+        """The servo of execution i, without the effects of payload and jitter.
+
+        Args:
+            i: Index of the execution.
+            like: The servo that gives interpolation and order.
+        """
+        return like.replace(
+            kp=self.kp[i],
+            kv=None if self.kv is None else self.kv[i],
+            dead_time=self.dead_time[i],
+        )
+
+    def quantile(self, share: float) -> float:
+        """The contour error that a fraction `share` of the executions does not exceed [m]."""
+        return float(np.quantile(self.max, share, method="higher"))
+
+    def within(self, budget: float) -> float:
+        """Fraction of the executions whose largest contour error is at most `budget` [m]."""
+        return float(np.mean(self.max <= budget))
+
+
+@checked
+def spread(
+    taught: TaughtData,
+    path: Path,
+    arm: Arm,
+    servo: ServoModel,
+    limits: Limits | None,
+    box: Box,
+    *,
+    samples: Annotated[int, AtLeast(1, 10**7)] = 1000,
+    seed: Seed = 0,
+    since: Time | None = None,
+    until: Interval | None = None,
+    threads: Workers | None = None,
+) -> Spread:
+    """Execute taught data on robots with random errors (Monte Carlo), each as `ServoPlant` does.
+
+    Sample i does not depend on the number of samples or on which parameters vary.
+
+    Args:
+        taught: The set-points.
+        path: The path that the tool must follow.
+        arm: A planar two-link arm or a serial arm; with masses if the payload varies.
+        servo: The nominal servo, in the middle of the box.
+        limits: Limits with the joint accelerations that saturate, in place of those of the plan.
+        box: Largest errors of the parameters.
+        samples: Number of executions.
+        seed: Seed of the random numbers.
+        since: Start of the time over which contour errors are evaluated [s]; by default the first
+            set-point. Taught data of one contour of a program may start before it, with what
+            leads to it.
+        until: End of that time [s]; by default when the planned motion has ended and the tool is
+            at rest.
+        threads: Number of threads; by default the number of processors.
+
+    Raises:
+        InvalidInput: Box, servo, path or taught data do not fit the arm, or the samples do not fit
+            in the memory.
+        ExecutionError: A joint cannot be simulated with its gains.
+    """
+    checks.refuse_too_many(
+        f"The spread over {samples} samples", samples * (3 * arm.dof + 1), "take fewer samples"
+    )
+    model = _Model(taught, path, arm, servo, limits, box, since, until)
+    unit = np.random.default_rng(seed).uniform(-1, 1, size=(samples, 3 * arm.dof + 1))
+    return model.executed(unit, seed, threads or os.cpu_count() or 1)
+
+
+@checked
+def worst_corner(
+    taught: TaughtData,
+    path: Path,
+    arm: Arm,
+    servo: ServoModel,
+    limits: Limits | None,
+    box: Box,
+    *,
+    since: Time | None = None,
+    until: Interval | None = None,
+    threads: Workers | None = None,
+) -> Spread:
+    """Execute taught data on robots in the corners of a box, without jitter.
+
+    If k <= 10 parameters vary, all 2^k corners are executed. If more vary, 1024 corners are: first
+    the corner with the worse sign of each single parameter, then those that a search finds from
+    there by changing one sign at a time as long as the error grows, then random ones.
+
+    Arguments and exceptions are those of `spread`.
+    """
+    model = _Model(taught, path, arm, servo, limits, box, since, until)
+    use = threads or os.cpu_count() or 1
+    k = int(model.varies.sum())
+    if 2**k <= MOST_CORNERS:
+        signs = np.where(np.arange(2**k)[:, None] >> np.arange(k) & 1, -1.0, 1.0)
+        return model.executed(model.span(signs), None, use)
+
+    def errors(signs: FloatArray) -> FloatArray:
+        return model.executed(model.span(signs), None, use).max
+
+    return model.executed(model.span(_search_corners(errors, k)), None, use)
+
+
+def jitter_of(seed: int, sample: int, count: int, jitter: float) -> FloatArray:
+    """Delay of each set-point in one sample [s], (count,).
+
+    The delay of the first set-point is 0, because times count from its arrival.
+
+    Args:
+        seed: Seed of the random numbers.
+        sample: Index of the sample.
+        count: Number of set-points.
+        jitter: Largest delay, also negative [s].
+    """
+    drawn = np.random.default_rng([seed, sample]).uniform(-jitter, jitter, size=count)
+    drawn[0] = 0.0
+    return drawn
+
+
+class _Model:
+    """The data that all executions share, as arrays for the compiled code."""
+
+    def __init__(
+        self,
+        taught: TaughtData,
+        path: Path,
+        arm: Arm,
+        servo: ServoModel,
+        limits: Limits | None,
+        box: Box,
+        since: float | None,
+        until: float | None,
+    ) -> None:
+        dof = arm.dof
+        self.taught, self.box, self.dof, self.second = taught, box, dof, servo.kv is not None
+        self.servo = servo.for_joints(dof)
+        self.spans = spans_of(box, self.servo, arm, taught.period)
+        # In the middle of its range the payload may be another one than the arm's.
+        self.middle = np.append(np.zeros(3 * dof), np.mean(box.payload))
+        self.varies: BoolArray = self.spans > 0.0
+        if box.dead_time_shared:
+            self.varies[2 * dof + 1 : 3 * dof] = False
+        if not self.second:
+            self.varies[dof : 2 * dof] = False
+        robot, reach = _robot(arm, path)
+        if taught.q.shape[1] != dof:
+            raise InvalidInput(
+                f"The taught data is for {taught.q.shape[1]} joints, but the arm {arm.name} has "
+                f"{dof}."
+            )
+        own = resolve_limits("spread", arm, limits, taught.trajectory.limits)
+        lower, upper = self.servo.saturate(*own.acceleration_bounds(dof))
+        duration = taught.trajectory.duration
+        end = duration if until is None else until
+        steps = self._steps()
+        last = taught.start_time + len(taught.q) * taught.period
+        begin = taught.start_time if since is None else since
+        if not begin < end:
+            raise InvalidInput(
+                f"Errors cover no time: they start at {begin:g} s and end at {end:g} s."
+            )
+        fixed, patience = until is not None, last + PATIENCE
+        clock = Clock(taught.start_time, taught.period, steps, begin, end, fixed, patience)
+        kind = CUBIC if servo.interpolation == "cubic" else STRAIGHT
+        line = _line(path, taught, arm, self._lag())
+        inertia = _inertia(arm, taught, box)
+        self.setting = Setting(robot, reach, line, clock, kind, inertia, lower, upper)
+        plain = self.servo.without_feedforward().for_joints(dof)
+        self.commands = with_integrated(plain, lambda x: polynomials(taught.q, taught.period, x))
+        _, *self.rates = command_and_rates(taught.q, taught.period, servo.interpolation)
+
+    def span(self, signs: FloatArray) -> FloatArray:
+        """Corners as rows in units of the box, (n, 3 dof + 1), by signs of varied parameters."""
+        unit = np.zeros((len(signs), len(self.spans)))
+        unit[:, self.varies] = signs
+        return unit
+
+    def executed(self, unit: FloatArray, seed: int | None, threads: int) -> Spread:
+        """Execute robots given as rows in units of the box, and the nominal robot.
+
+        Args:
+            unit: Errors of all parameters from -1 to 1, (n, 3 dof + 1).
+            seed: Seed of the jitter; None for no jitter.
+            threads: Number of threads.
+
+        Raises:
+            ExecutionError: A joint cannot be simulated with its gains.
+        """
+        rows = np.concatenate([unit, np.zeros((1, unit.shape[1]))])
+        if self.box.dead_time_shared:
+            rows[:, 2 * self.dof : 3 * self.dof] = rows[:, 2 * self.dof, None]
+        errors = rows * self.spans + self.middle
+        errors[-1] = 0.0
+        dof, servo = self.dof, self.servo
+        kp = servo.kp * (1 + errors[:, :dof])
+        kv = np.zeros_like(kp)
+        if servo.kv is not None:
+            loop = np.isfinite(servo.kv)
+            kv[:, loop] = (servo.kv * (1 + errors[:, dof : 2 * dof]))[:, loop]
+        # Below zero by rounding only; larger errors have been refused.
+        late = np.maximum(servo.dead_time + errors[:, 2 * dof : 3 * dof], 0.0)
+        payload = np.ascontiguousarray(errors[:, -1])
+
+        nominal = len(rows) - 1
+
+        def batch(first: int) -> FloatArray:
+            found = []
+            for i in range(first, min(first + BATCH, len(rows))):
+                # The nominal robot is the last one; it has no jitter.
+                drawn = None if i == nominal else seed
+                robot = self._sample(kp[i], kv[i], late[i], float(payload[i]), drawn, i)
+                found.append(execute(self.setting, robot))
+            return np.array(found)
+
+        # The first batch is executed alone, because it compiles the kernels.
+        parts = [batch(0)]
+        with ThreadPoolExecutor(threads) as pool:
+            parts += pool.map(batch, range(BATCH, len(rows), BATCH))
+        rms, largest, until, saturated, ratio = np.concatenate(parts).T
+        if np.isnan(rms).any():
+            i = int(np.argmax(np.isnan(rms)))
+            raise ExecutionError(
+                f"Execution {i} cannot be simulated with the gains kp {kp[i].tolist()} and kv "
+                f"{kv[i].tolist()} 1/s: time steps as short as the servo needs make no progress, "
+                "so lower the gains."
+            )
+        return Spread(
+            rms=rms[:-1],
+            max=largest[:-1],
+            until=until[:-1],
+            saturated=saturated[:-1],
+            demand_ratio=ratio[:-1],
+            kp=kp[:-1],
+            kv=np.where(kv[:-1] > 0, kv[:-1], np.inf) if self.second else None,
+            dead_time=late[:-1],
+            payload=payload[:-1],
+            seed=seed,
+            names=tuple(x for x, on in zip(self._names(), self.varies, strict=True) if on),
+            deviations=errors[:-1, self.varies],
+            nominal_rms=float(rms[-1]),
+            nominal_max=float(largest[-1]),
+        )
+
+    def _sample(
+        self,
+        kp: FloatArray,
+        kv: FloatArray,
+        late: FloatArray,
+        load: float,
+        seed: int | None,
+        number: int,
+    ) -> Sample:
+        """A robot for the compiled code.
+
+        Args:
+            kp: Position gains [1/s], (dof,).
+            kv: Velocity gains [1/s], (dof,); 0 for a servo of first order.
+            late: Dead times [s], (dof,).
+            load: Error of the payload's mass [kg].
+            seed: Seed of the jitter; None for no jitter.
+            number: Number of the sample.
+        """
+        commands, count, period = self.commands, len(self.taught.q), self.taught.period
+        starts = np.arange(count) * period + late[:, None]
+        servo = self.servo
+        if servo.has_feedforward:
+            rate = servo.velocity_feedforward / kp
+            bend = servo.acceleration_feedforward / (kp * np.where(kv > 0, kv, 1.0))
+            velocity, acceleration = self.rates
+            leads = np.tile(rate[:, None, None] * velocity, commands.shape[2] // 4)
+            leads[:, :, :4] += bend[:, None, None] * acceleration
+            commands = commands + leads
+        if seed is not None and self.box.jitter > 0.0:
+            # The controller interpolates between two set-points over the time between arrivals.
+            starts += jitter_of(seed, number, count, self.box.jitter)
+            rates = period / np.diff(starts, axis=1)
+            commands = commands.copy()
+            commands[:, 1:count] *= rates[:, :, None] ** (np.arange(commands.shape[2]) % 4)
+        return Sample(kp, kv, np.array(servo.ki), load, commands, starts)
+
+    def _names(self) -> list[str]:
+        """Names of all parameters, in the order of the columns of `executed`."""
+        numbers = range(1, self.dof + 1)
+        names = [f"{gain} of joint {j}" for gain in ("kp", "kv") for j in numbers]
+        shared = self.box.dead_time_shared
+        names += ["dead time" if shared else f"dead time of joint {j}" for j in numbers]
+        return [*names, "payload"]
+
+    def _steps(self) -> int:
+        """Number of results per command interval.
+
+        Raises:
+            ExecutionError: The number is too large.
+        """
+        span = min(RESOLUTION, TIME_CONSTANTS / self._fastest())
+        if not self.taught.period < MOST_RESULTS * span:
+            raise ExecutionError(
+                f"The fastest servo of the box has a time constant of {1 / self._fastest():.3g} s, "
+                f"too short to simulate command intervals of {self.taught.period:g} s: lower its "
+                "gains kp and kv [1/s]."
+            )
+        # A stepped command causes a ripple with the period of the command interval, which one
+        # result per interval would miss.
+        least = 2 if self.servo.interpolation == "step" else 1
+        return max(least, int(np.ceil(self.taught.period / span * (1 - 1e-12))))
+
+    def _fastest(self) -> float:
+        """Rate of the fastest servo in the box: the inverse of its time constant [1/s]."""
+        kp = self.servo.kp * (1 + self.spans[: self.dof])
+        found = np.where(np.isfinite(kp), kp, 0.0)
+        if self.servo.kv is not None:
+            kv = self.servo.kv * (1 + self.spans[self.dof : 2 * self.dof])
+            loop = np.where(kv >= 4 * kp, kv, np.sqrt(kp) * np.sqrt(kv))
+            found = np.where(np.isfinite(kv), loop, found)
+        # Joints that only delay have no time constant.
+        return float(max(found.max(), GAINS[0]))
+
+    def _lag(self) -> float:
+        """Largest time by which the tool can lag behind the plan [s]."""
+        spans, servo, dof = self.spans, self.servo, self.dof
+        lag = 1 / (servo.kp * (1 - spans[:dof]))
+        if servo.kv is not None:
+            lag = lag + 1 / (servo.kv * (1 - spans[dof : 2 * dof]))
+        late = (servo.dead_time + spans[2 * dof : 3 * dof]).max()
+        return float(lag.max() + late + self.box.jitter + 2 * self.taught.period)
+
+
+def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> FloatArray:
+    """The corners to execute if there are too many, as signs, (MOST_CORNERS, k).
+
+    Args:
+        errors: The largest contour error of each of several corners, (n, k) to (n,).
+        k: Number of parameters.
+    """
+    single = np.concatenate([np.eye(k), -np.eye(k)])
+    found = errors(single)
+    toward = np.where(found[:k] >= found[k:], 1.0, -1.0)
+    best, worst = toward, float(errors(toward[None])[0])
+    seen = [toward[None], -toward[None]]
+    count = 2
+    while count + k <= MOST_CORNERS:
+        near = np.where(np.eye(k, dtype=np.bool_), -best, best)
+        tried = errors(near)
+        seen.append(near)
+        count += k
+        i = int(np.argmax(tried))
+        if tried[i] <= worst:
+            break
+        best, worst = near[i], float(tried[i])
+    left = MOST_CORNERS - count
+    seen.append(np.random.default_rng(0).choice([-1.0, 1.0], size=(left, k)))
+    return np.concatenate(seen)
+
+
+def spans_of(box: Box, servo: ServoModel, arm: Arm, period: float) -> FloatArray:
+    """Half widths of the box: kp, kv and dead time of all joints, and payload, (3 dof + 1,).
+
+    Args:
+        box: The box.
+        servo: The nominal servo, with values per joint.
+        arm: The nominal arm.
+        period: Command interval [s].
+
+    Raises:
+        InvalidInput: The box does not fit the robot.
+    """
+    dof = arm.dof
+    if box.of_bodies:
+        raise InvalidInput(
+            f"The box has {', '.join(box.of_bodies)}, which only rigid bodies have: leave them "
+            "out, or certify with plant: rigid_body."
+        )
+    gains, late = box.gains_of(dof), box.dead_time_of(servo, dof)
+    if box.jitter >= period / 2:
+        raise InvalidInput(
+            f"A jitter of {box.jitter:g} s is not below half the command interval of "
+            f"{period:g} s, so that set-points could come in another order."
+        )
+    if servo.cycle:
+        raise InvalidInput(
+            "Robots with uncertain parameters are simulated with continuous loops only: leave "
+            "cycle out of the servo, or set it to 0."
+        )
+    if box.jitter and servo.has_feedforward:
+        raise InvalidInput(
+            "Jitter of set-points is not simulated with velocity_feedforward, whose velocity would "
+            "jump with it: leave jitter out of the box."
+        )
+    if np.any(box.payload) and servo.order == "first":
+        raise InvalidInput(
+            "A servo of order first has no velocity loop whose gain a payload could change: leave "
+            "payload out of the box, or take a servo of order second."
+        )
+    box.refuse_payload_below_zero(arm)
+    return np.concatenate([gains[0], gains[1], late, [np.ptp(box.payload) / 2]])
+
+
+def _robot(arm: Arm, path: Path) -> tuple[FloatArray, float]:
+    """The arm for the compiled code, and the largest distance of the tool from a joint [m].
+
+    Raises:
+        InvalidInput: The class of the arm is not supported, or the path has another dimension.
+    """
+    if path.dimension != arm.dimension:
+        raise InvalidInput(
+            f"The path has {path.dimension} coordinates, but the arm {arm.name} moves in "
+            f"{arm.dimension}."
+        )
+    if not isinstance(arm, ChainArm):
+        raise InvalidInput(
+            "Robustness needs the compiled kinematics of a planar two-link arm or a serial arm, "
+            f"not of a {type(arm).__name__}."
+        )
+    return arm.link_table, arm.span
+
+
+def _line(path: Path, taught: TaughtData, arm: Arm, lag: float) -> Line:
+    """The path for the compiled code, with the arc lengths that the tool can reach at each time.
+
+    The plan follows the path from start to end, so the length of the tool's planned path up to a
+    time is the arc length on the path, up to the difference of their total lengths. The nearest
+    point on the path is searched only near this arc length: elsewhere it would be on another part
+    of the path that passes close by.
+    """
+    plan = taught.trajectory
+    count = max(FEWEST_PLACES, PLACES_PER_INTERVAL * len(taught.q))
+    t = np.union1d(np.linspace(0, plan.duration, count), plan.breaks)
+    tool = arm.tool_position(plan(t))
+    drawn = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(tool, axis=0), axis=1)))
+    margin = abs(path.length - drawn[-1]) + 1e-6 * path.length
+    begin = taught.start_time + np.arange(len(taught.q) + 1) * taught.period
+    low = np.interp(begin - LAGS_BEHIND * lag, t, drawn) - margin
+    high = np.interp(begin + taught.period + LAGS_AHEAD * lag, t, drawn) + margin
+    arcs, starts = draw_arcs(path.segments)
+    rows = pack_arcs(arcs, starts)
+    # At the first segment the path closes, if it does.
+    corners = angle_between(np.roll(arcs.end_tangents, 1, axis=0), arcs.tangents)
+    closed = bool(np.linalg.norm(rows[-1, 12:15] - rows[0, :3]) <= REPEATED_POINT)
+    return Line(rows, corners, path.length if closed else 0.0, low, high)
+
+
+def _inertia(arm: Arm, taught: TaughtData, box: Box) -> FloatArray:
+    """Inertia that 1 kg at the tool adds to each joint, over the joint's own inertia [1/kg].
+
+    A point mass m at the tool adds `m |dx/dq_j|²` to the inertia M_jj of joint j.
+
+    Returns:
+        The ratio at each set-point, (dof, n); zeros, (dof, 1), if the payload does not vary.
+
+    Raises:
+        InvalidInput: The masses of the arm are not known.
+    """
+    q = np.asarray(taught.q)
+    if not np.any(box.payload):
+        return np.zeros((arm.dof, 1))
+    own = np.diagonal(arm.dynamics.mass_matrix(q), axis1=-2, axis2=-1)
+    added = (arm.tool_jacobian(q) ** 2).sum(axis=-2)
+    return np.ascontiguousarray((added / own).T)

@@ -1,0 +1,217 @@
+"""The case of a certificate: a run, its robot, its traced program and its goal."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from armcontour.control.compensation import PolePlacement
+from armcontour.control.compensation.compensator import teach
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.progress import Progress
+from armcontour.jobs.goal import Goal
+from armcontour.jobs.job import Job, Run
+from armcontour.jobs.planned import Planned
+from armcontour.motion import TaughtData, Trajectory
+from armcontour.planning.program_tracing import Tracing
+from armcontour.program import Contour, Program
+from armcontour.robot import Arm, Limits
+from armcontour.robot.servo import ServoModel
+from armcontour.simulation import Plant, RigidBodyPlant, ServoPlant
+from armcontour.simulation.rigid_body_plant import STEP
+from armcontour.simulation.robustness.box import Box
+from armcontour.verification.pieces import unexplained_errors
+
+# A plan is proven at this resolution [s].
+RESOLUTION = 1e-4
+# Keys of an experiment that describe the drives of the robot.
+DRIVE_OPTIONS = ("step", "gravity_feedforward", "noise", "seed")
+# After this many of the servo's slowest time constants, 2e-9 of its response is left: of errors of
+# millimetres, picometres.
+FORGOTTEN = 20.0
+# Places at which errors that the servo model does not explain are bounded, in addition to breaks.
+MOST_PLACES = 1000
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A run to certify: its robot, its fastest plan, and the goal of all contours.
+
+    Args:
+        job: The job.
+        planned: The plan of the run with nothing derated.
+        goal: The goal.
+        servo_allowed: Largest contour error of the execution, over the box if there is one [m].
+        progress: Called with a step before each trial.
+        executor: Executor of robots of a box as rigid bodies; None is processes of this machine.
+    """
+
+    job: Job
+    planned: Planned
+    goal: Goal
+    servo_allowed: float
+    progress: Progress
+    executor: Executor | None = None
+
+    @property
+    def run(self) -> Run:
+        """The run, with the corner tolerance of this case."""
+        return self.planned.run
+
+    @property
+    def traced(self) -> Tracing:
+        """The joint paths of the program."""
+        assert self.planned.traced is not None
+        return self.planned.traced
+
+    @property
+    def arm(self) -> Arm:
+        """The arm."""
+        return self.job.arm
+
+    @cached_property
+    def limits(self) -> Limits:
+        """Limits with values per joint."""
+        return self.run.limits.for_joints(self.arm.dof)
+
+    @cached_property
+    def model(self) -> ServoModel:
+        """The servo that the compensation knows."""
+        return self.job.servo.for_joints(self.arm.dof)
+
+    @cached_property
+    def servo(self) -> ServoModel:
+        """The servo that executes."""
+        return self.job.plant_servo.for_joints(self.arm.dof)
+
+    @property
+    def program(self) -> Program:
+        """The program to plan."""
+        return self.traced.program
+
+    @property
+    def box(self) -> Box | None:
+        """Uncertainty of the robot."""
+        return self.goal.box
+
+    @property
+    def saturated(self) -> bool:
+        """Whether joints may saturate."""
+        return self.goal.saturation == "report"
+
+    @property
+    def bodies(self) -> bool:
+        """Whether rigid bodies execute, and not servos of single joints."""
+        return self.goal.plant == "rigid_body"
+
+    @property
+    def budget(self) -> float:
+        """Largest contour error of the simulated robots [m]."""
+        return self.servo_allowed - self.unexplained
+
+    @cached_property
+    def unexplained(self) -> float:
+        """Largest tool error across the contours that the servo model does not explain [m]."""
+        unexplained = self.servo.unexplained
+        if unexplained is None:
+            return 0.0
+        largest = 0.0
+        for step in self.traced.steps:
+            path = step.joint_path
+            if path is not None and path.tool_path is not None and self.traced.is_contour(step):
+                s = np.union1d(path.breaks, np.linspace(0.0, path.tool_path.length, MOST_PLACES))
+                tangent = path.tool_path(s, 1)
+                _, across = unexplained_errors(self.arm, path(s), tangent, unexplained)
+                largest = max(largest, float(across.max()))
+        return largest
+
+    @property
+    def drive_options(self) -> dict[str, Any]:
+        """Options of rigid bodies from the run's experiment."""
+        experiment = self.run.experiment
+        return {x: getattr(experiment, x) for x in DRIVE_OPTIONS} if experiment else {}
+
+    @property
+    def resolution(self) -> float:
+        """Time between two results of an execution that proves [s]."""
+        if not self.bodies:
+            return RESOLUTION
+        return max(RESOLUTION, float(self.drive_options.get("step", STEP)))
+
+    def plant(self, servo: ServoModel | None = None, *, ideal: bool = False) -> Plant:
+        """The robot, or with `ideal` one that never saturates."""
+        if self.bodies:
+            return RigidBodyPlant(self.arm, servo or self.servo, self.limits, **self.drive_options)
+        saturation = "none" if ideal else None
+        return ServoPlant(self.arm, servo or self.servo, self.limits, saturation=saturation)
+
+    @cached_property
+    def demand_bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Accelerations at which drives saturate [rad/s²], (dof,) each; infinite without."""
+        return self.servo.saturate(*self.limits.acceleration_bounds(self.arm.dof))
+
+    def demand_ratio(self, demand: FloatArray) -> FloatArray:
+        """Demands over the accelerations at which drives saturate in their direction."""
+        low, high = self.demand_bounds
+        return np.asarray(np.maximum(demand / low, demand / high))
+
+    def work_of(self, contour: Contour) -> tuple[float, float] | None:
+        """Places of a contour between which errors count [m]; None is at all times."""
+        return contour.at_work if self.program.single_path is None else None
+
+    def teach(self, plan: Trajectory, period: float | None = None) -> TaughtData:
+        """Taught data of a plan, every `period` or command interval of the run [s]."""
+        period = self.run.period if period is None else period
+        return teach(plan, self.model, self.run.compensation, period=period, arm=self.arm)
+
+    def stretch(self, taught: TaughtData, t: tuple[float, float], plan: Trajectory) -> TaughtData:
+        """Set-points of one move, after those before it that still affect the servo.
+
+        Args:
+            taught: The set-points of the whole program.
+            t: Start and end time of the move in the program [s].
+            plan: The plan of the move; times of the result count from its start.
+        """
+        begin, period, first = t[0] - self.memory, taught.period, 0
+        if begin > 0:
+            rests = taught.trajectory.starts
+            rest = float(rests[np.searchsorted(rests, begin, side="right") - 1])
+            rest -= float(self.servo.dead_time.max())
+            first = max(int(np.floor((rest - taught.start_time) / period)), 0)
+        last = int(np.ceil((t[1] - taught.start_time) / period)) + 1
+        return TaughtData(
+            period=period,
+            q=taught.q[first : max(last, first + 2)],
+            trajectory=plan,
+            method=taught.method,
+            start_time=min(taught.start_time + first * period - t[0], 0.0),
+        )
+
+    @cached_property
+    def memory(self) -> float:
+        """Time after which a motion has no effect on servo or compensator any more [s]."""
+        box, servo, dof = self.box, self.servo, self.arm.dof
+        gains = np.zeros((2, dof)) if box is None else np.broadcast_to(box.gains, (2, dof))
+        dead_time = servo.dead_time
+        slow = servo.replace(
+            kp=servo.kp * (1 - gains[0]),
+            kv=None if servo.kv is None else servo.kv * (1 - gains[1]),
+        )
+        rates = [slow.slowest]
+        if servo.has_feedforward:
+            # The compensator undoes feed-forward with a transient of its own.
+            rates.append(1 / float(servo.lead[0].max()))
+        options = self.run.compensation
+        if isinstance(options, PolePlacement) and options.poles is not None:
+            poles = np.asarray(options.poles, dtype=np.complex128)
+            rates.append(float(np.abs(np.real(poles)).min()))
+        if box is not None:
+            dead_time = dead_time + checks.per_joint(
+                "dead_time of the box", box.dead_time, dof, "s"
+            )
+        return FORGOTTEN / min(rates) + float(dead_time.max())

@@ -1,0 +1,424 @@
+"""Use of limits, budget and box by a plan and its executions, over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Literal
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.geometry import Path
+from armcontour.motion import Execution, PathLaw, Span, TaughtData, Trajectory
+from armcontour.motion.laws import join_path
+from armcontour.robot.limit_use import States
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.simulation import Simulation
+from armcontour.simulation import ServoPlant, execute
+from armcontour.simulation.plant import count_intervals
+from armcontour.simulation.robustness.box import Box
+from armcontour.studies.certification._case import Case
+from armcontour.verification import Check
+from armcontour.verification.pieces import Piece, pieces_of
+
+# Trials are executed with this many results per command interval, but not finer than this [s].
+PER_INTERVAL = 16
+FINEST = 1.25e-4
+# The same for executions in the corners of a box.
+BOX_PER_INTERVAL = 4
+# The tool speed of an execution may exceed the velocity assigned at its place by this share of it.
+SPEED_SLACK = 1e-3
+# Directions across the path in which errors over a box are added up, in space.
+DIRECTIONS = 16
+# Penalty ratio for a command outside the joint range: slowing down cannot correct it completely,
+# but each trial reduces the speed there.
+OUTSIDE = 1.1
+# Shares of limits, and phases of a command interval, that differ by less than this are the same.
+SAME = 1e-9
+Side = Literal["left", "right"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Uses:
+    """Shares of what is allowed on one contour, over time; 1 is all of it.
+
+    Args:
+        t: Times from the start of the contour [s], (n,).
+        s: Place of the plan then [m], (n,).
+        joints: Of the joints' acceleration limits, the larger one of plan and demand, (n, dof).
+        pace: Of what bounds the speed of the plan and of its command, as a ratio of ds², (n,).
+        tool: Of the executed tool's speed, as a ratio of squared speeds, (n,).
+        error: Of the budget, (n,).
+        box: Of the budget, by the worst robots of the box, (n,); 0 without a box.
+        peak: Largest demands over their limits at any time, (dof,); 0 where saturation is allowed.
+        rms: RMS contour error over its largest; 0 without one.
+    """
+
+    t: FloatArray
+    s: FloatArray
+    joints: FloatArray
+    pace: FloatArray
+    tool: FloatArray
+    error: FloatArray
+    box: FloatArray
+    peak: FloatArray
+    rms: float
+
+    def worst(self) -> dict[str, float]:
+        """The largest of each."""
+        return {
+            "acceleration": max(float(self.joints.max()), float(self.peak.max())),
+            "speed": float(self.pace.max()),
+            "tool": float(self.tool.max()),
+            "error": max(float(self.error.max()), self.rms),
+            "box": float(self.box.max()),
+        }
+
+
+# Executions of the whole program in corners of the box, and the error of the dead time that they
+# share [s].
+Group = tuple[float, list[Execution]]
+
+
+def run(case: Case, taught: TaughtData, resolution: float | None = None) -> Execution:
+    """Execute a trial on the robot; on one that never saturates where saturation is refused."""
+    if case.bodies:
+        return execute(taught, case.plant(), resolution=resolution or case.resolution)
+    every = min(taught.period, max(taught.period / PER_INTERVAL, FINEST))
+    return execute(taught, case.plant(ideal=not case.saturated), resolution=resolution or every)
+
+
+def run_on_box(case: Case, taught: TaughtData) -> list[Group]:
+    """Execute in corners of the box, all joints in the same one.
+
+    One group for either end of a shared dead time. Where saturation is refused the robots do not
+    saturate: what they demand is a use like others.
+    """
+    box, servo, dof = case.box, case.servo, case.arm.dof
+    if box is None or case.bodies:
+        return []
+    late = np.broadcast_to(box.dead_time, (dof,))
+    shared = box.dead_time_shared and bool(late.any())
+    apart = np.zeros(dof) if box.dead_time_shared else late
+    resolution = max(taught.period / BOX_PER_INTERVAL, FINEST)
+    groups = []
+    for common in (-1.0, 1.0) if shared else (0.0,):
+        moved = np.maximum(servo.dead_time + common * late, 0.0)
+        servos = _variants(servo, moved, box, apart)
+        plants = [case.plant(x, ideal=not case.saturated) for x in servos]
+        runs = [execute(taught, x, resolution=resolution) for x in plants]
+        groups.append((float((moved - servo.dead_time)[0]) if shared else 0.0, runs))
+    return groups
+
+
+def distances(piece: Piece) -> FloatArray:
+    """Contour error of both directions at every time of a piece [m], (n,)."""
+    error = piece.contour_error
+    over_time = np.maximum(piece.found.distance, piece.found.missed)
+    # A peak between two times counts for the nearer one.
+    peak = int(np.argmin(np.abs(piece.t - error.t_max)))
+    over_time[peak] = max(over_time[peak], error.max)
+    return over_time
+
+
+def speed_shares(case: Case, piece: Piece) -> FloatArray:
+    """Tool speed of a piece over the velocity assigned at its place, (n,)."""
+    # Rigid bodies have a result in every cycle of their drives.
+    return piece.speed_shares(case.limits.speed, between=not case.bodies)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trial:
+    """A plan of the whole program, executed once on the robot and on corners of the box.
+
+    Args:
+        case: The case.
+        trajectory: The plan.
+        taught: Its set-points.
+        executed: Their execution on the robot.
+        pieces: The execution contour by contour.
+        groups: Executions on corners of the box.
+        box: Times and largest errors of bodies of the box [s, m], (2, n).
+        check: Check of the plan against all limits; None before its proof.
+    """
+
+    case: Case
+    trajectory: Trajectory
+    taught: TaughtData
+    executed: Execution
+    pieces: Sequence[Piece]
+    groups: Sequence[Group] = ()
+    box: FloatArray | None = None
+    check: Check | None = None
+
+    @property
+    def all_runs(self) -> list[Execution]:
+        """The execution on the robot, and those on corners of the box."""
+        return [self.executed, *(x for _, runs in self.groups for x in runs)]
+
+    @cached_property
+    def corner_pieces(self) -> list[tuple[float, list[Sequence[Piece]]]]:
+        """The groups, each execution contour by contour."""
+        program = self.case.program
+        return [
+            (late, [pieces_of(x, program, None, None) for x in runs]) for late, runs in self.groups
+        ]
+
+
+def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> Uses:
+    """The uses of one contour by its plan, its command and its execution.
+
+    Args:
+        case: The case.
+        trial: The executed program.
+        number: Index of the contour.
+        plan: Its plan; times from 0 [s].
+    """
+    piece, span = trial.pieces[number], trial.trajectory.contour_spans[number]
+    path, executed = piece.path, trial.executed
+    now, since = slice(0, len(executed.t)), None
+    if case.program.single_path is None:
+        # The command interval in which a move ends has a part of the next one.
+        start, period = trial.taught.start_time, trial.taught.period
+        last = start + np.ceil((span.t[1] - start) / period - SAME) * period
+        ends = span.t[0], float(last)
+        now, since = slice(*np.searchsorted(executed.t, ends)), ends
+    t = executed.t[now] - span.t[0]
+    s, joints, pace = _planned_uses(case, path, plan, t)
+    pace = np.maximum(pace, _command_use(case, trial.taught, executed.t[now]))
+    peak = np.zeros(case.arm.dof)
+    if not case.saturated and not case.bodies:
+        for x in trial.all_runs:
+            part = slice(*np.searchsorted(x.t, since)) if since else slice(None)
+            share = case.demand_ratio(x.demand[part])
+            joints = np.maximum(joints, _at(t + span.t[0], x.t[part], share))
+            peak = np.maximum(peak, peak_demand(case, x, since))
+    tool, speed = np.zeros(len(t)), case.limits.speed
+    if speed is not None:
+        moved = case.arm.tool_velocity(executed.q[now], executed.dq[now])
+        tool = (np.linalg.norm(moved, axis=1) / (speed * (1 + SPEED_SLACK))) ** 2
+    counts = slice(piece.which.start - now.start, piece.which.stop - now.start)
+    tool[counts] = np.maximum(tool[counts], (speed_shares(case, piece) / (1 + SPEED_SLACK)) ** 2)
+    error, box = np.zeros(len(t)), np.zeros(len(t))
+    error[counts] = distances(piece) / case.budget
+    if trial.groups:
+        box[counts] = _worst(case, trial, number)[piece.which] / case.budget
+    if trial.box is not None:
+        box[counts] = np.interp(executed.t[piece.which], *trial.box) / case.budget
+    rms = case.goal.rms
+    return Uses(
+        t=t,
+        s=s,
+        joints=joints,
+        pace=pace,
+        tool=tool,
+        error=error,
+        box=box,
+        peak=peak,
+        rms=0.0 if rms is None else piece.contour_error.rms / rms,
+    )
+
+
+def response_time(case: Case) -> float:
+    """Time for which a command is felt in a joint's demand [s]."""
+    servo = case.servo
+    return 2.0 / float((servo.kp if servo.kv is None else servo.kv).min())
+
+
+def peak_demand(
+    case: Case, executed: Execution, span: tuple[float, float] | None = None
+) -> FloatArray:
+    """Largest demand of every joint over its limit, also between results, (dof,).
+
+    Args:
+        case: The case.
+        executed: An execution on a plant that never saturates.
+        span: The demand counts from the first set-point in this time on, until its end [s]; by
+            default always.
+    """
+    assert isinstance(executed.plant, ServoPlant)
+    servo = executed.plant.servo
+    every = np.asarray(case.demand_ratio(executed.demand_range).max(axis=0))
+    if span is None or every.max() <= 1.0:
+        return every
+    taught = executed.taught
+    begin, end = (np.array(span) - taught.start_time) / taught.period
+    first = max(0, int(np.ceil(begin - SAME)))
+    last = min(count_intervals(taught, servo), int(np.ceil(end - SAME)))
+    if first >= last:
+        return case.demand_ratio(executed.demand[-1])
+    row = first * round(taught.period / float(executed.t[1] - executed.t[0]))
+    held = executed.dq[row] if servo.kv is None else executed.ddq[row]
+    held = np.where(servo.ki > 0, executed.demand[row], held)
+    again = Simulation(taught.q, taught.period, servo).run(
+        first, last, executed.q[row], executed.dq[row], held=held
+    )
+    both = np.stack([again.lowest, again.highest])
+    return np.asarray(case.demand_ratio(both).max(axis=0))
+
+
+def _motion(plan: Trajectory, t: FloatArray, side: Side) -> tuple[FloatArray, FloatArray]:
+    """Where a plan along a joint path is at some times [m], (n,), and q, dq, ddq, (3, n, dof).
+
+    All at once: its way is what takes long to find.
+    """
+    s, states = np.empty(len(t)), np.empty((3, len(t), plan.dof))
+    for k, here, i, local in plan.locate(t, side):
+        law = plan.laws[k]
+        assert isinstance(law, PathLaw)
+        along = law.path_motion(i, local)
+        s[here] = along[0]
+        states[:, here] = join_path(law.joint_path, law.s[i + 1], along, (0, 1, 2))
+    return s, states
+
+
+def _planned_uses(
+    case: Case, path: Path, plan: Trajectory, t: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Where the plan is, (n,), shares of acceleration limits, (n, dof), and of ds², (n,).
+
+    What a plan has on either side of a joint between segments counts for the time next to it.
+    """
+    s, joints, pace = _states(case, path, plan, np.clip(t, 0.0, plan.duration), "right")
+    at = _passing(plan, path.breaks)
+    near = np.clip(np.searchsorted(t, at), 0, len(t) - 1)
+    sides: tuple[Side, ...] = ("left", "right")
+    for side in sides:
+        _, more, faster = _states(case, path, plan, at, side)
+        np.maximum.at(joints, near, more)
+        np.maximum.at(pace, near, faster)
+    return s, joints, pace
+
+
+def _states(
+    case: Case, path: Path, plan: Trajectory, t: FloatArray, side: Side
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    limits = case.limits
+    s, joints = _motion(plan, t, side)
+    states = States(case.arm, tuple(joints))
+    # Of ds² a velocity takes the square of its share, an acceleration its share.
+    pace = (states.use("joint_velocity", limits).ratio ** 2).max(axis=1)
+    here = _assigned_speeds(case, path, s, side)
+    if np.isfinite(here).any():
+        pace = np.maximum(pace, (states.bound("speed")[0] / here) ** 2)
+    if limits.centripetal_acceleration is not None:
+        pace = np.maximum(pace, states.use("centripetal_acceleration", limits).ratio)
+    return s, states.use("joint_acceleration", limits).ratio, pace
+
+
+def _assigned_speeds(case: Case, path: Path, s: FloatArray, side: Side) -> FloatArray:
+    """Velocities that are assigned at places of the path [m/s], infinite where none is, (n,)."""
+    most = case.limits.speed
+    own = np.fmin(path.speeds, np.inf if most is None else most)
+    here = own[path.locate(np.clip(s, 0.0, path.length), side=side)]
+    return np.where(np.isnan(here), np.inf, here)
+
+
+def _passing(plan: Trajectory, places: FloatArray) -> FloatArray:
+    """When a plan passes the joints between segments that are breaks of it [s]."""
+    times = [np.zeros(0)]
+    for law, start in zip(plan.laws, plan.starts, strict=False):
+        assert isinstance(law, PathLaw)
+        k = np.clip(np.searchsorted(law.s, places), 0, len(law.s) - 1)
+        times.append(start + law.breaks[k[np.abs(law.s[k] - places) < 1e-9]])
+    return np.clip(np.unique(np.concatenate(times)), 0.0, plan.duration)
+
+
+def _command_use(case: Case, taught: TaughtData, t: FloatArray) -> FloatArray:
+    """The share of what bounds ds² that set-points take, at the times `t`, (n,)."""
+    dof = case.arm.dof
+    rate = np.append(np.diff(taught.q, axis=0), np.zeros((1, dof)), axis=0) / taught.period
+    states = States(case.arm, (taught.q, rate))
+    pace = (states.use("joint_velocity", case.limits).ratio ** 2).max(axis=1)
+    lower, upper = case.limits.joint_range(dof)
+    outside = ((taught.q < lower) | (taught.q > upper)).any(axis=1)
+    pace = np.maximum(pace, np.where(outside, OUTSIDE, 0.0))
+    k = np.clip(np.searchsorted(taught.t, t, side="right") - 1, 0, len(pace) - 1)
+    return np.asarray(pace[k])
+
+
+def _at(t: FloatArray, given: FloatArray, values: FloatArray) -> FloatArray:
+    """Values at other times: the larger of the two given ones around each, 0 outside, (n, dof)."""
+    k = np.clip(np.searchsorted(given, t, side="right"), 1, len(given) - 1)
+    found = np.maximum(values[k - 1], values[k])
+    found[(t < given[0]) | (t > given[-1])] = 0.0
+    return np.asarray(found)
+
+
+def _worst(case: Case, trial: Trial, number: int) -> FloatArray:
+    """Contour error of the worst robot of the box, about, at all times of a trial [m], (n,).
+
+    Joints are independent of each other: what each does across the path in its own corner of the
+    box is added up for the worst, joint by joint. Payload and jitter are not in it.
+    """
+    t, span = trial.executed.t, trial.trajectory.contour_spans[number]
+    largest = np.zeros(len(t))
+    for late, runs in trial.corner_pieces:
+        pieces = [x[number] for x in runs]
+        largest = np.maximum(largest, np.interp(t, *_across(case, late, pieces, span)))
+        for x in pieces:
+            rows = np.clip(np.searchsorted(t, x.t), 0, len(t) - 1)
+            np.maximum.at(largest, rows, x.found.missed)
+    return largest
+
+
+def _variants(
+    servo: ServoModel, dead_time: FloatArray, box: Box, apart: FloatArray
+) -> list[ServoModel]:
+    """Servos in the corners of the box, all joints in the same."""
+    gains = np.broadcast_to(np.asarray(box.gains), (2, len(dead_time)))
+    signs = [
+        (1.0, -1.0) if (x > 0).any() else (0.0,)
+        for x in (gains[0], gains[1] if servo.kv is not None else np.zeros(1), apart)
+    ]
+    return [
+        servo.replace(
+            kp=servo.kp * (1 + p * gains[0]),
+            kv=None if servo.kv is None else servo.kv * (1 + v * gains[1]),
+            dead_time=np.maximum(dead_time + d * apart, 0.0),
+        )
+        for p, v, d in product(*signs)
+    ]
+
+
+def _across(
+    case: Case, late: float, pieces: Sequence[Piece], span: Span
+) -> tuple[FloatArray, FloatArray]:
+    """Times, and the largest sum over the joints of what any of the runs moves them across."""
+    arm, path, plan = case.arm, pieces[0].path, span.trajectory
+    assert plan is not None
+    n = min(len(x.t) for x in pieces)
+    t = pieces[0].t[:n]
+    # All joints late by the same leave the path as it is.
+    base = plan(np.clip(t - span.t[0] - late, 0.0, plan.duration))
+    if len(pieces) > 1:
+        base = np.mean([x.q[:n] for x in pieces], axis=0)
+    jacobian, point = arm.tool_jacobian(base), arm.tool_position(base)
+    off = np.array([x.q[:n] - base for x in pieces])
+    # (runs, n, dimension, dof): what each joint's error does to the tool.
+    moved = jacobian[None] * off[:, :, None, :]
+    s = path.project(point).s
+    total = np.zeros(n)
+    for direction in normals(path(s, 1)):
+        # The centre's own distance adds to what the joints do.
+        own = np.abs(np.einsum("nd,nd->n", point - path(s), direction))
+        side = np.einsum("rndj,nd->rnj", moved, direction)
+        total = np.maximum(total, own + side.max(axis=0).sum(axis=1))
+    return t, total
+
+
+def normals(tangent: FloatArray) -> list[FloatArray]:
+    """Directions across the path at every place, (n, dimension) each."""
+    unit = tangent / np.linalg.norm(tangent, axis=1)[:, None]
+    if unit.shape[1] == 2:
+        left = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
+        return [left, -left]
+    flat = np.abs(unit).argmin(axis=1)
+    first = np.cross(unit, np.eye(3)[flat])
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    second = np.cross(unit, first)
+    angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    return [np.cos(x) * first + np.sin(x) * second for x in angles]

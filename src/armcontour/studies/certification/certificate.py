@@ -1,0 +1,583 @@
+"""The certificate of a plan: its errors contour by contour, its derating, and its cost in time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.describing import brief, several
+from armcontour.core.errors import ExecutionError, InvalidInput
+from armcontour.core.fields import Checked
+from armcontour.core.render import Result, number, verdict
+from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
+from armcontour.geometry import Path, RoundedPath, ShapedPath
+from armcontour.jobs.goal import Goal
+from armcontour.jobs.job import ARC, FREE, Job, Run
+from armcontour.jobs.results import ExperimentResult, RunResult, Study
+from armcontour.jobs.run_data import field_rows, warning_rows
+from armcontour.jobs.verdict import ROUNDING, off_drawing, time_limit_row
+from armcontour.jobs.warnings import beyond_logs
+from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
+from armcontour.planning import Tracing, explain
+from armcontour.program import Program
+from armcontour.simulation.rigid_body_plant import can_simulate
+from armcontour.simulation.robustness.monte_carlo import Spread
+from armcontour.studies.certification._derating import Derating
+from armcontour.studies.certification.lowering import Lowered
+from armcontour.verification import Check, Evaluation
+from armcontour.verification.clearance import Clearance
+from armcontour.verification.error_profile import ErrorProfile, Missed, error_rows
+from armcontour.verification.evaluation import duration_row
+
+# Label of the bound of the distance from the drawing.
+GUARANTEED = "off the drawing, guaranteed"
+
+
+def _part(name: str, data: Data | None) -> tuple[Row, ...]:
+    """The rows of a part that may be unknown, for files."""
+    return (Row(name, None),) if data is None else data.under(name, FILE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Budget(Result):
+    """The parts of the contour error, the larger one of both directions [m].
+
+    Args:
+        rounding: Largest corner error of the path; the tolerance of a path of the shape free.
+        servo: Largest contour error of the same plan with a nearly continuous command.
+        sampling: Part that the command interval adds to `servo`; may be negative.
+        box: Part that the worst robot of the box adds to both; 0 without a box.
+        unexplained: Bound of the part across the path that the servo model does not explain, to
+            first order; 0 if `unexplained` of the servo is not known.
+        allowed: Tolerance for the sum of all parts; None without one.
+        servo_allowed: Largest sum of servo, sampling, box and unexplained.
+    """
+
+    rounding: float
+    servo: float
+    sampling: float
+    box: float
+    unexplained: float
+    allowed: float | None
+    servo_allowed: float
+
+    @property
+    def executed(self) -> float:
+        """Bound of the contour error of the execution, over the box if there is one [m]."""
+        return self.servo + self.sampling + self.box + self.unexplained
+
+    @property
+    def total(self) -> float:
+        """Bound of the tool's distance from the objective path [m]."""
+        return self.rounding + self.executed
+
+    def to_data(self) -> Data:
+        """The bounds, what is left, and the parts."""
+        allowed = self.servo_allowed if self.allowed is None else self.allowed
+        note = f"of {number(allowed, 'm')}"
+        unexplained = "not explained by the servo model" if self.unexplained else ""
+        return Data(
+            "Budget",
+            (
+                Row("total", self.total, "m", GUARANTEED, level=FIRST),
+                Row("executed", self.executed, "m", "contour error, guaranteed", level=FIRST),
+                Row("left", self.left, "m", "left of the budget", note, FIRST),
+                Row("rounding", self.rounding, "m", "rounding"),
+                Row("servo", self.servo, "m", "servo, continuous command"),
+                Row("sampling", self.sampling, "m", "command interval"),
+                Row("box", self.box, "m", "robots of the box" if self.box else ""),
+                Row("unexplained", self.unexplained, "m", unexplained),
+                Row("allowed", self.allowed, "m"),
+                Row("servo_allowed", self.servo_allowed, "m"),
+            ),
+        )
+
+    @property
+    def left(self) -> float:
+        """Unused part of the tolerance, or of `servo_allowed` without a tolerance [m]."""
+        if self.allowed is None:
+            return self.servo_allowed - self.executed
+        return self.allowed - self.total
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Uncertified(Result, Checked):
+    """The fastest plan of the same limits, with nothing derated and the same compensation.
+
+    Args:
+        duration: Duration [s].
+        contours: Duration of every contour [s].
+        contour_error: Largest contour error of both directions, and its root mean square over time,
+            from the tool to the path [m].
+        saturated: Share of the time for which each joint is saturated, (dof,).
+        box: Largest contour error in the corners of the box [m]; None without one.
+    """
+
+    duration: float
+    contours: tuple[float, ...]
+    contour_error: tuple[float, float]
+    saturated: FloatArray
+    box: float | None
+
+    def to_data(self) -> Data:
+        """Duration, errors and saturation."""
+        most, rms = self.contour_error
+        return Data(
+            "Uncertified optimum",
+            (
+                duration_row(self.duration),
+                Row("contour_error.max", most, "m", "contour error, largest", level=FIRST),
+                Row("contour_error.rms", rms, "m", "contour error, RMS"),
+                Row("saturated", self.saturated, "1", "saturated"),
+                Row("box", self.box, "m", "robots of the box, largest"),
+            ),
+        )
+
+    __repr__ = brief
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ContourCertificate(Result):
+    """The certificate of one contour, for the time during which the process is at work on it.
+
+    Args:
+        name: Name in messages.
+        t: Start and end time in the whole motion [s].
+        work: Start and end time of the work of the process, in which errors count [s].
+        path: The tool path.
+        joint_path: The joint path.
+        derating: Derating of acceleration and speed along the path.
+        factors: Shares that are left of limits derated along the whole contour, by their names.
+        lowered: What was derated: how much, where, and for what; the largest share first.
+        trajectory: Plan of the contour; times from 0 [s].
+        taught: Taught data of the contour, after those of the moves before it that still affect the
+            servo.
+        error: Contour error in the execution of the whole program: from the tool to the path.
+        missed: Largest distance from the path to the tool in that execution.
+        speed_ratio: Largest ratio of the tool speed to the velocity assigned at its place in that
+            execution; 0 where none is assigned.
+        budget: The parts of the contour error.
+        optimum: Duration of the uncertified plan of the contour [s].
+        corners: Executions in the corners of the box; None without a box.
+        spread: Executions on robots drawn from the box; None without a box.
+        trials: Number of plans that were made.
+    """
+
+    name: str
+    t: tuple[float, float]
+    work: tuple[float, float]
+    path: Path
+    joint_path: JointPath
+    derating: Derating
+    factors: dict[str, float]
+    lowered: tuple[Lowered, ...]
+    trajectory: Trajectory
+    taught: TaughtData
+    error: ErrorProfile
+    missed: Missed
+    speed_ratio: float
+    budget: Budget
+    optimum: float
+    corners: Spread | None
+    spread: Spread | None
+    trials: int
+
+    def to_data(self) -> Data:
+        """The error of the contour, its parts, and what was derated."""
+        optimum = number(self.optimum, "s")
+        joint = f"joint {int(self.headroom.argmax()) + 1}"
+        return Data(
+            "Certified contour",
+            (
+                Row("name", self.name, "", "contour", level=FIRST),
+                *self.budget.to_data().under("budget"),
+                duration_row(self.duration),
+                Row("cost", self.cost, "s", "cost", f"uncertified {optimum}", FIRST),
+                Row("optimum", self.optimum, "s"),
+                Row("t", self.t, "s"),
+                Row("work", self.work, "s"),
+                Row("length", self.path.length, "m"),
+                Row("shape", self.shape),
+                *error_rows("contour_error", "contour error", self.error),
+                *error_rows("missed", "path missed", self.missed),
+                Row("speed_ratio", self.speed_ratio, "1"),
+                Row("headroom.mean", self.headroom, "1", "acceleration derated, mean", joint),
+                Row("headroom.largest", self.largest_headroom, "1"),
+                Row("headroom.others", self.factors, "1"),
+                Row("lowered", [asdict(x) for x in self.lowered], "1"),
+                *(row for name, x in self._robots.items() for row in _part(name, x)),
+                Row("trials", self.trials),
+            ),
+        )
+
+    __repr__ = brief
+
+    @property
+    def shape(self) -> str | None:
+        """Shape of the corners of the path: "free", "arc", or None where none was changed."""
+        if isinstance(self.path, ShapedPath):
+            return FREE
+        return ARC if isinstance(self.path, RoundedPath) and len(self.path.corners) else None
+
+    @property
+    def duration(self) -> float:
+        """Duration of the contour [s]."""
+        return self.trajectory.duration
+
+    @property
+    def cost(self) -> float:
+        """Time that the certificate of the contour costs [s]."""
+        return self.duration - self.optimum
+
+    @property
+    def _robots(self) -> dict[str, Data | None]:
+        """What is known of robots of the box, by keys in JSON."""
+        executed = {"corners": self.corners, "spread": self.spread}
+        return {name: None if x is None else x.to_data() for name, x in executed.items()}
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on the robots of the box."""
+        return tuple(verdict(x) for x in self._robots.values() if x is not None)
+
+    @property
+    def headroom(self) -> FloatArray:
+        """Share by which each acceleration limit is derated, mean along the path, (dof,)."""
+        left = np.average(self.derating.share, axis=0, weights=self.derating.width)
+        # Rounding of a mean of ones is no derating.
+        return np.maximum(1.0 - left, 0.0)
+
+    @property
+    def largest_headroom(self) -> FloatArray:
+        """Largest share by which each joint's acceleration limit is derated, (dof,)."""
+        return np.asarray(1.0 - self.derating.share.min(axis=0))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Certificate(Result):
+    """The fastest plan found that keeps a goal, with the evidence.
+
+    A job of a single path has one contour. Its joint path and its derating are attributes of
+    the certificate too.
+
+    Args:
+        job: The job.
+        run: The run, with the corner tolerance of the certified plan.
+        goal: The goal that is kept.
+        model: The model of the robot for which the certificate is valid, in words.
+        objective: The program before its corners were rounded.
+        path: The program that was planned; `path.path` is the tool path of a single contour.
+        trajectory: The certified plan.
+        taught: Taught data of the plan.
+        execution: Execution of the taught data on the model.
+        evaluation: Evaluation of the execution, at 0.1 ms.
+        check: Check of the plan against every limit, between samples too.
+        contours: Certificates of the contours, in order.
+        rapids: Shares of limits that are left of the rapids between them, in order.
+        uncertified: The fastest plan without derating, for comparison.
+        shapes: Where the run asked for a free shape, the duration of the fastest plan by shape: of
+            the certified plan, and of plans with the other shape, which may not be certified if
+            none can be faster [s]. Else empty.
+        experiment: Execution of the same taught data on the arm's rigid bodies, which no trial
+            used; None if the run has no experiment, or if the experiment failed.
+        failure: The error of a failed experiment; None otherwise.
+        clearance: How far the arm stays from itself and from its cell; None where nothing looks
+            at it.
+    """
+
+    job: Job
+    run: Run
+    goal: Goal
+    model: str
+    objective: Program
+    path: Program
+    trajectory: Trajectory
+    taught: TaughtData
+    execution: Execution
+    evaluation: Evaluation
+    check: Check
+    contours: tuple[ContourCertificate, ...]
+    rapids: tuple[Mapping[str, float], ...]
+    uncertified: Uncertified
+    shapes: Mapping[str, float]
+    experiment: ExperimentResult | None
+    failure: ExecutionError | None = None
+    clearance: Clearance | None = None
+
+    def to_data(self) -> Data:
+        """The verdict on the plan, its parts, the model, and what repeats it."""
+        count = len(self.contours)
+        title = f"Certificate of {self.job.title}, run {self.run.name}"
+        contours = Table.of(
+            "contours", [x.to_data() for x in self.contours], TABLE if count > 1 else FILE
+        )
+        return Data(
+            title + (f", {several(count, 'contour')}" if count > 1 else ""),
+            (*self._verdict(), *self._figures(), *self._repeat()),
+            (contours,),
+            notes=self.notes,
+            warnings=self.warnings,
+        )
+
+    __repr__ = brief
+
+    def _verdict(self) -> Iterator[Row]:
+        """What is off the drawing, guaranteed; what it costs, and what is left."""
+        off = max(self.contours, key=lambda x: x.budget.total)
+        rounding = None if off.shape is None else off.budget.rounding
+        budget, most = off.budget, self.run.accuracy if self.goal.tolerance is None else None
+        allowed = budget.servo_allowed if budget.allowed is None else None
+        tolerance = None if budget.allowed is not None else self.result.tolerance
+        row = off_drawing(rounding, tolerance, budget.executed, allowed, GUARANTEED)
+        sums = {"certified within": budget.allowed, "the job allows": most}
+        ends = (f"; {words} {number(x, 'm')}" for words, x in sums.items() if x is not None)
+        yield replace(row, note=row.note + self._on(off))
+        note = f"limits {self.check.verdict}, between samples too" + "".join(ends)
+        yield Row("kept", self.kept, JUDGED, "verdict", note, VERDICT)
+        yield duration_row(self.duration, VERDICT)
+        yield from time_limit_row(self.result)
+        optimum = self.uncertified.duration
+        note = f"{number(self.cost / optimum, '1')} of the uncertified {number(optimum, 's')}"
+        yield Row("cost", self.cost, "s", "cost", note, VERDICT)
+        left = self.budget.to_data()["left"]
+        note = left.note + self._on(self.worst)
+        yield replace(left, name="budget.left", note=note, level=VERDICT)
+        yield from warning_rows(self.warnings)
+
+    def _figures(self) -> Iterator[Row]:
+        """Parts of the budget, shape, derating, model, goal, and the plan that was not derated."""
+        for x in self.budget.to_data().under("budget"):
+            # Budgets of several contours are in their table.
+            shown = len(self.contours) == 1 and x.name != "budget.total"
+            if x.name != "budget.left":
+                yield replace(x, level=max(x.level, TABLE) if shown else FILE)
+        yield Row("shapes", self.shapes, "s")
+        if self.shapes and self.run.rounding is not None:
+            shape = self.run.rounding.shape
+            others = {x: number(t, "s") for x, t in self.shapes.items() if x != shape}
+            note = ", ".join(f"{x} takes at least {t}" for x, t in others.items())
+            yield Row("shape", shape, "", "corner shape", note)
+        for name, shares in ("mean", self.headroom), ("largest", self.largest_headroom):
+            joint = self.job.arm.joint_names[int(shares.argmax())]
+            yield Row(f"headroom.{name}", shares, "1", f"acceleration derated, {name}", joint)
+        yield Row("pauses", self.pauses, "s", "pauses after rapids" if self.pauses else "")
+        yield Row("limits_used", {x.name: x.ratio for x in self.check.uses}, "1")
+        yield Row("not_judged", self.check.not_judged)
+        yield Row("trials", self.trials, "", "plans tried")
+        yield Row("model", self.model, "", "holds for")
+        yield Row("on_bodies", self.on_bodies)
+        yield Row("run", self.run.name)
+        yield from field_rows("goal", self.goal)
+        yield from self.uncertified.to_data().under("uncertified", FILE)
+
+    def _repeat(self) -> Iterator[Row]:
+        """All that a repetition of the plan needs, for files."""
+        run = self.run
+        rows = (
+            Row("timing", "optimal"),
+            Row("derating", "derating.csv"),
+            Row("rapids", [dict(x) for x in self.rapids]),
+            Row("compensation", run.compensation.method),
+            Row("compensation_options", run.compensation.own),
+            Row("period", run.period, "s"),
+            *field_rows("rounding", run.rounding),
+            *(x for x in field_rows("limits", run.limits) if x.name != "limits.lifted"),
+            *field_rows("servo", self.job.servo),
+            *field_rows("plant", self.job.plant_servo),
+            Row("start", self.trajectory(0.0), "rad"),
+        )
+        yield from Data("", rows).under("repeat")
+
+    def _on(self, contour: ContourCertificate) -> str:
+        """The name of a contour, if there are others."""
+        return f", on {contour.name}" if len(self.contours) > 1 else ""
+
+    @property
+    def comparison(self) -> dict[str, Data]:
+        """The uncertified and the certified plan, also in the experiment, with the same figures."""
+        before = self.uncertified.to_data()
+        names, box = [x.name for x in before.rows], before["box"]
+        if box.value is not None:
+            box = replace(box, value=max(x.budget.executed for x in self.contours))
+        judged = {"certified": self.evaluation}
+        if self.experiment is not None:
+            judged["certified, on rigid bodies"] = self.experiment.evaluation
+        found = {"uncertified optimum": before}
+        for name, e in judged.items():
+            rows = tuple(x for x in e.to_data().rows if x.name in names)
+            found[name] = Data(name, (*rows, box) if e is self.evaluation else rows)
+        return found
+
+    @property
+    def kept(self) -> bool:
+        """Whether every contour keeps its budget, and the plan its limits."""
+        within = (x.budget.left >= -ROUNDING * x.budget.servo_allowed for x in self.contours)
+        return all(within) and self.check.verdict != "violated"
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on robots of the box, on what was derated, and on what was not checked."""
+        where = f"On {self.worst.name}: " if len(self.contours) > 1 else ""
+        found = [f"{where}{x}" for x in self.worst.notes]
+        found += [f"Reduced: {x}." for x in self.lowered]
+        if self.goal.saturation == "report":
+            found.append("Saturation was allowed; the certified execution includes it.")
+        if self.check.not_judged:
+            found.append("Not checked: " + ", ".join(self.check.not_judged) + ".")
+        return (*found, *filter(None, [self.condition]))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on weak points of the plan, and on what the certificate is not valid for."""
+        return (*self.result.warnings, *filter(None, [self.on_bodies]))
+
+    @property
+    def trials(self) -> int:
+        """Number of plans of contours that the search made."""
+        return sum(x.trials for x in self.contours)
+
+    @property
+    def duration(self) -> float:
+        """Duration of the certified plan [s]."""
+        return self.trajectory.duration
+
+    @property
+    def cost(self) -> float:
+        """Time that the certificate costs [s]."""
+        return self.duration - self.uncertified.duration
+
+    @property
+    def condition(self) -> str:
+        """Condition of what the servo model does not explain; empty if that is not known."""
+        if not self.budget.unexplained:
+            return ""
+        return beyond_logs(self.job.plant_servo, self.trajectory) or (
+            "What the servo model does not explain is bounded for motion with at most the velocity "
+            "and acceleration of the logs of its identification."
+        )
+
+    @property
+    def pauses(self) -> float:
+        """Time for which the joints stand still so that the tool settles after rapids [s]."""
+        spans = (x for x in self.trajectory.spans if x.kind == "dwell" and x.move is None)
+        return sum(x.t[1] - x.t[0] for x in spans)
+
+    @property
+    def worst(self) -> ContourCertificate:
+        """The contour with the least left of its budget."""
+        return min(self.contours, key=lambda x: x.budget.left)
+
+    @property
+    def budget(self) -> Budget:
+        """The parts of the contour error, of the contour with the least left."""
+        return self.worst.budget
+
+    @property
+    def corners(self) -> Spread | None:
+        """The corners of the box, on the contour with the least left; None without a box."""
+        return self.worst.corners
+
+    @property
+    def spread(self) -> Spread | None:
+        """Robots drawn from the box, on the contour with the least left; None without a box."""
+        return self.worst.spread
+
+    @property
+    def headroom(self) -> FloatArray:
+        """Share by which each joint's acceleration limit is derated, mean along all contours."""
+        lengths = [x.path.length for x in self.contours]
+        means = [x.headroom for x in self.contours]
+        return np.asarray(np.average(means, axis=0, weights=lengths))
+
+    @property
+    def largest_headroom(self) -> FloatArray:
+        """Largest share by which each joint's acceleration limit is derated, (dof,)."""
+        return np.asarray(np.max([x.largest_headroom for x in self.contours], axis=0))
+
+    @property
+    def lowered(self) -> tuple[str, ...]:
+        """What was derated, a clause each: of several contours, the one that lost most of each."""
+        most: dict[tuple[str, str], tuple[float, str]] = {}
+        for x in self.contours:
+            of = f"{x.name}: " if len(self.contours) > 1 else ""
+            for y in x.lowered:
+                known = most.get((y.what, y.cause))
+                if known is None or known[0] < y.share:
+                    most[y.what, y.cause] = (y.share, f"{of}{y}")
+        return tuple(said for _, said in sorted(most.values(), reverse=True))
+
+    @property
+    def on_bodies(self) -> str | None:
+        """Sentence that a certificate for servos is not valid for the arm's rigid bodies.
+
+        None for a certificate on rigid bodies, and without bodies or without MuJoCo.
+        """
+        bodies = self.job.arm.has_bodies and self.job.plant_servo.kv is not None and can_simulate()
+        if self.goal.plant == "rigid_body" or not bodies:
+            return None
+        said = "coupled dynamics of the arm's rigid bodies can increase the error"
+        if self.experiment is not None:
+            e, allowed = self.experiment.evaluation, self.budget.servo_allowed
+            off = max(e.contour_error.max, e.missed.max)
+            said = (
+                "in the experiment on the arm's rigid bodies the contour error is "
+                f"{number(off, 'm')} of {number(allowed, 'm')} allowed for servos"
+            )
+        advice = "plant: rigid_body (--plant rigid_body) certifies for these"
+        if len(self.path.moves) > 1:
+            advice = "an experiment of the job measures it"
+        return f"Valid for independent joint servos only: {said}; {advice}."
+
+    @property
+    def joint_path(self) -> JointPath:
+        """The joint path of the only contour."""
+        return self._only.joint_path
+
+    @property
+    def derating(self) -> Derating:
+        """Derating of acceleration and speed along the only contour."""
+        return self._only.derating
+
+    @property
+    def _only(self) -> ContourCertificate:
+        """The only contour.
+
+        Raises:
+            InvalidInput: There is more than one contour.
+        """
+        if len(self.contours) != 1:
+            raise InvalidInput(
+                f"The certificate of the job {self.job.name} has {len(self.contours)} contours: "
+                "every one of its contours has a path and a derating of its own."
+            )
+        return self.contours[0]
+
+    @cached_property
+    def result(self) -> RunResult:
+        """The certified plan as the result of its run."""
+        single = self.path.single_path
+        return RunResult(
+            run=self.run,
+            objective=self.objective,
+            path=self.path,
+            traced=None if single is None else Tracing.along(self.joint_path, single),
+            trajectory=self.trajectory,
+            explanation=explain(self.trajectory, self.job.arm),
+            taught=self.taught,
+            servo=self.job.servo,
+            execution=self.execution,
+            evaluation=self.evaluation,
+            experiment=self.experiment,
+            failure=self.failure,
+            clearance=self.clearance,
+        )
+
+    @property
+    def study(self) -> Study:
+        """A study with the certified plan as its only run."""
+        job = replace(self.job, runs=(self.run,))
+        return Study(job=job, runs={self.run.name: self.result})

@@ -1,0 +1,215 @@
+"""Results of placing: what is known of every place of a grid, and the best one."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+
+import numpy as np
+
+from armcontour._version import __version__
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.describing import brief
+from armcontour.core.fields import checked
+from armcontour.core.frames import Frame, quaternions
+from armcontour.core.render import Result, number
+from armcontour.core.result import TABLE, VERDICT, Data, Row, Table
+from armcontour.jobs.axes import UNITS, Axis
+from armcontour.jobs.job import Job, Run
+from armcontour.jobs.place_search import CYCLE
+from armcontour.robot.scene.scene import PART
+from armcontour.studies.placement.judging import COMPARED, Verdict
+from armcontour.studies.placement.moving import Moves, place_job
+
+# Values of a place that `Placement.values` gives.
+FIGURES = ("duration", "bound", "singular", "clearance", "torque_margin")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """A place and what is known of it.
+
+    Args:
+        values: Values of the axes [m, rad].
+        verdict: What is known.
+    """
+
+    values: Mapping[str, float]
+    verdict: Verdict
+
+    def __str__(self) -> str:
+        """The values, in mm and degrees."""
+        return ", ".join(f"{name} {number(x, UNITS[name])}" for name, x in self.values.items())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Placement(Result):
+    """Where a job's part, or the base of its arm, lies best.
+
+    Args:
+        job: The job in its own place.
+        run: Its run.
+        axes: The axes of the grid.
+        moves: What coordinates of a place mean.
+        what: What is moved, "part" or "base".
+        objective: What is best: "cycle", "manipulability", "clearance" or "torque".
+        uncertainty: Position error of the part [m, rad]; all figures then are of the
+            worst of a place and the corners around it.
+        verdicts: What is known of every place, the last axis fastest.
+        best: The best place of the grid.
+        refined: The best place found between those of the grid; that of the grid if none is better.
+        own: The verdict on the job's own place, without the uncertainty.
+        notes: Sentences on what was taken for granted.
+    """
+
+    job: Job
+    run: Run
+    axes: tuple[Axis, ...]
+    moves: Moves
+    what: str = PART
+    objective: str
+    uncertainty: Mapping[str, float] = field(default_factory=dict)
+    verdicts: tuple[Verdict, ...]
+    best: Place
+    refined: Place
+    own: Verdict
+    notes: tuple[str, ...] = ()
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of places along each axis."""
+        return tuple(len(x.values) for x in self.axes)
+
+    @property
+    def refusals(self) -> dict[str, int]:
+        """How many places are refused, by the kinds of refusals, the most frequent first."""
+        return dict(Counter(x.refusal for x in self.verdicts if x.refusal).most_common())
+
+    @property
+    def planned(self) -> int:
+        """How many places of the grid have a plan."""
+        return sum(x.planned for x in self.verdicts)
+
+    def values(self, name: str) -> FloatArray:
+        """One value of all places, not a number where it is not known, in the shape of the grid.
+
+        Args:
+            name: One of FIGURES.
+        """
+        checks.choice("value", name, FIGURES)
+        return np.array([getattr(x, name) for x in self.verdicts]).reshape(self.shape)
+
+    def place(self, index: int) -> dict[str, float]:
+        """The values of the axes at a place of the grid [m, rad].
+
+        Args:
+            index: Its index among the verdicts.
+        """
+        at = np.unravel_index(checks.whole("index", index, 0, len(self.verdicts) - 1), self.shape)
+        return {x.name: float(x.values[k]) for x, k in zip(self.axes, at, strict=True)}
+
+    @checked
+    def frame(self, place: Place | None = None) -> Frame:
+        """Where the part, or the base, is taken, in the coordinates of the job's path.
+
+        Args:
+            place: A place; by default the refined one.
+        """
+        return self.moves.frame((place or self.refined).values)
+
+    @checked
+    def placed(self, place: Place | None = None) -> Job:
+        """The job with its part or base in a place.
+
+        Args:
+            place: As in `frame`.
+        """
+        return place_job(self.job, self.frame(place), self.what)
+
+    @checked
+    def to_data(self, files: Sequence[str] = ()) -> Data:
+        """The best place, the job's own place, and how many places were refused.
+
+        Args:
+            files: The files of the result, relative to its folder.
+        """
+        compared = COMPARED[self.objective][0]
+        refused = [f"{n} refused by {kind}" for kind, n in self.refusals.items()]
+        rows: list[Row] = []
+        for key, (label, place, verdict) in self._compared.items():
+            rows += [
+                replace(
+                    x,
+                    name=f"{key}.{x.name}",
+                    label=f"{x.label}, {label}" if x.name in (compared, "refusal") else "",
+                    note=str(place or ""),
+                    level=TABLE if key == "best_of_grid" else VERDICT,
+                )
+                for x in verdict.to_data().rows
+            ]
+            if place is not None:
+                rows += [Row(f"{key}.place.{x}", y, UNITS[x]) for x, y in place.values.items()]
+        note = ", ".join([f"{self.planned} planned", *refused])
+        if self.own.planned:
+            gain = 1 - self.refined.verdict.duration / self.own.duration
+            level = VERDICT if self.objective == CYCLE else TABLE
+            rows.append(Row("gain", gain, "1", "time saved", level=level))
+        frame = self.frame()
+        rows += [
+            Row("places", len(self.verdicts), "", "places", note, VERDICT),
+            Row("planned", self.planned),
+            Row("refused", self.refusals),
+            Row("refused_places", sum(self.refusals.values())),
+            Row("armcontour", __version__),
+            Row("job", self.job.name),
+            Row("arm", self.job.arm.name),
+            Row("run", self.run.name),
+            Row("objective", self.objective),
+            Row("moved", self.what),
+            Row("anchor", self.moves.anchor, "m"),
+            Row("absolute", self.moves.absolute),
+            Row("moved_by.position", frame.position, "m"),
+            Row("moved_by.quaternion", quaternions(frame.rotation)),
+            Row("notes", self.notes),
+            Row("files", list(files)),
+        ]
+        off = Data("", tuple(Row(x, y, UNITS[x]) for x, y in self.uncertainty.items()))
+        rows += off.under("uncertainty") or (Row("uncertainty", {}),)
+        rows.append(Row("units", {x.name: x.unit for x in rows if x.unit}))
+        axes = [(x.name, x.values[0], x.values[-1], len(x.values)) for x in self.axes]
+        columns = tuple(Row(x, None) for x in ("name", "from", "to", "places"))
+        return Data(
+            f"Placement of the {self.what}: {self.job.title}, run {self.run.name}, for "
+            f"{self.objective}",
+            tuple(rows),
+            (Table("axes", columns, axes),),
+            notes=self.notes,
+        )
+
+    @property
+    def _compared(self) -> dict[str, tuple[str, Place | None, Verdict]]:
+        """The best places and the job's own one, by their keys in JSON."""
+        return {
+            "best": ("best place", self.refined, self.refined.verdict),
+            "best_of_grid": ("best of the grid", self.best, self.best.verdict),
+            "own_place": ("the job's own place", None, self.own),
+        }
+
+    @property
+    def comparison(self) -> dict[str, Data]:
+        """The figures of the best places and of the job's own one, by their names."""
+        return {
+            label if place is None else f"{label}: {place}": verdict.to_data()
+            for label, place, verdict in self._compared.values()
+        }
+
+    __repr__ = brief
+
+
+def all_places(axes: tuple[Axis, ...]) -> list[dict[str, float]]:
+    """All places of a grid, the last axis fastest."""
+    names = [x.name for x in axes]
+    return [dict(zip(names, x, strict=True)) for x in product(*(a.values.tolist() for a in axes))]

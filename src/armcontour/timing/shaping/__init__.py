@@ -1,8 +1,0 @@
-"""Shaping: the path and its timing found together, within a tolerance of an objective path."""
-
-from armcontour._lazy import lazy_names
-
-_HOME = {
-    "shaper": "Shaping shape",
-}
-__getattr__, __all__ = lazy_names(__name__, _HOME)

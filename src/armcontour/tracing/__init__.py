@@ -1,6 +1,0 @@
-"""Tracing: the joint path along which an arm's tool follows a tool path."""
-
-from armcontour.tracing.ranges import refuse_out_of_range
-from armcontour.tracing.tracer import sketch_all, trace, trace_all
-
-__all__ = ["refuse_out_of_range", "sketch_all", "trace", "trace_all"]

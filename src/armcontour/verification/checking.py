@@ -1,0 +1,572 @@
+"""An independent check of any time-stamped joint trajectory against limits and a path.
+
+The check shares only geometry and arms with the planners.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Annotated, Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core import checks
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.fields import checked
+from armcontour.core.quantities import AngularRate, AtLeast, NotNegative, Quantity, Seed, Tolerance
+from armcontour.core.render import Result, number
+from armcontour.core.result import VERDICT, Data, Row, Table
+from armcontour.core.sampling import refuse_samples
+from armcontour.geometry import Path
+from armcontour.motion import Trajectory
+from armcontour.program import Program
+from armcontour.robot import Arm, Limits, SerialArm, resolve_limits
+from armcontour.robot.limit_use import Use
+from armcontour.robot.limits import TOOL_LIMITS
+from armcontour.robot.limits import UNITS as LIMIT_UNITS
+from armcontour.verification.checking_samples import Log, judge_samples
+from armcontour.verification.contour_windows import find_windows
+from armcontour.verification.following import follow_path
+from armcontour.verification.tally import (
+    CANNOT_TELL,
+    KEPT,
+    VERDICTS,
+    VIOLATED,
+    Law,
+    LimitUse,
+    Tally,
+    judge_law,
+    merge_uses,
+    shift_use,
+)
+
+# A computed number may be wrong by this many units in its last binary place.
+ULPS = 4
+# Printed times this near to a regular grid, in units of the last printed digit, are on the grid.
+ON_GRID = 1e-3
+UNITS = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
+# The way of the tool is looked at so often between two breaks of a law.
+PLACES = 4
+
+
+class TimeSamples(Protocol):
+    """Samples in time: `t` (n,), `q` (n, dof); `dq`, `ddq` and `resolution` where it has them."""
+
+    @property
+    def t(self) -> FloatArray:
+        """Times [s]."""
+
+    @property
+    def q(self) -> FloatArray:
+        """Joint positions [rad]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathDeviation:
+    """The tool's largest distance from the path [m], its time [s] and its arc length [m]."""
+
+    distance: float
+    t: float
+    s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Check(Result):
+    """The result of a check.
+
+    Args:
+        uses: One entry for every limit that could be judged.
+        not_judged: Limits that the samples do not allow to judge, and requirements of the path
+            without a given limit.
+        reconstruction: Assumption about the motion between samples, in one sentence.
+        tolerance: Share by which a limit may be exceeded.
+        states: Number of times that were judged.
+        start: First time [s].
+        end: Last time [s].
+        end_speeds: Largest joint velocity at the first and the last time [rad/s]; NaN if unknown.
+        path_deviation: Largest distance from the path; None without a path.
+        rounding: Bound on the error of "t", "q", "dq", "ddq" that was allowed for [SI].
+    """
+
+    uses: tuple[LimitUse, ...]
+    not_judged: tuple[str, ...]
+    reconstruction: str
+    tolerance: float
+    states: int
+    start: float
+    end: float
+    end_speeds: tuple[float, float]
+    path_deviation: PathDeviation | None
+    rounding: Mapping[str, float]
+
+    def __repr__(self) -> str:
+        """The verdict, the number of limits, and the limit that is used most."""
+        worst = self.worst
+        most = "" if worst is None else f", {worst.name} used by {worst.certain:.6g} at most"
+        return f"Check({self.verdict}, {len(self.uses)} limits{most})"
+
+    def to_data(self) -> Data:
+        """The verdict, the distance from the path, and the use of every limit."""
+        worst, far = self.worst, self.path_deviation
+        most = "" if worst is None else f"{worst.name} used by {number(worst.ratio, '1')}"
+        distance = [Row("path_deviation", None)]
+        if far is not None:
+            place = f"at t = {number(far.t, 's')}, s = {number(far.s, 'm')}"
+            distance = [
+                Row("path_deviation.distance", far.distance, "m", "distance from path", place),
+                *(Row("path_deviation.t", far.t, "s"), Row("path_deviation.s", far.s, "m")),
+            ]
+        times = f"from {number(self.start, 's')} to {number(self.end, 's')}"
+        return Data(
+            "Check",
+            (
+                Row("kept", {KEPT: True, VIOLATED: False}.get(self.verdict)),
+                Row("verdict", self.verdict, "", "verdict", most, VERDICT),
+                Row("worst", None if worst is None else worst.name),
+                *distance,
+                Row("states", self.states, "", "times", times),
+                *(Row(x, getattr(self, x), "s") for x in ("start", "end")),
+                Row("end_speeds", self.end_speeds, "rad/s"),
+                *(Row(x, getattr(self, x)) for x in ("tolerance", "rounding")),
+                *(Row(x, getattr(self, x)) for x in ("not_judged", "reconstruction")),
+            ),
+            (Table.of_rows("limits", [x.to_data().rows for x in self.uses]),),
+            notes=tuple(self._notes()),
+        )
+
+    def _notes(self) -> Iterator[str]:
+        """Sentences on verdicts that are open, and on what was not judged."""
+        names = ", ".join(x.name for x in self.uses if x.verdict == CANNOT_TELL)
+        if names:
+            yield (
+                f"Cannot tell: {names}. The printed numbers exceed the limit, but the cause may be "
+                "their rounding, or a reversal between two samples: print more digits, add columns "
+                "of velocities and accelerations, or sample more often."
+            )
+        yield self.reconstruction
+        if self.not_judged:
+            names = ", ".join(self.not_judged)
+            yield f"Not judged, since a limit or the necessary samples are missing: {names}."
+        if "path_jerk" in self.not_judged:
+            yield "Jerk along the path is judged of plans only: samples have no arc length."
+
+    @property
+    def worst(self) -> LimitUse | None:
+        """The limit with the largest certain use; None if no limit was judged."""
+        return max(self.uses, key=lambda x: x.certain, default=None)
+
+    @property
+    def violations(self) -> tuple[LimitUse, ...]:
+        """The limits that are certainly exceeded."""
+        return tuple(x for x in self.uses if x.verdict == VIOLATED)
+
+    @property
+    def violated(self) -> bool:
+        """Whether any limit is certainly exceeded."""
+        return self.verdict == VIOLATED
+
+    @property
+    def verdict(self) -> str:
+        """The verdict on all judged limits: "violated", "cannot tell" or "kept".
+
+        "violated" if any limit is violated; else "cannot tell" if any limit has this verdict, or if
+        limits were given and none could be judged; else "kept". See `LimitUse` for one limit.
+        """
+        if not self.uses:
+            return CANNOT_TELL if self.not_judged else KEPT
+        return max((x.verdict for x in self.uses), key=VERDICTS.index)
+
+    def __getitem__(self, name: str) -> LimitUse:
+        """The use of one limit, by its name."""
+        for use in self.uses:
+            if use.name == name:
+                return use
+        raise KeyError(name)
+
+
+@checked
+def check(
+    samples: TimeSamples | Law,
+    arm: Arm,
+    limits: Limits | None = None,
+    path: Path | Program | None = None,
+    *,
+    deviation: Tolerance | None = None,
+    missed: Tolerance | None = None,
+    orientation_deviation: Annotated[float, Quantity("rad", sign="positive")] | None = None,
+    resolution: Mapping[str, npt.ArrayLike] | None = None,
+    tolerance: NotNegative = 1e-9,
+    velocity_step: AngularRate = 1e-4,
+    points: Annotated[int, AtLeast(0, 10_000)] = 50,
+    seed: Seed = 0,
+) -> Check:
+    """Check a joint trajectory of any source against limits and a path.
+
+    A law, such as a `Trajectory`, is judged on both sides of every break and at random times
+    between breaks; with a limit of jerk its accelerations must not jump. Samples are judged as they
+    stand, and between samples by means that every motion through them must reach. A reported
+    violation is real, except for the rounding allowed for; a peak between samples may be higher
+    than reported.
+
+    In a program, tool limits are judged along contours with their leads, and joint limits on every
+    move. Samples are assigned to contours so that the tool stays nearest to them.
+
+    "violated" means that every motion through the samples exceeds the limit, for all true numbers
+    within their printed digits. "kept" means that the samples, and the means between neighbours,
+    keep the limit; an excess by rounding below 0.1 % does not count. Else: "cannot tell".
+
+    Args:
+        samples: An object with `t`, `q` and perhaps `dq`, `ddq`; or a law, callable as
+            `law(t, order, side=...)` with orders up to 2, and 3 for jerk, with `duration` and
+            `breaks`.
+        arm: The arm.
+        limits: Limits in place of those of the plan, or of the arm where the samples are no plan.
+        path: The path that the tool was to follow, or the program that was planned. With the
+            objective path in its place, rounded and shaped motions are judged against that.
+        deviation: Largest distance of the tool from the path [m].
+        missed: Largest distance from any place of the path, such as a corner, to the tool's way
+            [m]: the other direction.
+        orientation_deviation: Largest angle between the tool and the required tool orientation
+            nearby [rad]; between the axes if only the axis is required.
+        resolution: Last printed digit of "t", "q", "dq", "ddq", one or one per joint [SI]; by
+            default that of the samples, or none.
+        tolerance: Share by which a limit may be exceeded.
+        velocity_step: Largest jump of a joint's velocity at a break of a law [rad/s].
+        points: Random times per interval of a law.
+        seed: Seed of the random times.
+
+    Raises:
+        InvalidInput: Samples that are not a trajectory of this arm; names the row, counted from 1.
+    """
+    program = None if path is None else Program.of(path, "check compares with a Path or a Program")
+    for on in [None] if program is None else [x.path for x in program.contours]:
+        _refuse_path(arm, on, deviation, missed, orientation_deviation)
+    uses: dict[str, LimitUse] = {}
+    left: dict[str, None] = {}
+    farthest: PathDeviation | None = None
+    whole: dict[str, Any] | None = None
+    for part in _split(samples, arm, program, limits):
+        tally = Tally(arm, part.limits, part.path, deviation, orientation_deviation)
+        motion = part.motion
+        if _is_law(motion):
+            judged = _judge_law(motion, tally, points, seed, velocity_step)
+        else:
+            motion = _check_samples(motion, arm.dof, resolution)
+            judged = _judge_log(motion, tally)
+        whole = whole or judged
+        if missed is not None and part.path is not None:
+            judge_missed(motion, tally, missed)
+        found = {x.name: shift_use(x, part.t, part.s) for x in tally.uses(tolerance)}
+        left |= dict.fromkeys(_not_judged(part.limits, part.path, set(found)))
+        uses |= {x: merge_uses(uses[x], y) if x in uses else y for x, y in found.items()}
+        far = tally.farthest
+        if part.path is not None and (farthest is None or far["distance"] > farthest.distance):
+            farthest = PathDeviation(
+                distance=far["distance"], t=part.t + far["t"], s=part.s + far["s"]
+            )
+    assert whole is not None
+    return Check(
+        uses=tuple(uses.values()),
+        not_judged=tuple(left),
+        tolerance=tolerance,
+        path_deviation=farthest,
+        **whole,
+    )
+
+
+def _is_law(motion: Any) -> bool:
+    return callable(motion) and hasattr(motion, "breaks")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Part:
+    """A part of a motion.
+
+    Args:
+        motion: A law or samples.
+        limits: The limits that hold in all of it.
+        path: The path that the tool was to follow, or None.
+        t: Start time of the motion in the whole, added to its times [s].
+        s: Length of the contours before it, added to its arc lengths [m].
+    """
+
+    motion: Any
+    limits: Limits
+    path: Path | None = None
+    t: float = 0.0
+    s: float = 0.0
+
+
+def _split(samples: Any, arm: Arm, program: Program | None, limits: Limits | None) -> list[_Part]:
+    """Split a motion: joint limits hold in all of it, tool limits and paths on its contours.
+
+    Raises:
+        InvalidInput: The law has another number of contours, or samples do not follow a contour.
+    """
+    planned = samples.limits if isinstance(samples, Trajectory) else None
+    bounds = resolve_limits("check", arm, limits, planned)
+    spans, several = getattr(samples, "spans", ()), program is not None and len(program.moves) > 1
+    if not several and (program is not None or all(x.kind == "contour" for x in spans)):
+        on = None if program is None else program.path
+        return [_Part(motion=samples, limits=bounds, path=on)]
+    tool = bounds.of_tool
+    parts = [_Part(motion=samples, limits=bounds.of_joints)]
+    if program is None and all(getattr(tool, x) is None for x in TOOL_LIMITS):
+        return parts
+    paths: list[Path | None] = [] if program is None else [x.path for x in program.contours]
+    if _is_law(samples):
+        spans = getattr(samples, "contour_spans", ())
+        paths = paths or [None] * len(spans)
+        if len(spans) != len(paths):
+            raise InvalidInput(
+                f"The trajectory has {len(spans)} contours, and the program {len(paths)}: check it "
+                "with the program that was planned."
+            )
+        return parts + [
+            _Part(motion=x.trajectory, limits=tool, path=path, t=x.t[0], s=x.s[0])
+            for x, path in zip(spans, paths, strict=True)
+        ]
+    assert program is not None
+    log = _check_samples(samples, arm.dof, None)
+    windows = find_windows(arm.tool_position(log.q), program)
+    starts = program.breaks[:-1].tolist()
+    for (first, last), path, start in zip(windows, paths, starts, strict=True):
+        rows = {x: getattr(log, x) for x in ("t", "q", "dq", "ddq")}
+        part = {x: None if y is None else y[first : last + 1] for x, y in rows.items()}
+        motion = SimpleNamespace(**part, resolution=getattr(samples, "resolution", None))
+        parts.append(_Part(motion=motion, limits=tool, path=path, s=start))
+    return parts
+
+
+def _judge_law(
+    law: Law, tally: Tally, points: int, seed: int, velocity_step: float
+) -> dict[str, Any]:
+    """Judge a law; returns the fields of `Check` that do not come from the tally."""
+    count = judge_law(law, tally, points=points, seed=seed, velocity_step=velocity_step)
+    start, end = float(law.breaks[0]), float(law.breaks[-1])
+    first, last = law(np.array([start]), 1), law(np.array([end]), 1, side="left")
+    return {
+        "reconstruction": (
+            f"A continuous law: nothing is reconstructed; judged at {points} random places "
+            f"(seed {seed}) between any two breaks and on both sides of every break."
+        ),
+        "states": count,
+        "start": start,
+        "end": end,
+        "end_speeds": (float(np.abs(first).max()), float(np.abs(last).max())),
+        "rounding": {},
+    }
+
+
+def _judge_log(log: Log, tally: Tally) -> dict[str, Any]:
+    """Judge samples; returns the fields of `Check` that do not come from the tally."""
+    judge_samples(log, tally)
+    known = None if log.dq is None else np.abs(log.dq).max(axis=1)
+    rounding = {"t": float(log.t_error.max())} | {
+        name: float(error.max())
+        for name, error in zip(("q", "dq", "ddq"), log.errors, strict=True)
+        if getattr(log, name) is not None
+    }
+    return {
+        "reconstruction": _reconstruction(log),
+        "states": len(log.t),
+        "start": float(log.t[0]),
+        "end": float(log.t[-1]),
+        "end_speeds": (np.nan, np.nan) if known is None else (float(known[0]), float(known[-1])),
+        "rounding": rounding,
+    }
+
+
+def _refuse_path(
+    arm: Arm,
+    path: Path | None,
+    deviation: float | None,
+    missed: float | None,
+    orientation_deviation: float | None,
+) -> None:
+    """Refuse a path that does not fit the arm, and deviations without a path for them.
+
+    Raises:
+        InvalidInput: Such a path or deviation.
+    """
+    if path is not None and path.dimension != arm.dimension:
+        raise InvalidInput(
+            f"The path has {path.dimension} coordinates, but the arm {arm.name} moves its tool in "
+            f"{arm.dimension}."
+        )
+    for name, value in (("deviation", deviation), ("missed", missed)):
+        if value is not None and path is None:
+            raise InvalidInput(f"A largest {name} needs the path that the tool was to follow.")
+    oriented = path is not None and path.orientation is not None and isinstance(arm, SerialArm)
+    if orientation_deviation is not None and not oriented:
+        raise InvalidInput(
+            "A largest orientation_deviation needs a path with a tool orientation, and an arm in "
+            "space."
+        )
+
+
+def _not_judged(limits: Limits, path: Path | None, judged: set[str]) -> tuple[str, ...]:
+    """Names of the limits, and of requirements of the path, that were not judged."""
+    wanted = [x for x in LIMIT_UNITS if getattr(limits, x) is not None]
+    if path is not None and path.orientation is not None:
+        wanted.append("orientation_deviation")
+    own = path is not None and bool(np.isfinite(path.speeds).any())
+    return (*(x for x in wanted if x not in judged), *(("segments' own speeds",) if own else ()))
+
+
+def _reconstruction(log: Log) -> str:
+    """Assumption about the motion between samples, in one sentence."""
+    columns = [x for x in ("q", "dq", "ddq") if getattr(log, x) is not None]
+    given = " and ".join(", ".join(columns).rsplit(", ", 1))
+    cubic = "; its distance from a path is that of the cubics through q and dq"
+    centripetal = (
+        ""
+        if log.dq is not None and log.ddq is not None
+        else "; centripetal acceleration is estimated from neighbouring samples"
+    )
+    return (
+        f"Samples of {given}: these are judged as they stand, and between samples the mean "
+        "velocities and accelerations that every motion through them must reach, so peaks between "
+        f"samples may be higher{cubic if log.dq is not None else ''}{centripetal}."
+    )
+
+
+def _check_samples(samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLike] | None) -> Log:
+    """Check samples, and bound the errors of their numbers from printing and computing.
+
+    Raises:
+        InvalidInput: The samples are not a trajectory of an arm with `dof` joints.
+    """
+    t, q = getattr(samples, "t", None), getattr(samples, "q", None)
+    if t is None or q is None:
+        raise InvalidInput(
+            "A trajectory to check must have times t and joint positions q, or be a callable law."
+        )
+    times = _column("t", t, None)
+    columns = {"q": _column("q", q, dof)}
+    for name in ("dq", "ddq"):
+        if getattr(samples, name, None) is not None:
+            columns[name] = _column(name, getattr(samples, name), dof)
+    for name, values in columns.items():
+        if len(values) != len(times):
+            raise InvalidInput(f"There are {len(times)} times, but {len(values)} rows of {name}.")
+    least = 2 if "dq" in columns else 3
+    if len(times) < least:
+        raise InvalidInput(
+            f"A trajectory {'with' if least == 2 else 'without'} velocities needs at least {least} "
+            f"samples, but has {len(times)}."
+        )
+    refuse_samples(
+        times,
+        columns,
+        lambda name, i, j: f"{name}{f' of joint {j + 1}' * (name != 't')} in row {i + 1}",
+    )
+    digits: Mapping[str, npt.ArrayLike] = (
+        (getattr(samples, "resolution", None) or {}) if resolution is None else resolution
+    )
+    unknown = set(digits) - set(UNITS)
+    if unknown:
+        raise InvalidInput(f"resolution is that of t, q, dq or ddq, not of {sorted(unknown)[0]!r}.")
+    errors = {name: np.zeros(dof) for name in ("q", "dq", "ddq")}
+    for name, values in columns.items():
+        printed = checks.per_joint(f"resolution of {name}", digits.get(name, 0.0), dof)
+        if (printed < 0).any():
+            raise InvalidInput(f"The resolution of {name} must not be negative.")
+        errors[name] = printed / 2 + ULPS * np.finfo(np.float64).eps * np.abs(values).max(axis=0)
+    t_error, clock = _time_errors(
+        times, checks.not_negative("resolution of t", digits.get("t", 0.0))
+    )
+    return Log(
+        t=times,
+        q=columns["q"],
+        dq=columns.get("dq"),
+        ddq=columns.get("ddq"),
+        errors=(errors["q"], errors["dq"], errors["ddq"]),
+        t_error=t_error,
+        clock=clock,
+    )
+
+
+def _time_errors(t: FloatArray, resolution: float) -> tuple[FloatArray, float]:
+    """Bounds on the errors of times [s], (n,), and on the share by which all may be stretched.
+
+    If all printed times except the last are regular, the true times are regular too. The true
+    period then differs by so little that the last digit of the other end does not change.
+    """
+    step = (t[-2] - t[0]) / (len(t) - 2) if len(t) > 2 else t[-1] - t[0]
+    number = np.round((t - t[0]) / step)
+    regular = np.abs(t - t[0] - number * step) <= ON_GRID * resolution
+    floor = ULPS * np.finfo(np.float64).eps * np.abs(t)
+    if not regular[:-1].all():
+        return resolution / 2 + floor, 0.0
+    stretch = resolution / max(t[-2] - t[0], t[-1] - t[-2])
+    return np.where(regular, 0.0, resolution / 2) + floor, float(stretch)
+
+
+def _column(name: str, values: Any, dof: int | None) -> FloatArray:
+    """Check a column of samples: times if `dof` is None, else values per joint.
+
+    Raises:
+        InvalidInput: The values are not numbers, not finite, or of the wrong shape.
+    """
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInput(
+            f"{name} must be numbers in {UNITS[name]}: {str(error).split('. ')[0].rstrip('.')}."
+        ) from None
+    if dof is None and array.ndim != 1:
+        raise InvalidInput(f"t must be one row of times, but has the shape {array.shape}.")
+    if dof is not None and (array.ndim != 2 or array.shape[1] != dof):
+        raise InvalidInput(
+            f"{name} must have one row per sample and {dof} columns, one per joint of the arm, "
+            f"but has the shape {array.shape}."
+        )
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        row = int(bad[0, 0])
+        joint = int(bad[0, 1]) if dof is not None else None
+        of = "" if joint is None else f" of joint {joint + 1}"
+        raise InvalidInput(
+            f"{name}{of} is {float(array[tuple(bad[0])])} in row {row + 1}: every number must be "
+            "finite.",
+            index=row,
+            joint=joint,
+        )
+    return array
+
+
+def judge_missed(motion: Any, tally: Tally, allowed: float) -> None:
+    """Offer the distances from the path to the tool to the tally.
+
+    The tool's way is straight between two places that are looked at, less certain by as much as the
+    way is bent around them.
+
+    Args:
+        motion: A law, or samples with bounds on their errors.
+        tally: Where findings go; it has a path.
+        allowed: Largest distance [m].
+    """
+    assert tally.path is not None
+    if callable(motion):
+        breaks = np.asarray(motion.breaks, dtype=np.float64)
+        inner = breaks[:-1, None] + np.arange(PLACES) / PLACES * np.diff(breaks)[:, None]
+        t = np.append(inner.ravel(), breaks[-1])
+        q = np.asarray(motion(t, 0, side="left"))
+        error = np.zeros(q.shape[1])
+    else:
+        t, q, error = motion.t, motion.q, motion.errors[0]
+    points, off = tally.tool(q, error)
+    found = follow_path(tally.path, points)
+    bent = np.zeros(len(points))
+    middle = (points[2:] + points[:-2]) / 2
+    bent[1:-1] = np.linalg.norm(points[1:-1] - middle, axis=1)
+    around = np.maximum(bent, np.maximum(np.append(bent[1:], 0.0), np.append(0.0, bent[:-1])))
+    tally.offer(Use("path_missed", found.missed, allowed, around + off), t, q)
+    if tally.deviation is not None:
+        # From its own place, where the nearest one may be on another line.
+        tally.offer(Use("path_deviation", found.distance, tally.deviation, off), t, q)

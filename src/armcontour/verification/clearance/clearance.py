@@ -1,0 +1,606 @@
+"""Entry point `check_clearance`: the least distances of a motion, proven for all times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+
+from armcontour.core import checks
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
+from armcontour.core.describing import brief, clock
+from armcontour.core.errors import Collision
+from armcontour.core.fields import checked
+from armcontour.core.quantities import Tolerance
+from armcontour.core.render import Result, figure, number
+from armcontour.core.result import FIRST, TABLE, Data, Row, Table
+from armcontour.core.sampling import interpolate
+from armcontour.core.text import list_some
+from armcontour.motion import Execution, JointPath, Trajectory
+from armcontour.motion.travel import joint_travel, largest_accelerations
+from armcontour.robot import Arm
+from armcontour.robot.scene import LeftOut, Scene
+from armcontour.verification.clearance.distances import UNCERTAINTY, Distances
+from armcontour.verification.clearance.pairs import Pair, mounting_pairs, pairs_of
+
+# What is as near as its margin within this distance counts as nearer [m].
+FINEST = 1e-6
+# How exactly the first time is found at which a pair is nearer than its margin [m]: each search
+# cuts a window into so many pieces.
+STEP, PIECES = 1e-5, 16
+# Up to so many windows are cut into more than two pieces each.
+FEW = {8: 25, 4: 100}
+# So many breaks of a motion are looked at together, which bounds the memory.
+AT_ONCE = 20_000
+# Number of cells in the cache: those of a few jobs.
+CELLS = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PairClearance:
+    """How near two bodies come to each other in a motion.
+
+    Args:
+        first, second: Names of the bodies: links, the tool, obstacles.
+        kind: "environment" for a link and an obstacle, "own" for two links, "tool" for the tool and
+            anything else.
+        margin: How near they may come [m].
+        low: Their distance is nowhere less [m]. Below 0 they overlap.
+        high: Their distance at time t [m].
+        t: A time at which they are so near [s].
+        points: The nearest points of both at the first time, or at t without one, in the work frame
+            [m], (2, 3).
+        first_time: The first time at which they are nearer than the margin [s]; None if they never
+            are.
+    """
+
+    first: str
+    second: str
+    kind: str
+    margin: float
+    low: float
+    high: float
+    t: float
+    points: FloatArray
+    first_time: float | None = None
+
+    @property
+    def kept(self) -> bool:
+        """Whether the margin is kept, proven for all times."""
+        return self.low >= self.margin
+
+    def later(self, by: float) -> PairClearance:
+        """The same with all times later by a time [s].
+
+        Args:
+            by: The time [s].
+        """
+        first = None if self.first_time is None else self.first_time + by
+        return replace(self, t=self.t + by, first_time=first)
+
+    def __str__(self) -> str:
+        """The pair, its distance and when, as a sentence."""
+        near = "touch" if self.high <= 0 else f"come as near as {number(self.high, 'm')}"
+        return f"{self.second} and {self.first} {near}, {self.place}"
+
+    @property
+    def place(self) -> str:
+        """When and where they are so near, or first too near, as a phrase."""
+        t = self.t if self.first_time is None else self.first_time
+        when = f"{'' if self.first_time is None else 'first '}at t = {clock(t)} s"
+        x, y, z = self.points[1] * 1e3
+        return f"{when} near ({x:.4g}, {y:.4g}, {z:.4g}) mm in the work frame"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Clearance(Result):
+    """How far an arm stays from itself and from its cell in a motion.
+
+    Args:
+        pairs: The pairs of bodies, the one that comes nearest to its margin first.
+        left_out: Pairs whose distance was not looked at, with the reasons.
+        evaluations: How many distances were computed.
+        below: Links that come below the plane in which the base is mounted, the lowest first.
+    """
+
+    pairs: tuple[PairClearance, ...]
+    left_out: tuple[LeftOut, ...] = ()
+    evaluations: int = 0
+    below: tuple[PairClearance, ...] = ()
+
+    @property
+    def kept(self) -> bool:
+        """Whether every pair keeps its margin, proven for all times."""
+        return all(x.kept for x in self.pairs)
+
+    @property
+    def too_near(self) -> tuple[PairClearance, ...]:
+        """The pairs that come nearer than their margins, in the order of the times."""
+        found = [x for x in self.pairs if x.first_time is not None]
+        return tuple(sorted(found, key=lambda x: (x.first_time, x.low)))
+
+    @property
+    def least(self) -> PairClearance | None:
+        """The pair of the least distance; None if there is no pair."""
+        return min(self.pairs, key=lambda x: x.high, default=None)
+
+    @property
+    def low(self) -> float | None:
+        """What no pair comes below at any time, proven [m]; None if there is no pair."""
+        return min((x.low for x in self.pairs), default=None)
+
+    @property
+    def nearest(self) -> tuple[PairClearance, ...]:
+        """The pair of the least distance of every kind, the least distance first."""
+        found: dict[str, PairClearance] = {}
+        for x in sorted(self.pairs, key=lambda x: x.high):
+            found.setdefault(x.kind, x)
+        return tuple(found.values())
+
+    def later(self, by: float) -> Clearance:
+        """The same with all times later by a time [s].
+
+        Args:
+            by: The time [s].
+        """
+        pairs, below = (tuple(x.later(by) for x in own) for own in (self.pairs, self.below))
+        return replace(self, pairs=pairs, below=below)
+
+    def refuse(self) -> None:
+        """Raise an error if a pair comes nearer than its margin.
+
+        Raises:
+            Collision: With the first time at which one does.
+        """
+        if self.kept:
+            return
+        first = self.too_near[0]
+        raise Collision(
+            f"{first}, and may not come nearer than {number(first.margin, 'm')}{self._others()}: "
+            "move the part, the obstacle or the start posture, or allow them to touch.",
+            t=first.first_time,
+            point=first.points[1].tolist(),
+            limit="clearance",
+            needed=first.margin,
+            allowed=first.high,
+        )
+
+    def _others(self) -> str:
+        """Names of further pairs that come too near, for a message."""
+        names = [f"{x.second} and {x.first}" for x in self.too_near[1:]]
+        return f" (also {list_some(names, 5)})" if names else ""
+
+    def to_data(self) -> Data:
+        """The verdict, and the pairs, the nearest to its margin first."""
+        below = None if not self.below else -self.below[0].high
+        note = "" if self.least is None else f"{self.least.second} and {self.least.first}"
+        if self.too_near:
+            note = str(self.too_near[0])
+        return Data(
+            "Clearance",
+            (
+                Row("kept", self.kept, "", "clearance kept"),
+                Row("low", self.low, "m", "clearance", note, FIRST),
+                Row("below_base", self.below_base),
+                Row("below", below, "m", "below the base"),
+            ),
+            (
+                Table(
+                    "pairs",
+                    (
+                        Row("first", None, "", "body"),
+                        Row("second", None, "", "and"),
+                        Row("kind", None),
+                        Row("margin", None, "m", "margin"),
+                        Row("nowhere_below", None, "m", "clearance"),
+                        Row("least", None, "m"),
+                        Row("t", None, "s", "at"),
+                        Row("first_too_near", None, "s", "too near from"),
+                        Row("points", None, "m"),
+                    ),
+                    [
+                        (
+                            *(x.first, x.second, x.kind, x.margin, x.low, x.high, x.t),
+                            *(x.first_time, x.points),
+                        )
+                        for x in self.pairs
+                    ],
+                    TABLE,
+                ),
+                Table(
+                    "left_out_pairs",
+                    tuple(Row(x, None) for x in ("first", "second", "reason")),
+                    [(x.first, x.second, x.reason) for x in self.left_out],
+                ),
+            ),
+        )
+
+    __repr__ = brief
+
+    @property
+    def sentence(self) -> str:
+        """The verdict with the least distance, as a sentence."""
+        if not self.kept:
+            return f"Too near: {self.too_near[0]}."
+        first, *others = self.nearest or (None,)
+        if first is None:
+            return "Clear: there is no pair of bodies that could touch."
+        assert self.low is not None
+        clear = "Clear of the cell, but below the base" if self.below else "Clear"
+        more = "; ".join(
+            f"{x.second} and {x.first} {number(self._lowest(x.kind), 'm')}" for x in others
+        )
+        found = (
+            f"{clear}: nothing comes nearer than {figure(self.to_data()['low'])} at any time; "
+            f"{first.second} and {first.first} are nearest, {first.place}."
+        )
+        return f"{found} Bounds of other kinds: {more}." if more else found
+
+    def _lowest(self, kind: str) -> float:
+        """What no pair of a kind comes below at any time, proven [m]."""
+        return min(x.low for x in self.pairs if x.kind == kind)
+
+    @property
+    def below_base(self) -> str | None:
+        """A sentence on the links that come below the base; None if none does."""
+        if not self.below:
+            return None
+        lowest, *others = self.below
+        also = f" (also {list_some([x.second for x in others], 5)})" if others else ""
+        return (
+            f"{lowest.second} goes {number(-lowest.high, 'm')} below the base of the arm, at t = "
+            f"{lowest.t:.4g} s{also}: give the height of the floor or table as scene.floor, or "
+            "none if nothing is there."
+        )
+
+
+# A joint path stands for any motion along it: arc length takes the place of time.
+Motion: TypeAlias = Trajectory | Execution | JointPath
+
+
+@checked
+def check_clearance(
+    motion: Motion,
+    arm: Arm,
+    scene: Scene | None = None,
+    *,
+    resolution: float = 1e-3,
+) -> Clearance:
+    """Prove how far an arm stays from itself and from its cell in a motion.
+
+    Distances hold between samples, too: from a distance at one time, two bodies stay apart for as
+    long as their joints cannot have moved them together (conservative advancement; Mirtich, 1996).
+    What comes nearer than its margin is found with its first time.
+
+    Args:
+        motion: A planned or an executed motion; or a joint path, for which arc length stands for
+            time.
+        arm: The arm, with the shapes of its links.
+        scene: Obstacles and margins; by default none, with the default margins.
+        resolution: How well the least distance of every kind of pairs is known [m].
+
+    Raises:
+        InvalidInput: The shapes of the arm are not known, or something in the scene is wrong.
+    """
+    return Cell(arm, Scene() if scene is None else scene).check(motion, resolution=resolution)
+
+
+class Cell:
+    """An arm with what stands around it, ready to look at many motions.
+
+    Args:
+        arm: The arm, with the shapes of its links.
+        scene: Obstacles and margins.
+
+    Attributes:
+        pairs: The pairs of bodies that are looked at.
+        left_out: Those that are not, with the reasons.
+
+    Raises:
+        InvalidInput: As `check_clearance`.
+    """
+
+    @checked
+    def __init__(self, arm: Arm, scene: Scene) -> None:
+        self.pairs, self.left_out = pairs_of(arm, scene)
+        self._mounting = mounting_pairs(arm, scene)
+        assert arm.chain is not None
+        self._distances = Distances(arm.chain, self.pairs) if self.pairs else None
+        self._heights = Distances(arm.chain, self._mounting) if self._mounting else None
+
+    @checked
+    def check(self, motion: Motion, *, resolution: Tolerance = 1e-3) -> Clearance:
+        """As `check_clearance`.
+
+        Args:
+            motion: The motion.
+            resolution: How well the least distance of every kind of pairs is known [m].
+        """
+        below = self.below(motion, resolution)
+        if self._distances is None:
+            return Clearance(pairs=(), left_out=self.left_out, below=below)
+        search = _Search(motion, self.pairs, self._distances, resolution)
+        search.run()
+        found = sorted(search.results(), key=lambda x: x.low - x.margin)
+        return Clearance(
+            pairs=tuple(found),
+            left_out=self.left_out,
+            evaluations=search.evaluations,
+            below=below,
+        )
+
+    def below(self, motion: Motion, resolution: float = 1e-3) -> tuple[PairClearance, ...]:
+        """The links that come below the plane in which the base is mounted, the lowest first.
+
+        Args:
+            motion: The motion.
+            resolution: As of `check`.
+        """
+        if self._heights is None or self.stays_above(motion):
+            return ()
+        search = _Search(motion, self._mounting, self._heights, resolution)
+        search.run()
+        found = (x for x in search.results() if x.high < x.margin)
+        return tuple(sorted(found, key=lambda x: x.high))
+
+    @checked
+    def stays_above(self, motion: Motion) -> bool:
+        """Whether all links stay above the plane in which the base is mounted; True without one.
+
+        Args:
+            motion: The motion.
+        """
+        if self._heights is None:
+            return True
+        return _Search(motion, self._mounting, self._heights, np.inf).run()
+
+    def least_over(self, q: FloatArray) -> dict[str, FloatArray]:
+        """The least distance of every kind of pairs at joint positions, (n,) each [m].
+
+        For pictures: `check` proves what lies between.
+
+        Args:
+            q: Joint positions [rad], (n, dof).
+        """
+        if self._distances is None:
+            return {}
+        at, pair = (x.ravel() for x in np.indices((len(q), len(self.pairs))))
+        found = self._distances.measure(q, at, pair).reshape(len(q), len(self.pairs))
+        kinds = np.array([x.kind for x in self.pairs])
+        return {kind: found[:, kinds == kind].min(axis=1) for kind in dict.fromkeys(kinds.tolist())}
+
+    def fits(self, motion: Motion) -> bool:
+        """Whether every pair keeps its margin and no link comes below the base in a motion.
+
+        Args:
+            motion: The motion.
+        """
+        return self.stays_above(motion) and self.keeps(motion)
+
+    def keeps(self, motion: Motion) -> bool:
+        """Whether every pair keeps its margin in a motion; faster than `check`.
+
+        Args:
+            motion: The motion.
+        """
+        if self._distances is None:
+            return True
+        return _Search(motion, self.pairs, self._distances, np.inf).run()
+
+
+@lru_cache(maxsize=CELLS)
+def cell_of(arm: Arm, scene: Scene | None) -> Cell:
+    """The arm and its cell, made once for an arm and a scene.
+
+    Args:
+        arm: The arm, with the shapes of its links.
+        scene: Obstacles and margins; by default none, with the default margins.
+
+    Raises:
+        InvalidInput: As `check_clearance`.
+    """
+    return Cell(arm, Scene() if scene is None else scene)
+
+
+class _Search:
+    """The search for the least distances of pairs.
+
+    Args:
+        motion: The motion.
+        pairs: The pairs.
+        distances: Their distances.
+        resolution: How well the least distance of a kind is known [m].
+    """
+
+    def __init__(
+        self,
+        motion: Motion,
+        pairs: tuple[Pair, ...],
+        distances: Distances,
+        resolution: float,
+    ) -> None:
+        self.pairs = pairs
+        self.evaluations = 0
+        self._distances, self._resolution = distances, resolution
+        self._motion = motion
+        self._t, self._travel = joint_travel(motion)
+        self._radii = np.array([x.radii for x in pairs])
+        self._margins = np.array([x.margin for x in pairs])
+        kinds = {x.kind: k for k, x in enumerate(pairs)}
+        self._kinds = np.array([list(kinds).index(x.kind) for x in pairs])
+        self._blur = np.zeros(len(pairs))
+        if isinstance(motion, Execution):
+            # Between samples joints are not quite where a straight line has them.
+            steps = np.diff(motion.t).max() if len(motion.t) > 1 else 0.0
+            self._blur = self._radii @ (largest_accelerations(motion) * steps**2 / 8)
+        n = len(pairs)
+        # Of every pair: what its distance is nowhere below, and the least one that was computed.
+        self._low, self._high = np.full(n, np.inf), np.full(n, np.inf)
+        self._at = np.zeros(n)
+
+    def run(self) -> bool:
+        """Cut windows of time until their bounds decide; return whether all margins are kept.
+
+        Without a resolution only this is of interest, and the first pair that comes too near ends
+        the search.
+        """
+        for first in range(0, len(self._t) - 1, AT_ONCE):
+            last = min(first + AT_ONCE, len(self._t) - 1)
+            travel = self._travel[first : last + 1] - self._travel[first]
+            self._run_part(self._t[first : last + 1], travel)
+            if self._decided:
+                return False
+        return bool((self._low >= self._margins).all())
+
+    @property
+    def _decided(self) -> bool:
+        """Whether a pair comes too near, where only this is of interest."""
+        return self._resolution == np.inf and bool((self._high < self._margins).any())
+
+    def results(self) -> list[PairClearance]:
+        """What was found of every pair."""
+        first = [
+            None if low >= x.margin else self._first_time(k, float(self._at[k]))
+            for k, (x, low) in enumerate(zip(self.pairs, self._low, strict=True))
+        ]
+        t = np.array([at if x is None else x for x, at in zip(first, self._at, strict=True)])
+        points = self._distances.points(self._positions(t))
+        return [
+            PairClearance(
+                first=x.first.name,
+                second=x.second.name,
+                kind=x.kind,
+                margin=x.margin,
+                low=float(self._low[k]),
+                high=float(self._high[k]),
+                t=float(self._at[k]),
+                points=checks.lock_floats(points[k]),
+                first_time=first[k],
+            )
+            for k, x in enumerate(self.pairs)
+        ]
+
+    def _run_part(self, t: FloatArray, travel: FloatArray) -> None:
+        """Look at a part of the motion.
+
+        Args:
+            t: Times of its breaks [s], (n,).
+            travel: How far each joint has moved since its start, at most [rad], (n, dof).
+        """
+        pair = np.arange(len(self.pairs))
+        begin, end = np.full(len(pair), t[0]), np.full(len(pair), t[-1])
+        ways = np.zeros(len(pair)), self._radii @ travel[-1]
+        near = self._look(pair, begin), self._look(pair, end)
+        while len(pair) and not self._decided:
+            width = ways[1] - ways[0]
+            # As the distance changes no faster than the way grows.
+            low = (near[0] + near[1] - width) / 2
+            np.minimum(low, np.minimum(*near), out=low)
+            goes_on = self._undecided(pair, low, width)
+            np.minimum.at(self._low, pair[~goes_on], low[~goes_on])
+            pair, begin, end = pair[goes_on], begin[goes_on], end[goes_on]
+            ways, near = (
+                (ways[0][goes_on], ways[1][goes_on]),
+                (near[0][goes_on], near[1][goes_on]),
+            )
+            count = _pieces(len(pair))
+            # Ends of the pieces of each window, in columns.
+            shares = np.arange(count + 1) / count
+            edges = begin[:, None] + (end - begin)[:, None] * shares
+            edges[:, -1] = end
+            inner, of = edges[:, 1:-1].ravel(), np.repeat(pair, count - 1)
+            middle = (
+                x.reshape(-1, count - 1)
+                for x in (self._way(t, travel, inner, of), self._look(of, inner))
+            )
+            ways, near = (
+                (rows[:, :-1].ravel(), rows[:, 1:].ravel())
+                for rows in (
+                    np.column_stack([known[0], x, known[1]])
+                    for known, x in zip((ways, near), middle, strict=True)
+                )
+            )
+            pair = np.repeat(pair, count)
+            begin, end = edges[:, :-1].ravel(), edges[:, 1:].ravel()
+
+    def _way(self, t: FloatArray, travel: FloatArray, at: FloatArray, pair: IntArray) -> FloatArray:
+        """How far the bodies of pairs can have come together until times [m], (n,).
+
+        Args:
+            t: As in `_run_part`.
+            travel: As in `_run_part`.
+            at: The times [s], (n,).
+            pair: The pairs, (n,).
+        """
+        i = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
+        share = ((at - t[i]) / (t[i + 1] - t[i]))[:, None]
+        moved = (1 - share) * travel[i] + share * travel[i + 1]
+        return np.asarray((moved * self._radii[pair]).sum(axis=1))
+
+    def _undecided(self, pair: IntArray, low: FloatArray, width: FloatArray) -> BoolArray:
+        """Which windows are to be cut.
+
+        Args:
+            pair: Their pairs, (n,).
+            low: Bounds of their distances [m], (n,).
+            width: How far bodies can come together in them [m], (n,).
+        """
+        least = np.full(self._kinds.max() + 1, np.inf)
+        np.minimum.at(least, self._kinds, self._high)
+        margin, high = self._margins[pair], self._high[pair]
+        unproven = (low < margin) & (high >= margin)
+        coarse = low < least[self._kinds[pair]] - self._resolution
+        return np.asarray((unproven & (width > FINEST)) | (coarse & (width > self._resolution)))
+
+    def _look(self, pair: IntArray, t: FloatArray) -> FloatArray:
+        """Lower bounds of distances of pairs at times [m], (n,); the least distances are kept."""
+        times, index = np.unique(t, return_inverse=True)
+        found = self._distances.measure(self._positions(times), index, pair)
+        self.evaluations += len(pair)
+        order = np.argsort(-found, kind="stable")
+        better = order[found[order] < self._high[pair[order]]]
+        # Of several values for a pair, the last one stays, which is the least.
+        self._high[pair[better]], self._at[pair[better]] = found[better], t[better]
+        return np.asarray(found - UNCERTAINTY - self._blur[pair])
+
+    def _first_time(self, k: int, known: float) -> float:
+        """The first time at which a pair may be nearer than its margin [s].
+
+        At this time it is nearer than the margin, or within STEP of way.
+
+        Args:
+            k: Index of the pair.
+            known: A time at which it is as near as it comes [s].
+        """
+        way, margin = self._travel @ self._radii[k], self.pairs[k].margin
+        windows = [(0.0, float(np.interp(known, self._t, way)))]
+        while windows:
+            begin, end = windows.pop()
+            at = np.linspace(begin, end, PIECES + 1)
+            t = np.interp(at, way, self._t)
+            near = self._look(np.full(len(t), k), t)
+            if near[0] < margin:
+                # An arm that rests at first has gone no way for a while.
+                return float(t[0] if begin > 0 else self._t[0])
+            low = (near[:-1] + near[1:] - np.diff(at)) / 2
+            doubtful = np.flatnonzero(np.minimum(low, near[1:]) < margin).tolist()
+            if doubtful and end - begin <= STEP:
+                return float(t[1 + doubtful[0]])
+            windows += [(float(at[x]), float(at[x + 1])) for x in reversed(doubtful)]
+        return known
+
+    def _positions(self, t: FloatArray) -> FloatArray:
+        """Joint positions at times [rad], (n, dof)."""
+        if isinstance(self._motion, Trajectory):
+            return self._motion(np.clip(t, 0.0, self._motion.duration))
+        if isinstance(self._motion, JointPath):
+            return self._motion(t)
+        executed = self._motion
+        return interpolate(t, executed.t, executed.q)
+
+
+def _pieces(windows: int) -> int:
+    """Into how many pieces so many windows are cut: a round of few of them costs as much itself."""
+    return next((n for n, most in FEW.items() if windows <= most), 2)

@@ -1,0 +1,52 @@
+"""Pairs of an arm's own bodies that touch by their shapes, however the arm stands."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.robot import Arm
+from armcontour.robot.scene import ArmShapes, LeftOut, Scene
+from armcontour.verification.clearance.distances import UNCERTAINTY, Distances, can_measure
+from armcontour.verification.clearance.pairs import pairs_of
+
+REASON = "touching with all joints at 0, and in every other posture that was tried"
+# How many other postures are tried.
+POSTURES = 15
+
+
+def leave_out_touching(arm: Arm) -> ArmShapes:
+    """The shapes of an arm, with pairs left out that touch with all joints at 0.
+
+    Joints at 0 may be a posture that the arm cannot take, in which bodies meet that are apart
+    elsewhere. So pairs are left out that touch in some other postures, too. No pair is left out
+    because it did not touch. Where distances cannot be computed, the shapes are unchanged.
+
+    Args:
+        arm: An arm with shapes.
+    """
+    assert arm.shapes is not None
+    pairs, _ = pairs_of(arm, Scene())
+    if not pairs or not can_measure():
+        return arm.shapes
+    assert arm.chain is not None
+    distances = Distances(arm.chain, pairs)
+    left = np.arange(len(pairs))
+    for q in _postures(arm):
+        at = distances.measure(q[None], np.zeros(len(left), dtype=np.intp), left)
+        left = left[at <= UNCERTAINTY]
+    found = (pairs[k] for k in left.tolist())
+    more = [LeftOut(first=x.first.name, second=x.second.name, reason=REASON) for x in found]
+    return replace(arm.shapes, left_out=(*arm.shapes.left_out, *dict.fromkeys(more)))
+
+
+def _postures(arm: Arm) -> FloatArray:
+    """All joints at 0, and postures spread over the ranges of the joints [rad], (n, dof)."""
+    low, high = (np.clip(x, -np.pi, np.pi) for x in arm.limits.joint_range(arm.dof))
+    # Square roots of primes spread evenly, each joint in an order of its own.
+    steps = np.sqrt([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37][: arm.dof])
+    steps = np.concatenate([steps, np.sqrt(41 + np.arange(arm.dof - len(steps)))])
+    shares = np.arange(1, POSTURES + 1)[:, None] * steps % 1
+    return np.vstack([np.zeros(arm.dof), low + shares * (high - low)])

@@ -1,0 +1,126 @@
+"""Assignment of the samples of a motion to the contours of a program."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.geometry import Path
+from armcontour.program import Program, contour_called
+
+# The tool visits an end of a contour if their distance is at most NEAR_SHARE of the length of the
+# contour and at most NEAR [m], or at most AGAIN times the smallest distance of all samples.
+NEAR_SHARE = 0.05
+NEAR = 1e-3
+AGAIN = 1.5
+# The travel of the tool along a contour is between these shares of the length of the contour:
+# chords between samples are shorter, noise of measured samples makes the travel longer.
+DRAWN = (0.5, 1.5)
+
+
+@dataclass(frozen=True, slots=True)
+class _Window:
+    """Samples `first` to `last` on a contour, and the windows of the contours before.
+
+    Args:
+        first: First sample on the contour.
+        last: Last sample on the contour.
+        worst: Largest distance between tool and contour in this window and those before [m].
+        before: The window of the contour before; None for the first contour.
+    """
+
+    first: int
+    last: int
+    worst: float
+    before: _Window | None
+
+
+def find_windows(tool: FloatArray, program: Program) -> list[tuple[int, int]]:
+    """Find the first and the last sample on every contour of a program, in order.
+
+    Of all assignments in the order of the contours, the result has the smallest largest distance
+    between tool and contours. So a distance that is too large is too large in every assignment.
+
+    Args:
+        tool: Tool points [m], (n, dimension).
+        program: The program; between its contours the tool may go anywhere.
+
+    Raises:
+        InvalidInput: The tool does not follow a contour from its start to its end.
+    """
+    travel = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(tool, axis=0), axis=1)))
+    known: list[_Window] = []
+    for number, contour in enumerate(program.contours):
+        earliest = min((x.last for x in known), default=0)
+        found = []
+        for first, last in _find_candidates(tool, travel, contour.path, earliest):
+            # The best window of the contour before that ends early enough.
+            early = (x for x in known if x.last <= first)
+            before = min(early, key=lambda x: x.worst, default=None)
+            if before is not None or number == 0:
+                worst = float(contour.path.project(tool[first : last + 1]).distance.max())
+                worst = max(worst, 0.0 if before is None else before.worst)
+                found.append(_Window(first, last, worst, before))
+        if not found:
+            raise InvalidInput(
+                f"The tool does not follow {contour_called(contour, number)} from its start to its "
+                "end: give the trajectory of the whole program, in the order in which the job has "
+                "its contours."
+            )
+        known = found
+    best: _Window | None = min(known, key=lambda x: x.worst)
+    windows = []
+    while best is not None:
+        windows.append((best.first, best.last))
+        best = best.before
+    return windows[::-1]
+
+
+def _find_candidates(
+    tool: FloatArray, travel: FloatArray, path: Path, earliest: int
+) -> list[tuple[int, int]]:
+    """Find pairs of samples at the ends of a path between which the tool travels its length.
+
+    Args:
+        tool: Tool points [m], (n, dimension).
+        travel: Travel of the tool up to each sample [m], (n,).
+        path: The path.
+        earliest: Index of the first sample to consider.
+    """
+    ends = path([0.0, path.length])
+    starts = _find_visits(tool, ends[0], path.length, earliest)
+    stops = _find_visits(tool, ends[1], path.length, earliest)
+    low, high = (share * path.length for share in DRAWN)
+    return [
+        (first, last)
+        for first in (last for _, last in starts)
+        for last in (first for first, _ in stops)
+        if last > first and low <= travel[last] - travel[first] <= high
+    ]
+
+
+def _find_visits(
+    tool: FloatArray, point: FloatArray, length: float, earliest: int
+) -> list[tuple[int, int]]:
+    """Find the first and the last nearest sample of every visit of the tool to a point.
+
+    Args:
+        tool: Tool points [m], (n, dimension).
+        point: The point [m], (dimension,).
+        length: Length of the contour that starts or ends there [m].
+        earliest: Index of the first sample to consider.
+    """
+    off = np.linalg.norm(tool[earliest:] - point, axis=1)
+    if not len(off):
+        return []
+    near = off <= max(min(NEAR, NEAR_SHARE * length), AGAIN * float(off.min()))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(np.int8)))
+    found = []
+    for first, after in edges.reshape(-1, 2).tolist():
+        here = off[first:after]
+        nearest = np.flatnonzero(here <= here.min() * (1 + 1e-9)) + first + earliest
+        found.append((int(nearest[0]), int(nearest[-1])))
+    return found

@@ -1,0 +1,412 @@
+"""An error over time, with its root mean square and its maximum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.describing import brief, place_and_time
+from armcontour.core.fields import Checked
+from armcontour.core.render import Result
+from armcontour.core.result import TABLE, Data, Row
+from armcontour.geometry import Orientation, Path, Projection
+from armcontour.geometry.nearest import pack
+from armcontour.geometry.orientation import turns_between
+
+# What is between samples may be higher than what was found by this share, or by so much [m or rad].
+CLOSE, ROUNDING = 3e-7, 1e-13
+# Parts of an interval that is looked at, and how often such parts are cut again, at most.
+PARTS = 32
+MOST_CUTS = 12
+# A path that turns by more than this between two samples [rad] may have a peak of the error there
+# of which neither sample shows anything.
+SHARP = 0.2
+# Where smooth functions are looked at first, as shares of the time; and how often, each time in a
+# sixteenth of the time.
+FEW = np.arange(9) / 8
+CLOSER = 3
+# Where an interval is looked at; and where next, around the guesses of a peak. Shares of its width.
+SHARES = np.arange(PARTS + 1) / PARTS
+AROUND = np.array([0.0, -0.03, 0.03])[:, None, None]
+# The ends of an interval are known, and so is what is so near to them, as shares of its width.
+NEAR = 0.01
+# So many of the largest angles are looked at first, and four times as many in each round after it.
+FIRST = 100
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Missed:
+    """The largest distance from a place of the path to the tool.
+
+    Args:
+        max: The distance [m].
+        t_max: Time at which the tool passes that place [s].
+        s_max: Arc length of the place [m].
+    """
+
+    max: float
+    t_max: float
+    s_max: float
+
+
+def error_rows(
+    name: str, label: str, error: ErrorProfile | Missed | None, rms: int = TABLE, most: int = TABLE
+) -> tuple[Row, ...]:
+    """RMS and largest value of an error, with time and place.
+
+    Args:
+        name: Key of the error; "" for none.
+        label: What the error is called.
+        error: The error; None if it is not known.
+        rms: Level of the RMS.
+        most: Level of the largest value.
+    """
+    if error is None:
+        return (Row(name, None),)
+    key = f"{name}." if name else ""
+    where = place_and_time(error.t_max, error.s_max)
+    unit = "rad" if getattr(error, "angular", False) else "m"
+    largest = (
+        Row(f"{key}max", error.max, unit, f"{label}, largest", where, most),
+        Row(f"{key}t_max", error.t_max, "s"),
+        Row(f"{key}s_max", error.s_max, "m"),
+    )
+    if isinstance(error, Missed):
+        return largest
+    return (Row(f"{key}rms", error.rms, unit, f"{label}, RMS", level=rms), *largest)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ErrorProfile(Result, Checked):
+    """An error over time: a distance [m], or an angle [rad].
+
+    Between the contours of a program nothing is judged: there, all columns except `t` are NaN.
+
+    Args:
+        t: Times [s], (n,).
+        values: Errors [m or rad], (n,).
+        signed: Errors in the plane with a sign: positive to the left of the path, negative to its
+            right, (n,); None in space and for errors without a side.
+        s: Arc length of the nearest point of the path [m], (n,).
+        rms: Root mean square over time [m or rad].
+        max: Largest value [m or rad].
+        t_max: Time of the largest value [s].
+        s_max: Arc length of the largest value [m].
+        angular: Whether the errors are angles.
+    """
+
+    t: FloatArray
+    values: FloatArray
+    signed: FloatArray | None
+    s: FloatArray
+    rms: float
+    max: float
+    t_max: float
+    s_max: float
+    angular: bool = False
+
+    def to_data(self) -> Data:
+        """RMS and largest value, with time and place."""
+        return Data("Error", error_rows("", "error", self))
+
+    __repr__ = brief
+
+    @classmethod
+    def over_time(
+        cls,
+        t: FloatArray,
+        values: FloatArray,
+        s: FloatArray,
+        until: float,
+        side: FloatArray | None = None,
+        peak: Peak | None = None,
+        rms_until: float | None = None,
+    ) -> ErrorProfile:
+        """Make the profile from the first time to `until`; the last value is kept to the end.
+
+        Args:
+            t: Times [s], (n,).
+            values: Errors [m or rad], (n,).
+            s: Arc length of the nearest point of the path [m], (n,).
+            until: End of the profile [s].
+            side: 1 to the left of the path, -1 to its right, (n,); None for errors without a side.
+            peak: A higher value between the times, which becomes one of the values, but does not
+                count for the RMS; or None.
+            rms_until: End of the time over which the RMS is taken [s]; by default `until`.
+        """
+        times, (weighted,) = _cut(t, until if rms_until is None else rms_until, values)
+        t, (values, s) = _cut(t, until, values, s)
+        span = float(times[-1] - times[0])
+        # A profile without duration has one value.
+        square = np.trapezoid(weighted**2, times) / span if span > 0 else weighted[-1] ** 2
+        if peak is not None:
+            # One peak of many: it would count for more than its share of the mean.
+            k = int(np.searchsorted(t, peak.t))
+            t, values, s = (np.insert(x, k, y) for x, y in zip((t, values, s), peak, strict=True))
+            if side is not None:
+                side = np.insert(side, k, side[max(k - 1, 0)])
+        worst = int(np.argmax(values))
+        return cls(
+            t=t,
+            values=values,
+            signed=None if side is None else values * np.append(side, side[-1:])[: len(values)],
+            s=s,
+            rms=float(np.sqrt(square)),
+            max=float(values[worst]),
+            t_max=float(t[worst]),
+            s_max=float(s[worst]),
+        )
+
+    @classmethod
+    def join(cls, profiles: Sequence[ErrorProfile]) -> ErrorProfile:
+        """Join profiles that follow each other in time, with a gap of NaN between them."""
+        if len(profiles) == 1:
+            return profiles[0]
+        worst = max(profiles, key=lambda x: x.max)
+        times = [float(x.t[-1] - x.t[0]) for x in profiles]
+        if not sum(times) > 0:
+            times = [1.0] * len(profiles)
+        squares = sum(x.rms**2 * time for x, time in zip(profiles, times, strict=True))
+        signed = [x.signed for x in profiles if x.signed is not None]
+        return cls(
+            t=np.concatenate([np.append(x.t, x.t[-1]) for x in profiles]),
+            values=_with_gaps([x.values for x in profiles]),
+            s=_with_gaps([x.s for x in profiles]),
+            signed=_with_gaps(signed) if len(signed) == len(profiles) else None,
+            rms=float(np.sqrt(squares / sum(times))),
+            max=worst.max,
+            t_max=worst.t_max,
+            s_max=worst.s_max,
+            angular=worst.angular,
+        )
+
+
+def _with_gaps(columns: Sequence[FloatArray]) -> FloatArray:
+    """Join columns, with NaN after each."""
+    return np.concatenate([np.append(x, np.nan) for x in columns])
+
+
+def _cut(t: FloatArray, end: float, *columns: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
+    """Times up to `end` and the columns there; after the last time its values hold."""
+    inside = t < end
+    return np.append(t[inside], end), [np.append(x[inside], np.interp(end, t, x)) for x in columns]
+
+
+class Peak(NamedTuple):
+    """An error at one time: time [s], value [m or rad] and place on the path [m]."""
+
+    t: float
+    value: float
+    s: float
+
+
+# Some samples, (m,), and by how much an error may be higher after each, (m,).
+Hidden = tuple[IntArray, FloatArray]
+# Errors and places at times within the interval after a sample, (n,) each.
+Measure = Callable[[int, FloatArray], tuple[FloatArray, FloatArray] | None]
+
+
+def find_peak(
+    t: FloatArray,
+    values: FloatArray,
+    measure: Measure,
+    *,
+    since: float,
+    until: float,
+    hidden: Hidden | None = None,
+) -> Peak | None:
+    """Find a value that is higher than those of all samples.
+
+    Args:
+        t: Times of the samples [s], (n,).
+        values: The error at these times [m or rad], (n,).
+        measure: Gives errors and places at times between sample i and the next one; i may be -1,
+            or n - 1. None where the motion is not known.
+        since: Nothing before this time counts [s].
+        until: Nothing after this time counts [s].
+        hidden: Samples between each of which and the next one the error can be higher though no
+            sample shows it, and by how much [m or rad].
+
+    Returns:
+        The peak; None if no value is higher, or if times do not increase.
+    """
+    if len(t) < 3 or (t[1:] <= t[:-1]).any():
+        return None
+    counts = slice(0, int(t.searchsorted(until, side="right")))
+    sampled = float(values[counts].max(initial=-np.inf))
+    best, found = sampled, None
+    high, _, bound = _tops(t, values)
+    # Where the bend turns round, ripple is not resolved by the samples.
+    bend = np.pad((values[2:] - values[1:-1]) - (values[1:-1] - values[:-2]), 1, mode="edge")
+    ripple = np.maximum(values[:-1], values[1:]) + (abs(bend[:-1]) + abs(bend[1:])) / 4
+    unsure = np.flatnonzero((ripple > _above(best)) & (bend[:-1] * bend[1:] <= 0))
+    high, bound = np.append(high, unsure), np.append(bound, ripple[unsure])
+    if hidden is not None and len(hidden[0]):
+        sharp, more = hidden
+        high = np.append(high, sharp)
+        bound = np.append(bound, (values[sharp] + values[sharp + 1]) / 2 + more)
+    # What is beyond the first and the last sample goes on as beside it.
+    for i, a, b in ((-1, 0, 1), (len(t) - 1, -1, -2)):
+        end = since - t[0] if i < 0 else until - t[-1]
+        if (end < 0) == (i < 0) and end != 0:
+            rise = abs((values[b] - values[a]) / (t[b] - t[a]) * end)
+            high, bound = np.append(high, i), np.append(bound, values[a] + 2 * rise)
+    for k in np.argsort(-bound).tolist():
+        if bound[k] <= _above(best):
+            break
+        i = int(high[k])
+        first = max(float(t[i]) if i >= 0 else since, since)
+        last = min(float(t[i + 1]) if i + 1 < len(t) else until, until)
+        if first < last:
+            higher = _climb(first, last, partial(measure, i), best)
+            if higher is not None:
+                best, found = higher.value, higher
+    # Higher by a rounding error only: one of the samples, computed once more.
+    return found if best > _above(sampled) else None
+
+
+def _climb(
+    first: float,
+    last: float,
+    measure: Callable[[FloatArray], tuple[FloatArray, FloatArray] | None],
+    best: float,
+) -> Peak | None:
+    """Find a value that is higher than the best one between two times; None if there is none."""
+    found = None
+    t, values = np.zeros(0), np.zeros(0)
+    at = first + (last - first) * SHARES
+    for _ in range(MOST_CUTS):
+        seen = measure(at)
+        if seen is None:
+            return None
+        k = int(seen[0].argmax())
+        if seen[0][k] > best:
+            best = float(seen[0][k])
+            found = Peak(float(at[k]), best, float(seen[1][k]))
+        t, values = np.append(t, at), np.append(values, seen[0])
+        order = t.argsort(kind="stable")
+        t, values = t[order], values[order]
+        high, guesses, bound = _tops(t, values)
+        width = t[high + 1] - t[high]
+        left = (bound > _above(best)) & (width > PARTS * 4 * np.spacing(t[-1]))
+        if not left.any():
+            break
+        low, width = t[high[left]], width[left]
+        at = low + width * np.clip(guesses[:, left] + AROUND, NEAR, 1 - NEAR)
+        at = np.unique(at)
+    return found
+
+
+def climb_smooth(
+    first: FloatArray, last: FloatArray, measure: Callable[[FloatArray], FloatArray]
+) -> FloatArray:
+    """The largest value of smooth functions between two times each, (m,), by parabolas.
+
+    Args:
+        first: The first times [s], (m,).
+        last: The last times [s], (m,).
+        measure: Gives the values at times of each function, both (m, n).
+    """
+    step, rows = (last - first) * FEW[1], np.arange(len(first))
+    at, best = first[:, None] + (last - first)[:, None] * FEW, np.full(len(first), -np.inf)
+    for _ in range(CLOSER):
+        found = measure(at)
+        best = np.maximum(best, found.max(axis=1))
+        k = np.clip(found.argmax(axis=1), 1, len(FEW) - 2)
+        low, top, high = (found[rows, k + side] for side in (-1, 0, 1))
+        bend = low + high - 2 * top
+        shift = np.where(bend < 0, (low - high) / np.where(bend < 0, 2 * bend, 1.0), 0.0)
+        middle = at[rows, k] + np.clip(shift, -1, 1) * step
+        step = step / 16
+        at = middle[:, None] + step[:, None] * (FEW - 0.5) * (len(FEW) - 1)
+        at = np.clip(at, first[:, None], last[:, None])
+    return best
+
+
+def _above(best: float) -> float:
+    """What must be exceeded to be looked at."""
+    return best + CLOSE * abs(best) + ROUNDING
+
+
+def _tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Where the values between two samples may be higher than at both.
+
+    No higher than where the line through the two samples before meets that through the two after:
+    there is a kink, if the values have one; a parabola is a quarter as high above its samples.
+
+    Args:
+        t: Times of the samples [s], (n,) with n > 2.
+        values: Values there, (n,).
+
+    Returns:
+        Indices of the first sample of these intervals, (m,); shares of their width at which a kink
+        and the top of a parabola would be, (2, m); how high the values may be, (m,).
+    """
+    rises = values[1:] - values[:-1]
+    last = len(rises) - 1
+    # The values rise before and fall after the interval; at the ends anything may be.
+    top = (rises[:-2] > 0) & (rises[2:] < 0)
+    top = np.concatenate([[0], np.flatnonzero(top) + 1, [last]])
+    width = t[top + 1] - t[top]
+    slope = rises[top] / width
+    before, after = np.maximum(top - 1, 0), np.minimum(top + 1, last)
+    a, b = (rises[i] / (t[i + 1] - t[i]) for i in (before, after))
+    # Beyond the ends the values are as bent as beside.
+    a[0], b[-1] = 2 * slope[0] - b[0], 2 * slope[-1] - a[-1]
+    falls = (a > 0) & (b < 0)
+    top, slope, a, b, width = (x[falls] for x in (top, slope, a, b, width))
+    kink = np.clip((slope - b) / (a - b), 0.0, 1.0)
+    bound = np.maximum(values[top] + a * width * kink, np.maximum(values[top], values[top + 1]))
+    return top, np.stack([kink, np.clip(0.5 + 2 * slope / (a - b), 0.0, 1.0)]), bound
+
+
+def angle_off(orientation: Orientation, s: FloatArray, turned: FloatArray) -> FloatArray:
+    """Angle between the tool and the required tool orientation [rad], (n,).
+
+    The angle is that between the tool axes if the path prescribes only an axis.
+
+    Args:
+        orientation: The required tool orientation.
+        s: Arc lengths of the tool on the path [m], (n,).
+        turned: The tool's axes as columns, (n, 3, 3).
+    """
+    return turns_between(orientation(s), turned, axis_only=orientation.axis_only)
+
+
+def least_off(
+    path: Path, tool: FloatArray, nearest: Projection, turned: FloatArray, reach: float
+) -> FloatArray:
+    """Angle between the tool and the required tool orientation nearby on the path [rad], (n,).
+
+    Where the path crosses itself, turns back or closes, the tool may follow another point of the
+    path than the nearest one. So the smallest angle at the nearest points of all segments within
+    `reach` counts, and at the ends of segments within it. Angles that cannot be the largest one are
+    not reduced in this way.
+
+    Args:
+        path: The path, with a tool orientation.
+        tool: Tool points [m], (n, 3).
+        nearest: Nearest points of the path.
+        turned: The tool's axes as columns, (n, 3, 3).
+        reach: Largest distance of the tool from the point of the path that it follows [m].
+    """
+    from armcontour.verification._following import find_places
+
+    assert path.orientation is not None
+    angle = angle_off(path.orientation, nearest.s, turned)
+    geometry, order = pack(path.segments), np.argsort(-angle)
+    size, done, worst = FIRST, 0, -np.inf
+    while done < len(order) and angle[order[done]] > worst:
+        these = order[done : done + size]
+        far = np.maximum(reach, nearest.distance[these])
+        of, places = find_places(tool[these], geometry, far)
+        fits = angle_off(path.orientation, np.minimum(places, path.length), turned[these[of]])
+        np.minimum.at(angle, these[of], fits)
+        worst = max(worst, float(angle[these].max()))
+        done, size = done + size, size * 4
+    return angle

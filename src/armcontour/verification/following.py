@@ -1,0 +1,142 @@
+"""The places of a path at which a tool follows it, and the parts of the path that it leaves out.
+
+Where a path runs over itself, the nearest place may be on another lap than the one on which the
+tool is. So the place is the nearest one of those that the tool can have reached by running over the
+path from its start without going back, on a leash that is as short as it can be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.geometry import Path
+from armcontour.geometry.biarcs import length
+from armcontour.geometry.nearest import find_nearest, pack, pad
+
+# The leash is at least this many times the largest distance of some of the points from the path,
+# and this many steps of the tool; it is doubled until it is long enough.
+SLACK = 4.0
+SOME = 500
+SHORTEST = 1e-7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Followed:
+    """How a tool follows a path.
+
+    Args:
+        distance: Distance from the tool to its place on the path [m], (n,).
+        s: Place of the tool on the path [m], (n,).
+        missed: Largest distance from the path to the tool, of the places that are passed from each
+            point to the next [m], (n,); -1 where it cannot be the largest one.
+        missed_s: Where these distances are [m], (n,).
+        geometry: The path from `geometry.nearest.pack`, (rows, 15).
+    """
+
+    distance: FloatArray
+    s: FloatArray
+    missed: FloatArray
+    missed_s: FloatArray
+    geometry: FloatArray
+
+    def turns(self, least: float) -> FloatArray:
+        """By how much the path turns from each point to the next one [rad], (n - 1,).
+
+        Args:
+            least: Turns below this do not count [rad]: all may be 0 where all are.
+        """
+        rows = self.geometry
+        angle = (rows[:, 9] * rows[:, 10])[:, None]
+        last = np.cos(angle) * rows[:, 3:6] + np.sin(angle) * rows[:, 6:9]
+        corner = 2 * np.arcsin(np.minimum(length(last[:-1] - rows[1:, 3:6]) / 2, 1.0))
+        ahead = np.abs(np.diff(self.s))
+        if corner.max(initial=0.0) + rows[:, 9].max() * ahead.max(initial=0.0) <= least:
+            return np.zeros(len(ahead))
+        # A corner is a step of the sum of all turns.
+        places = np.repeat(np.append(rows[:, 11], rows[-1, 11] + rows[-1, 10]), 2)[1:-1]
+        steps = np.zeros(len(places))
+        steps[1::2], steps[2::2] = angle[:, 0], corner
+        return np.asarray(np.abs(np.diff(np.interp(self.s, places, np.cumsum(steps)))))
+
+    def near(
+        self, points: FloatArray, ends: tuple[float, float], off: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Distances and places of a tool between two of the points [m], (n,) each.
+
+        Args:
+            points: Tool points in order [m], (n, dimension).
+            ends: Places of both points [m].
+            off: The larger one of their distances [m].
+        """
+        from armcontour.verification._following import follow
+
+        padded = pad(points)
+        travel = float(length(points - points[0]).max())
+        leash = SLACK * max(off, travel, SHORTEST)
+        low, high = min(ends), max(ends)
+        begins = self.geometry[:, 11]
+        farthest = float(begins[-1] + self.geometry[-1, 10]) + 2 * (off + travel)
+        while True:
+            first = int(np.searchsorted(begins, low - leash, side="right")) - 1
+            last = int(np.searchsorted(begins, high + leash, side="right"))
+            rows = self.geometry[max(first, 0) : last]
+            distance, s, reached, held = follow(padded, rows, high + leash, leash, len(points))
+            if leash > farthest or (reached >= len(points) and not held):
+                return distance, s
+            leash *= 2
+
+
+def follow_path(
+    path: Path,
+    points: FloatArray,
+    *,
+    work: tuple[float, float] | None = None,
+    judged: slice | None = None,
+) -> Followed:
+    """Find the places of a path at which a tool follows it, and what it leaves out.
+
+    Args:
+        path: The path.
+        points: Tool points in order [m], (n, dimension) with n > 1.
+        work: Places between which the path counts as left out [m]; the tool starts at or before the
+            first one. By default all of the path, with a start at its start.
+        judged: The points for which places are found. Those before them, and those after them as
+            long as the tool is on the path, only count for what is left out. By default all.
+    """
+    from armcontour.verification._following import Way, follow, measure_missed
+
+    first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)
+    begin, end = (0.0, path.length) if work is None else work
+    padded, geometry = pad(points), pack(path.segments)
+    some = points[: last : max(1, last // SOME)]
+    off = float(find_nearest(path.segments, some, in_order=True).distance.max())
+    # A leash that is not needlessly long for any of the points.
+    leash = SLACK * max(
+        off, float(length(np.diff(points[:last], axis=0)).max(initial=0.0)), SHORTEST
+    )
+    farthest = path.length + float(length(points - path.starts[0]).max())
+    while True:
+        distance, s, reached, held = follow(padded, geometry, begin, leash, last)
+        if leash > farthest or (reached >= last and not held):
+            break
+        leash *= 2
+    of = slice(0, max(reached, 2))
+    chords = length(np.diff(padded[of], axis=0))
+    later = np.minimum.accumulate(s[of][::-1])[::-1].copy()
+    way = Way(padded[of], distance[of], s[of], chords, later)
+    missed, where = measure_missed(way, geometry, begin, min(end, path.length))
+    own = slice(first, last)
+    for at, others in ((first, slice(0, first)), (last - 1, slice(last, None))):
+        if len(missed[others]) and missed[others].max() > missed[at]:
+            worst = int(np.argmax(missed[others])) + others.start
+            missed[at], where[at] = missed[worst], where[worst]
+    return Followed(
+        distance=distance[own],
+        s=s[own],
+        missed=missed[own],
+        missed_s=where[own],
+        geometry=geometry,
+    )

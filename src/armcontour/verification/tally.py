@@ -1,0 +1,574 @@
+"""Use of every limit by a motion: along its laws, at its peaks, and the verdict of a check."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, fields, replace
+from typing import Any, Protocol, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import InvalidInput
+from armcontour.core.render import Result, number
+from armcontour.core.result import Data, Row
+from armcontour.geometry import Path
+from armcontour.motion import Trajectory
+from armcontour.robot import Arm, Limits, SerialArm
+from armcontour.robot.limit_use import STILL, States, Use, use_of
+from armcontour.robot.limits import JOINT_RANGE
+from armcontour.robot.limits import UNITS as LIMIT_UNITS
+from armcontour.verification.error_profile import climb_smooth, least_off
+
+# Places in each interval of a law, its ends included: so many at least, and no more unless all
+# intervals together have fewer than FEWEST; those with fewer than ENOUGH have more than the least.
+LEAST_PLACES, MOST_PLACES = 3, 20
+FEWEST, ENOUGH = 4000, 12_000
+# So many of the highest parabolas are looked at more closely.
+PEAKS = 12
+
+VERDICTS = KEPT, CANNOT_TELL, VIOLATED = ("kept", "cannot tell", "violated")
+# A limit counts as kept if rounding can explain the excess and the excess is below this share of
+# the limit: a plan that uses a limit in full exceeds the limit by a last digit once it is printed.
+UNSEEN = 1e-3
+
+# Units of the limits by their names.
+UNITS = LIMIT_UNITS | {
+    **{"path_deviation": "m", "path_missed": "m", "orientation_deviation": "rad"},
+    **{"position_step": "rad", "velocity_step": "rad/s", "acceleration_step": "rad/s²"},
+    **{"tool_acceleration_step": "m/s²", "path_acceleration_step": "m/s²"},
+}
+
+# Places that are judged at a time.
+CHUNK = 200_000
+# Accelerations may jump at a break by what a limit of jerk covers in this time [s], which no
+# controller resolves: jumps by rounding are smaller, those of plans without such a limit larger.
+AT_ONCE = 1e-5
+# Limits of jerk, with the jumps at breaks that break them.
+JUMPS = {
+    "joint_jerk": "acceleration_step",
+    "tool_jerk": "tool_acceleration_step",
+    "path_jerk": "path_acceleration_step",
+}
+ORDERS = ("positions", "velocities", "accelerations", "jerks")
+# Joint positions may jump by this much at a break [rad]: rounding, not motion.
+POSITION_STEP = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Occurrence:
+    """The use of a limit at one time.
+
+    Args:
+        ratio: Value over limit; for joint_lower and joint_upper both counted from the middle of the
+            joint range.
+        value: Value without sign [unit of the limit].
+        limit: The limit there.
+        t: Time [s].
+        joint: Index of the joint, from 0; None for a limit of the tool.
+        s: Arc length of the nearest point on the path [m]; None without a path.
+        slack: Part of `ratio` that rounding may have caused.
+        certain: Smallest ratio that the rounded numbers allow.
+    """
+
+    ratio: float
+    value: float
+    limit: float
+    t: float
+    joint: int | None
+    s: float | None
+    slack: float
+    certain: float
+
+    def rows(self, unit: str) -> tuple[Row, ...]:
+        """Its figures; joints are counted from 1.
+
+        Args:
+            unit: Unit of the limit.
+        """
+        joint = None if self.joint is None else self.joint + 1
+        return (
+            Row("ratio", self.ratio, "1", "share"),
+            Row("value", self.value, unit, "value"),
+            Row("limit", self.limit, unit, "of"),
+            Row("t", self.t, "s", "at"),
+            Row("joint", joint, "", "joint"),
+            *(
+                Row("certain", self.certain, "1"),
+                Row("slack", self.slack, "1"),
+                Row("s", self.s, "m"),
+            ),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitUse(Result, Occurrence):
+    """The largest certain use of one limit.
+
+    Args:
+        name: The limit: a field of `Limits`, "path_deviation", "orientation_deviation", or a jump
+            at a break of a law: "position_step", "velocity_step", "acceleration_step",
+            "tool_acceleration_step" or "path_acceleration_step".
+        highest: Largest ratio of the numbers as they stand, in the narrowest windows; rounding may
+            have caused it.
+        verdict: "violated": every motion through the samples, within their digits, exceeds the
+            limit. "kept": the motion as it stands keeps the limit everywhere. Else "cannot tell".
+    """
+
+    name: str
+    highest: Occurrence
+    verdict: str
+
+    @property
+    def unit(self) -> str:
+        """Unit of value and limit."""
+        return UNITS.get(self.name, "")
+
+    def to_data(self) -> Data:
+        """How much of the limit is used, when and by which joint."""
+        highest = self.highest.rows(self.unit)
+        printed = f"as printed {number(self.highest.ratio, '1')}"
+        return Data(
+            f"Use of {self.name}",
+            (
+                Row("name", self.name, "", "limit"),
+                *self.rows(self.unit),
+                Row(
+                    "verdict", self.verdict, "", "verdict", printed * (self.verdict == CANNOT_TELL)
+                ),
+                *(replace(x, label="") for x in Data("", highest).under("highest")),
+            ),
+        )
+
+
+def judge_use(certain: float, highest: float, tolerance: float) -> str:
+    """Give the verdict on a limit, from its largest certain ratio and its largest ratio."""
+    if certain > 1 + tolerance:
+        return VIOLATED
+    return KEPT if highest <= 1 + tolerance + UNSEEN else CANNOT_TELL
+
+
+def shift_use(use: LimitUse, t: float, s: float) -> LimitUse:
+    """Shift the times [s] and arc lengths [m] of a use."""
+
+    def shifted(x: Occurrence) -> dict[str, Any]:
+        return {"t": t + x.t, "s": None if x.s is None else s + x.s}
+
+    highest = replace(use.highest, **shifted(use.highest))
+    return replace(use, highest=highest, **shifted(use))
+
+
+def merge_uses(first: LimitUse, second: LimitUse) -> LimitUse:
+    """Merge the uses of one limit by two motions."""
+    use = max(first, second, key=lambda x: x.certain)
+    return replace(
+        use,
+        highest=max(first.highest, second.highest, key=lambda x: x.ratio),
+        verdict=max(first.verdict, second.verdict, key=VERDICTS.index),
+    )
+
+
+class Tally:
+    """Accumulator of the largest use of every limit.
+
+    Args:
+        arm: The arm.
+        limits: The limits, with one value per joint.
+        path: The path that the tool was to follow, or None.
+        deviation: Largest distance from the path [m].
+        orientation_deviation: Largest angle from the required tool orientation [rad].
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        limits: Limits,
+        path: Path | None,
+        deviation: float | None,
+        orientation_deviation: float | None = None,
+    ):
+        self.arm, self.limits, self.path, self.deviation = arm, limits, path, deviation
+        self.orientation_deviation = orientation_deviation
+        self.farthest = {"distance": 0.0, "t": 0.0, "s": 0.0}
+        # Whether offered values count for the highest ratio. Means over wider windows are more
+        # certain, but never above the means over the narrower windows inside them.
+        self.narrow = True
+        self._certain: dict[str, tuple[Occurrence, FloatArray]] = {}
+        self._highest: dict[str, tuple[Occurrence, FloatArray]] = {}
+
+    def offer(self, use: Use, t: FloatArray, q: FloatArray) -> float:
+        """Accumulate the use of a limit: keep the largest certain and highest ratios.
+
+        Args:
+            use: The use at some times.
+            t: These times [s], (n,).
+            q: Joint positions [rad], (n, dof).
+
+        Returns:
+            Largest share of the limit that rounding may have caused.
+        """
+        name, value = use.name, use.value
+        if not value.size:
+            return 0.0
+        ratio, certain, slack = use.ratios()
+        allowed, slack = (np.broadcast_to(x, value.shape) for x in (use.limit, slack))
+
+        def occurrence(i: int) -> tuple[Occurrence, FloatArray]:
+            at = np.unravel_index(i, value.shape)
+            found = Occurrence(
+                ratio=float(ratio[at]),
+                value=float(value[at]),
+                limit=float(allowed[at]),
+                t=float(t[at[0]]),
+                joint=int(at[1]) if value.ndim == 2 else None,
+                s=None,
+                slack=float(slack[at]),
+                certain=float(certain[at]),
+            )
+            return found, q[at[0]]
+
+        i = int(np.argmax(certain))
+        if name not in self._certain or certain.flat[i] > self._certain[name][0].certain:
+            self._certain[name] = occurrence(i)
+        i = int(np.argmax(ratio))
+        known = self._highest.get(name)
+        if known is None or (self.narrow and ratio.flat[i] > known[0].ratio):
+            self._highest[name] = occurrence(i)
+        return float(slack.max())
+
+    def rates(
+        self, name: str, t: FloatArray, rates: FloatArray, q: FloatArray, error: npt.ArrayLike = 0.0
+    ) -> float:
+        """Offer rates to their limit, if any; arguments as of `offer` and `use_of`."""
+        if getattr(self.limits, name) is None:
+            return 0.0
+        return self.offer(use_of(name, self.limits, rates, error), t, q)
+
+    def states(self, t: FloatArray, x: States) -> None:
+        """Offer all quantities of joints and tool at given states."""
+        for use in x.uses(self.limits):
+            self.offer(use, t, x.q)
+
+    def tool(self, q: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Tool points [m], (n, dimension), and a bound on the length of their error, (n,)."""
+        return States(self.arm, (q,), (error,)).bounded(self.arm.tool_position, 0)
+
+    def pose(self, t: FloatArray, q: FloatArray, error: FloatArray) -> None:
+        """Offer the distance of the tool from the path and from the required tool orientation."""
+        if self.path is None:
+            return
+        points, off = self.tool(q, error)
+        nearest = self.path.project(points)
+        worst = int(np.argmax(nearest.distance))
+        if nearest.distance[worst] >= self.farthest["distance"]:
+            self.farthest = {
+                "distance": float(nearest.distance[worst]),
+                "t": float(t[worst]),
+                "s": float(nearest.s[worst]),
+            }
+        if self.deviation is not None:
+            self.offer(Use("path_deviation", nearest.distance, self.deviation, off), t, q)
+        allowed, orientation = self.orientation_deviation, self.path.orientation
+        if allowed is None or orientation is None or not isinstance(self.arm, SerialArm):
+            return
+        reach = self.farthest["distance"] if self.deviation is None else self.deviation
+        angle = least_off(self.path, points, nearest, self.arm.pose(q)[1], reach)
+        # An error of a joint position turns the tool by at most the same angle. An error of the
+        # tool point moves the nearest point to another required orientation.
+        rate = np.linalg.norm(orientation.rates(nearest.s)[0], axis=1)
+        slack = float(error.sum()) + rate * off
+        self.offer(Use("orientation_deviation", angle, allowed, slack), t, q)
+
+    def uses(self, tolerance: float) -> tuple[LimitUse, ...]:
+        """The largest uses of all limits, with arc lengths on the path and verdicts."""
+        found = [*self._certain.values(), *self._highest.values()]
+        uses = [x for x, _ in found]
+        if self.path is not None and found:
+            s = self.path.project(self.arm.tool_position(np.array([q for _, q in found]))).s
+            uses = [replace(x, s=float(at)) for x, at in zip(uses, s, strict=True)]
+        certain, highest = uses[: len(self._certain)], uses[len(self._certain) :]
+        return tuple(
+            LimitUse(
+                name=name,
+                highest=most,
+                verdict=judge_use(x.certain, most.ratio, tolerance),
+                **{y.name: getattr(x, y.name) for y in fields(x)},
+            )
+            for name, x, most in zip(self._certain, certain, highest, strict=True)
+        )
+
+
+class Law(Protocol):
+    """Joint positions over time as a law, such as a `Trajectory`."""
+
+    @property
+    def duration(self) -> float:
+        """Time from start to end [s]."""
+
+    @property
+    def breaks(self) -> FloatArray:
+        """Times between which the law is smooth, its start and end included [s]."""
+
+    def __call__(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
+        """Joint positions, velocities, accelerations or jerks, (n, dof).
+
+        Of a law that refuses the order 3, jerk is not judged.
+        """
+
+
+def judge_law(law: Law, tally: Tally, *, points: int, seed: int, velocity_step: float) -> int:
+    """Offer the law's states to the tally; returns how many.
+
+    Args:
+        law: The law.
+        tally: Where findings go.
+        points: Random places per interval.
+        seed: Of the random places.
+        velocity_step: Largest jump of a joint's velocity at a break [rad/s].
+
+    Raises:
+        InvalidInput: Breaks that do not increase, or a value that is not finite.
+    """
+    breaks = np.asarray(law.breaks, dtype=np.float64)
+    if breaks.ndim != 1 or len(breaks) < 2 or not (np.diff(breaks) > 0).all():
+        raise InvalidInput("The breaks of a law must be at least two times that increase.")
+    random = np.random.default_rng(seed)
+    jerks = find_known_jerks(law, tally.limits, breaks[:1])
+    size = max(1, CHUNK // (points + 2))
+    count = 0
+    for first in range(0, len(breaks) - 1, size):
+        ends = breaks[first : first + size + 1]
+        inner = ends[:-1, None] + random.random((len(ends) - 1, points)) * np.diff(ends)[:, None]
+        right = np.concatenate([ends[:-1], inner.ravel()])
+        left = ends[1:]
+        t, q, uses = uses_of_law(law, tally.arm, tally.limits, right, left, jerks)
+        count += len(t)
+        for use in uses:
+            tally.offer(use, t, q)
+        tally.pose(t, q, np.zeros(tally.arm.dof))
+        _acceleration_steps(
+            law, ends if first == 0 else left, tally, jerks, (breaks[0], breaks[-1])
+        )
+        _steps(
+            law, ends[1:] if first + size < len(breaks) - 1 else ends[1:-1], tally, velocity_step
+        )
+    return count
+
+
+def uses_of_law(
+    law: Law,
+    arm: Arm,
+    limits: Limits,
+    right: FloatArray,
+    left: FloatArray,
+    jerks: Collection[str],
+) -> tuple[FloatArray, FloatArray, list[Use]]:
+    """The use of limits by a law at some times.
+
+    Args:
+        law: The law.
+        arm: The arm.
+        limits: The limits, with one value per joint.
+        right: Times at which a break belongs to the interval after it [s], (n,).
+        left: Times at which a break belongs to the interval before it [s], (m,).
+        jerks: The limits of jerk that are judged.
+
+    Returns:
+        Both times, (n + m,), joint positions then, (n + m, dof), and the uses.
+
+    Raises:
+        InvalidInput: A value is not finite, or the law has another number of joints.
+    """
+    # Of joints and tool the third derivative is asked for only where it is judged.
+    order = 3 if set(jerks) - {"path_jerk"} else 2
+    t = np.concatenate([right, left])
+    if isinstance(law, Trajectory):
+        # All derivatives at once.
+        after, before = law.motion(right, order), law.motion(left, order, side="left")
+    else:
+        after, before = (
+            tuple(law(at, k, side=side) for k in range(order + 1))
+            for at, side in ((right, "right"), (left, "left"))
+        )
+    columns = []
+    for name, *sides in zip(ORDERS[: order + 1], after, before, strict=True):
+        values = np.concatenate(sides)
+        if values.shape != (len(t), arm.dof):
+            raise InvalidInput(
+                f"The law gives {values.shape[-1]} joints, but the arm has {arm.dof}: "
+                "give the arm that the law was made for."
+            )
+        if not np.isfinite(values).all():
+            at = float(t[~np.isfinite(values).all(axis=1)][0])
+            raise InvalidInput(f"The law's {name} are not finite at t = {at:.9g} s.", t=at)
+        columns.append(values)
+    uses = list(States(arm, columns).uses(limits))
+    if "path_jerk" in jerks:
+        along = cast("Any", law)
+        rate = np.concatenate([along.s(right, 3), along.s(left, 3, side="left")])
+        uses.append(use_of("path_jerk", limits, rate))
+    return t, columns[0], uses
+
+
+def _steps(law: Law, t: FloatArray, tally: Tally, velocity_step: float) -> None:
+    """Offer the jumps at breaks, which no acceleration at either side would show."""
+    if not len(t):
+        return
+    q = law(t)
+    jump = np.abs(q - law(t, side="left"))
+    tally.offer(Use("position_step", jump, POSITION_STEP), t, q)
+    limits = tally.limits
+    derived = (limits.joint_acceleration, limits.joint_torque, limits.joint_jerk)
+    if any(x is not None for x in derived):
+        jump = np.abs(law(t, 1) - law(t, 1, side="left"))
+        tally.offer(Use("velocity_step", jump, velocity_step), t, q)
+
+
+def _acceleration_steps(
+    law: Law, t: FloatArray, tally: Tally, names: Collection[str], ends: tuple[float, float]
+) -> None:
+    """Offer the jumps of accelerations at breaks, which no jerk at either side would show.
+
+    Before a motion that starts at rest, and after one that ends at rest, accelerations are zero.
+
+    Args:
+        law: The law.
+        t: Breaks [s], (n,).
+        tally: Where findings go.
+        names: The limits of jerk that are judged.
+        ends: The first and the last break [s].
+    """
+    if not names:
+        return
+    q = law(t)
+    resting = np.abs(law(t, 1)).max(axis=1) <= STILL
+    for name in names:
+        before, after = (_accelerations(law, t, tally, name, side) for side in ("left", "right"))
+        before[resting & (t == ends[0])] = 0.0
+        after[resting & (t == ends[1])] = 0.0
+        jump = np.abs(after - before)
+        size = jump if name == "joint_jerk" else np.linalg.norm(jump, axis=1)
+        tally.offer(Use(JUMPS[name], size, AT_ONCE * getattr(tally.limits, name)), t, q)
+
+
+def _accelerations(law: Law, t: FloatArray, tally: Tally, name: str, side: str) -> FloatArray:
+    """The accelerations whose rate a limit of jerk bounds, at one side of times, (n, columns)."""
+    if name == "path_jerk":
+        return np.array(cast("Any", law).s(t, 2, side=side))[:, None]
+    q, dq, ddq = (law(t, order, side=side) for order in range(3))
+    return np.array(ddq if name == "joint_jerk" else tally.arm.tool_acceleration(q, dq, ddq))
+
+
+def find_known_jerks(law: Law, limits: Limits, start: FloatArray) -> tuple[str, ...]:
+    """Find the limits of jerk that can be judged of a law: of joints and tool, along a path.
+
+    Args:
+        law: The law.
+        limits: The limits.
+        start: Its first time [s], (1,).
+    """
+
+    def is_known(along: bool) -> bool:
+        # Of a law without a tool path s is the value of any parameter.
+        if along and getattr(law, "path", None) is None:
+            return False
+        try:
+            _ = cast("Any", law).s(start, 3) if along else law(start, 3)
+        except (InvalidInput, ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+            return False
+        return True
+
+    limited = (x for x in JUMPS if getattr(limits, x) is not None)
+    return tuple(x for x in limited if is_known(x == "path_jerk"))
+
+
+def measure_limit_ratios(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
+    """Measure the largest used share of every limit: 1 is the limit.
+
+    In a program, limits of the tool count along contours, limits of the joints in every move.
+
+    Args:
+        trajectory: The planned motion.
+        arm: The arm.
+        limits: The limits, with one value per joint.
+
+    Returns:
+        A share for the field of every limit that is given and can be judged.
+    """
+    found: dict[str, float] = {}
+    for motion, bounds in _parts(trajectory, limits):
+        for name, ratio in _largest_ratios(motion, arm, bounds).items():
+            found[name] = max(ratio, found.get(name, ratio))
+    return found
+
+
+def _parts(trajectory: Trajectory, limits: Limits) -> Iterator[tuple[Trajectory, Limits]]:
+    """Motions, each with the limits that hold in all of it."""
+    if all(x.kind == "contour" for x in trajectory.spans):
+        yield trajectory, limits
+        return
+    yield trajectory, limits.of_joints
+    for span in trajectory.contour_spans:
+        if span.trajectory is not None:
+            yield span.trajectory, limits.of_tool
+
+
+def _largest_ratios(motion: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
+    """The largest used share of every limit in a motion."""
+    breaks, jerks = motion.smooth_breaks, find_known_jerks(motion, limits, motion.starts[:1])
+    few, enough = (-(-x // (len(breaks) - 1)) for x in (FEWEST, ENOUGH))
+    places = max(LEAST_PLACES, few, min(MOST_PLACES, enough))
+    part, size = np.linspace(0.0, 1.0, places)[:, None], max(1, CHUNK // places)
+    best: dict[str, float] = {}
+    for first in range(0, len(breaks) - 1, size):
+        ends = breaks[first : first + size + 1]
+        t = ends[:-1] + part * np.diff(ends)
+        t[-1] = ends[1:]
+        for use in uses_of_law(motion, arm, limits, t[:-1].ravel(), t[-1], jerks)[-1]:
+            name, ratio = use.name, use.ratio.reshape(*t.shape, -1)
+            least = max(best.get(name, -np.inf), float(ratio.max()))
+            # Both ends of a joint range determine its middle.
+            names = JOINT_RANGE if name in JOINT_RANGE else (name,)
+            only = Limits.only(**{x: getattr(limits, x) for x in names})
+            found = _peaks(motion, arm, name, only, t, ratio, least)
+            best[name] = max([least, *found.tolist()])
+    return best
+
+
+def _peaks(
+    motion: Trajectory,
+    arm: Arm,
+    name: str,
+    only: Limits,
+    t: FloatArray,
+    ratio: FloatArray,
+    least: float,
+) -> FloatArray:
+    """Used shares at the tops of the highest parabolas through three places of an interval.
+
+    Args:
+        motion: The motion.
+        arm: The arm.
+        name: The limit.
+        only: Limits of which the others are lifted.
+        t: Evenly spaced times of every interval [s], (places, n).
+        ratio: Used shares then, (places, n, columns).
+        least: Lower parabolas do not count.
+    """
+    before, middle, after = ratio[:-2], ratio[1:-1], ratio[2:]
+    bend, tilt = before - 2 * middle + after, (after - before) / 2
+    # Elsewhere the highest place is an end.
+    top = np.flatnonzero((bend < 0) & (np.abs(tilt) < -bend))
+    height = middle.flat[top] - tilt.flat[top] ** 2 / (2 * bend.flat[top])
+    order = np.argsort(-height, kind="stable")[:PEAKS]
+    i, k, column = np.unravel_index(top[order[height[order] > least]], middle.shape)
+    if not len(i):
+        return np.zeros(0)
+
+    def measure(t: FloatArray) -> FloatArray:
+        *_, uses = uses_of_law(motion, arm, only, t.ravel(), t[0, :0], only.jerk_limits)
+        values = next(x.ratio for x in uses if x.name == name).reshape(*t.shape, -1)
+        return np.take_along_axis(values, column[:, None, None], axis=2)[..., 0]
+
+    return climb_smooth(t[i, k], t[i + 2, k], measure)

@@ -1,0 +1,304 @@
+"""Set-points within limits of commands, judged by numpy.diff, Clarabel and simulations."""
+
+import json
+
+import clarabel
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import armcontour as ac
+from armcontour.control.compensation import METHODS
+from armcontour.core.render import number
+from armcontour.files.exports import export
+from armcontour.files.job_file import read_job
+from armcontour.files.json_text import data_json
+from armcontour.report import render_report
+
+# Limits of libfranka 0.15 for an FR3, rate_limiting.h; velocities at the middle of the ranges.
+LIBFRANKA = ac.Limits(
+    joint_velocity=[2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26],
+    joint_acceleration=10 - 1e-3,
+    joint_jerk=5000 - 1e-3,
+)
+PERIOD = 1e-3
+# Gains of franky-sim: kp / kv = 10 1/s at every joint.
+SERVO = ac.ServoModel(kp=10.0, order="first")
+
+
+def largest_shares(q, period, limits):
+    """Largest differences of set-points between rests, over their limits."""
+    q = np.pad(q, ((3, 3), (0, 0)), mode="edge")
+    given = (limits.joint_velocity, limits.joint_acceleration, limits.joint_jerk)
+    return [
+        float((np.abs(np.diff(q, k, axis=0)) / period**k / limit).max())
+        for k, limit in enumerate(given, start=1)
+        if limit is not None
+    ]
+
+
+def nearest(q, period, limits):
+    """The nearest set-points by Clarabel, one joint after the other."""
+    count, found = len(q), q.copy()
+    rows = np.clip(np.arange(-3, count + 3), 0, count - 1)
+    repeated = sp.csc_array((np.ones(len(rows)), (np.arange(len(rows)), rows)))
+    scale = 1e3
+    for j in range(q.shape[1]):
+        parts, sides, now = [], [], repeated
+        for k, name in enumerate(("velocity", "acceleration", "jerk"), start=1):
+            now = now[1:] - now[:-1]
+            limit = np.broadcast_to(getattr(limits, f"joint_{name}"), q.shape[1])[j] * period**k
+            for sign in (1.0, -1.0):
+                parts.append(sign * now[:, 1:-1] / (limit * scale))
+                sides.append(1 - sign * now @ q[:, j] / limit)
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
+        size = sum(map(len, sides))
+        solved = clarabel.DefaultSolver(
+            sp.eye(count - 2, format="csc"),
+            np.zeros(count - 2),
+            sp.vstack(parts, format="csc"),
+            np.concatenate(sides),
+            [clarabel.NonnegativeConeT(size)],
+            settings,
+        ).solve()
+        found[1:-1, j] += np.array(solved.x) / scale
+    return found
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return ac.load_arm("fr3")
+
+
+def planned(arm, reserve):
+    """A square of 0.1 m at 250 mm/s, and its plan with a limit of jerk."""
+    q = np.array([0.0, -0.785, 0.0, -2.056, 0.0, 1.771, 0.785])
+    corners = np.array([(-1, 0, 0), (0, 0, 0), (0, 1, 0), (-1, 1, 0), (-1, 0, 0)])
+    path = ac.Path.polyline(arm.tool_position(q[None])[0] + 0.1 * corners).pointing((0, 0, -1))
+    path = ac.round_corners(path, tolerance=5e-4, continuity="curvature")
+    limits = arm.limits.replace(speed=0.25, joint_jerk=4500.0)
+    return path, ac.plan(path, arm, limits, ac.Optimal(start=q, reserve=reserve))
+
+
+@pytest.fixture(scope="module")
+def square(arm):
+    return planned(arm, 0.05)
+
+
+@pytest.fixture(scope="module")
+def free(square):
+    return ac.compensate(square[1], SERVO, period=PERIOD, limits=ac.Limits(joint_velocity=9.0))
+
+
+@pytest.fixture(scope="module")
+def limited(square):
+    return ac.compensate(square[1], SERVO, ac.Inverse(command_limits=LIBFRANKA), period=PERIOD)
+
+
+def test_set_points_for_franky_sim_are_within_libfrankas_limits(square, free, limited):
+    """Without these limits 44 times the acceleration and 59 times the jerk are needed."""
+    plan = square[1]
+    assert min(largest_shares(free.q, PERIOD, LIBFRANKA)[1:]) > 30
+    assert max(largest_shares(limited.q, PERIOD, LIBFRANKA)) <= 1
+    used = [x.max() for x in limited.command_use.values()]
+    assert used == pytest.approx(largest_shares(limited.q, PERIOD, LIBFRANKA), rel=1e-9)
+    # At rest at both ends of the plan.
+    ends = plan([0.0, plan.duration])
+    np.testing.assert_allclose(limited.q[[0, -1]], ends, atol=1e-9)
+    assert "contour error" in str(limited)
+
+
+# Reserve, duration [s], and contour error, RMS and largest [mm]: docs/guides/compensations.md.
+@pytest.mark.parametrize(
+    ("reserve", "duration", "rms", "largest"),
+    [(0.05, 1.751, 0.249, 1.05), (0.3, 1.816, 0.142, 0.443), (0.5, 1.916, 0.0357, 0.177)],
+)
+def test_the_stated_error_is_that_of_the_execution(arm, reserve, duration, rms, largest):
+    path, plan = planned(arm, reserve)
+    plant = ac.ServoPlant(arm, SERVO, saturation="none")
+    fast = ac.Limits(joint_velocity=9.0)
+    taught = [
+        ac.compensate(
+            plan, SERVO, METHODS[method](command_limits=limits), period=PERIOD, limits=fast
+        )
+        for method, limits in (("inverse", LIBFRANKA), ("inverse", None), ("none", None))
+    ]
+    error, exact, plain = (
+        ac.evaluate(ac.execute(x, plant, resolution=PERIOD), path).contour_error for x in taught
+    )
+    assert plan.duration == pytest.approx(duration, abs=6e-4)
+    assert (error.rms * 1e3, error.max * 1e3) == pytest.approx((rms, largest), rel=0.01)
+    cost = taught[0].limit_cost
+    assert (cost.contour_rms, cost.contour_max) == pytest.approx((error.rms, error.max), rel=0.03)
+    assert exact.max < 1e-6
+    if reserve == 0.05:
+        assert (plain.rms * 1e3, plain.max * 1e3) == pytest.approx((2.18, 7.67), rel=0.01)
+        used = largest_shares(taught[1].q, PERIOD, LIBFRANKA)[1:]
+        assert used == pytest.approx([44, 59], rel=0.01)
+        assert largest_shares(taught[2].q, PERIOD, LIBFRANKA)[1:] == pytest.approx(
+            [0.95, 0.86], rel=0.01
+        )
+
+
+def test_set_points_are_the_nearest_ones(free, limited):
+    more = round((free.start_time - limited.start_time) / PERIOD)
+    q = np.pad(free.q, ((more, more), (0, 0)), mode="edge")
+    np.testing.assert_allclose(limited.q, nearest(q, PERIOD, LIBFRANKA), atol=2e-7)
+    deviation = np.abs(limited.q - q).max(axis=0)
+    np.testing.assert_allclose(limited.limit_cost.deviation, deviation, atol=1e-12)
+    # Joint 7 stands still, and no limit binds.
+    np.testing.assert_array_equal(limited.q[:, 6], q[:, 6])
+
+
+@pytest.mark.parametrize("method", ["inverse", "none", "pole_placement"])
+def test_limits_that_do_not_bind_change_nothing(square, method):
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    free = ac.compensate(square[1], servo, METHODS[method]())
+    wide = ac.Limits(joint_velocity=9.0, joint_acceleration=1e4, joint_jerk=1e7)
+    kept = ac.compensate(square[1], servo, METHODS[method](command_limits=wide))
+    np.testing.assert_array_equal(kept.q, free.q)
+    assert kept.start_time == free.start_time and kept.limit_cost is None
+    assert max(x.max() for x in kept.command_use.values()) < 1
+
+
+def test_set_points_beyond_a_range_alone_are_moved_to_its_end(square, free):
+    """Other limits do not bind, so the nearest set-points are those of numpy.minimum."""
+    upper = np.full(7, 3.0)
+    upper[5] = (free.q[:, 5].max() + square[1](np.linspace(0, 1.75, 999))[:, 5].max()) / 2
+    limits = ac.Limits(joint_upper=upper, joint_velocity=9.0)
+    found = ac.compensate(square[1], SERVO, ac.Inverse(command_limits=limits), period=PERIOD)
+    more = round((free.start_time - found.start_time) / PERIOD)
+    q = np.pad(free.q, ((more, more), (0, 0)), mode="edge")
+    assert (q > upper).any() and (found.q <= upper).all()
+    np.testing.assert_allclose(found.q, np.minimum(q, upper), atol=1e-8)
+    np.testing.assert_array_equal(found.q[:, :5], q[:, :5])
+
+
+def test_a_motion_at_its_limits_all_the_time_gets_set_points_that_take_longer():
+    """One joint accelerates and brakes: between the same ends no jerk is possible in this time."""
+    arm = ac.PlanarTwoLink(name="rods", links=(0.3, 0.3), base=0.0, limits=ac.Limits())
+    limits = ac.Limits(joint_acceleration=10.0)
+    plan = ac.plan(ac.JointPath.spline([(0.1, 0.9), (0.9, 0.9)]), arm, limits)
+    tight = limits.replace(joint_jerk=500.0)
+    servo = ac.ServoModel(order="delay", dead_time=3e-3)
+    for method in ("none", "inverse"):
+        found = ac.compensate(plan, servo, METHODS[method](command_limits=tight), period=2e-3)
+        assert max(largest_shares(found.q, 2e-3, tight)) <= 1
+        assert found.start_time < 0 and found.t[-1] > plan.duration
+        assert found.limit_cost.contour_rms is None
+        assert 1e-4 < found.limit_cost.deviation[0] < 5e-3
+
+
+@pytest.mark.parametrize(
+    ("limits", "name", "allowed"),
+    [
+        (ac.Limits(joint_acceleration=5.0, joint_jerk=5000.0), "joint_acceleration", 5.0),
+        (ac.Limits(joint_velocity=0.2), "joint_velocity", 0.2),
+        (ac.Limits(joint_upper=[3.0, 3.0, 3.0, 0.0, 3.0, 1.1, 3.0]), "joint_upper", 1.1),
+        (ac.Limits(joint_jerk=1.0), "joint_jerk", 1.0),
+    ],
+)
+def test_a_plan_above_the_limits_is_refused(square, limits, name, allowed):
+    with pytest.raises(ac.CompensationError, match="command_limits") as refusal:
+        ac.compensate(square[1], SERVO, ac.Inverse(command_limits=limits), period=PERIOD)
+    error = refusal.value
+    assert error.limit == name and error.allowed == allowed < error.needed
+    orders = {"joint_upper": 0, "joint_velocity": 1, "joint_acceleration": 2}
+    if name in orders:
+        planned = square[1].with_rests(np.array([error.t]), orders[name])[0, error.joint]
+        assert abs(planned) == pytest.approx(error.needed, rel=0.1)
+
+
+def test_only_limits_of_joints_limit_commands(square):
+    with pytest.raises(ac.InvalidInput, match="speed"):
+        ac.compensate(square[1], SERVO, ac.Inverse(command_limits=ac.Limits(speed=0.1)))
+
+
+def test_written_set_points_are_within_the_limits(limited, arm, tmp_path):
+    for name, form in (("taught.csv", ac.CsvFormat), ("taught.npz", ac.NpzFormat)):
+        export(limited, tmp_path / name, form(derivatives=0), arm=arm)
+    table = np.genfromtxt(tmp_path / "taught.csv", delimiter=",", skip_header=1)
+    with np.load(tmp_path / "taught.npz") as arrays:
+        exact = arrays["q"]
+    for q in (table[:, 1:8], exact):
+        assert max(largest_shares(q, PERIOD, LIBFRANKA)) <= 1
+
+
+def test_programs_with_fewer_digits_say_what_rounding_needs(tmp_path):
+    """URScript has 6 decimals, at 2 ms up to 500 rad/s³ of jerk; csv has 12."""
+    arm = ac.load_arm("ur5e")
+    start, end = [0.0, -1.5, 1.5, -1.5, -1.5, 0.0], [0.3, -1.2, 1.2, -1.4, -1.6, 0.2]
+    plan = ac.plan(ac.JointPath.spline([start, end]), arm, arm.limits.replace(joint_jerk=400.0))
+    servo = ac.ServoModel(kp=25.0, order="first")
+    limits = ac.Limits(joint_jerk=1000.0)
+    taught = ac.compensate(plan, servo, ac.Inverse(command_limits=limits), period=2e-3)
+    with pytest.warns(UserWarning, match="joint_jerk"):
+        export(taught, tmp_path / "taught.script", arm=arm)
+    lines = (tmp_path / "taught.script").read_text(encoding="utf-8").splitlines()
+    rows = [x.split("[")[1].split("]")[0].split(",") for x in lines if "servoj([" in x]
+    jerk = np.abs(np.diff(np.array(rows, dtype=float), 3, axis=0)).max() / 2e-3**3
+    assert 1000 < jerk < 1500
+    export(taught, tmp_path / "taught.csv", arm=arm)
+
+
+def test_learning_keeps_the_limits(square, arm, limited):
+    """Of a robot with other gains than its model; lessons without limits exceed them."""
+    robot = ac.ServoPlant(arm, SERVO.replace(kp=9.0), saturation="none")
+    taught, errors = limited, []
+    for _ in range(3):
+        done = ac.execute(taught, robot, resolution=PERIOD)
+        errors.append(ac.evaluate(done, square[0]).contour_error.rms)
+        taught = ac.learn(taught, done, arm=arm, servo=SERVO)
+        assert taught.command_limits is not None
+        assert max(largest_shares(taught.q, PERIOD, LIBFRANKA)) <= 1 + 1e-9
+    assert errors[-1] < errors[0]
+
+
+JOB = """
+name: square
+arm: fr3
+path:
+  points: [[0.45, -0.05, 0.4], [0.55, -0.05, 0.4], [0.55, 0.05, 0.4]]
+  orientation: {axis: [0, 0, -1]}
+limits: {speed: 250 mm/s, joint_velocity: 9 rad/s, joint_jerk: 4500 rad/s^3}
+corners: {tolerance: 0.5 mm}
+servo: {kp: 10 1/s, order: first}
+command_interval: 1 ms
+command_limits: {joint_acceleration: 9.999 rad/s^2, joint_jerk: 4999 rad/s^3}
+runs:
+  strict: {timing: {reserve: 5 %}}
+  wide: {timing: {reserve: 5 %}, command_limits: {joint_acceleration: inf, joint_jerk: 1e7}}
+"""
+
+
+def test_a_job_has_command_limits_and_its_results_state_use_and_cost(tmp_path):
+    place = tmp_path / "job.yaml"
+    place.write_text(JOB, encoding="utf-8")
+    job = read_job(place)
+    assert job.runs[1].compensation.command_limits.joint_acceleration is None
+    study = ac.jobs.run(job)
+    strict, wide = study.runs.values()
+    limits = ac.Limits(joint_acceleration=9.999, joint_jerk=4999.0)
+    assert max(largest_shares(strict.taught.q, PERIOD, limits)) <= 1
+    error = strict.evaluation.contour_error
+    assert strict.taught.limit_cost.contour_max == pytest.approx(error.max, rel=0.02)
+    assert any("command_limits" in x and "contour error" in x for x in strict.warnings)
+    assert any("command limits" in x for x in strict.remarks)
+    assert wide.taught.limit_cost is None and wide.evaluation.contour_error.max < 1e-6
+    found = json.loads(data_json(study.to_data()))["runs"]
+    assert found["strict"]["limit_contour_max"] == strict.taught.limit_cost.contour_max
+    assert max(found["strict"]["command_use"]["joint_jerk"]) == pytest.approx(1, abs=1e-5)
+    assert found["wide"]["limit_contour_max"] == 0
+    page = render_report(study)
+    assert "command limit" in page and number(strict.taught.limit_cost.contour_max, "m") in page
+
+
+def test_other_keys_of_command_limits_are_refused(tmp_path):
+    place = tmp_path / "job.yaml"
+    place.write_text(
+        JOB.replace("{joint_acceleration: 9.999", "{speed: 1 m/s, joint_acceleration: 9")
+    )
+    with pytest.raises(ac.InvalidInput, match="speed"):
+        read_job(place)

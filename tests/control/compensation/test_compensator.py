@@ -1,0 +1,173 @@
+"""Set-points in closed form, the plain and the inverse compensation, and what is refused."""
+
+from functools import partial
+from itertools import product
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.control.compensation import METHODS
+from armcontour.motion import PathLaw, Rates
+
+from .motions import laps
+
+KP, KV = np.array([25.0, 20.0]), np.array([150.0, 100.0])
+UNEVEN = ac.ServoModel(kp=KP, kv=KV)
+NAMES = ("none", "inverse", "pole_placement")
+
+
+def smooth(duration=1.0, size=(0.4, -0.3)):
+    """From rest to rest with acceleration that starts and ends at zero: 10 x³ - 15 x⁴ + 6 x⁵."""
+    coefficients = np.zeros((1, 6, 2))
+    coefficients[0, 3:] = np.outer([10, -15, 6], size)
+    law = PathLaw(
+        joint_path=ac.JointPath(breaks=np.array([0.0, 1.0]), coefficients=coefficients),
+        breaks=np.array([0.0, duration]),
+        s=np.array([0.0, 1.0]),
+        rates=Rates(*np.array([[1 / duration], [0.0], [0.0], [0.0]])),
+    )
+    return ac.Trajectory(laws=(law,), method="hand")
+
+
+def test_a_ramp_in_closed_form():
+    ramp = laps([0.0, 1.0], [(0.5, -1.0)], [(0.0, 0.0)])
+    taught = ac.compensate(ramp, UNEVEN, ac.Inverse(), period=0.01)
+    t = taught.t
+    lead = np.array([0.5, -1.0]) / KP  # the velocity error of the servo
+    expected = np.array([0.3, -0.2]) + np.outer(t, [0.5, -1.0]) + lead
+    inside = (t > 0.125) & (t < 0.875)  # away from the jumps of velocity at both ends
+    np.testing.assert_allclose(taught.q[inside], expected[inside], atol=1e-14)
+    # Before it the arm stands at the start of the plan.
+    np.testing.assert_array_equal(taught.q[0], (0.3, -0.2))
+    np.testing.assert_allclose(taught.q[-1], (0.8, -1.2), atol=1e-14)
+    assert taught.start_time == -0.01
+    assert len(taught.q) == 103 and taught.period == 0.01 and taught.method == "inverse"
+
+
+@pytest.mark.parametrize(("interpolation", "gain"), [("linear", 1 / 12), ("cubic", 0.0)])
+def test_a_parabola_in_closed_form(interpolation, gain):
+    a, h = np.array([0.7, -0.4]), 0.01
+    curve = laps([0.0, 1.0], [(0.1, 0.0)], [a])
+    servo = UNEVEN.replace(interpolation=interpolation)
+    taught = ac.compensate(curve, servo, ac.Inverse(), period=h)
+    inside = (taught.t > 0.125) & (taught.t < 0.875)
+    t = taught.t[inside, None]
+    dq = np.array([0.1, 0.0]) + a * t
+    q = np.array([0.3, -0.2]) + np.array([0.1, 0.0]) * t + a * t**2 / 2
+    # Between points of a parabola lines are above it by a h² / 12 on average, cubics are on it.
+    expected = q + dq / KP + a / (KP * KV) - gain * a * h**2
+    np.testing.assert_allclose(taught.q[inside], expected, atol=1e-14)
+
+
+@pytest.mark.parametrize(("interpolation", "most"), [("linear", 1.02), ("cubic", 1.17)])
+def test_jumps_of_acceleration_ask_for_little_more_wherever_they_are(arm, interpolation, most):
+    a = np.array([0.7, -0.4])
+    servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation=interpolation)
+    plant = ac.ServoPlant(arm, servo, ac.Limits.only(), saturation="none")
+    for phase in np.linspace(0, 1, 8, endpoint=False):
+        half = 0.3 + phase * 4e-3
+        plan = laps([0, half, 2 * half], [(0.0, 0.0), half * a], [a, -a])
+        taught = ac.compensate(plan, servo, ac.Inverse(), period=4e-3)
+        done = ac.execute(taught, plant, resolution=4e-3 / 16)
+        assert (np.abs(done.demand_range) < most * np.abs(a)).all()
+        # Values of the exact command would ask for up to 1.31 and 1.44, and leave up to 8e-6 rad.
+        assert np.abs(done.q - plan.with_rests(done.t)).max() < 2e-6
+
+
+def test_rests_and_ends_are_the_plans():
+    # At full acceleration from rest, as optimal plans begin.
+    plan = laps([0.0, 0.5, 1.0], [(0.0, 0.0), (0.5, -0.5)], [(1.0, -1.0), (-1.0, 1.0)])
+    still = laps([0.0, 1.0], np.zeros((1, 2)), np.zeros((1, 2)))
+    for method in NAMES:
+        taught = ac.compensate(plan, UNEVEN, METHODS[method](), period=0.01)
+        np.testing.assert_array_equal(taught.q[0], plan(0.0), err_msg=method)
+        q = ac.compensate(still, UNEVEN, METHODS[method](), period=0.05).q
+        np.testing.assert_allclose(q, np.tile((0.3, -0.2), (len(q), 1)), atol=1e-14)
+    trajectory = smooth()
+    taught = ac.compensate(trajectory, UNEVEN, ac.NoCompensation(), period=0.1)
+    np.testing.assert_allclose(taught.q, trajectory(taught.t.clip(0, 1)), atol=1e-14)
+    assert taught.trajectory is trajectory
+
+
+@pytest.mark.filterwarnings("ignore:The command interval")
+def test_the_last_set_point_is_the_end():
+    trajectory = smooth()
+    for method, period in product(NAMES, (0.1, 0.3, 4e-3, 1.0)):
+        taught = ac.compensate(trajectory, UNEVEN, METHODS[method](), period=period)
+        np.testing.assert_array_equal(taught.q[-1], trajectory(1.0), err_msg=f"{method}, {period}")
+        # The first set-point that may be the end is the first at or after it; of means, half an
+        # interval after it.
+        least = 1.0 - 1e-9 + (period / 2 if method == "inverse" else 0.0)
+        assert taught.t[-1] >= least, (method, period)
+        assert method == "pole_placement" or taught.t[-1] < least + period, (method, period)
+    # Durations are sums of many laps: a little more or less than 0.3 s is 0.3 s.
+    for method, more in (("none", 0), ("inverse", 2)):  # the inverse has one before and one after
+        for duration in (0.3 * (1 - 1e-11), 0.3, 0.3 * (1 + 1e-11)):
+            for period, count in ((0.1, 4), (0.01, 31), (0.3, 2)):
+                taught = ac.compensate(smooth(duration), UNEVEN, METHODS[method](), period=period)
+                assert len(taught.q) == count + more, (method, duration, period)
+
+
+@pytest.mark.parametrize("method", NAMES)
+def test_compensation_is_linear(method):
+    times = [0.0, 0.3, 0.5, 0.9]
+    rng = np.random.default_rng(0)
+    given = rng.normal(size=(2, 3, 2)), rng.normal(size=(2, 3, 2)), rng.normal(size=(2, 2))
+    a, b = 0.7, -2.5
+
+    def taught(*k):
+        trajectory = laps(times, *(np.tensordot(k, x, 1) for x in given))
+        return ac.compensate(trajectory, UNEVEN, METHODS[method](), period=0.01).q
+
+    np.testing.assert_allclose(taught(a, b), a * taught(1, 0) + b * taught(0, 1), atol=1e-11)
+
+
+def test_the_inverse_undoes_the_servo(arm):
+    trajectory = smooth()
+    plant = ac.ServoPlant(arm, UNEVEN, ac.Limits.only())
+    errors = []
+    for period in (8e-3, 4e-3, 2e-3):
+        taught = ac.compensate(trajectory, UNEVEN, ac.Inverse(), period=period)
+        done = ac.execute(taught, plant, resolution=period)
+        errors.append(np.abs(done.q - trajectory(done.t.clip(0, 1.0))).max())
+    # Means over intervals, and lines between them, leave errors of second order in the period. They
+    # are made up for but next to both ends.
+    assert errors[0] / errors[1] > 5 and errors[1] / errors[2] > 5
+    assert errors[2] < 2e-7
+
+
+def test_refused_options(refuses):
+    three = ac.ServoModel(kp=[1.0, 2.0, 3.0], kv=150.0)
+    for servo, options, words in (
+        (UNEVEN, {"options": "inverse"}, "CompensationOptions"),
+        (UNEVEN, {"period": 0.0}, "above zero"),
+        (UNEVEN, {"period": -1e-3}, "-0.001 s"),
+        (UNEVEN, {"period": np.nan}, "finite"),
+        (three, {}, "kp has 3 values"),
+    ):
+        refuses(partial(ac.compensate, smooth(), servo, **options), ac.InvalidInput, words)
+    refuses(lambda: ac.Inverse(poles=[-1, -1, -1]), ac.InvalidInput, "poles")
+    refuses(lambda: ac.PolePlacement(gravity_feedforward=True), ac.InvalidInput, "gravity")
+    refuses(ac.CompensationOptions, ac.InvalidInput)
+
+
+def test_joints_of_several_orders_are_compensated_by_the_inverse(refuses):
+    servo = ac.ServoModel(
+        kp=[25.0, np.inf], kv=[150.0, np.inf], order=("second", "delay"), dead_time=[0.0, 8e-3]
+    )
+    arm = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=ac.Limits())
+    plan = smooth()
+    taught = ac.compensate(plan, servo)
+    assert taught.method == "inverse"
+    off = {}
+    for method in ("inverse", "none"):
+        done = ac.execute(ac.compensate(plan, servo, METHODS[method]()), ac.ServoPlant(arm, servo))
+        off[method] = np.abs(done.q - plan(np.clip(done.t, 0, plan.duration))).max(axis=0)
+    assert (off["inverse"] < 0.02 * off["none"]).all()
+    call = partial(ac.compensate, plan, servo, ac.PolePlacement())
+    refuses(call, ac.InvalidInput, "order second, delay", "take the compensation inverse")
+    # A joint without a model keeps its plan; bodies take no other loops.
+    unknown = ac.ServoModel(order="unknown")
+    kept = ac.compensate(plan, unknown)
+    np.testing.assert_allclose(kept.q, plan(np.clip(kept.t, 0, plan.duration)), atol=1e-5)

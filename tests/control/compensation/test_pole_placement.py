@@ -1,0 +1,415 @@
+"""Compensation by pole placement, its fastest poles, and the lead of set-points in time."""
+
+from functools import partial
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy import integrate, signal
+
+import armcontour as ac
+from armcontour.control.compensation import METHODS
+from armcontour.control.compensation.pole_placement import default_poles
+from armcontour.control.compensation.poles import extreme_demands, fastest_poles, pole_behaviour
+from armcontour.motion import Law
+
+from .motions import laps
+
+UNEVEN = ac.ServoModel(kp=[25.0, 10.0], kv=[150.0, 300.0])
+
+
+def compensator_26(kp, kv, m1, m2, g):
+    """F of (26) with the paper's a0 to a3; the leading minus is dropped, or F(0) were -1."""
+    x = (kv + g) * (m1 + m2) + kv**2 + m1 * m2 + kv * g
+    a0 = -m1 * m2 * g
+    a1 = x - m1 * m2 * g / kp
+    a2 = x / kp - m1 * m2 * g / (kp * kv)
+    a3 = x / (kp * kv)
+    numerator = np.real([a3, a2, a1, a0])
+    denominator = np.real(np.poly([m1, m2, g]))
+    return signal.TransferFunction(numerator, denominator)
+
+
+POLES = (
+    [-75, -75, -75],
+    [-50, -50, -50],  # the paper's, without a velocity error
+    [-60, -90, -140],
+    [-400, -500, -700],
+    [-100 + 80j, -100 - 80j, -150],
+    [-5, -20, -3000],
+    [-3 + 2j, -3 - 2j, -2000],
+)
+
+
+def place(motion, servo, poles=None, **more):
+    return ac.compensate(motion, servo, ac.PolePlacement(poles=poles), **more)
+
+
+def test_set_points_are_26_applied_to_the_trajectory():
+    # Straight pieces between multiples of the period: SciPy's first-order hold is exact for them.
+    velocities = np.random.default_rng(1).normal(size=(3, 2))
+    start = np.array([0.4, -1.1])
+    motion = laps([0.0, 0.04, 0.1, 0.2], velocities, np.zeros((3, 2)), start)
+    for poles, period in product(POLES, (4e-3, 1e-3)):
+        taught = place(motion, UNEVEN, period=period, poles=poles)
+        at = taught.t[:-1]  # the last one is the end itself
+        for j in range(2):
+            system = compensator_26(UNEVEN.kp[j], UNEVEN.kv[j], *poles)
+            source = motion(at.clip(0, 0.2))[:, j] - start[j]
+            _, expected, _ = signal.lsim(system, source, at)
+            near = 1e-9 * max(np.abs(expected).max(), 1.0)
+            q = taught.q[:-1, j] - start[j]
+            np.testing.assert_allclose(q, expected, atol=near, err_msg=f"{poles}, {period}")
+    # Parabolas: SciPy converges to the set-points as its grid gets finer.
+    motion = laps([0.0, 0.1, 0.2], [(0.0, 0.2), (0.3, 0.0)], [(3.0, -2.0), (-3.0, 1.0)], (0.0, 0.0))
+    taught = place(motion, UNEVEN, period=0.01, poles=[-75] * 3)
+    system, errors = compensator_26(25.0, 150.0, -75, -75, -75), []
+    for parts in (10, 100):
+        t = np.arange(20 * parts + 1) * (0.01 / parts)
+        _, expected, _ = signal.lsim(system, motion(t.clip(0, 0.2))[:, 0], t)
+        errors.append(np.abs(expected[::parts] - taught.q[:21, 0])[:20].max())
+    assert errors[0] / errors[1] == pytest.approx(100, rel=0.2)
+    assert errors[1] < 1e-6
+
+
+def test_poles_per_joint_and_nothing_lost_between_set_points():
+    motion = laps([0.0, 0.2], [(1.0, 1.0)], [(0.0, 0.0)], (0.0, 0.0))
+    poles = [POLES[0], POLES[2]]
+    both = place(motion, UNEVEN, period=0.01, poles=poles)
+    for j in range(2):
+        one = place(motion, UNEVEN, period=0.01, poles=poles[j])
+        n = min(len(one.q), len(both.q)) - 1
+        np.testing.assert_allclose(both.q[:n, j], one.q[:n, j], atol=1e-12)
+    times, dq = [0.0, 0.0137, 0.1011, 0.2], [(0.0, 0.2), (0.3, 0.0), (1.0, 1.0)]
+    motion = laps(times, dq, np.ones((3, 2)), (0, 0))
+    coarse, fine = (place(motion, UNEVEN, period=x) for x in (0.05, 0.001))
+    n = len(coarse.q) - 1
+    np.testing.assert_allclose(coarse.q[:n], fine.q[: 50 * n : 50], atol=1e-12)
+    # DC gain 1: before the last set-point is put there, it is there already.
+    motion = laps([0.0, 0.2], [(1.0, -2.0)], [(0.0, 0.0)], (0.5, 0.5))
+    taught = place(motion, UNEVEN, period=0.01)
+    np.testing.assert_allclose(taught.q[-2], motion(0.2), atol=1e-12)
+    np.testing.assert_array_equal(taught.q[-1], motion(0.2))
+
+
+def test_default_poles_cancel_the_zero_and_all_joints_trail_alike(arm):
+    placed = default_poles(UNEVEN.for_joints(2))
+    np.testing.assert_array_equal(placed, [[-150, -150, -150], [-150, -150, -300]])
+    for kv, (m1, m2, g) in zip(UNEVEN.kv, placed, strict=True):
+        x = (kv + g) * (m1 + m2) + kv**2 + m1 * m2 + kv * g
+        # F G = (X s - m1 m2 g) / ((s - m1)(s - m2)(s - g)) = 150² / (s + 150)² on every joint.
+        s = np.array([1j, 30j, 500j])
+        together = (x * s - m1 * m2 * g) / ((s - m1) * (s - m2) * (s - g))
+        np.testing.assert_allclose(together, 150**2 / (s + 150) ** 2, rtol=1e-12)
+    alike = laps([0.0, 0.2, 0.4], [(1.0, 1.0), (-1.0, -1.0)], np.zeros((2, 2)), (0.0, 0.0))
+    plant = ac.ServoPlant(arm, UNEVEN, ac.Limits.only())
+    gap = {}
+    for method in ("pole_placement", "none"):
+        taught = ac.compensate(alike, UNEVEN, METHODS[method](), period=2e-4)
+        done = ac.execute(taught, plant, resolution=2e-4)
+        gap[method] = np.abs(np.diff(done.q, axis=1)).max()
+    assert gap["pole_placement"] < 1e-4 < 1e-2 < gap["none"]
+
+
+def demand_over_acceleration(arm, poles, accelerations, times, kv=150.0):
+    """Largest demand of an unsaturated servo, as a share of the plan's largest acceleration."""
+    servo = ac.ServoModel(kp=25.0, kv=kv)
+    a = np.asarray(accelerations, float)
+    h = np.diff(times)
+    dq = np.concatenate([[0.0], np.cumsum(a * h)[:-1]])
+    both = np.stack([dq, dq], axis=1), np.stack([a, a], axis=1)
+    motion = laps(times, *both, (0.0, 0.0))
+    taught = place(motion, servo, period=2e-4, poles=poles)
+    # Up to the end of the motion only: there the velocity jumps to zero.
+    kept = round(times[-1] / 2e-4) + 1
+    cut = ac.TaughtData(period=2e-4, q=taught.q[:kept], trajectory=motion, method="cut")
+    done = ac.execute(cut, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=2e-4)
+    return np.abs(done.demand[:kept]).max() / np.abs(a).max()
+
+
+def test_l1_norm_of_the_triple_pole_at_minus_50(arm):
+    # Impulse response of F G at K_v = 150: (7500 t - 125000 t²) exp(-50 t), negative from 0.06 s.
+    def response(t):
+        return (7500 * t - 125000 * t**2) * np.exp(-50 * t)
+
+    norm = sum(abs(integrate.quad(response, *ab)[0]) for ab in ((0, 0.06), (0.06, 1.0)))
+    assert norm == pytest.approx(1.498, abs=5e-4)  # docs/method.md
+    # The worst plan turns its full acceleration round just when the response changes its sign.
+    worst = demand_over_acceleration(arm, [-50] * 3, [-1.0, 1.0], [0.0, 0.6, 0.66])
+    assert worst == pytest.approx(norm, rel=2e-3)
+
+
+def test_no_headroom_is_needed_for_triple_poles_from_half_kv_to_kv(arm):
+    # The response (X t + (p³ - p X) t² / 2) exp(-p t) changes sign at t0, if at all.
+    kv = 150.0
+    for pole in (60, 65, 75, 100, 150, 250, 300):
+        x = kv**2 - 3 * kv * pole + 3 * pole**2
+        bend = (pole**3 - pole * x) / 2
+        if 75 <= pole <= 150:
+            switches = np.cumsum(np.random.default_rng(pole).uniform(0.01, 0.05, 20))
+            times = np.round(np.concatenate([[0.0], switches]) / 2e-4) * 2e-4
+            signs = np.where(np.arange(20) % 2, 1.0, -1.0)
+            assert demand_over_acceleration(arm, [-pole] * 3, signs, times) <= 1 + 1e-3, pole
+        else:
+            turn = round(-x / bend / 2e-4) * 2e-4
+            assert turn > 0
+            times = [0.0, 0.6, 0.6 + turn]
+            assert demand_over_acceleration(arm, [-pole] * 3, [-1.0, 1.0], times) > 1 + 2e-3, pole
+
+
+def test_velocity_error_vanishes_when_the_poles_sum_to_minus_kv(arm, servo):
+    ramp = laps([0.0, 1.0], [(1.0, 1.0)], [(0.0, 0.0)], (0.0, 0.0))
+    for poles, vanishes in (([-50] * 3, True), ([-30, -50, -70], True), ([-75] * 3, False)):
+        taught = place(ramp, servo, period=1e-3, poles=poles)
+        done = ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-3)
+        lag = 0.99 - done.q[990, 0]
+        m1, m2, g = poles
+        # Coefficient with which velocity enters the error, from F G at low frequency.
+        assert abs(lag - 150 * (150 + g + m1 + m2) / (g * m1 * m2)) < 1e-5
+        assert (abs(lag) < 1e-5) == vanishes, poles
+
+
+def test_poles_that_cannot_be_are_refused(refuses):
+    motion = laps([0.0, 0.2], [(1.0, 1.0)], [(0.0, 0.0)], (0.0, 0.0))
+    for poles, words, joint in (
+        ([-1, -1, 0], "negative real parts", 0),
+        ([[-1, -1, -1], [-1, 2, -1]], "without bound", 1),
+        ([1 + 1j, 1 - 1j, -1], "negative real parts", 0),
+        ([-1, -1], "2 rows of three", None),
+        ([[-1, -1, -1]] * 3, "three finite numbers", None),
+        ([-1, -1, np.nan], "finite", None),
+        ([-1 + 1j, -1 + 1j, -1], "complex conjugates", None),
+        ([-1 + 1j, -1, -1], "complex conjugates", None),
+        ([-1, -1 + 1j, -1 - 1j], "observer pole real", None),
+        ("fast", "three finite numbers", None),
+    ):
+        kind = ac.CompensationError if joint is not None else ac.InvalidInput
+        refuses(partial(place, motion, UNEVEN, poles=poles), kind, words, joint=joint)
+
+
+SERVO = ac.ServoModel(kp=25.0, kv=150.0)
+
+
+@pytest.fixture(scope="module")
+def plan(traced, arm, limits):
+    # With 1.4 % of the acceleration to spare.
+    return ac.plan(traced, arm, limits.replace(joint_acceleration=0.71), ac.Paper(knots=200))
+
+
+def test_lag_and_demand():
+    for poles, lag, demand in (
+        ([-50, -50, -50], 0.0, 1.498),
+        ([-75, -75, -75], 2 / 75, 1.0),
+        ([-150, -150, -150], 2 / 150, 1.0),
+        ([-30, -30, -30], -1 / 3, 6.728),
+        ([-300, -300, -300], 1 / 240, 1.047),
+        ([-800, -800, -150], 2 / 800, 1.0),
+    ):
+        found = pole_behaviour(SERVO, poles)
+        np.testing.assert_allclose(found.lag, lag, atol=1e-12)
+        np.testing.assert_allclose(found.demand, demand, rtol=1e-4)
+        assert (found.peaking[0] > 1.0001) == (demand > 1), poles
+
+
+def test_peaking_and_demand_of_complex_poles():
+    poles = np.array([-60 + 80j, -60 - 80j, -90])
+    found = pole_behaviour(ac.ServoModel(kp=25.0, kv=[150.0, 40.0]), poles)
+    m1, m2, g = poles
+    for j, kv in enumerate((150.0, 40.0)):
+        x = (kv + g) * (m1 + m2) + kv**2 + m1 * m2 + kv * g
+        rest = [(x * p - m1 * m2 * g) / np.prod([p - r for r in poles if r != p]) for p in poles]
+
+        def response(t, rest=rest):
+            return float(np.real(sum(a * np.exp(p * t) for a, p in zip(rest, poles, strict=True))))
+
+        norm = integrate.quad(lambda t, f=response: abs(f(t)), 0, 0.5, limit=500)[0]
+        np.testing.assert_allclose(found.demand[j], norm, rtol=1e-3)
+        w = 1j * np.linspace(0, 500, 100001)
+        size = np.abs((x * w - m1 * m2 * g) / ((w - m1) * (w - m2) * (w - g)))
+        np.testing.assert_allclose(found.peaking[j], size.max(), rtol=1e-4)
+
+
+def test_demands_are_those_of_the_plant(arm):
+    q = np.cumsum(np.random.default_rng(3).normal(size=(40, 2)), axis=0) * 1e-3
+    still = laps([0.0, 1.0], np.zeros((1, 2)), np.zeros((1, 2)))
+    for interpolation in ("linear", "step", "cubic"):
+        servo = ac.ServoModel(kp=[25.0, 60.0], kv=[150.0, 40.0], interpolation=interpolation)
+        low, high = extreme_demands(servo.for_joints(2), q, 0.01)
+        taught = ac.TaughtData(period=0.01, q=q, trajectory=still, method="x")
+        done = ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-5)
+        n = np.searchsorted(done.t, 0.39 - 1e-9)
+        # A held command jumps, and so does the demand: the plant lists what is before, the other
+        # both.
+        np.testing.assert_allclose(np.maximum(-low, high), done.peak_demand, rtol=2e-5)
+        assert (done.demand[:n].min(axis=0) >= low * (1 + 1e-5)).all()
+        assert (done.demand[:n].max(axis=0) <= high * (1 + 1e-5)).all()
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+def test_the_fastest_poles_just_do_not_saturate(arm, plan, interpolation):
+    servo = ac.ServoModel(kp=[25.0, 20.0], kv=[150.0, 120.0], interpolation=interpolation)
+    poles = fastest_poles(servo, plan, arm.limits)
+    p = -poles[0, 0]
+    np.testing.assert_array_equal(poles, [[-p, -p, -150.0], [-p, -p, -120.0]])
+    assert p > {"linear": 300, "cubic": 100}[interpolation]
+    for share, saturates in ((1.0, False), (1.03, True)):
+        placed = np.column_stack([share * poles[:, :2], poles[:, 2]])
+        taught = ac.compensate(plan, servo, ac.PolePlacement(poles=placed))
+        done = ac.execute(taught, ac.ServoPlant(arm, servo, arm.limits))
+        assert (done.peak_demand > 0.72).any() == saturates
+
+
+def test_the_fastest_poles_follow_better_and_stop_at_the_interval(arm, plan, rounded, limits):
+    rms = []
+    for poles in (None, fastest_poles(SERVO, plan, limits)):
+        taught = ac.compensate(plan, SERVO, ac.PolePlacement(poles=poles))
+        done = ac.execute(taught, ac.ServoPlant(arm, SERVO, arm.limits))
+        rms.append(ac.evaluate(done, rounded, limits=limits).contour_error.rms)
+    assert rms[1] < rms[0] / 5
+    loose = ac.Limits.only(joint_acceleration=100.0)
+    poles = fastest_poles(SERVO, plan, loose, period=0.02)
+    np.testing.assert_allclose(poles[:, 0], -20 / 0.02)
+
+
+def test_refused(mac, arm, refuses):
+    # A plan at the limit leaves nothing for the corners of the interpolated command.
+    call = partial(fastest_poles, SERVO, mac, arm.limits, period=4e-3)
+    data = {"limit": "joint_acceleration", "allowed": 0.72}
+    refuses(call, ac.CompensationError, "saturates with any poles", **data)
+    call = partial(fastest_poles, SERVO, mac, ac.Limits.only())
+    refuses(call, ac.InvalidInput, "give joint_acceleration")
+    first = ac.ServoModel(kp=25.0, order="first")
+    for call in (
+        partial(fastest_poles, first, mac, arm.limits),
+        partial(pole_behaviour, first, [-1, -1, -1]),
+        partial(ac.compensate, mac, first, ac.PolePlacement()),
+    ):
+        refuses(call, ac.InvalidInput, "order second", "take the compensation inverse")
+
+
+DURATION = 0.6
+
+
+class Smooth(Law):
+    """A swing with velocity, acceleration and jerk 0 at both ends."""
+
+    breaks = np.array([0.0, DURATION])
+
+    def on_interval(self, i, t, order):
+        x = t / DURATION
+        s = np.polynomial.Polynomial([0, 0, 0, 0, 35, -84, 70, -20]).deriv(order)(x)
+        start = np.array([0.3, -0.2]) if order == 0 else 0.0
+        return start + s[:, None] / DURATION**order * np.array([0.5, -0.8])
+
+
+SWING = ac.Trajectory(laws=(Smooth(),), method="hand")
+DEAD_TIMES = (0.0, 0.04, 0.0345, [0.0115, 0.087], 1.001)  # the last is longer than the motion
+
+
+def gains(order):
+    return {"kp": [25.0, 40.0], "kv": [150.0, 90.0] if order == "second" else None, "order": order}
+
+
+def off(arm, servo, period, method="inverse", plant=None, **options):
+    """Largest distance of a joint from the plan that it shall follow, at any time."""
+    taught = ac.compensate(SWING, servo, METHODS[method](**options), period=period)
+    done = ac.execute(taught, ac.ServoPlant(arm, plant or servo, ac.Limits.only()), resolution=1e-3)
+    assert done.t[0] == taught.start_time == taught.t[0]
+    return np.abs(done.q - SWING(done.t.clip(0, DURATION))).max()
+
+
+def test_the_joint_does_at_t_what_the_plan_says_at_t(arm):
+    left = {"linear": 3e-5, "cubic": 2e-5, "step": 2e-4}
+    for order, interpolation, dead in product(("second", "first"), left, DEAD_TIMES):
+        servo = ac.ServoModel(**gains(order), interpolation=interpolation, dead_time=dead)
+        errors = [off(arm, servo, period) for period in (4e-3, 2e-3)]
+        # What is left is interpolation: of second order in the period or better, but for the ripple
+        # of held set-points, which a servo of first order passes on.
+        assert errors[0] < left[interpolation], servo
+        assert errors[0] / errors[1] > 3, servo
+
+
+def test_without_the_lead_a_joint_is_late(arm):
+    late = ac.ServoModel(**gains("second"), dead_time=0.05)
+    prompt = ac.ServoModel(**gains("second"))
+    speed = np.abs(SWING(np.linspace(0, DURATION, 1001), 1)).max()
+    assert off(arm, prompt, 1e-3, plant=late) == pytest.approx(0.05 * speed, rel=0.02)
+    assert off(arm, late, 1e-3) < 2e-6
+    held = ac.ServoModel(**gains("second"), interpolation="step")
+    drawn = ac.ServoModel(**gains("second"))
+    speed = np.abs(SWING(np.linspace(0, DURATION, 1001), 1)).max()
+    assert off(arm, drawn, 4e-3, plant=held) == pytest.approx(2e-3 * speed, rel=0.03)
+    assert off(arm, held, 4e-3) < 0.02 * 2e-3 * speed
+
+
+def test_it_holds_before_and_after_and_none_leads_nothing():
+    servo = ac.ServoModel(**gains("second"), dead_time=[0.01, 0.035])
+    taught = ac.compensate(SWING, servo, ac.Inverse(), period=0.01)
+    assert taught.start_time == pytest.approx(-0.04)
+    assert 0.0 in taught.t  # the plan begins at a set-point
+    t = taught.t[:, None] + servo.dead_time
+    # A set-point is a mean over the interval about its time.
+    before, after = t <= -0.005, t >= DURATION + 0.005
+    np.testing.assert_array_equal(taught.q[before[:, 0], 0], 0.3)
+    np.testing.assert_array_equal(taught.q[before[:, 1], 1], -0.2)
+    for j in range(2):
+        np.testing.assert_array_equal(taught.q[after[:, j], j], SWING(DURATION)[j])
+    at = t.clip(0, DURATION)
+    for j in range(2):
+        q, dq, ddq = (SWING(at[:, j], order)[:, j] for order in (0, 1, 2))
+        u = q + dq / servo.kp[j] + ddq / (servo.kp[j] * servo.kv[j])
+        np.testing.assert_allclose(taught.q[:, j], u, atol=3e-4)
+    assert taught.t[-2] < DURATION + 0.005 - servo.dead_time.min() <= taught.t[-1] + 1e-12
+    servo = ac.ServoModel(**gains("second"), dead_time=0.05, interpolation="step")
+    taught = ac.compensate(SWING, servo, ac.NoCompensation(), period=0.01)
+    assert taught.start_time == 0.0
+    np.testing.assert_allclose(taught.q, SWING(taught.t.clip(0, DURATION)), atol=1e-14)
+
+
+def test_pole_placement_leads_too(arm):
+    prompt = ac.ServoModel(**gains("second"))
+    for dead, poles in product((0.04, 0.0345, [0.0115, 0.087]), (None, [-75.0, -75.0, -75.0])):
+        done = []
+        for servo in (prompt, prompt.replace(dead_time=dead)):
+            taught = ac.compensate(SWING, servo, ac.PolePlacement(poles=poles), period=1e-3)
+            done.append(
+                ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-3)
+            )
+        first, second = (x.q[np.searchsorted(x.t, 0.0) :][:600] for x in done)
+        np.testing.assert_allclose(first, second, atol=1e-6)
+
+
+def test_first_order_in_closed_form():
+    servo = ac.ServoModel(kp=[25.0, 40.0], order="first")
+    taught = ac.compensate(SWING, servo, ac.Inverse(), period=2.5e-3)
+    inside = (taught.t > 0.035) & (taught.t < DURATION - 0.035)
+    t = taught.t[inside]
+    u, bend = (SWING(t, k) + SWING(t, k + 1) / servo.kp for k in (0, 2))
+    # Lines between points of a curve are beside it by u'' T² / 12 on average.
+    expected = u - bend * 2.5e-3**2 / 12
+    np.testing.assert_allclose(taught.q[inside], expected, atol=3e-7)
+    assert np.abs(taught.q[inside] - u).max() > 5e-6
+
+
+def test_a_command_beyond_the_limits_is_refused(refuses):
+    # The plan itself is within them: it ends at 0.8 and -1.0, and moves at 1.82 and 2.92 rad/s.
+    servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.02)
+    loose = {"joint_lower": [-2.0, -2.0], "joint_upper": [2.0, 2.0], "joint_velocity": [20.0, 20.0]}
+    taught = ac.compensate(SWING, servo, ac.Inverse(), limits=ac.Limits.only(**loose))
+    rates = np.abs(np.diff(taught.q, axis=0)) / 4e-3
+    for limit, values, j in (
+        ("joint_upper", [0.8, 2.0], 0),
+        ("joint_lower", [-2.0, -1.0], 1),
+        ("joint_velocity", [1.85, 20.0], 0),
+        ("joint_velocity", [20.0, 3.0], 1),
+    ):
+        limits = ac.Limits.only(**(loose | {limit: values}))
+        fast = limit == "joint_velocity"
+        k = int(np.argmax(rates[:, j] if fast else np.abs(taught.q[:, j])))
+        data = {"t": taught.t[k], "needed": rates[k, j] if fast else taught.q[k, j]}
+        data |= {"joint": j, "limit": limit, "allowed": values[j]}
+        call = partial(ac.compensate, SWING, servo, ac.Inverse(), limits=limits)
+        refuses(call, ac.CompensationError, f"joint {j + 1}", limit, **data)
+        ac.compensate(SWING, servo, ac.NoCompensation(), limits=limits)
+    # One limit serves all joints.
+    ac.compensate(SWING, servo, ac.Inverse(), limits=ac.Limits.only(joint_velocity=20.0))

@@ -1,0 +1,256 @@
+"""Logs from files, and what is written of an identification: servo file, JSON, report, table."""
+
+import json
+import math
+from dataclasses import fields
+from functools import partial
+from itertools import product
+
+import numpy as np
+import pytest
+import yaml
+from soak.identification import move, multisine
+from tests.files.tables import parse_log
+
+from armcontour.cli.identifying import identify_files
+from armcontour.cli.options import IdentifyOptions
+from armcontour.control.identification import Log, identify
+from armcontour.core.errors import InvalidInput
+from armcontour.files.json_text import data_json
+from armcontour.files.log_file import read_log
+from armcontour.files.robot_file import read_servo
+from armcontour.files.servo_file import servo_yaml
+from armcontour.report.identification import render_identification
+
+ROWS = "\n" + "\n".join(f"{i},{i * 0.1:.6f},{i * 0.1 - 0.05:.6f}" for i in range(60)) + "\n"
+
+ARM = """name: flat
+kind: planar_two_link
+source: test
+base: {value: 0.0, unit: m, source: test}
+links: {value: [0.3, 0.2], unit: m, source: test}
+limits:
+  joint_acceleration: {value: [1.0, 1.0], unit: rad/s^2, source: test}
+"""
+
+# The names in the table of docs/guides/identify.md.
+COMMANDS = ("u1", "command 1", "q1_cmd", "setpoint 1", "target 1")
+MEASURED = (
+    *("q1", "measured 1", "q1_actual", "q1_measured", "q1_meas", "q1_feedback"),
+    *("feedback 1", "actual 1", "joint 1"),
+)
+HEADERS = (
+    *(f"t,{u},{q}" for u, q in product(COMMANDS, MEASURED)),
+    *(f"t,{u} [rad],{q} [rad]" for u, q in product(COMMANDS, MEASURED)),
+    *(f"t [s],{u}_rad,{q}_rad" for u, q in product(COMMANDS[2:3], MEASURED[2:6])),
+    "t_s,command1_rad,q1_rad",
+    "Time (s), Joint 1 command, Joint 1 actual",
+    # What this package writes of joints, and what it wrote.
+    "t [s],command 1 [rad],q 1 [rad]",
+    "t [s],command 1 [rad],joint 1 [rad]",
+)
+NAMED = (
+    ("t,q_cmd_2,q_2", "joint 2"),
+    # As UR's real-time interface writes them.
+    ("timestamp,target_q_0,actual_q_0,target_qd_0,actual_qd_0,actual_TCP_pose_0", "joint 0"),
+    ("t,shoulder command,shoulder measured", "shoulder"),
+    ("t,cmd_lwr_joint_3,meas_lwr_joint_3", "lwr_joint_3"),
+    ("timestamp,setpoint elbow [rad],feedback elbow [rad]", "elbow"),
+)
+
+
+def test_names_of_columns():
+    for header, joint in (*((x, "joint 1") for x in HEADERS), *NAMED):
+        others = header.count(",") - 2
+        log = parse_log(header + ROWS.replace("\n", ",7" * others + "\n")[2 * others :])
+        assert log.joint_names == (joint,), header
+        expected = np.arange(60) * 0.1
+        np.testing.assert_allclose(log.command[:, 0], expected, atol=1e-9, err_msg=header)
+        np.testing.assert_allclose(log.measured[:, 0], expected - 0.05, atol=1e-9, err_msg=header)
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_units_order_comments_and_columns_that_are_not_needed(separator):
+    rows = "\n".join(f"{i * 4},9,{90 + i},{45},{i},{i},{7}" for i in range(60))
+    text = (
+        "# from a controller\n# interpolation: step\n"
+        "t [ms],torque1,q2 [deg],q1_deg,u1 [deg],u2 [deg],dq1\n" + rows
+    )
+    log = parse_log(text.replace(",", separator), start=0.01, end=0.23)
+    assert log.interpolation == "step" and log.joint_names == ("joint 1", "joint 2")
+    assert log.t[0] == pytest.approx(0.012)
+    np.testing.assert_allclose(log.measured[:, 0], np.pi / 4)
+    np.testing.assert_allclose(np.degrees(log.measured[0, 1]), 93)
+
+
+def test_units_cells_and_columns_that_are_not_needed():
+    # As the recorder of a UR's RTDE writes its logs.
+    log = parse_log(("t,u1,q1" + ROWS).replace(",", "  "))
+    np.testing.assert_array_equal(log.command, parse_log("t,u1,q1" + ROWS).command)
+    rows = "\n".join(f"{i},{i * 0.1},{i * 0.1},ready,,nan" for i in range(60))
+    assert len(parse_log("t,u1,q1,state,load,current\n" + rows).t) == 60
+    rows = "".join(f"{i},{i},{i + 1}\n" for i in range(60))
+    for names in ("t [s],q1_cmd [deg],q1_actual [deg]\n", "t,q1_cmd_deg,q1_actual_deg\n"):
+        log = parse_log(names + rows)
+        np.testing.assert_allclose(np.degrees(log.command[:, 0]), np.arange(60))
+        np.testing.assert_allclose(np.degrees(log.measured[:, 0]), np.arange(60) + 1)
+
+
+def test_columns_are_named_beside_the_file(refuses):
+    rows = "".join(f"{4 * i},x,{i},{i + 1}\n" for i in range(60))
+    log = parse_log(rows, columns="t [ms],-,u1 [deg],q1 [deg]")
+    np.testing.assert_allclose(log.t, np.arange(60) * 4e-3)
+    np.testing.assert_allclose(np.degrees(log.measured[:, 0]), np.arange(60) + 1)
+    refuses(lambda: parse_log(rows, columns="t,u1"), InvalidInput, "line 1", "names of 2 are given")
+    refuses(lambda: parse_log("1,2,3\n" * 60), InvalidInput, "name them with --columns")
+
+
+def numbers(row, count=60):
+    """A log whose rows are made of their numbers."""
+    return "t,u1,q1\n" + "\n".join(row(i) for i in range(count))
+
+
+# A text, what of it is read, and what is said of it.
+WRONG = (
+    ("", {}, "is empty"),
+    ("u1,q1" + ROWS, {}, "column t is missing"),
+    ("t,speed,torque" + ROWS, {}, "no command"),
+    ("t,u1,q2" + ROWS, {}, "no measured column"),
+    ("t,u1,command 1" + ROWS, {}, "'u1' and 'command 1'"),
+    ("t,u1 [m],q1" + ROWS, {}, "unit 'm'"),
+    ("t,u1,q1\n0,1,x\n", {}, "line 2"),
+    ("t,u1,q1\n0,1,1\n", {}, "1 samples"),
+    (numbers(lambda i: f"{i},1,1_0"), {}, "'1_0'"),
+    (numbers(lambda i: f"{i},1,"), {}, "''"),
+    (numbers(lambda i: f"{i},1,{'1' * 140_000}", 2), {}, "'1111"),
+    (numbers(lambda i: "1,1,1"), {}, "times must increase"),
+    (numbers(lambda i: f"{i}e-12,1,1"), {}, "at least 1 ns"),
+    (numbers(lambda i: f"{i * 15e9},1,1"), {}, "within 1e+10 s"),
+    (numbers(lambda i: f"{i},1,{i}e9"), {}, "10000 rad"),
+    ("t,u1,q1" + ROWS, {"start": math.nan}, "first time to use must be a number"),
+    ("t,u1,q1" + ROWS, {"end": math.nan}, "last time to use must be a number"),
+    ("t,u1,q1" + ROWS, {"start": 1e308}, "no sample from 1e+308 s to inf s"),
+    ("t,u1,q1" + ROWS, {"end": -5.0}, "no sample from -inf s to -5 s"),
+    ("t,u1,q1" + ROWS, {"start": 3.0, "end": 2.0}, "no sample from 3 s to 2 s"),
+)
+
+
+def test_refusals(refuses, tmp_path):
+    for text, given, words in WRONG:
+        refuses(partial(parse_log, text, **given), InvalidInput, words)
+    refuses(lambda: read_log(tmp_path / "no.csv"), InvalidInput, "no.csv")
+    file = tmp_path / "l.csv"
+    for options, words in (
+        ({"start": "2"}, "--from: '2' has no unit"),
+        ({"end": "3"}, "--to: '3' has no unit"),
+        ({"longest_dead_time": "0.5"}, "--longest-dead-time: '0.5' has no unit"),
+        ({"longest_dead_time": "0"}, "--longest-dead-time: must be above zero"),
+        ({"start": "2 rad"}, "--from: must be a quantity in s"),
+        ({"open_report": True}, "--out"),
+    ):
+        refuses(partial(identify_files, [file], IdentifyOptions(**options)), InvalidInput, words)
+
+
+@pytest.fixture(scope="module")
+def log():
+    t = np.arange(2000) * 2e-3
+    u = np.column_stack([5e-3 * multisine(t, 25.0, seed) for seed in (1, 2)])
+    u[1000:1600, 1] += 0.2  # a step into saturation
+    q = np.column_stack(
+        [
+            move(t, u[:, 0].copy(), kp=25.0, kv=150.0, delay=12.3e-3),
+            move(t, u[:, 1].copy(), kp=40.0, kv=100.0, delay=4e-3, limit=20.0, steps=100),
+        ]
+    )
+    y = q + 1e-5 * np.random.default_rng(0).normal(size=q.shape)
+    return Log(t=t, command=u, measured=y, joint_names=("a <b>", "elbow"), source="l.csv")
+
+
+@pytest.fixture(scope="module")
+def found(log):
+    return identify(log)
+
+
+def test_the_servo_file_is_the_servo_that_was_judged(found, tmp_path):
+    file = tmp_path / "servo.yaml"
+    file.write_text(servo_yaml(found))
+    assert "one program only" in file.read_text()
+    data = yaml.safe_load(file.read_text())
+    assert list(data) == ["servo"] and data["servo"]["order"] == ["second", "second"]
+    assert data["servo"]["acceleration_limit"][0] == "none"
+    read, judged = read_servo(file, 2), found.servo_model().for_joints(2)
+    for x in fields(read):
+        np.testing.assert_array_equal(getattr(read, x.name), getattr(judged, x.name), x.name)
+    np.testing.assert_allclose(read.kp, [25, 40], rtol=0.01)
+    np.testing.assert_allclose(read.dead_time, [12.3e-3, 4e-3], atol=3e-4)
+    assert read.acceleration_limit[1] == pytest.approx(20, rel=0.01)
+    assert all(x.unexplained <= y for x, y in zip(found.joints, read.unexplained, strict=True))
+
+
+def test_the_json_and_the_report(found):
+    data = json.loads(data_json(found.to_data()))
+    first, second = data["joints"]
+    assert [x["name"] for x in first["parameters"]] == ["kp", "kv", "dead_time"]
+    assert second["parameters"][-1]["value"] == pytest.approx(20, rel=0.05)
+    assert first["rms"] == found.joints[0].rms and first["written"] is True
+    page = render_identification(found)
+    assert "a &lt;b&gt;" in page and "<b>" not in page.split("</style>")[0]
+    assert "http-equiv" not in page and 'src="http' not in page
+
+
+def _write(file, t, u, q, names):
+    table = np.column_stack([t, u, q])
+    np.savetxt(file, table, delimiter=",", fmt="%.7f", header=names, comments="")
+
+
+def test_the_command(log, tmp_path, capsys):
+    file, out = tmp_path / "log.csv", tmp_path / "out"
+    _write(file, log.t, log.command[:, 0], log.measured[:, 0], "t,u1,q1")
+    assert identify_files([file], IdentifyOptions(out=out, predict=[file])) == 9
+    printed = capsys.readouterr().out
+    assert "Prediction of log.csv" in printed and "judged on one program only" in printed
+    written = {"servo.yaml", "report.html", "summary.json"}
+    assert {x.name for x in out.iterdir()} == {*written, ".armcontour.json"}
+    part = IdentifyOptions(
+        as_json=True, predict=[file], start="0 s", end="2000 ms", drive_cycle="2 ms"
+    )
+    # The same program again is one program.
+    assert identify_files([file, file], part) == 9
+    data = json.loads(capsys.readouterr().out)
+    assert data["samples"] == 2 * 1001 and data["cycle"] == 2e-3
+    (prediction,) = data["predictions"]
+    assert prediction["log"] == "log.csv"
+    assert prediction["rms"][0] < 0.1 * prediction["tracking_rms"][0]
+
+
+def test_errors_at_the_tool_of_an_arm_without_masses(log, tmp_path, capsys):
+    file, arm = tmp_path / "log.csv", tmp_path / "arm.yaml"
+    _write(file, log.t, log.command, log.measured, "t,u1,u2,q1,q2")
+    arm.write_text(ARM)
+    assert identify_files([file], IdentifyOptions(arm=str(arm), predict=[file])) == 9
+    assert "at the tool, RMS" in capsys.readouterr().out
+
+
+def test_six_joints_fit_on_a_screen(log, tmp_path, capsys):
+    file, out = tmp_path / "log.csv", tmp_path / "out"
+    some = slice(0, 800)
+    every = [np.tile(x[some, :1], 6) for x in (log.command, log.measured)]
+    every[1][:, 1] = every[0][::-1, 1]  # two joints without a model
+    every[1][:, 4] = every[0][0, 4]
+    names = ",".join(f"{x}{j}" for x in "uq" for j in range(1, 7))
+    _write(file, log.t[some], *every, f"t,{names}")
+    assert identify_files([file], IdentifyOptions(out=out)) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) < 24 and "4 of 6 joints" in lines[0]
+
+
+def test_the_command_where_no_servo_is_known(tmp_path, capsys, refuses):
+    t = np.arange(2000) * 1e-3
+    u = 0.02 * t
+    y = move(t, u, kp=25.0, kv=150.0) + 1e-4 * np.random.default_rng(0).normal(size=2000)
+    file, out = tmp_path / "log.csv", tmp_path / "out"
+    _write(file, t, u, y, "t,u1,q1")
+    assert identify_files([file], IdentifyOptions(out=out)) == 1
+    assert "the velocity is uniform" in capsys.readouterr().out
+    assert {x.name for x in out.iterdir()} == {"report.html", "summary.json", ".armcontour.json"}
+    refuses(lambda: identify_files([file], IdentifyOptions(out=out)), InvalidInput, "--force")

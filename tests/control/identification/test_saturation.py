@@ -1,0 +1,183 @@
+"""Logs in which a drive saturates, residuals that are not white, and cycles that are not given."""
+
+import math
+
+import numpy as np
+import pytest
+from numba import njit
+
+import armcontour as ac
+from armcontour.control.identification import Log, identify
+from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
+
+CYCLE = 1e-3
+
+
+@njit
+def run_loop(u, kp, kv, acceleration, velocity):
+    """Positions of a sampled loop with limits of acceleration and of velocity."""
+    q, w, found = u[0], 0.0, np.empty(len(u))
+    for k in range(len(u)):
+        found[k] = q
+        wanted = min(max(kp * (u[k] - q), -velocity), velocity)
+        a = min(max(kv * (wanted - w), -acceleration), acceleration)
+        w += CYCLE * a
+        q += CYCLE * w
+    return found
+
+
+def moves(top, seconds=5.0, seed=2):
+    """Command of moves with a constant acceleration, whose largest one is `top` [rad/s²]."""
+    random = np.random.default_rng(seed)
+    t = np.arange(round(seconds / CYCLE)) * CYCLE
+    a = np.zeros(len(t))
+    k = 200
+    while k < len(t) - 900:
+        n, size = random.integers(60, 220), top * random.choice([-1, 1]) * random.uniform(0.4, 1)
+        rest = random.integers(0, 150)
+        for sign, begin in ((1, k), (-1, k + n + rest)):
+            a[begin : begin + n] = sign * size
+        k += 2 * n + rest + random.integers(0, 150)
+    return t, np.cumsum(np.cumsum(a)) * CYCLE**2
+
+
+def log_of(t, u, y, noise=0.0):
+    y = y + noise * np.random.default_rng(5).normal(size=y.shape)
+    return Log(t=t, command=u, measured=y, interpolation="linear", source="log.csv")
+
+
+@pytest.mark.parametrize(("noise", "near"), [(0.0, 2e-4), (2e-6, 2e-3)])
+def test_gains_of_a_log_that_saturates_are_those_of_one_that_does_not(noise, near):
+    found = []
+    for top in (1.4, 0.6):
+        t, u = moves(top)
+        log = log_of(t, u, run_loop(u, 25.0, 150.0, 0.9, np.inf), noise)
+        found.append(identify(log).joints[0])
+    hard, gentle = found
+    assert all(x in hard.saturation for x in ("joint 1", "0.9 rad/s²"))
+    assert not gentle.saturation
+    assert hard.acceleration_limit.value == pytest.approx(0.9, rel=0.01)
+    assert hard.written and math.isinf(gentle.servo.acceleration_limit)
+    assert hard.kp.value == pytest.approx(gentle.kp.value, rel=near)
+    assert hard.kv.value == pytest.approx(gentle.kv.value, rel=10 * near)
+
+
+def test_a_command_at_a_limit_that_is_followed_does_not_saturate():
+    t, u = moves(0.9)
+    a = np.sign(np.diff(u, 2, append=[u[-1]] * 2)) * 0.9
+    u = np.cumsum(np.cumsum(a)) * CYCLE**2
+    joint = identify(log_of(t, u, run_loop(u, 40.0, 200.0, np.inf, np.inf), 2e-6)).joints[0]
+    assert not joint.saturation and joint.order == "second"
+
+
+def test_a_limit_of_velocity_is_found():
+    t, u = moves(3.0)
+    log = log_of(t, u, run_loop(u, 25.0, 150.0, np.inf, 0.25), 1e-6)
+    joint = identify(log).joints[0]
+    assert "0.25 rad/s " in joint.saturation
+    assert joint.kp.value == pytest.approx(25.0, rel=0.02)
+
+
+@pytest.fixture(scope="module")
+def hal():
+    """Path, plan, robot and the saturating log of a run whose gains are wrong, as on LinuxCNC."""
+    arm = ac.load_arm("pmk3s")
+    points = ((0.35, 0.1), (0.41, 0.15), (0.28, 0.3))
+    path = ac.round_corners(ac.Path.polyline(points), tolerance=5e-3)
+    limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
+    plan = ac.plan(path, arm, limits, ac.Optimal(reserve=0.02))
+    robot = ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0, cycle=CYCLE))
+    first = ac.compensate(plan, ac.ServoModel(kp=20.0, kv=120.0), period=4e-3)
+    done = ac.execute(first, robot, resolution=CYCLE)
+    times = first.start_time + np.arange(len(first.q)) * first.period
+    u = np.stack([np.interp(done.t, times, x) for x in first.q.T], axis=1)
+    return path, plan, robot, log_of(done.t, u, done.q)
+
+
+def test_a_log_of_a_first_run_that_saturates_compensates_the_next_one(hal):
+    path, plan, robot, log = hal
+    for cycle, most in ((None, 5e-7), (CYCLE, 1e-7)):
+        found = identify(log, ac.ServoFit(drive_cycle=cycle))
+        assert all("0.72 rad/s²" in x.saturation for x in found.joints)
+        with pytest.warns(UserWarning, match="one program"):
+            taught = ac.compensate(plan, found.servo_model(), period=4e-3)
+        assert ac.evaluate(ac.execute(taught, robot), path).contour_error.rms <= most
+
+
+def test_a_joint_that_saturates_most_of_the_time_can_be_judged():
+    """Only one part of the motion has samples between those at the limit."""
+    t, u = moves(2.0, 2.5)
+    joint = identify(log_of(t, u, run_loop(u, 25.0, 150.0, 0.6, np.inf))).joints[0]
+    assert "0.6 rad/s²" in joint.saturation
+    assert joint.kp.value == pytest.approx(25.0, rel=0.01)
+
+
+@pytest.mark.parametrize("limit", [0.3, 0.6])
+def test_a_short_log_that_saturates_nearly_all_the_time_determines_no_servo(limit):
+    t, u = moves(2.0, 1.5)
+    joint = identify(log_of(t, u, run_loop(u, 25.0, 150.0, limit, np.inf))).joints[0]
+    assert not joint.written and f"{limit:g} rad/s²" in joint.note
+
+
+def shaken(seed):
+    """Times and commands of a program of 6 s."""
+    random = np.random.default_rng(seed)
+    t = np.arange(1500) * 4e-3
+    waves = (
+        0.02 / (1 + f) * np.sin(2 * np.pi * f * t + random.uniform(0, 6.3))
+        for f in random.uniform(0.3, 6.0, 12)
+    )
+    return t, sum(waves) * np.clip(np.minimum(t, t[-1] - t) / 0.5, 0.0, 1.0)
+
+
+def logs_of(servo, seed, cycle=0.0, noise=1e-5, step=0.0, change=lambda t, y: y):
+    """Two logs of a simulated joint, with the resolution `step` of its encoder."""
+    found = []
+    for k in (0, 1):
+        t, u = shaken(10 * seed + k)
+        y = change(t, follow(LoggedCommand(t, u), servo, float(u[0]), 0.0, cycle))
+        y = y + noise * np.random.default_rng([seed, k]).normal(size=len(t))
+        y = np.round(y / step) * step if step else y
+        found.append(Log(t=t, command=u, measured=y, source=f"{k}.csv"))
+    return found
+
+
+SERVOS = (
+    JointServo(12.0, 90.0, 0.9, 0.0, 6e-3),
+    JointServo(25.0, 150.0, 0.0, 0.0, 3e-3),
+    JointServo(18.0, velocity_feedforward=0.9, dead_time=4e-3),
+)
+
+
+@pytest.mark.parametrize("step", [0.0, 2e-5])
+@pytest.mark.parametrize("servo", SERVOS)
+def test_parameters_of_a_complete_model_are_not_effective(servo, step):
+    noise = 1e-6 if step else 1e-5
+    assert not identify(logs_of(servo, 1, noise=noise, step=step)).joints[0].effective
+
+
+def behind_spring(t, y):
+    """The motion of a load on a spring of 12 Hz."""
+    from scipy.signal import lsim
+
+    w = 2 * np.pi * 12
+    return y[0] + lsim(([0.1 * w, w * w], [1, 0.1 * w, w * w]), y - y[0], t)[1]
+
+
+def test_parameters_are_effective_where_an_effect_is_missing():
+    found = identify(logs_of(SERVOS[1], 1, change=behind_spring))
+    assert found.joints[0].effective
+    (remark,) = found.remarks
+    assert "joint 1" in remark
+    assert "effective" in str(found)
+    integrated = JointServo(9.0, 90.0, 0.5, 0.0, 4e-3, ki=8.0)
+    assert identify(logs_of(integrated, 2), ac.ServoFit(model="first")).joints[0].effective
+
+
+@pytest.mark.parametrize("cycle", [1e-3, 2e-3, 4e-3])
+@pytest.mark.parametrize("servo", SERVOS)
+def test_intervals_contain_the_truth_although_the_cycle_is_not_given(servo, cycle):
+    joint = identify(logs_of(servo, 3, cycle)).joints[0]
+    assert joint.parameters
+    for x in joint.estimates:
+        assert x.low <= getattr(servo, x.name) <= x.high, x.name

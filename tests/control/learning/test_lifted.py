@@ -1,0 +1,147 @@
+"""The lifted model against dense least squares."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.control.learning.lifted import Lifted, Nominal
+from armcontour.motion import TaughtData
+
+
+def rods():
+    """A planar arm without masses."""
+    limits = ac.Limits.only(joint_velocity=[9.0, 9.0], joint_acceleration=[900.0, 900.0])
+    return ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)
+
+
+CYCLE = {"cycle": 4e-3, "velocity_feedforward": 0.6}
+SERVOS = {
+    "linear": {},
+    "step": {"interpolation": "step"},
+    "cubic": {"interpolation": "cubic"},
+    "cascade": {"ki": [9.0, 0.0], "velocity_feedforward": 0.6, "acceleration_feedforward": 0.4},
+    "cycle": {**CYCLE, "acceleration_feedforward": 0.4},
+    "first order, cycle": {**CYCLE, "order": ("second", "first"), "kv": [150.0, np.inf]},
+    "cascade, cycle": {**CYCLE, "ki": [9.0, 0.0], "acceleration_feedforward": 0.4},
+}
+
+
+@pytest.fixture(scope="module", params=SERVOS)
+def lifted(request):
+    arm = rods()
+    plan = ac.plan(
+        ac.JointPath.spline([(0.1, 0.2), (0.4, 0.1)]),
+        arm,
+        ac.Limits.only(joint_velocity=9.0, joint_acceleration=20.0),
+    )
+    servo = ac.ServoModel(
+        **{"kp": [25.0, 20.0], "kv": 150.0, "dead_time": 3e-3, **SERVOS[request.param]}
+    ).for_joints(2)
+    count = int(np.ceil(plan.duration / 8e-3)) + 1
+    q = np.zeros((count, 2))
+    taught = TaughtData(period=8e-3, q=q, trajectory=plan, method="none", start_time=-8e-3)
+    return Lifted(taught, Nominal(arm=arm, servo=servo))
+
+
+@pytest.fixture(scope="module")
+def dense(lifted):
+    """The response, column by column, (n dof, count dof)."""
+    size = lifted.count * lifted.dof
+    units = np.eye(size).reshape(size, lifted.count, lifted.dof)
+    return np.stack([lifted.respond(x).ravel() for x in units], axis=1)
+
+
+def test_set_points_that_shift_shift_the_joints(lifted):
+    """All joints rest where their first set-points are, and end where the last ones are."""
+    change = np.tile([1e-3, -2e-3], (lifted.count, 1))
+    np.testing.assert_allclose(lifted.respond(change), np.tile(change[0], (len(lifted.t), 1)))
+
+
+def test_the_correction_is_that_of_dense_least_squares(lifted, dense):
+    error = np.random.default_rng(1).normal(size=(len(lifted.t), 2)).cumsum(axis=0) * 1e-4
+    jump = np.diff(np.eye(lifted.count), axis=0)
+    for penalty in (1e-4, 1.0):
+        change, response = lifted.correct(error, penalty)
+        rows = np.concatenate([dense, np.sqrt(penalty) * np.kron(jump, np.eye(2))])
+        right = np.concatenate([-error.ravel(), np.zeros(len(rows) - error.size)])
+        expected, *_ = np.linalg.lstsq(rows, right, rcond=None)
+        np.testing.assert_allclose(change.ravel(), expected, atol=1e-9)
+        np.testing.assert_allclose(response.ravel(), dense @ expected, atol=1e-9)
+
+
+def test_surprise_is_minus_two_log_of_the_density(lifted, dense):
+    """Against the covariance, as a matrix, of all but constant changes of the set-points."""
+    variance, error = 1e-8, np.random.default_rng(2).normal(size=(len(lifted.t), 2)) * 1e-3
+    steps = np.kron(np.tril(np.ones((lifted.count, lifted.count)), -1)[:, :-1], np.eye(2))
+    constant = np.tile(np.eye(2), (lifted.count, 1))
+    wide = 1e-2
+    found = []
+    for penalty in (1e-3, 1e-1):
+        spread = variance / penalty * steps @ steps.T + wide * constant @ constant.T
+        covariance = dense @ spread @ dense.T + variance * np.eye(error.size)
+        _sign, size = np.linalg.slogdet(covariance)
+        expected = error.ravel() @ np.linalg.solve(covariance, error.ravel()) + size
+        found.append(lifted.surprise(error, penalty, variance) - expected)
+    assert found[0] == pytest.approx(found[1], abs=1e-2 + 1e-6 * abs(found[0]))
+
+
+def test_what_is_expected_is_what_the_plant_does(lifted):
+    arm, servo = rods(), lifted.nominal.servo
+    rng = np.random.default_rng(3)
+    q = lifted.plan(0.0) + 1e-3 * rng.normal(size=(lifted.count, 2)).cumsum(axis=0)
+    taught = TaughtData(
+        period=lifted.period, q=q, trajectory=lifted.plan, method="x", start_time=lifted.start
+    )
+    done = ac.execute(taught, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3)
+    found = lifted.at_times(done.t, done.q, lifted.expected(q))
+    assert np.abs(found - lifted.expected(q)).max() < 3e-3 * np.ptp(q)
+    # Differences of two motions are exact at the times of the drives' cycles.
+    near = 1e-9 if servo.cycle else 2e-2
+    more = 1e-3 * rng.normal(size=q.shape).cumsum(axis=0)
+    moved = ac.execute(
+        replace(taught, q=q + more), ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3
+    )
+    n = min(len(done.t), len(moved.t))
+    rows = np.searchsorted(done.t[:n] + 1e-9, lifted.t)
+    inside = rows < n
+    change = (moved.q[:n] - done.q[:n])[rows[inside]]
+    assert np.abs(lifted.respond(more)[inside] - change).max() < near * np.ptp(more)
+
+
+@pytest.mark.parametrize("kind", ["linear", "step", "cubic"])
+def test_expected_motion_is_that_of_a_plant_with_feed_forward(kind):
+    arm = rods()
+    plan = ac.plan(
+        ac.JointPath.spline([(0.1, 0.2), (0.4, 0.1)]),
+        arm,
+        ac.Limits.only(joint_velocity=9.0, joint_acceleration=20.0),
+    )
+    more = {} if kind == "step" else {"acceleration_feedforward": 0.6}
+    servo = ac.ServoModel(
+        kp=[25.0, 20.0], kv=150.0, dead_time=3.3e-3, interpolation=kind, velocity_feedforward=0.8,
+        **more,
+    ).for_joints(2)  # fmt: skip
+    taught = ac.compensate(plan, servo, ac.NoCompensation(), period=4e-3)
+    done = ac.execute(taught, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3)
+    lifted = Lifted(taught, Nominal(arm=arm, servo=servo))
+    inside = (lifted.t >= done.t[0]) & (lifted.t <= done.t[-1])
+    expected = np.stack([np.interp(lifted.t[inside], done.t, x) for x in done.q.T], axis=1)
+    lag = np.abs(done.q - plan.with_rests(done.t)).max()
+    # Steps are sampled once per millisecond.
+    near = 0.015 if kind == "step" else 3e-3
+    assert np.abs(lifted.expected(taught.q)[inside] - expected).max() < near * lag
+
+
+def test_the_rest_after_the_last_set_point_takes_no_more_memory_per_time(lifted):
+    """A slow joint rests for long: its factors grow with the number of times, not its square."""
+    per_time = []
+    for kp in (20.0, 2.0):
+        servo = lifted.nominal.servo.replace(kp=kp)
+        taught = TaughtData(
+            period=lifted.period, q=np.zeros((lifted.count, 2)), trajectory=lifted.plan, method="x"
+        )
+        model = Lifted(taught, lifted.nominal._replace(servo=servo))
+        per_time.append(model._factored(1e-3)[0].L.nnz / len(model.t))
+    assert per_time[1] < 1.1 * per_time[0]

@@ -1,0 +1,647 @@
+"""DXF drawings made with ezdxf, read back, and compared with formulas and ezdxf's own lines."""
+
+import io
+import itertools
+import re
+
+import ezdxf
+import numpy as np
+import pytest
+from ezdxf import colors
+from ezdxf.fonts import fonts
+from ezdxf.xclip import XClip
+from scipy.interpolate import BSpline, CubicSpline
+from tests.files.tables import refusals
+
+import armcontour as ac
+from armcontour.files.drawings.dxf import UNITS, read_dxf
+from armcontour.files.drawings.options import ReadOptions
+
+MM = 1e-3
+TOLERANCE = 1e-5
+
+
+def drawing(version="R2010", units=4):
+    """A new document in mm and its model space."""
+    document = ezdxf.new(version)
+    if version != "R12":
+        document.units = units
+    return document, document.modelspace()
+
+
+def alone(kind, *args, **options):
+    """A new document with one entity, and the entity."""
+    document, space = drawing()
+    return document, getattr(space, f"add_{kind}")(*args, **options)
+
+
+def written(document):
+    text = io.StringIO()
+    document.write(text)
+    return text.getvalue().encode(document.output_encoding, errors="surrogateescape")
+
+
+def read(document, **options):
+    """Read a document, or the bytes of a file."""
+    data = document if isinstance(document, bytes) else written(document)
+    return read_dxf(data, source="part.dxf", options=ReadOptions(**options))
+
+
+def only(document, **options):
+    (contour,) = read(document, **options).contours
+    return contour
+
+
+def near(paths, polylines, tolerance=TOLERANCE):
+    """Paths, and polylines [mm] within 0.2 µm of what was drawn, are near each other, both ways.
+
+    Paths more than a millimetre apart in any coordinate are not compared.
+    """
+    drawn = []
+    for points in polylines:
+        points = MM * np.asarray(points, dtype=float)
+        if paths[0].dimension == 2:
+            assert np.abs(points[:, 2:]).max(initial=0) < 1e-9
+        drawn.append(ac.Path.polyline(points[:, : paths[0].dimension]))
+    here, there = ([(x, sampled(x)) for x in some] for some in (paths, drawn))
+    for these, others in ((here, there), (there, here)):
+        for _, points in these:
+            low, high = points.min(axis=0) - MM, points.max(axis=0) + MM
+            close = [
+                other.project(points).distance
+                for other, own in others
+                if np.all(own.min(axis=0) <= high) and np.all(own.max(axis=0) >= low)
+            ]
+            assert np.min(close, axis=0).max() <= tolerance + 2e-7
+
+
+def sampled(path):
+    return np.concatenate([path(np.linspace(0, path.length, 300)), path.vertices])
+
+
+def densely(entities):
+    """Polylines along ezdxf's entities; not of its paths, whose arcs are cubic curves."""
+    for x in entities:
+        if x.dxftype() == "LINE":
+            yield [tuple(x.dxf.start), tuple(x.dxf.end)]
+        elif x.dxftype() in ("POLYLINE", "LWPOLYLINE"):
+            yield from densely(x.virtual_entities())
+        else:
+            yield [tuple(p) for p in x.flattening(1e-4)]
+
+
+def exploded(entity):
+    """The entities that a block draws, by ezdxf."""
+    if entity.dxftype() != "INSERT":
+        yield entity
+        return
+    for one in entity.multi_insert() if entity.mcount > 1 else [entity]:
+        for x in one.virtual_entities():
+            yield from exploded(x)
+
+
+def as_ezdxf_says(document, **options):
+    program = read(document, **options)
+    drawn = list(densely(e for x in document.modelspace() for e in exploded(x)))
+    near([x.path for x in program.contours], drawn)
+    return program
+
+
+def test_lines_arcs_and_circles():
+    document, space = drawing()
+    space.add_line((10, 20), (110, 20), dxfattribs={"layer": "cut"})
+    space.add_arc((10, 0), 50, 30, 300)
+    space.add_circle((200, 0), 25)
+    # An extrusion downwards mirrors.
+    space.add_arc((10, 5), 50, 0, 90, dxfattribs={"extrusion": (0, 0, -1)})
+    line, arc, circle, mirrored = as_ezdxf_says(document).contours
+    assert line.layer == "cut" and line.name == f"handle {space[0].dxf.handle}"
+    np.testing.assert_array_equal(line.path.vertices, [(0.01, 0.02), (0.11, 0.02)])
+    assert len(arc.path) == len(circle.path) == len(mirrored.path) == 1
+    np.testing.assert_allclose(arc.path.curvatures, 20)
+    np.testing.assert_allclose(arc.path.lengths, 0.05 * np.radians(270))
+    start = (0.01 + 0.05 * np.cos(np.pi / 6), 0.05 * np.sin(np.pi / 6))
+    np.testing.assert_allclose(arc.path.starts[0], start)
+    np.testing.assert_allclose(circle.path.lengths, 2 * np.pi * 0.025)
+    assert circle.closed and not arc.closed and not line.closed
+    np.testing.assert_allclose(mirrored.path.vertices, [(-0.06, 0.005), (-0.01, 0.055)], atol=1e-15)
+    for begin, end, sweep in ((350, 10, 20), (90, 90, 360), (0, 360, 360), (-30, 400, 70)):
+        path = only(alone("arc", (0, 0), 50, begin, end)[0]).path
+        np.testing.assert_allclose(path.lengths, 0.05 * np.radians(sweep))
+        at = np.radians(begin + sweep / 3)
+        wanted = 0.05 * np.array([np.cos(at), np.sin(at)])
+        np.testing.assert_allclose(path(path.length / 3), wanted, atol=1e-12)
+
+
+def test_polylines_and_their_bulges():
+    points = [(0, 0, 0.5), (50, 0, 0), (60, 40, -1), (0, 40, 0.2)]
+    document, _ = alone("lwpolyline", points, format="xyb", close=True)
+    contour = as_ezdxf_says(document).contours[0]
+    assert contour.closed and len(contour.path) == 4
+    assert (contour.path.curvatures > 0).tolist() == [True, False, True, True]
+    turn = contour.path.curvatures * contour.path.lengths
+    np.testing.assert_allclose(turn, 4 * np.arctan([0.5, 0, 1, 0.2]), atol=1e-12)
+    assert contour.path.curvatures[2] == pytest.approx(1 / 0.03)
+    document, space = drawing("R12")
+    space.add_polyline2d([(0, 0, 1), (50, 0, 0), (50, 50, 0)], format="xyb", close=True)
+    contour = only(document, units=MM)
+    assert contour.closed and (contour.path.curvatures > 0).tolist() == [True, False, False]
+    near([contour.path], densely(space))
+    # In space, with points that repeat.
+    points = [(0, 0, 0), (10, 0, 0), (10, 0, 0), (10, 10, 5), (0, 10, 5), (0, 10, 5)]
+    path = only(alone("polyline3d", points)[0]).path
+    np.testing.assert_allclose(path.vertices, MM * np.array(points)[[0, 1, 3, 4]])
+    # A vertex of the frame that a fitted polyline has is not drawn.
+    document, x = alone("polyline2d", [(0, 0), (9, 9), (10, 0)])
+    x.vertices[1].dxf.flags = 16
+    assert len(only(document).path) == 1
+    contours = read(alone("mline", [(0, 0), (10, 0)])[0]).contours
+    assert [x.path.length for x in contours] == pytest.approx([10 * MM, 10 * MM])
+    assert len({x.name for x in contours}) == 2
+
+
+def test_ellipses():
+    ranges = (0, 2 * np.pi), (0.3, 2.5), (5, 1), (0, 6.28318530718)
+    for flip, (begin, end) in itertools.product((1, -1), ranges):
+        turned = {"dxfattribs": {"extrusion": (0, 0, flip)}}
+        contour = only(alone("ellipse", (5, 6), (40, 10), 0.4, begin, end, **turned)[0])
+        whole = begin == 0
+        sweep = 2 * np.pi if whole else (end - begin) % (2 * np.pi)
+        t = begin + np.linspace(0, sweep, 4001)[:, None]
+        minor = flip * 0.4 * np.array([-10, 40, 0])
+        points = np.array([5, 6, 0]) + np.cos(t) * [40, 10, 0] + np.sin(t) * minor
+        near([contour.path], [points])
+        assert contour.closed == whole
+        np.testing.assert_allclose(contour.path(0.0), MM * points[0, :2], atol=1e-10)
+        assert contour.path.turns.max() < 1e-9 and len(contour.path) < 80
+    assert len(only(alone("ellipse", (0, 0), (40, 10), 1.0, 0.1, 4)[0]).path) == 1
+
+
+RANDOM = np.random.default_rng(1)
+CONTROL = [tuple(x) for x in np.column_stack([RANDOM.uniform(0, 100, (9, 2)), np.zeros(9)])]
+
+
+def test_splines_of_all_kinds():
+    document, space = drawing()
+    moved = [[(x + a, y + b, z) for x, y, z in CONTROL] for a in (0, 200) for b in (0, 200)]
+    space.add_open_spline(moved[0])
+    space.add_rational_spline(moved[1], [1, 2, 1, 0.3, 5, 1, 1, 2, 1])
+    space.add_open_spline(moved[2], degree=2)
+    space.add_open_spline(moved[3], degree=5)
+    contours = [(x, read(document, chord_tolerance=x).contours) for x in (1e-4, 1e-6)]
+    table = [(x, *y) for x, found in contours for y in zip(space, found, strict=True)]
+    for tolerance, entity, contour in table:
+        tool = entity.construction_tool()
+        points = [tuple(p) for p in tool.points(np.linspace(0, tool.max_t, 4001))]
+        near([contour.path], [points], tolerance)
+        # Inside, a spline of degree 2 or more has no corner.
+        assert contour.path.turns.max() < 1e-8
+    # Splines that are circles, that are closed, and with more knots than they need.
+    weights, knots = [1, np.sqrt(0.5), 1, np.sqrt(0.5), 1], [0, 0, 0, 1, 1, 2, 2, 2]
+    points = [(50, 0, 0), (50, 50, 0), (0, 50, 0), (-50, 50, 0), (-50, 0, 0)]
+    path = only(alone("rational_spline", points, weights, degree=2, knots=knots)[0]).path
+    assert len(path) == 1
+    np.testing.assert_allclose(path.lengths, np.pi * 0.05, rtol=1e-12)
+    document, x = alone("spline")
+    x.set_closed(CONTROL)
+    contour = only(document)
+    knots, points = np.array(x.knots), np.array([tuple(p) for p in x.control_points])
+    near([contour.path], [BSpline(knots, points, 3)(np.linspace(knots[3], knots[-4], 20001))])
+    assert contour.closed and contour.path.turns.max() < 1e-9
+    ends = contour.path(0.0, 1), contour.path(contour.path.length, 1)
+    np.testing.assert_allclose(*ends, atol=1e-9)
+    for extra in (1, 2):
+        document, x = alone("open_spline", CONTROL)
+        # Its first control points then count for nothing.
+        x.knots = [*np.zeros(4 + extra), *np.arange(1, 6 - extra), *np.full(4, 7.0)]
+        path = only(document).path
+        near([path], [BSpline(x.knots, np.array(CONTROL), 3)(np.linspace(0, 7, 4001))])
+        np.testing.assert_allclose(path(0.0), MM * np.array(CONTROL[extra][:2]), atol=1e-12)
+    wanted = 3 * np.hypot(2 * np.pi * 10, 2) * MM
+    assert only(alone("helix", 10, 2, 3)[0]).path.length == pytest.approx(wanted, rel=1e-3)
+
+
+def fit(points, **ends):
+    points = np.array(points, dtype=float)
+    at = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    return CubicSpline(at, points, **ends)(np.linspace(0, at[-1], 20001))
+
+
+def test_splines_through_points():
+    document, x = alone("spline", CONTROL)
+    path = as_ezdxf_says(document).path
+    near([path], [fit(CONTROL, bc_type="natural")])
+    x.dxf.start_tangent, x.dxf.end_tangent = (0, 2, 0), (3, 0, 0)
+    path = only(document).path
+    near([path], [fit(CONTROL, bc_type=((1, (0, 1, 0)), (1, (1, 0, 0))))])
+    np.testing.assert_allclose(path(0.0, 1), (0, 1), atol=1e-9)
+    document, x = alone("spline", CONTROL)
+    x.closed = True
+    contour = only(document)
+    near([contour.path], [fit([*CONTROL, CONTROL[0]], bc_type="periodic")])
+    assert contour.closed
+
+
+def test_broken_and_unknown_entities_are_refused_by_name_or_skipped():
+    for name, value, words in (
+        ("knots", [0, 0, 0, 0, 1], "9 control points and 5 knots"),
+        ("knots", np.zeros(13), "do not increase"),
+        ("knots", [0, 0, 0, 0, 1, 1, 1, 1, 2, 3, 3, 3, 3], "more than 3 times"),
+        ("weights", [0.0, *np.ones(8)], "9 weights above zero"),
+        ("degree", 99, "degree 99"),
+    ):
+        document, space = drawing()
+        space.add_line((0, 0), (10, 0))
+        x = space.add_open_spline(CONTROL)
+        setattr(x.dxf if name == "degree" else x, name, value)
+        handle = f"SPLINE handle {x.dxf.handle}"
+        refusals(read, [(document, "part.dxf", f"{handle} in line", words)])
+        program = read(document, unknown="skip")
+        assert len(program.contours) == 1 and handle in program.notes[0]
+    document, space = drawing()
+    space.add_line((0, 0), (10, 0))
+    x = space.new_entity("LINE", {"layer": "cut"})
+    data = written(document).replace(b"LINE\n  5\n" + x.dxf.handle.encode(), b"NEWLINE\n  5\nAB")
+    line = data[: data.index(b"NEWLINE")].count(b"\n") + 3
+    words = f"NEWLINE handle AB in line {line} on layer 'cut' ... --skip-unknown"
+    refusals(read, [(data, words)])
+    program = read(data, unknown="skip")
+    assert len(program.contours) == 1 and "NEWLINE handle AB" in program.notes[0]
+    assert read(data, layers=frozenset({"0"})).notes == ()
+
+
+def filled(block):
+    """One of everything, of some 20 mm."""
+    block.add_line((-1, -1), (20, 5))
+    block.add_arc((0, 0), 10, 10, 200)
+    block.add_arc((3, 0), 6, 300, 80, dxfattribs={"extrusion": (0, 0, -1)})
+    block.add_circle((-5, 8), 3)
+    block.add_ellipse((4, 4), (8, 3), 0.3, 0.5, 4)
+    points = [(0, 0, 0.4), (8, -3, 0), (12, 9, -2), (1, 20, 0)]
+    block.add_lwpolyline(points, format="xyb", close=True)
+    block.add_polyline2d([(0, -9, 0.4), (8, -13, 0), (12, -19, 0)], format="xyb")
+    block.add_open_spline([(0, 0, 0), (5, 20, 0), (9, -9, 0), (15, 3, 0), (20, 20, 0)])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_blocks_in_blocks_turned_scaled_mirrored_and_repeated(seed):
+    rng = np.random.default_rng(seed)
+    document, space = drawing()
+    filled(document.blocks.new("inner", base_point=tuple(rng.uniform(-5, 5, 2))))
+    outer = document.blocks.new("outer", base_point=(1, 2))
+
+    def placed(layout, name, even):
+        scale = rng.uniform(0.5, 2) * rng.choice([-1, 1], 2)
+        factors = scale if not even else scale[0] * np.array([1, rng.choice([-1, 1])])
+        at = tuple(rng.uniform(-50, 50, 2))
+        given = {"xscale": factors[0], "yscale": factors[1], "zscale": 1}
+        given |= {"rotation": rng.uniform(-180, 180), "extrusion": (0, 0, rng.choice([-1, 1]))}
+        return layout.add_blockref(name, at, dxfattribs=given)
+
+    # Uneven scales of the outer block make arcs ellipses, turned ones even skew ones.
+    placed(outer, "inner", even=seed % 2)
+    x = placed(space, "outer", even=seed % 3 == 0)
+    x.dxf.row_count, x.dxf.column_count = 2, 2
+    x.dxf.row_spacing, x.dxf.column_spacing = 90, -70
+    as_ezdxf_says(document, join_tolerance=1e-9)
+
+
+def test_scaled_blocks_names_layers_and_attributes():
+    document, space = drawing()
+    filled(document.blocks.new("b"))
+    attributes = {"xscale": -1.3, "yscale": 1.3, "zscale": 1.3, "rotation": 77}
+    handle = space.add_blockref("b", (7, 8), dxfattribs=attributes).dxf.handle
+    contours = read(document, join_tolerance=1e-9).contours
+    # Scaled evenly and mirrored, arcs stay arcs.
+    lengths = [len(x.path) for x in contours]
+    assert lengths[:4] == [1, 1, 1, 1] and lengths[5:7] == [4, 2]
+    assert contours[1].path.curvatures[0] == pytest.approx(1 / 0.013)
+    assert all(x.name.startswith(f"handle {handle}/") for x in contours)
+    document, space = drawing()
+    document.blocks.new("b").add_circle((0, 0), 1)
+    counts = {"row_count": 2, "column_count": 3, "row_spacing": 10, "column_spacing": 20}
+    space.add_blockref("b", (0, 0), dxfattribs=counts)
+    contours = read(document).contours
+    places = {re.search(r"\[(\d),(\d)\]", c.name).groups(): c.path(0.0) for c in contours}
+    assert len(places) == 6
+    np.testing.assert_allclose(places["2", "3"], [41 * MM, 10 * MM], atol=1e-12)
+    document, space = drawing()
+    block = document.blocks.new("b")
+    block.add_line((0, 0), (10, 0))
+    block.add_line((0, 0), (0, 10), dxfattribs={"layer": "own"})
+    block.add_attdef("NAME", (0, 0))
+    x = document.blocks.new("c").add_blockref("b", (0, 0))
+    space.add_blockref("c", (0, 0), dxfattribs={"layer": "cut"})
+    program = read(document)
+    assert [x.layer for x in program.contours] == ["cut", "own"] and program.notes == ()
+    # Attributes of a block are text, and their patterns nothing.
+    x.add_attrib("NAME", "gasket", (0, 0))
+    assert read(document).notes[0].endswith(": ATTRIB.")
+
+
+def test_drawings_tilted_in_space_or_at_one_height():
+    for seed in range(2):
+        document, space = drawing()
+        tilted = {"extrusion": tuple(np.random.default_rng(seed).normal(size=3))}
+        space.add_arc((1, 2, 3), 30, 20, 250, dxfattribs=tilted)
+        space.add_circle((1, 2, 3), 12, dxfattribs=tilted)
+        points = [(0, 0, 0.4), (30, 5, 0), (12, 40, 0)]
+        space.add_lwpolyline(points, format="xyb", dxfattribs={**tilted, "elevation": 5.0})
+        filled(document.blocks.new("b"))
+        space.add_blockref("b", (1, 2, 30), dxfattribs={**tilted, "rotation": 30})
+        program = as_ezdxf_says(document, join_tolerance=1e-9)
+        assert program.dimension == 3 and len(program.contours[0].path) == 1
+    # Only zero height is in the plane.
+    for height, dimension in (((1e-8, -1e-8), 2), ((5, 5), 3)):
+        document, space = drawing()
+        space.add_line((0, 0, height[0]), (10, 0, height[1]))
+        space.add_circle((0, 0, height[0]), 5)
+        program = read(document)
+        assert program.dimension == dimension
+    np.testing.assert_allclose(program.contours[1].path.starts[:, 2], 0.005)
+
+
+def test_pieces_are_chained_and_gaps_of_the_join_tolerance_closed():
+    document, space = drawing()
+    space.add_arc((50, 50), 50, 0, 180)
+    for start, end in (((0, 50), (0, 0)), ((100, 0), (0, 0.004)), ((100, 0), (100, 50))):
+        space.add_line(start, end)
+    x, y = space.add_line((3, 3), (3, 3)), space.add_lwpolyline([(1, 1)])
+    contour = only(document)
+    assert contour.closed and len(contour.path) == 4
+    assert contour.name == f"handle {space[0].dxf.handle}"
+    np.testing.assert_allclose(contour.path.curvatures, [20, 0, 0, 0], rtol=1e-4)
+    program = read(document, join_tolerance=1e-6)
+    assert not program.contours[0].closed and len(program.contours) == 1
+    # Entities of no length are left out and named.
+    assert all(f"handle {e.dxf.handle}" in program.notes[0] for e in (x, y))
+
+
+def test_the_unit_of_the_drawing(refuses):
+    for code, metres in UNITS.items():
+        document, space = drawing(units=code)
+        space.add_line((0, 0), (1e-3 / metres, 0))
+        assert only(document).path.length == pytest.approx(1e-3), code
+        # ezdxf has the inverse, and not for all units.
+        theirs = ezdxf.units.METER_FACTOR[code]
+        assert theirs is None or metres == pytest.approx(1 / theirs, rel=1e-5), code
+    document, _ = alone("line", (0, 0), (10, 0))
+    assert only(document, units=0.0254).path.length == pytest.approx(0.254)
+    document.units = 0
+    assert only(document, units=MM).path.length == pytest.approx(0.01)
+    refusals(read, [(document, "part.dxf ... $INSUNITS ... mm")])
+    document.units = 20
+    refuses(lambda: read(document), ac.InvalidInput, "unit 20")
+
+
+def pairs(*tags):
+    return "".join(f"{code}\n{value}\n" for code, value in tags).encode()
+
+
+def bare(*entity, header=b""):
+    """A file as generators write it, with the tags of one entity."""
+    begin = (0, "SECTION"), (2, "ENTITIES")
+    end = (0, "ENDSEC"), (0, "EOF")
+    return header + pairs(*begin, *entity, *end)
+
+
+CUT = ((0, "LINE"), (8, "CUT"), (10, 0), (20, 0), (11, 10), (21, 0))
+
+
+def test_a_file_without_a_header_has_no_unit(refuses):
+    r12 = pairs((0, "SECTION"), (2, "HEADER"), (9, "$ACADVER"), (1, "AC1009"), (0, "ENDSEC"))
+    for header in (b"", r12, r12.replace(b"AC1009", b"AC1015")):
+        refusals(read, [(bare(*CUT, header=header), "part.dxf ... $INSUNITS ... mm")])
+        assert only(bare(*CUT, header=header), units=MM).path.length == pytest.approx(0.01)
+    stated = r12.replace(b"0\nENDSEC", b"9\n$INSUNITS\n70\n1\n0\nENDSEC")
+    assert only(bare(*CUT, header=stated)).path.length == pytest.approx(0.254)
+
+
+def test_entities_without_the_marks_of_their_classes():
+    polyline = (0, "LWPOLYLINE"), (5, "1F"), (8, "CUT"), (62, 1), (90, 3), (70, 1)
+    # The coordinate 100 is no mark.
+    polyline += (10, 0), (20, 0), (10, 100), (20, 0), (42, 1.0), (10, 100), (20, 40)
+    for tags in (polyline, [x for x in polyline if x[0] not in (5, 62)]):
+        contour = only(bare(*tags), units=MM)
+        assert contour.closed and contour.layer == "CUT"
+        wanted = 0.1 + np.pi * 0.02 + np.hypot(0.1, 0.04)
+        assert contour.path.length == pytest.approx(wanted, rel=1e-6)
+    text = (0, "MTEXT"), (8, "CUT"), (10, 0), (20, 0), (40, 2), (1, "part")
+    leader = (0, "LEADER"), (8, "0"), (76, 2), (10, 0), (20, 0), (10, 1), (20, 0)
+    program = read(bare(*text, *leader, *polyline), units=MM)
+    assert len(program.contours) == 1
+    assert "MTEXT" in program.notes[0]
+
+
+def test_what_is_no_contour_is_left_out_and_counted():
+    document, space = drawing()
+    space.add_line((0, 0), (10, 0))
+    space.add_text("gasket").dxf.layer = "notes"
+    space.add_mtext("gasket")
+    space.add_point((1, 1))
+    space.add_point((2, 1))
+    space.add_hatch().paths.add_polyline_path([(0, 0), (1, 0), (1, 1)])
+    space.add_3dface([(0, 0), (1, 0), (1, 1), (0, 1)])
+    space.add_solid([(0, 0), (1, 0), (1, 1)])
+    space.add_linear_dim(base=(0, 2), p1=(0, 0), p2=(3, 0)).render()
+    space.add_polymesh((3, 3))
+    space.add_xline((0, 0), (1, 0))
+    program = read(document)
+    assert len(program.contours) == 1
+    letters, others = (x.rstrip(".").split(": ")[-1] for x in program.notes)
+    kinds = "3DFACE, DIMENSION, HATCH, MTEXT, 2 POINT, SOLID, XLINE, mesh".split(", ")
+    assert letters == "TEXT" and sorted(others.split(", ")) == sorted(kinds)
+    document, space = drawing()
+    refuses_nothing = [(document, "part.dxf has no contour")]
+    refusals(read, refuses_nothing)
+    space.add_text("x")
+    refusals(lambda x: read(x, unknown="skip"), refuses_nothing, "TEXT")
+
+
+def test_the_end_of_a_file_that_was_cut_off_is_missed(refuses):
+    document, space = drawing()
+    for k in range(10):
+        space.add_line((0, k), (10, k))
+    data = written(document)
+    assert read(document).notes == ()
+    for end in (data.rindex(b"ENDSEC"), -20):
+        (note,) = read(data[:end]).notes
+        assert "no end mark (EOF)" in note
+    half = data[: data.index(b"\nENTITIES") + 5]
+    refuses(lambda: read(half), ac.InvalidInput, "cut off")
+    damaged = re.sub(rb" +0\nENDSEC\n( +0\nSECTION\n +2\nENTITIES)", rb"\1", data)
+    program = read(damaged)
+    assert len(program.contours) == 10 and "mended in 1 place;" in program.notes[0]
+
+
+def test_colors_choose_by_number_name_layer_and_block():
+    document, space = drawing()
+    document.layers.add("red", color=1)
+    document.layers.add("true", true_color=colors.rgb2int((255, 0, 0)))
+    document.blocks.new("b").add_line((0, 0), (0, 1), dxfattribs={"color": 0})
+    space.add_line((0, 0), (10, 0), dxfattribs={"layer": "red"})
+    space.add_line((0, 1), (20, 1), dxfattribs={"layer": "true"})
+    space.add_line((0, 2), (30, 2), dxfattribs={"layer": "red", "color": 5})
+    space.add_line((0, 3), (40, 3))
+    space.add_blockref("b", (0, 50), dxfattribs={"color": 1})
+
+    def lengths(*colors):
+        program = read(document, colors=colors)
+        return [round(x.path.length / MM) for x in program.contours]
+
+    assert lengths("red") == lengths("#F00") == [10, 20, 1]
+    assert lengths(1) == [10, 1]
+    assert lengths("blue", 7) == [30, 40]
+    assert lengths("black") == lengths("white") == [40]
+    refusals(lengths, [("green", "#000000 ... #0000ff ... 3 #ff0000")])
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_clipped_blocks_are_cut(inverted):
+    document, space = drawing()
+    block = document.blocks.new("b", base_point=(1, 1))
+    block.add_line((-10, 2), (10, 2))
+    block.add_circle((0, 2), 3)
+    x = space.add_blockref("b", (50, 0), dxfattribs={"xscale": 2, "yscale": 2, "rotation": 30})
+    clip = XClip(x)
+    clip.set_block_clipping_path([(-5, -9), (0, -9), (0, 9), (-5, 9)])
+    if inverted:
+        clip.invert_clipping_path([(-20, -20), (20, 20)], ignore_acad_compatibility=True)
+    program = read(document)
+    length = sum(c.path.length for c in program.contours)
+    line, circle = 20 - 5 if inverted else 5, 3 * np.pi
+    assert length == pytest.approx(2 * MM * (line + circle), rel=1e-9)
+    m = x.matrix44()
+    m.inverse()
+    for c in program.contours:
+        at = c.path(np.linspace(0, c.path.length, 50)) / MM
+        x, y, _ = np.array([tuple(p) for p in m.transform_vertices([(*p, 0) for p in at])]).T
+        outside, inside = (x < -5 - 1e-9) | (x > 1e-9), (x > -5 + 1e-9) & (x < -1e-9)
+        assert not (inside if inverted else outside).any()
+        off = np.minimum(abs(y - 2), abs(np.hypot(x, y - 2) - 3))
+        np.testing.assert_allclose(off, 0.0, atol=1e-9)
+
+
+def test_layers_that_are_off_or_frozen_are_left_out_and_counted():
+    document, space = drawing()
+    document.layers.add("hidden").off()
+    document.layers.add("Cold").freeze()
+    block = document.blocks.new("b")
+    block.add_line((0, 0), (10, 0))
+    block.add_line((0, 0), (0, 10), dxfattribs={"layer": "cut"})
+    space.add_line((0, 5), (10, 5), dxfattribs={"layer": "cut"})
+    space.add_line((0, 6), (10, 6), dxfattribs={"layer": "HIDDEN"})
+    # Off hides what the block has on layer 0, frozen all of it.
+    space.add_blockref("b", (20, 0), dxfattribs={"layer": "hidden"})
+    space.add_blockref("b", (40, 0), dxfattribs={"layer": "cold"})
+    space.add_line((0, 7), (1, 7)).dxf.invisible = 1
+    program = read(document)
+    assert [x.layer for x in program.contours] == ["cut", "cut"]
+    off, invisible = program.notes
+    assert off.endswith(": 2 hidden, Cold.") and invisible.endswith("invisible: LINE.")
+
+
+@pytest.mark.parametrize("version", ["R12", "R2000", "R2004", "R2007", "R2010", "R2013", "R2018"])
+def test_all_versions_as_text_and_binary(version):
+    document, space = drawing(version)
+    points = [(0, 0, 0.5), (50, 0, 0), (50, 50, 0)]
+    add = space.add_polyline2d if version == "R12" else space.add_lwpolyline
+    add(points, format="xyb", close=True)
+    space.add_circle((0, 0), 5, dxfattribs={"layer": "Löcher"})
+    data, binary = written(document), io.BytesIO()
+    document.write(binary, fmt="bin")
+    for form in (data, data.replace(b"\n", b"\r\n"), binary.getvalue()):
+        program = read(form, units=MM)
+        assert [x.layer for x in program.contours] == ["0", "Löcher"]
+        assert [len(x.path) for x in program.contours] == [3, 1]
+        assert program.source == "part.dxf"
+
+
+AT = "5|A0|8|0|10|0|20|0"
+LINE = f"0|LINE|{AT}|11|10|21|0|"
+
+
+def from_hand(entities, blocks=""):
+    """Read a small DXF file of group codes and values, | between them."""
+    parts = "9|$ACADVER|1|AC1009|", blocks, entities
+    names = "HEADER", "BLOCKS", "ENTITIES"
+    text = "".join(f"0|SECTION|2|{a}|{b}0|ENDSEC|" for a, b in zip(names, parts, strict=True))
+    return read(f"{text}0|EOF|".replace("|", "\n").encode(), units=MM)
+
+
+def block(name, *inserts):
+    body = "".join(f"0|INSERT|2|{x}|{AT}|" for x in inserts)
+    return f"0|BLOCK|8|0|2|{name}|70|0|10|0|20|0|{LINE}{body}0|ENDBLK|8|0|"
+
+
+def test_a_file_of_entities_alone_is_read_and_wrong_ones_are_refused():
+    program = from_hand(LINE)
+    assert program.contours[0].name == "handle A0"
+    assert program.path.length == pytest.approx(0.01)
+    table = f"""
+0|LINE|{AT}| => LINE handle A0 ... layer '0' ... no end
+0|LINE|{AT}|11|1e12|21|0| => 1e+09 m ... 1e+06 m ... unit
+0|LINE|{AT}|11|1e308|21|1e308| => 1e+06 m
+0|LINE|{AT}|11|nan|21|0| => not finite
+0|CIRCLE|{AT}| => CIRCLE ... no radius
+0|CIRCLE|{AT}|40|-1| => radius of -1
+0|ARC|{AT}|40|1|50|inf|51|9| => angles ... not finite
+0|INSERT|2|none|{AT}| => block 'none'
+0|LINE|{AT}|11|x|21|0| => cannot be read, LINE in line ... --skip-unknown
+"""
+    refusals(from_hand, table, "part.dxf")
+    twice = "".join(block(f"B{i}", *[f"B{i + 1}"] * 2) for i in range(40))
+    insert = f"0|INSERT|2|A|{AT}|"
+    table = [
+        (block("A", "B") + block("B", "a"), "'a' in itself"),
+        (block("A", "B0") + twice + block("B40"), "copies"),
+    ]
+    refusals(lambda blocks: from_hand(insert, blocks), table)
+    # Of six lines in each copy.
+    blocks = block("A", *["B"] * 5) + block("B")
+    counts = [(30000, 30000), (2_000_000_000, 1), (400, 200), (30000, 3)]
+    many = [f"{insert}70|{columns}|71|{rows}|44|5|45|5|" for rows, columns in counts]
+    refusals(lambda x: from_hand(x, blocks), [(x, "INSERT handle A0 ... copies") for x in many])
+    # The file as a whole is wrong.
+    table = [
+        (b"", "empty"),
+        (b"\x00\xff\x12 not a drawing", "no DXF file"),
+        (b"AC1032\x00\x00", "DWG ... save it as DXF"),
+        (b"  0\nSECTION\nwhat\nENTITIES\n", "no DXF file that can be read"),
+        (b"AutoCAD Binary DXF\r\n\x1a\x00\x01\x02", "no DXF file"),
+    ]
+    refusals(read, table, "part.dxf")
+
+
+def test_names_that_no_contour_can_have_are_changed_with_a_note():
+    document, space = drawing()
+    given = (b"a\x1b]52;c;cA==\x1b", b"l" * 100, b"l" * 101, b"caf\xe9", b"CUT")
+    for k in range(len(given)):
+        space.add_line((0, 10 * k), (5, 10 * k), dxfattribs={"layer": f"LAYER{k}"})
+    data = written(document)
+    for k, layer in enumerate(given):
+        data = data.replace(f"LAYER{k}".encode(), layer)
+    program = read(data)
+    long = "l" * 68 + "..."
+    layers = [r"a\x1b]52;c;cA==\x1b", long, f"{long} (2)", r"caf\udce9", "CUT"]
+    assert [x.layer for x in program.contours] == layers
+    (note,) = (x for x in program.notes if "Names" in x)
+    assert note.isprintable() and "(4)" in note
+    assert len(program.selected(layers=[r"caf\udce9"]).contours) == 1
+
+
+@pytest.mark.skipif(not fonts.font_manager.fallback_font_name(), reason="this machine has no font")
+def test_letters_of_a_text_are_contours_if_asked():
+    document, space = drawing()
+    space.add_line((0, 0), (10, 0))
+    space.add_text("OH", dxfattribs={"height": 10, "insert": (5, 5), "layer": "mark"})
+    (note,) = read(document).notes
+    assert "TEXT" in note and "--texts" in note and len(read(document).contours) == 1
+    found = read(document, texts="contours")
+    letters = [x for x in found.contours if x.layer == "mark"]
+    # Two outlines of O, one of H, all closed, as high as the text.
+    assert len(letters) == 3 and all(x.closed for x in letters)
+    extents = np.array([x.path.segments.extent for x in letters])
+    heights = extents[:, 0, 1].min(), extents[:, 1, 1].max()
+    assert heights == pytest.approx((0.005, 0.015), abs=3e-4)
+    assert "Drawn through a font" in " ".join(found.notes)

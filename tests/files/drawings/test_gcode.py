@@ -1,0 +1,454 @@
+"""G-code: the corpus, points worked out by hand, refusals, and what becomes of every word."""
+
+import math
+import random
+import re
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.files.tables import refusals, rows
+
+from armcontour.core.errors import InvalidInput
+from armcontour.files.drawings.gcode import read_gcode
+from armcontour.files.drawings.options import ReadOptions
+from armcontour.program import Contour, Dwell, Event, Program, Rapid
+
+CORPUS = Path(__file__).with_name("gcode")
+FILES = sorted(CORPUS.rglob("*.ngc"))
+REFUSED = re.compile(rb"; refused in line (\d+): (.*)")
+# With / between contours and > at rapids.
+VERTICES = re.compile(rb"; vertices \[mm\] ([^\r\n]*)")
+
+
+def read(text, **options):
+    """Read a file of the corpus by its name, or a text with | for the ends of lines."""
+    if isinstance(text, str) and re.fullmatch(r"\w+/\w+", text):
+        data = (CORPUS / f"{text}.ngc").read_bytes()
+        unknown = "skip" if b"unknown: skip" in data else "refuse"
+        given = ReadOptions(mend_vertices=0.0, unknown=unknown)
+        return read_gcode(data, source=f"{text}.ngc", options=given)
+    data = text if isinstance(text, bytes) else f"{text}\n".replace("|", "\n").encode()
+    return read_gcode(data, source="part.ngc", options=ReadOptions(**options))
+
+
+def in_mm(path):
+    return (path.vertices * 1e3).round(6).tolist()
+
+
+def told(program):
+    """The moves in words, contours with their events and the places of these [mm]."""
+    found = []
+    for x in program.moves:
+        if isinstance(x, Contour):
+            events = [f" {e.name}={e.value}@{e.s * 1e3:.9g}" for e in x.events]
+            found.append("cut" + "".join(events))
+        elif isinstance(x, Event):
+            found.append(f"{x.name}={x.value}")
+        else:
+            found.append(f"dwell {x.duration:.9g}" if isinstance(x, Dwell) else "rapid")
+    return ", ".join(found)
+
+
+def check_points(table, **options):
+    """Rows of text, points [mm] with / between contours and > at rapids, and words of the notes.
+
+    Rapids are compared only where there are any in the row; zeros at the end may be missing. Texts
+    without words have no notes.
+    """
+    for text, points, *words in rows(table):
+        program = read(text, **options)
+        kinds = (Contour, Rapid) if ">" in points else Contour
+        moves = [x for x in program.moves if isinstance(x, kinds)]
+        parts = [x.strip() for x in points.split("/")]
+        assert [isinstance(x, Rapid) for x in moves] == [x[0] == ">" for x in parts], text
+        for move, part in zip(moves, parts, strict=True):
+            wanted = np.array([x.split(",") for x in part.strip("> ").split()], dtype=float)
+            found, d = move.path.vertices * 1e3, wanted.shape[1]
+            np.testing.assert_allclose(found[:, :d], wanted, rtol=0, atol=1e-9, err_msg=text)
+            assert np.abs(found[:, d:]).max(initial=0.0) <= 1e-9, text
+        notes = " ".join(program.notes)
+        missing = [x for cell in words for x in cell.split(" ... ") if x not in notes]
+        assert not missing and (words or "/" in text or not notes), (text, notes)
+
+
+def test_corpus_is_large_cites_its_sources_and_is_refused_with_its_line(refuses):
+    assert len(FILES) >= 40
+    for file in FILES:
+        data, name = file.read_bytes(), f"{file.parent.name}/{file.stem}"
+        assert re.match(rb"(\xef\xbb\xbf)?; (LinuxCNC|docs/guides/gcode.md)", data), file
+        for line, words in REFUSED.findall(data):
+            begin, index = f"{name}.ngc, line {int(line)}: ", int(line) - 1
+            words = words.rstrip(b"\r").decode()
+            refuses(lambda name=name: read(name), InvalidInput, begin, words, index=index)
+
+
+def test_corpus_has_the_points_worked_out_by_hand():
+    found = {f"{x.parent.name}/{x.stem}": VERTICES.findall(x.read_bytes()) for x in FILES}
+    table = [f"{name} => {points.decode()}" for name, data in found.items() for points in data]
+    assert len(table) >= 40
+    check_points("\n".join(table))
+
+
+def test_corpus_has_the_values_worked_out_by_hand():
+    nan, pi = math.nan, math.pi
+    for name, kind, expected in (
+        ("units/change_on_the_way", "speeds", [0.01, 0.0254, 0.0254]),
+        ("units/inches", "speeds", [0.0254, 0.0254]),
+        ("feeds/inverse_time", "speeds", [1e-3, 2e-3 / 60, 3e-3 / 60, 2e-3]),
+        ("control/path_control", "tolerances", [nan, 5e-5, 0.0, 0.0, nan]),
+        ("units/inches", "tolerances", [nan, 2.54e-4]),
+        ("arcs/quarter", "lengths", [pi / 2 * 1e-3]),
+        ("arcs/full_circles", "lengths", 2e-3 * pi * np.array([10, 5, 2, 2, 2])),
+        ("arcs/turns", "lengths", [20e-3 * pi, 10e-3 * pi]),
+        # A chord as long as the radius sees 60 degrees, the other way 300.
+        ("arcs/radius", "curvatures", [100, 100, 200]),
+        ("arcs/radius", "lengths", [pi / 300, pi / 60, pi / 200]),
+        # Rounded a little short, the radius is that of a half circle.
+        ("arcs/radius_rounded_short", "curvatures", [1 / 5.001e-3]),
+        ("arcs/radius_rounded_short", "lengths", [pi * 5.001e-3]),
+    ):
+        found = getattr(read(name).contours[0].path, kind)
+        np.testing.assert_allclose(found, expected, rtol=1e-12, err_msg=f"{name} {kind}")
+    # Points [mm] at arc lengths: clockwise from (0, 0) around (1, 0), and counter-clockwise around
+    # the origin; G2 to the left of the chord, and G3's long way round to the right; as seen from
+    # the positive end of the third axis, G18 G3 over -z, and G19 G2 over +z.
+    half, high = math.sqrt(0.5), 10 - math.sqrt(75)
+    for name, s, expected in (
+        ("arcs/quarter", [1 / 4], [[1 - half, half]]),
+        ("arcs/turns", [5, 25], [[0, 10], [0, 10]]),
+        ("arcs/radius", [1 / 0.6, 35 / 3], [[5, high], [15, high - 20]]),
+        ("arcs/other_planes", [2.5, 7.5, 12.5], [[5, 0, 5], [10, 5, 5], [5, 5, 0]]),
+    ):
+        found = read(name).contours[0].path(np.array(s) * pi * 1e-3) * 1e3
+        np.testing.assert_allclose(found, expected, atol=1e-9, err_msg=name)
+
+
+def test_any_height_puts_all_moves_in_space():
+    for text in ("F60|G17 G2 X10 R5", "G0 Z5|G0 Z0|G1 X1 F60"):
+        assert read(text).dimension == 2, text
+    for text in ("F60|G18 G2 X10 R5", "G0 Z5|G1 X1 F60", "G1 X1 F60|G0 Z5|X9|Z0|G1 X10"):
+        program = read(text)
+        assert {x.path.dimension for x in program.moves} == {3} == {program.dimension}, text
+    assert in_mm(program.moves[1].path) == [[1, 0, 0], [1, 0, 5], [9, 0, 5], [9, 0, 0]]
+
+
+# Moves and events. What is so already is no event, and the end switches off; T alone changes the
+# tool where the program has no M6; dwells of printers are in milliseconds; relative extrusion
+# outlasts G90.
+MOVES = """
+events/spindle_and_coolant => spindle speed=1000.0, spindle=True, coolant=flood, cut spindle \
+speed=2000.0@1 coolant=mist and flood@2 spindle=reverse@2 spindle=False@3 coolant=False@3, rapid
+events/on_only_once => spindle speed=500.0, spindle=True, cut spindle speed=600.0@2 spindle=False@3
+M5|G1 X1 F60 => spindle=False, cut
+M3 S60 I|G1 X1 F60|X2 S50|M5 I => spindle speed=60.0, spindle=True, cut spindle speed=50.0@1 \
+spindle=False@2
+G1 X1 F60|G0 X2|M5|G0 X3|G1 X4 => cut, rapid, spindle=False, rapid, cut
+events/dwell => cut, dwell 0.5, cut, cut
+events/pause => cut, pause=True, cut, pause=optional, cut
+events/tools_and_outputs => tool=3.0, cut analog output 2=25.0@1 output 1=True@2, tool=4.0, cut
+references/unknown => cut, tool=2.0, rapid, cut
+T1|G1 X1 F60|T2|X2 => tool=1.0, cut, tool=2.0, cut
+F60|G1 X5 M88 P3|G1 X9 M67 E2 Q25 => cut analog output 2=25.0@5
+events/extruder => extruder=True, cut extruder=False@2, extruder feed=-3.0, dwell 3, \
+extruder=True, cut extruder=False@1
+M83|G1 X1 E1 F600|G1 E-.8 F2400|G0 X5|G1 E.8|G1 X6 E1 => extruder=True, cut extruder=False@1, \
+extruder feed=-0.8, dwell 0.02, rapid, extruder feed=0.8, dwell 0.02, extruder=True, cut
+G20|M83|G1 X1 E1 F60|G1 E-1 => extruder=True, cut extruder=False@25.4, extruder feed=-25.4, dwell 1
+G4 P20|M83|G1 X1 E1 F60|G4 P20|G4 S2|X2 => dwell 0.02, extruder=True, cut, dwell 0.02, dwell 2, \
+extruder=False, cut
+M104 S200|G1 X1 F60|G4 P20|X2 => cut, dwell 0.02, cut
+G1 X1 F60|M67 E1 Q2|G4 P20|X2 (M83) => cut analog output 1=2.0@1, dwell 20, cut
+M83|G90|G1 X1 F60 E2.5|X2|X3 E2.5 => extruder=True, cut extruder=False@1 extruder=True@2
+M83|M82|G90|G1 X1 F60 E2.5|X2|X3 E2.5 => extruder=True, cut extruder=False@1
+G91|G90|G1 X1 F60 E2.5|X2|X3 E2.5 => extruder=True, cut extruder=False@1
+M83|G91|G90|G1 X1 F60 E2.5|X2|X3 E2.5 => extruder=True, cut extruder=False@1 extruder=True@2
+"""
+
+
+def test_moves_and_events_are_in_the_order_of_the_program():
+    for text, expected in rows(MOVES):
+        assert told(read(text)) == expected, text
+
+
+@given(
+    radius=st.floats(1e-3, 10),
+    turn=st.floats(0, 6.3),
+    sweep=st.floats(1e-3, 6.28),
+    off=st.floats(-2.8e-5, 2.8e-5),
+    way=st.sampled_from([2, 3]),
+)
+def test_arcs_with_rounded_centres_stay_near_them_and_meet_their_ends(
+    radius, turn, sweep, off, way
+):
+    b = turn + (sweep if way == 3 else -sweep)
+    target = [(radius + off) * math.cos(b), (radius + off) * math.sin(b)]
+    text = (
+        f"G0 X{radius * math.cos(turn):.12f} Y{radius * math.sin(turn):.12f} F1|"
+        f"G90.1 G{way} X{target[0]:.12f} Y{target[1]:.12f} I0 J0"
+    )
+    path = read(text, units=1.0).contours[0].path
+    np.testing.assert_allclose(path.vertices[-1], target, atol=1.5e-9)
+    distance = np.linalg.norm(path(np.linspace(0, path.length, 200)), axis=1)
+    # At most twice the error of the centre.
+    assert np.abs(distance - radius).max() <= 2 * abs(off) + 1e-9
+
+
+def test_helices_and_ends_beside_their_circles():
+    for tolerance in (1e-4, 1e-6):
+        path = read("G0 X10 Y0 F60|G3 I-10 Z4 P2", chord_tolerance=tolerance).contours[0].path
+        points = path(np.linspace(0, path.length, 20_001))
+        off = 0.01 - np.hypot(points[:, 0], points[:, 1])
+        assert 0.9 * tolerance < off.max() <= tolerance * (1 + 1e-9)
+        # The height is proportional to the angle.
+        turn = np.unwrap(np.arctan2(path.vertices[:, 1], path.vertices[:, 0]))
+        np.testing.assert_allclose(path.vertices[:, 2], turn / (4 * np.pi) * 4e-3, atol=1e-12)
+        np.testing.assert_array_equal(path.vertices[-1], [0.01, 0, 4e-3])
+    for contour in read("arcs/nearly_full").contours:
+        path = contour.path
+        assert len(path) == 2 and path.turns[0] < 1e-12
+        radius = np.linalg.norm(path(np.linspace(0, path.length, 1000)), axis=1)
+        assert np.abs(radius - 0.01).max() <= 1.1e-5
+        assert path.length == pytest.approx(2 * np.pi * 0.01, rel=5e-3)
+        np.testing.assert_allclose(path.vertices[-1][0], 10.01e-3, atol=1e-15)
+    # Radii that differ more than rounding makes them are refused.
+    text = "G0 X{0} Y0 F60|G3 X0 Y{1} I-{0}"
+    for r, end in ((10, 10.028), (100, 100.099), (1000, 1000.49)):
+        assert len(read(text.format(r, end)).contours[0].path) == 1
+    ends = (10, 10.029), (100, 100.11), (1000, 1000.51)
+    refusals(read, [(text.format(*x), "part.ngc, line 2 ... allowed") for x in ends])
+
+
+def test_words_that_move_nothing_are_left_out_with_a_note():
+    check_points("""
+format/block_delete => 0,0 1,0 2,0 => lines with a slash ... 2 times, first in line 3
+frame/percent_signs => 0,0 1,0 2,0 => after the end of the program, line 5,
+references/unknown => 1,2,1 3,2,1 / > 7,7,4 7,7,1 / 7,7,1 8,7,1 => G28 (1 ... line 5 ... G53 (1
+G1 X2 F60 => 0,0 2,0
+G1 X1 F60|G0 X1|G1 X2 => 0,0 1,0 2,0
+M104 S2|G1 X1 F6|M106 S2|M104 S0|X2 H3 => 0,0 1,0 2,0 => M104 (2 ... line 1) ... M106 (1 ... word H
+G1 X1 F60|G43 H2|X2 => 0,0 1,0 2,0 => first in line 2
+G1 X1 F60|G4|X2 => 0,0 1,0 / 1,0 2,0 => G4 without a time ... line 2
+START_PRINT BED_TEMP=60 X=1|G29 G|M486 AShape|M486 S0|G1 X1 F6 => 0,0 1,0 => START_PRINT ... M486 (2
+EXCLUDE_OBJECT_START NAME=x|start PRINT_TEMP=3|G1 X1 F6 => 0,0 1,0 => EXCLUDE_OBJECT_S ... START (1
+M83|G1 X1 E1 F60|G28 X0|G1 Y180 F2000 => 0,0 1,0 => line 4
+G1 X1 F60|G92 A0|X2 => 0,0 1,0 2,0 => G92 of other axes
+G1 X1 F60|G05 P10|G5.1 Q1|G8 P1|G187 P1 E.01|X2 => 0,0 1,0 2,0 => G5 (1 ... G5.1 (1 ... word P (1
+G1 X1 F60|G187 P1 E.01|M0 P500|X2 => 0,0 1,0 / 1,0 2,0 => G187 (1 ... the word P (1
+G1 X1 F60|X2 Y3 M88 => 0,0 1,0 2,3 => M88
+F60|G1 X5 M88 P3|G1 X9 M67 E2 Q25 => 0,0 5,0 9,0 => M88
+G0 X1|G1 X2 => 1,0 2,0 => no feed rate ... line 2
+G1 X1 F60|G92 S1500|G50 S900|X2|:1000 => 0,0 1,0 2,0 => G92 S
+M83|G1 X1 E1 F60|G4 P20|X2 => 0,0 1,0 / 1,0 2,0 => line 3 ... milliseconds
+M83|G90|G1 X1 F60 E2.5|X2|X3 E2.5 => 0,0 1,0 2,0 3,0 => line 3 ... M83
+G90|M83|G1 X1 F60 E2.5|X2 => 0,0 1,0 2,0
+%|G1 X1 F60|%| => 0,0 1,0
+M104 S2|G28|G1 Z15 F60|G92 E0|G1 X2 Y2|Z0|G1 X6 E2|G1 X9 => 2,2 6,2 9,2 => before ... line 3
+G1 X2 F60|G1 X6 E2 => 2,0 6,0 => before the first extrusion, first in line 1
+G1 X2 F60|G1 X6 ; E2 => 0,0 2,0 6,0
+""")
+    check_points("G1 X1 F60|G92 A0|X2 => 0,0 1,0 2,0 => G92 of", unknown={"skip": ["A"]})
+    text = "G10 L2 P1 X5 R1|G1 X1 F60 => 0,0 1,0 => G10 (1 time"
+    check_points(text, unknown={"skip": ["G10"]})
+    check_points("G1 X1 F60|G28.2 X0 Y5|X2 => 0,0 1,0 2,0 => G28.2", unknown={"skip": ["G28.2"]})
+    words = (
+        "T1 M6|G1 X1 A90 F60|G55 X2 => 0,0 1,0 2,0 => M6 (1 ... word T (1 ... word A (1 ... G55 (1"
+    )
+    check_points(words, unknown={"skip": ["T", "M6", "A", "G55"]})
+    check_points("G1 X1 F60|G123 => 0,0 1,0 => G123 (1 time, first in line 2)", unknown="skip")
+    start = "G92 E0|G0 Z20|G1 F1500 E-6.5|G1 F600 Z2"
+    for code in ("M201", "M203", "M205", "M92", "M566", "M999"):
+        program = read(f"{start}|{code} X5 Y5 E3|G1 X10 Y10 E0|{code} X20 Y20|M2")
+        assert in_mm(program.path) == [[0, 0, 2], [10, 10, 2]]
+        assert f"{code} (2 times, first in line 5)" in program.notes[0]
+
+
+def test_types_or_layers_of_a_slicer_are_layers():
+    def layers(text):
+        return [(x.name, x.layer) for x in read(text).contours]
+
+    for kind, layer in ((";TYPE:", ";LAYER_CHANGE"), ("; FEATURE: ", "; CHANGE_LAYER")):
+        text = f"G1 X1 F60|{layer}|{kind}Perimeter|X2|{kind}Perimeter|X3|{layer}|X4|"
+        found = layers(text + f"{kind}Solid infill|X5|;LAYER_COUNT:9|;Z:.2|X6")
+        walls = [("line 4", "Perimeter"), ("line 8", "Perimeter")]
+        assert found == [("line 1", ""), *walls, ("line 10", "Solid infill")]
+    text = "G1 X1 F60|;LAYER:-1|X2|;LAYER:0|X3|; layer 2, Z = 0.4|X4"
+    assert [x for _, x in layers(text)] == ["", "layer -1", "layer 0", "layer 2"]
+    text = "F60|;LAYER_CHANGE|G1 X1|;LAYER_CHANGE|X2"
+    assert [x for _, x in layers(text)] == ["layer 1", "layer 2"]
+    # Contours of one line have names of their own.
+    assert [x for x, _ in layers("F60|G83 X1 Z-3 R0 Q1")] == ["line 2", "line 2 (2)", "line 2 (3)"]
+
+
+def test_units_speeds_and_tolerances_that_the_file_leaves_open():
+    (contour,) = read("G1 X2 F60|G21|X3000", units=1.0).contours
+    np.testing.assert_allclose(contour.path.vertices, [[0, 0], [2, 0], [3, 0]], atol=1e-15)
+    assert contour.path.speeds == pytest.approx([1.0, 1.0])
+    program = read("G64 P0.1|G64 P0|G1 X1 F60|Y1")
+    assert np.isnan(program.path.tolerances).all() and "line 2" in program.notes[0]
+    assert np.isnan(read("G0 X1|G1 X2").path.speeds).all()
+
+
+# A language for programs, and what only a controller stores, with words of the refusal.
+LANGUAGE = """
+O100 sub => O100 sub: flow control is not read
+o<pocket> call [1] => o<pocket> call [1]: flow
+N9 o1 if [2] => o1 if [2]: flow
+IF[#1EQ2]GOTO3 => flow control
+M98 P100 => M98: subprograms
+M99 => M99: subprograms
+#1=5 => parameter #
+X#1 => parameter #
+X-#<a> => parameter #
+X[1 2] => expression
+X-[1] => expression
+XSIN[30] => expression
+G65 P9010 => G65, a call of a macro
+G73 X2 Z-1 R1 Q1 => G73, a canned cycle
+G84 X2 Z-1 R1 => G84, a canned cycle
+G10 L2 P1 X0 => G10
+G10 L1 P1 R2 => G10
+G28.1 => G28.1
+G52 X1 => G52
+G92.3 => G92.3
+"""
+
+
+def test_g_code_as_a_programming_language_is_refused_with_its_line():
+    table = [(f"G1 X1 F60|{x}", "part.ngc, line 2: ", y, "CAM system") for x, y in rows(LANGUAGE)]
+    refusals(read, table)
+    for text in ("O0100 (PART)|G1 X1 F60", "%|N1 O7|G1 X1 F60|M30|O100 sub|%"):
+        assert in_mm(read(text).path) == [[0, 0], [1, 0]]
+
+
+WRONG = f"""
+M83|G1 X1 E1 F60|G28 X0|G1 Y180 E1 => line 4
+G1 X1 F60|G28 X0|G1 Y180 => line 3
+G1 X1 F60|G28.2 X0 Y5|X2 => line 2 ... --skip G28.2
+G1 X1 F60|G93 X2 F2|G94 X3 => line 3 ... no feed rate
+G1 X1 F60|G92 => line 2: G92 without coordinates
+G1 X1 F60|G50 X2 => line 2: G50 with coordinates
+F60|G91|G81 X1 Z-1 R1 L999999 => line 3 ... holes and pecks together
+F60|G91|G83 X1 Z-1 R1 Q.00001 L9 => line 3 ... holes and pecks together
+G1 X1 F60|G1 Y1 Y2 => line 2 ... Y twice
+G1 X1 F60|G1.23 => line 2 ... G1.23
+G1 X1 F60|G53 G1 X2 => line 2 ... no rapid
+F60|G92 X1|G1 X2|G92.1|G1 X3 => line 5 ... G92.1
+G1 X1 F60|G123 => line 2 ... --skip G123
+G1 X1 F60|G55 X2 => line 2
+%|% => part.ngc has no contour
+; nothing => part.ngc has no contour
+G0 X1|G0 X2 => part.ngc has no contour
+G4 G64 P1 => line 1 ... G4 or G64
+F1|G2 I1 P999999999 => line 2 ... segments
+F1|G2 I1 Z1 P9999999 => line 2 ... segments
+F1|{"X1 " * 30_000} => line 2 ... characters in one line
+F1|G1 X1|{"(" * 60_000} => line 3 ... does not end
+F1|G1 X1|({")(" * 30_000} => line 3 ... does not end
+F1|G1 X{"1" * 60_000} => line 2 ... 60000 characters
+"""
+SECOND = ["SET_GCODE_OFFSET Z=0.2 MOVE=1", "RESTORE_GCODE_STATE NAME=a", "TRANS X=10", "IF[#1]"]
+SECOND += ["G28 T", "G4 P1 T-.5", "M1.5", "M72"]
+# The place of the tool is not known.
+AWAY = ["G92 Z0", "G1 X2", "G81 X1 Y1 Z0 R1"]
+# These change the moves after them.
+NEVER_SKIPPED = [
+    "G5.2 X1 Y1 P0 L3",
+    "G33 Z1 K1",
+    "G38.2 Z-1",
+    "M98 P1",
+    "G17.1",
+    "G41 D1",
+    "G95",
+    "M72",
+]
+NEVER_SKIPPED += ["G68 X0 R9", "G16", "G123 X2"]
+
+
+def test_what_cannot_be_followed_is_refused_with_its_line():
+    refusals(read, WRONG, "part.ngc")
+    refusals(read, [(f"G1 X1 F60|{x}|X2", "line 2") for x in SECOND])
+    refusals(read, [(f"F60|G0 Z1|G1 X1|G28 Z5|{x}", "line 5: ", "G0") for x in AWAY])
+    table = [(f"F60|G1 X1|{x}", "line 3") for x in NEVER_SKIPPED]
+    refusals(lambda text: read(text, unknown="skip"), table, "part.ngc")
+    refusals(read, [(x, "part.ngc has no contour") for x in ("", "||")])
+    # G83 with a peck of zero drills at once.
+    assert len(read("F60|G81 X1 Y1 Z-1 R1 Q0").contours) == 1
+
+
+def test_the_guide_s_example_is_what_the_guide_says():
+    guide = Path(__file__).parents[3] / "docs" / "guides" / "gcode.md"
+    (text,) = re.findall(r"```text\n(.*?)```", guide.read_text(), re.DOTALL)
+    program = read(text)
+    quarter = 60 * math.pi / 2
+    end = math.hypot(110, 50) + quarter
+    moves = f"spindle speed=1000.0, spindle=True, cut spindle=False@{end:.9g}, rapid"
+    assert told(program) == moves and program.contours[0].name == "line 5"
+    path = program.contours[0].path
+    assert path.lengths[1] == pytest.approx(quarter * 1e-3)
+    np.testing.assert_allclose([path.speeds, path.tolerances], [[0.1, 0.1], [5e-4, 5e-4]])
+    assert in_mm(program.moves[-1].path)[-1] == [70, 150]
+
+
+WORD = st.sampled_from("X1 X-2.5 X.25 X+3. Y4 Y0 Y-.5 Z0 Z1.5 F60 F1200.5".split())
+
+
+@given(st.lists(st.lists(WORD, unique_by=lambda x: x[0], max_size=4), min_size=1, max_size=12))
+def test_plain_lines_are_read_to_the_same_effect_as_all_others(lines):
+    ordered = [" ".join(sorted(x, key=lambda w: "XYZF".index(w[0]))) for x in lines]
+    # A comment in every line keeps it from the short way.
+    a, b = (read(f"G1 F10 X9|{x}" + f"|{x}".join([*ordered, "X50"])) for x in ("", "(x)"))
+    for name in ("starts", "tangents", "lengths", "speeds", "tolerances"):
+        found, expected = (getattr(p.contours[0].path, name) for p in (a, b))
+        np.testing.assert_array_equal(found, expected)
+    assert a.contours[0].name == b.contours[0].name
+
+
+def test_memory_of_a_long_program():
+    turn = np.cumsum(np.random.default_rng(3).normal(0, 0.3, 20_000))
+    x, y = np.cumsum(0.5 * np.cos(turn)), np.cumsum(0.5 * np.sin(turn))
+    lines = [f"G1 X{a:.4f} Y{b:.4f}" for a, b in zip(x, y, strict=True)]
+    data = "\n".join(["G21 G90 F1200", "G0 X0 Y0", *lines, "M2"]).encode()
+    tracemalloc.start()
+    program = read(data)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    # Mended vertices have an arc more: those of less than 0.016 rad, 4 % of all.
+    assert 20_000 <= len(program.contours[0].path) < 21_000
+    # 1 kB a line is 150 MB for 150,000 lines; the bound is twice that.
+    assert peak < 20_000 * 2_000
+
+
+def broken(data, rng):
+    """One or two places changed, put in, left out or doubled."""
+    data = bytearray(data)
+    for _ in range(rng.randint(1, 2)):
+        at = rng.randrange(len(data) + 1)
+        kind, other = rng.randrange(5), rng.choice(b"0123456789.-+eMZACGXYIJ ,;\n()<>[]#&%/=\"'")
+        if kind == 0:
+            data[at : at + 1] = bytes([rng.randrange(256)])
+        elif kind < 3:
+            data[at : at + kind % 2] = bytes([other])
+        elif kind == 3:
+            del data[at : at + rng.randint(1, 5)]
+        else:
+            data[at:at] = data[at : at + 40]
+    return bytes(data)
+
+
+def test_any_bytes_make_a_program_or_a_refusal_with_its_line():
+    rng, made = random.Random(20), 0
+    bodies = [x.read_bytes() for x in FILES]
+    for i in range(400):
+        data = broken(rng.choice(bodies), rng)
+        try:
+            program = read(data, unknown=("refuse", "skip")[i % 2])
+        except InvalidInput as error:
+            assert re.match(r"part\.ngc(, line \d+: | has no contour).*[^.]\.$", str(error))
+        else:
+            assert isinstance(program, Program)
+            made += 1
+    assert made > 30

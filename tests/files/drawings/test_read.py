@@ -1,0 +1,198 @@
+"""Drawings: one entry point, tables of waypoints, shapes, and pieces chained into contours."""
+
+import os
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.interpolate import BSpline
+from tests.files.tables import refusals
+
+import armcontour as ac
+from armcontour.files.drawings.chain import Chain
+from armcontour.files.drawings.shapes import Outline, paths_of
+from armcontour.files.drawings.splines import Spline, fit_splines
+
+CSV = "x,y,contour,layer\n0,0,a,CUT\n20,0,a,CUT\n0,10,b,MARK\n20,10,b,MARK\n"
+GCODE = "G21 F600\nG0 X0 Y0\nG1 X20\nG0 X0 Y10 Z2\nG1 X20\n"
+SVG = (
+    '<svg xmlns="http://www.w3.org/2000/svg" width="20mm" height="10mm" viewBox="0 0 20 10">'
+    '<g id="CUT"><line id="a" x1="0" y1="10" x2="20" y2="10"/></g></svg>'
+)
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Read a file of a folder with three drawings, or a new one with the given text."""
+    (tmp_path / "w.csv").write_text(CSV)
+    (tmp_path / "part.ngc").write_text(GCODE)
+    (tmp_path / "PART.SVG").write_text(SVG)
+
+    def reader(name="w.csv", text=None, *, frame=None, progress=None, **options):
+        if text is not None:
+            (tmp_path / name).write_text(text)
+        given = ac.ReadOptions(**options)
+        return ac.read_path(tmp_path / name, given, frame=frame, progress=progress)
+
+    return reader
+
+
+def names(program):
+    return [x.name for x in program.contours]
+
+
+def test_every_file_comes_in_metres(read):
+    for name, units in (("w.csv", "mm"), ("part.ngc", None), ("PART.SVG", None)):
+        program = read(name, units=units)
+        assert program.source == name
+        first = program.contours[0].path
+        assert first.length == pytest.approx(0.02, abs=1e-12)
+        ends = first([0.0, first.length])[:, :2]
+        np.testing.assert_allclose(ends, [[0, 0], [0.02, 0]], atol=1e-12)
+    assert read(units=0.0254).contours[0].path.length == pytest.approx(20 * 0.0254)
+
+
+def test_a_drawing_is_scaled_and_then_placed(read):
+    frame = ac.Frame.rpy((0.3, 0.1, 0.0), (0, 0, np.pi / 2))
+    program = read(units="mm", scale=2.0, frame=frame)
+    assert program.dimension == 2
+    path = program.contours[1].path
+    wanted = [[0.3 - 0.02, 0.1], [0.3 - 0.02, 0.14]]
+    np.testing.assert_allclose(path([0.0, path.length]), wanted, atol=1e-12)
+    lifted = read(units="mm", frame=ac.Frame(position=(0, 0, 0.5)))
+    assert lifted.dimension == 3
+    assert lifted.contours[0].path(0.0)[2] == 0.5
+    # The height can be left out.
+    assert read("part.ngc").dimension == 3
+    flat = read("part.ngc", flat=True)
+    assert flat.dimension == 2
+    assert flat.length == pytest.approx(0.04)
+    # Tools keep their diameters.
+    text = "F600\nG41 D1 G1 X10\nX20\nM2\n"
+    path = read("part.ngc", text, tools={1: 4e-3}, scale=3.0).path
+    np.testing.assert_allclose(path.vertices, [[0, 0], [0.03, 2e-3], [0.06, 2e-3]], atol=1e-12)
+
+
+def test_layers_and_names_choose_contours(read):
+    assert names(read(units="mm", layers=["MARK"])) == ["b"]
+    assert names(read(units="mm", layers="CUT")) == ["a"]
+    assert [x.layer for x in read(units="mm", names=["a"]).contours] == ["CUT"]
+    # Layers that are not run are listed with their number of contours.
+    (remark,) = read(units="mm", layers=["CUT"]).remarks
+    assert "MARK (1)" in remark and "CUT" not in remark
+    assert read(units="mm").remarks == read(units="mm", layers=["CUT", "MARK"]).remarks == ()
+    # Only a program of one contour has a path.
+    assert read("PART.SVG").path.length == pytest.approx(0.02)
+    refusals(lambda x: x.path, [(read(units="mm"), "w.csv has 2 contours")])
+
+
+def test_progress_increases_to_one_at_most(read):
+    examples = [f"{os.getcwd()}/examples/drawings/{x}" for x in ("gasket.dxf", "lettering.svg")]
+    for file in ("long.ngc", *examples):
+        told = []
+        text = "G21 F600\n" + "G1 X1\nG1 X2\n" * 10_000 if file == "long.ngc" else None
+        read(file, text, progress=told.append)
+        assert {x.names for x in told} == {(os.path.basename(file),)}
+        shares = [x.done or 0.0 for x in told]
+        assert shares == sorted(shares) and 0 <= shares[0] < shares[-1] <= 1
+
+
+def test_what_cannot_be_read_is_refused(read, tmp_path):
+    (tmp_path / "folder.dxf").mkdir()
+    (tmp_path / "part.dwg").write_bytes(b"AC1032")
+    (tmp_path / "across.ngc").write_text("G21 F600\nG18\nG1 X10\nG2 X20 Z0 I5 K0\n")
+    (tmp_path / "large.ngc").write_text("G1 X220 F60\nY140\n")
+    table = [
+        (("missing.dxf", {}), "There is no file ... missing.dxf"),
+        (("part.dwg", {}), "save it as DXF"),
+        (("w.csv", {"units": "mm", "layers": ["FOO"]}), "no layer 'FOO' ... 'CUT', 'MARK'"),
+        (("w.csv", {"units": "mm", "names": ["c"]}), "no contour 'c' ... 'a', 'b'"),
+        (("w.csv", {"scale": -1.0}), "scale ... above zero"),
+        (("w.csv", {"unknown": "guess"}), "unknown"),
+        (("w.csv", {"layers": 5}), "layer ... 5"),
+        (("across.ngc", {"flat": True}), "across.ngc: contour line 3: Segment 2"),
+        (("part.ngc", {"colors": ["red"]}), "DXF and SVG"),
+        (("PART.SVG", {"colors": "red"}), "must be a list"),
+        (("large.ngc", {"units": "furlongs"}), "furlong ... 4.426e+04 m ... 1000 m"),
+    ]
+    refusals(lambda x: read(x[0], **x[1]), table)
+    assert read("large.ngc", units="furlongs", scale=1e-3).path.length > 70
+    assert read("large.ngc", units="mm").path.length == pytest.approx(0.36)
+
+
+@pytest.mark.parametrize("ending", [".dxf", ".svg", ".ngc", ".csv"])
+def test_what_never_ends_or_is_too_large_is_refused_before_it_is_read(tmp_path, ending):
+    os.mkfifo(tmp_path / f"pipe{ending}")
+    (tmp_path / f"zero{ending}").symlink_to("/dev/zero")
+    (tmp_path / f"loop{ending}").symlink_to(tmp_path / f"loop{ending}")
+    for name, size in (("huge", 65_000_000), ("large", 3_000_000_000)):
+        with open(tmp_path / f"{name}{ending}", "wb") as file:
+            file.truncate(size)
+    table = [
+        ("pipe", "pipe ... not a regular file"),
+        ("zero", "zero ... not a regular file"),
+        ("huge", "huge ... 65 MB ... 64 MB"),
+        ("large", "large ... 3000 MB ... 64 MB"),
+        ("loop", "cannot be read"),
+        ("nul\0", "cannot be read"),
+        ("x" * 5000, "cannot be read"),
+    ]
+    refusals(lambda name: ac.read_path(tmp_path / f"{name}{ending}"), table)
+
+
+TOLERANCE = 1e-5
+
+
+def arc(a, b, angle, centre=(0.0, 0.0)):
+    return Chain.arc(np.array(centre), np.array([a, 0.0]), np.array([0.0, b]), angle)
+
+
+def test_a_short_arc_of_a_huge_circle_ends_where_it_is_drawn():
+    radius, half = 1e9, 0.5
+    ends = np.array([(-half, 0.0), (half, 0.0)])
+    centre = np.array([0.0, half**2 / (2 * radius) - radius])
+    sine, angle = np.array([radius, half]), 2 * np.arcsin(half / radius)
+    chain = Chain.arc(centre, ends[0] - centre, sine, angle, ends)
+    np.testing.assert_allclose(chain.to_segments(TOLERANCE).ends, ends[1:], atol=1e-12)
+    # `reach` is the extent of the arc, not of the circle.
+    assert np.abs(chain.reach).max() < 1
+
+
+@given(seed=st.integers(0, 2**32), degree=st.integers(2, 5), extra=st.integers(0, 6))
+@settings(max_examples=15)
+def test_a_b_spline_with_any_knots_and_weights_is_followed(seed, degree, extra):
+    rng = np.random.default_rng(seed)
+    n = degree + 1 + extra
+    points, weights = rng.uniform(-0.05, 0.05, (n, 2)), rng.uniform(0.3, 3.0, n)
+    knots = np.sort(np.round(rng.uniform(0, 4, n + degree + 1), 1)) * 0.7
+    knots[: degree + 1], knots[-degree - 1 :] = -0.7, 3.5
+    spline = Spline.from_knots(points, weights, knots, degree)
+    if np.unique(knots[1:-1], return_counts=True)[1].max(initial=0) > degree + 1 or spline is None:
+        # A gap: the curve on both sides of a knot that occurs too often.
+        assert np.unique(knots[degree + 1 : n], return_counts=True)[1].max() > degree
+        return
+    whole = BSpline(knots, np.column_stack([weights[:, None] * points, weights]), degree)
+    value = whole(np.linspace(-0.7, 3.5, 3001))
+    ((_, segments),) = fit_splines([spline], TOLERANCE)
+    path = ac.Path(segments=segments)
+    assert path.project(value[:, :2] / value[:, 2:]).distance.max() <= TOLERANCE
+
+
+def test_many_curves_at_once_are_what_each_is_alone(monkeypatch):
+    monkeypatch.setattr("armcontour.files.drawings.splines.AT_ONCE", 20)
+    rng = np.random.default_rng(4)
+    counts = 3 * rng.integers(1, 6, 16) + 1
+    splines = [Spline(points=rng.uniform(0, 0.1, (n, 2)), degree=3) for n in counts]
+    splines[7] = Spline(points=splines[7].points, weights=rng.uniform(1, 2, len(splines[7].points)))
+    splines[9] = Spline(points=rng.uniform(0, 0.1, (5, 2)), degree=2)
+    together = dict(fit_splines(splines, TOLERANCE))
+    assert sorted(together) == list(range(16))
+    for i, spline in enumerate(splines):
+        ((_, alone),) = fit_splines([spline], TOLERANCE)
+        assert len(alone) == len(together[i])
+        np.testing.assert_allclose(alone.starts, together[i].starts, atol=1e-12)
+        np.testing.assert_allclose(alone.lengths, together[i].lengths, atol=1e-12)
+    told = []
+    assert None not in paths_of([Outline([x]) for x in splines], TOLERANCE, tell=told.append)
+    assert len(told) > 1 and told == sorted(told) and told[-1] == 1.0

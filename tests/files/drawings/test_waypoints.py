@@ -1,0 +1,203 @@
+"""Tables of waypoints."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from tests.files.tables import refusals
+
+from armcontour import read_path
+from armcontour.core.errors import InvalidInput
+from armcontour.files.drawings.options import ReadOptions
+from armcontour.files.drawings.waypoints import read_waypoints
+
+
+def read(text, **reading):
+    data = text if isinstance(text, bytes) else text.encode()
+    return read_waypoints(data, source="points.csv", options=ReadOptions(**reading))
+
+
+def refused(text, call=read, **reading):
+    with pytest.raises(InvalidInput) as caught:
+        call(text, **reading)
+    return str(caught.value)
+
+
+def test_dialects_units_speeds_and_tolerances():
+    for names, separator in itertools.product(
+        ("x [mm],y [mm]", "X(mm),Y (mm)", "x_mm,y_mm", "x [cm],y [cm]"), ",;\t"
+    ):
+        text = f"# made by hand\r\n{names}\r\n\r\n0, 0\r\n1.5, 2e1\r\n2,0".replace(",", separator)
+        path = read(b"\xef\xbb\xbf" + text.encode()).path
+        factor = 0.01 if "cm" in names else 0.001
+        wanted = np.array([[0, 0], [1.5, 20], [2, 0]]) * factor
+        np.testing.assert_allclose(path.vertices, wanted, rtol=1e-15)
+        assert path.dimension == 2 and not path.curvatures.any()
+    # Without units, lengths are in that of the reading and speeds in it per second.
+    text = "x,y,speed,tolerance\n0,0,,\n10,0,5,0.1\n"
+    for unit, reading in ((1, {}), (0.0254, {"units": 0.0254})):
+        path = read(text, **reading).path
+        found = (path.length, path.speeds[0], path.tolerances[0])
+        np.testing.assert_allclose(found, np.array([10, 5, 0.1]) * unit, rtol=1e-12)
+    found = read("x;y;event\n0;0;gas=2.5\n1,5;-0,25;a,b=on\n").contours[0]
+    np.testing.assert_array_equal(found.path.vertices, [[0, 0], [1.5, -0.25]])
+    assert [x.name for x in found.events] == ["gas", "a,b"]
+    # They are of the line that ends at the row.
+    text = "x,y,speed [mm/s],tolerance_mm\n0,0,,\n1,0,100,1\n1,1,,0.5\n2,1,50,\n"
+    path = read(text).path
+    np.testing.assert_allclose(path.speeds, [0.1, np.nan, 0.05])
+    np.testing.assert_allclose(path.tolerances, [1e-3, 5e-4, np.nan])
+    # A speed of the first waypoint that differs from the next one is not used.
+    (note,) = read("x,y,speed\n0,0,3\n1,0,2\n2,0,2\n").notes
+    assert "line 2, column 'speed'" in note
+    assert read("x,y,speed\n0,0,2\n1,0,2\n").notes == ()
+
+
+def test_names_of_contours_and_layers_and_events():
+    # A new name begins a contour, and empty cells go on.
+    text = "x,y,contour,layer\n0,0,a,one\n1,0,,\n0,1,b,\n1,1,b,one\n0,2,b,two\n1,2,b,two\n"
+    contours = read(text).contours
+    assert [(x.name, x.layer) for x in contours] == [("a", "one"), ("b", "one"), ("b", "two")]
+    assert [x.path.length for x in contours] == [1, 1, 1]
+    # Events come at their rows.
+    text = 'x,y,event\n0,0,laser=on\n2,0,"gas=2.5; mode=fine;beep"\n2,0,repeat=off\n3,0,laser=OFF\n'
+    events = [(x.name, x.value, x.s) for x in read(text).contours[0].events]
+    at_2 = [("gas", 2.5, 2), ("mode", "fine", 2), ("beep", True, 2), ("repeat", False, 2)]
+    assert events == [("laser", True, 0), *at_2, ("laser", False, 3)]
+
+
+def test_quaternions_angles_and_axes_hold_the_tool():
+    angles = np.array([[10, 20, 30], [-40, 50, 60]])
+    turned = Rotation.from_euler("xyz", angles, degrees=True)
+    for names, values in (
+        ("roll [deg],pitch [deg],yaw [deg]", angles),
+        ("qx,qy,qz,qw", turned.as_quat()),
+    ):
+        rows = [f"{i},0,0," + ",".join(map(repr, x.tolist())) for i, x in enumerate(values)]
+        path = read("\n".join([f"x,y,z,{names}", *rows])).path
+        np.testing.assert_allclose(path.orientation([0, 1]), turned.as_matrix(), atol=1e-12)
+    path = read("x,y,z,ax,ay,az\n0,0,0,0,0,-2\n1,0,0,0,3,-3\n").path
+    assert path.orientation.axis_only
+    axes = path.orientation([0, 1])[:, :, 2]
+    np.testing.assert_allclose(axes, [[0, 0, -1], [0, 0.5**0.5, -(0.5**0.5)]], atol=1e-12)
+    # Only one of two contours has axes.
+    text = "x,y,z,ax,ay,az,contour\n0,0,0,0,0,-1,a\n1,0,0,0,0,-1,a\n0,1,0,,,,b\n1,1,0,,,,b\n"
+    first, second = read(text).contours
+    assert first.path.orientation is not None and second.path.orientation is None
+    # Repeated points are merged with their orientation.
+    text = "x,y,z,ax,ay,az,speed\n0,0,0,0,0,-1,\n1,0,0,0,1,-1,1\n1,0,0,0,1,-1,2\n2,0,0,0,0,-1,3\n"
+    path = read(text).path
+    assert len(path) == 2 and path.merged == (2,)
+    np.testing.assert_allclose(path.speeds, [1, 3])
+    np.testing.assert_allclose(path.orientation(2.0)[:, 2], [0, 0, -1], atol=1e-12)
+
+
+# A table, | between its rows => words of the message.
+WRONG = """
+x,y| => no rows
+ => points.csv is empty
+0,0|1,1 => line 1: the first line must name the columns
+x|0|1 => column y is missing
+x,y,qx|0,0,0|1,0,0 => column qy is missing
+x,y,temp|0,0,0|1,0,0 => unknown column 'temp'
+x,x,y|0,0,0|1,0,0 => line 1: there are two columns 'x'
+x [mm],y|0,0|1,1 => 'x [mm]' has a unit and 'y' has none
+x,y,z,qx [mm],qy,qz,qw|0,0,0,0,0,0,1|1,0,0,0,0,0,1 => unit 'mm' of the column 'qx
+x,y|0,0|1 => line 3: 1 values, but 2 columns
+x,y|0,0|# note||1,a => line 5, column 'y': 'a' is not a finite number
+x;y|0;0|1,5,;1 => line 3, column 'x': '1,5,' is not a finite number
+x,y,event|0,0,"gas|1,0, => line 2: ... quotes
+x,y|0,0|1,1e9 => line 3, column 'y': must be within 1e+06 m
+x,y|0,0|,1 => line 3, column 'x': must not be empty
+x,y|0,0|0,0 => line 2 has no two different points
+x,y,speed|0,0,1|1,0,0 => line 3, column 'speed': must be above zero, but is 0
+x,y,event|0,0,=on|1,0, => line 2, column 'event': '=on' is no event
+x,y,ax,ay,az|0,0,0,0,1|1,0,0,0,1 => the column z
+x,y,z,qx,qy,qz,qw|0,0,0,0,0,0,2|1,0,0,0,0,0,1 => length 1, but has 2
+x,y,z,ax,ay,az,roll,pitch,yaw|0,0,0,0,0,1,0,0,0|1,0,0,0,0,-1,0,0,0 => orientation twice
+x,y,z,ax,ay,az|0,0,0,0,0,-1|1,0,0,0,1,-1|1,0,0,1,1,-1|2,0,0,0,0,-1 => line 4, column 'ax ay az': 
+"""
+# Tables made to do harm, and words of the message.
+HOSTILE = [
+    ("x [mm**9**9**9],y [mm]\n0,0\n1,1\n", "the unit 'mm**9**9**9'"),
+    (f"x [{'9' * 20_000}!],y [mm]\n0,0\n1,1\n", "the unit '9999"),
+    (f"x,y,contour\n0,0,{'a' * 140_000}\n1,1,\n", "140000 characters, more than 80"),
+    (f"x,y,{'q' * 100_000}\n0,0,1\n1,1,1\n", "unknown column 'qqq"),
+    ("x,y,contour\n0,0,c\x1b]52;c;\x1b\\\n1,1,\n", "line 2, column 'contour' has the"),
+    ("x,y,layer\n0,0,\u202eabc\n1,1,\n", "column 'layer' has the character U+202E"),
+    (f"x,y,event\n0,0,{'e' * 81}=on\n1,1,\n", "81 characters, more than 80"),
+]
+
+
+def test_what_is_wrong_is_said_with_its_line_and_column():
+    refusals(lambda text: read(text.replace("|", "\n") + "\n" * (len(text) > 1)), WRONG)
+    refusals(read, [(b"x,y\n0,\xff\n", "not UTF-8")], "points.csv")
+    for text, words in HOSTILE:
+        message = refused(text)
+        assert words in message and message.isprintable() and len(message) < 500
+    program = read("x,y,temp\n0,0,warm\n1,0,\n", unknown="skip")
+    assert "'temp'" in program.notes[0]
+
+
+coordinates = st.floats(-5, 5, allow_nan=False).map(lambda x: round(x, 6))
+
+
+@given(
+    points=st.lists(st.tuples(coordinates, coordinates, coordinates), min_size=2, max_size=12),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_what_was_written_is_read(points, seed):
+    points = np.array([points[0], *(b for a, b in zip(points, points[1:], strict=False) if a != b)])
+    if len(points) < 2 or (np.linalg.norm(np.diff(points, axis=0), axis=1) < 1e-7).any():
+        return
+    rng = np.random.default_rng(seed)
+    turned = Rotation.from_rotvec(rng.uniform(-0.8, 0.8, (len(points), 3)))
+    speeds = rng.uniform(0.01, 2, len(points))
+    columns = dict(zip("xyz", points.T.tolist(), strict=True))
+    columns |= dict(zip(("qx", "qy", "qz", "qw"), turned.as_quat().T.tolist(), strict=True))
+    columns["speed [mm/s]"] = (1000 * speeds).tolist()
+    rows = zip(*columns.values(), strict=True)
+    text = "\n".join([",".join(columns), *(",".join(map(repr, row)) for row in rows)])
+    path = read(text).path
+    np.testing.assert_allclose(path.vertices, points, atol=1e-12)
+    np.testing.assert_allclose(path.speeds, speeds[1:], rtol=1e-12)
+    held = path.orientation(path.breaks[:-1])
+    np.testing.assert_allclose(held, turned.as_matrix()[:-1], atol=1e-9)
+
+
+def test_tool_axes_are_smoothed_within_the_angle(tmp_path):
+    rows = [f"{k},0,0,{0.01 * (-1) ** k},0,-1" for k in range(40)]
+    # A repeated point has the axis of the one before it.
+    text = "x [mm],y [mm],z [mm],ax,ay,az\n" + "\n".join([*rows[:20], rows[19], *rows[20:]])
+    plain, program = read(text), read(text, smooth_axes=0.02)
+    given, found = (x.path.orientation(x.path.breaks)[:, :, 2] for x in (plain, program))
+    angle = np.linalg.norm(given - found, axis=1)
+    assert 0.009 < angle.max() <= 0.02
+    assert np.linalg.norm(np.diff(found, 2, axis=0), axis=1).max() < 1e-5
+    (remark,) = program.remarks
+    assert "40 waypoints from line 2" in remark and "1.15°" in remark and plain.remarks == ()
+    # Without axes there is nothing to smooth.
+    turned = "x,y,z,roll,pitch,yaw\n0,0,0,0,0,0\n1,0,0,0,0,0.1\n"
+    table = [("x,y\n0,0\n1,0\n", "columns ax, ay, az"), (turned, "columns ax, ay, az")]
+    refusals(lambda text: read(text, smooth_axes=0.01), table)
+    file = tmp_path / "part.ngc"
+    file.write_text("G21 G90 F600\nG1 X50\nM2\n")
+    refusals(lambda x: read_path(x, ReadOptions(smooth_axes=0.01)), [(file, "tables ... part.ngc")])
+
+
+def test_columns_may_be_named_for_files_with_other_first_lines_or_none(tmp_path):
+    file = tmp_path / "part.csv"
+    for head, separator in (("", ","), ("count 2\nn,a,b,c\n", ","), ("", " ")):
+        file.write_text(head + "1,10,20,9\n2,30,20,9\n".replace(",", separator))
+        (contour,) = read_path(file, ReadOptions(columns="-,x [mm],y [mm],-")).contours
+        np.testing.assert_allclose(contour.path.vertices, [[0.01, 0.02], [0.03, 0.02]])
+        refusals(
+            lambda x: read_path(x, ReadOptions(columns="x,y")), [(file, "columns, but names of 2")]
+        )
+    dxf = tmp_path / "part.dxf"
+    refusals(
+        lambda x: read_path(x, ReadOptions(columns="x,y")), [(dxf, "columns ... waypoints in CSV")]
+    )

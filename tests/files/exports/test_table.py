@@ -1,0 +1,490 @@
+"""Exports: tables, formats by name and ending, and what is read back."""
+
+import dataclasses
+import io
+import json
+import os
+import re
+import warnings
+from pathlib import Path as FilePath
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
+from scipy.interpolate import BPoly, CubicSpline
+from tests.files.tables import refusals
+
+import armcontour as ac
+from armcontour.core.errors import InvalidInput
+from armcontour.files import read_trajectory
+from armcontour.files.exports import export, make_table
+from armcontour.files.exports import table as table_module
+from armcontour.files.exports.formats import FORMATS
+from armcontour.files.exports.table import csv_pieces, event_data
+from armcontour.motion import TimedEvent
+
+PERIOD = 0.004
+JERK = 7.2  # rad/s³
+
+
+def joined(samples, orders):
+    """What a controller makes of points: cubics of two orders, quintics of three."""
+    given_of = np.stack([samples.q, samples.dq, samples.ddq][:orders], axis=1)
+    return BPoly.from_derivatives(samples.t, given_of)
+
+
+def rest_to_rest(t):
+    return np.stack([np.cos(3 * t), 2 * np.cos(6 * t)], axis=1)
+
+
+def test_time_counts_from_the_first_set_point_and_that_of_events_too(taught):
+    data = taught(np.zeros((30, 2)), start_time=-3 * PERIOD)
+    found = make_table(data, name="x")
+    assert found.t[0] == 0 and found.start_time == -3 * PERIOD
+    np.testing.assert_allclose(found.t + found.start_time, data.t, rtol=0, atol=1e-15)
+    for before, after in zip(data.trajectory.events, found.events, strict=True):
+        assert after.t == pytest.approx(before.t + 3 * PERIOD, abs=1e-15)
+        assert after.due == pytest.approx(before.due + 3 * PERIOD, abs=1e-15)
+        assert (after.name, after.value, after.s) == (before.name, before.value, before.s)
+
+
+def test_a_trajectory_is_sampled_with_its_own_derivatives(conventional, arm):
+    found = make_table(conventional, name="x", arm=arm, period=0.05)
+    np.testing.assert_array_equal(found.q, conventional(found.t))
+    np.testing.assert_array_equal(found.dq, conventional(found.t, 1))
+    np.testing.assert_array_equal(found.ddq, conventional(found.t, 2))
+    np.testing.assert_allclose(found.tool, arm.tool_position(found.q), atol=1e-15)
+    assert found.t[-1] == conventional.duration and found.joint_names == arm.joint_names
+
+
+@given(seed=st.integers(0, 10_000), count=st.integers(2, 40))
+def test_cubic_and_quintic_controllers_run_the_same_curve_through_all_set_points(
+    conventional, seed, count
+):
+    q = np.random.default_rng(seed).normal(size=(count, 2))
+    data = ac.TaughtData(period=PERIOD, q=q, trajectory=conventional, method="none")
+    found = make_table(data, name="x")
+    t = np.linspace(0, found.t[-1], 501)
+    np.testing.assert_allclose(joined(found, 2)(t), joined(found, 3)(t), atol=1e-11)
+    np.testing.assert_allclose(joined(found, 3)(found.t), q, atol=1e-12)
+    assert not found.dq[[0, -1]].any()
+
+
+def test_the_curve_through_set_points_is_of_fourth_order(taught):
+    errors = []
+    for count in (101, 201):
+        t = np.linspace(0, np.pi / 3, count)
+        data = dataclasses.replace(taught(rest_to_rest(t)), period=t[1])
+        dense = np.linspace(0, t[-1], 5000)
+        curve = joined(make_table(data, name="x"), 3)
+        errors.append(np.abs(curve(dense) - rest_to_rest(dense)).max())
+    assert errors[0] < 1e-6
+    assert 12 < errors[0] / errors[1] < 20
+
+
+@pytest.fixture(scope="module")
+def smooth():
+    path = ac.Path.from_segments([ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=1.0)])
+    return ac.plan(path, ac.load_arm("pmk3s"), ac.Limits(joint_acceleration=0.72, joint_jerk=JERK))
+
+
+def test_a_plan_with_a_limit_of_jerk_keeps_it_from_point_to_point(smooth, tmp_path):
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    taught = ac.compensate(smooth, servo, ac.NoCompensation(), period=PERIOD)
+    for data, period in ((smooth, PERIOD), (taught, None)):
+        found = make_table(data, name="x", period=period)
+        at = np.minimum(found.t, smooth.duration)
+        np.testing.assert_allclose(found.dq, smooth(at, 1), atol=1e-12)
+        np.testing.assert_allclose(found.ddq, smooth(at, 2), atol=1e-12)
+        steps = np.abs(np.diff(found.ddq, axis=0)) / np.diff(found.t)[:, None]
+        assert 0.99 * JERK < steps.max() <= JERK * (1 + 1e-9)
+        assert np.abs(found.ddq[[0, -1]]).max() < 1e-12
+        # Between points, a controller of quintics is within a nanoradian of the plan.
+        dense = np.linspace(0, smooth.duration, 3001)
+        np.testing.assert_allclose(joined(found, 3)(dense), smooth(dense), atol=1e-9)
+        ac.RosYamlFormat().write(found, tmp_path / "a.yaml")
+        again = read_trajectory(tmp_path / "a.yaml", found.joint_names)
+        np.testing.assert_allclose(again.ddq, found.ddq, atol=1e-11)
+    # Where it is to join points by cubics, velocities are those of the spline, as before.
+    found = make_table(taught, name="x", derivatives=1)
+    spline = CubicSpline(taught.t, taught.q, bc_type="clamped")
+    np.testing.assert_allclose(found.dq, spline(taught.t, 1), atol=1e-12)
+
+
+def test_an_event_belongs_to_the_last_point_at_or_before_it(table, taught):
+    found = table(count=9)
+    assert found.point_of_events == [0, 1, 1, 3, 8]
+    assert found.events[3].t < found.t[3]  # by rounding only, so that it is on the point
+    # An event before the plan is kept where the command leads.
+    data = taught(np.zeros((9, 2)), start_time=-0.008, events=early(-0.005))
+    assert make_table(data, name="x").events[0].t == pytest.approx(0.003, abs=1e-15)
+
+
+def early(t):
+    return (TimedEvent(name="gas", value=True, t=t, due=0.0, s=0.0, point=(0.0, 0.0)),)
+
+
+def test_refuses_what_cannot_be_a_table(taught, conventional, arm):
+    data, three = taught(np.zeros((3, 2))), taught(np.zeros((3, 3)))
+    late = taught(np.zeros((3, 2)), events=early(-0.05))
+    table = [
+        ((data, {"period": 0.008}), "its own interval of 0.004 s"),
+        ((three, {"arm": arm}), "has 2 joints, but 'x' has 3"),
+        ((data, {"joint_names": ["a", "b" * 81]}), "81 characters, more than 80"),
+        (([1, 2], {}), "not list"),
+        ((late, {}), "0.05 s before the first set-point"),
+    ]
+    refusals(lambda x: make_table(x[0], name="x", **x[1]), table)
+
+
+def test_refuses_arrays_that_do_not_fit(table):
+    good = table()
+    changes = [
+        ({"dq": good.q[:-1]}, "part 7: dq of a table has shape"),
+        ({"t": good.t[::-1]}, "start at zero and increase"),
+        ({"q": good.q * np.nan}, "finite"),
+        ({"name": "two\nlines"}, "one line of text"),
+    ]
+    refusals(lambda x: dataclasses.replace(good, **x), changes)
+
+
+EVENT = re.compile(r'(?P<name>\w+)=(?P<value>on|off|[-\d.e]+|"(?:[^"\\]|\\.)*")@(?P<t>[\d.]+)')
+QUANTITIES = (("q", "rad"), ("dq", "rad/s"), ("ddq", "rad/s^2"))
+
+
+def assert_columns(found, table, atol):
+    np.testing.assert_allclose(found["t [s]"], table.t, rtol=0, atol=atol)
+    for quantity, unit in QUANTITIES:
+        for i, name in enumerate(table.joint_names):
+            values = found[f"{quantity} {name} [{unit}]"]
+            expected = getattr(table, quantity)[:, i]
+            np.testing.assert_allclose(values, expected, rtol=0, atol=atol, err_msg=name)
+
+
+def events_in(cell):
+    words = {"on": True, "off": False}
+    return [
+        (x["name"], words[x["value"]] if x["value"] in words else json.loads(x["value"]), x["t"])
+        for x in EVENT.finditer(cell)
+    ]
+
+
+@pytest.mark.parametrize("dof", [2, 7])
+def test_csv_comes_back_in_pandas(table, tmp_path, dof):
+    given = table(dof)
+    ac.CsvFormat().write(given, tmp_path / "a.csv")
+    found = pd.read_csv(tmp_path / "a.csv")
+    assert len(found.columns) == 1 + 3 * dof + 1
+    assert_columns(found, given, 0.5000001e-12)
+    cells = found["events"].fillna("")
+    expected = [(x.name, x.value, f"{x.t:.12f}") for x in given.events]
+    assert [x for cell in cells for x in events_in(cell)] == expected
+    assert [i for i, cell in enumerate(cells) for _ in events_in(cell)] == given.point_of_events
+
+
+def test_csv_without_events_is_what_check_reads(table, tmp_path):
+    given = table(6, events=())
+    ac.CsvFormat().write(given, tmp_path / "a.csv")
+    found = read_trajectory(tmp_path / "a.csv", given.joint_names)
+    for name in ("t", "q", "dq", "ddq"):
+        np.testing.assert_allclose(getattr(found, name), getattr(given, name), 0, 0.5000001e-12)
+
+
+def test_npz_comes_back_to_the_last_bit_and_without_pickles(table, tmp_path):
+    given = dataclasses.replace(table(6), tool=np.ones((9, 3)), ddq=None)
+    ac.NpzFormat().write(given, tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz", allow_pickle=False) as found:
+        for name in ("t", "q", "dq", "tool"):
+            np.testing.assert_array_equal(found[name], getattr(given, name))
+        assert "ddq" not in found
+        assert found["joint_names"].tolist() == list(given.joint_names)
+        assert found["event_name"].tolist() == [x.name for x in given.events]
+        assert found["event_t"].tolist() == [x.t for x in given.events]
+        assert found["event_due"].tolist() == [x.due for x in given.events]
+        values = [json.loads(x) for x in found["event_value"].tolist()]
+        assert values == [x.value for x in given.events]
+        assert [type(x) for x in values] == [type(x.value) for x in given.events]
+        assert float(found["period"]) == given.period and str(found["name"]) == "part 7"
+
+
+def csv_text(header, columns):
+    return "".join(csv_pieces(header, columns))
+
+
+def by_numpy(header, rows):
+    file = io.StringIO()
+    file.write(",".join(header) + "\n")
+    np.savetxt(file, rows, fmt="%.12f", delimiter=",")
+    return file.getvalue()
+
+
+@given(
+    arrays(
+        np.float64,
+        st.tuples(st.integers(0, 12), st.integers(1, 5)),
+        elements=st.floats(-1e18, 1e18, allow_subnormal=True),
+    )
+)
+def test_is_the_same_text_as_numpys(rows):
+    header = ["t [s]", *(f"joint {i} [rad]" for i in range(rows.shape[1]))]
+    assert csv_text(header, [rows]) == by_numpy(header, rows)
+
+
+def test_numbers_on_and_beside_ties_are_rounded_as_numpy_does():
+    """Odd multiples of 2^-13 are ties of twelve decimals; their neighbours differ by one bit."""
+    rng = np.random.default_rng(3)
+    size = 10.0 ** rng.uniform(-4, 3.9, 500)
+    ties = (2 * np.floor(size * 2.0**12) + 1) * 2.0**-13
+    units = np.floor(size * 1e12) * 1e-12 + 0.5e-12
+    edges = np.array([9007.199254740992, 9.9999999999995, 99.9999999999995, 999.9999999999995])
+    more = np.array([2.0**-13, -(2.0**-13), 0.5e-12, -0.0, -1e-300, 1e300, np.pi])
+    near = np.concatenate([ties, -units, edges, 10.0 ** np.arange(-13, 4), more])
+    rows = np.column_stack([near, np.nextafter(near, -np.inf), np.nextafter(near, np.inf)])
+    assert csv_text(["a", "b", "c"], [rows]) == by_numpy(["a", "b", "c"], rows)
+    for row in rows:
+        assert csv_text(["a", "b", "c"], [row[None]]) == by_numpy(["a", "b", "c"], row[None])
+
+
+def test_nothing_is_lost_between_pieces(monkeypatch):
+    monkeypatch.setattr(table_module, "CHUNK", 30)
+    for count in (9, 10, 11, 30):
+        rows = np.random.default_rng(0).normal(size=(count, 3))
+        found = csv_text(["a", "b", "c"], [rows[:, 0], rows[:, 1:]])
+        assert found == by_numpy(["a", "b", "c"], rows)
+    # A comma in a name does not make a column.
+    found = csv_text(["t [s]", 'wrist, "left" [rad]'], [np.zeros(1), np.zeros(1)])
+    assert found.splitlines()[0] == 't [s],"wrist, ""left"" [rad]"'
+
+
+ARRAYS = {"positions": "q", "velocities": "dq", "accelerations": "ddq"}
+
+
+def ros_yaml(table, file):
+    ac.RosYamlFormat().write(table, file)
+    text = file.read_text(encoding="utf-8")
+    documents = list(yaml.safe_load_all(text))
+    assert len(documents) == 1  # `ros2 topic pub --yaml-file` sends every document
+    return documents[0], text
+
+
+def test_yaml_is_a_joint_trajectory(table, tmp_path):
+    types = get_typestore(Stores.ROS2_HUMBLE).types
+    point = types["trajectory_msgs/msg/JointTrajectoryPoint"]
+    fields = {x.name for x in dataclasses.fields(point)} - {"__msgtype__"}
+    for dof in (2, 6):
+        given = table(dof)
+        found, text = ros_yaml(given, tmp_path / "a.yaml")
+        assert list(found) == ["header", "joint_names", "points"]
+        assert found["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
+        assert found["joint_names"] == list(given.joint_names)
+        for key, name in ARRAYS.items():
+            values = [x[key] for x in found["points"]]
+            np.testing.assert_allclose(values, getattr(given, name), rtol=0, atol=0.5000001e-12)
+        starts = [x["time_from_start"] for x in found["points"]]
+        assert [x["sec"] * 10**9 + x["nanosec"] for x in starts] == [4000_000 * i for i in range(9)]
+        assert all(x["effort"] == [] and set(x) == fields for x in found["points"])
+        mark = "# event: "
+        lines = [x.removeprefix(mark) for x in text.splitlines() if x.startswith(mark)]
+        assert [json.loads(x) for x in lines] == [event_data(x) for x in given.events]
+
+
+def test_refuses_times_that_ros_cannot_hold(table, tmp_path):
+    words = {1e-10: "less than a nanosecond", 3e9: "at most 2147483647 s"}
+    for form in ("ros-yaml", "mcap"):
+
+        def write(t, form=form):
+            given = dataclasses.replace(table(count=3, events=()), t=np.sort([0, 1, t]))
+            FORMATS[form]().write(given, tmp_path / "a")
+
+        refusals(write, words.items())
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_bag_comes_back_from_its_folder(table, tmp_path):
+    given = table(6)
+    # Those of an earlier result lie column by column.
+    arrays = {name: np.asfortranarray(getattr(given, name)) for name in ARRAYS.values()}
+    given = dataclasses.replace(given, **arrays)
+    bag = tmp_path / "motion.mcap"
+    ac.McapFormat().write(given, bag)
+    assert sorted(x.name for x in bag.iterdir()) == ["metadata.yaml", "motion.mcap"]
+    assert [x.name for x in tmp_path.iterdir()] == ["motion.mcap"]
+    with AnyReader([bag]) as reader:
+        read = [(x.topic, at, reader.deserialize(y, x.msgtype)) for x, at, y in reader.messages()]
+    topic, at, message = read[0]
+    assert (topic, at) == ("/joint_trajectory_controller/joint_trajectory", 0)
+    assert message.joint_names == list(given.joint_names)
+    for key, name in ARRAYS.items():
+        values = np.array([getattr(x, key) for x in message.points])
+        np.testing.assert_array_equal(values, getattr(given, name))
+    starts = [x.time_from_start for x in message.points]
+    assert [x.sec * 10**9 + x.nanosec for x in starts] == [4_000_000 * i for i in range(9)]
+    events = read[1:]
+    assert {x[0] for x in events} == {"/armcontour/events"}
+    assert [json.loads(x[2].data) for x in events] == [event_data(x) for x in given.events]
+    assert [x[1] for x in events] == [round(x.t * 1e9) for x in given.events]
+    # Without events, a bag has one message.
+    ac.McapFormat().write(table(2, events=()), tmp_path / "bag")
+    with Reader(tmp_path / "bag") as reader:
+        assert reader.message_count == 1 and len(reader.topics) == 1
+        assert reader.start_time == 0
+
+
+PLAIN = [x for x in FORMATS.values() if x is not ac.TemplateFormat]
+
+
+@pytest.fixture
+def six(taught):
+    events = taught(np.zeros((1, 1))).trajectory.events
+    return taught(
+        np.random.default_rng(0).normal(size=(20, 6)),
+        events=tuple(x for x in events if x.name != "label"),
+    )
+
+
+def bytes_of(place):
+    files = [place] if place.is_file() else sorted(place.rglob("*"))
+    return {x.name: x.read_bytes() for x in files if x.is_file()}
+
+
+@pytest.mark.filterwarnings("ignore:.*switched for ")
+def test_the_ending_or_the_class_says_the_format_and_bytes_are_the_same_twice(six, tmp_path):
+    for form in PLAIN:
+        first, second = (tmp_path / f"{x}{form.kind}" / f"part{form.ending}" for x in "ab")
+        for place in (first, second):
+            place.parent.mkdir()
+        export(six, first)
+        export(six, str(second), form())
+        assert bytes_of(first) and bytes_of(first) == bytes_of(second)
+        # Once more, over what is there.
+        export(six, first)
+        assert bytes_of(first) == bytes_of(second)
+        assert [x.name for x in first.parent.iterdir()] == [first.name]
+
+
+def test_events_without_an_output_are_warned_of_once(taught, six, tmp_path):
+    kuka = ac.TemplateFormat(template="kuka", outputs={"tool": 17})
+    abb = ac.TemplateFormat(template="abb", outputs={"tool": "doTool"})
+    with pytest.warns(UserWarning, match="switched for gas,"):
+        export(six, tmp_path / "part.src", kuka)
+    assert "DEF part( )" in (tmp_path / "part.src").read_text()
+    q = np.zeros((20, 6))
+    switches = tuple(x for x in taught(q).trajectory.events if x.name == "tool")
+    given, place = taught(q, events=switches), tmp_path / "part.txt"
+    bare = (ac.TemplateFormat(template=x) for x in ("kuka", "abb"))
+    for form in (*bare, ac.URScriptFormat()):
+        with pytest.warns(UserWarning, match="nothing is switched for tool,") as told:
+            export(given, place, form)
+        assert len(told) == 1 and told[0].filename == __file__
+    # Values that these programs cannot switch.
+    with pytest.warns(UserWarning, match="gas, label, whose values are not on or off"):
+        export(taught(q), place, abb)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        export(given, place, abb)
+        export(given, tmp_path / "part.csv")
+
+
+@pytest.mark.parametrize("ending", [".src", ".script"])
+def test_programs_that_do_not_set_an_analog_output_warn(taught, tmp_path, ending):
+    given = taught(np.zeros((20, 6)), events=())
+    form = ac.URScriptFormat() if ending == ".script" else ac.TemplateFormat(template="kuka")
+    form = dataclasses.replace(form, analog={"power": lambda t: 0 * t})
+    with pytest.warns(UserWarning, match="does not set power"):
+        export(given, tmp_path / f"part{ending}", form)
+    form = dataclasses.replace(form, outputs={"power": 1})
+    export(given, tmp_path / f"part{ending}", form)
+    assert re.search(r"ANOUT\[1\]|analog_out\(1,", (tmp_path / f"part{ending}").read_text())
+
+
+def test_a_period_beyond_the_motion_is_refused(conventional, tmp_path, refuses):
+    place, duration = tmp_path / "a.csv", conventional.duration
+    # Somebody who means milliseconds.
+    refuses(lambda: export(conventional, place, period=20), InvalidInput, allowed=duration)
+    refusals(lambda x: export(conventional, place, period=x), [(1e-12, "longer period")])
+    export(conventional, place, period=duration)
+
+
+def test_refuses_what_does_not_fit_together(six, tmp_path):
+    cases = [
+        ("a.txt", {}, "The ending of a.txt is not that of a format"),
+        ("a.csv", {"format": "xml"}, "ExportFormat"),
+        ("a.csv", {"joint_names": "abcdef"}, "joint_names must be a list"),
+        ("no/a.csv", {}, "No such file or directory"),
+        (
+            "a.script",
+            {"format": ac.URScriptFormat(outputs={"tol": 1})},
+            "outputs ... 'tol'",
+        ),
+    ]
+    refusals(lambda x: export(six, tmp_path / x[0], **x[1]), [((a, b), c) for a, b, c in cases])
+    wrong = [
+        (lambda: ac.URScriptFormat(outputs=["tool"]), "needs a mapping"),
+        (lambda: ac.CsvFormat(derivatives=3), "derivatives ... from 0 to 2"),
+        (lambda: ac.RosYamlFormat(outputs={"tool": 0}), "no argument 'outputs'"),
+        (lambda: ac.TemplateFormat(), "needs template"),
+    ]
+    refusals(lambda x: x(), wrong)
+    assert not list(tmp_path.iterdir())
+    with pytest.warns(UserWarning, match="gas, whose values are not on or off"):
+        export(six, tmp_path / "a.script", ac.URScriptFormat(outputs={"tool": 1}))
+    export(six, tmp_path / "a.csv", joint_names=np.array(list("abcdef")))
+
+
+@pytest.mark.parametrize("ending", [".csv", ".mcap"])
+def test_a_writer_that_fails_halfway_leaves_what_was_there(six, tmp_path, monkeypatch, ending):
+    place = tmp_path / f"part{ending}"
+    export(six, place)
+    before = bytes_of(place)
+
+    form = {".csv": ac.CsvFormat, ".mcap": ac.McapFormat}[ending]
+    write = form.write
+
+    def halfway(table, path):
+        write(table, path)
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(form, "write", staticmethod(halfway))
+    words = "Cannot write  ... No space left on device; free "
+    places = [(place, words), (tmp_path / f"new{ending}", words)]
+    refusals(lambda x: export(six, x), places)
+    assert bytes_of(place) == before
+    assert [x.name for x in tmp_path.iterdir()] == [place.name]
+
+
+def test_a_bag_replaces_a_bag_but_nothing_else(six, tmp_path):
+    precious, folder, file = (tmp_path / x for x in ("precious.mcap", "folder.csv", "file.mcap"))
+    for x in (precious, folder):
+        x.mkdir()
+    (precious / "thesis.tex").write_text("all of it")
+    file.write_text("a file")
+    places = [
+        (precious, "other things than a bag ... thesis.tex"),
+        (file, "a file of that name is in the way"),
+        (folder, "a folder of that name is in the way"),
+    ]
+    refusals(lambda x: export(six, x), places)
+    assert (precious / "thesis.tex").read_text() == "all of it"
+
+
+def test_the_old_bag_comes_back_if_the_new_one_cannot_be_put_there(six, tmp_path, monkeypatch):
+    place = tmp_path / "part.mcap"
+    export(six, place)
+    before, rename = bytes_of(place), os.rename
+
+    def failing(source, target):
+        if FilePath(target) == place and ".old" not in FilePath(source).parts:
+            raise PermissionError(13, "Permission denied")
+        rename(source, target)
+
+    monkeypatch.setattr(os, "rename", failing)
+    with pytest.raises(InvalidInput, match="Permission denied"):
+        export(six, place)
+    assert bytes_of(place) == before

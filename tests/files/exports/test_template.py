@@ -1,0 +1,353 @@
+"""Robot programs: URScript and templates, read back by the tests' own parsers."""
+
+import dataclasses
+import os
+import re
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.files.tables import refusals
+
+from armcontour.files.exports import Table, TemplateFormat, URScriptFormat
+from armcontour.files.exports.template import describe_program, templates
+from armcontour.motion import TimedEvent
+
+NUMBER = r"-?\d+\.\d+"
+AXES = ", ".join(rf"A{k} ({NUMBER})" for k in range(1, 7))
+SPTP = re.compile(rf"(SPTP|PTP) \{{{AXES}\}}")
+TRIGGER = rf"TRIGGER WHEN PATH = 0 ONSTART DELAY = ({NUMBER}) DO \$OUT\[(\d+)\] = (TRUE|FALSE)"
+MOVE = re.compile(
+    rf"MoveAbsJ \[\[([^\]]*)\], \[9E9(?:, 9E9){{5}}\]\], (v50|v1000 \\T:=({NUMBER})), (\w+), tool0;"
+)
+# What the events of the tables are called in comments.
+SAID = ["tool=on", "gas=2.5", 'label="A, \\"b\\"; 7"', "tool=off", "tool=on"]
+
+
+def made(table, tmp_path, template, *, stem="made", **options):
+    file = tmp_path / f"{stem}.txt"
+    TemplateFormat(template=template, **options).write(table, file)
+    return file.read_text(encoding="utf-8")
+
+
+def house(tmp_path, text):
+    file = tmp_path / "house.j2"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def check_events(text, table):
+    """All events are in comments, in order."""
+    found = [(x, float(t)) for x, t in re.findall(rf"[;!] (.*) at ({NUMBER}) s", text)]
+    assert found == [(x, round(y.t, 6)) for x, y in zip(SAID, table.events, strict=True)]
+
+
+def counted(lines, start, found):
+    """How many lines begin so before each line that is found, and those lines."""
+    at = [i for i, x in enumerate(lines) if found(x)]
+    return [(sum(x.startswith(start) for x in lines[:i]), lines[i]) for i in at]
+
+
+def test_kuka_has_every_point_its_time_and_the_events_in_order(table, tmp_path):
+    given = table(6, count=9)
+    text = made(given, tmp_path, "kuka", outputs={"tool": 17})
+    lines = [x.strip() for x in text.splitlines()]
+    assert lines[2] == "DEF made( )" and lines[-1] == "END" and "{{" not in text
+    points = [(m[1], [float(x) for x in m.groups()[1:]]) for x in lines if (m := SPTP.match(x))]
+    assert [kind for kind, _ in points] == ["PTP"] + ["SPTP"] * 8
+    np.testing.assert_allclose([q for _, q in points], np.degrees(given.q), rtol=0, atol=6e-7)
+    parts = [float(x) for x in re.findall(rf"TIME_BLOCK PART = ({NUMBER})", text)]
+    whole = float(re.findall(rf"TIME_BLOCK END = ({NUMBER})", text)[0])
+    times = np.cumsum([0, *parts]) / 100 * whole
+    np.testing.assert_allclose([*times, whole], given.t, rtol=0, atol=1e-6)
+    check_events(text, given)
+    # Triggers stand before the segment in which they count, with the time since its start.
+    assert re.findall(TRIGGER, text) == [("0.000", "17", "TRUE"), ("0.000", "17", "FALSE")]
+    before = counted(lines, "SPTP", lambda x: re.match(TRIGGER, x))
+    assert [n for n, _ in before] == [0, 3]
+    assert lines[-4:-1] == ["WAIT SEC 0.013500", "; tool=on at 0.045500 s", "$OUT[17] = TRUE"]
+
+
+def test_abb_has_every_point_its_time_and_the_events_in_order(table, tmp_path):
+    given = table(6, count=9)
+    text = made(given, tmp_path, "abb", outputs={"tool": "doTool"})
+    lines = [x.strip() for x in text.splitlines()]
+    assert lines[0] == "MODULE part_7" and lines[-1] == "ENDMODULE"
+    moves = [m for x in lines if (m := MOVE.fullmatch(x))]
+    q = [[float(x) for x in m[1].split(",")] for m in moves]
+    np.testing.assert_allclose(q, np.degrees(given.q), rtol=0, atol=6e-7)
+    times = np.cumsum([0, *(float(m[3]) for m in moves[1:])])
+    np.testing.assert_allclose(times, given.t, rtol=0, atol=5e-6)
+    assert [m[4] for m in moves] == ["fine", *["z1"] * 7, "fine"]
+    check_events(text, given)
+    assert re.findall(r"SetDO (\w+), (\d);", text) == [("doTool", x) for x in "101"]
+    assert lines[-5:-3] == ["WaitTime 0.013500;", "! tool=on at 0.045500 s"]
+
+
+def test_analog_outputs_are_set_where_they_change(table, tmp_path):
+    power = np.array([0.0, 0.2, 0.2, 0.6, 1.0, 1.0, 0.3, 0.3, 0.1])
+    given = dataclasses.replace(table(6, count=9, events=()), analog={"power": power, "gas": power})
+    changes = [0, 1, 3, 4, 6, 8]
+    text = made(given, tmp_path, "kuka", outputs={"power": 2})
+    found = counted(text.splitlines(), "SPTP ", lambda x: "$ANOUT[2] =" in x)
+    assert [(n, float(x.split("= ")[-1])) for n, x in found] == [(k, power[k]) for k in changes]
+    assert "TRIGGER WHEN PATH = 0 ONSTART DELAY = 0.000 DO $ANOUT[2] = 0.600000\n" in text
+    lines = [x.strip() for x in made(given, tmp_path, "abb", outputs={"power": "aoP"}).splitlines()]
+    found = counted(lines, "MoveAbsJ", lambda x: x.startswith("SetAO aoP, "))
+    values = [(n - 1, float(x[len("SetAO aoP, ") : -1])) for n, x in found]
+    assert values == [(k, power[k]) for k in changes]
+    high = dataclasses.replace(given, analog={"power": 10 * power})
+    outputs = [({"power": 2}, "power ... from -1 to 1")]
+    refusals(lambda x: made(high, tmp_path, "kuka", outputs=x), outputs)
+    assert "SetAO aoP, 10.000000;" in made(high, tmp_path, "abb", outputs={"power": "aoP"})
+
+
+def test_programs_of_many_points_are_named(table):
+    for name, way in (("urscript", "RTDE"), ("kuka", "--period"), ("abb", "--period")):
+        assert describe_program(table(6, count=10_000, events=()), name, None, str) == []
+        (said,) = describe_program(table(6, count=12_345, events=()), name, None, str)
+        assert "12345 points" in said and way in said
+    for name in ("csv", "mcap", "own.j2"):
+        assert describe_program(table(6, count=12_345, events=()), name, None, str) == []
+
+
+def test_ours_refuse_arms_of_other_joints_and_other_outputs(table, tmp_path):
+    names = "controller are signals by their names"
+    numbers = "controller are whole numbers from 1"
+    table_of = {
+        "kuka": (1, numbers, [0, -1, "1] = TRUE"]),
+        "abb": ("doGas", names, [1]),
+    }
+    assert set(templates()) == set(table_of)
+    for name, (good, words, bad) in table_of.items():
+        refusals(lambda x, n=name: made(table(x), tmp_path, n), [(2, f"{name}. ... 6 ... has 2")])
+        outputs = [({"gas": good}, "the event gas"), *(({"tool": x}, words) for x in bad)]
+        outputs += [({"tool": x}, "outputs of") for x in (1.5, True, None)]
+        refusals(lambda x, n=name: made(table(6), tmp_path, n, outputs=x), outputs)
+    assert "$OUT[3] =" in made(table(6), tmp_path, "kuka", outputs={"tool": np.int64(3)})
+    taken = ("do;\nStop", "7th", "EndIf", 33 * "d")
+    outputs = [({"tool": x}, "RAPID takes no signal of the name") for x in taken]
+    refusals(lambda x: made(table(6), tmp_path, "abb", outputs=x), outputs)
+
+
+def test_a_kuka_program_is_called_like_its_file(table, tmp_path):
+    text = made(table(6), tmp_path, "kuka", stem="a_7" + 21 * "b")
+    assert f"\nDEF a_7{21 * 'b'}( )\n" in text and "\n; part 7: " in text
+
+    stems = ("7_holes", "a-b", 25 * "a", "EndSpline")
+    bad = [(x, f"KRL takes no program {x}") for x in stems]
+    refusals(lambda x: made(table(6), tmp_path, "kuka", stem=x), bad)
+
+
+def test_an_abb_module_has_a_name_that_rapid_takes(table, tmp_path):
+    for name, module in (
+        ("7 holes", "m_7_holes"),
+        ("ö", "m_"),
+        ("Test", "m_Test"),
+        ("a" * 33, "a" * 32),
+    ):
+        text = made(dataclasses.replace(table(6), name=name), tmp_path, "abb")
+        about = f"  ! {name}: 9 points in 0.032000 s, axes in degrees"
+        assert text.splitlines()[:2] == [f"MODULE {module}", about]
+
+
+def test_the_template_of_the_guide_does_what_it_says(table, tmp_path):
+    guide = FilePath(__file__).parents[3] / "docs" / "guides" / "export.md"
+    template = guide.read_text(encoding="utf-8").split("```jinja\n")[1].split("```")[0]
+    given = table(6, count=9)
+    text = made(given, tmp_path, house(tmp_path, template), outputs={"tool": 4})
+    moves = [x.split()[1:] for x in text.splitlines() if x.startswith("MOVE")]
+    degrees = [[float(x) for x in " ".join(x[1:]).split(",")] for x in moves]
+    np.testing.assert_allclose(np.radians(degrees), given.q, rtol=0, atol=1e-8)
+    np.testing.assert_allclose([float(x[0]) for x in moves], given.t * 1e3, rtol=0, atol=1e-9)
+    assert re.findall("^OUT.*", text, re.M) == [f"OUT 4 {x}" for x in ("ON", "OFF", "ON")]
+
+
+ALL = """\
+{{ name }}|{{ file }}|{{ name|identifier }}|{{ joint_names|join('/') }}|{{ dof }}|{{ period }}|\
+{{ duration }}|{{ start_time }}|{{ events|length }}|{{ outputs.tool }}
+{% for p in points %}
+{{ p.number }} {{ p.t }} {{ p.q|degrees|fixed(9) }} {{ p.q_deg|fixed(9) }} {{ p.dq|fixed(3) }} \
+{{ p.ddq|fixed(3) }} {{ p.tool|times(1000)|fixed(1) }}\
+{% for e in p.events %} {{ e.name }}:{{ e.value }}:{{ e.t|fixed(6) }}{% endfor %}
+
+{% endfor %}
+"""
+
+
+def test_a_house_template_sees_all_of_the_table(table, tmp_path):
+    tool = np.array([[0.1, 0.2], [0.3, 0.4], [0.5, 0.6]])
+    given = dataclasses.replace(table(2, count=3), tool=tool, start_time=-0.008)
+    text = made(given, tmp_path, house(tmp_path, ALL), outputs={"tool": 4})
+    first, *rows = (x for x in text.splitlines() if x)
+    assert first == "part 7|made|part_7|axis_1/axis_2|2|0.004|0.008|-0.008|5|4"
+    assert [x.split()[0] for x in rows] == ["1", "2", "3"]
+    degrees = ", ".join(f"{x:.9f}" for x in np.degrees(given.q[1]))
+    assert rows[1].startswith(f"2 0.004 {degrees} {degrees} ")
+    assert "300.0, 400.0" in rows[1] and "gas:2.5:0.005123" in rows[1]
+
+
+WRONG = [
+    ("one\ntwo\n{{ points[0].speed }}\n", "house.j2, line 3: ... speed"),
+    ("one\n\n{{ nothing }}", "house.j2, line 3: ... 'nothing' is undefined"),
+    ("one\n{{ ''.__class__.__mro__ }}", "house.j2, line 2: ... unsafe"),
+    ("{{ outputs.update({'a': 1}) }}", "house.j2, line 1: ... unsafe"),
+    ("{{ 1|nofilter }}", "house.j2, line 1: ... nofilter"),
+    ("{{ refuse('only on Sundays') }}", "house.j2: only on Sundays"),
+]
+
+
+def test_what_is_wrong_with_a_template_is_one_sentence_with_its_line(table, tmp_path):
+    refusals(lambda x: made(table(), tmp_path, house(tmp_path, x)), WRONG)
+
+
+def test_refuses_templates_that_are_not_there(table, tmp_path):
+    os.mkfifo(tmp_path / "pipe.j2")
+    places = [
+        (tmp_path / "no.j2", "There is no template"),
+        (tmp_path / "pipe.j2", "not a regular file"),
+        ("a" * 5000, "There is no template"),
+    ]
+    refusals(lambda x: made(table(), tmp_path, x), places)
+
+
+@pytest.mark.parametrize("how", ["include", "import", "extends"])
+def test_a_template_takes_others_only_from_its_folder(table, tmp_path, how):
+    folder, outside = tmp_path / "house", tmp_path / "secret.txt"
+    (folder / "parts").mkdir(parents=True)
+    outside.write_text("SECRET")
+    (folder / "out.j2").symlink_to(outside)
+    (folder / "up").symlink_to(tmp_path)
+    (folder / "gone.j2").symlink_to(folder / "nothing.j2")
+    os.mkfifo(folder / "pipe.j2")
+    (folder / "parts" / "head.j2").write_text("HEAD")
+    (folder / "inside.j2").symlink_to(folder / "parts" / "head.j2")
+    end = " as x" if how == "import" else ""
+
+    def of(name):
+        file = folder / "main.j2"
+        file.write_text(f"{{% {how} '{name}'{end} %}}")
+        return file
+
+    bad = [
+        ("out.j2", "leads out of the folder"),
+        ("up/secret.txt", "leads out of the folder"),
+        ("gone.j2", "There is no template"),
+        ("pipe.j2", "not a regular file"),
+        ("../secret.txt", "no template '../secret.txt'"),
+        (str(outside), "no template"),
+    ]
+    refusals(lambda x: made(table(), tmp_path, of(x)), bad, "main.j2")
+    for name in ("inside.j2", "parts/head.j2"):
+        text = made(table(), tmp_path, of(name))
+        assert text == ("" if how == "import" else "HEAD")
+
+
+SERVOJ = re.compile(r"servoj\(\[([^\]]*)\], 0, 0, ([\d.]+), lookahead, gain\)")
+MOVEJ = re.compile(r"movej\(\[([^\]]*)\], a=0.3, v=0.2\)")
+OUTPUT = re.compile(r"set_standard_digital_out\((\d), (True|False)\)")
+ANALOG = re.compile(r"set_standard_analog_out\(([01]), (\d\.\d{4})\)")
+TEXT = re.compile(r'textmsg\("([^"]*)"\)')
+
+
+def run(text):
+    """The set-points with their times, what was switched when, and where it began."""
+    # The rule for programs over a socket: the first line begins the function, the last one ends it.
+    first_line, *_, last_line = text.splitlines()
+    assert re.fullmatch(r"def armcontour_\w+\(\):", first_line) and last_line == "end"
+    lines = [x.split("#")[0].strip() for x in text.splitlines()]
+    lines = [x for x in lines if x]
+    assert sum(x.startswith("def ") for x in lines) == lines.count("end") == 1
+    clock, points, events, first = 0.0, [], [], np.zeros(0)
+    for line in lines[1:-1]:
+        if match := SERVOJ.fullmatch(line):
+            points.append((clock, [float(x) for x in match[1].split(",")]))
+            clock += float(match[2])
+        elif match := MOVEJ.fullmatch(line):
+            assert not points
+            first = np.array([float(x) for x in match[1].split(",")])
+        elif match := OUTPUT.fullmatch(line):
+            events.append((clock, (int(match[1]), match[2] == "True")))
+        elif match := ANALOG.fullmatch(line):
+            events.append((clock, (f"AO{match[1]}", float(match[2]))))
+        elif match := TEXT.fullmatch(line):
+            events.append((clock, match[1]))
+        else:
+            assert line in ("lookahead = 0.1", "gain = 300", "stopj(2.0)"), line
+    return points, events, first
+
+
+def program(table, tmp_path, **options):
+    URScriptFormat(**options).write(table, tmp_path / "a.script")
+    return (tmp_path / "a.script").read_text(encoding="utf-8")
+
+
+def test_events_come_within_half_an_interval_and_the_set_points_stay_in_order(table, tmp_path):
+    given = table(count=9)
+    label = dataclasses.replace(given.events[2], value="plain words")
+    given = dataclasses.replace(given, events=(*given.events[:2], label, *given.events[3:]))
+    text = program(given, tmp_path, outputs={"tool": 3})
+    points, events, _ = run(text)
+    names = [(3, True), "gas=2.5", "label=plain words", (3, False), (3, True)]
+    assert [what for _, what in events] == names
+    for (at, _), event in zip(events, given.events, strict=True):
+        assert abs(at - event.t) <= given.period / 2 + 1e-12
+    np.testing.assert_allclose([q for _, q in points[:9]], given.q, rtol=0, atol=0.5000001e-6)
+    exact = [float(x) for x in re.findall(r"# .* at ([\d.]+) s", text)]
+    np.testing.assert_allclose(exact, [x.t for x in given.events], rtol=0, atol=0.5000001e-6)
+
+
+@given(
+    st.integers(1, 12),
+    st.lists(st.floats(0.0, 0.08), max_size=8),
+    st.sampled_from([0.002, 0.004, 0.008]),
+)
+def test_any_events_come_in_order_within_half_an_interval(tmp_path_factory, count, times, period):
+    q, t = np.arange(6.0 * count).reshape(count, 6), np.arange(count) * period
+    events = tuple(x for at in times for x in said("tool", True, at))
+    table = Table(name="any", joint_names=tuple("abcdef"), period=period, t=t, q=q, events=events)
+    points, found, _ = run(program(table, tmp_path_factory.mktemp("any"), outputs={"tool": 0}))
+    at = [x for x, _ in found]
+    assert len(at) == len(times)
+    np.testing.assert_allclose(at, sorted(times), rtol=0, atol=period / 2 + 1e-9)
+    np.testing.assert_array_equal([x for _, x in points[:count]], q)
+    np.testing.assert_allclose([x for x, _ in points[:count]], t, atol=1e-12)
+    assert all(x == q[-1].tolist() for _, x in points[count:])
+
+
+def test_analog_outputs_are_set_at_the_set_points_where_they_change(table, tmp_path):
+    power = np.array([0.0, 0.2, 0.2, 0.60004, 1.0, 1.0, 0.3, 0.0, 0.0])
+    given = dataclasses.replace(table(count=9, events=()), analog={"power": power})
+    for output in ("AO1", 1):
+        points, events, _ = run(program(given, tmp_path, outputs={"power": output}))
+        assert events == [
+            (pytest.approx(given.t[k]), ("AO1", round(power[k], 4))) for k in (0, 1, 3, 4, 6, 7)
+        ]
+        assert len(points) == 10
+    assert "analog" not in program(given, tmp_path)
+    wrong = [(x, "AO0 or AO1") for x in ("AO2", 2, "ao", -1)]
+    refusals(lambda x: program(given, tmp_path, outputs={"power": x}), wrong)
+    high = dataclasses.replace(given, analog={"power": 1000 * power})
+    refusals(
+        lambda x: program(x, tmp_path, outputs={"power": 0}), [(high, "power ... 1000 ... to 1")]
+    )
+
+
+def said(name, value, t=0.0):
+    return (TimedEvent(name=name, value=value, t=t, due=t, s=0.0, point=(0.0, 0.0)),)
+
+
+def test_refuses_what_it_cannot_say(table, tmp_path):
+    cases = [
+        ((table(2), {}), "6 joints, but 'part 7' has 2"),
+        ((dataclasses.replace(table(), period=0.001), {}), "whole cycles of 2 ms"),
+        ((table(), {"outputs": {"tool": 8}}), "from 0 to 7"),
+        ((table(), {"outputs": {"tool": "doTool"}}), "must be a number"),
+        ((table(), {"outputs": {"gas": 1}}), "only on or off"),
+        ((table(events=said("a\\b", 1.0)), {}), "backslashes"),
+        ((table(events=said("a", 'the "b"')), {}), "without quotes"),
+    ]
+    refusals(lambda x: program(x[0], tmp_path, **x[1]), cases)
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,564 @@
+"""Arms from robot descriptions: the chain in them, what hangs on it, and what is refused."""
+
+import os
+import re
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+import yaml
+from tests.dynamics_extra import pinocchio
+from tests.files.tables import refusals, rows
+
+import armcontour as ac
+from armcontour.core.frames import Frame
+
+DATA = FilePath(__file__).parent / "data"
+ROBOT = DATA / "robot.urdf"
+TEXT = ROBOT.read_text()
+TURNING = ("pan", "tilt", "elbow", "roll")
+
+
+WHOLE = {"base": "base_link", "tip": "tcp"}
+
+
+def load(tmp_path, *changes, file="robot.urdf", **options):
+    """The robot with parts of its text replaced."""
+    text = TEXT
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    (tmp_path / file).write_text(text)
+    return ac.load_arm(tmp_path / file, ac.ArmOptions(**WHOLE | options))
+
+
+def given(*, tool=None, work=None, **options):
+    """The arm of the file as it is."""
+    return ac.load_arm(ROBOT, ac.ArmOptions(**WHOLE | options), tool=tool, work=work)
+
+
+def seen_by_mujoco(q, dq, ddq, held):
+    """Torques and the place of the tip, by MuJoCo's own reading of the file."""
+    mujoco = pytest.importorskip("mujoco")
+    # Frames are to be kept, and there is no mesh.
+    compiler = '<mujoco><compiler fusestatic="false"/></mujoco>'
+    text = TEXT.replace('<robot name="lifter">', f'<robot name="lifter">{compiler}')
+    text = text.replace("<visual>", "<!--").replace("</visual>", "-->")
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    at = [model.joint(name).dofadr[0] for name in TURNING]
+    model.dof_damping[:] = model.dof_frictionloss[:] = 0
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT
+    found = []
+    for state in zip(q, dq, ddq, strict=True):
+        data.qpos[:] = data.qvel[:] = data.qacc[:] = 0
+        for name, value in held.items():
+            data.qpos[model.joint(name).qposadr[0]] = value
+        data.qpos[at], data.qvel[at], data.qacc[at] = state
+        mujoco.mj_inverse(model, data)
+        base, tip = data.body("base_link"), data.body("tcp")
+        turn = base.xmat.reshape(3, 3).T
+        found.append((data.qfrc_inverse[at].copy(), turn @ (tip.xpos - base.xpos)))
+    return tuple(np.array(x) for x in zip(*found, strict=True))
+
+
+@pytest.mark.parametrize("locked", [{}, {"left": 0.03, "hinge": 0.6}, {"right": 0.04}])
+def test_the_arm_with_its_gripper_as_mujoco_sees_it(locked):
+    arm = given(locked=locked)
+    assert (arm.name, arm.joint_names) == ("lifter", TURNING)
+    q, dq, ddq = np.random.default_rng(0).normal(size=(3, 200, 4))
+    left = locked.get("left", 0.0)
+    held = {"left": left, "right": 0.5 * left + 0.01, "hinge": 0.0} | locked
+    torque, place = seen_by_mujoco(q, dq, ddq, held)
+    np.testing.assert_allclose(arm.tool_position(q), place, atol=1e-9)
+    largest = np.abs(torque).max(axis=1, keepdims=True)
+    assert (np.abs(arm.dynamics.torque(q, dq, ddq) - torque) <= 1e-8 * largest).all()
+
+
+def refuse_differences(arm, text, held):
+    """Compare an arm with pinocchio's own reading of its description: frames, bodies, torques."""
+    pin = pinocchio()
+    whole = pin.buildModelFromXML(text)
+    q, fixed = pin.neutral(whole), [x for x in list(whole.names)[1:] if x not in arm.joint_names]
+    for name in fixed:
+        joint = whole.joints[whole.getJointId(name)]
+        angle = held.get(name, 0.0)
+        # An endless joint has cosine and sine of its angle.
+        q[joint.idx_q : joint.idx_q + joint.nq] = (
+            angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
+        )
+    model = pin.buildReducedModel(whole, [whole.getJointId(x) for x in fixed], q)
+    chain = arm.chain
+    assert tuple(model.names)[1:] == chain.joints
+
+    def same(found, expected):
+        expected = np.array(expected)
+        np.testing.assert_allclose(found, expected, atol=1e-14 * (1 + np.abs(expected).max()))
+
+    bodies, places = list(model.inertias)[1:], list(model.jointPlacements)[1:]
+    same(chain.masses, [x.mass for x in bodies])
+    same(chain.centers, [x.lever for x in bodies])
+    same(chain.inertias, [x.inertia for x in bodies])
+    same(chain.rotations, [x.rotation for x in places])
+    same(chain.positions, [x.translation for x in places])
+    tip = model.frames[model.getFrameId("tcp")].placement
+    same(chain.tip.position, tip.translation)
+    same(chain.tip.rotation, tip.rotation)
+    data, states = model.createData(), np.random.default_rng(5).normal(size=(20, 3, len(chain)))
+    for q, dq, ddq in states:
+        ends = [joint.nq for joint in list(model.joints)[1:]]
+        values = [[x] if n == 1 else [np.cos(x), np.sin(x)] for x, n in zip(q, ends, strict=True)]
+        torque = pin.rnea(model, data, np.concatenate(values), dq, ddq)
+        same(arm.dynamics.torque(q, dq, ddq) / 100, torque / 100)
+
+
+@pytest.mark.parametrize("locked", [{}, {"left": 0.03, "hinge": 0.6}, {"elbow": 0.4}])
+def test_frames_bodies_and_torques_are_those_of_pinocchio(locked):
+    held = {"lift": 0.2, **locked}
+    left = locked.get("left", 0.0)
+    arm = given(base=None, locked=held)
+    refuse_differences(arm, TEXT, {"left": left, "right": 0.5 * left + 0.01, **held})
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_descriptions_are_read_as_by_pinocchio(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+
+    def words(low, high, count=3):
+        return " ".join(map(repr, rng.uniform(low, high, count).tolist()))
+
+    links, joints, held = ['<link name="l0"/>'], [], {}
+    for k in range(1, 16):
+        side = k % 3 == 0
+        kind = "fixed" if k % 5 == 0 else "prismatic" if side and k % 2 else "revolute"
+        if side and kind != "fixed":
+            held[f"j{k}"] = float(rng.uniform(-1, 1))
+        name = "tcp" if k == 15 else f"l{k}"
+        # A body of two spheres at the least has such moments.
+        xx, yy = rng.uniform(0.02, 0.03, 2)
+        links.append(
+            f'<link name="{name}"><inertial><origin xyz="{words(-0.3, 0.3)}" rpy="{words(-3, 3)}"/>'
+            f'<mass value="{rng.uniform(0.1, 5)}"/><inertia ixx="{xx}" ixy="0.001" ixz="-0.002" '
+            f'iyy="{yy}" iyz="0.0015" izz="0.025"/></inertial></link>'
+        )
+        # Links at the side hang on the link that every chain passes.
+        parent = f"l{k - 2 if (k - 1) % 3 == 0 and k > 1 else k - 1}"
+        joints.append(
+            f'<joint name="j{k}" type="{kind}"><origin xyz="{words(-1, 1)}" rpy="{words(-4, 4)}"/>'
+            f'<parent link="{parent}"/><child link="{name}"/><axis xyz="{words(-1, 1)}"/>'
+            '<limit lower="-2" upper="2" effort="9" velocity="1"/></joint>'
+        )
+    text = f'<robot name="random">{"".join(links + joints)}</robot>'
+    (tmp_path / "random.urdf").write_text(text)
+    arm = ac.load_arm(tmp_path / "random.urdf", ac.ArmOptions(tip="tcp", locked=held))
+    assert len(arm.chain) > 5
+    refuse_differences(arm, text, held)
+
+
+def test_what_the_description_says_is_what_the_arm_has():
+    arm = given()
+    limits = arm.limits
+    np.testing.assert_array_equal(limits.joint_velocity, [2, 1.5, 2.5, 4])
+    np.testing.assert_array_equal(limits.joint_torque, [80, 70, 40, 15])
+    np.testing.assert_array_equal(limits.joint_lower, [-np.inf, -2, -2.5, -3])
+    np.testing.assert_array_equal(limits.joint_upper, [np.inf, 1.5, 2.5, 3])
+    # Speeds are assumed to be reached in one second.
+    np.testing.assert_array_equal(limits.joint_acceleration, limits.joint_velocity)
+    assert [x for x in arm.notes if "no accelerations" in x] and arm.limits_hint == ""
+    np.testing.assert_array_equal(arm.chain.viscous, [0.5, 0, 0.1, 0])
+    np.testing.assert_array_equal(arm.chain.coulomb, [1.5, 0, 0, 0])
+    np.testing.assert_allclose(arm.chain.axes[1], [0, np.sqrt(0.5), np.sqrt(0.5)])
+    np.testing.assert_array_equal(arm.chain.axes[3], [1, 0, 0])  # by default
+    # All that hangs on the last link: wrist, hand and fingers.
+    np.testing.assert_allclose(arm.chain.masses, [4, 3, 2.4, 1.6])
+    assert arm.source.endswith("robot.urdf")
+
+
+def test_the_chain_may_end_early_and_begin_late():
+    flange, whole = given(tip="flange"), given()
+    q, dq, ddq = np.random.default_rng(1).normal(size=(3, 20, 4))
+    # Where the tip is makes no difference to the drives.
+    np.testing.assert_allclose(flange.torque(q, dq, ddq), whole.torque(q, dq, ddq), atol=1e-12)
+    assert np.abs(flange.tool_position(q) - whole.tool_position(q)).max() > 0.05
+    assert given(base="upper").joint_names == ("elbow", "roll")
+    held = given(tip="upper", locked={"elbow": 0.5, "roll": 0.3})
+    assert held.joint_names == ("pan", "tilt")
+    q[:, 2:] = 0.5, 0.3
+    expected = whole.dynamics.torque(q, 0 * q, 0 * q)[:, :2]
+    found = held.dynamics.torque(q[:, :2], 0 * q[:, :2], 0 * q[:, :2])
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    # A joint that slides may be locked.
+    low, high = (given(base=None, locked={"lift": x}) for x in (0.1, 0.4))
+    np.testing.assert_allclose(
+        high.tool_position(q) - low.tool_position(q), np.tile([0, 0, 0.3], (20, 1))
+    )
+
+
+def test_without_any_inertial_only_kinematics_are_known(tmp_path):
+    text = re.sub("<inertial>.*?</inertial>", "", TEXT, flags=re.DOTALL)
+    arm, whole = load(tmp_path, (TEXT, text)), given()
+    assert arm.chain.masses is None
+    np.testing.assert_array_equal(arm.tool_position(np.ones(4)), whole.tool_position(np.ones(4)))
+    refusals(lambda x: x.dynamics, [(arm, "masses of the arm lifter")])
+    # Efforts mean nothing then, and must not keep the arm from being planned for.
+    assert arm.limits.joint_torque is None and whole.limits.joint_torque is not None
+    assert any("limits of effort are left out" in note for note in arm.notes)
+    # Frames of tool and work go with it.
+    tool = Frame.rpy([0, 0.1, 0.2], [0.1, 0, 0])
+    points, rotations = whole.pose(np.ones(4))
+    moved = given(tool=tool, work=Frame()).tool_position(np.ones(4))
+    np.testing.assert_allclose(moved, points + rotations @ tool.position)
+
+
+BAD = """
+link name="cover" => link => a link without a name
+joint name="elbow" => joint name="tilt" => two joints ... tilt
+<child link="wrist"/> => <child link="lower"/> => on two joints ... elbow and roll
+<parent link="world"/> => <parent link="tcp"/> => loop
+<link name="world"/> => <link name="world"/><link name="lost"/> => in parts ... lost
+name="elbow" type="revolute" => name="elbow" type="ball" => elbow ... 'ball'
+name="elbow" type="revolute" => name="elbow" type="prismatic" => elbow ... is prismatic ... locked=
+<limit lower="-2.5" => <mimic joint="tilt"/><limit lower="-2.5" => elbow ... mimics ... locked=
+effort="40" velocity="2.5" => effort="40" velocity="fast" => velocity ... joint elbow ... 'fast'
+lower="-2.5" upper="2.5" => => range of joint elbow is empty
+<mass value="2"/> => <mass/> => link lower of ... value of its mass
+<axis xyz="0 1 1"/> => <axis xyz="0 0 0"/> => Joint tilt of ... axis of length 0
+<dynamics damping="0.1"/> => <dynamics damping="-0.1"/> => elbow ... damping -0.1
+<mimic joint="left" => <mimic joint="right" => right ... mimics no joint
+"""
+NO_ROBOTS = """
+solid gripper => is not XML ... line 1
+<mujoco/> => is not a robot description ... <mujoco>
+<robot name="r"/> => without links
+<robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:arm/></robot> => xacro
+"""
+
+
+def test_descriptions_of_no_arm_are_refused(tmp_path):
+    table = [((old, new), words) for old, new, words in rows(BAD)]
+    table += [((TEXT, text), words) for text, words in rows(NO_ROBOTS)]
+    refusals(lambda x: load(tmp_path, x), table, "robot.urdf")
+    absent = [(tmp_path / x, f"no robot ... {x}") for x in ("no.urdf", "no.xacro")]
+    refusals(ac.load_arm, absent)
+
+
+LIMITS = """joint_limits:
+  elbow: {has_effort_limits: true, max_effort: 33, has_velocity_limits: true, max_velocity: 1.25}
+"""
+
+
+ELBOW = '<limit lower="-2.5" upper="2.5" effort="40" velocity="2.5"/>'
+
+
+def test_soft_limits_narrow_the_range(tmp_path):
+    for soft, lower, upper in (
+        ('soft_lower_limit="-1" soft_upper_limit="0.5"', -1, 0.5),
+        ('soft_lower_limit="-9" soft_upper_limit="0.5"', -2.5, 0.5),
+        # Controllers of the speed alone.
+        ("", -2.5, 2.5),
+        ('soft_lower_limit="0" soft_upper_limit="0"', -2.5, 2.5),
+    ):
+        arm = load(tmp_path, (ELBOW, f'{ELBOW}<safety_controller {soft} k_velocity="9"/>'))
+        assert (arm.limits.joint_lower[2], arm.limits.joint_upper[2]) == (lower, upper), soft
+        noted = any("soft limits of elbow" in x for x in arm.notes)
+        assert noted == ((lower, upper) != (-2.5, 2.5))
+    endless = '<limit effort="80" velocity="2"/>'
+    soft = 'safety_controller soft_lower_limit="-1" soft_upper_limit="1" k_velocity="9"'
+    arm = load(tmp_path, (endless, f"{endless}<{soft}/>"))
+    assert arm.limits.joint_lower[0] == -np.inf
+    file = tmp_path / "limits.yaml"
+    for switch, lower in (
+        ("has_soft_limits: true, ", -1),
+        ("", -1),
+        ("has_soft_limits: false, ", -2),
+    ):
+        limits = f"{{{switch}soft_lower_limit: -1, soft_upper_limit: 1, min_position: -2}}"
+        file.write_text(f"joint_limits: {{elbow: {limits}}}")
+        arm = given(joint_limits=file)
+        assert arm.limits.joint_lower[2] == lower
+        assert arm.limits.joint_upper[2] == (1 if lower == -1 else 2.5)
+
+
+def test_ranges_in_degrees_are_asked_about(tmp_path):
+    def changed(low, high):
+        return (ELBOW, ELBOW.replace("-2.5", f"{low}", 1).replace('upper="2.5"', f'upper="{high}"'))
+
+    words = "range of joint elbow from {} to {} rad ... degrees ... joint_limits.yaml"
+    ends = ((-170, 170), (-120, 0), (0, 350), (-540, 540))
+    refusals(lambda x: load(tmp_path, changed(*x)), [(x, words.format(*x)) for x in ends])
+    # Descriptions without ranges have numbers such as these; a usual wrist turns 2.5 times.
+    for ends in ((-1000, 1000), (-1e9, 1e9), (-15.71, 15.71)):
+        assert load(tmp_path, changed(*ends)).limits.joint_upper[2] == ends[1]
+    file = tmp_path / "limits.yaml"
+    file.write_text("joint_limits: {elbow: {min_position: -170, max_position: 170}}")
+    arm = load(tmp_path, changed(-170, 170), joint_limits=file)
+    assert arm.limits.joint_upper[2] == 170
+
+
+def test_zero_and_less_count_as_not_given(tmp_path):
+    elbow = 'effort="40" velocity="2.5"'
+    for effort, velocity, lacking in (
+        ("0", "2.5", "effort"),
+        ("40", "0", "velocity"),
+        ("40", "-1", "velocity"),
+        ("0", "0", "velocity of elbow and no effort"),
+    ):
+        change = (elbow, f'effort="{effort}" velocity="{velocity}"')
+        arm = load(tmp_path, change)
+        (note,) = (x for x in arm.notes if "count as not given" in x)
+        assert note.startswith(f"robot.urdf: it gives no {lacking} of elbow")
+        assert (arm.limits.joint_torque is None) == ("no effort" in note)
+        assert (arm.limits.joint_velocity is None) == ("no velocity" in note)
+        # Without speeds no accelerations are assumed.
+        assert (arm.limits.joint_acceleration is None) == ("no velocity" in note)
+    # With the values from elsewhere nothing is lacking.
+    (tmp_path / "joint_limits.yaml").write_text(LIMITS)
+    arm = load(tmp_path, change, joint_limits=tmp_path / "joint_limits.yaml")
+    np.testing.assert_array_equal(arm.limits.joint_torque, [80, 70, 33, 15])
+    np.testing.assert_array_equal(arm.limits.joint_velocity, [2, 1.5, 1.25, 4])
+    assert not any("not given" in x for x in arm.notes)
+    # Those of some joints only are not enough.
+    change = ('effort="80" velocity="2"', 'effort="0" velocity="2"')
+    words = "joint pan has no joint_torque ... joint_limits"
+    file = tmp_path / "joint_limits.yaml"
+    refusals(lambda x: load(tmp_path, x, joint_limits=file), [(change, words)])
+
+
+def test_joints_without_a_limit_element(tmp_path):
+    arm = load(tmp_path, ('<limit effort="80" velocity="2"/>', ""))
+    assert arm.limits.joint_velocity is None and arm.limits.joint_torque is None
+    assert arm.limits.joint_upper[0] == np.inf
+    limit = '<limit lower="-2.5" upper="2.5" effort="40" velocity="2.5"/>'
+    arm = load(tmp_path, (limit, ""))
+    assert arm.limits.joint_upper[2] == np.inf and arm.limits.joint_upper[1] == 1.5
+    assert any("no range of elbow" in note for note in arm.notes)
+
+
+NO_BODIES = """
+<mass value="2"/> => <mass value="0"/> => link lower, which a joint moves, has the mass 0 kg
+<mass value="2"/> => <mass value="-2"/> => link lower has the mass -2 kg
+"0.02" iyz="0" izz="0.02" => "0.02" iyz="0" izz="0.2" => the inertia of the link lower
+<mimic joint="left" => <mimic joint="roll" => joint right moves a mass along with joint roll
+"""
+
+
+def test_links_that_are_no_bodies_leave_out_dynamics_only(tmp_path):
+    upper = re.search('<link name="upper">.*?(<inertial>.*?</inertial>)', TEXT, re.DOTALL)[1]
+    table = [*rows(NO_BODIES), (upper, "", "the link upper has no mass")]
+    whole = given()
+    for old, new, words in table:
+        arm = load(tmp_path, (old, new))
+        assert not arm.has_bodies and arm.limits.joint_torque is None
+        assert any(words in note and "limits of effort are left out" in note for note in arm.notes)
+        q = np.random.default_rng(3).normal(size=(20, 4))
+        np.testing.assert_array_equal(arm.tool_position(q), whole.tool_position(q))
+        refusals(lambda x: x.dynamics, [(arm, "masses of the arm lifter")])
+
+
+def test_what_weighs_nothing_may_move_along_with_the_arm(tmp_path):
+    finger = '<link name="right_finger">.*?(<inertial>.*?</inertial>)'
+    inertial = re.search(finger, TEXT, re.DOTALL)[1]
+    mimic = ('<mimic joint="left"', '<mimic joint="roll"')
+    arm, bare = load(tmp_path, (inertial, ""), mimic), load(tmp_path, (inertial, ""))
+    q, dq, ddq = np.random.default_rng(4).normal(size=(3, 20, 4))
+    np.testing.assert_array_equal(arm.torque(q, dq, ddq), bare.torque(q, dq, ddq))
+    assert arm.has_bodies and not any("right" in note for note in arm.notes)
+    # Locked, it is a body like any other.
+    held = load(tmp_path, mimic, locked={"right": 0.01})
+    assert held.has_bodies
+
+
+def test_joints_beside_the_arm_stand_at_the_nearest_end_of_their_range(tmp_path):
+    ranges = 'lower="-1" upper="1" effort="1"'
+    for given, end in (('lower="0.5" upper="1"', 0.5), ('lower="-1" upper="-0.25"', -0.25)):
+        arm = load(tmp_path, (ranges, given + ' effort="1"'))
+        same = load(tmp_path, (ranges, given + ' effort="1"'), locked={"hinge": end})
+        assert any(f"hinge at {end:g} rad" in note for note in arm.notes)
+        assert not any("hinge" in note for note in same.notes)
+        q, dq, ddq = np.random.default_rng(5).normal(size=(3, 20, 4))
+        np.testing.assert_array_equal(arm.torque(q, dq, ddq), same.torque(q, dq, ddq))
+
+
+CHOICES = """
+{tip: gripper} => no link 'gripper' to be the tip ... left_finger ... tcp
+{tip: null} => 4 links that could be the tip ... cover ... tcp ... (in a job, arm: {tip:
+{tip: base_link, base: upper} => base upper does not carry the tip base_link
+{tip: base_link, base: base_link} => No joint turns
+{base: null} => lift ... is prismatic ... locked={'lift': ...}
+{locked: {thumb: 0}} => no joint 'thumb' to be locked ... hinge
+{locked: {hinge: 2}} => hinge ... locked at 2 ... -1 to 1
+{locked: {hand_tcp: 1}} => hand_tcp ... is fixed and cannot be locked
+"""
+
+
+def test_choices_that_a_description_does_not_have(tmp_path):
+    refusals(lambda x: load(tmp_path, **yaml.safe_load(x)), CHOICES)
+
+
+def test_xml_that_cannot_be_read_is_refused(tmp_path):
+    entities = "".join(
+        f"<!ENTITY a{i} '{f'&a{i - 1};' * 10}'>" if i else "<!ENTITY a0 'aaaaaaaaaa'>"
+        for i in range(12)
+    )
+    head = '<?xml version="1.0" encoding="{}"?><robot name="r"/>'
+    names = ("utf-7", "zlib_codec", "nowhere", "utf-16")
+    table = [(head.format(x), "is not XML") for x in names]
+    grown = f'<!DOCTYPE robot [{entities}]><robot name="r">&a11;</robot>'
+    table.append((grown, "is not XML ... amplification"))
+
+    def read(text):
+        (tmp_path / "robot.urdf").write_text(text)
+        return ac.load_arm(tmp_path / "robot.urdf")
+
+    refusals(read, table, "robot.urdf")
+    # Other encodings are read.
+    file = tmp_path / "robot.urdf"
+    plain = TEXT[TEXT.index("<robot") :].replace("lifter", "Höhe")
+    for encoding in ("latin-1", "utf-16"):
+        text = f'<?xml version="1.0" encoding="{encoding}"?>' + plain
+        file.write_bytes(text.encode(encoding))
+        assert ac.load_arm(file, ac.ArmOptions(base="base_link", tip="tcp")).name == "Höhe"
+
+
+def links(count):
+    """A robot with so many links in a row."""
+    body = "".join(
+        f'<link name="l{i}"/><joint name="j{i}" type="revolute"><parent link="l{i - 1}"/>'
+        f'<child link="l{i}"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
+        for i in range(1, count)
+    )
+    return f'<robot name="r"><link name="l0"/>{body}</robot>'
+
+
+def test_descriptions_of_absurd_size_are_refused_at_once(tmp_path):
+    file = tmp_path / "robot.urdf"
+    file.write_text(links(1000))
+    assert ac.load_arm(file).dof == 999
+
+    def read(text):
+        file.write_text(text)
+        return ac.load_arm(file)
+
+    table = [
+        (links(1001), "more than the 1000 links"),
+        ("<robot>" + "<x/>" * 300_000 + "</robot>", "more than the 200000 elements"),
+        ("<robot>" + "<link>" * 101 + "</link>" * 101 + "</robot>", "nested more than 100 deep"),
+    ]
+    refusals(read, table)
+    # Only what a body is is taken from it.
+    deep = "<extra>" * 90 + "</extra>" * 90
+    mass = '<mass value="2"/>'
+    assert mass in TEXT
+    found = load(tmp_path, (mass, mass + deep))
+    np.testing.assert_array_equal(found.chain.masses, given().chain.masses)
+
+
+NAMES = [
+    ("link", "world", "w\x9b2Jd", r"name of a link of ... 'w\x9b2Jd'"),
+    ("joint", "elbow", "&#10;elbow", r"name of a joint of ... '\nelbow'"),
+    ("robot", "lifter", "\u202elifter", r"name of the robot of ... '\u202elifter'"),
+]
+# N stands for what is no number.
+NUMBERS = """
+velocity="2.5" => velocity="N" => must be one finite number
+<mass value="2"/> => <mass value="N"/> => needs a number as value of its mass
+<origin xyz="0.4 0 0.02"/> => <origin xyz="N 0 0"/> => needs three numbers as its xyz
+"""
+TOO_LARGE = """
+xyz="0.4 0 0.02" => xyz="1e300 0 0.02" => elbow ... up to 1e+09 ... 1e300
+<mass value="2"/> => <mass value="1e200"/> => its mass ... up to 1e+09
+multiplier="0.5" => multiplier="1e300" => right ... is locked ... beyond 1e+09
+"""
+
+
+def test_names_that_cannot_be_printed_and_numbers_that_are_none_are_refused(tmp_path):
+    table = [((f'{x} name="{a}"', f'{x} name="{b}"'), words) for x, a, b, words in NAMES]
+    for number in ("1_0", "inf", "0x10"):
+        table += [((old, new.replace("N", number)), words) for old, new, words in rows(NUMBERS)]
+    refusals(lambda x: load(tmp_path, x), table)
+    large = [((old, new), words) for old, new, words in rows(TOO_LARGE)]
+    refusals(lambda x: load(tmp_path, x, locked={"left": 0.03}), large)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs pipes with names")
+def test_pipes_are_refused(tmp_path):
+    pipes = [(tmp_path / f"pipe.{x}", "is not a regular file") for x in ("urdf", "xacro", "yaml")]
+    for pipe, _ in pipes:
+        os.mkfifo(pipe)
+    refusals(ac.load_arm, pipes)
+    refusals(lambda x: ac.load_arm("ur5e", ac.ArmOptions(joint_limits=x)), pipes)
+    # Joints that mimic one another in a long row are refused.
+    mimics = "".join(
+        f'<link name="m{i}"/><joint name="m{i}" type="revolute"><parent link="tcp"/>'
+        f'<child link="m{i}"/><mimic joint="m{i + 1}"/></joint>'
+        for i in range(600)
+    )
+    change = ("</robot>", mimics + "</robot>")
+    refusals(lambda x: load(tmp_path, x), [(change, "Joint m ... mimics no joint")])
+
+
+# Joints as name, kind, parent link, child link, mimicked joint.
+SIX = [(f"a{k}", "revolute", f"l{k - 1}", f"l{k}", "") for k in range(1, 7)]
+FRAMES = [("b", "fixed", "l0", "base", ""), ("f", "fixed", "l6", "flange", "")]
+TOOL = ("t", "fixed", "flange", "tool0", "")
+SENSOR = ("s", "fixed", "flange", "ft_frame", "")
+SLIDING = [("left", "prismatic", "l6", "lf", ""), ("right", "prismatic", "l6", "rf", "left")]
+HAND = [(f"{x}1", "revolute", "l6", f"{x}_1", "") for x in "uv"]
+HAND += [(f"{x}2", "revolute", f"{x}_1", f"{x}_2", "") for x in "uv"]
+SECOND = [("c1", "revolute", "l0", "k1", ""), ("c2", "revolute", "k1", "k2", "")]
+
+
+def load_joints(tmp_path, joints, **options):
+    links = {"l0": None} | dict.fromkeys(x[3] for x in joints)
+    text = "".join(f'<link name="{x}"/>' for x in links)
+    for name, kind, parent, child, master in joints:
+        mimic = f'<mimic joint="{master}"/>' if master else ""
+        text += (
+            f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="0 0 0.1"/>{mimic}'
+            '<limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
+        )
+    (tmp_path / "r.urdf").write_text(f'<robot name="r">{text}</robot>')
+    return ac.load_arm(tmp_path / "r.urdf", ac.ArmOptions(**options))
+
+
+def test_the_end_of_the_only_chain_is_the_tip(tmp_path):
+    for joints, tip in (
+        ([*SIX, *FRAMES, TOOL, SENSOR], "tool0"),
+        ([*SIX, *FRAMES, SENSOR], "flange"),
+        ([*SIX, *FRAMES], "flange"),
+        ([*SIX, FRAMES[0]], "l6"),
+        ([*SIX, ("h", "fixed", "l6", "hand", ""), ("p", "fixed", "l0", "plate", "")], "hand"),
+        # Two frames without a name of REP 199: the last link itself.
+        ([*SIX, ("x", "fixed", "l6", "x", ""), ("y", "fixed", "l6", "y", "")], "l6"),
+        # Grippers: one that mimics, two fingers side by side, two fingers of two joints.
+        ([*SIX, *FRAMES, *SLIDING], "flange"),
+        ([*SIX, *FRAMES, SLIDING[0], ("right", "prismatic", "l6", "rf", "")], "flange"),
+        ([*SIX, *FRAMES, TOOL, *HAND], "tool0"),
+        # A link that mimics a joint of the arm.
+        ([*SIX, *FRAMES, TOOL, ("m", "revolute", "l1", "rod", "a2")], "tool0"),
+    ):
+        arm = load_joints(tmp_path, joints)
+        assert arm.joint_names == ("a1", "a2", "a3", "a4", "a5", "a6")
+        assert arm.notes[0].startswith(f"r.urdf: the tip is {tip}, at the end of the only chain")
+        assert "(in a job, arm: {tip: LINK})" in arm.notes[0]
+        named = load_joints(tmp_path, joints, tip=tip)
+        assert (named.tool_position([0.1] * 6) == arm.tool_position([0.1] * 6)).all()
+        assert not any("the tip is" in note for note in named.notes)
+
+
+def test_of_more_chains_one_must_be_named(tmp_path):
+    words = "2 links that could be the tip ... (in a job, arm: {tip: ... "
+    table = [
+        ([*SIX, *SECOND], words + "k2"),
+        # One more joint beside the last two is no gripper.
+        ([*SIX, ("g", "revolute", "l4", "g", "")], words + "g"),
+        # Legs: none is longer than the way to it.
+        ([*SECOND, ("d1", "revolute", "l0", "m1", ""), ("d2", "revolute", "m1", "m2", "")], "m2"),
+        # A sliding joint at the end, as a SCARA's, is not left out in silence.
+        ([*SIX[:2], ("z", "prismatic", "l2", "z", ""), *FRAMES[:1]], "Joint z ... is prismatic"),
+    ]
+    refusals(lambda x: load_joints(tmp_path, x), table)
+    # A locked joint does not count.
+    arm = load_joints(tmp_path, [*SIX, ("g", "revolute", "l5", "g", "")], locked={"g": 0.5})
+    assert arm.dof == 6

@@ -1,0 +1,326 @@
+"""Drawings in job files and in cells: what becomes of the file, and what is refused."""
+
+import os
+
+import numpy as np
+import pytest
+import yaml
+from tests.files.tables import refusals, values
+
+import armcontour as ac
+from armcontour.files import parse_job, read_job
+from armcontour.files.cell import cell_names, read_cell
+from armcontour.files.robots.loading import arm_names
+from armcontour.program import Program, prepare
+
+TWO = "contour,x [mm],y [mm]\na,0,0\na,60,0\nb,0,30\nb,60,30\nb,60,60\nb,0,30\n"
+PLAIN = "x [mm],y [mm]\n0,0\n60,0\n60,40\n"
+JOB = yaml.safe_load("""
+name: plate
+arm: pmk3s
+path: {file: two.csv, frame: {position: [300 mm, 80 mm, 0]}}
+limits: {speed: 50 mm/s, centripetal_acceleration: 0.09 m/s^2}
+corners: {tolerance: 0.5 mm}
+servo: {kp: 25, kv: 150}
+runs: {taught: {timing: {method: optimal}, compensation: {method: inverse}}}
+""")
+POINTS = {**JOB, "path": {"points": [[0.3, 0.1], [0.36, 0.1]]}}
+
+
+PLAIN_FILE = {"file": "plain.csv"}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "two.csv").write_text(TWO)
+    (tmp_path / "plain.csv").write_text(PLAIN)
+    return tmp_path
+
+
+def job(folder, text="{}", **changes):
+    changes |= yaml.safe_load(text)
+    path = {**JOB["path"], **changes.pop("path", {})}
+    text = yaml.safe_dump({**JOB, "path": path, **changes})
+    return parse_job(text, source="plate.yaml", folder=folder)
+
+
+def test_a_file_becomes_a_program_where_its_frame_lies(folder):
+    program = job(folder).path
+    assert isinstance(program, Program) and [x.name for x in program.contours] == ["a", "b"]
+    np.testing.assert_allclose(program.contours[0].path.vertices, [[0.3, 0.08], [0.36, 0.08]])
+    turned = job(folder, "path: {frame: {position: [0.3, 0.1, 0], rpy: [0, 0, 90 deg]}}").path
+    np.testing.assert_allclose(turned.contours[0].path(0.06), [0.3, 0.16], atol=1e-15)
+    scaled = job(folder, "path: {scale: 0.5, names: [b]}").path
+    assert isinstance(scaled, Program) and len(scaled.contours) == 1
+    np.testing.assert_allclose(scaled.length, 0.045 + 0.5 * np.hypot(0.06, 0.03), atol=1e-15)
+
+
+def test_a_file_of_one_plain_contour_is_a_job_of_one_path(folder):
+    plain = job(folder, path=PLAIN_FILE, runs={"one": {"until": "9 s"}})
+    assert plain.program.path.length == pytest.approx(0.1) and plain.runs[0].until == 9.0
+    rest = job(folder, "process: {from_s: 30 mm}", path=PLAIN_FILE)
+    single = prepare(rest.program, rest.process).single_path
+    assert single.length == pytest.approx(0.07)
+    np.testing.assert_allclose(single(0.0), [0.33, 0.08])
+    assert ac.plan(single, rest.arm, rest.runs[0].limits).duration > 0
+    assert job(folder, "process: {lead_out: {}}", path=PLAIN_FILE).process.automatic
+    with_leads = job(folder, "process: {lead_in: {length: 5 mm}}", path=PLAIN_FILE)
+    switched = parse_job(yaml.safe_dump({**POINTS, "process": {"switch": {"name": "laser"}}}))
+    for x in (with_leads, switched):
+        assert prepare(x.program, x.process).single_path is None
+
+
+def test_a_drawing_is_repeated_in_its_own_coordinates(folder):
+    repeat = "{columns: 2, rows: 2, column_spacing: 70 mm, row_spacing: 80 mm}"
+    turned = "{position: [0.3, 0.1, 0], rpy: [0, 0, 90 deg]}"
+    program = job(folder, f"path: {{repeat: {repeat}, scale: 0.5, frame: {turned}}}").program
+    order = [f"{x} {y}" for y in ("[1,1]", "[1,2]", "[2,2]", "[2,1]") for x in "ab"]
+    assert [x.name for x in program.contours] == order
+    # 70 mm along the drawing's x, which is y here, and 80 mm along its y.
+    np.testing.assert_allclose(program.contours[4].path(0.0), [0.22, 0.17], atol=1e-12)
+    for name, names in (("a [2,1]", ["a [2,1]"]), ("b", [x for x in order if x[0] == "b"])):
+        found = job(folder, f"path: {{repeat: {repeat}, names: ['{name}']}}").program
+        assert [x.name for x in found.contours] == names
+    words = "no contour 'c [1,1]' ... 'a [1,1]'"
+    named = f"path: {{repeat: {repeat}, names: ['c [1,1]']}}"
+    table = [("path: {repeat: {columns: 2}}", "path.repeat ... column_sp"), (named, words)]
+    refusals(lambda x: job(folder, x), table)
+
+
+PROCESS = """
+begin: [300 mm, 110 mm] => {begin: [0.3, 0.11]}
+overlap: 2 mm => {overlap: 0.002}
+lead_in: {length: 5 mm, shape: arc, side: right} => {lead_in.length: 0.005, lead_in.side: right}
+lead_in: {shape: arc, active: true} => {lead_in.shape: arc, lead_in.active: true}
+lead_out: {length: auto} => {lead_out.length: null, lead_out.active: false}
+{pierce: {time: 300 ms}, switch: {name: x}} => {pierce.time: 0.3}
+switch: {name: x, on_lead: 20 ms, off_lead: 5 ms} => {switch.on_lead: 0.02, switch.off_lead: 0.005}
+events: [{name: gas, value: 2.5, at: 1 mm}] => {events.gas.value: 2.5, events.gas.s: 0.001}
+events: [{name: gas, lead_time: -10 ms}] => {events.gas.lead_time: -0.01}
+analog: [{name: p, rest: 20 %}] => {analog.p.rest: 0.2, analog.p.full: 1.0, analog.p.off: 0.0}
+analog: [{name: p, speed: 100 mm/s}] => {analog.p.speed: 0.1}
+analog: [{name: p, lead_time: 5 ms}] => {analog.p.lead_time: 0.005}
+from_s: 12 mm => {from_s: 0.012}
+{order: shortest, reverse_open: true} => {order: shortest, reverse_open: true}
+{kerf: 0.2 mm, kerf_side: left} => {kerf: 0.0002, kerf_side: left}
+"""
+LAYERS = """
+lead_in: {length: 5 mm}
+switch: {name: laser}
+by_layer:
+  MARK: {lead_in: null, switch: {name: laser, value: 0.2}, passes: 2, tabs: {count: 2, width: 1 mm}}
+  GONE: {dwell: 1 s}
+"""
+
+
+def test_a_process_has_values_by_layer_with_their_units(folder):
+    values(lambda x: job(folder, process=yaml.safe_load(x)).process, PROCESS)
+    pierced = "{pierce: {time: 1, height: 3 mm}, switch: {name: x}, lead_out: {}}"
+    refusals(lambda x: job(folder, process=yaml.safe_load(x)), [(pierced, "in the plane")])
+    file = {"file": str(folder / "two.csv"), "orientation": {"axis": [0, 0, -1]}}
+    in_space = {**JOB, "arm": "ur5e", "path": file, "process": yaml.safe_load(pierced)}
+    assert parse_job(yaml.safe_dump(in_space)).process.pierce.height == 0.003
+    layers = {"contour,": "contour,layer,", "a,0": "a,CUT,0", "a,60": "a,CUT,60", "b,": "b,MARK,"}
+    text = TWO
+    for old, new in layers.items():
+        text = text.replace(old, new)
+    (folder / "layers.csv").write_text(text)
+    made = job(folder, path={"file": "layers.csv"}, process=yaml.safe_load(LAYERS))
+    own = made.process.of_layer("MARK")
+    assert own.lead_in is None and own.passes == 2
+    assert own.tabs.width == 1e-3 and own.switch.value == 0.2
+    assert made.process.of_layer("CUT").lead_in is not None
+    cut, mark = prepare(made.program, made.process).contours
+    assert cut.path.length == pytest.approx(0.065) and len(mark.events) == 10
+    assert made.program.notes[-1] == "process.by_layer: no contour is on the layer 'GONE'."
+    open_speeds = "{process: {analog: [{name: power}]}, limits: {speed: inf}}"
+    refusals(lambda x: job(folder, x), [(open_speeds, "Run taught ... power ... contour a")])
+    speeds = {"file": "layers.csv", "layers": {x: {"speed": "1 mm/s"} for x in ("CUT", "MARK")}}
+    assert job(folder, open_speeds, path=speeds).process.analog
+
+
+BAD = r"""
+process: {by_layer: {"": {order: drawn}}} => process.by_layer ... order
+process: {by_layer: {"": {passes: null}}} => by_layer ... passes
+path: {points: [[0, 0], [1, 1]]} => file, or points
+path: {frame: {position: [0.3, 0.1, 1 mm]}} => path.frame ... z = 0
+path: {frame: {position: [0.3, 0.1, 0], rpy: [0.1, 0, 0]}} => path.frame
+path: {orientation: {axis: [0, 0, -1]}} => path.orientation ... in space
+process: {approach: 5 mm} => in the plane
+runs: {one: {until: 9 s}} => until is for a job with a single path
+name: "x\e]52;c;cHduZWQ=\e\\" => name of a job has the character U+001B
+process: {switch: {name: "a\a"}} => process.switch: The name of a switch
+"""
+
+
+def test_refuses_in_one_sentence(folder):
+    refusals(lambda x: job(folder, x), BAD, "plate.yaml")
+    long = [
+        ({"name": "x" * 81}, "name of a job has 81 characters, more than 80"),
+        ({"title": "x" * 201}, "title of a job has 201 characters, more than 200"),
+    ]
+    refusals(lambda x: job(folder, **x), long, "plate.yaml")
+    # What is said of files needs one.
+    points, repeat = POINTS["path"], {"columns": 2, "column_spacing": 1}
+    table = [(points | {"flat": True}, "path.flat ... path.file"),
+             (points | {"repeat": repeat}, "path.repeat ... path.file")]  # fmt: skip
+    refusals(lambda path: parse_job(yaml.safe_dump({**JOB, "path": path})), table)
+
+
+def test_space_and_plane(folder):
+    (folder / "deep.ngc").write_text("G21 F600\nG1 X10 Y0 Z1\nG1 X20 Y10 Z0\n")
+    words = "deep.ngc has z ... path.flat ... --flat"
+    refusals(lambda x: job(folder, x), [("path: {file: deep.ngc}", words)])
+    for text, dimension in (
+        ("path: {file: deep.ngc, flat: true}", 2),
+        ("{path: {file: deep.ngc}, arm: ur5e, corners: {tolerance: 0.2 mm}}", 3),
+    ):
+        found = job(folder, text)
+        assert found.program.path.dimension == dimension
+    path = {"orientation": {"axis": [0, 0, -1]}, "frame": {"position": [0.4, 0, 0.1]}}
+    drawn = job(folder, path=path, arm="ur5e").path
+    assert isinstance(drawn, Program) and drawn.dimension == 3
+    np.testing.assert_allclose(drawn.contours[0].path(0.0), [0.4, 0, 0.1])
+    assert drawn.contours[0].path.orientation is not None
+
+
+def test_cells_take_a_drawing(folder):
+    assert cell_names() == arm_names()
+    for name in cell_names():
+        found = read_cell(name, folder / "two.csv")
+        assert (found.name, found.title.split(" ")[0]) == ("two", "two.csv")
+        assert isinstance(found.path, Program)
+        assert found.path.dimension == found.arm.dimension
+        assert [x.name for x in found.runs] == ["taught"]
+    # A job file is a cell whose own path gives way.
+    frame = JOB["path"]["frame"]
+    own = {"points": [[0.0, 0.0], [1.0, 1.0]], "frame": frame}
+    bare = {key: value for key, value in JOB.items() if key != "path"}
+    for data, path, length in (
+        # A unit that a column has itself is kept, but a scale is one of all lengths.
+        ({**JOB, "path": own}, {"scale": 0.5}, 0.05),
+        (bare, {"frame": frame}, 0.1),
+    ):
+        (folder / "cell.yaml").write_text(yaml.safe_dump(data))
+        found = read_cell(folder / "cell.yaml", folder / "plain.csv", path=path).program.path
+        np.testing.assert_allclose(found(0.0), [0.3, 0.08])
+        assert found.length == pytest.approx(length)
+
+
+def test_refuses_what_is_no_cell(folder):
+    (folder / "list.yaml").write_text(yaml.safe_dump({**JOB, "path": [1, 2]}))
+    table = [
+        ("", "fr3, panda, pmk3s, ur10e, ur5e"),
+        (folder / "no.yaml", "There is no job file ... no.yaml"),
+        (folder / "list.yaml", "list.yaml ... path"),
+    ]
+    refusals(lambda cell: read_cell(cell, folder / "two.csv"), table)
+
+
+def test_files_are_looked_for_beside_the_job(folder, monkeypatch):
+    (folder / "sub").mkdir()
+    data = {**JOB, "path": {"file": "../two.csv"}}
+    (folder / "sub" / "job.yaml").write_text(yaml.safe_dump(data))
+    monkeypatch.chdir("/")
+    found = read_job(folder / "sub" / "job.yaml")
+    assert isinstance(found.path, Program)
+
+
+def test_a_tool_that_follows_contours_does_not_follow_rapids(tmp_path):
+    way = "G0 X400 Y-50 Z0\nG1 X450 F3000\nG0 Z20\nG0 Y-40\nG0 Z0\nG1 X400\n"
+    (tmp_path / "raster.ngc").write_text(f"G21 G90\n{way}M2\n")
+    (tmp_path / "drill.ngc").write_text("G21 G90\nG0 X400 Z20\nG1 Z0 F3000\nM2\n")
+    path = {"orientation": {"follow_tangent": {"up": [0, 0, 1]}}}
+    program = read_cell("ur5e", tmp_path / "raster.ngc", path=path).path
+    first, rapid, second = program.moves
+    assert rapid.path.orientation is None
+    assert first.path.orientation is not None and second.path.orientation is not None
+    words = "path.orientation, contour line 3 ... up lies along"
+    refusals(lambda x: read_cell("ur5e", tmp_path / x, path=path), [("drill.ngc", words)])
+
+
+def test_what_a_file_says_of_the_tool_goes_before_the_cell(tmp_path):
+    file = tmp_path / "seam.csv"
+    file.write_text("x,y,z,ax,ay,az\n0,0,0,0,0.1,-1\n50,0,0,0,0.1,-1\n")
+    job = read_cell("ur5e", file, path={"units": "mm"})
+    axis = job.program.path.orientation(0.0)[:, 2]
+    np.testing.assert_allclose(axis, np.array([0, 0.1, -1]) / np.hypot(0.1, 1), atol=1e-12)
+    assert "comes from seam.csv" in job.path.notes[-1]
+
+
+def test_settings_for_layers_do_not_demand_them(tmp_path, folder):
+    file = tmp_path / "w.csv"
+    file.write_text("x,y,layer\n0,0,CUT\n50,0,CUT\n")
+
+    def read(layers):
+        return read_cell("pmk3s", file, path={"units": "mm", "layers": layers})
+
+    found = read({"CUT": {"speed": 0.02}, "MARK": {}})
+    speeds = ac.prepare(found.path, found.process).contours[0].path.speeds
+    np.testing.assert_array_equal(speeds, [0.02])
+    assert found.path.notes == ("there is nothing on the layer 'MARK'.",)
+    refusals(read, [({"MARK": {}}, "has no layer 'MARK'")])
+    # A layer of which names leave nothing demands nothing.
+    text = "x,y,contour,layer\n0,0,a,A\n0.06,0,a,A\n0,0.03,b,B\n0.06,0.03,b,B\n"
+    (folder / "layers.csv").write_text(text)
+    layers = "{A: {speed: 0.02}, B: {speed: 0.01}}"
+    found = job(folder, f"path: {{file: layers.csv, layers: {layers}, names: [a]}}")
+    assert prepare(found.program, found.process).path.speeds.tolist() == [0.02]
+
+
+def test_jobs_and_cells_that_never_end_or_are_too_large_are_refused(folder):
+    os.mkfifo(folder / "pipe.yaml")
+    (folder / "zero.yaml").symlink_to("/dev/zero")
+    (folder / "folder.yaml").mkdir()
+    with open(folder / "large.yaml", "wb") as file:
+        file.truncate(3_000_000_000)
+    (folder / "latin.yaml").write_bytes(b"name: \xe9")
+    table = [
+        ("pipe", "not a regular file"),
+        ("folder", "Is a directory"),
+        ("large", "3000 MB, more than the 64 MB"),
+        ("latin", "not UTF-8"),
+    ]
+    refusals(lambda x: read_job(folder / f"{x}.yaml"), table, "The job file")
+    refusals(lambda x: read_cell(folder / f"{x}.yaml", folder / "two.csv"), table, "The job file")
+
+
+def test_a_drawing_in_a_cell_may_have_a_name_that_no_job_has(folder):
+    for stem in ("d" * 200, "a\u202eb"):
+        file = folder / f"{stem}.csv"
+        file.write_text(TWO)
+        found = read_cell("ur5e", file, path={"frame": {"position": [0.3, 0.08, 0.1]}})
+        assert len(found.name) <= 80 and found.name.isprintable()
+        assert len(found.title) <= 200 and found.title.isprintable()
+
+
+def test_a_closed_path_of_points_begins_elsewhere_only_if_there_is_a_process(folder):
+    ring = [[0.3, 0.1], [0.36, 0.1], [0.33, 0.14], [0.3, 0.1]]
+    points = {**JOB, "path": {"points": ring}}
+    found = parse_job(yaml.safe_dump(points))
+    np.testing.assert_array_equal(found.program.path(0.0), ring[0])
+    moved = parse_job(yaml.safe_dump({**points, "process": {"overlap": "1 mm"}}))
+    assert np.linalg.norm(prepare(moved.program, moved.process).path(0.0) - ring[0]) > 0.01
+
+
+def test_tools_have_diameters_by_their_numbers(folder):
+    (folder / "part.nc").write_text("F600\nG41 D1 G1 X10\nX20\nM2\n")
+
+    def read(tools):
+        return job(folder, path={"file": "part.nc", "tools": tools}).path
+
+    for diameter in ("4 mm", 4e-3):
+        y = read({1: diameter}).path.vertices[:, 1]
+        np.testing.assert_allclose(y[1:] - y[0], 2e-3, atol=1e-12)
+    refusals(read, [(x, "tool") for x in ({"one": "4 mm"}, {1: "4"}, {-1: 4e-3})])
+
+
+def test_words_of_g_code_are_left_out_by_name(folder):
+    (folder / "part.nc").write_text("T1 M6\nG1 X60 F600\nG55 G0 Y9\nG1 X0\n")
+
+    def read(unknown):
+        return job(folder, path={"file": "part.nc", "unknown": unknown}).path
+
+    (note, *_) = read({"skip": ["t", "M06", "G55"]}).notes
+    assert "M6 (1 time" in note and "the word T (1 time" in note
+    refusals(read, [({"skip": ["X"]}, "names 'X', which cannot be left out")])

@@ -1,0 +1,227 @@
+"""Keys of job files are set in their text; the rest stays as it was written."""
+
+import copy
+
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.files.tables import refusals
+
+from armcontour.core.yaml_layout import load
+from armcontour.files.job_edits import (
+    REMOVE,
+    Change,
+    change_data,
+    change_text,
+    file_names,
+    move_files,
+)
+from armcontour.files.patch import write
+
+TEXT = """\
+# A cell.
+name: cell   # its name
+arm:
+  # Before the work frame.
+  name: ur5e
+  work: {position: [0, 0, 0]}  # here
+limits: {speed: 1 m/s}  # of the tool
+path:
+  frame:
+    position: [1, 2, 3]   # where
+    rpy: [0, 0, 0]
+  # After it.
+runs: {a: {}}
+"""
+
+
+def test_keys_are_set_where_they_stand_or_last_in_their_mapping():
+    found = write(TEXT, {("arm", "work"): {"position": [1.5, 0, 0]}, ("name",): "new"})
+    changed = [b for a, b in zip(TEXT.splitlines(), found.splitlines(), strict=True) if a != b]
+    assert changed == ["name: new   # its name", "  work: {position: [1.5, 0, 0]}  # here"]
+    # A block is replaced by one line, and what follows stays.
+    found = write(TEXT, {("path", "frame"): {"position": [0, 0, 1]}})
+    assert "  frame: {position: [0, 0, 1]}\n  # After it.\nruns: {a: {}}\n" in found
+    found = write(TEXT, {("limits", "tool"): 2, ("arm", "tool"): 1, ("runs", "a", "b"): 3})
+    assert "limits: {speed: 1 m/s, tool: 2}  # of the tool" in found
+    assert "  work: {position: [0, 0, 0]}  # here\n  tool: 1\nlimits:" in found
+    assert "runs: {a: {b: 3}}" in found
+    # What is no mapping becomes one.
+    found = write("corners: sharp # so\na: 1\n", {("corners", "tolerance"): 1e-3})
+    assert found == "corners: {tolerance: 0.001} # so\na: 1\n"
+    assert write("a:\nb: 1\n", {("a",): [1]}) == "a: [1]\nb: 1\n"
+
+
+def test_files_are_named_from_another_folder(tmp_path):
+    (tmp_path / "jobs").mkdir()
+    for name in ("arm.yaml", "part.dxf"):
+        (tmp_path / name).write_text("")
+    text = "arm: ../arm.yaml  # mine\npath: {file: '../part.dxf', names: [file]}\nother: part.dxf\n"
+    assert move_files(text, tmp_path / "jobs", tmp_path / "out") == (
+        "arm: ../arm.yaml  # mine\npath: {file: ../part.dxf, names: [file]}\nother: part.dxf\n"
+    )
+    found = move_files(text, tmp_path / "jobs", tmp_path)
+    assert found.startswith("arm: arm.yaml  # mine\npath: {file: part.dxf,")
+    gone = "path: {file: gone.dxf}\n"
+    assert move_files(gone, tmp_path, tmp_path / "out") == gone
+    # All files are found, and those that are there are moved.
+    text = "arm: {file: a.urdf, srdf: a.srdf}\npath: {file: p.dxf}\nscene: {files: [s.urdf]}\n"
+    assert file_names(text) == ["a.urdf", "a.srdf", "p.dxf", "s.urdf"]
+    for name in ("a.srdf", "s.urdf"):
+        (tmp_path / name).touch()
+    found = move_files(text, tmp_path, tmp_path / "in")
+    assert "srdf: ../a.srdf" in found and "files: [../s.urdf]" in found and "file: p.dxf" in found
+
+
+# Values as somebody writes them, with what they are.
+SCALARS = st.sampled_from([
+    ("5 mm", "5 mm"), ("0.350", 0.35), ("'it''s'", "it's"), ('"a # b: \\u00e9"', "a # b: é"),
+    ("größe µm", "größe µm"), ("-3", -3), ("true", True), ("null", None), ("1.0e-05", 1e-5),
+    ("'007'", "007"),
+])  # fmt: skip
+KEYS = st.sampled_from(["a", "b", "größe", "x-1", "'on'", "7"])
+NEW = st.recursive(
+    st.sampled_from(
+        [1, 0.25, "2 mm", "1e3", "no", "a: b # c", "é\nü", None, False, "", "- x", "7"]
+    ),
+    lambda x: (
+        st.dictionaries(st.sampled_from(["p", "q", 3]), x, max_size=2) | st.lists(x, max_size=3)
+    ),
+    max_leaves=5,
+)
+
+
+def key_of(written):
+    return int(written) if written == "7" else written.strip("'")
+
+
+@st.composite
+def flows(draw, depth=2):
+    """A value on one line, and what it is."""
+    kind = draw(st.sampled_from("sslm")) if depth else "s"
+    if kind == "s":
+        return draw(SCALARS)
+    gap = draw(st.sampled_from(["", " "]))
+    inner = draw(st.lists(flows(depth - 1), max_size=3))
+    if kind == "l":
+        return f"[{gap}{', '.join(x for x, _ in inner)}{gap}]", [x for _, x in inner]
+    names = draw(st.lists(KEYS, min_size=len(inner), max_size=len(inner), unique=True))
+    text = ", ".join(f"{name}: {x}" for name, (x, _) in zip(names, inner, strict=True))
+    pairs = zip(names, inner, strict=True)
+    return f"{{{gap}{text}{gap}}}", {key_of(name): x for name, (_, x) in pairs}
+
+
+@st.composite
+def blocks(draw, indent="", depth=3):
+    """Lines of a block with comments, and what they are."""
+    names = draw(st.lists(KEYS, min_size=1, max_size=3, unique=True))
+    listed = bool(indent) and draw(st.booleans())
+    lines, items, data = [], [], {}
+    for name in names:
+        if draw(st.integers(0, 4)) == 0:
+            lines.append(indent + f"# about - {name}: é")
+        head = f"{indent}-" if listed else f"{indent}{name}:"
+        if depth and draw(st.integers(0, 2)) == 0:
+            below, value = draw(blocks(indent + draw(st.sampled_from(["  ", "    "])), depth - 1))
+            lines += [head + draw(st.sampled_from(["", "  # below"])), *below]
+        elif draw(st.integers(0, 9)) == 0:
+            value = "two words"
+            lines += [f"{head} |-", f"{indent}    two words"]
+        else:
+            text, value = draw(flows())
+            lines.append(f"{head} {text}" + draw(st.sampled_from(["", " # so", "   # [x]: é"])))
+        items.append(value)
+        data[key_of(name)] = value
+    return lines, items if listed else data
+
+
+@st.composite
+def documents(draw):
+    lines, data = draw(blocks())
+    eol = draw(st.sampled_from(["\n", "\n", "\r\n"]))
+    head = draw(st.sampled_from([[], ["# first"], ["---"]]))
+    return eol.join([*head, *lines]) + draw(st.sampled_from([eol, ""])), data
+
+
+def places(data, keys=()):
+    """All places in data, and some where nothing is."""
+    found = [keys] if keys else []
+    if isinstance(data, dict):
+        found.append((*keys, "new"))
+        for key, x in data.items():
+            found += places(x, (*keys, key))
+    elif isinstance(data, list):
+        for k, x in enumerate(data):
+            found += places(x, (*keys, k))
+    return found
+
+
+def lists(data, keys=()):
+    """All places at which an item can be inserted."""
+    inner = data.items() if isinstance(data, dict) else ()
+    own = []
+    if isinstance(data, list):
+        inner = list(enumerate(data))
+        own = [(*keys, k) for k in range(len(data) + 1)]
+    return own + [y for key, x in inner for y in lists(x, (*keys, key))]
+
+
+def changed(data, keys, value, how):
+    """The data with a change, by plain mutation of a copy."""
+    data = copy.deepcopy(data)
+    at = data
+    for key in keys[:-1]:
+        at = at[key]
+    if how == "insert":
+        at.insert(keys[-1], value)
+    elif how == "set":
+        at[keys[-1]] = value
+    elif not (isinstance(at, dict) and keys[-1] not in at):
+        del at[keys[-1]]
+    return data
+
+
+@given(documents(), st.data())
+def test_any_change_of_any_text_is_the_change_of_its_data(document, draw):
+    text, data = document
+    assert load(text, "") == data
+    how = draw.draw(st.sampled_from(["set", "remove", "insert"]))
+    known = lists(data) if how == "insert" else places(data)
+    if not known:
+        return
+    keys = draw.draw(st.sampled_from(known))
+    value = REMOVE if how == "remove" else draw.draw(NEW)
+    change = Change(keys, value, insert=how == "insert")
+    wanted = changed(data, keys, value, how)
+    assert change_data(data, [change]) == wanted
+    found = change_text(text, [change])
+    assert load(found, "") == wanted
+    if "\r" in text:
+        assert "\n" not in found.replace("\r\n", "")
+    # All lines of other keys are the same.
+    for key in set(data) - {keys[0]}:
+        assert lines_of(found, key) == lines_of(text, key)
+
+
+def lines_of(text, key):
+    """The lines of a key of the document, with their line breaks."""
+    found = []
+    inside = False
+    for line in text.splitlines(keepends=True):
+        if line[:1] not in " #-\r\n":
+            name = line.partition(":")[0]
+            inside = key_of(name) == key
+        if inside and not line.startswith("#"):
+            found.append(line.rstrip("\r\n"))
+    return found
+
+
+def test_aliases_and_positions_that_are_not_there_are_refused():
+    text = "a: &x [1, 2]\nb: *x\nc: {<<: &y {k: 1}, l: 2}\n"
+    shared = [(x, "is shared with other keys") for x in (("b", 0), ("b",), ("a", 0), ("a",))]
+    refusals(lambda x: change_text(text, [Change(x, 5)]), shared)
+    words = "b.k is shared with other keys ... write b.k: 2"
+    refusals(lambda x: write("a: &x {k: 1}\nb: *x\n", {x: 2}), [(("b", "k"), words)])
+    absent = [(("a", 3), "a (item 4) ... has 2 items")]
+    refusals(lambda x: change_data({"a": [1, 2]}, [Change(x, 1)]), absent)
+    # What is merged can be had as a key of its own.
+    assert "c: {<<: &y {k: 1}, l: 2, k: 3}" in change_text(text, [Change(("c", "k"), 3)])

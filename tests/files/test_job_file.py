@@ -1,0 +1,163 @@
+"""Job files: what they give, and how a bad one is refused."""
+
+import copy
+from pathlib import Path as FilePath
+
+import jsonschema
+import numpy as np
+import yaml
+from tests.files.tables import refusals, rows, values
+
+import armcontour as ac
+from armcontour.cli.running import built_in_job
+from armcontour.files import json_schema, parse_job, read_job
+from armcontour.jobs import Rounding
+
+ROOT = FilePath(__file__).parents[2]
+GOOD = yaml.safe_load("""
+name: bracket
+arm: pmk3s
+path: {points: [[300 mm, 0.20], [0.40, 0.20], [0.40, 0.30]]}
+limits: {speed: 0.10 m/s, centripetal_acceleration: 0.09}
+corners: {tolerance: 2 mm}
+servo: {kp: 25 1/s, kv: 150}
+runs: {one: {timing: {method: mac}}}
+""")
+
+
+def with_change(*changes):
+    """The good job as text, with some keys changed; null removes an outer one."""
+    data = copy.deepcopy(GOOD)
+    for change in changes:
+        place, _, value = change.partition(": ")
+        *keys, last = place.split(".")
+        inner = data
+        for key in keys:
+            inner = inner.setdefault(key, {})
+        inner[last] = yaml.safe_load(value)
+    return yaml.safe_dump({key: x for key, x in data.items() if x is not None})
+
+
+def parse(changes):
+    return parse_job(with_change(*changes.split(" | ")), source="bracket.yaml")
+
+
+# Changes of the good job, and what is then where.
+VALUES = """
+title: x => {arm.name: PMK-3s, path.vertices: [[0.3, 0.2], [0.4, 0.2], [0.4, 0.3]]}
+title: x => {runs.one.timing.method: mac, runs.one.period: 4.0e-3}
+title: x => {runs.one.compensation.method: inverse}
+title: x => {runs.one.limits.speed: 0.1, runs.one.rounding.tolerance: 2.0e-3, servo.kp: [25, 25]}
+title: x => {runs.one.limits.joint_acceleration: [0.72, 0.72]}
+runs.one: {limits: {speed: 40 mm/s}} => {runs.one.limits.speed: 0.04}
+runs.one: {limits: {speed: 40 mm/s}} => {runs.one.limits.centripetal_acceleration: 0.09}
+runs.one: {corners: sharp, until: 3 s} => {runs.one.rounding: null, runs.one.until: 3.0}
+runs.one: {command_interval: 1 ms} => {runs.one.period: 0.001}
+limits: {joint_acceleration: inf} => {runs.one.limits.joint_acceleration: null}
+limits: {joint_acceleration: null} => {runs.one.limits.joint_acceleration: [0.72, 0.72]}
+limits: {joint_velocity: 2.0} => {runs.one.limits.joint_velocity: [2, 2]}
+runs.two: {limits: {speed: .inf}} => {runs.two.limits.speed: null, runs.one.limits.speed: 0.1}
+runs.two: {limits: {speed: null}} => {runs.two.limits.speed: 0.1}
+runs.two: {limits: {joint_acceleration: inf}} => {runs.two.limits.joint_acceleration: null}
+plant: {dead_time: 44 ms} => {plant_servo.kp: [25, 25], plant_servo.kv: [150, 150]}
+plant: {dead_time: 44 ms} => {plant_servo.dead_time: [0.044, 0.044], servo.dead_time: [0, 0]}
+plant: {order: first} => {plant_servo.order: first, plant_servo.kv: null}
+plant: {} => {plant_servo.order: second}
+experiment: {} => {runs.one.compensation.method: inverse}
+corners: {speed: 0.03 m/s, acceleration: 0.05} => {runs.one.limits.centripetal_acceleration: 0.09}
+limits: {} | corners: {speed: 1, acceleration: 1} => {runs.0.limits.centripetal_acceleration: 1}
+"""
+# Gravity is fed forward as in the experiment: what the run says, what the experiment is, and so.
+GRAVITY = """
+{} => null => true
+{} => {} => true
+{} => {gravity_feedforward: false} => false
+{} => {gravity_feedforward: false, runs: []} => true
+{gravity_feedforward: false} => {} => false
+"""
+
+
+def test_a_good_job_is_read_in_si_units():
+    values(parse, VALUES)
+    path = "path: {start: [0.28, 0.2], segments: [{to: [0.4, 0.2], speed: 50 mm/s}, %s]}"
+    found = parse(path % "{center: [0.40, 0.23], angle: 180 deg, tag: bend}").path
+    np.testing.assert_allclose(found.vertices[-1], [0.40, 0.26], atol=1e-15)
+    assert found.speeds[0] == 0.05 and found.tags == (None, "bend")
+    free = "shape: free, tolerance: 5 mm, line_tolerance: 0.1 mm, zone: 20 mm, iterations: 7"
+    run = parse(f"runs.one: {{corners: {{{free}}}}}").runs[0]
+    free = {"shape": "free", "line_tolerance": 1e-4, "zone": 0.02, "iterations": 7}
+    assert run.timing == ac.Optimal() and run.rounding == Rounding(tolerance=5e-3, **free)
+    # PyYAML would read a text.
+    text = with_change("corners: {tolerance: X}").replace("X", "2e-3")
+    assert parse_job(text).runs[0].rounding == Rounding(tolerance=2e-3)
+    for given, experiment, expected in rows(GRAVITY):
+        method = f"runs.one.compensation: {{method: inverse_dynamics, {given[1:]}"
+        options = parse(f"{method} | experiment: {experiment}").runs[0].compensation
+        assert options.gravity_feedforward is (expected == "true"), (given, experiment)
+
+
+BAD = r"""
+arm: null => the key arm is missing
+limits.speeed: 1 => unknown key limits.speeed: did you mean speed?
+runs.one.servo: {kp: 50 1/s} => runs.one.servo: servo is of the whole job,
+corners: {tolerance: 0, 2 mm: null} => unknown key corners.2 mm: a comma between
+corners: {} => corners needs tolerance ... or speed and acceleration
+corners.tolerance: -2 mm => corners.tolerance: must not be negative, but is -2 mm.
+runs.one.timing.method: shaped => timing.method: shaped ... {shape: free, toler
+runs.one.compensation: {method: full} => method: must be inverse, pole_placement, inverse_dynamics
+runs.one.compensation: {poles: [-1, -1]} => poles: needs at least 3 entries, but has 2
+runs.one.compensation: {method: inverse, gravity_feedforward: false} => gravity_feedforward goes
+runs.one.timing.knots: 1 => runs.one.timing.knots: must be at least 8, but is 1.
+limits.speed: "0.1" => limits.speed: '0.1' has no unit
+limits.speed: 5 mm => limits.speed: must be a quantity in m/s
+path.points: [[0.3, .nan], [0.3, 0.2]] => path.points (item 1, item 2): must be finite
+path.points: [[0.3, 0.2], [0.3, 0.2, 0.1]] => all have 2 or all have 3
+servo.order: first => leave its gain kv out
+runs: {../up: {}} => runs.../up: a name must be
+path: {points: [[0, 0], [0, 1e308 m]]} => path.points (item 2, item 2) ... 1e+12 m, but is 1e308 m
+runs.one: {timing: {reserve: 10}} => runs.one.timing.reserve: ... but is 10: ... write 10 %.
+"""
+
+
+def test_a_bad_job_is_refused_in_one_sentence():
+    refusals(parse, BAD, "bracket.yaml: ")
+    keys = ("a[b", "path(1", "name:j/[{kS", "float", "ArmModel")
+    refusals(parse, [(f"{x}: 1", f"unknown key {x}: ") for x in keys])
+
+
+def test_a_file_that_is_no_job(tmp_path):
+    tens = zip("abcdefgh", "bcdefghi", strict=True)
+    flood = "".join(f"{y}: &{y} [{', '.join(['*' + x] * 10)}]\n" for x, y in tens)
+    table = [
+        ("{", "not valid YAML: ... line 1"),
+        ("- 1", "must hold a mapping"),
+        ("", "must hold a mapping"),
+        ("name: a\nname: b", "'name' stands twice"),
+        ("[" * 20000, "nested too deeply"),
+        ("a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + flood, "fewer aliases"),
+        ("a: 2024-99-99", ""),
+    ]
+    refusals(parse_job, table)
+    refusals(read_job, [(tmp_path / "none.yaml", "There is no job file")])
+
+
+def test_an_arm_file_is_found_beside_the_job(tmp_path):
+    arm = (ROOT / "src/armcontour/files/robots/library/pmk3s.yaml").read_text(encoding="utf-8")
+    (tmp_path / "mine.yaml").write_text(arm.replace("PMK-3s", "mine"), encoding="utf-8")
+    (tmp_path / "job.yaml").write_text(with_change("arm: mine.yaml"), encoding="utf-8")
+    assert read_job(tmp_path / "job.yaml").arm.name == "mine"
+
+
+def test_the_schema_accepts_what_is_accepted_and_refuses_an_unknown_key():
+    jsonschema.Draft202012Validator.check_schema(json_schema())
+    validator = jsonschema.Draft202012Validator(json_schema())
+    text = (ROOT / "src/armcontour/jobs/library/paper.yaml").read_text(encoding="utf-8")
+    assert list(validator.iter_errors(yaml.safe_load(text))) == []
+    assert list(validator.iter_errors(GOOD)) == []
+    assert list(validator.iter_errors({**GOOD, "speeed": 1}))
+
+
+def test_the_built_in_job_is_the_papers():
+    job = built_in_job()
+    names = ["conventional", "uncompensated", "proposed", "optimal", "inverse-dynamics", "shaped"]
+    assert [x.name for x in job.runs] == names

@@ -1,0 +1,281 @@
+"""Job files of arms in space: the arm's equipment, paths with orientation, limits, experiments."""
+
+import dataclasses
+import shutil
+from pathlib import Path as FilePath
+
+import jsonschema
+import numpy as np
+import pytest
+import yaml
+from tests.files.tables import refusals, rows, values
+
+from armcontour.core.frames import from_rpy
+from armcontour.files import json_schema, parse_job
+from armcontour.jobs import Experiment
+
+DATA = FilePath(__file__).parent / "robots" / "data"
+POINTS = [[0.4, 0.0, 0.2], [0.5, 0.0, 0.2], [0.5, "100 mm", 0.2]]
+GOOD = yaml.safe_load("""
+name: bracket
+arm: ur5e
+path:
+  points: [[0.4, 0.0, 0.2], [0.5, 0.0, 0.2], [0.5, 100 mm, 0.2]]
+  orientation: {rpy: [180 deg, 0, 0]}
+limits: {speed: 0.25 m/s, centripetal_acceleration: 1}
+corners: {tolerance: 0.25 mm, angular_tolerance: 2 deg}
+servo: {kp: 25, kv: 150}
+runs: {one: {}, two: {}}
+""")
+
+
+def job(text="{}", folder=None, *, trust_xacro=False, **changes):
+    """The good job with some of its keys changed, by text or by values."""
+    changed = yaml.safe_dump({**GOOD, **yaml.safe_load(text), **changes})
+    return parse_job(changed, source="job.yaml", folder=folder, trust_xacro=trust_xacro)
+
+
+def path(**keys):
+    return job(path=keys).path
+
+
+def oriented(way):
+    return path(points=POINTS, orientation=way).orientation
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("robot.urdf", "joint_limits.yaml"):
+        shutil.copy(DATA / name, tmp_path)
+    shutil.copy(DATA / "robot.urdf", tmp_path / "robot.xacro")
+    return tmp_path
+
+
+def test_tool_work_and_payload_reach_the_arm():
+    assert job(arm={"name": "ur5e"}).arm.name == job().arm.name == "UR5e"
+    chain = job("""
+arm:
+  name: ur5e
+  tool: {position: [0, 0, 120 mm], rpy: [0, 90 deg, 0]}
+  work: {position: [0.1, 0, 0], quaternion: [0, 0, 1, 0]}
+  payload: {mass: 2 kg, center: [0, 0, 50 mm], inertia: [0.01, 0.001, 0, 0.02, 0, 0.015 kg m^2]}
+""").arm.chain
+    np.testing.assert_array_equal(chain.tool.position, [0, 0, 0.12])
+    np.testing.assert_allclose(chain.tool.rotation, from_rpy([0, np.pi / 2, 0]), atol=1e-15)
+    np.testing.assert_allclose(chain.base.inverse.position, [0.1, 0, 0], atol=1e-15)
+    np.testing.assert_allclose(chain.base.inverse.rotation, np.diag([-1, -1, 1]), atol=1e-15)
+    inertia = [[0.01, 0.001, 0], [0.001, 0.02, 0], [0, 0, 0.015]]
+    assert chain.payload.mass == 2 and chain.payload.inertia.tolist() == inertia
+    np.testing.assert_array_equal(chain.payload.center, [0, 0, 0.05])
+
+
+def test_a_description_is_found_beside_the_job(folder):
+    text = """
+arm:
+  file: robot.urdf
+  tip: tcp
+  base: world
+  joint_limits: joint_limits.yaml
+  locked: {lift: 100 mm, hinge: 10 deg, left: 0.02}
+"""
+    arm = job(text, folder).arm
+    assert arm.joint_names == ("pan", "tilt", "elbow", "roll")
+    assert arm.limits.joint_velocity[0] == pytest.approx(np.pi / 2)
+    # The column stands where it is locked.
+    assert arm.links(np.zeros(4))[1][2] == pytest.approx(0.4 + 0.1 + 0.3 + 0.2)
+
+
+def test_packages_and_arguments_of_a_xacro_file(folder):
+    pytest.importorskip("xacro")
+    (folder / "parts").mkdir()
+    (folder / "robot.urdf").rename(folder / "parts" / "robot.urdf")
+    (folder / "jobs").mkdir()
+    (folder / "jobs" / "robot.xacro").write_text(
+        '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+        '<xacro:include filename="$(find column)/$(arg kind).urdf"/></robot>'
+    )
+    text = "arm: {file: robot.xacro, tip: tcp, base: base_link, %s}"
+    keys = {"packages": "packages: {column: ../parts}", "arguments": "arguments: {kind: robot}"}
+    found = job(text % ", ".join(keys.values()), folder / "jobs", trust_xacro=True).arm
+    assert found.joint_names == ("pan", "tilt", "elbow", "roll")
+    alone = [(text % keys["arguments"], "arm.packages"), (text % keys["packages"], "arm.arguments")]
+    refusals(lambda x: job(x, folder / "jobs", trust_xacro=True), alone)
+    refusals(job, [(f"arm: {{name: ur5e, {x}}}", f"no option {key}") for key, x in keys.items()])
+
+
+XACRO = """
+arm: robot.xacro => --trust-xacro
+arm: robot.XACRO => --trust-xacro
+arm: {file: robot.xacro, tip: tcp, locked: {lift: 0}} => --trust-xacro
+trust_xacro: true => unknown key trust_xacro
+"""
+
+
+def test_a_job_cannot_trust_a_xacro_file(folder):
+    shutil.copy(folder / "robot.urdf", folder / "robot.XACRO")
+    text = yaml.safe_dump(GOOD)
+    refusals(lambda x: parse_job(text.replace("arm: ur5e", x), folder=folder), XACRO)
+
+
+BAD = """
+arm: {name: ur5e, file: x.urdf} => arm takes either name
+arm: {file: robot.txt} => arm.file must be a .yaml, .yml, .urdf, .xacro, .xml, .mjcf file
+arm: {name: ur5e, tool: {position: [0, 0, 1 deg]}} => arm.tool.position (item 3): ... quantity in m
+arm: {name: ur5e, tool: {rpy: [0, 0, 0], quaternion: [0, 0, 0, 1]}} => arm.tool takes either rpy or
+arm: {name: ur5e, tool: {quaternion: [0, 0, 0, 2]}} => arm.tool.quaternion: ... length 1
+arm: {name: ur5e, payload: {mass: 1, inertia: [1, 0, 0, 1, 0, 5]}} => arm.payload: No body can have
+arm: {file: robot.urdf, tip: tcp, locked: {lift: 10 deg}} => arm.locked.lift ... in m, ... '10 deg'
+start: [0, 0, 0] => start has 3 values, but the arm has 6 joints
+start: {elbow: 0} => start names the joints 'elbow' ... shoulder_lift_joint
+ignore_jerk: true => unknown key ignore_jerk: ... joint_jerk: inf
+experiment: {runs: [three]} => experiment.runs names the run three
+experiment: {noise: 1 m} => experiment.noise: must be a quantity in rad
+corners: {tolerance: 0.001, continuity: tangent, transition_tolerance: 1 um} => n_tolerance is for
+{corners: {tolerance: 1 mm, continuity: curvature}, runs: {one: {timing: {method: mac}}}} => .contin
+"""
+
+
+def test_a_bad_key_is_refused_in_one_sentence(folder):
+    refusals(lambda x: job(x, folder), BAD, "job.yaml: ", without="more problem")
+
+
+def test_arcs_through_points_full_circles_and_splines():
+    found = job("""
+path:
+  start: [0.4, 0, 0.2]
+  segments:
+  - {via: [0.5, 0.1, 0.2], to: [0.6, 0, 0.2], tag: arch}
+  - {center: [0.6, 0, 150 mm], angle: 360 deg, normal: [1, 0, 0]}
+  - {to: [0.6, 0, 0.3], speed: 20 mm/s}
+""").path
+    assert found.lengths == pytest.approx([0.1 * np.pi, 0.05 * 2 * np.pi, 0.1])
+    np.testing.assert_allclose(found(0.05 * np.pi), [0.5, 0.1, 0.2], atol=1e-12)
+    np.testing.assert_allclose(found.vertices[2], [0.6, 0, 0.2], atol=1e-12)
+    assert found.tags == ("arch", None, None)
+    assert found.speeds[2] == 0.02
+    points = [[0.4, 0, 0.2], [0.5, 0.1, 0.25], [0.6, 0, 0.2]]
+    free = path(spline={"points": points, "tolerance": "0.1 mm"})
+    assert len(free) < len(path(spline={"points": points, "tolerance": "1e-6 mm"}))
+    np.testing.assert_allclose(free.vertices[-1], points[-1], atol=1e-12)
+    closed = path(spline={"points": [*points, points[0]], "closed": True})
+    # Smooth where it is closed.
+    end = closed(closed.length, 1, side="left")
+    np.testing.assert_allclose(end, closed.tangents[0], atol=1e-9)
+
+
+def test_orientations():
+    down = {"rpy": ["180 deg", 0, 0]}
+    for way in (down, {"quaternion": [1, 0, 0, 0]}):
+        found = oriented(way)
+        assert not found.axis_only and oriented({**way, "axis_only": True}).axis_only
+        np.testing.assert_allclose(found(0.05), np.diag([1, -1, -1]), atol=1e-15)
+    found = oriented([down, {"quaternion": [1, 0, 0, 0]}, {"rpy": ["170 deg", 0, 0]}])
+    np.testing.assert_allclose(found(0.2), from_rpy([np.radians(170), 0, 0]), atol=1e-12)
+    found = oriented([{"axis": [0, 0, -2]}, {"axis": [0, 0, -1]}, {"axis": [1, 0, -1]}])
+    assert found.axis_only
+    np.testing.assert_allclose(found(0.2)[:, 2], [np.sqrt(0.5), 0, -np.sqrt(0.5)], atol=1e-12)
+    found = oriented({"axis": [0, 0, -1]})
+    assert found.axis_only
+    np.testing.assert_allclose(found(0.1)[:, 2], [0, 0, -1], atol=1e-15)
+    found = oriented({"follow_tangent": {"up": [0, 0, 1], **down}, "axis_only": True})
+    assert found.follows and found.axis_only
+    np.testing.assert_allclose(found(0.15)[:, 0], [0, 1, 0], atol=1e-12)
+
+
+# P stands for three points.
+BAD_PATHS = """
+points: P, orientation: {} => takes one of rpy, ... not none
+points: P, orientation: {rpy: [0, 0, 0], axis: [0, 0, 1]} => path.orientation ... not rpy and axis
+points: P, orientation: {rpyy: [0, 0, 0]} => unknown key path.orientation.r
+points: P, orientation: [] => path.orientation is an empty list
+points: P, orientation: [{rpy: [0, 0, 0]}, {rpy: [0, 0, 0]}] => has 2 values ... 3 waypoints
+points: P, orientation: [{rpy: [0, 0, 0]}, {rpy: [0, 0, 0]}, {axis: [0, 0, 1]}] => none give axis
+points: P, orientation: [&x {follow_tangent: {up: [0, 0, 1]}}, *x, *x] => (item 1): follow_tangent
+points: P, orientation: {axis: [[0, 0, -1], [0, 0.1, -1]]} => path.orientation.axis: is one
+points: [[0.3, 0.2], [0.4, 0.2]], orientation: {axis: [0, 0, 1]} => three coordinates
+spline: {points: P}, orientation: [&x {rpy: [0, 0, 0]}, *x, *x] => a spline takes one orientation
+spline: {points: []} => points of path.spline are empty
+spline: {points: P}, points: P => either points, or start and segments
+start: [0.4, 0, 0.2], segments: [{via: [0.5, 0.1, 0.2]}] => path.segments (item 1) takes either to
+"""
+
+
+def test_a_bad_path_is_refused_in_one_sentence():
+    def read(keys):
+        keys = keys.replace("P", "[[0.4, 0, 0.2], [0.5, 0, 0.2], [0.5, 100 mm, 0.2]]")
+        job(f"path: {{{keys}}}")
+
+    refusals(read, BAD_PATHS, "job.yaml: ")
+
+
+HALF, TURN = np.pi / 2, np.pi
+VALUES = f"""
+limits: {{joint_torque: [10 N m, 10 Nm, 8, 2, 2, 2]}} => {{joint_torque: [10, 10, 8, 2, 2, 2]}}
+limits: {{joint_jerk: 180 deg/s^3}} => {{joint_jerk: {[TURN] * 6}}}
+limits: {{joint_lower: -90 deg}} => {{joint_lower: {[-HALF] * 6}}}
+limits: {{joint_upper: [3, 3, 3, 3, 3, 180 deg]}} => {{joint_upper: {[3, 3, 3, 3, 3, TURN]}}}
+limits: {{angular_speed: 90 deg/s}} => {{angular_speed: {HALF}}}
+limits: {{angular_acceleration: 180 deg/s^2}} => {{angular_acceleration: {TURN}}}
+"""
+ROBOT = f"""
+payload: {{mass: 2 kg, center: [0, 0, 50 mm]}} => {{payload.mass: 2, payload.center: [0, 0, 0.05]}}
+armature: 0.1 kg m^2 => {{armature: {[0.1] * 6}}}
+viscous: 8 Nm*s/rad => {{viscous: {[8.0] * 6}}}
+coulomb: [6, 6, 4, 1.5 N m, 1.5, 1500.0e-3] => {{coulomb: [6, 6, 4, 1.5, 1.5, 1.5]}}
+joint_stiffness: 20 kN*m/rad => {{joint_stiffness: {[2e4] * 6}}}
+{{joint_stiffness: 1, joint_damping: 2 N m s/rad}} => {{joint_damping: {[2.0] * 6}}}
+{{step: 0.5 ms, friction: false}} => {{step: 0.0005, friction: false, gravity_feedforward: true}}
+{{gravity_feedforward: false, seed: 7}} => {{gravity_feedforward: false, friction: true, seed: 7}}
+noise: 1.8 deg => {{noise: {TURN / 100}}}
+"""
+
+
+def test_limits_of_joints_and_experiments():
+    values(lambda x: job("corners: sharp", **yaml.safe_load(x)).runs[0].limits, VALUES)
+    values(lambda x: job(experiment=yaml.safe_load(x)).runs[0].experiment, ROBOT)
+    assert all(x.experiment is None for x in job().runs)
+    plain = dataclasses.asdict(Experiment())
+    assert all(dataclasses.asdict(x.experiment) == plain for x in job(experiment={}).runs)
+    first, second = job("experiment: {seed: 7, runs: [two]}").runs
+    assert first.experiment is None and second.experiment.seed == 7
+
+
+def test_corners_and_start():
+    start = ["10 deg", -1, 1, 0, 0, 0]
+    found = job(start=start)
+    assert found.runs[0].rounding.angular_tolerance == pytest.approx(np.radians(2))
+    np.testing.assert_allclose(found.start, [np.radians(10), -1, 1, 0, 0, 0])
+    assert not found.start.flags.writeable and job().start is None
+    named = job(start=dict(reversed(list(zip(found.arm.joint_names, start, strict=True)))))
+    np.testing.assert_array_equal(named.start, found.start)
+
+
+CONTINUITY = """
+{} => tangent
+{limits: {joint_jerk: 100}} => curvature
+{limits: {tool_jerk: 10}} => curvature
+{limits: {path_jerk: 10}} => curvature
+{limits: {joint_jerk: 100}, corners: {tolerance: 1 mm, continuity: tangent}} => tangent
+{corners: {tolerance: 1 mm, continuity: curvature}} => curvature
+{limits: {joint_jerk: 100}, corners: sharp} => None
+{limits: {joint_jerk: 100}, corners: {shape: free, tolerance: 1 mm}} => None
+"""
+
+
+def test_corners_have_a_continuous_curvature_where_jerk_is_limited():
+    for run, wanted in rows(CONTINUITY):
+        assert str(job(f"runs: {{one: {run}}}").runs[0].continuity) == wanted, run
+
+
+def test_the_schema_accepts_all_of_it():
+    validator = jsonschema.Draft202012Validator(json_schema())
+    whole = GOOD | yaml.safe_load("""
+arm: {file: robot.urdf, tool: {position: [0, 0, 1 mm], rpy: [0, 0, 0]}}
+path:
+  spline: {points: [[0.4, 0.0, 0.2], [0.5, 0.0, 0.2], [0.5, 100 mm, 0.2]], tolerance: 1 um}
+  orientation: {follow_tangent: {up: [0, 0, 1]}, axis_only: true}
+start: [10 deg, 0, 0, 0, 0, 0]
+experiment: {noise: 0.001 deg, runs: [one]}
+""")
+    assert list(validator.iter_errors(whole)) == []
+    assert list(validator.iter_errors({**whole, "experiment": {"steps": 1}}))

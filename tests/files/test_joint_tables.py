@@ -1,0 +1,289 @@
+"""Tables of joint motion as programs and controllers write them, read as logs and trajectories."""
+
+import json
+
+import numpy as np
+import pytest
+from tests.files.tables import parse_log, refusals
+
+from armcontour.cli.identifying import identify_files
+from armcontour.cli.options import IdentifyOptions
+from armcontour.control.learning import Recording
+from armcontour.core.errors import InvalidInput
+from armcontour.files import parse_trajectory, read_trajectory
+from armcontour.files.log_file import read_log, read_run_log
+
+COUNT = 60
+T = 0.008 * np.arange(COUNT)
+U = np.column_stack([0.3 * np.sin(9 * T), 0.2 * np.cos(7 * T)])
+Q = 0.98 * U
+# Columns of other quantities: were they taken for joints, their values would stand out.
+OTHER = 7.5
+ARM = ("shoulder_pan_joint", "elbow_joint")
+
+
+def table(titles, *columns, separator=",", comma=False, time=None, form="{:.9f}"):
+    """CSV text of times and columns; those without values are of other quantities."""
+    time = [f"{x:.6f}" for x in T] if time is None else time
+    rows = []
+    for i in range(COUNT):
+        cells = [form.format(x[i]) for x in columns]
+        cells += [str(OTHER)] * (len(titles) - 1 - len(cells))
+        row = separator.join([str(time[i]), *cells])
+        rows.append(row.replace(".", ",") if comma else row)
+    return "\n".join([separator.join(titles), *rows]) + "\n"
+
+
+# Times, commands, measured positions, other columns. {} is the number of the joint from 0.
+LOGS = (
+    # PlotJuggler and the controllers of ROS 2.
+    (
+        "__time",
+        "/scaled_joint_trajectory_controller/controller_state/reference/positions[{}]",
+        "/scaled_joint_trajectory_controller/controller_state/feedback/positions[{}]",
+        "/scaled_joint_trajectory_controller/controller_state/error/positions[0]",
+        "/scaled_joint_trajectory_controller/controller_state/feedback/velocities[0]",
+        "/joint_states/effort[0]",
+    ),
+    ("/joint_states/header/stamp", "/state/desired/positions[{}]", "/state/actual/positions[{}]"),
+    # Foxglove, and rostopic echo -p.
+    ("timestamp", "/ctl.reference.positions[{}]", "/ctl.feedback.positions[{}]"),
+    ("%time", "field.desired.positions{}", "field.actual.positions{}", "field.error.positions0"),
+    # Clients of controllers: UR, KUKA (names with numbers from 1 are below), ABB, libfranka.
+    (
+        *(
+            "timestamp",
+            "target_q_{}",
+            "actual_q_{}",
+            "target_qd_0",
+            "actual_qd_0",
+            "actual_current_0",
+        ),
+        *("actual_TCP_pose_0", "actual_TCP_speed_0", "actual_digital_input_bits", "robot_mode"),
+        *("actual_execution_time", "joint_temperatures_0", "joint_control_output_0", "safety_mode"),
+        *("speed_scaling", "target_speed_fraction", "actual_momentum", "joint_mode_0"),
+    ),
+    ("time", "planned.joints[{}]", "feedBack.joints[{}]", "planned.cartesian.pos.x"),
+    ("t", "q_d[{}]", "q[{}]", "dq[0]", "dq_d[0]", "tau_J[0]", "O_T_EE[0]"),
+    ("t", "state.q_d[{}]", "state.q[{}]", "cmd.q_d[0]", "cmd.q_d[1]", "state.theta[0]"),
+    # Own programs.
+    ("t", "des{}", "act{}", "des_x", "act_x", "des_roll", "act_roll"),
+    ("t", "qDes{}", "qAct{}", "velocities_0", "currents_0", "torques_0"),
+    ("t", "reference_positions_{}", "feedback_positions_{}", "reference_velocities_0"),
+    ("t", "goal_position_{}", "present_position_{}", "goal_velocity_0", "present_velocity_0"),
+    ("Zeit", "Sollwert {}", "Istwert {}", "Drehmoment 0", "Geschwindigkeit 0"),
+)
+FROM_ONE = (
+    ("t", "AxisSet{}", "AxisAct{}", "MACur1"),
+    ("IPOC", "ASPos.A{}", "AIPos.A{}", "RIst.X", "RIst.A", "RSol.X", "RSol.A"),
+    ("Zeit", "Soll A{}", "Ist A{}", "Soll X", "Ist X"),
+    ("t", "Achse {} Soll", "Achse {} Ist"),
+    # TwinCAT and Simulink.
+    ("Time", "Axis {}.NcToPlc.SetPos", "Axis {}.NcToPlc.ActPos", "Axis 1.NcToPlc.ActVelo"),
+    ("time", "q_ref({})", "q({})", "dq(1)"),
+)
+
+
+def test_names_of_programs_and_controllers():
+    cases = [*((x, 0) for x in LOGS), *((x, 1) for x in FROM_ONE)]
+    for (time, command, measured, *others), first in cases:
+        ends = (first, first + 1)
+        titles = [time, *map(command.format, ends), *map(measured.format, ends), *others]
+        text = table(titles, *U.T, *Q.T)
+        log = parse_log(text)
+        np.testing.assert_allclose(log.command, U, atol=1e-8, err_msg=str(titles))
+        np.testing.assert_allclose(log.measured, Q, atol=1e-8, err_msg=str(titles))
+        # A check reads what was measured; without it, the commands.
+        found = parse_trajectory(text, ARM)
+        np.testing.assert_allclose(found.q, Q, atol=1e-8, err_msg=str(titles))
+        assert "--columns" in found.notes[0]
+        found = parse_trajectory(table(titles[:3], *U.T), ARM)
+        np.testing.assert_allclose(found.q, U, atol=1e-8, err_msg=str(titles))
+        assert found.notes == ()
+
+
+def test_names_of_the_arm_in_any_place(tmp_path):
+    for form in ("/joint_states/{}/position", "{}", "q {} [rad]", "{}_pos", "position.{}"):
+        titles = ["t", *(form.format(x) for x in reversed(ARM)), "/joint_states/gripper/position"]
+        text = table(titles, *Q.T[::-1])
+        np.testing.assert_allclose(parse_trajectory(text, ARM).q, Q, atol=1e-8, err_msg=form)
+        (tmp_path / "run.csv").write_text(text)
+        found = read_run_log(tmp_path / "run.csv", ARM)
+        assert isinstance(found, Recording)
+        np.testing.assert_allclose(found.q, Q, atol=1e-8, err_msg=form)
+
+
+def test_names_with_a_prefix():
+    titles = ["t", *(f"/joint_states/left_{x}/position" for x in reversed(ARM))]
+    found = parse_trajectory(table(titles, *Q.T[::-1]), ARM)
+    np.testing.assert_allclose(found.q, Q, atol=1e-8)
+    assert len(found.notes) == 1 and "left_shoulder_pan_joint" in found.notes[0]
+    names = ("panda_joint1", "panda_joint2")
+    swapped = table(["t", *(f"left_{x} command" for x in reversed(names))], *Q.T[::-1])
+    np.testing.assert_allclose(parse_trajectory(swapped, names).q, Q, atol=1e-8)
+    right = [x.replace("left", "right") for x in titles[1:]]
+    text = table([*titles, *right], *Q.T[::-1], *U.T)
+    refusals(lambda x: parse_trajectory(x, ARM), [(text, "both may be ... --columns '-=*right_*'")])
+    found = parse_trajectory(text, ARM, columns="-=*right_*")
+    np.testing.assert_allclose(found.q, Q, atol=1e-8)
+
+
+def test_columns_without_a_partner_are_left_out_with_a_note(tmp_path):
+    text = table(["t", "u1", "q1", "q2", "position_x", "cmd_7"], U[:, 0], Q[:, 0], Q[:, 1])
+    log = parse_log(text)
+    assert log.joint_names == ("joint 1",) and len(log.notes) == 2
+    assert "'cmd_7'" in log.notes[0] and "'q2'" in log.notes[1]
+    assert log.between(0.05).notes == log.notes
+    # Learning needs all joints.
+    (tmp_path / "run.csv").write_text(text)
+    with pytest.raises(InvalidInput, match="1 joint .* arm has 2 .* 'q2' .* no command column"):
+        read_run_log(tmp_path / "run.csv", ARM)
+
+
+def test_the_command_shows_notes_apart_from_its_result(tmp_path, capsys):
+    (tmp_path / "a.csv").write_text(table(["t", "u1", "q1", "q2"], U[:, 0], Q[:, 0], Q[:, 1]))
+    identify_files([tmp_path / "a.csv"], IdentifyOptions(as_json=True))
+    printed = capsys.readouterr()
+    json.loads(printed.out)
+    assert "Note: 'q2' of a.csv" in printed.err
+
+
+def test_decimal_commas_and_units_in_a_second_line():
+    degrees = [*np.degrees(U).T, *np.degrees(Q).T]
+    titles = ["Zeit", "Soll A1", "Soll A2", "Ist A1", "Ist A2"]
+    for separator in (";", "\t", " "):
+        names = [x.replace(" ", "") for x in titles] if separator == " " else titles
+        for units in ("s,deg,deg,deg,deg", "[s],[deg],[deg],[°],[°]"):
+            text = table(names, *degrees, separator=separator, comma=True)
+            head, _, rows = text.partition("\n")
+            text = f"{head}\n{units.replace(',', separator)}\n{rows}"
+            log = parse_log(text)
+            np.testing.assert_allclose(log.t, T, atol=1e-9)
+            np.testing.assert_allclose(log.command, U, atol=1e-8)
+            np.testing.assert_allclose(log.measured, Q, atol=1e-8)
+            assert parse_trajectory(text).q.shape == (COUNT, 2)
+    quoted = table(["t", "u1", "q1"], U[:, 0], Q[:, 0], separator='","', comma=False)
+    rows = [f'"{x.replace(".", ",")}"' for x in quoted.splitlines()]
+    np.testing.assert_allclose(parse_log("\n".join(rows)).command[:, 0], U[:, 0], atol=1e-8)
+
+
+def test_lines_above_the_names_are_ignored():
+    text = table(["t", "u1", "q1"], U[:, 0], Q[:, 0])
+    for above in ("Trace of robot 7\n", "Robot;7\n\nstarted,12:00\n", "a b c d\n"):
+        np.testing.assert_allclose(parse_log(above + text).measured[:, 0], Q[:, 0], atol=1e-8)
+    refusals(parse_log, [(text.replace("t,u1,q1", "t,u1,q1,tau"), "line 2: 3 values, but 4")])
+
+
+def test_times_in_two_columns_keep_their_nanoseconds():
+    for names, unit in (
+        (("sec", "nanosec"), 1e-9),
+        (("header.stamp.secs", "header.stamp.nsecs"), 1e-9),
+        (("feedBack.time.sec", "feedBack.time.usec"), 1e-6),
+    ):
+        parts = [divmod(round(x / unit), round(1 / unit)) for x in T + 0.9]
+        time = [f"{1_700_000_000 + a},{b}" for a, b in parts]
+        text = table([",".join(names), "u1", "q1"], U[:, 0], Q[:, 0], time=time)
+        assert text.startswith(",".join(names))
+        np.testing.assert_allclose(parse_log(text).t, T + 0.9, rtol=0, atol=1e-12)
+        found = parse_trajectory(text)
+        np.testing.assert_allclose(found.t, T + 0.9, rtol=0, atol=1e-12)
+        assert found.resolution["t"] == pytest.approx(unit)
+
+
+def test_what_looks_like_another_unit_is_asked_about():
+    titles = ["time", "cmd_1", "cmd_2", "meas_1", "meas_2"]
+    degrees = 120 * np.column_stack([U, Q]).T
+    for time, unit in ((8 * np.arange(COUNT), "ms"), (8000 * np.arange(COUNT), "us")):
+        text = table(titles, *U.T, *Q.T, time=time)
+        for read in (parse_log, parse_trajectory):
+            with pytest.raises(InvalidInput, match=rf"--columns 't \[{unit}\]=time'"):
+                read(text)
+            found = read(text, columns=f"t [{unit}]=time")
+            np.testing.assert_allclose(found.t, T, atol=1e-12)
+            # As the user says.
+            assert read(text, columns="t [s]=time").t[1] == time[1]
+    for factor, unit in ((1e3, "ms"), (1e6, "us"), (1e9, "ns")):
+        late = [f"{factor * (1_700_000_000 + x):.0f}" for x in T]
+        refusals(parse_log, [(table(titles, *U.T, *Q.T, time=late), f"'t [{unit}]=time'")])
+    text = table(titles, *degrees)
+    for read in (parse_log, parse_trajectory):
+        with pytest.raises(InvalidInput, match=r"turns: .* --columns .*meas_# \[deg\]=meas_#"):
+            read(text)
+        found = read(text, columns="cmd_# [deg]=cmd_#,meas_# [deg]=meas_#")
+        q = found.measured if read is parse_log else found.q
+        np.testing.assert_allclose(q, np.radians(120 * Q), atol=1e-7)
+        assert read(text, columns="cmd_# [rad]=cmd_#,meas_# [rad]=meas_#") is not None
+
+
+def repeated(text, rows):
+    lines = text.splitlines()
+    for i in rows:
+        lines.insert(i, lines[i])
+    return "\n".join(lines)
+
+
+def test_repeated_and_rounded_times():
+    titles = ["t", "u1", "q1"]
+    text = repeated(table(titles, U[:, 0], Q[:, 0]), (40, 20, 20))
+    for read in (parse_log, parse_trajectory):
+        found = read(text)
+        np.testing.assert_allclose(found.t, T, atol=1e-9)
+        assert any("3 rows" in x for x in found.notes)
+        # Even steps that were rounded, also downwards.
+        for start in (3.0, 3.005, 2.995):
+            rounded = [f"{x:.2f}" for x in T + start]
+            found = read(table(titles, U[:, 0], Q[:, 0], time=rounded))
+            np.testing.assert_allclose(np.diff(found.t), 0.008, atol=1e-9)
+            assert any("rounded to 0.01 s" in x for x in found.notes)
+        # Steps that are not even are not guessed.
+        uneven = [f"{x:.1f}" for x in np.cumsum(0.008 + 0.03 * (np.arange(COUNT) % 7 == 0) ** 2)]
+        uneven[30:] = [f"{float(x) + 5:.1f}" for x in uneven[30:]]
+        with pytest.raises(InvalidInput, match="repeated or rounded"):
+            read(table(titles, U[:, 0], Q[:, 0], time=uneven))
+
+
+def test_bursts_are_named(tmp_path):
+    time = [f"{k // 4 * 0.032 + k % 4 * 1e-4:.6f}" for k in range(COUNT)]
+    text = table(["t", "u1", "q1"], U[:, 0], Q[:, 0], time=time)
+    for read in (parse_log, parse_trajectory):
+        assert any("bursts" in x for x in read(text).notes)
+        assert read(table(["t", "u1", "q1"], U[:, 0], Q[:, 0])).notes[1:] == ()
+    with pytest.raises(InvalidInput, match="bursts"):
+        parse_log(text).refuse_gaps()
+
+
+def test_rows_of_other_topics_are_left_out():
+    titles = ["__time", "/joint_states/position[0]", "/imu/level", "/joint_states/position[1]"]
+    text = table([*titles[:2], titles[3], titles[2]], *Q.T).replace(f",{OTHER}", ",")
+    lines = text.splitlines()
+    lines[20:20] = [f"{T[18] + 0.001:.6f},,,9", f"{T[18] + 0.002:.6f},,,9"]
+    found = parse_trajectory("\n".join(lines))
+    np.testing.assert_allclose(found.q, Q, atol=1e-8)
+    assert "2 rows" in found.notes[0] and "order" in found.notes[1]
+    # Half a row is a fault.
+    lines[20] = f"{T[18] + 0.001:.6f},1,,9"
+    refusals(parse_trajectory, [("\n".join(lines), "line 21, ... position[1]': '' is not")])
+
+
+BAD = """
+q1=none => no column or joint 'none' ... it has 't', 'u1', 'q1'
+q1= => NEW=NAME ... 'q1='
+q#=u1 => NEW=NAME
+q*=u# => NEW=NAME
+q1 => 3 columns, but names of 1
+q1=u1 => there are two columns 'q1': leave one out, such as with --columns '-=q1'
+"""
+
+
+def test_new_names_that_are_refused():
+    text = table(["t", "u1", "q1"], U[:, 0], Q[:, 0])
+    refusals(lambda x: parse_log(text, columns=x), BAD)
+
+
+def test_both_readers_take_one_file(tmp_path):
+    file = tmp_path / "log.csv"
+    file.write_text(
+        table(["timestamp", "target_q_0", "actual_q_0"], U[:, 0], Q[:, 0], separator=" ")
+    )
+    assert read_log(file).joint_names == ("joint 0",)
+    np.testing.assert_allclose(read_trajectory(file).q[:, 0], Q[:, 0], atol=1e-8)

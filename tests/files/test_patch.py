@@ -1,0 +1,219 @@
+"""Values of keys in the place of those of a job file: which of them each run sees."""
+
+import numpy as np
+import pytest
+import yaml
+from tests.files.tables import refusals, values
+
+from armcontour.core.yaml_layout import load
+from armcontour.files import parse_job, parse_set
+from armcontour.files.cell import read_cell
+from armcontour.files.job_edits import REMOVE
+from armcontour.files.patch import apply, key_of, place, write
+from armcontour.jobs import Rounding
+from armcontour.program import prepare
+
+JOB = yaml.safe_load("""
+name: plane
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.34, 0.20], [0.34, 0.23]]}
+limits: {speed: 100 mm/s, joint_velocity: 2.0, centripetal_acceleration: 0.09}
+corners: {tolerance: 2 mm, angular_tolerance: 1 deg}
+servo: {kp: 25, kv: 150}
+runs:
+  plain: {}
+  sharp: {corners: sharp}
+  own: {limits: {speed: 10 mm/s, joint_velocity: 1.0}, corners: {tolerance: 1 mm}}
+  lifted: {limits: {speed: inf}}
+  slow: {corners: {speed: 30 mm/s, acceleration: 0.05 m/s^2}}
+""")
+
+
+def patch(text):
+    """A patch from a mapping of keys with dots."""
+    return {key_of(key): value for key, value in yaml.safe_load(text).items()}
+
+
+def read(text, changes="{}"):
+    """The runs of the job, with values in the place of its own and with changes of it."""
+    changed = yaml.safe_dump({**JOB, **yaml.safe_load(changes)})
+    job = parse_job(changed, patch=patch(text))
+    # The file with these values is the same job.
+    again = parse_job(write(changed, patch(text)))
+    assert [(x.rounding, x.timing, x.period) for x in again.runs] == [
+        (x.rounding, x.timing, x.period) for x in job.runs
+    ]
+    return {run.name: run for run in job.runs}
+
+
+# A tolerance rounds no corner that a run has sharp, but those of a job that has them so.
+VALUES = """
+{} => {own.limits.speed: 0.01, own.rounding.tolerance: 0.001, plain.limits.speed: 0.1}
+{} => {sharp.rounding: null, lifted.limits.speed: null, slow.rounding.speed: 0.03}
+{limits.speed: 0.05} => {plain.limits.speed: 0.05, own.limits.speed: 0.05}
+{limits.speed: 0.05} => {lifted.limits.speed: 0.05, slow.limits.speed: 0.05}
+{limits.speed: 0.05} => {own.limits.joint_velocity: [1, 1], plain.limits.joint_velocity: [2, 2]}
+{limits.speed: 0.05} => {own.rounding.tolerance: 0.001, sharp.limits.speed: 0.05}
+{corners.tolerance: 0.0002} => {plain.rounding.tolerance: 0.0002, own.rounding.tolerance: 0.0002}
+{corners.tolerance: 0.0002} => {sharp.rounding: null, lifted.rounding.tolerance: 0.0002}
+{corners.tolerance: 0.0002} => {slow.rounding.tolerance: null, slow.rounding.speed: 0.03}
+{corners.tolerance: 0.0002} => {plain.rounding.angular_tolerance: 0.017453292519943295}
+"""
+
+
+def test_values_go_before_those_of_the_job_and_of_its_runs():
+    values(read, VALUES)
+    found = read("{corners.tolerance: 0.0002}", "corners: sharp")
+    assert found["plain"].rounding.tolerance == 2e-4
+    job = parse_job(yaml.safe_dump(JOB), patch=parse_set("process.from_s=1 cm"))
+    assert prepare(job.program, job.process).length == pytest.approx(0.06)
+
+
+FREE = (
+    "{corners.zone: 0.01, corners.shape: free, corners.line_tolerance: 0.0001, "
+    "corners.iterations: 4}"
+)
+
+
+def test_a_shape_goes_to_every_run_that_can_have_it():
+    of_job = {**JOB["runs"], "paper": {"timing": {"method": "mac"}}}
+    del of_job["slow"]
+    of_job = yaml.safe_dump({"runs": of_job}, default_flow_style=True)
+    found = read(FREE, of_job)
+    free = {"shape": "free", "line_tolerance": 1e-4, "zone": 0.01, "iterations": 4}
+    assert found["own"].rounding == Rounding(tolerance=1e-3, **free)
+    angle = pytest.approx(np.radians(1))
+    assert found["plain"].rounding.angular_tolerance == angle
+    assert found["plain"].rounding.free and found["plain"].rounding.tolerance == 2e-3
+    assert found["sharp"].rounding is None
+    assert not found["paper"].rounding.free and found["paper"].rounding.zone is None
+    # Without corners of the job there are those of --tolerance.
+    sharp = yaml.safe_dump({**yaml.safe_load(of_job), "corners": "sharp"})
+    found = read("{corners.shape: free, corners.tolerance: 0.0003}", sharp)
+    assert found["plain"].rounding == Rounding(shape="free", tolerance=3e-4)
+    # A free shape becomes arcs again, and has no corners with a tangent or a curvature.
+    free = (
+        "runs: {one: {corners: {shape: free, tolerance: 1 mm, line_tolerance: 0.1 mm, zone: 9 mm}}}"
+    )
+    assert read("{corners.shape: arc}", free)["one"].rounding == Rounding(tolerance=1e-3)
+    same = read("{corners.shape: free}", free)["one"].rounding
+    assert same.free and same.zone == pytest.approx(9e-3)
+    curved = "{corners: {tolerance: 1 mm, continuity: curvature}, runs: {one: {}}}"
+    found = read("{corners.shape: free}", curved)["one"].rounding
+    assert found == Rounding(shape="free", tolerance=1e-3)
+
+
+BAD = """
+{corners.shape: round} => corners.shape: must be arc or free, not 'round'
+{corners.shape: free} => runs.slow.corners.speed sets the radius of arcs
+{corners.zone: 0.01} => runs.lifted.corners.zone is for the shape free
+{limits.speed: 1 mm} => limits.speed: must be a quantity in m/s
+{limits.sped: 1} => unknown key limits.sped: did you mean speed?
+{tolerance: 1 mm} => unknown key tolerance: did you mean certificate.tolerance or corners.tolerance?
+{runs.onw.duration: 1} => runs.onw.duration names no run of the job: did you mean own?
+{runs: {}} => runs names no run of the job
+{limits.joint_velocity.1: 1} => limits.joint_velocity is 2.0 there, which has no key 1
+{path.points.9.0: 1} => path.points (item 10, item 1) cannot be changed: the list there has 3 items.
+"""
+OF_NO_RUN = """
+{corners.shape: free} => No run takes corners.shape, which goes with rounded corners
+{corners.continuity: curvature} => No run takes corners.continuity
+"""
+
+
+def test_values_that_do_not_fit_are_refused():
+    refusals(read, BAD)
+    refusals(lambda x: read(x, "{corners: sharp, runs: {one: {}}}"), OF_NO_RUN)
+
+
+def test_a_continuity_goes_to_every_run_that_can_have_it():
+    of_job = """
+runs:
+  plain: {}
+  paper: {timing: {method: mac}}
+  free: {corners: {shape: free, tolerance: 1 mm}}
+  sharp: {corners: sharp}
+"""
+    found = {
+        name: x.continuity for name, x in read("{corners.continuity: curvature}", of_job).items()
+    }
+    assert found == {"plain": "curvature", "paper": "tangent", "free": None, "sharp": None}
+
+
+def test_a_drawing_is_placed_and_its_layers_keep_what_the_job_says_of_them(tmp_path):
+    (tmp_path / "part.csv").write_text("x,y,layer\n0,0,a\n40,0,a\n0,9,b\n40,9,b\n")
+    own = {"frame": {"position": [0.3, 0.2, 0]}, "layers": {"a": {"speed": 0.02}, "b": {}}}
+    cell = {**JOB, "path": {**own, "units": "mm"}}
+    (tmp_path / "cell.yaml").write_text(yaml.safe_dump(cell))
+
+    def placed(text="{}"):
+        of_part = {("path", "layers"): ["a"], **patch(text)}
+        job = read_cell(tmp_path / "cell.yaml", tmp_path / "part.csv", patch=of_part)
+        return prepare(job.program, job.process).path
+
+    np.testing.assert_allclose(placed().vertices, [[0.3, 0.2], [0.34, 0.2]])
+    assert placed().speeds.tolist() == [0.02]
+    turned = placed("{path.frame.rpy: [0, 0, 90 deg]}")
+    np.testing.assert_allclose(turned.vertices, [[0.3, 0.2], [0.3, 0.24]], atol=1e-15)
+    moved = placed("{path.frame.position: [0.28, 0.25, 0], path.scale: 0.5}")
+    np.testing.assert_allclose(moved.vertices, [[0.28, 0.25], [0.3, 0.25]], atol=1e-15)
+    words = "units must be a unit of length such as mm, not 'kg'"
+    table = [("{path.scale: 0}", "path.scale: "), ("{path.units: kg}", words)]
+    refusals(placed, table)
+
+
+def test_a_text_sets_a_key_to_a_value_of_a_job_file():
+    for text, wanted in (
+        ("corners.tolerance=0.2 mm", {("corners", "tolerance"): "0.2 mm"}),
+        (" limits.speed = 0.2", {("limits", "speed"): 0.2}),
+        ("path.columns=x [mm],y [mm],-", {("path", "columns"): "x [mm],y [mm],-"}),
+        ("experiment=", {("experiment",): None}),
+        ("runs.a.corners={tolerance: 1 mm}", {("runs", "a", "corners"): {"tolerance": "1 mm"}}),
+        ("path.frame.position=[1, 2, 3]", {("path", "frame", "position"): [1, 2, 3]}),
+    ):
+        assert parse_set(text) == wanted
+    table = [("units", "write one such as limits.speed=0.2 m/s"), ("a..b=1", "'a..b' is no key")]
+    refusals(parse_set, [*table, ("a=[1", "a is not valid YAML")])
+
+
+def test_a_value_goes_to_the_run_that_has_it_else_to_the_job():
+    for text, run, wanted in (
+        ("limits.speed", "own", "runs.own.limits.speed"),
+        ("limits.speed", "plain", "limits.speed"),
+        ("limits.centripetal_acceleration", "own", "limits.centripetal_acceleration"),
+        # Corners of a run replace those of the job.
+        ("corners.angular_tolerance", "own", "runs.own.corners.angular_tolerance"),
+        ("corners.tolerance", "sharp", "runs.sharp.corners.tolerance"),
+        ("command_interval", "own", "command_interval"),
+        ("timing.reserve", "plain", "runs.plain.timing.reserve"),
+        ("servo.kp", "own", "servo.kp"),
+        ("runs.own.duration", "plain", "runs.own.duration"),
+    ):
+        assert ".".join(place(key_of(text), JOB, run)) == wanted
+    assert place(key_of("path.points.0.1"), JOB) == ("path", "points", 0, 1)
+    new = apply(JOB, patch("{limits.speed: 1, timing.reserve: 0.1}"), "own")
+    assert new["limits"] == JOB["limits"] and "timing" not in new["runs"]["plain"]
+    assert new["runs"]["own"]["limits"]["speed"] == 1
+    assert new["runs"]["own"]["timing"] == {"reserve": 0.1}
+    assert "timing" not in JOB["runs"]["own"]
+
+
+def test_what_goes_with_another_choice_is_left_out():
+    job = "runs: {a: {timing: {method: mac, knots: 50, reserve: 0.1}}, b: {}}"
+    found = read("{timing.method: optimal}", job)
+    assert [x.timing.method for x in found.values()] == ["optimal"] * 2
+    assert found["a"].timing.reserve == 0.1
+    # But nothing that is given beside it.
+    words = "runs.a.timing ... knots goes with the method mac, not optimal"
+    both = "{timing.knots: 40, timing.method: optimal}"
+    refusals(lambda x: read(x, job), [(both, words)])
+
+
+def test_short_forms_become_mappings():
+    text = "arm: pmk3s # mine\npath: {file: a.dxf, layers: [a, b]}\n"
+    new = write(text, patch("{path.layers.a.speed: 1 m/s, arm.work.position: [0, 0, 1]}"))
+    assert load(new, "") == {
+        "arm": {"name": "pmk3s", "work": {"position": [0, 0, 1]}},
+        "path": {"file": "a.dxf", "layers": {"a": {"speed": "1 m/s"}, "b": {}}},
+    }
+    assert write(new, {("arm",): REMOVE, ("path",): REMOVE}) == "{}\n"

@@ -1,0 +1,124 @@
+"""Placements as files: JSON, a table, and the job in its best place."""
+
+import csv
+import io
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from tests.files.tables import refusals
+
+import armcontour as ac
+from armcontour.files import parse_job, placed_job_text, placement_csv
+from armcontour.robot.scene import Obstacle, Scene, Sphere
+
+SQUARE = """\
+# Not to be lost.
+name: line
+arm: ur5e
+path:
+  points: [[0.5, 0.0, 0.2], [0.56, 0.0, 0.2]]  # on the table
+  orientation: {quaternion: [1, 0, 0, 0]}
+limits: {speed: 0.25 m/s}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs: {taught: {compensation: {method: inverse}}}
+"""
+PLANE = """\
+name: corner
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.36, 0.20]]}   # a line
+limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs: {only: {compensation: {method: none}}}
+"""
+
+
+@pytest.fixture(scope="module")
+def placed():
+    over = {"x": (0.0, 0.9, 3), "yaw": (0.0, 0.2, 2)}
+    return ac.place(parse_job(SQUARE), ac.PlaceSearch(over=over, refined=False))
+
+
+def written(found, text=SQUARE, **options):
+    return placed_job_text(found, text, folder=Path(), to=Path(), **options)
+
+
+def duration(job):
+    return ac.plan(job.path, job.arm, job.runs[0].limits).duration
+
+
+def test_the_table_has_a_row_per_place(placed):
+    rows = list(csv.DictReader(io.StringIO(placement_csv(placed))))
+    assert [(float(x["x [m]"]), float(x["yaw [rad]"])) for x in rows] == [
+        (0.0, 0.0), (0.0, 0.2), (0.45, 0.0), (0.45, 0.2), (0.9, 0.0), (0.9, 0.2)
+    ]  # fmt: skip
+    assert {x["refused by"] for x in rows[2:]} == {"reach"}
+    known = [x["duration [s]"] for x in rows[:2]]
+    assert f"{placed.best.verdict.duration}" in known
+    assert all(float(x["at least [s]"]) > 0.3 for x in rows[:2])
+
+
+def test_the_job_file_gets_a_work_frame_and_keeps_its_comments():
+    over = {"x": (-0.1, -0.1, 1), "tilt": (0.1, 0.1, 1)}
+    found = ac.place(parse_job(SQUARE), ac.PlaceSearch(over=over, refined=False))
+    text = written(found)
+    kept = [x for x in text.splitlines() if x in SQUARE.splitlines()]
+    assert kept == [x for x in SQUARE.splitlines() if not x.startswith("arm: ")]
+    new = [x for x in text.splitlines() if x not in kept]
+    assert new[0] == "arm:" and all(x.startswith("  ") for x in new[1:])
+    again = parse_job(text)
+    assert duration(again) == pytest.approx(found.best.verdict.duration, rel=1e-5)
+    bases = [x.arm.chain.base.matrix for x in (again, found.placed())]
+    np.testing.assert_allclose(*bases, atol=1e-12)
+    position = yaml.safe_load(text)["arm"]["work"]["position"]
+    assert position == [round(x, 12) for x in position]
+
+
+def test_the_path_of_an_arm_in_the_plane_gets_a_frame():
+    text = PLANE
+    for _ in range(2):
+        # The second time on top of the first.
+        found = ac.place(
+            parse_job(text), ac.PlaceSearch(over={"yaw": (0.2, 0.2, 1)}, refined=False)
+        )
+        text = written(found, text)
+        again = parse_job(text)
+        assert duration(again) == pytest.approx(found.best.verdict.duration, rel=1e-5)
+    (first, last) = parse_job(text).program.path.vertices
+    assert np.arctan2(*(last - first)[::-1]) == pytest.approx(0.4)
+    np.testing.assert_allclose((first + last) / 2, [0.33, 0.2], atol=1e-12)
+    # It does not lift the path out of the plane.
+    lifted = PLANE.replace("points:", "frame: {position: [0, 0, 0.1]}, points:")
+    refusals(parse_job, [(lifted, "lifts or tilts")])
+
+
+def test_options_that_replaced_values_are_in_the_file(placed):
+    patch = {("limits", "speed"): 0.1, ("corners", "tolerance"): 1e-3, ("corners", "shape"): "free"}
+    text = written(placed, patch=patch)
+    again = parse_job(text)
+    assert again.runs[0].limits.speed == 0.1 and again.runs[0].rounding.tolerance == 1e-3
+    assert again.runs[0].rounding.free and "# on the table" in text
+
+
+def test_a_base_that_moves_among_obstacles_writes_no_job():
+    far = Obstacle(name="far", shape=Sphere(radius=0.1), place=ac.Frame(position=[0, 0, 3]))
+    job = replace(parse_job(SQUARE), scene=Scene(obstacles=(far,)))
+    found = ac.place(job, ac.PlaceSearch(over={"x": (0.0, 0.0, 1)}, what="base", refined=False))
+    refusals(written, [(found, "stay where they are when it moves")])
+
+
+def test_a_part_in_the_plane_takes_its_obstacles_along():
+    text = PLANE + (
+        "scene: {spheres: [{name: pin, radius: 1 mm, at: [0.3, 0.3, 0], fixed_to: part}]}\n"
+    )
+    job = parse_job(text)
+    found = ac.place(
+        job, ac.PlaceSearch(over={"x": (0.0, 0.05, 2), "yaw": (0.1, 0.1, 1)}, refined=False)
+    )
+    again = parse_job(written(found, text))
+    (there,) = again.scene.obstacles
+    (moved,) = found.placed().scene.obstacles
+    np.testing.assert_allclose(there.place.position, moved.place.position, atol=1e-12)
+    assert np.linalg.norm(moved.place.position - [0.3, 0.3, 0]) > 1e-3

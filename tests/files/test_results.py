@@ -1,0 +1,248 @@
+"""Result folders: whole or not at all, never over foreign files, and what is read of them."""
+
+import hashlib
+import json
+import os
+from functools import partial
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.control.compensation import METHODS
+from armcontour.core.errors import InvalidInput
+from armcontour.files import ResultFolder, write_planned, write_taught
+from armcontour.files.exports import make_table
+from armcontour.files.results import SUMMARY
+from armcontour.files.stored_run import read_run
+
+MANIFEST = ".armcontour.json"
+
+
+def write(folder, names, *, force=False, text="text of"):
+    with ResultFolder(folder, force=force) as results:
+        for name in names:
+            results.write(name, f"{text} {name}")
+        results.write("summary.json", json.dumps({"files": [*results.files, "summary.json"]}))
+
+
+def refused(words, folder, names=("report.html",), **options):
+    with pytest.raises(InvalidInput, match=words):
+        write(folder, names, force=True, text="newer", **options)
+
+
+def contents(folder):
+    """All files, hidden ones too, without the list of files."""
+    found = {str(x.relative_to(folder)) for x in folder.rglob("*") if not x.is_dir()}
+    return {x for x in found if FilePath(x).name != MANIFEST}
+
+
+def test_a_first_result_appears_at_once_and_leaves_nothing_else(tmp_path, monkeypatch):
+    out = tmp_path / "a" / "out"
+    write(out, ["one/taught.csv", "report.html"])
+    names = {"one/taught.csv", "report.html", "summary.json"}
+    assert contents(tmp_path) == {f"a/out/{x}" for x in names}
+    out = tmp_path / "out"
+    out.mkdir()
+    with ResultFolder(out) as results:
+        results.write("report.html", "report")
+        assert not (out / "report.html").exists()
+        assert results.scratch.is_dir()
+    assert contents(out) == {"report.html"}
+    # Also in the current folder.
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    write(FilePath("."), ["report.html"])
+    assert contents(FilePath(".")) == {"report.html", "summary.json"}
+
+
+def test_force_replaces_the_earlier_result_and_nothing_else(tmp_path):
+    out = tmp_path / "out"
+    write(out, ["old/taught.csv", "report.html"])
+    (out / "mine.txt").write_text("mine")
+    with pytest.raises(InvalidInput, match="not empty.*--force"):
+        ResultFolder(out)
+    write(out, ["new/taught.csv", "report.html"], force=True, text="newer")
+    assert contents(out) == {"new/taught.csv", "report.html", "summary.json", "mine.txt"}
+    assert not (out / "old").exists()
+    assert (out / "report.html").read_text() == "newer report.html"
+
+
+def test_a_result_of_the_same_kind_is_replaced_without_force(tmp_path):
+    for name in ("old.csv", "new.csv"):
+        with ResultFolder(tmp_path / "out", replaces="demo") as results:
+            results.write(name, "text")
+    assert contents(tmp_path) == {"out/new.csv"}
+    write(tmp_path / "out", ["report.html"], force=True)
+    for kind in ("", "demo"):
+        with pytest.raises(InvalidInput):
+            ResultFolder(tmp_path / "out", replaces=kind)
+
+
+def test_force_removes_nothing_that_a_foreign_summary_names(tmp_path):
+    (tmp_path / "thesis.tex").write_text("precious")
+    for files in (["thesis.tex"], {"thesis.tex": "0"}):
+        summary = json.dumps({"armcontour": "0.1.0", "files": files})
+        (tmp_path / "summary.json").write_text(summary)
+        refused("holds no result of armcontour", tmp_path)
+        assert contents(tmp_path) == {"thesis.tex", "summary.json"}
+
+
+def test_force_follows_no_link_and_no_name_that_leads_out(tmp_path):
+    """Also with a list of files as this program writes it, over files that it did not write."""
+    out, outside = tmp_path / "out", tmp_path / "outside"
+    outside.mkdir()
+    (outside / "precious.txt").write_text("precious")
+    checksum = hashlib.sha256(b"precious").hexdigest()
+    for i, name in enumerate(("link/precious.txt", "../outside/precious.txt", "a/../../x", "a\\b")):
+        write(out / str(i), ["report.html"])
+        (out / str(i) / "link").symlink_to("../../outside")
+        listed = json.loads((out / str(i) / MANIFEST).read_text())
+        for extra in (name, f"{outside}/precious.txt", "", "."):
+            listed["files"][extra] = checksum
+        (out / str(i) / MANIFEST).write_text(json.dumps(listed))
+        if i == 0:
+            refused("link changed", out / "0")
+        else:
+            write(out / str(i), ["report.html"], force=True)
+        assert contents(outside) == {"precious.txt"}
+
+
+def test_force_refuses_files_that_changed_since_they_were_written(tmp_path):
+    words = "one/taught.csv changed since armcontour wrote"
+    write(tmp_path, ["one/taught.csv", "report.html"])
+    file = tmp_path / "one" / "taught.csv"
+    edited = file.read_text()[::-1]
+    with pytest.raises(InvalidInput, match=words), ResultFolder(tmp_path, force=True) as folder:
+        folder.write("report.html", "newer")
+        file.write_text(edited)
+    assert file.read_text() == edited
+    refused(words, tmp_path)
+    assert file.read_text() == edited
+
+
+def test_force_replaces_no_foreign_file(tmp_path):
+    write(tmp_path, ["one/taught.csv"])
+    (tmp_path / "one" / "mine.txt").write_text("mine")
+    (tmp_path / "two").mkdir()
+    refused("one/mine.txt", tmp_path)
+    (tmp_path / "one" / "mine.txt").unlink()
+    refused("two: armcontour did not write", tmp_path, ["one/taught.csv", "two/taught.csv"])
+    assert contents(tmp_path) == {"one/taught.csv", "summary.json"}
+    assert (tmp_path / "one" / "taught.csv").read_text() == "text of one/taught.csv"
+
+
+def test_refuses_what_is_no_folder_or_cannot_be_written(tmp_path):
+    (tmp_path / "out").write_text("a file")
+    (tmp_path / "link").symlink_to("nowhere")
+    for name, words in (
+        ("out", "is not a folder"),
+        ("link", "is not a folder"),
+        ("out/in", "Cannot write to the folder .*out/in: Not a directory"),
+        ("out/deep/er", "Cannot write to the folder .*out/deep/er: Not a directory"),
+    ):
+        with pytest.raises(InvalidInput, match=words):
+            ResultFolder(tmp_path / name)
+
+
+@pytest.mark.parametrize("force", [False, True])
+def test_a_second_run_into_the_same_folder_is_refused(tmp_path, force):
+    out = tmp_path / "out"
+    if force:
+        write(out, ["report.html"])
+    with ResultFolder(out, force=force) as first:
+        with pytest.raises(InvalidInput, match="Another run is writing to"):
+            ResultFolder(out, force=force)
+        first.write("report.html", "the first")
+    assert (out / "report.html").read_text() == "the first"
+    assert contents(tmp_path) == {"out/report.html"}
+
+
+def test_a_folder_that_was_filled_meanwhile_is_refused(tmp_path):
+    out = tmp_path / "out"
+    with (
+        pytest.raises(InvalidInput, match="Cannot write to the folder"),
+        ResultFolder(out) as results,
+    ):
+        results.write("report.html", "text")
+        out.mkdir()
+        (out / "mine.txt").write_text("mine")
+    assert contents(tmp_path) == {"out/mine.txt"}
+
+
+def fail_at(patch, counts, error, *, after=False):
+    """Let some renames, by their numbers from 0, raise an error before or after them."""
+    made, inner = iter(range(99)), os.rename
+
+    def rename(source, target):
+        fails = next(made) in counts
+        if not fails or after:
+            inner(source, target)
+        if fails:
+            raise error
+
+    patch.setattr(os, "rename", rename)
+
+
+@pytest.mark.parametrize("count", range(8))
+@pytest.mark.parametrize("error", [OSError(5, "Input/output error"), KeyboardInterrupt()])
+def test_a_replacement_that_is_stopped_leaves_the_earlier_result(
+    tmp_path, monkeypatch, count, error
+):
+    write(tmp_path, ["old/taught.csv", "report.html"])
+    (tmp_path / "mine.txt").write_text("mine")
+    old = {x: (tmp_path / x).read_text() for x in contents(tmp_path)}
+    names = ["new/taught.csv", "report.html"]
+    # Ctrl-C comes after a rename, an error instead of one.
+    with monkeypatch.context() as patch:
+        fail_at(patch, [count], error, after=isinstance(error, KeyboardInterrupt))
+        with pytest.raises((InvalidInput, KeyboardInterrupt), match="Input/output error|^$"):
+            write(tmp_path, names, force=True, text="newer")
+    assert {x: (tmp_path / x).read_text() for x in contents(tmp_path)} == old
+    write(tmp_path, ["report.html"], force=True, text="newer")
+    assert contents(tmp_path) == {"report.html", "summary.json", "mine.txt"}
+    assert (tmp_path / "report.html").read_text() == "newer report.html"
+
+
+def test_files_that_cannot_be_moved_back_stay_in_the_hidden_folder(tmp_path, monkeypatch):
+    write(tmp_path, ["report.html"])
+    with monkeypatch.context() as patch:
+        fail_at(patch, range(2, 99), OSError(5, "Input/output error"))
+        refused("Input/output error", tmp_path)
+    old = tmp_path / ".armcontour-next" / ".old"
+    found = {x: (place / x).read_text() for place in (tmp_path, old) for x in contents(place)}
+    assert found["report.html"] == "text of report.html" and "summary.json" in found
+    # The next run names them and leaves them there, too.
+    for force in (False, True):
+        with pytest.raises(InvalidInput, match="killed.*move the files in .*remove"):
+            ResultFolder(tmp_path, force=force)
+    assert contents(old)
+
+
+PERIOD = 0.004
+ARM = ac.load_arm("pmk3s")
+
+
+@pytest.mark.parametrize("method", ["none", "inverse"])
+def test_an_earlier_result_has_the_derivatives_that_its_run_had(method, tmp_path):
+    path = ac.Path.polyline([(0.35, 0.1), (0.36, 0.11)])
+    planned = ac.plan(path, ARM, ac.Limits(joint_acceleration=0.72, joint_jerk=7.2))
+    assert planned.duration % PERIOD > 1e-6
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    taught = ac.compensate(planned, servo, METHODS[method](), period=PERIOD)
+    runs = {"a": {"period": PERIOD, "compensation": method}}
+    about = {"job": "line", "arm": {"joints": ARM.joint_names}, "runs": runs}
+    with ResultFolder(tmp_path / "out") as folder:
+        names, samples = ARM.joint_names, planned.sample(PERIOD)
+        folder.place(SUMMARY, lambda file: file.write_text(json.dumps(about)))
+        folder.place("a/taught.csv", partial(write_taught, taught=taught, joint_names=names))
+        folder.place("a/planned.csv", partial(write_planned, x=samples, joint_names=names))
+    for derivatives in (1, 2):
+        found = read_run(tmp_path / "out").taught(derivatives=derivatives)
+        expected = make_table(taught, name="x", derivatives=derivatives)
+        np.testing.assert_array_equal(found.t, expected.t)
+        np.testing.assert_allclose(found.dq, expected.dq, atol=2e-9)
+    # Set-points have 12 decimals in a result, the derivatives of a spline follow.
+    atol = 1e-11 if method == "none" else 2e-6
+    np.testing.assert_allclose(found.ddq, expected.ddq, atol=atol)

@@ -1,0 +1,271 @@
+"""Obstacles in job files, files of obstacles (URDF, scenes of MoveIt in both dialects), meshes."""
+
+import struct
+
+import numpy as np
+import pytest
+from tests.files.tables import refusals, rows
+
+from armcontour.core.errors import InvalidInput
+from armcontour.files import mesh_file
+from armcontour.files.cell import cell_names, read_cell
+from armcontour.files.job_file import parse_job
+from armcontour.files.mesh_file import read_mesh
+from armcontour.files.scene_files import read_scene_file
+from armcontour.robot.chain import link_poses
+from armcontour.robot.scene import Box, Capsule, Cylinder, HalfSpace, Mesh, Sphere
+
+JOB = """
+name: square
+arm: {arm}
+path:
+  points: [[0.45, 0.0, 0.2], [0.5, 0.0, 0.2], [0.5, 0.05, 0.2]]
+  orientation: {{axis: [0, 0, -1]}}
+limits: {{speed: 100 mm/s}}
+servo: {{kp: 25 1/s, kv: 150 1/s}}
+runs: {{plain: {{}}}}
+{scene}
+"""
+TETRAHEDRON = "v 0 0 0\nv 100 0 0\nv 0 100 0\nv 0 0 100\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+def job(scene="", arm="ur5e", folder=None):
+    return parse_job(JOB.format(arm=arm, scene=scene), folder=folder)
+
+
+SCENE = """
+scene:
+  boxes: [{name: vise, size: [100 mm, 0.2, 5 cm], at: [0.4, 0, 10 mm], rpy: [0, 0, 90 deg]}]
+  cylinders: [{name: post, radius: 20 mm, length: 0.5, margin: 1 cm, allow: [tool, wrist_3_link]}]
+  spheres: [{name: ball, radius: 3 cm, quaternion: [0, 0, 0, 1]}]
+  capsules: [{name: hose, radius: 1 cm, length: 10 cm, fixed_to: part}]
+  halfspaces: [{name: table}, {name: wall, at: [0, 1, 0], normal: [0, -2, 0]}]
+  meshes: [{name: clamp, file: clamp.obj, unit: mm}]
+  margins: {environment: 8 mm}
+"""
+
+
+def test_every_kind_of_obstacle_is_read(tmp_path):
+    (tmp_path / "clamp.obj").write_text(TETRAHEDRON)
+    found = job(SCENE, folder=tmp_path).scene
+    kinds = [Box, Cylinder, Sphere, Capsule, HalfSpace, HalfSpace, Mesh]
+    assert [type(x.shape) for x in found.obstacles] == kinds
+    vise, post, _, hose, _, wall, clamp = found.obstacles
+    np.testing.assert_allclose(vise.shape.size, [0.1, 0.2, 0.05])
+    np.testing.assert_allclose(vise.place.position, [0.4, 0, 0.01])
+    np.testing.assert_allclose(vise.place.rotation[:, 0], [0, 1, 0], atol=1e-15)
+    np.testing.assert_allclose(wall.place.rotation[:, 2], [0, -1, 0], atol=1e-15)
+    assert post.margin == 0.01 and post.allow == ("tool", "wrist_3_link")
+    assert hose.fixed_to == "part" and vise.fixed_to == "base"
+    assert clamp.name == "clamp" and clamp.shape.size == pytest.approx(0.1)
+    assert (found.margins.environment, found.margins.own) == (0.008, 0.002)
+
+
+def test_what_is_fixed_to_the_part_moves_with_the_drawing(tmp_path):
+    (tmp_path / "line.csv").write_text("x,y,z\n0,0,0\n0.05,0,0\n")
+    sheet = "{name: sheet, size: [0.1, 0.1, 0.01], at: [0.05, 0, 0], fixed_to: part}"
+    text = JOB.format(arm="ur5e", scene=f"scene: {{boxes: [{sheet}]}}")
+    points = text[text.index("  points:") : text.index("  orientation")]
+    frame = "  frame: {position: [0.4, 0, 0.1], rpy: [0, 0, 90 deg]}\n"
+    (tmp_path / "cell.yaml").write_text(text.replace(points, frame))
+    scene = read_cell(tmp_path / "cell.yaml", tmp_path / "line.csv").scene
+    (found,) = scene.obstacles
+    np.testing.assert_allclose(found.place.position, [0.4, 0.05, 0.1], atol=1e-15)
+    np.testing.assert_allclose(found.place.rotation[:, 0], [0, 1, 0], atol=1e-15)
+
+
+def test_links_of_an_arm_and_its_tool_get_shapes():
+    arm = job(
+        arm="{name: ur5e, tool: {shapes: {cylinders: "
+        "[{name: torch, radius: 1 cm, length: 20 cm, at: [0, 0, 0.1]}]}}}"
+    ).arm
+    torch = arm.shapes.shapes[-1]
+    assert torch.tool and torch.link == 6 and torch.name == "torch"
+    q = np.array([[0.3, -1.0, 1.2, -0.7, 0.4, 0.9]])
+    # The tool frame of the bare arm is the tip: its forward kinematics are the oracle.
+    point, turned = arm.pose(q)
+    pose = link_poses(arm.chain, q)[0, 6]
+    middle = pose[:, :3] @ torch.place.position + pose[:, 3]
+    np.testing.assert_allclose(middle, point[0] + turned[0] @ [0, 0, 0.1], atol=1e-12)
+    assert len(arm.shapes.shapes) == 8
+    arm = job(
+        arm="{name: ur5e, shapes: {spheres: [{name: camera, link: wrist_1_link, radius: 4 cm},"
+        "{name: plug, link: base, radius: 2 cm}, {name: hose, link: elbow_joint, radius: 1 cm}]}}"
+    ).arm
+    more = {x.name: x for x in arm.shapes.shapes[-3:]}
+    assert [more[x].link for x in ("camera", "plug", "hose")] == [4, 0, 3]
+    assert not more["camera"].tool
+
+
+BAD = """
+scene => boxes: [{name: a, size: [1, 0, 1]}] => scene.boxes: a ... size
+scene => spheres: [{name: a, radius: 0}] => scene.spheres: a ... radius
+scene => halfspaces: [{name: w, normal: [0, 0, 0]}] => scene.halfspaces: w ... length 0
+scene => meshes: [{name: m, file: no.stl}] => scene.meshes: m ... no.stl
+scene => files: [no.urdf] => scene.files ... no.urdf
+scene => spheres: [{name: a, radius: 1}, {name: a, radius: 2}] => Two obstacles ... 'a'
+tool => halfspaces: [{name: a}] => arm.tool.shapes.halfspaces: a ... half-space
+arm => spheres: [{name: a, radius: 1, link: wrist}] => arm.shapes.spheres: a ... wrist_1_link ... 'w
+"""
+
+
+def test_a_wrong_body_is_named_in_one_sentence():
+    keys = {
+        "scene": ("scene", "scene: {%s}"),
+        "tool": ("arm", "{name: ur5e, tool: {shapes: {%s}}}"),
+        "arm": ("arm", "{name: ur5e, shapes: {%s}}"),
+    }
+
+    def shapes(row):
+        key, text = keys[row[0]]
+        return job(**{key: text % row[1]}).arm.shapes
+
+    refusals(shapes, [((x, y), words) for x, y, words in rows(BAD)], without=". ")
+    with pytest.raises(InvalidInput, match="no.srdf"):
+        assert job(arm="{name: ur5e, srdf: no.srdf}").arm.shapes
+
+
+def test_built_in_cells_in_space_stand_on_a_table(tmp_path):
+    (tmp_path / "line.csv").write_text("x,y,z\n0,0,0\n0.05,0,0\n")
+    for name in set(cell_names()) - {"pmk3s"}:
+        found = read_cell(name, tmp_path / "line.csv")
+        assert found.scene is not None and found.arm.shapes is not None
+        part, table = found.scene.obstacles
+        assert isinstance(table.shape, HalfSpace) and part.fixed_to == "part"
+        # The surface of the part is where the drawing lies.
+        top = part.place.position + part.place.rotation @ [0, 0, 0.005]
+        assert top[2] == pytest.approx(found.program.path(0.0)[2])
+        last = {x.name for x in found.arm.shapes.shapes if x.link == found.arm.dof}
+        assert set(part.allow) == {"tool", *last}
+
+
+CELL = """<robot name="cell">
+  <link name="world"/>
+  <link name="table">
+    <collision><origin xyz="0 0 -0.05"/><geometry><box size="2 1 0.1"/></geometry></collision>
+    <collision><origin xyz="0.9 0 -0.5"/><geometry><cylinder radius="0.05" length="0.8"/></geometry>
+    </collision>
+  </link>
+  <link name="door"><collision><geometry><box size="1 0.02 1"/></geometry></collision></link>
+  <joint name="stand" type="fixed"><parent link="world"/><child link="table"/>
+    <origin xyz="0.5 0 0" rpy="0 0 1.5707963267948966"/></joint>
+  <joint name="hinge" type="revolute"><parent link="table"/><child link="door"/>
+    <origin xyz="1 0 0.5"/><axis xyz="0 0 1"/><limit lower="0" upper="1.5" velocity="1"/></joint>
+</robot>"""
+
+
+def test_links_of_a_cell_are_obstacles_where_they_stand(tmp_path):
+    file = tmp_path / "cell.urdf"
+    file.write_text(CELL)
+    found = {x.name: x for x in read_scene_file(file)}
+    places = {"table": (0.5, 0, -0.05), "table 2": (0.5, 0.9, -0.5), "door": (0.5, 1, 0.5)}
+    assert list(found) == list(places)
+    for name, place in places.items():
+        np.testing.assert_allclose(found[name].place.position, place, atol=1e-12)
+    np.testing.assert_allclose(found["door"].place.rotation[:, 0], [0, 1, 0], atol=1e-12)
+    table = [
+        ('<robot name="cell"><link name="world"/></robot>', "no collision elements"),
+        (CELL.replace('radius="0.05"', 'radius="-1"'), "cell.urdf ... radius"),
+    ]
+    refusals(lambda x: read_scene_file(file) if file.write_text(x) else None, table)
+
+
+# A box of 0.2 x 0.3 x 0.4 m, as corners and 12 triangles.
+CORNERS = np.array([[x, y, z] for x in (0, 0.2) for y in (0, 0.3) for z in (0, 0.4)])
+FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+TRIANGLES = [x for a, b, c, d in FACES for x in ((a, b, c), (a, c, d))]
+
+
+def binary(corners=CORNERS, header=b"made here"):
+    rows = [struct.pack("<12fH", 0, 0, 0, *corners[list(x)].ravel().tolist(), 0) for x in TRIANGLES]
+    return header.ljust(80) + struct.pack("<I", len(rows)) + b"".join(rows)
+
+
+def ascii_stl(corners=CORNERS):
+    lines = ["solid box"]
+    for x in TRIANGLES:
+        lines += ["facet normal 0 0 0", "outer loop"]
+        lines += [f"  vertex {a:.9g} {b:.9g} {c:.9g}" for a, b, c in corners[list(x)]]
+        lines += ["endloop", "endfacet"]
+    return "\n".join([*lines, "endsolid box"])
+
+
+def obj(corners=CORNERS):
+    vertices = [f"v {a} {b} {c}" for a, b, c in corners]
+    faces = ["f " + " ".join(f"{k + 1}/1/{k + 1}" for k in x) for x in FACES]
+    return "\n".join(["# a box", "o box", *vertices, "vn 0 0 1", "g sides", *faces])
+
+
+def test_a_box_is_read_from_every_format(tmp_path):
+    for name, content in (
+        ("binary.STL", binary()),
+        # Many programs begin binary files as if they were text.
+        ("solid.STL", binary(header=b"solid box")),
+        ("ascii.STL", ascii_stl().encode()),
+        ("box.obj", obj().encode()),
+    ):
+        (tmp_path / name).write_bytes(content)
+        found = read_mesh(tmp_path / name)
+        assert len(found.points) == 8 and len(found.triangles) == 12
+        found_corners = np.array(sorted(np.round(found.points, 7).tolist()))
+        np.testing.assert_allclose(found_corners, np.array(sorted(CORNERS.tolist())), atol=1e-7)
+        # The volume by the divergence theorem: all triangles look outwards, and none is missing.
+        a, b, c = found.points[found.triangles.T]
+        volume = abs(np.einsum("ij,ij->i", a, np.cross(b, c)).sum()) / 6
+        assert volume == pytest.approx(0.2 * 0.3 * 0.4, rel=1e-6)
+
+
+def test_units_and_scales(tmp_path):
+    large, small = tmp_path / "large.stl", tmp_path / "small.stl"
+    large.write_bytes(binary(CORNERS * 1000))
+    small.write_bytes(binary(CORNERS / 1000))
+    assert read_mesh(large, unit="mm").size == pytest.approx(0.4)
+    assert read_mesh(large, scale=1e-3).size == pytest.approx(0.4)
+    assert read_mesh(large, scale=[1e-3, 1e-3, 2e-3]).size == pytest.approx(0.8)
+    # Whoever says the unit is believed.
+    assert read_mesh(small, unit="m").size == pytest.approx(4e-4)
+    table = [
+        ((large,), "400 m large ... unit: mm ... 0.4 m"),
+        ((small,), "0.0004 m large ... unit: km ... 0.4 m"),
+        ((small, "s"), "unit 's', which is no unit of length"),
+    ]
+    refusals(lambda x: read_mesh(x[0], **({"unit": x[1]} if x[1:] else {})), table)
+
+
+def test_polygons_negative_indices_and_triangles_without_an_area_of_obj(tmp_path):
+    file, begin = tmp_path / "box.obj", obj().split("vn")[0]
+    backwards = "\n".join("f " + " ".join(str(k - 8) for k in x) for x in FACES)
+    for text in (begin + backwards, obj() + "\nf 1 1 2\n"):
+        file.write_text(text)
+        assert len(read_mesh(file).triangles) == 12
+    file.write_text(begin + "f 1 1 2\nf 3 4 3\n")
+    refusals(read_mesh, [(file, "No triangle ... has an area")])
+
+
+BAD_MESHES = [
+    ("a.stl", binary()[:-1], "ends early ... 12 triangles take 684 bytes, and it has 683"),
+    ("a.stl", b"<html>" * 50, "no STL file"),
+    ("a.stl", binary(np.where(CORNERS == 0.3, np.nan, CORNERS)), "Triangle 1  ... no finite"),
+    ("a.stl", ascii_stl().rsplit("vertex", 1)[0].encode(), "within a triangle ... 35 corners"),
+    ("a.obj", b"", "no triangles"),
+    ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 x 0\nf 1 2 3\n", "line 3 ... finite numbers ... '0 x 0'"),
+    ("a.obj", b"v 0 0 0\nv 1 0 0\nf 1 2 3\n", "line 3 ... vertex '3' ... 2 before it"),
+    ("a.dae", b"<COLLADA/>", ".stl or .obj"),
+]
+
+
+def test_what_is_no_mesh_is_refused_in_a_sentence(tmp_path):
+    def read(row):
+        (tmp_path / row[0]).write_bytes(row[1])
+        return read_mesh(tmp_path / row[0])
+
+    refusals(read, [((name, content), name, words) for name, content, words in BAD_MESHES])
+
+
+def test_missing_files_and_too_many_triangles(tmp_path, monkeypatch):
+    monkeypatch.setattr(mesh_file, "MOST_TRIANGLES", 11)
+    contents = {"a.stl": binary(), "b.stl": ascii_stl().encode(), "a.obj": obj().encode()}
+    for name, content in contents.items():
+        (tmp_path / name).write_bytes(content)
+    many = [(x, "12 triangles, more than the 11") for x in contents]
+    refusals(lambda x: read_mesh(tmp_path / x), [("none.stl", "no mesh ... none.stl"), *many])

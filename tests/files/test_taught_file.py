@@ -1,0 +1,275 @@
+"""Results as files: taught data, placements and summaries."""
+
+import dataclasses
+import json
+import zipfile
+
+import numpy as np
+import pytest
+import yaml
+from tests.corner_job import CORNER_JOB
+from tests.files.tables import refusals
+
+from armcontour import load_arm
+from armcontour.control.learning import LearnedRun, Lesson
+from armcontour.files import parse_job, parse_trajectory, write_planned, write_taught, write_torque
+from armcontour.files.exports import export
+from armcontour.files.json_text import data_json
+from armcontour.files.lesson_file import read_lesson, write_lesson
+from armcontour.files.taught_file import LESSON, read_taught
+from armcontour.jobs import run
+from armcontour.jobs.learning import plan_run
+from armcontour.motion import TaughtData
+from armcontour.robot.servo import ServoModel
+
+SERVO = ServoModel(kp=[25 / 3, 24.0], kv=[150.0, 1000 / 7], dead_time=1 / 300).for_joints(2)
+
+
+@pytest.fixture(scope="module")
+def job():
+    return parse_job(CORNER_JOB)
+
+
+@pytest.fixture(scope="module")
+def plan(job):
+    return plan_run(job, None)
+
+
+def learned(plan, step=1e-3):
+    """A lesson whose set-points are those of the plan and a little more."""
+    taught, zeros = plan.taught, np.zeros(2)
+    run = LearnedRun(
+        q=taught.q, error=np.zeros((5, 2)), noise=zeros, loop_noise=zeros, joint_rms=zeros,
+        joint_max=zeros, tool_rms=0.0, tool_max=0.0,
+    )  # fmt: skip
+    return Lesson(
+        period=taught.period, q=taught.q + step / 3, trajectory=taught.trajectory,
+        method="learning", start_time=-taught.period, runs=(run,), servo=SERVO, predicted=0.0,
+        noise=0.0, best=0, repeats=0.0,
+    )  # fmt: skip
+
+
+def put(folder, job, taught, lesson=None):
+    folder.mkdir(exist_ok=True)
+    write_taught(folder / "taught.csv", taught, job.arm.joint_names)
+    if lesson is not None:
+        write_lesson(folder / LESSON, lesson)
+    return folder / "taught.csv"
+
+
+def test_without_a_history_it_is_the_taught_data_of_the_job(job, plan, tmp_path):
+    file = put(tmp_path, job, plan.taught)
+    assert read_taught(file, job, plan) is plan.taught
+    # Degrees with few digits will do.
+    table = np.column_stack([plan.taught.t * 1e3, np.degrees(plan.taught.q)])
+    np.savetxt(file, table, "%.4f", ",", header="t [ms],q1 [deg],q2 [deg]", comments="")
+    assert read_taught(file, job, plan) is plan.taught
+    # An export begins at zero.
+    late = dataclasses.replace(plan, taught=changed(plan, by=0.0, start_time=-0.008))
+    export(late.taught, tmp_path / "export.csv", arm=job.arm)
+    assert read_taught(tmp_path / "export.csv", job, late) is late.taught
+    # With a history it is the lesson, to the last bit.
+    lesson = learned(plan)
+    found = read_taught(put(tmp_path, job, lesson, lesson), job, plan)
+    assert isinstance(found, Lesson) and len(found.runs) == 1
+    assert found.q.tobytes() == lesson.q.tobytes() and found.start_time == lesson.start_time
+
+
+def changed(plan, where=slice(None), by=1e-6, **fields):
+    q = plan.taught.q.copy()
+    q[where] += by
+    return TaughtData(**({"period": 0.004, "trajectory": plan.trajectory, "method": "x"}
+                         | {"q": q} | fields))  # fmt: skip
+
+
+def test_other_set_points_are_refused(job, plan, tmp_path):
+    still, lesson = changed(plan, by=0.0), learned(plan)
+    other = dataclasses.replace(lesson.runs[0], q=lesson.runs[0].q + 1e-6)
+    other = dataclasses.replace(lesson, runs=(other,))
+    table = [
+        ((changed(plan, (50, 1)),), "taught.csv ... joint 2 differs by 1e-06 rad ... t = 0.2 s"),
+        ((dataclasses.replace(still, q=still.q[:-1]),), "taught.csv ... set-points of 2 joints"),
+        ((changed(plan, by=0.0, period=0.005),), "taught.csv ... at other times"),
+        # Histories of other set-points, and of another job.
+        ((plan.taught, lesson), "lesson.npz beside it ... joint 2"),
+        ((other, other), "give the job as it was"),
+    ]
+    refusals(lambda x: read_taught(put(tmp_path, job, *x), job, plan), table)
+    refusals(lambda x: read_taught(x, job, plan), [(tmp_path, "holds no result")])
+
+
+def made(plan, runs=2):
+    """A lesson with numbers of all digits."""
+    random = np.random.default_rng(1)
+    q = random.standard_normal((30, 2)) / 3
+
+    def run(k):
+        return LearnedRun(
+            q=q + k * np.pi, error=random.standard_normal((40, 2)),
+            noise=np.array([1e-5, 2e-5]) / 3, loop_noise=np.array([3e-5, 4e-5]) / 7,
+            joint_rms=random.random(2), joint_max=random.random(2), tool_rms=0.1 / 3,
+            tool_max=0.2 / 3, contour_rms=None if k else 1 / 7, predicted=1 / 9 if k else None,
+            offset=-100 / 3, source="run, 'ü'.csv",
+        )  # fmt: skip
+
+    return Lesson(
+        period=0.004, q=q, trajectory=plan.trajectory, method="learning", start_time=-0.004,
+        runs=tuple(run(k) for k in range(runs)), servo=SERVO, misfits=(1 / 3, 1 / 7),
+        predicted=1 / 3, noise=1e-7 / 3, best=0, repeats=1e-5 / 3, setbacks=1, reason="because",
+    )  # fmt: skip
+
+
+def same(first, second):
+    for x in dataclasses.fields(first):
+        a, b = getattr(first, x.name), getattr(second, x.name)
+        if x.name == "runs":
+            assert len(a) == len(b)
+            for one, other in zip(a, b, strict=True):
+                same(one, other)
+        elif isinstance(a, ServoModel):
+            same(a, b)
+        elif isinstance(a, np.ndarray):
+            assert a.dtype == b.dtype and a.tobytes() == b.tobytes()
+        else:
+            assert a == b and type(a) is type(b), x.name
+
+
+def test_a_lesson_comes_back_to_the_last_bit(plan, tmp_path):
+    lesson = made(plan)
+    write_lesson(tmp_path / "a.npz", lesson)
+    found = read_lesson(tmp_path / "a.npz", plan.trajectory)
+    same(lesson, found)
+    write_lesson(tmp_path / "b.npz", found)
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+    with np.load(tmp_path / "a.npz") as found:
+        np.testing.assert_array_equal(found["q"], lesson.q)
+        np.testing.assert_array_equal(found["run 2: error"], lesson.runs[1].error)
+
+
+def other(first=False, **values):
+    """Change the text of a file, or what it has of the first run."""
+
+    def change(parts):
+        about = json.loads(parts["about.json"])
+        (about["runs"][0] if first else about).update(values)
+        parts["about.json"] = json.dumps(about).encode()
+
+    return change
+
+
+def test_damaged_and_other_files_are_refused(plan, tmp_path):
+    def read(change):
+        file = tmp_path / "a.npz"
+        write_lesson(file, made(plan))
+        with zipfile.ZipFile(file) as source:
+            parts = {x: source.read(x) for x in source.namelist()}
+        change(parts)
+        with zipfile.ZipFile(file, "w") as target:
+            for name, content in parts.items():
+                target.writestr(name, content)
+        return read_lesson(file, plan.trajectory)
+
+    table = [
+        (other(version=99), "version 99 ... reads version 3"),
+        (other(runs=[]), "a.npz ... at least one run"),
+        (lambda parts: parts.update({"q.npy": b"\x93NUMPY garbage"}), "damaged"),
+        (lambda parts: parts.pop("about.json"), "damaged"),
+    ]
+    refusals(read, table)
+    (tmp_path / "text.npz").write_text("t,q1\n")
+    others = [("no.npz", "There is no file of learning"), ("text.npz", "no file of learning")]
+    refusals(lambda x: read_lesson(tmp_path / x, plan.trajectory), others)
+
+
+JOB = yaml.safe_load("""
+name: corner
+arm: {name: ur5e, payload: {mass: 1 kg}}
+path:
+  points: [[0.4, 0, 0.2], [0.5, 0, 0.2], [0.5, 0.1, 0.2]]
+  orientation: [&a {rpy: [180 deg, 0, 0]}, *a, {rpy: [180 deg, 0, 0.2]}]
+limits: {speed: 0.25, centripetal_acceleration: 1}
+corners: {tolerance: 1 mm, angular_tolerance: 0.05 deg}
+servo: {kp: 25, kv: 150}
+experiment:
+  {runs: [tried], noise: 1.0e-6, seed: 5, payload: {mass: 1.2 kg}, viscous: 0.1 N m s/rad}
+runs: {plain: {compensation: {method: none}}, tried: {}}
+""")
+
+
+@pytest.fixture(scope="module")
+def study():
+    return run(parse_job(yaml.safe_dump(JOB)))
+
+
+@pytest.fixture(scope="module")
+def found(study):
+    return json.loads(data_json(study.to_data()))
+
+
+def test_the_summary_of_a_study(found, study):
+    arm, plain, tried = found["arm"], found["runs"]["plain"], found["runs"]["tried"]
+    assert arm["joints"][0] == "shoulder_pan_joint" and arm["masses_known"]
+    assert arm["assumed"] == load_arm("ur5e").chain.assumed
+    for torque in (plain["torque"], tried["experiment"]["torque"]):
+        assert torque["assumed"] == arm["assumed"]
+    for name, result in study.runs.items():
+        start = found["runs"][name]["start"]
+        assert list(start) == list(study.job.arm.joint_names)
+        assert list(start.values()) == result.trajectory(0.0).tolist()
+    torque = plain["torque"]
+    assert torque["limit"] == [150, 150, 150, 28, 28, 28]
+    np.testing.assert_allclose(plain["torque_ratio"], np.divide(torque["peak"], torque["limit"]))
+    peak = np.abs(study.runs["tried"].experiment.execution.torque).max(axis=0)
+    np.testing.assert_array_equal(tried["experiment"]["torque"]["peak"], peak)
+    # How the tool turned.
+    assert tried["angular_speed"] > 0.1
+    assert 0 < tried["orientation_error"]["rms"] < tried["orientation_error"]["max"] < 0.02
+    assert tried["corners"][0]["angular_error"] == pytest.approx(np.radians(0.05), rel=1e-6)
+    units = {x: found["units"][x] for x in ("angular_error", "torque.peak", "start")}
+    assert units == {"angular_error": "rad", "torque.peak": "N m", "start": "rad"}
+
+
+def written(tmp_path, write, *given):
+    """What a function writes to a file."""
+    write(tmp_path / "written.csv", *given)
+    return (tmp_path / "written.csv").read_text(encoding="utf-8")
+
+
+def test_planned_joints_are_called_by_their_names_and_read_again(study, tmp_path):
+    plan, names = study.runs["plain"].trajectory, study.job.arm.joint_names
+    text = written(tmp_path, write_planned, plan.sample(4e-3), names)
+    assert text.startswith("t [s],q shoulder_pan_joint [rad],")
+    samples = parse_trajectory(text, names)
+    t = np.minimum(samples.t, plan.duration)
+    np.testing.assert_allclose(samples.q, plan(t), atol=1e-11)
+    np.testing.assert_allclose(samples.dq, plan(t, 1), atol=1e-11)
+    assert samples.ddq is not None
+    # Joints that are only numbered keep their numbers.
+    text = written(tmp_path, write_planned, plan.sample(0.1))
+    numbered = [f"joint {j + 1}" for j in range(6)]
+    assert written(tmp_path, write_planned, plan.sample(0.1), numbered) == text
+    assert text.startswith("t [s],q 1 [rad],q 2 [rad]")
+
+
+def test_taught_data_is_written_as_plans_are_and_read_again(study, tmp_path):
+    taught = study.runs["plain"].taught
+    for names in (study.job.arm.joint_names, [f"joint {j + 1}" for j in range(6)]):
+        text = written(tmp_path, write_taught, taught, names)
+        title = f"q {names[0].removeprefix('joint ')} [rad]"
+        assert text.startswith(f"t [s],{title},")
+        # Files of older versions have the joint's name alone.
+        older = text.replace("q ", "joint " if names[0] == "joint 1" else "")
+        for each in (text, older):
+            samples = parse_trajectory(each, names)
+            np.testing.assert_allclose(samples.t, taught.t, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(samples.q, taught.q, rtol=0, atol=1e-12)
+            assert samples.dq is None
+
+
+def test_torques_as_a_table(study, tmp_path):
+    plan, arm = study.runs["plain"].trajectory, study.job.arm
+    header, *rows = written(tmp_path, write_torque, plan.sample(0.05), arm).splitlines()
+    assert header.split(",")[:2] == ["t [s]", "torque shoulder_pan_joint [N m]"]
+    table = np.array([row.split(",") for row in rows], dtype=float)
+    t = table[3, 0]
+    np.testing.assert_allclose(table[3, 1:], arm.torque(plan(t), plan(t, 1), plan(t, 2)), atol=1e-9)

@@ -1,0 +1,299 @@
+"""Trajectory files, limits files and logs of a run: what they give, and what is refused."""
+
+import os
+import tracemalloc
+
+import numpy as np
+import pytest
+from tests.files.tables import refusals, values
+
+from armcontour.control.learning import Recording
+from armcontour.core.errors import InvalidInput
+from armcontour.files import parse_trajectory, read_limits, read_trajectory
+from armcontour.files.log_file import read_run_log
+from armcontour.motion import Log
+
+ROWS = "\n0,0.1,0.2\n0.5,0.3,0.4\n"
+
+
+@pytest.fixture
+def read(tmp_path):
+    def from_bytes(content, name="a.csv", **options):
+        (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+        return read_trajectory(tmp_path / name, **options)
+
+    return from_bytes
+
+
+def test_names_and_units_of_columns():
+    for header in (
+        "t,q1,q2",
+        "t [s],joint 1 [rad],joint 2 [rad]",
+        "time,q_1,q_2",
+        "T (s), Q1 (rad), Q2 (rad)",
+        "t_s,q1_rad,q2_rad",
+        "t,shoulder [rad],elbow",
+    ):
+        found = parse_trajectory(header + ROWS, ["shoulder", "elbow"])
+        np.testing.assert_array_equal(found.t, [0, 0.5])
+        np.testing.assert_array_equal(found.q, [[0.1, 0.2], [0.3, 0.4]])
+        assert found.dq is None and found.ddq is None
+        assert not found.q.flags.writeable
+
+
+def test_all_columns_in_any_order_with_comments_and_other_units():
+    text = """# from a controller
+    ddq 2 [deg/s^2],dq 1 [deg/s],t [ms],q 2 [deg],q1_deg,dq2,ddq1 [rad/s²]
+    # the first sample
+
+    180,90,0,45,90,1,2
+    180,90,4,45,90,1,2
+    """
+    for separator in (",", ";", "\t", " , "):
+        found = parse_trajectory(text.replace(",", separator))
+        np.testing.assert_allclose(found.t, [0, 4e-3])
+        np.testing.assert_allclose(found.q, [[np.pi / 2, np.pi / 4]] * 2)
+        np.testing.assert_allclose(found.dq, [[np.pi / 2, 1]] * 2)
+        np.testing.assert_allclose(found.ddq, [[2, np.pi]] * 2)
+        assert found.resolution["t"] == pytest.approx(1e-3)
+
+
+def test_resolution_is_that_of_the_printed_digits():
+    for texts, resolution in (
+        (["0.123456", "1.200000", "0.000000"], 1e-6),  # %.6f
+        (["1.234567", "0.12", "0"], 1e-6),  # the same, its zeros cut off
+        (["1.234560e-01", "1.200000e+00", "0.000000e+00"], 1e-6),  # %.6e: its largest number
+        (["0.123457", "12.3457", "0.00123457"], 1e-4),  # %.6g: its largest number
+        (["0.1", "0.30000000000000004", "-1.2345678901234567"], 1e-16),  # shortest
+        (["12", "-7", "0"], 1),
+        ([".5", "1.", "+2.25"], 1e-2),
+    ):
+        rows = "".join(f"{i},{x},0\n" for i, x in enumerate(texts))
+        found = parse_trajectory("t,q1,q2\n" + rows)
+        assert found.resolution["q"] == pytest.approx(resolution, rel=1e-6), texts
+        in_degrees = parse_trajectory("t,q1 [deg],q2 [deg]\n" + rows)
+        assert in_degrees.resolution["q"] == pytest.approx(np.deg2rad(resolution), rel=1e-6), texts
+
+
+# Lines end at /.
+BAD = f"""
+=> log.csv is empty
+# nothing/ => log.csv is empty
+t,q1,q2/ => no rows
+# a/t,q2,tau1/0,1,2/ => line 2: the column q1 is missing ... 'tau1' are not known
+t,q1,q1_deg/0,1,2/ => line 1: the columns 'q1' and 'q1_deg' hold the same
+q1,q2/0,1/ => line 1: the column t is missing
+t,q1,q3/0,1,2/ => line 1: the column q2 is missing
+t [m],q1/0,1/ => the unit 'm' of the column 't [m]' is not one that converts to s
+t,q1/0,1/1/ => line 3: 1 values, but 2 columns
+t,q1/0,1//1,x/ => line 4, column 'q1': 'x' is not a finite number
+t,q1/0,1/# a/0,2/ => line 4, column 't': '0' is 0.0 s, but times must increase
+t,q1/0,1/1,{"1" * 140_000}/ => line 3, column 'q1': '1111
+t,q1/0,1/1,"{"1" * 140_000}"/ => line 3: field larger
+t,q1/0,"1/1,2/ => line 2: ... quotes
+t,q1/0,1/1,1e308/ => line 3, column 'q1': '1e308' is ... more than 10000 rad
+t,q1 [deg]/0,1/1,1e6/ => line 3, column 'q1 [deg]': '1e6' is 1.75e+04 rad
+t,q1/0,1/5e-324,1/1e-323,1/ => line 3, ... at least 1 ns
+t,q1/0,1/1e300,1/ => line 3, column 't': '1e300' is ... within 1e+10 s
+t,q1/1e9,1/1000000000.0000005,1/ => line 3, ... more than the rounding
+"""
+
+
+def test_anything_else_is_refused_with_its_line():
+    def parse(text):
+        return parse_trajectory(text.replace("/", "\n").replace(":", "/"), source="log.csv")
+
+    refusals(parse, BAD, "log.csv")
+    tokens = ("nan", "", "1_0", "\u0663", "Infinity", "1e999", "0x10")
+    words = "log.csv, line 3, column 'q1': '{}' is not a finite number"
+    refusals(parse, [(f"t,q1/0,1/1,{x}/", words.format(x)) for x in tokens])
+
+
+def test_a_file_that_is_not_there_or_no_text(tmp_path, read):
+    os.mkfifo(tmp_path / "pipe.csv")
+    places = [
+        ("none.csv", "There is no trajectory file ... none.csv"),
+        ("pipe.csv", "is not a regular file"),
+        ("/dev/zero", "is not a regular file"),
+    ]
+    refusals(lambda x: read_trajectory(tmp_path / x), places)
+    lfs = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n"
+    # Some stand for other files.
+    contents = [
+        (b"\xff\xfe\x00", "not UTF-8"),
+        (b"t,q1\n0,\xff\0\n", "UTF-8"),
+        (lfs, "git lfs pull"),
+        (b"#ROSBAG V2.0\n\x45\xff\0", "rosbags-convert"),
+    ]
+    refusals(read, contents)
+    refusals(lambda x: read(x, "a.bag"), contents[2:])
+    text = "t,q1\n0,1\n1,1\n"
+    with pytest.raises(InvalidInput, match="CSV, which has no topics"):
+        read(text, topic="/joint_states")
+    with pytest.raises(InvalidInput, match="no columns to name"):
+        read(text, "a.yaml", columns="t,q1")
+
+
+def test_usual_steps_and_large_times_are_read():
+    # Nanoseconds with nine decimals, milliseconds since 1970, and quotes around every cell.
+    fast = parse_trajectory("t,q1\n1.000000001,1\n1.000000002,1\n1.000000003,1\n")
+    np.testing.assert_allclose(np.diff(fast.t), 1e-9, rtol=1e-6)
+    late = parse_trajectory("t [ms],q1\n1700000000001,1\n1700000000002,1\n")
+    np.testing.assert_allclose(np.diff(late.t), 1e-3, rtol=1e-3)
+    quoted = parse_trajectory('"t","q1 [deg]"\n"0","1"\n"1","2"\n')
+    np.testing.assert_allclose(np.rad2deg(quoted.q[:, 0]), [1, 2])
+    # Lines are converted by the thousand; the message still names the one.
+    lines = ["t,q1,q2", *(f"{i},0.5,0.25" for i in range(4000))]
+    assert len(parse_trajectory("\n".join(lines)).t) == 4000
+    lines[3001] = "3000,0.5,0_5"
+    with pytest.raises(InvalidInput, match="line 3002, column 'q2': '0_5'") as caught:
+        parse_trajectory("\n".join(lines))
+    assert caught.value.index == 3000
+
+
+LIMITS = """
+speed: 150 mm/s => {0.speed: 0.15}
+tool_acceleration: 2 => {0.tool_acceleration: 2, 0.joint_acceleration: [0.72, 0.72]}
+centripetal_acceleration: 0.09 m/s^2 => {0.centripetal_acceleration: 0.09}
+joint_velocity: [90 deg/s, 1.0] => {0.joint_velocity: [1.5707963267948966, 1]}
+joint_acceleration: [[-0.5 rad/s^2, 0.6]] => {0.joint_acceleration: [[-0.5, 0.6], [-0.5, 0.6]]}
+joint_velocity: [[-90 deg/s, 1], [-2, 3]] => {0.joint_velocity: [[-1.5707963267948966, 1], [-2, 3]]}
+deviation: 0.1 mm => {1: 0.0001}
+"""
+BAD_LIMITS = r"""
+- 1 => must hold a mapping of limits
+{ => not valid YAML
+joint_limits: {elbow_joint: {max_velocity: 3}} => of MoveIt ... --joint-limits
+deviation: 1 s => deviation: must be a quantity in m
+joint_velocity: [1, 2, 3] => 3 values ... 2 joints
+speed: 0 => speed: must be above zero
+"""
+
+
+def test_limits_with_units_and_limits_that_are_none(tmp_path, arm):
+    def read(text):
+        (tmp_path / "limits.yaml").write_text(text)
+        return read_limits(tmp_path / "limits.yaml", arm)
+
+    values(read, LIMITS)
+    refusals(read, BAD_LIMITS)
+    none = [(tmp_path / "none.yaml", "There is no limits file")]
+    refusals(lambda x: read_limits(x, arm), none)
+
+
+def test_columns_that_are_not_known_or_named_beside_the_file(read):
+    # Logs of robots have currents, tool poses, states.
+    found = parse_trajectory("t,state,q1,q2,i1 [A]\n0,ready,1,2,\n1,ready,1,2,nan\n")
+    np.testing.assert_array_equal(found.q, [[1, 2], [1, 2]])
+    assert found.left_out == ("state", "i1 [A]") and found.joints == ("q1", "q2")
+    for names in ("t [ms],-,q1 [deg],dq1", " t [ms], - ,q1_deg,dq 1 [rad/s]"):
+        for header in ("", "a,b,c,d\n", "# a comment\n"):
+            found = parse_trajectory(header + "0,x,90,1\n4,x,45,2\n", columns=names)
+            np.testing.assert_allclose(found.t, [0, 4e-3])
+            np.testing.assert_allclose(found.q, [[np.pi / 2], [np.pi / 4]])
+            np.testing.assert_allclose(found.dq, [[1], [2]])
+            assert found.left_out == ()
+    text = "Zeit;Achse 1 für Prüfung\n0;0.5\n1;1.5\n"
+    found = read(text.encode("latin-1"), "KRCIpo.csv", columns="t,q1")
+    assert found.t.tolist() == [0.0, 1.0] and found.q.tolist() == [[0.5], [1.5]]
+
+
+BAD_NAMES = """
+t,q1 => log.csv, line 1: 3 columns, but names of 2 are given
+t,-,- => log.csv, --columns: the column q1 is missing
+1,2,3 => log.csv, --columns: the first line must name
+"""
+
+
+def test_names_that_do_not_fit():
+    text = "0,1,2\n1,1,2\n"
+    refusals(lambda x: parse_trajectory(text, source="log.csv", columns=x), BAD_NAMES)
+    kinds = {"q {} [rad]": 0, "dq {} [rad/s]": 0, "ddq {} [rad/s^2]": 0}
+    six = [kind.format(x) for kind in kinds for x in ("a", "b", "wrist_1", "c", "d", "e")]
+    table = [
+        (["t [s]", *six], "6 joints ('a', 'b', 'wrist_1' ... the arm has 2 ('joint 1', 'joint 2')"),
+        (["t", *(f"x{k}" for k in range(20))], "'x7' and 12 more are not known"),
+    ]
+
+    def parse(titles):
+        zeros = ",".join(["0"] * len(titles))
+        return parse_trajectory(f"{','.join(titles)}\n{zeros}\n", ("joint 1", "joint 2"))
+
+    refusals(parse, table, without="[rad/s]")
+
+
+def test_large_numbers_of_joints_take_no_memory():
+    tracemalloc.start()
+    try:
+        with pytest.raises(InvalidInput):
+            parse_trajectory("t,q1,q1000000\n0,1,2\n")
+        assert tracemalloc.get_traced_memory()[1] < 2_000_000
+    finally:
+        tracemalloc.stop()
+    title = f"q{'9' * 5000}"
+    assert parse_trajectory(f"t,q1,{title}\n0,1,2\n").left_out == (title,)
+
+
+T = np.arange(60) * 0.008
+Q = np.stack([np.sin(T), 0.1 * T], axis=1)
+U = Q + 0.01
+ARM = ("shoulder_joint", "elbow_joint")
+
+
+def written(tmp_path, titles, *columns):
+    file = tmp_path / "run.csv"
+    np.savetxt(file, np.column_stack(columns), "%.9f", ",", header=titles, comments="")
+    return file
+
+
+def test_joints_with_the_names_of_the_arm_are_put_in_its_order(tmp_path):
+    titles = "t,elbow_joint command,elbow_joint actual,gripper command,gripper actual,"
+    titles += "shoulder_joint command [deg],shoulder_joint actual [deg]"
+    first = np.degrees(np.stack([U[:, 0], Q[:, 0]], axis=1))
+    log = read_run_log(written(tmp_path, titles, T, U[:, 1], Q[:, 1], 0 * T, 0 * T, first), ARM)
+    assert isinstance(log, Log) and log.joint_names == ARM
+    np.testing.assert_allclose(log.command, U, atol=1e-9)
+    np.testing.assert_allclose(log.measured, Q, atol=1e-9)
+    titles = "t,elbow_joint measured,shoulder_joint measured"
+    found = read_run_log(written(tmp_path, titles, T, Q[:, ::-1]), ARM)
+    assert isinstance(found, Recording)
+    np.testing.assert_allclose(found.q, Q, atol=1e-9)
+
+
+def test_joints_with_other_names_stay_in_their_order(tmp_path):
+    columns = (T, U[:, 0], Q[:, 0], U[:, 1], Q[:, 1])
+    file = written(tmp_path, "t,target_q_0,actual_q_0,target_q_1,actual_q_1", *columns)
+    log = read_run_log(file, ARM, start=0.05)
+    assert isinstance(log, Log) and log.t[0] == pytest.approx(0.056)
+    np.testing.assert_allclose(log.measured, Q[T >= 0.05], atol=1e-9)
+    # Positions without commands are a recording.
+    for titles in (
+        "t [ms],actual_q_0,actual_q_1",
+        "time [ms],q1,q2",
+        "t [ms],shoulder_joint measured,elbow q",
+    ):
+        found = read_run_log(written(tmp_path, titles, 1e3 * T, Q), ARM)
+        assert isinstance(found, Recording)
+        assert found.command is None and found.source == "run.csv"
+        np.testing.assert_allclose(found.q, Q, atol=1e-9)
+        np.testing.assert_allclose(found.t, T, atol=1e-12)
+    # Numbers of joints may be of any length.
+    large = "9" * 5000
+    with pytest.raises(InvalidInput):
+        read_run_log(written(tmp_path, f"t,u{large},q{large},u2,q2", *columns), ARM)
+    file = written(tmp_path, "t,u10,q10,u9,q9", T, U[:, 1], Q[:, 1], U[:, 0], Q[:, 0])
+    np.testing.assert_allclose(read_run_log(file, ARM).command, U, atol=1e-9)
+
+
+def test_logs_that_are_refused(tmp_path):
+    table = [
+        (("t,u1,q1,q2", T, U[:, 0], Q), "'q2' ... no command column"),
+        (("t,q1,q2", T[:20], Q[:20]), "20 samples"),
+        (("q1,q2", Q), "the column t is missing"),
+        (("t,q1,q2", T, np.mod(20 * Q, 2 * np.pi)), "wrapped angle"),
+    ]
+    refusals(lambda x: read_run_log(written(tmp_path, *x), ARM), table)
+    # Whole turns are undone on demand.
+    file = written(tmp_path, "t,q1,q2", T, np.mod(20 * Q, 2 * np.pi))
+    found = read_run_log(file, ARM, unwrap=True)
+    np.testing.assert_allclose(np.diff(found.q, axis=0), np.diff(20 * Q, axis=0), atol=1e-8)

@@ -1,0 +1,229 @@
+"""Quantities with units, titles of columns, and keys of files."""
+
+import itertools
+import math
+
+import numpy as np
+import pint
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.files.tables import refusals
+
+from armcontour.core.quantities import Quantity
+from armcontour.files.csv_table import Title, read_table
+from armcontour.files.log_file import read_tool_positions
+from armcontour.files.units import (
+    MOST_CHARACTERS,
+    PERCENT,
+    QUANTITY,
+    USUAL,
+    parse,
+    read_quantity,
+    share,
+    unit_of,
+    write_like,
+)
+
+
+def test_numbers_and_text_are_read():
+    for value, unit, expected in (
+        (0.25, "m/s", 0.25),
+        ("5 mm", "m", 5e-3),
+        ("150mm/s", "m/s", 0.15),
+        ("90 deg", "rad", math.pi / 2),
+        ("25 1/s", "1/s", 25.0),
+        ("41.25 deg/s^2", "rad/s^2", math.radians(41.25)),
+        ("30 °", "rad", math.radians(30)),
+        ("0.09 m/s²", "m/s^2", 0.09),
+        ("5 µm", "m", 5e-6),
+        ("0.72 rad/s**2", "rad/s^2", 0.72),
+        # Products, quotients and powers.
+        ("5 N·m", "N m", 5.0),
+        ("3 m ** 2 / m", "m", 3.0),
+        ("7 s**-1", "1/s", 7.0),
+    ):
+        assert parse(value, unit) == pytest.approx(expected, rel=1e-15), value
+
+
+# These would take for ever if they were worked out, and nothing can interrupt that.
+POWERS = ("4 s**9**9**9", "1 mm**9**9**9", "1 m^9^9^9", "2 m**-9**9**9", "1 m**9 m**9**9")
+REFUSED = {
+    "no unit": ("5", "1e-3"),
+    "must be a quantity in m": ("5 s",),
+    "not a quantity": (
+        *("5 parsecs per", "five", "2**99999999999 m", "(1 + 1) m", "5 m**99", "5 m²³"),
+        *("5 m⁹⁹⁹⁹⁹⁹", "1_0 mm", "٣ mm", *POWERS),
+    ),
+    "quantity|finite": ("", "nan m"),
+    "20001 characters": ("9" * 20_000 + "!",),
+    "hundreds of digits": (10**400,),
+    "finite": (float("nan"), float("inf")),
+    "must be a number": (True, None, [1], [1] * 1_000_000),
+}
+
+
+def test_refusals():
+    for words, values in REFUSED.items():
+        for value in values:
+            with pytest.raises(ValueError, match=words) as caught:
+                parse(value, "m")
+            assert len(str(caught.value)) < 500
+    for text in POWERS:
+        with pytest.raises(ValueError, match="not a quantity"):
+            parse(text, "s")
+
+
+REPEATS = "9,9.,1 ,m ,m*,m/,m**2 ,m^-2 ,m²,m·,e,1e9,_,°,-".split(",")
+
+
+def test_long_texts_are_no_quantities():
+    # Far longer than what is looked at; time that grew with the square would be minutes here.
+    for begin, repeat in itertools.product(["", "1 ", "1 m", "1e"], REPEATS):
+        text = begin + repeat * (40_000 // len(repeat)) + "!"
+        assert not QUANTITY.fullmatch(text) and not PERCENT.fullmatch(text)
+    # No text above the bound is looked at.
+    text = "5" + " " * (MOST_CHARACTERS - 3) + "mm"
+    assert len(text) == MOST_CHARACTERS and parse(text, "m") == 5e-3
+    with pytest.raises(ValueError, match="101 characters, more than the 100"):
+        parse(text + " ", "m")
+    assert share("5" + " " * (MOST_CHARACTERS - 2) + "%") == 0.05
+    with pytest.raises(ValueError, match="percentage"):
+        share("5" + " " * (MOST_CHARACTERS - 1) + "%")
+
+
+def test_usual_units_are_those_of_pint():
+    registry = pint.UnitRegistry(cache_folder=None)
+    for unit, names in USUAL.items():
+        for name, number in itertools.product(names, ("5", "-.25", "+3.7e-2", "123456789.")):
+            text = f" {number}{' ' if name == '1/s' else ''}{name} "
+            assert parse(text, unit) == float(registry.Quantity(text).to(unit).magnitude)
+
+
+LENGTH, SHARE = Quantity("m", "5 mm"), Quantity("1", "10 %")
+
+
+def test_a_quantity_is_written_as_another_one():
+    for value, old, kind, written in (
+        (0.2, "0.15 m/s", Quantity("m/s", "0.15 m/s"), "0.2 m/s"),
+        (0.3525, "350 mm", LENGTH, "352.5 mm"),
+        (0.1 + 0.2, "350mm", LENGTH, "300mm"),
+        (4.0, 3, LENGTH, 4),
+        (np.pi / 3, "90 deg", Quantity("rad", "90 deg"), "60 deg"),
+        (0.25, "10 %", SHARE, "25 %"),
+        (0.002, None, LENGTH, "2 mm"),
+        (-0.0, "5 mm", LENGTH, "0 mm"),
+        (0.002, "sharp", LENGTH, "2 mm"),
+    ):
+        found = write_like(value, old, kind)
+        assert (found, type(found)) == (written, type(written)), (value, old)
+
+
+@given(st.floats(-1e4, 1e4), st.sampled_from(["1 mm", "2.5 m", "3 um", 0.5, "7 thou"]))
+def test_what_is_written_is_read_again(value, old):
+    exact = read_quantity(write_like(value, old, LENGTH), LENGTH)
+    assert exact == pytest.approx(value, rel=3e-15, abs=0)
+    # Fewer digits where that is enough.
+    rough = write_like(value, old, LENGTH, within=1e-4)
+    assert abs(read_quantity(rough, LENGTH) - value) <= 1e-4 * (1 + 1e-9)
+    assert len(str(rough)) <= len(str(write_like(value, old, LENGTH))) + 2
+
+
+def test_the_unit_of_a_quantity_is_the_one_written():
+    assert unit_of("350 mm", LENGTH) == ("mm", 1e-3)
+    assert unit_of(0.35, LENGTH) == ("m", 1.0)
+    assert unit_of(None, SHARE) == ("%", 0.01)
+    # Degrees without their unit are refused where angles are within a turn.
+    turn = Quantity("rad", "90 deg", "turn")
+    with pytest.raises(ValueError, match="but is 180 rad: for 180 degrees write 180 deg"):
+        read_quantity(180, turn)
+    assert read_quantity("720 deg", turn) == pytest.approx(4 * math.pi)
+    assert read_quantity("7 rad", turn) == 7.0 and read_quantity(-6.2832, turn) == -6.2832
+
+
+SI = {"t": "s", "q": "rad", "dq": "rad/s", "x": "m", "name": None}
+
+
+def titles(*given):
+    def title_of(name, has_unit):
+        key, _, suffix = name.partition("_")
+        return Title(key, SI[key], suffix or None) if key in SI else None
+
+    # A single title may have blanks.
+    line = ";".join(given if len(given) > 1 else [*given, "-"])
+    return read_table(line, "a.csv", title_of, example="t,q")
+
+
+def test_units_become_factors():
+    for title, key, factor in (
+        ("t", "t", 1.0),
+        ("t [ms]", "t", 1e-3),
+        ("q [deg]", "q", math.pi / 180),
+        ("q_mrad", "q", 1e-3),
+        ("dq [rpm]", "dq", math.pi / 30),
+        ("x_mm", "x", 1e-3),
+        ("x [ in ]", "x", 0.0254),
+        ("name", "name", 1.0),
+    ):
+        table = titles("other", title, "something [V]")
+        assert table.unknown == ("other", "something [V]")
+        ((found, column),) = table.columns.items()
+        assert (found, column.index, column.title) == (key, 1, title)
+        assert column.factor == pytest.approx(factor, rel=1e-12), title
+
+
+BAD = """
+1|-2.5e3 => the first line must name the columns, such as t,q
+t|q|q [deg] => the columns 'q' and 'q [deg]' hold the same
+t|t => there are two columns 't'
+q [1/s] => the unit '1/s' of the column 'q [1/s]' is not one that converts to rad
+t [-ms] => not one that converts to s
+name [m] => the unit 'm' of the column 'name [m]' is not wanted
+q_deg [rad] => the column 'q_deg [rad]' has two units
+"""
+
+
+def test_titles_that_are_refused():
+    refusals(lambda x: titles(*x.split("|")), BAD, "a.csv, line 1: ", without="m" * 300)
+
+
+POSITIONS = np.array([[0.0, 0.4, 0.1, 0.2], [0.008, 0.401, 0.1, 0.2]])
+BAD_FILES = r"""
+t,x,y\n0,1,2 => tool.csv, line 1 ... column z ... t,x,y,z
+x,y,z\n0,1,2 => column t
+t,x,y,z\n0,1,2,many => line 2 ... 'many'
+0,1,2,3\n1,1,2,3 => first line must name the columns
+t,x,y,z\n0,0,0,0\n0,1,0,0 => line 3, column 't': '0' is 0.0 s, but times must increase
+t [ns],x,y,z\n1,0,0,0\n2,1,0 => line 3: 3 values, but 4 columns
+"""
+
+
+@pytest.fixture
+def read(tmp_path):
+    def from_text(text, dimension=3):
+        file = tmp_path / "tool.csv"
+        file.write_text(text.replace(r"\n", "\n") + "\n", encoding="utf-8")
+        return read_tool_positions(file, dimension)
+
+    return from_text
+
+
+def test_positions_of_the_tool(read):
+    for text in (
+        "t,x,y,z\n0,0.4,0.1,0.2\n0.008,0.401,0.1,0.2",
+        "# tracker\nt [ms];x [mm];y [mm];z [mm]\n0;400;100;200\n8;401;100;200",
+        "z_mm,frame,tool x [m],tcp_y_mm,time\n200,7,0.4,100,0\n200,8,0.401,100,0.008",
+        "timestamp,actual x,actual y,actual z,speed x\n0,0.4,0.1,0.2,1\n0.008,0.401,0.1,0.2,1",
+    ):
+        np.testing.assert_allclose(np.column_stack(read(text)), POSITIONS, rtol=1e-15)
+    t, points = read("t [ms],x [mm],y [mm]\n8,401,100\n16,402,100", 2)
+    np.testing.assert_allclose(t, [0.008, 0.016])
+    np.testing.assert_allclose(points, [[0.401, 0.1], [0.402, 0.1]])
+    # Rows that repeat the one before, and times in two columns, as in logs.
+    t, points = read("sec,nanosec,x,y\n7,900000000,1,2\n7,900000000,1,2\n8,100000000,1,3", 2)
+    np.testing.assert_allclose(t, [0.9, 1.1])
+    np.testing.assert_allclose(points, [[1, 2], [1, 3]])
+
+
+def test_files_that_are_refused(read):
+    refusals(read, BAD_FILES)

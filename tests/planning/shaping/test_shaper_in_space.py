@@ -1,0 +1,79 @@
+"""Shaped paths of arms in space: whole jobs with few iterations, and what cannot be shaped."""
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.core.frames import angle_between
+from armcontour.planning import shape
+
+# The third iteration gains the first half percent, the fifth much more.
+TOLERANCE, ITERATIONS = 1e-3, 5
+POINTS = [(0.45, 0.08, 0.20), (0.51, 0.08, 0.20), (0.51, 0.13, 0.22)]
+DOWN = np.diag([1.0, -1.0, -1.0])
+TILTED = np.array([[1.0, 0.0, 0.0], [0.0, -0.98, 0.2], [0.0, -0.2, -0.98]])
+TILTED[:, 1:] /= np.hypot(0.98, 0.2)
+
+
+@pytest.fixture(scope="module")
+def ur5e():
+    return ac.load_arm("ur5e")
+
+
+def shaped(path, arm, limits=None, **options):
+    options = {"tolerance": TOLERANCE, "iterations": ITERATIONS} | options
+    return shape(path, arm, limits, ac.Shaped(**options))
+
+
+def check_outcome(path):
+    outcome = path.outcome
+    starts = [x for name, x in outcome.durations.items() if name != "shaped"]
+    assert outcome.durations["shaped"] <= min(starts)
+    assert (np.diff(outcome.history) <= 0).all()
+
+
+@pytest.mark.parametrize("name", ["ur5e", "panda"])
+def test_a_corner_is_faster_and_the_tool_keeps_its_orientation(name):
+    arm = ac.load_arm(name)
+    objective = ac.Path.polyline(POINTS).oriented(DOWN)
+    # Torques take most of the time; one arm is enough for them.
+    limits = arm.limits if name == "ur5e" else arm.limits.replace(joint_torque=np.inf)
+    start = ac.trace(objective, arm)(0.0)
+    found = shaped(objective, arm, limits, start=start)
+    check_outcome(found)
+    assert found.outcome.gain > 0.005 and found.outcome.note is None
+    planned = ac.plan(found, arm, limits, ac.Optimal(start=start))
+    assert planned.duration == pytest.approx(found.outcome.durations["shaped"], rel=1e-9)
+    points, rotations = arm.pose(planned(np.linspace(0, planned.duration, 200)))
+    np.testing.assert_allclose(rotations, np.broadcast_to(DOWN, rotations.shape), atol=1e-6)
+    assert objective.project(points).distance.max() <= TOLERANCE
+
+
+def test_a_turning_tool_has_the_orientation_of_the_place(ur5e):
+    objective = ac.Path.polyline(POINTS).oriented([DOWN, TILTED, DOWN])
+    limits = ur5e.limits.replace(angular_speed=1.0, angular_acceleration=8.0, joint_torque=np.inf)
+    start = ac.trace(objective, ur5e)(0.0)
+    found = shaped(objective, ur5e, limits, angular_tolerance=0.02, start=start)
+    check_outcome(found)
+    assert found.outcome.note is None
+    s = np.linspace(0, found.length, 301)
+    place = np.interp(s, found.places[:, 1], found.places[:, 0])
+    axes = found.orientation(s)[:, :, 2], objective.orientation(place)[:, :, 2]
+    assert angle_between(*axes).max() <= 0.02
+    report = ac.check(ac.plan(found, ur5e, limits, ac.Optimal(start=start)), ur5e, limits, found)
+    assert report.verdict == "kept"
+
+
+def test_what_is_not_shaped_keeps_the_best_start(ur5e):
+    following = ac.Path.polyline(POINTS).following_tangent((0.0, 0.0, 1.0))
+    exact = {"tolerance": 0.0}
+    for objective, options, start in (
+        (following, {"angular_tolerance": 0.05}, None),
+        (ac.Path.polyline(POINTS).oriented(DOWN), exact, "stops"),
+    ):
+        found = shaped(objective, ur5e, **options)
+        check_outcome(found)
+        assert found.outcome.note.endswith(": not shaped")
+        # All starts take the same time here, but for rounding.
+        times = found.outcome.durations
+        assert start is None or times[start] == pytest.approx(min(times.values()), rel=1e-12)

@@ -1,0 +1,216 @@
+"""Hard cases of the guarantee between grid points, each once a real violation or a near miss."""
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.planning.constraints import Constraint, JointMotion, SecondOrder
+from armcontour.planning.grid import grid_through
+from armcontour.planning.optimal import plan_optimal
+from armcontour.planning.topp.limits import A, Rounds
+
+
+class TwoJoints:
+    """As much of an arm as planning a joint path needs."""
+
+    dof = 2
+    limits_hint = ""
+
+
+def bent_path(low, high, lead, width):
+    """Joint 1 goes at slope `low`, up to `high` and down again with a kink, and on at `low`."""
+    lengths = np.array([lead, width, width, lead])
+    first, last = np.array([(low, low), (low, high), (high, low), (low, low)]).T
+    breaks = np.concatenate([[0.0], np.cumsum(lengths)])
+    coefficients = np.zeros((4, 6, 2))
+    coefficients[1:, 0, 0] = np.cumsum((first + last) / 2 * lengths)[:-1]
+    coefficients[:, 1, 0], coefficients[:, 2, 0] = first * lengths, (last - first) * lengths / 2
+    coefficients[:, 0, 1], coefficients[:, 1, 1] = 0.1 * breaks[:-1], 0.1 * lengths
+    return ac.JointPath(breaks=breaks, coefficients=coefficients)
+
+
+def inside(law):
+    """50 random places of every interval and its ends: intervals and times."""
+    share = np.random.default_rng(0).random((len(law.breaks) - 1, 52))
+    share[:, :2] = 0.0, 1.0
+    t = law.breaks[:-1, None] + np.diff(law.breaks)[:, None] * share
+    return np.repeat(np.arange(len(share)), 52), t.ravel()
+
+
+def largest(trajectory, order):
+    (law,) = trajectory.laws
+    return np.abs(law.on_interval(*inside(law), order)).max(axis=0)
+
+
+@pytest.mark.parametrize(("lead", "acceleration"), [(3, 0.5), (30, 0.05)])
+def test_a_velocity_limit_holds_beside_a_kink(lead, acceleration):
+    limits = ac.Limits.only(joint_velocity=[1.0, 1.0], joint_acceleration=[acceleration, 50.0])
+    path = bent_path(1.0, 2.0, lead, 0.2)
+    for intervals in (20, 40, 400, 4000):
+        planned = plan_optimal(path, TwoJoints(), limits, ac.Optimal(intervals=intervals))
+        assert largest(planned, 1)[0] <= 1 + 1e-9, intervals
+        assert largest(planned, 2)[0] <= acceleration * (1 + 1e-9), intervals
+
+
+def test_an_interval_between_two_rests_is_planned():
+    path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)])
+    limits = ac.Limits.only(joint_acceleration=[1.0, 1.0])
+    planned = plan_optimal(path, TwoJoints(), limits, ac.Optimal(grid=np.array([0.0, path.length])))
+    assert planned.duration == pytest.approx(2.0)
+    assert len(grid_through(path, np.array([0.0]))) == 2
+
+
+class Round(Constraint):
+    """|dds| within a radius."""
+
+    name = "mine"
+
+    def __init__(self, radius):
+        self.radius = radius
+
+    def on(self, path):
+        ends = np.zeros((len(path), 2, 1, 2, 3))
+        ends[..., A, 0] = 1.0
+        return (Rounds(ends, np.full((len(path), 1), self.radius), np.zeros((len(path), 1, 4))),)
+
+
+def test_the_smaller_of_two_radii_limits():
+    path = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.0)])
+    limits = ac.Limits.only(joint_velocity=[10.0, 10.0])
+    for radii in ([0.5], [0.5, 0.7]):
+        own = [Round(x) for x in radii]
+        planned = plan_optimal(path, TwoJoints(), limits, ac.Optimal(constraints=own))
+        assert planned.duration == pytest.approx(2 * np.sqrt(1 / 0.5), rel=1e-6)
+
+
+WIDTH = 2.0**-5
+# Joint 1 moves evenly and then takes off: a limit that ends at the break in the middle jumps there.
+EVEN = ac.JointPath(
+    breaks=np.array([0.0, 2.0, 4.0]),
+    coefficients=np.array(
+        [[[0.0], [2.0], [0.0], [0.0], [0.0], [0.0]], [[2.0], [2.0]] + 4 * [[0.0]]]
+    ),
+)
+
+
+class Vectors(Constraint):
+    """|a u + b x| within 1 until the middle, for vectors a = share 2 w b + off."""
+
+    name = "vectors"
+
+    def __init__(self, share, off, b=(3.0, 2.0, 0.0)):
+        self.b = np.array(b)
+        self.a = -2 * WIDTH * share * self.b + np.array([0.0, 0.0, off])
+
+    def on(self, path):
+        before = (path.grid.s[:-1] < 2.0).astype(float)[:, None]
+        places = np.concatenate(
+            [before, before, np.zeros((len(path.places[1]) - 2 * len(path), 1))]
+        )
+        places[path.after] = before
+        return (path.round(places * self.a, places * self.b, 1.0),)
+
+
+def near_the_middle(planned):
+    """U and x of a plan shortly before its middle, and in all of its first half."""
+    end = planned.time_at(2.0)
+    t = end - np.concatenate([np.geomspace(1e-9, 0.1, 500) * end, np.linspace(1e-9, 1, 5000) * end])
+    return planned.s(t, 2), planned.s(t, 1) ** 2
+
+
+# Of the interval whose end is the middle, of the one before it, and of its start.
+@pytest.mark.parametrize("steps", [1, 2, -1])
+@pytest.mark.parametrize("share", [1.0, 1 + 1e-16, 1 - 1e-12, 1 + 1e-12, 1 - 1e-8, 1 + 1e-8])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_a_row_whose_part_of_the_mean_cancels_still_limits(steps, share, sign):
+    w = WIDTH * steps
+
+    def coefficients(s, side):
+        before = ((s < 2) | ((s == 2) & (side == "left"))).astype(float)[:, None]
+        return -2 * w * share * sign * before, sign * before, 0 * before
+
+    bounds = ([-1e3], [1.0]) if sign > 0 else ([-1.0], [1e3])
+    limits, grid = ac.Limits.only(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
+    own = SecondOrder("own", coefficients, *bounds)
+    planned = ac.plan(EVEN, limits=limits, options=ac.Optimal(constraints=[own], grid=grid))
+    u, x = near_the_middle(planned)
+    assert (-2 * w * share * u + x).max() <= 1 + 1e-9
+    assert (-2 * w * share * u + x).max() > 0.99
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-16, 1e-12, 1e-8, 1e-5])
+@pytest.mark.parametrize("share", [1.0, 1 - 1e-12, 1 + 1e-8, 0.5])
+def test_a_vector_whose_part_of_the_mean_cancels_still_limits(share, off):
+    limits, grid = ac.Limits.only(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
+    own = Vectors(share, off)
+    u, x = near_the_middle(
+        ac.plan(
+            EVEN,
+            limits=limits,
+            options=ac.Optimal(constraints=[own], grid=grid),
+        )
+    )
+    size = np.linalg.norm(own.a * u[:, None] + own.b * x[:, None], axis=1)
+    assert size.max() <= 1 + 1e-9
+    assert size.max() > 0.99
+
+
+@pytest.mark.parametrize("share", [1 + 3e-14, 1 - 1e-13, 1 + 1e-12])
+def test_vectors_whose_parts_of_the_mean_cancel_up_to_rounding_still_limit(share):
+    limits, grid = ac.Limits(joint_acceleration=[10.0]), np.arange(0, 4 + WIDTH / 2, WIDTH)
+    for b in np.random.default_rng(4).uniform(-3, 3, (20, 3)):
+        own = Vectors(share, 0.0, b)
+        u, x = near_the_middle(
+            ac.plan(
+                EVEN,
+                limits=limits,
+                options=ac.Optimal(constraints=[own], grid=grid),
+            )
+        )
+        size = np.linalg.norm(own.a * u[:, None] + own.b * x[:, None], axis=1)
+        assert 0.99 < size.max() <= 1 + 1e-9
+
+
+def test_refusals(refuses):
+    path, limits = (
+        ac.JointPath.spline([(0.0, 0.0), (1.0, 0.0)]),
+        ac.Limits.only(joint_acceleration=1.0),
+    )
+    for options in (
+        *({"intervals": x} for x in (1, 0, 2.5, np.nan)),
+        *({"grid": x} for x in ([], [0.0, 9.0])),
+        {"start_speed": -0.05},
+        {"end_speed": np.inf},
+    ):
+        refuses(
+            lambda x=options: plan_optimal(path, TwoJoints(), limits, ac.Optimal(**x)),
+            ac.InvalidInput,
+        )
+    # A constraint that limits nothing says so.
+    more = ac.Optimal(constraints=[JointMotion((-np.ones(2), np.ones(2)))])
+    words = "Nothing limits the acceleration"
+    refuses(lambda: plan_optimal(path, TwoJoints(), ac.Limits.only(), more), ac.InvalidInput, words)
+
+
+def test_a_circle_of_many_chords_takes_as_long_as_a_circle(arm):
+    limits = arm.limits.replace(speed=0.15)
+    circle = ac.Path.from_segments([ac.Arc(start=(0.42, 0.2), center=(0.36, 0.2), angle=2 * np.pi)])
+    expected = ac.plan(circle, arm, limits).duration
+    for chords in (500, 5000):
+        turn = np.linspace(0, 2 * np.pi, chords + 1)
+        points = np.column_stack([0.36 + 0.06 * np.cos(turn), 0.2 + 0.06 * np.sin(turn)])
+        rounded = ac.round_corners(ac.Path.polyline(points), tolerance=1e-5)
+        assert rounded.lengths.min() > 1e-12
+        assert ac.plan(rounded, arm, limits).duration == pytest.approx(expected, rel=2e-3)
+
+
+def test_the_tool_acceleration_holds_where_the_curvature_varies_along_a_piece(arm):
+    limits = arm.limits.replace(tool_acceleration=0.3)
+    objective = ac.Path.polyline([(0.3, 0.15), (0.4, 0.15), (0.4, 0.25)])
+    path = ac.shape(objective, arm, limits, ac.Shaped(tolerance=5e-3, iterations=5))
+    for intervals in (100, 1000):
+        (law,) = ac.plan(path, arm, limits, ac.Optimal(intervals=intervals)).laws
+        state = (law.on_interval(*inside(law), x) for x in range(3))
+        used = np.linalg.norm(arm.tool_acceleration(*state), axis=1) / limits.tool_acceleration
+        # At the corner, where the curvature varies the most, hardly anything is left unused.
+        assert 0.9995 < used.max() <= 1 + 1e-9, intervals

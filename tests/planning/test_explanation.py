@@ -1,0 +1,314 @@
+"""Explanations, the fastest configuration, and the entry point of the planners."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.motion import Method, PathLaw, Rates
+from armcontour.planning import explain
+from armcontour.planning.constraints import IntervalEnds, SecondOrder
+from armcontour.planning.grid import grid_through
+
+SPEED, ACCELERATION = 0.1, 0.2  # m/s, m/s²
+
+
+def explained(path, arm, limits, *, tiled=True, **options):
+    """A plan and its explanation, whose parts lie in order and cover all of it."""
+    planned = ac.plan(path, arm, limits, ac.Optimal(**options))
+    found = explain(planned, arm, limits, **options)
+    law = planned.laws[0]
+    t, s = (np.array([getattr(x, name) for x in found.bindings]) for name in ("t", "s"))
+    for x, last in ((t, planned.duration), (s, law.s[-1])):
+        assert x[0, 0] == 0 and x[-1, 1] == last and (x[:, 0] < x[:, 1]).all()
+        np.testing.assert_array_equal(x[:-1, 1], x[1:, 0])
+    for before, after in zip(found.bindings[:-1], found.bindings[1:], strict=True):
+        assert before.name != after.name
+    for x in found.bindings:
+        assert 0 <= x.share <= 1 + 1e-9
+        assert not tiled or (x.share >= 0.999) == (x.limit != "nothing")
+    return planned, found
+
+
+def robot(dof):
+    return SimpleNamespace(dof=dof, limits=ac.Limits())
+
+
+def names(explanation):
+    """What binds, one after the other, leaving out the single intervals between two limits."""
+    return [x.name for x in explanation.bindings if x.name != "nothing"]
+
+
+def idle(explanation):
+    """Time in which nothing binds [s]."""
+    return sum(x.t[1] - x.t[0] for x in explanation.bindings if x.name == "nothing")
+
+
+def test_a_trapezoid_of_one_joint():
+    limits = ac.Limits.only(joint_acceleration=[[-2.0, 1.0]], joint_velocity=[[-9.0, 0.5]])
+    planned, found = explained(ac.JointPath.spline([(0.0,), (2.0,)]), robot(1), limits)
+    assert names(found) == ["joint 1 acceleration", "joint 1 velocity", "joint 1 acceleration"]
+    middle = next(x for x in found.bindings if x.limit == "velocity")
+    # Up at 1 rad/s², down at 2 rad/s²: 0.125 and 0.0625 rad, known to one interval of 0.5 mrad.
+    np.testing.assert_allclose(middle.s, [0.125, 2 - 0.0625], atol=1e-3)
+    np.testing.assert_allclose(middle.t, [0.5, planned.duration - 0.25], atol=2e-3)
+    assert middle.joint == 0
+    assert (found.assigned_length, found.assigned_time, found.shortfalls) == (None, None, ())
+    assert "joint 1 velocity 83%, joint 1 acceleration 17%; 0 shortfalls" in repr(found)
+
+
+def test_the_slowest_joint_and_a_further_constraint_are_named():
+    for slow in range(3):
+        acceleration = np.full(3, 5.0)
+        acceleration[slow] = 1.0
+        path = ac.JointPath.spline([(0.0, 0.0, 0.0), (1.0, -1.0, 1.0)])
+        found = explained(path, robot(3), ac.Limits.only(joint_acceleration=acceleration))[1]
+        assert set(names(found)) == {f"joint {slow + 1} acceleration"}
+
+    def coefficients(s, side):
+        one = np.ones((len(s), 1))
+        return one, 0 * one, 0 * one
+
+    weak = SecondOrder("torque", coefficients, [-0.5], [0.5], joints=True)
+    path, limits = ac.JointPath.spline([(0.0,), (2.0,)]), ac.Limits.only(joint_acceleration=[5.0])
+    found = explained(path, robot(1), limits, constraints=[weak])[1]
+    assert set(names(found)) == {"joint 1 torque"}
+
+
+RAMP, JERK = 0.2, 5.0  # s, m/s³
+SLOPE = 40.0  # 1/s²
+LENGTH = 2 * JERK * RAMP**3 / 6 + 2 * JERK * RAMP / SLOPE
+
+
+def smooth_law(points):
+    """Uniform jerk from rest, half a wave of the path acceleration, uniform jerk to rest.
+
+    The plan has rests at both ends, and its jerk is largest in the middle of the wave.
+    """
+    path = ac.JointPath.spline(points)
+    path = ac.JointPath(breaks=[0.0, LENGTH], coefficients=path.coefficients)
+    speed, most = JERK * RAMP**2 / 2, JERK * RAMP
+    ramp, wave = JERK * RAMP**3 / 6, 2 * most / SLOPE
+    s = np.cumsum([0.0, ramp, wave, speed * RAMP - most * RAMP**2 / 2 + JERK * RAMP**3 / 6])
+    time = 2 * np.arctan(most / (speed * np.sqrt(SLOPE))) / np.sqrt(SLOPE)
+    rates = [[0, 0, 0, JERK], [speed, most, -SLOPE, 0], [speed, -most, 0, JERK]]
+    breaks = np.cumsum([0.0, RAMP, time, RAMP])
+    return PathLaw(joint_path=path, breaks=breaks, s=s, rates=Rates(*np.transpose(rates) * 1.0))
+
+
+def test_jerk_is_named_where_it_binds():
+    planned = ac.Trajectory(laws=(smooth_law([(0.0, 0.0), (1.0, -2.0)]),), method=Method.OPTIMAL)
+    # In the middle of the wave, ds² = ds1² + dds1² / slope; both joints move evenly along s.
+    middle = SLOPE * np.sqrt((JERK * RAMP**2 / 2) ** 2 + (JERK * RAMP) ** 2 / SLOPE)
+    slope = 2.0 / LENGTH
+    t, s = planned.breaks, planned.laws[0].s
+    np.testing.assert_allclose(np.abs(planned(t[1:3].mean(), 3)[1]), slope * middle, rtol=1e-12)
+    found = explain(planned, robot(2), ac.Limits.only(joint_jerk=[np.inf, slope * middle]))
+    assert names(found) == ["joint 2 jerk"]
+    assert [x.limit for x in found.bindings] == ["nothing", "jerk", "nothing"]
+    assert (found.bindings[1].t, found.bindings[1].s) == (tuple(t[1:3]), tuple(s[1:3]))
+    # Next to rests jerk is uniform, and here far below its limit.
+    shares = [x.share for x in found.bindings[:2]]
+    assert shares == pytest.approx([JERK / middle, 1], abs=1e-12)
+
+
+def test_the_tools_jerk_is_the_largest_along_an_interval(arm):
+    law = smooth_law([(0.0, 0.0), (1.0, 0.0)])
+    ends = IntervalEnds(arm, law, grid_through(law.joint_path, law.s))
+    limits = ac.Limits.only(tool_jerk=1, path_jerk=1)
+    tool, along = (ends.largest_use(x, limits)[:, 0] for x in ("tool_jerk", "path_jerk"))
+    np.testing.assert_allclose(along[[0, 2]], JERK, rtol=1e-6)
+    planned = ac.Trajectory(laws=(law,), method=Method.OPTIMAL)
+    for k in range(3):
+        t = np.linspace(*law.breaks[k : k + 2], 201)[1:-1]
+        dq, ddq, dddq = (planned(t, order)[:, 0] for order in (1, 2, 3))
+        # The stretched arm turns on a circle.
+        jerk = (arm.link1 + arm.link2) * np.hypot(dddq - dq**3, 3 * dq * ddq)
+        assert tool[k] == pytest.approx(jerk.max(), rel=0.02)
+
+
+def test_plans_with_limits_of_jerk_are_covered():
+    path = ac.JointPath.spline(np.random.default_rng(1).uniform(-1.5, 1.5, (5, 2)))
+    for factor in (3, 50):
+        limits = ac.Limits.only(joint_velocity=1.5, joint_acceleration=5.0, joint_jerk=5.0 * factor)
+        planned, found = explained(path, robot(2), limits.for_joints(2), tiled=False)
+        # It is jerk that holds a motion back next to its rests, and it is a limit at each time but
+        # where one limit hands over to another.
+        assert {found.bindings[k].limit for k in (0, -1)} == {"jerk"}
+        assert {x.limit for x in found.bindings} >= {"jerk", "acceleration", "velocity"}
+        assert idle(found) < 0.005 * planned.duration
+
+
+def test_random_splines_are_covered():
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        dof = int(rng.integers(2, 8))
+        path = ac.JointPath.spline(rng.uniform(-2, 2, (6, dof)))
+        limits = ac.Limits.only(
+            joint_velocity=rng.uniform(0.5, 3, dof), joint_acceleration=rng.uniform(0.5, 5, dof)
+        )
+        planned, found = explained(path, robot(dof), limits)
+        # Time-optimal: some limit binds nearly always.
+        assert idle(found) < 0.02 * planned.duration, seed
+
+
+def line(length):
+    return ac.Path.polyline([(0.3, 0.2), (0.3 + length, 0.2)])
+
+
+def test_a_line_in_closed_form_and_one_too_short_for_its_speed(arm):
+    only = ac.Limits.only(speed=SPEED, tool_acceleration=ACCELERATION)
+    found = explained(line(0.1), arm, only)[1]
+    assert names(found) == ["tool acceleration", "assigned velocity", "tool acceleration"]
+    ramp = SPEED**2 / (2 * ACCELERATION)
+    time = 0.1 / SPEED + SPEED / ACCELERATION
+    # Known to an interval or two at either end.
+    assert found.assigned_length == pytest.approx(1 - 2 * ramp / 0.1, abs=2e-3)
+    assert found.assigned_time == pytest.approx(1 - 2 * SPEED / ACCELERATION / time, abs=2e-3)
+    assert found.shortfalls == ()
+    found = explained(line(0.03), arm, only)[1]
+    assert found.assigned_length == found.assigned_time == 0
+    (short,) = found.shortfalls
+    assert (short.kind, short.reason, short.assigned) == ("fastest", "tool acceleration", SPEED)
+    assert short.s == pytest.approx(0.015, abs=1e-4)
+    assert short.speed == pytest.approx(np.sqrt(ACCELERATION * 0.03), rel=1e-3)
+    assert short.sentence == "tool acceleration at s = 15 mm: 77.46 mm/s of 100 mm/s"
+    # Without an assigned velocity; the arm's limits are the default.
+    planned = ac.plan(line(0.1), arm)
+    found = explain(planned, arm)
+    assert set(names(found)) <= {"joint 1 acceleration", "joint 2 acceleration"}
+    assert found.assigned_length is None
+
+
+def test_the_papers_job(traced, rounded, arm, limits):
+    planned, found = explained(traced, arm, limits)
+    half = ["joint 2 acceleration", "joint 2 acceleration", "centripetal acceleration"]
+    middle = ["joint 1 acceleration", "assigned velocity", "joint 1 acceleration"]
+    assert names(found) == [*half, *middle, half[0], half[2], *half[:2]]
+    # The paper runs each corner at one speed: so does the optimum, under its centripetal bound.
+    turns = [x for x in found.bindings if x.limit == "centripetal acceleration"]
+    assert [x.joint for x in turns] == [None, None]
+    corners = np.column_stack([rounded.corners.start, rounded.corners.end])
+    np.testing.assert_allclose([x.s for x in turns], corners, atol=1e-9)
+    assert [x.kind for x in found.shortfalls] == ["fastest", "slowest", "slowest", "fastest"]
+    # docs/method.md: 32.422 and 30.444 mm/s in the corners.
+    slow = [x for x in found.shortfalls if x.kind == "slowest"]
+    assert [x.reason for x in slow] == ["centripetal acceleration"] * 2
+    np.testing.assert_allclose([x.speed for x in slow], [0.032422, 0.030444], rtol=1e-4)
+    np.testing.assert_allclose([x.s for x in slow], corners.mean(axis=1), atol=2e-4)
+    fast = [x for x in found.shortfalls if x.kind == "fastest"]
+    assert [x.reason for x in fast] == ["joint 2 acceleration"] * 2
+    # On line 2 only.
+    (only,) = (x for x in found.bindings if x.limit == "assigned velocity")
+    # On the intervals next to it another limit binds more, but the speed is there too.
+    shares = np.ptp(only.s) / rounded.length, np.ptp(only.t) / planned.duration
+    for share, given in zip(shares, (found.assigned_length, found.assigned_time), strict=True):
+        assert share <= given < share + 2e-3
+
+
+def test_every_segment_has_its_own_assigned_velocity(arm):
+    points = [(0.3, 0.2), (0.34, 0.2), (0.38, 0.2)]
+    lines = [
+        ac.Line(start=points[k], end=points[k + 1], demand=ac.Demand(speed=x))
+        for k, x in enumerate((0.02, 0.5))
+    ]
+    path = ac.Path.from_segments(lines)
+    found = explained(path, arm, ac.Limits.only(tool_acceleration=ACCELERATION))[1]
+    slow = next(x for x in found.bindings if x.limit == "assigned velocity")
+    assert slow.s[1] == pytest.approx(0.04, abs=1e-9)
+    assert found.assigned_length == pytest.approx(0.5 * (1 - 0.001 / 0.04), abs=2e-3)
+    (shortfall,) = found.shortfalls
+    assert shortfall.assigned == 0.5 and 0.04 < shortfall.s < 0.08
+
+
+def test_only_optimal_plans_can_be_explained(mac, arm, limits, refuses):
+    refuses(lambda: explain(mac, arm, limits), ac.InvalidInput, "not of mac")
+
+
+@pytest.mark.filterwarnings("ignore:Limits of jerk add")
+def test_stops_that_limits_of_jerk_force_are_named(arm):
+    objective = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15), (0.28, 0.3)])
+    limits = arm.limits.replace(speed=0.15, joint_jerk=36.0)
+    arcs = ac.round_corners(objective, tolerance=5e-3)
+    found = ac.explain(ac.plan(arcs, arm, limits), arm, limits)
+    np.testing.assert_allclose(found.jerk_stops, arcs.breaks[1:-1])
+    assert "2 stops by jerk" in repr(found)
+    free = limits.replace(joint_jerk=np.inf)
+    assert ac.explain(ac.plan(arcs, arm, free), arm, free).jerk_stops == ()
+
+
+def test_margins_of_wide_intervals_do_not_hide_what_binds(arm):
+    """Along bends whose curvature varies, wide intervals leave some percent of the limit."""
+    path = ac.Path.polyline([(0.35, 0.10), (0.41, 0.15), (0.28, 0.30)])
+    path = ac.round_corners(path, tolerance=5e-3, continuity="curvature")
+    limits = ac.Limits.only(tool_acceleration=0.3)
+    planned = ac.plan(path, arm, limits, ac.Optimal(intervals=300))
+    found = ac.explain(planned, arm, limits)
+    assert idle(found) < 0.03 * planned.duration
+    assert set(names(found)) == {"tool acceleration"}
+
+
+def test_a_path_is_traced_on_the_way(arm, rounded, traced, limits):
+    direct = ac.plan(rounded, arm, limits, ac.Paper(knots=50))
+    by_hand = ac.plan(traced, arm, limits, ac.Paper(knots=50))
+    assert direct.duration == by_hand.duration
+    assert direct.path is rounded and direct.method == "mac"
+    other = ac.plan(rounded, arm, limits.replace(speed=0.05), ac.Paper(branch="negative"))
+    t = np.linspace(0, other.duration, 101)
+    assert (other(t)[:, 1] < 0).all()
+    assert rounded.project(arm.tool_position(other(t))).distance.max() < 1e-6
+
+
+def test_refusals(arm, rounded, traced, objective, limits, refuses):
+    spline = ac.JointPath.spline([(0.1, 1.0), (0.2, 1.1), (0.5, 1.0)])
+    for call in (
+        lambda: ac.Paper(intervals=50),
+        lambda: ac.Conventional(knots=3),
+        lambda: ac.Paper(knots=7),
+        lambda: ac.Paper(period=0.0),
+        lambda: ac.Paper(period=np.nan),
+        ac.PlanOptions,
+    ):
+        refuses(call, ac.InvalidInput)
+    rows = [(rounded, limits, ac.Paper(branch="up"), ac.InvalidInput, {})]
+    for options in (ac.Paper(), ac.Conventional()):
+        # The arm's limits hold no assigned velocity, which the method needs.
+        rows.append((rounded, None, options, ac.InvalidInput, {}))
+        rows.append((spline, limits, options, ac.InvalidInput, {}))
+        for name in ("joint_jerk", "tool_jerk", "path_jerk"):
+            jerk = limits.replace(**{name: 10.0})
+            rows.append((traced, jerk, options, ac.NotRealizable, {"limit": name}))
+    # Along a shaped path accelerations jump.
+    jerk, shaped = limits.replace(joint_jerk=10.0, tool_jerk=5.0), ac.Shaped(tolerance=1e-3)
+    data = {"limit": "joint_jerk"}
+    rows.append((objective, jerk, shaped, ac.NotRealizable, data))
+    refuses(lambda: ac.shape(objective, arm, jerk, shaped), ac.NotRealizable, **data)
+    for own in ({"joint_acceleration": np.inf}, {"joint_acceleration": [1.0, 1.0, 1.0]}):
+        rows.append((rounded, limits.replace(**own), ac.Paper(), ac.InvalidInput, {}))
+    rows.append((traced, limits, ac.Optimal(branch="negative"), ac.InvalidInput, {}))
+    for path, own, options, kind, data in rows:
+        refuses(lambda x=path, y=own, z=options: ac.plan(x, arm, y, z), kind, **data)
+
+
+def test_an_infinite_limit_of_jerk_is_none(arm, traced, limits):
+    slow = limits.replace(speed=0.04)
+    endless = slow.replace(joint_jerk=[np.inf, np.inf])
+    assert endless.jerk_limits == ()
+    durations = [ac.plan(traced, arm, x, ac.Paper(knots=50)).duration for x in (slow, endless)]
+    assert durations[0] == durations[1]
+
+
+def test_a_constraint_with_two_rows_has_one_name(arm, limits):
+    path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20)])
+
+    def coefficients(s, side):
+        one = np.ones((len(s), 2))
+        return one * (1.0, 2.0), 0 * one, 0 * one
+
+    gentle = SecondOrder("gentle", coefficients, [-0.05, -0.09], [0.05, 0.09])
+    planned = ac.plan(path, arm, limits, ac.Optimal(constraints=[gentle]))
+    found = ac.explain(planned, arm, limits, constraints=[gentle])
+    assert {x.limit for x in found.bindings} & {"gentle"}
+    # The second row is the tighter one.
+    assert max(x.share for x in found.bindings if x.limit == "gentle") == pytest.approx(1, abs=1e-6)

@@ -1,0 +1,139 @@
+"""The fastest configuration, and the lower bound that leaves plans out."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.motion import JointPath
+from armcontour.planning import program_tracing as here
+from armcontour.planning.optimal import plan_optimal
+from armcontour.planning.program_tracing import bound_duration, trace_by_duration, trace_fastest
+from armcontour.planning.tracing import trace_all
+
+DOWN = np.diag([1.0, -1.0, -1.0])
+CORNERS = [(0.45, 0.08, 0.2), (0.55, 0.08, 0.2), (0.55, 0.18, 0.25), (0.45, 0.2, 0.3)]
+
+
+BASE = ac.Path.polyline(CORNERS)
+SEAMS = {
+    "rounded": ac.round_corners(BASE.oriented(DOWN), tolerance=1e-3),
+    "axis": ac.round_corners(BASE.pointing([0.1, 0.2, -1]), tolerance=1e-2),
+}
+
+
+def roughly(joint_path, arm, limits):
+    return plan_optimal(joint_path, arm, limits, here.ROUGHLY).duration
+
+
+@pytest.fixture(scope="module", params=SEAMS)
+def traced(request):
+    """A path, its joint paths on a UR5e, and the limits."""
+    arm, path = ac.load_arm("ur5e"), SEAMS[request.param]
+    limits = arm.limits.replace(speed=0.5, centripetal_acceleration=2.0)
+    return arm, path, limits, trace_all(path, arm, limits=limits)
+
+
+def test_no_plan_is_shorter_than_its_bound_and_all_come_the_fastest_first(traced):
+    arm, path, limits, found = traced
+    durations = [roughly(x, arm, limits) for x in found]
+    for joint_path, planned in zip(found, durations, strict=True):
+        assert 0.95 * planned < bound_duration(joint_path, limits) <= planned
+    ways = [x for group in trace_by_duration(path, arm, limits) for x in group]
+    expected = [found[k] for k in np.argsort(durations, kind="stable")]
+    assert len(ways) == len(expected) > 1
+    # Chosen as if all had been planned.
+    ways.append(trace_fastest(path, arm, limits))
+    for own, other in zip(ways, [*expected, expected[0]], strict=True):
+        assert np.array_equal(own.coefficients, other.coefficients)
+    slow = limits.replace(speed=0.01)
+    assert bound_duration(found[0], slow) == pytest.approx(path.length / 0.01, rel=1e-2)
+
+
+def test_rounding_does_not_choose_among_configurations_that_are_as_fast(monkeypatch):
+    # The speed of the tool bounds all of the path, whichever way the arm reaches it.
+    arm, path = ac.load_arm("ur5e"), ac.Path.polyline(CORNERS[:2]).oriented(DOWN)
+    slow = arm.limits.replace(speed=0.02, tool_acceleration=0.2, joint_torque=np.inf)
+    usual = next(trace_by_duration(path, arm, slow))
+    assert len(usual) > 1
+    rng = np.random.default_rng(4)
+
+    def noisy(*x, **named):
+        planned = plan_optimal(*x, **named)
+        return SimpleNamespace(duration=planned.duration * (1 + rng.uniform(-1e-9, 1e-9)))
+
+    monkeypatch.setattr(here, "plan_optimal", noisy)
+    for _ in range(5):
+        found = next(trace_by_duration(path, arm, slow))
+        assert [x(0.0).tolist() for x in found] == [x(0.0).tolist() for x in usual]
+
+
+def test_bounds_in_closed_form():
+    # One joint, 2 rad: up to speed within 0.5 rad, on for 1 rad, down within 0.5 rad.
+    line = JointPath.spline([[0.0], [2.0]])
+    limits = ac.Limits.only(joint_velocity=[2.0], joint_acceleration=[4.0])
+    assert bound_duration(line, limits) == pytest.approx(0.5 + 0.5 + 0.5, rel=1e-12)
+    slower = limits.replace(joint_velocity=[[-1e-3, 2.0]], joint_acceleration=[[-2.0, 4.0]])
+    assert bound_duration(line, slower) == pytest.approx(0.5 + 0.25 + 1.0, rel=1e-12)
+    line = JointPath.spline([[0.0, 0.0], [2.0, 1.0], [3.0, 4.0]])
+    assert bound_duration(line, ac.Limits.only()) == 0.0
+    # Velocities alone: the slower joint takes 4 rad at 2 rad/s.
+    fast = bound_duration(line, ac.Limits.only(joint_velocity=[10.0, 2.0]))
+    assert 0.98 * 2.0 < fast <= 2.0
+
+
+@pytest.mark.parametrize("free", [False, True], ids=["held", "axis"])
+def test_long_paths_are_compared_on_parts(monkeypatch, free):
+    # A wave of 200 segments with noise, long enough for the accelerations of the joints to count.
+    x = np.linspace(0.0, 0.2, 101)
+    points = np.column_stack([0.35 + x, 0.05 * np.sin(40 * x), 0.2 + 0.0 * x])
+    points[:, 1] += np.random.default_rng(0).normal(0, 2e-5, len(x))
+    base = ac.Path.polyline(points)
+    path = base.pointing([0, 0, -1]) if free else base.oriented(DOWN)
+    path = ac.round_corners(path, tolerance=2e-4)
+    arm = ac.load_arm("ur5e")
+    limits = arm.limits.replace(speed=0.5)
+    durations = [roughly(x, arm, limits) for x in trace_all(path, arm, limits=limits)]
+    assert max(durations) > 1.01 * min(durations)
+    parts = {"LONG": 100, "PART_SEGMENTS": 20, "PART_EVERY": 25, "trace_all": None}
+    for name, value in parts.items():
+        monkeypatch.setattr(here, name, value)
+    whole = []
+
+    def trace_counted(part, *args, **kwargs):
+        whole.extend([part] if part is path else [])
+        return ac.trace(part, *args, **kwargs)
+
+    monkeypatch.setattr(here, "trace", trace_counted)
+    chosen = trace_fastest(path, arm, limits)
+    # Slow configurations, and one of two that differ by the turn of a wrist, are not traced.
+    assert 1 <= len(whole) <= len(durations) / 2
+    assert roughly(chosen, arm, limits) < 1.001 * min(durations)
+    at = np.linspace(0, path.length, 997)
+    assert np.abs(arm.tool_position(chosen(at)) - path(at)).max() < 2e-10
+
+
+def test_starts_of_long_paths_are_those_of_short_ones_without_their_traces(monkeypatch, traced):
+    arm, path, limits, found = traced
+    monkeypatch.setattr(here, "LONG", 1)
+    monkeypatch.setattr(here, "trace_all", None)
+    starts = here.find_starts(path, arm, limits)
+    assert len(starts) >= len(found)
+    # The turn about a free tool axis, the last joint, depends on what lies between the places.
+    others = slice(0, 5 if path.orientation.axis_only else 6)
+    for x in found:
+        assert min(np.abs(x(0.0) - q)[others].max() for q in starts) < 1e-2
+    for q in starts:
+        assert arm.tool_position(q) == pytest.approx(path(0.0), abs=1e-9)
+
+
+def test_long_path_out_of_reach_is_refused_as_a_short_one(monkeypatch):
+    arm, said = ac.load_arm("ur5e"), []
+    path = ac.Path.polyline([(0.4, 0.1, 0.2), (0.6, 0.1, 0.2), (1.4, 0.1, 0.2)]).oriented(DOWN)
+    for long in (here.LONG, 1):
+        monkeypatch.setattr(here, "LONG", long)
+        with pytest.raises(ac.Unreachable) as caught:
+            trace_fastest(path, arm)
+        said.append(str(caught.value))
+    assert said[0] == said[1]

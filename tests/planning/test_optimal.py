@@ -1,0 +1,473 @@
+"""The optimal planner: closed forms, limits between grid points, and vanishing derivatives."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.special import gamma
+
+import armcontour as ac
+from armcontour.planning import optimal
+from armcontour.planning.constraints import OnGrid, SecondOrder, limits_on
+from armcontour.planning.grid import place_grid
+from armcontour.planning.topp._kernel import Rules, plan_on_grid
+
+LEAK = 1e-9  # by how much, relatively, a limit may be exceeded anywhere
+LINE = ((-0.065, 0.300), (0.335, 0.300))  # docs/method.md, "where the method falls short", 1
+ACCELERATION = 0.3  # m/s²
+RADIUS = 0.05  # m
+
+
+def robot(dof, **limits):
+    """As much of an arm as a joint path needs."""
+    return SimpleNamespace(dof=dof, limits=ac.Limits.only(**limits))
+
+
+@pytest.fixture
+def kept(worst_ratios):
+    """Judges a plan: nothing is exceeded, and given limits bind somewhere. Returns the plan."""
+
+    def judge(planned, limits, arm=None, *, binds=(), near=1e-5, **options):
+        ratios = worst_ratios(planned, limits, arm, **options)
+        assert ratios, "nothing was judged"
+        broken = {name: ratio - 1 for name, ratio in ratios.items() if ratio > 1 + LEAK}
+        assert not broken
+        assert all(ratios[name] > 1 - near for name in binds), ratios
+        return planned
+
+    return judge
+
+
+@pytest.fixture(scope="module")
+def planned(traced, arm, limits):
+    return ac.plan(traced, arm, limits)
+
+
+def test_the_papers_job_with_these_and_other_limits(
+    planned, rounded, arm, limits, mac, kept, traced
+):
+    # The true optimum is 5.32606 s; shorter means a leak.
+    assert 5.3260 <= planned.duration <= 5.3263
+    assert planned.method == "optimal"
+    binds = ("joint_acceleration", "speed", "centripetal_acceleration")
+    kept(planned, limits, arm, binds=binds)
+    assert ac.plan(rounded, arm, limits).duration == planned.duration
+    # docs/method.md: MAC is optimal on this job, to 1e-5; with laps of finite size it is shorter as
+    # much as it leaves a corner early.
+    assert planned.duration == pytest.approx(mac.duration, rel=2e-4)
+    free = limits.replace(centripetal_acceleration=np.inf)
+    # docs/method.md gives 4.825 s; printed to three digits.
+    assert kept(ac.plan(traced, arm, free), free, arm).duration == pytest.approx(4.825, abs=5e-4)
+    for name, value in (("joint_velocity", (0.3, 0.25)), ("tool_acceleration", 0.1)):
+        own = limits.replace(**{name: value})
+        kept(ac.plan(traced, arm, own), own, arm, binds=(name,))
+
+
+def test_the_tool_stays_on_the_path_and_goes_one_way(planned, rounded, arm):
+    t, ends = np.linspace(0, planned.duration, 20001), [0.0, planned.duration]
+    found = rounded.project(arm.tool_position(planned(t)))
+    assert found.distance.max() < 1e-7 and np.diff(found.s).min() > -1e-9
+    np.testing.assert_allclose(
+        arm.tool_position(planned(ends)), rounded.vertices[[0, -1]], atol=1e-8
+    )
+    np.testing.assert_allclose(planned(ends, 1), 0, atol=1e-9)
+    at = planned.breaks[1:-1]
+    for order, near in ((0, 1e-12), (1, 1e-7)):
+        np.testing.assert_allclose(planned(at, order, side="left"), planned(at, order), atol=near)
+
+
+def test_the_line_on_which_the_papers_method_breaks_its_limit(arm, kept):
+    fast = arm.limits.replace(speed=0.3)
+    path = ac.Path.polyline(LINE)
+    with pytest.raises(ac.NotRealizable):
+        ac.plan(path, arm, fast, ac.Paper())
+    planned = kept(ac.plan(path, arm, fast), fast, arm)
+    t = np.linspace(0, planned.duration, 2001)
+    assert np.ptp(np.sign(planned(t, 1)[:, 1])) == 2  # joint 2 does turn round
+    # With the reversal on a grid point, next to one, and between two.
+    for intervals in (2, 10, 17, 50, 113, 300, 398):
+        coarse = kept(ac.plan(path, arm, fast, ac.Optimal(intervals=intervals)), fast, arm)
+        assert 1 <= coarse.duration / planned.duration < 1.02, intervals
+    # The path acceleration is a difference of ds² over half a micrometre here.
+    kept(ac.plan(path, arm, fast, ac.Optimal(intervals=400_000)), fast, arm, places=1)
+
+
+def straight(direction, limits, **options):
+    """A straight way in joint space of the given extent, planned."""
+    path = ac.JointPath.spline([np.zeros(len(direction)), np.asarray(direction, float)])
+    return ac.plan(path, robot(len(direction)), ac.Limits.only(**limits), ac.Optimal(**options))
+
+
+def trapezoid(length, up, down, top=np.inf, begin=0.0, end=0.0):
+    """Time over a length with path accelerations `up` and `down` and a top speed."""
+    peak = np.sqrt((2 * length * up * down + down * begin**2 + up * end**2) / (up + down))
+    peak = min(peak, top)
+    way = length - (peak**2 - begin**2) / (2 * up) - (peak**2 - end**2) / (2 * down)
+    return (peak - begin) / up + (peak - end) / down + way / peak
+
+
+WAYS = {
+    "one joint": ([2.0], [1.5], [1.5]),
+    "one joint, uneven": ([2.0], [1.5], [0.4]),
+    "backwards": ([-2.0], [1.5], [0.4]),
+    "two joints, opposite": ([1.0, -0.7], [1.5, 0.9], [0.4, 2.0]),
+    "three joints": ([0.1, 3.0, -1.0], [0.2, 1.0, 2.0], [0.3, 2.0, 0.5]),
+}
+
+
+@pytest.mark.parametrize("top", [None, 0.5])
+def test_a_straight_way_in_joint_space(top, kept):
+    for way, (direction, acceleration, deceleration) in WAYS.items():
+        limits = {"joint_acceleration": np.stack([-np.array(deceleration), acceleration], axis=1)}
+        length, speed = np.linalg.norm(direction), np.inf
+        if top is not None:
+            forth = np.array(direction)[:, None] > 0
+            limits["joint_velocity"] = np.where(forth, (-9.0, top), (-top, 9.0))
+            speed = (top * length / np.abs(direction)).min()
+        e, both = np.array(direction) / length, np.array([acceleration, deceleration])
+        up, down = (np.min(np.where(e > 0, *x) / np.abs(e)) for x in (both, both[::-1]))
+        planned = kept(straight(direction, limits), ac.Limits.only(**limits))
+        # The interval in which the profile turns loses less than its own share.
+        expected = trapezoid(length, up, down, speed)
+        assert planned.duration == pytest.approx(expected, rel=1e-6), way
+
+
+def test_start_and_end_speeds(kept, refuses):
+    # 2 rad at 1.0 rad/s² up and down: from 2 rad/s the arm can just stop.
+    limits = {"joint_acceleration": [1.0]}
+    for begin, end in ((0.3, 0.0), (0.0, 0.7), (0.4, 0.9), (1.0, 1.0), (2.0, 0.0)):
+        planned = straight([2.0], limits, start_speed=begin, end_speed=end)
+        kept(planned, ac.Limits.only(**limits))
+        expected = trapezoid(2.0, 1.0, 1.0, np.inf, begin, end)
+        assert planned.duration == pytest.approx(expected, rel=1e-6)
+        found = planned([0.0, planned.duration], 1)[:, 0]
+        np.testing.assert_allclose(found, [begin, end], atol=1e-9)
+    # Too long to stop, not to be reached, above a velocity limit.
+    limits["joint_velocity"] = [5.0]
+    for end, s in (("start", 0.0), ("end", 2.0)):
+        for speed in (2.1, 5.5):
+            refuses(
+                lambda x={f"{end}_speed": speed}: straight([2.0], limits, **x),
+                ac.NotRealizable,
+                f"The {end} speed of {speed} m/s is too high",
+                "allow 2 m/s",
+                **{"s": s, "limit": f"{end} speed", "needed": speed, "allowed": 2.0},
+            )
+
+
+def circle():
+    start, center = (0.35 + RADIUS, 0.2), (0.35, 0.2)
+    return ac.Path.from_segments([ac.Arc(start=start, center=center, angle=2 * np.pi)])
+
+
+# (ds²/R)² + dds² = a² makes ds² = a R sin(2 s / R), up to sqrt(a R) an eighth of a turn on; the
+# quarter of the lemniscate's length is the time of that, in units of sqrt(R / a).
+LEMNISCATE = gamma(0.25) ** 2 / (2 * np.sqrt(2 * np.pi))
+
+
+def test_tool_acceleration_on_a_line_and_a_circle(arm, kept):
+    only, line = ac.Limits.only(tool_acceleration=ACCELERATION), [(0.3, 0.2), (0.4, 0.25)]
+    path = ac.Path.polyline(line)
+    found = kept(ac.plan(path, arm, only), only, arm).duration
+    # Tracing leaves the tool's derivatives a few millionths of play.
+    assert found == pytest.approx(2 * np.sqrt(path.length / ACCELERATION), rel=1e-5)
+    expected = (LEMNISCATE + 1.5 * np.pi) * np.sqrt(RADIUS / ACCELERATION)
+    for intervals, within in ((100, 2e-3), (500, 1e-4), (None, 1e-5)):
+        found = ac.plan(circle(), arm, only, ac.Optimal(intervals=intervals))
+        kept(found, only, arm, binds=("tool_acceleration",), near=1e-6)
+        assert 1 - 1e-9 <= found.duration / expected < 1 + within
+    # At an assigned velocity.
+    speed = 0.1
+    both = only.replace(speed=speed)
+    turned = RADIUS / 2 * np.arcsin(speed**2 / (ACCELERATION * RADIUS))
+
+    def pace(r):  # the root at rest is taken out by s = r², ds = 2 r dr
+        return 2 * r / np.sqrt(ACCELERATION * RADIUS * np.sin(2 * r * r / RADIUS))
+
+    ramp, _ = quad(pace, 0, np.sqrt(turned))
+    expected = 2 * ramp + (2 * np.pi * RADIUS - 2 * turned) / speed
+    found = kept(ac.plan(circle(), arm, both), both, arm).duration
+    assert found == pytest.approx(expected, rel=1e-5)
+
+
+def test_circles_and_rounded_corners_at_their_accelerations(arm, kept, rounded):
+    both = ac.Limits.only(centripetal_acceleration=0.2, joint_acceleration=100.0)
+    planned = kept(ac.plan(circle(), arm, both), both, arm)
+    middle = planned(planned.duration / 2), planned(planned.duration / 2, 1)
+    top = np.linalg.norm(arm.tool_velocity(*middle))
+    assert top == pytest.approx(np.sqrt(0.2 * RADIUS), rel=1e-5)
+    only = ac.Limits.only(tool_acceleration=ACCELERATION, speed=0.15)
+    planned = kept(ac.plan(rounded, arm, only), only, arm)
+    corners = np.sqrt(ACCELERATION * np.array(rounded.corners.radius))
+    found = planned.speed_at((rounded.corners.start + rounded.corners.end) / 2)
+    # Never faster than the arc allows, and nearly so fast in the middle of it.
+    assert (found <= corners * (1 + LEAK)).all()
+    np.testing.assert_allclose(found, corners, rtol=1e-3)
+
+
+STOPPING = {
+    "sharp corners": [(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)],
+    "there and back": [(0.3, 0.2), (0.4, 0.2), (0.3, 0.2)],
+    "a hair's breadth": [(0.3, 0.2), (0.4, 0.2), (0.4, 0.2 + 1e-6), (0.3, 0.2 + 1e-6)],
+}
+
+
+@pytest.mark.parametrize("name", STOPPING)
+def test_it_rests_at_sharp_corners(arm, limits, name, kept):
+    points = STOPPING[name]
+    planned = ac.plan(ac.Path.polyline(points), arm, limits)
+    kept(planned, limits.replace(centripetal_acceleration=np.inf), arm)
+    at = np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))[:-1]
+    law = planned.laws[0]
+    for s in at:
+        k = int(np.searchsorted(law.s, s - 1e-12))
+        assert law.s[k] == pytest.approx(s, abs=1e-12)
+        for side in ("left", "right"):
+            q, dq = (planned(law.breaks[k], order, side=side) for order in (0, 1))
+            assert np.linalg.norm(arm.tool_velocity(q, dq)) < 1e-9
+    # The whole is the sum of its lines, each from rest to rest.
+    pairs = zip(points[:-1], points[1:], strict=True)
+    alone = sum(ac.plan(ac.Path.polyline(x), arm, limits).duration for x in pairs)
+    assert planned.duration == pytest.approx(alone, rel=1e-4)
+    # docs/method.md: stopping dead at each exact corner takes about 5.23 s.
+    assert name != "sharp corners" or planned.duration == pytest.approx(5.23, abs=0.01)
+
+
+def test_segments_have_their_own_speeds(arm, objective, limits, kept):
+    points = objective.vertices
+    lines = [
+        ac.Line(start=points[k], end=points[k + 1], demand=ac.Demand(speed=v))
+        for k, v in enumerate((0.03, 0.06, None))
+    ]
+    path = ac.round_corners(ac.Path.from_segments(lines), tolerance=5e-3)
+    planned = kept(ac.plan(path, arm, limits), limits, arm)
+    s, speed = planned.s(planned.breaks), planned.s(planned.breaks, 1)
+    segment = path.locate((s[:-1] + s[1:]) / 2)
+    top = np.array([speed[:-1][segment == k].max() for k in range(5)])
+    np.testing.assert_allclose(top[[0, 2]], [0.03, 0.06], rtol=1e-5)
+    assert 0.06 < top[4] <= 0.15
+
+
+def test_joint_acceleration_in_the_general_form(traced, arm, limits, planned, kept):
+    def coefficients(s, side):
+        first, second = traced(s, 1, side=side), traced(s, 2, side=side)
+        return first, second, np.zeros_like(first)
+
+    own = SecondOrder("made-up torque", coefficients, [-0.72] * 2, [0.72] * 2, joints=True)
+    free = limits.replace(joint_acceleration=50.0)
+    again = kept(ac.plan(traced, arm, free, ac.Optimal(constraints=[own])), limits, arm)
+    assert again.duration == pytest.approx(planned.duration, rel=1e-5)
+
+
+def test_gravity_helps_one_way_hinders_the_other_and_may_be_too_much(refuses):
+    def gravity(weight):
+        """A joint that has to hold its weight."""
+
+        def coefficients(s, side):
+            one = np.ones((len(s), 1))
+            return one, 0 * one, weight * one
+
+        own = SecondOrder("torque", coefficients, [-1.0], [1.0], joints=True)
+        return straight([2.0], {"joint_acceleration": [50.0]}, constraints=[own])
+
+    assert gravity(0.4).duration == pytest.approx(trapezoid(2.0, 0.6, 1.4), rel=1e-6)
+    for weight in (1.2, -1.2):
+        data = {"joint": 0, "limit": "torque", "needed": weight, "allowed": np.sign(weight)}
+        refuses(lambda x=weight: gravity(x), ac.NotRealizable, "even at rest", s=0.0, **data)
+
+
+def test_refusals(rounded, traced, arm, limits, refuses):
+    only = ac.Limits.only(speed=0.1, centripetal_acceleration=0.1)
+    refuses(lambda: ac.plan(rounded, arm, only), ac.InvalidInput, "joint_acceleration")
+    spline = ac.JointPath.spline([(0.1, 1.0), (0.2, 1.1), (0.5, 1.0)])
+    for name in ("speed", "tool_acceleration", "centripetal_acceleration"):
+        own = arm.limits.replace(**{name: 0.1})
+        refuses(lambda x=own: ac.plan(spline, arm, x), ac.InvalidInput, "need a tool path")
+    for points in (np.array([-0.1, 0.1]), np.array([0.1, 1.0]), np.zeros((2, 2))):
+        refuses(lambda x=points: ac.plan(traced, arm, limits, ac.Optimal(grid=x)), ac.InvalidInput)
+
+
+def test_grids_of_ones_own_coarse_and_fine(traced, arm, limits, planned, kept):
+    own = ac.plan(traced, arm, limits, ac.Optimal(grid=np.linspace(0, traced.length, 3001)))
+    assert np.isin(traced.breaks, own.laws[0].s).all()
+    cases = [(own, 1e-4, 50)]
+    for intervals, within in ((50, 2e-2), (500, 1e-3), (40_000, 1e-4)):
+        other = ac.plan(traced, arm, limits, ac.Optimal(intervals=intervals))
+        cases.append((other, within, 50 if intervals < 10_000 else 4))
+    for other, within, places in cases:
+        kept(other, limits, arm, places=places)
+        assert other.duration == pytest.approx(planned.duration, rel=within)
+        assert other.duration > 5.3260  # docs/method.md
+    assert 1 - 1e-6 < planned.duration / other.duration < 1 + 1e-4
+
+
+def random_spline(seed):
+    rng = np.random.default_rng(seed)
+    dof = int(rng.integers(2, 8))
+    points = rng.uniform(-2, 2, (int(rng.integers(3, 9)), dof))
+    limits = ac.Limits.only(
+        joint_velocity=rng.uniform(0.5, 3, dof), joint_acceleration=rng.uniform(0.5, 5, dof)
+    )
+    return ac.JointPath.spline(points), robot(dof), limits
+
+
+def collocated(path, any_arm, limits, intervals=None):
+    """Duration of the optimum whose limits hold at the ends of the intervals only.
+
+    That is the planner's own first pass: no margins and a path acceleration that is constant on
+    every interval.
+    """
+    on = OnGrid(place_grid(path, intervals))
+    active = optimal.constraints_of(path, any_arm, limits.for_joints(path.dof))
+    x = plan_on_grid(on.intervals, limits_on(on, active), Rules(tries=1)).x
+    return float(np.sum(2 * on.grid.width / (np.sqrt(x[:-1]) + np.sqrt(x[1:]))))
+
+
+# Keeping the limits between the points may cost this much; so it does on the default grid.
+# A coarse grid pays more where a joint with next to no inertia sets the pace.
+@pytest.mark.parametrize(("intervals", "cost"), [(4000, 1e-4), (1000, 1e-3)])
+def test_the_guarantee_costs_little(traced, arm, limits, intervals, cost):
+    jobs = [(traced, arm, limits)] if intervals == 4000 else []
+    for k, job in enumerate([*jobs, *(random_spline(seed) for seed in range(60))]):
+        bare = collocated(*job, intervals)
+        assert ac.plan(*job, ac.Optimal(intervals=intervals)).duration < bare * (1 + cost), k
+
+
+def test_micro_segments(arm, kept):
+    limits = arm.limits.replace(speed=0.1)
+    for step in (1e-6, 1e-5, 1e-4, 1e-2):
+        k = np.arange(11)
+        sharp = ac.Path.polyline(np.stack([0.30 + step * k, 0.2 + step / 2 * (k % 2)], axis=1))
+        paths = sharp, ac.round_corners(sharp, tolerance=step / 10)
+        plans = [kept(ac.plan(x, arm, limits), limits, arm, places=10) for x in paths]
+        assert plans[1].duration < plans[0].duration, step
+
+
+def test_any_size_of_s_will_do(kept):
+    points = np.random.default_rng(3).uniform(-2, 2, (5, 3))
+    limits = ac.Limits.only(joint_velocity=[1.0] * 3, joint_acceleration=[2.0] * 3)
+    s, durations = np.array([0.0, 1.0, 2.5, 3.0, 4.0]), []
+    for size in (1, 1e-9, 1e-4, 1e4, 1e9):
+        planned = ac.plan(ac.JointPath.spline(points, s * size), robot(3), limits)
+        durations.append(kept(planned, limits, places=5).duration)
+    np.testing.assert_allclose(durations, durations[0], rtol=1e-9)
+
+
+def plan_what_is_allowed(path, arm, limits, **options):
+    """Plan with the speeds that refusals name; the number of refusals, and the plan."""
+    for refusals in range(3):
+        try:
+            return refusals, ac.plan(path, arm, limits, ac.Optimal(**options))
+        except ac.NotRealizable as error:
+            name = error.limit.replace(" ", "_")
+            assert error.allowed < options[name]
+            options[name] = error.allowed
+    raise AssertionError("what was allowed was refused")
+
+
+@pytest.mark.parametrize("jerk", [None, 20.0])
+def test_bounds_by_direction_change_sides_in_the_mirror(kept, jerk):
+    rng = np.random.default_rng(700036000)
+    points = np.cumsum(rng.normal(size=(6, 3)), axis=0)
+    bounds = {"joint_velocity": (0.3, 2), "joint_acceleration": (0.5, 5)}
+    given = {name: rng.uniform(*x, (3, 2)) * (-1, 1) for name, x in bounds.items()}
+    limits = ac.Limits.only(joint_jerk=jerk, **given)
+    mirrored = limits.replace(**{name: -x[:, ::-1] for name, x in given.items()})
+    planned = ac.plan(ac.JointPath.spline(points), robot(3), limits)
+    other = ac.plan(ac.JointPath.spline(-points), robot(3), mirrored)
+    assert other.duration == pytest.approx(planned.duration, rel=1e-9)
+    kept(planned, limits)
+    low, high = limits.velocity_bounds(3)
+    dq = planned(np.linspace(0, planned.duration, 20001), 1)
+    # Each way binds somewhere, and none is taken for both.
+    assert ((dq / low).max(), (dq / high).max()) == pytest.approx((1, 1), abs=1e-2)
+    smaller = np.minimum(-low, high)
+    slow = ac.plan(ac.JointPath.spline(points), robot(3), limits.replace(joint_velocity=smaller))
+    assert slow.duration > 1.02 * planned.duration
+
+
+def test_a_speed_that_a_refusal_names_is_had(kept):
+    """Coarse grids, whose margins change with the speed; each end depends on the other."""
+    for seed in range(40):
+        rng = np.random.default_rng([seed, 700035892])
+        points = np.cumsum(rng.normal(size=(int(rng.integers(3, 8)), 4)), axis=0)
+        bounds = -rng.uniform(0.1, 0.5, 4), rng.uniform(0.3, 3, 4)
+        limits = ac.Limits.only(joint_acceleration=np.stack(bounds, axis=1))
+        options = {x: 10 ** rng.uniform(-1, 1) for x in ("start_speed", "end_speed")}
+        options["intervals"], path = int(rng.integers(5, 20)), ac.JointPath.spline(points)
+        refusals, planned = plan_what_is_allowed(path, robot(4), limits, **options)
+        assert refusals <= 2, seed
+        kept(planned, limits)
+
+
+def one_joint(seed):
+    """A path of one joint whose dq_ds varies by a factor of ten and more, and a rest."""
+    rng = np.random.default_rng(seed)
+    breaks = np.concatenate([[0.0], np.cumsum(10 ** rng.uniform(-1, 0, 4))])
+    q, slopes, none = rng.uniform(-1, 1, (5, 1)), rng.normal(0, 4, (5, 1)), np.zeros((4, 1))
+    ends = (q[:-1], slopes[:-1], none), (q[1:], slopes[1:], none)
+    path = ac.JointPath.hermite(breaks, *ends)
+    return ac.JointPath(breaks=path.breaks, coefficients=path.coefficients, stops=breaks[2:3])
+
+
+def turns_of(path):
+    """Positions of a joint at its ends, stops and turns."""
+    found = []
+    for i, c in enumerate(path.coefficients[:, :, 0]):
+        piece = np.polynomial.Polynomial(c)
+        roots = piece.deriv().roots()
+        inner = np.sort(roots.real[(abs(roots.imag) < 1e-9) & (0 < roots.real) & (roots.real < 1)])
+        begins = i == 0 or path.breaks[i] in path.stops
+        found += [*([c[0]] if begins else []), *piece(inner)]
+    return np.array([*found, path.coefficients[-1, :, 0].sum()])
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_one_joint_moves_as_fast_as_it_can_along_uneven_paths(seed):
+    path, acceleration = one_joint(seed), 2.0
+    best = (2 * np.sqrt(abs(np.diff(turns_of(path))) / acceleration)).sum()
+    planned = ac.plan(path, limits=ac.Limits.only(joint_acceleration=acceleration))
+    assert best * (1 - 1e-9) <= planned.duration <= best * (1 + 1e-3)
+
+
+def test_two_thousand_stops_take_no_longer_than_each_of_them():
+    breaks, q = np.arange(2001.0), 0.01 * (np.arange(2001) % 2)
+    coefficients = np.zeros((2000, 6, 1))
+    coefficients[:, 0, 0], coefficients[:, 1, 0] = q[:-1], np.diff(q)
+    path = ac.JointPath(breaks=breaks, coefficients=coefficients, stops=breaks[1:-1])
+    limits = ac.Limits.only(joint_velocity=0.1, joint_acceleration=10.0)
+    best = 2000 * (0.01 / 0.1 + 0.1 / 10.0)
+    assert ac.plan(path, limits=limits).duration == pytest.approx(best, rel=1e-3)
+
+
+def test_a_limit_that_no_grid_resolves_is_refused_in_bounded_memory(refuses):
+    places = []
+
+    def rough(s, side):
+        places.append(len(s))
+        return (1 + 0.5 * np.sin(1e9 * s))[:, None], np.zeros((len(s), 1)), np.zeros((len(s), 1))
+
+    path, limits = ac.JointPath.spline([(0.0, 0.0), (1.0, 0.5)]), ac.Limits(joint_acceleration=1.0)
+    own = [SecondOrder("rough", rough, [-1.0], [1.0])]
+    refuses(
+        lambda: ac.plan(path, limits=limits, options=ac.Optimal(constraints=own)),
+        ac.NotRealizable,
+        "grid",
+    )
+    # Refined without a bound, 4000 intervals grow to more than a million.
+    assert 10_000 < max(places) < 700_000
+
+
+def test_the_order_of_joints_does_not_change_the_duration():
+    rng = np.random.default_rng(3)
+    q, order = rng.uniform(-1, 1, (6, 5)), rng.permutation(5)
+    velocity, acceleration = rng.uniform(0.5, 2, 5), rng.uniform(1, 20, 5)
+    durations = [
+        ac.plan(
+            ac.JointPath.spline(q[:, x]),
+            limits=ac.Limits.only(joint_velocity=velocity[x], joint_acceleration=acceleration[x]),
+        ).duration
+        for x in (np.arange(5), order)
+    ]
+    assert durations[0] == pytest.approx(durations[1], rel=1e-6)

@@ -1,0 +1,164 @@
+"""Torque limits: friction, gravity, payload, and what the rows are made of."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.planning import optimal
+from armcontour.planning.constraints import OnGrid
+from armcontour.planning.grid import Grid
+from armcontour.planning.optimal import plan_optimal
+from armcontour.planning.topp._kernel import Rules
+from armcontour.planning.topp.limits import ALONE
+from armcontour.robot.chain import Payload
+from armcontour.robot.serial import SerialArm
+
+VISCOUS = np.array([15.0, 15.0, 10.0, 3.0, 3.0, 2.0])
+COULOMB = np.array([8.0, 8.0, 5.0, 1.5, 1.5, 1.0])
+# Every joint turns round somewhere.
+POINTS = np.random.default_rng(7).uniform(-2, 2, (5, 6))
+
+
+def ur5e(**changes):
+    arm = ac.load_arm("ur5e")
+    return SerialArm(name="UR5e", chain=arm.chain.replace(**changes), limits=arm.limits)
+
+
+def torque_only(arm, **more):
+    return ac.Limits.only(joint_torque=arm.limits.joint_torque, **more)
+
+
+def judged(planned, arm, limits):
+    found = ac.check(planned, arm, limits, points=30)
+    assert not found.violated, found.worst
+    return found
+
+
+def test_friction_is_kept_where_joints_turn_round():
+    path = ac.JointPath.spline(POINTS)
+    for viscous, coulomb in itertools.product((0, 1), repeat=2):
+        arm = ur5e(viscous=viscous * VISCOUS, coulomb=coulomb * COULOMB)
+        limits = torque_only(arm, joint_velocity=arm.limits.joint_velocity)
+        planned = ac.plan(path, arm, limits)
+        assert 1 - 1e-5 <= judged(planned, arm, limits)["joint_torque"].ratio <= 1 + 1e-9
+        rate = planned(np.linspace(0, planned.duration, 1000), 1)
+        assert (rate.min(axis=0) < 0).all() and (rate.max(axis=0) > 0).all()
+    for intervals in (10, 50, 300):
+        judged(
+            ac.plan(path, arm, torque_only(arm), ac.Optimal(intervals=intervals)),
+            arm,
+            torque_only(arm),
+        )
+
+
+def test_stops_and_speeds_at_the_ends():
+    arm = ur5e(viscous=VISCOUS, coulomb=COULOMB)
+    steps = np.diff(POINTS, axis=0)
+    breaks = np.concatenate([[0], np.cumsum(np.linalg.norm(steps, axis=1))])
+    coefficients = np.zeros((len(steps), 6, 6))
+    coefficients[:, 0], coefficients[:, 1] = POINTS[:-1], steps
+    path = ac.JointPath(breaks=breaks, coefficients=coefficients)
+    planned = ac.plan(path, arm, torque_only(arm), ac.Optimal(start_speed=0.1, end_speed=0.05))
+    judged(planned, arm, torque_only(arm))
+    (law,) = planned.laws
+    assert law.speeds[[0, -1]] == pytest.approx([0.1, 0.05])
+    assert (law.speeds[np.searchsorted(law.s, path.stops)] == 0).all()
+
+
+def test_dry_friction_may_be_nearly_all_that_gravity_leaves():
+    arm = ur5e(viscous=VISCOUS)
+    path = ac.JointPath.spline([(0.0, -0.5, 0.3, 0, 0, 0), (0.5, 0.4, 0.5, 0, 0, 0)])
+    q = path(np.linspace(0, path.length, 1000))
+    holding = np.abs(arm.torque(q, 0 * q, 0 * q)).max(axis=0)
+    limits = ac.Limits.only(joint_torque=holding * 1.001 + 0.01)
+    judged(ac.plan(path, arm, limits), arm, limits)
+
+
+# Points next to the start, where dq_ds vanishes, on a grid of 300 intervals.
+NEAR_THE_START = np.concatenate([[0.0], np.geomspace(1e-9, 1e-3, 10), np.linspace(0, 1, 301)[1:]])
+
+
+@pytest.mark.parametrize("start_speed", [0.0, 1e-3])
+@pytest.mark.parametrize("rubs", [0, 1])
+@pytest.mark.parametrize("seed", range(3))
+def test_tiny_intervals_next_to_a_rest_do_not_spoil_others(seed, rubs, start_speed):
+    arm = ur5e(viscous=rubs * VISCOUS, coulomb=rubs * COULOMB)
+    points = np.random.default_rng(seed).uniform(-1, 1, (4, 6))
+    path = ac.JointPath.spline(points, ends="clamped")
+    q = path(np.linspace(0, path.length, 1000))
+    holding = np.abs(arm.torque(q, 0 * q, 0 * q)).max(axis=0) + rubs * COULOMB
+    limits = ac.Limits(joint_torque=np.maximum(holding / 0.83, 0.2 * arm.limits.joint_torque))
+    fine = NEAR_THE_START * path.length
+    planned = ac.plan(path, arm, limits, ac.Optimal(grid=fine, start_speed=start_speed))
+    judged(planned, arm, limits)
+    assert len(planned.breaks) < 2 * len(fine)
+    even = ac.plan(path, arm, limits, ac.Optimal(grid=np.linspace(0, path.length, 301)))
+    assert planned.duration == pytest.approx(even.duration, rel=1e-3)
+    usual = ac.plan(path, arm, limits, ac.Optimal(start_speed=start_speed))
+    judged(usual, arm, limits)
+    # Friction counts against both limits where a joint turns, on a longer stretch if it is coarse.
+    assert planned.duration == pytest.approx(usual.duration, rel=5e-3 if rubs else 1e-3)
+
+
+def test_refusals(refuses):
+    loaded, stiff = ur5e(payload=Payload(mass=15.0)), ur5e(coulomb=[0, 0, 0, 0, 0, 29.0])
+    path = ac.JointPath.spline([np.zeros(6), np.full(6, 0.3)])
+    for arm, words, data in (
+        (loaded, "even at rest", {"joint": 1, "limit": "torque", "allowed": -150.0}),
+        (stiff, "in the slowest motion, with friction", {"joint": 5, "allowed": 28.0}),
+    ):
+        own = torque_only(arm)
+        refuses(lambda x=arm, y=own: ac.plan(path, x, y), ac.NotRealizable, words, **data)
+    bare = ac.load_arm("ur5e")
+    chain = bare.chain.replace(masses=None, centers=None, inertias=None)
+    hint = "load_arm takes a joint_limits.yaml"
+    arm = SerialArm(name="bare", chain=chain, limits=bare.limits, limits_hint=hint)
+    refuses(lambda: ac.plan(path, arm), ac.InvalidInput, "masses of the arm bare are not known")
+    refuses(lambda: ac.plan(path, arm, ac.Limits.only()), ac.InvalidInput, "joint_torque", hint)
+
+
+def test_a_payload_slows_the_arm():
+    path, arms = ac.JointPath.spline(POINTS), [ur5e()]
+    arms += [ur5e(payload=Payload(mass=x)) for x in (2.0, 4.0)]
+    durations = [ac.plan(path, arm, torque_only(arm)).duration for arm in arms]
+    assert durations[0] < durations[1] < durations[2]
+
+
+def test_a_plan_says_which_torque_binds():
+    arm = ur5e(viscous=VISCOUS, coulomb=COULOMB)
+    limits = torque_only(arm)
+    planned = ac.plan(ac.JointPath.spline(POINTS), arm, limits)
+    found = ac.explain(planned, arm, limits).bindings
+    binding = [x for x in found if x.limit != "nothing"]
+    assert {x.name for x in binding} <= {f"joint {k} torque" for k in range(1, 7)}
+    length = sum(x.s[1] - x.s[0] for x in binding)
+    assert length > 0.98 * (found[-1].s[1] - found[0].s[0])
+    assert all(0.99 < x.share < 1 + 1e-9 for x in binding)
+
+
+def test_neighbours_tell_what_an_inflection_hides():
+    path = ac.JointPath.spline([(0.0, 0.0), (1.0, 1.0)], s=[0.0, 1.0])
+    on = OnGrid(Grid(path, np.linspace(0, 1, 10), np.zeros(9, dtype=int)))
+    s = on.grid.s
+    cube = (on.places[1] - 0.5)[:, None] ** 3
+    none, one = np.zeros_like(cube), np.ones(1)
+    found = on.rows((none, none, cube), -one, one).rise[:, 0, ALONE]
+    inside = np.linspace(0, 1, 50)[:, None]
+    value, at = (s[:-1] + inside * on.grid.width - 0.5) ** 3, (s - 0.5) ** 3
+    off = np.abs(value - (at[:-1] + inside * np.diff(at))).max(axis=0)
+    assert (off <= found).all()
+
+
+def test_no_plan_is_given_up_that_would_gain_much(monkeypatch):
+    for seed, viscous, intervals in itertools.product(range(4), (0, 1), (60, 1000)):
+        arm = ur5e(viscous=viscous * VISCOUS)
+        limits = torque_only(arm, joint_velocity=np.full(6, 2.0))
+        path = ac.JointPath.spline(np.random.default_rng(seed).uniform(-1.2, 1.2, (5, 6)))
+        grid = np.linspace(0, 1, intervals + 1) * path.length
+        usual = plan_optimal(path, arm, limits, ac.Optimal(grid=grid)).duration
+        with monkeypatch.context() as never:
+            never.setattr(optimal, "Rules", lambda *x: Rules(*x, gain=-1.0))
+            longest = plan_optimal(path, arm, limits, ac.Optimal(grid=grid)).duration
+        assert usual == pytest.approx(longest, rel=5e-6), (seed, viscous, intervals)

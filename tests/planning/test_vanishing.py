@@ -1,0 +1,253 @@
+"""Joint paths along which dq_ds vanishes: closed forms, limits at any time, and the same curve."""
+
+import functools
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+import armcontour as ac
+from armcontour.planning.constraints import SecondOrder
+
+LINE_1 = np.array(
+    [-0.00038593, 0.00013093, 0.00064752, 0.00116383, 0.00167987]
+    + [0.00219563, 0.00271112, 0.00322633, 0.00374127, 0.00425594]
+)
+LINE_26 = np.array(
+    [-3.85929168e-04, -2.13610365e-04, -4.13223272e-05, 1.30934967e-04, 3.03161539e-04]
+    + [4.75357412e-04, 6.47522605e-04, 8.19657141e-04, 9.91761041e-04, 1.16383433e-03]
+)
+
+
+def second_joint(*values):
+    return np.array([[0.0, x, 0.0] for x in values])
+
+
+# toppra's own robustness suite (hungpham2511/toppra, problem_suite_1.yaml): waypoints, at even
+# parameters from 0 to 1, and limits of velocity and acceleration.
+SUITE = {
+    "small_joint_1": (np.tile(LINE_1[:, None], 3), [100.0] * 3, [100.0] * 3),
+    "small_joint_2": (second_joint(0, 1e-5, 0), [100, 1e4, 100], [100, 1e4, 100]),
+    "small_joint_3": (second_joint(0, 1e-7, 0), [100, 1e3, 100], [100, 1e3, 100]),
+    "issue26": (np.tile(LINE_26[:, None], 3), [1e3] * 3, [1e3, 2e3, 1e4]),
+    "two_points_1": (second_joint(0, 1), [100.0] * 3, [100.0] * 3),
+    "two_points_2": (second_joint(0, 1e-4), [100.0] * 3, [100.0] * 3),
+}
+
+
+def from_rest_to_rest(way, velocity, acceleration):
+    """Shortest time of joints that move together along one line [s]: a ramp up and a ramp down."""
+    way = np.abs(way)
+    scale = way > 0
+    a, v = (np.min(np.array(x)[scale] / way[scale]) for x in (acceleration, velocity))
+    assert v * v >= a  # the speed limit is not reached
+    return 2 / np.sqrt(a)
+
+
+@pytest.mark.parametrize("name", SUITE)
+def test_toppras_robustness_suite(name, worst_ratios):
+    points, velocity, acceleration = SUITE[name]
+    path = ac.JointPath.spline(points, np.linspace(0, 1, len(points)), ends="clamped")
+    limits = ac.Limits.only(joint_velocity=velocity, joint_acceleration=acceleration)
+    planned = ac.plan(path, limits=limits)
+    # These are straight lines of the joints: there and back again in the second and third.
+    turns = points[[0, 1, 2]] if name in ("small_joint_2", "small_joint_3") else points[[0, -1]]
+    best = sum(from_rest_to_rest(x, velocity, acceleration) for x in np.diff(turns, axis=0))
+    assert 1 - 1e-12 <= planned.duration / best < 1 + 1e-4
+    np.testing.assert_allclose(planned([0, planned.duration]), points[[0, -1]], atol=1e-15)
+    np.testing.assert_allclose(planned([0, planned.duration], 1), 0, atol=1e-12)
+    ratios = worst_ratios(planned, limits)
+    assert 1 - 1e-6 < ratios["joint_acceleration"] <= 1 + 1e-9
+    assert ratios["joint_velocity"] <= 1
+
+
+WAY = np.array([0.3, -1.1, 0.7])
+
+
+@pytest.mark.parametrize(("factor", "stops"), [(1.0, 0), (2.5, 0), (-1.0, 1)])
+def test_a_cubic_passes_the_place_at_which_it_does_not_move(factor, stops, worst_ratios):
+    """The joints at WAY s³ for s < 0, and that times a factor for s > 0."""
+    coefficients = np.zeros((2, 6, 3))
+    coefficients[0, :4] = np.array([-1.0, 3.0, -3.0, 1.0])[:, None] * WAY
+    coefficients[1, 3] = factor * WAY
+    path = ac.JointPath(breaks=[-1.0, 0.0, 1.0], coefficients=coefficients)
+    limits = ac.Limits.only(joint_acceleration=2.0, joint_velocity=50.0)
+    planned = ac.plan(path, limits=limits)
+    ways = [WAY, factor * WAY] if stops else [(1 + factor) * WAY]
+    best = sum(from_rest_to_rest(x, [50.0] * 3, [2.0] * 3) for x in ways)
+    assert 1 - 1e-12 <= planned.duration / best < 1 + 1e-4
+    assert worst_ratios(planned, limits)["joint_acceleration"] <= 1 + 1e-9
+    # A start speed means the same along a straight piece.
+    begun = ac.plan(
+        path,
+        limits=ac.Limits.only(joint_acceleration=2.0),
+        options=ac.Optimal(start_speed=0.5),
+    )
+    np.testing.assert_allclose(begun(0.0, 1), 3 * WAY * 0.5, rtol=1e-9)
+
+
+@pytest.mark.parametrize("slope", [1e-3, 1e-6, -1e-3, -1e-6])
+@pytest.mark.parametrize("breaks", [[-1.0, 1.0], [-1.0, 1e-9, 1.0]])
+def test_a_line_is_passed_where_it_nearly_does_not_move(slope, breaks):
+    """The joints at WAY (s³ + slope s), which turn round twice if the slope is negative."""
+
+    def place(s):
+        return s**3 + slope * s
+
+    breaks, s = np.array(breaks), np.polynomial.Polynomial([0.0, 1.0])
+    coefficients = np.zeros((len(breaks) - 1, 6, 3))
+    for i, (first, last) in enumerate(zip(breaks[:-1], breaks[1:], strict=True)):
+        coefficients[i, :4] = place(first + (last - first) * s).coef[:, None] * WAY
+    path = ac.JointPath(breaks=breaks, coefficients=coefficients)
+    turns = [-np.sqrt(-slope / 3), np.sqrt(-slope / 3)] if slope < 0 else []
+    planned = ac.plan(path, limits=ac.Limits(joint_acceleration=2.0))
+    rises = np.diff(place(np.array([-1.0, *turns, 1.0])))
+    best = sum(from_rest_to_rest(x * WAY, [50.0] * 3, [2.0] * 3) for x in rises)
+    assert 1 - 1e-9 <= planned.duration / best < 1 + 1e-4
+
+
+def test_a_curve_has_the_same_optimum_in_another_parameter(worst_ratios):
+    """A parabola q = a u + b u², and the same with u = s², which stands still at its start."""
+    a, b = np.random.default_rng(3).uniform(-1, 1, (2, 4))
+    limits = ac.Limits.only(joint_acceleration=[1.0, 0.7, 2.0, 1.5], joint_velocity=0.8)
+    durations = []
+    for powers in ((1, 2), (2, 4)):
+        coefficients = np.zeros((1, 6, 4))
+        coefficients[0, powers, :] = a, b
+        path = ac.JointPath(breaks=[0.0, 1.0], coefficients=coefficients)
+        planned = ac.plan(path, limits=limits)
+        assert max(worst_ratios(planned, limits).values()) <= 1 + 1e-9
+        durations.append(planned.duration)
+    assert durations[1] == pytest.approx(durations[0], rel=5e-5)
+
+
+def test_a_clamped_spline_takes_as_long_the_other_way_round():
+    """Dq_ds at its ends is rounded: neither zero nor a bound of ds."""
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        points = rng.normal(size=(3 + seed % 6, 2 + seed % 3))
+        limits = ac.Limits(joint_acceleration=rng.uniform(0.5, 2, points.shape[1]))
+        paths = (ac.JointPath.spline(x, ends="clamped") for x in (points, points[::-1]))
+        out, back = (ac.plan(x, limits=limits).duration for x in paths)
+        assert back == pytest.approx(out, rel=1e-5), seed
+
+
+def largest_use(planned, limits, worst_ratios):
+    return max(worst_ratios(planned, limits, places=10).values())
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_bent_quintics_from_rest_without_acceleration(seed, worst_ratios):
+    """Two of them; neither dq_ds nor d2q_ds2 is above zero at both ends."""
+    rng = np.random.default_rng(seed)
+    q, rest = rng.uniform(-2, 2, (3, 3)), np.zeros(3)
+    v, a = rng.uniform(-1, 1, (2, 3))
+    begin = q[:2], np.array([rest, v]), np.array([rest, a])
+    end = q[1:], np.array([v, rest]), np.array([a, rest])
+    path = ac.JointPath.hermite(np.array([0.0, 1.0, 2.0]), begin, end)
+    limits = ac.Limits.only(joint_acceleration=[2.0, 1.0, 3.0], joint_velocity=2.0)
+    planned = ac.plan(path, limits=limits)
+    assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9
+    np.testing.assert_allclose(planned([0, planned.duration], 1), 0, atol=1e-9)
+    fine = ac.plan(path, limits=limits, options=ac.Optimal(intervals=40_000))
+    assert 0 <= planned.duration / fine.duration - 1 < 3e-4
+    # It is the same curve: Newton's steps from the nearest sample find no distance.
+    found = planned(np.linspace(0, planned.duration, 2001))
+    s = np.linspace(0, 1, 20_001) ** 3
+    s = np.concatenate([s, 2 - s])
+    s = s[cKDTree(path(s)).query(found)[1]]
+    for _ in range(3):
+        away, slope = found - path(s), path(s, 1)
+        square = np.einsum("ij,ij->i", slope, slope)
+        step = np.einsum("ij,ij->i", away, slope) / np.where(square > 0, square, 1.0)
+        s = np.clip(s + step, 0.0, 2.0)
+    assert np.linalg.norm(found - path(s), axis=1).max() < 1e-10
+
+
+@pytest.mark.parametrize("ends", ["clamped", "natural"])
+def test_out_and_back_along_a_spline(ends, worst_ratios):
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        out = rng.uniform(-2, 2, (int(rng.integers(2, 7)), int(rng.integers(1, 7))))
+        path = ac.JointPath.spline(np.concatenate([out, out[-2::-1]]), ends=ends)
+        most = rng.uniform(0.5, 5, out.shape[1])
+        limits = ac.Limits.only(joint_acceleration=most, joint_velocity=3.0)
+        planned = ac.plan(path, limits=limits)
+        assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9, seed
+        fine = ac.plan(path, limits=limits, options=ac.Optimal(intervals=40_000))
+        assert 0 <= planned.duration / fine.duration - 1 < 3e-4, seed
+        # The way back takes as long as the way out; it is not stopped at the tip for long.
+        np.testing.assert_allclose(planned(planned.duration / 2), out[-1], atol=1e-3)
+
+
+def test_pieces_in_which_nothing_moves_are_left_out(refuses):
+    limits = ac.Limits.only(joint_acceleration=2.0)
+    still = np.zeros((3, 6, 1))
+    still[0, 1], still[1:, 0], still[2, 1] = 1.0, 1.0, 1.0
+    path = ac.JointPath(breaks=[0.0, 1.0, 2.0, 3.0], coefficients=still)
+    planned = ac.plan(path, limits=limits)
+    assert planned.duration >= 2 * np.sqrt(2 / 2.0)
+    np.testing.assert_allclose(planned(planned.duration), 2.0)
+    given = ac.plan(path, limits=limits, options=ac.Optimal(grid=np.linspace(0, 3, 50)))
+    assert given.duration == pytest.approx(planned.duration, rel=1e-2)
+    # A constraint counts in s, so that nothing is left out; it is said which piece is at fault.
+    idle = SecondOrder("idle", lambda s, side: 3 * (np.zeros((len(s), 1)),), [-1.0], [1.0])
+    still[:, 1], still[:, 0] = 0.0, 1.0
+    nothing = ac.JointPath(breaks=[0.0, 1.0, 2.0, 3.0], coefficients=still)
+    bent, flat = (of([(0.0, 0.0), (1.0, 2.0)]) for of in (ac.JointPath.spline, ac.Path.polyline))
+    plain = ac.Optimal()
+    for given, own, options, words in (
+        (path, limits, ac.Optimal(constraints=[idle]), "No joint moves from s = 1 to"),
+        (nothing, limits, plain, "No joint moves"),
+        # Without an arm.
+        (bent, limits.replace(joint_torque=1.0), plain, "an arm with masses"),
+        (bent, None, plain, "needs an Arm"),
+        (flat, ac.Limits.only(speed=1.0), plain, "needs an Arm"),
+    ):
+        call = functools.partial(ac.plan, given, limits=own, options=options)
+        refuses(call, ac.InvalidInput, words)
+
+
+@pytest.mark.parametrize("extra", [[], [1e-9], list(np.logspace(-9, -6, 10))])
+@pytest.mark.parametrize("count", [20, 200])
+def test_a_given_grid_plans_a_cusp_that_the_default_grid_plans(count, extra):
+    q = np.array([[0, 0], [0.5, 0.3], [0.2, 0.9], [-0.4, 0.5]])
+    slopes, none = np.array([[1, 0.5], [0, 0], [-1, 0.4], [-0.8, -1.0]]), np.zeros((3, 2))
+    begin, end = (q[:-1], slopes[:-1], none), (q[1:], slopes[1:], none)
+    path = ac.JointPath.hermite(np.array([0.0, 0.5, 1.0, 1.6]), begin, end)
+    limits = ac.Limits.only(joint_acceleration=[1.0, 1.0], joint_velocity=[1.0, 1.0])
+    grid = np.sort(np.concatenate([np.linspace(0, 1.6, count), extra]))
+    expected = ac.plan(path, limits=limits).duration
+    assert ac.plan(path, limits=limits, options=ac.Optimal(grid=grid)).duration == pytest.approx(
+        expected, rel=5e-3
+    )
+    idle = SecondOrder("idle", lambda s, side: 3 * (np.zeros((len(s), 1)),), [-1.0], [1.0])
+    with pytest.raises(ac.NotRealizable) as refused:
+        ac.plan(
+            path,
+            limits=limits,
+            options=ac.Optimal(grid=grid, constraints=[idle]),
+        )
+    assert refused.value.s == 0.5
+
+
+@pytest.mark.parametrize("start_speed", [1e-6, 1e-3, 0.1])
+@pytest.mark.parametrize("count", [20, 200])
+def test_grid_points_next_to_a_rest_do_not_refine_all_of_the_grid(start_speed, count, worst_ratios):
+    path = ac.JointPath.spline(np.random.default_rng(0).uniform(-1, 1, (4, 3)), ends="clamped")
+    limits = ac.Limits(joint_acceleration=[1.0, 1.0, 1.0])
+    share = np.concatenate([np.linspace(0, 1, count), np.geomspace(1e-9, 1e-3, 10)])
+    grid = np.sort(share) * path.length
+    planned = ac.plan(
+        path,
+        limits=limits,
+        options=ac.Optimal(start_speed=start_speed, grid=grid),
+    )
+    assert len(planned.breaks) < 4 * len(grid)
+    expected = ac.plan(
+        path,
+        limits=limits,
+        options=ac.Optimal(start_speed=start_speed, intervals=40_000),
+    ).duration
+    assert planned.duration == pytest.approx(expected, rel=3e-4 if count > 100 else 3e-3)
+    assert largest_use(planned, limits, worst_ratios) <= 1 + 1e-9

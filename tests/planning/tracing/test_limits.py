@@ -1,0 +1,162 @@
+"""Joints' ranges in tracing: those of the limits given rule, and refusals name what helps."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.planning import METHODS
+from armcontour.planning.tracing import refuse_out_of_range, trace_all
+from armcontour.robot import Chain, SerialArm
+
+DOWN = np.diag([1.0, -1.0, -1.0])
+POINTS = ac.Path.polyline([(0.4, -0.2, 0.3), (0.4, 0.2, 0.3)])
+LINE = POINTS.oriented(DOWN)
+FLAT = ac.Path.polyline([(0.35, 0.1), (0.41, 0.15)])
+S = np.linspace(0, LINE.length, 300)
+
+
+@pytest.fixture(scope="module")
+def ur5e():
+    return ac.load_arm("ur5e")
+
+
+def ranges(arm, joint, low, high):
+    """The arm's limits with another range of one joint."""
+    lower, upper = (x.copy() for x in arm.limits.joint_range(arm.dof))
+    lower[joint - 1], upper[joint - 1] = low, high
+    return arm.limits.replace(joint_lower=lower, joint_upper=upper)
+
+
+def test_ranges_that_limits_narrow_or_widen_are_used(ur5e):
+    limits = ranges(ur5e, 4, 3.2, 6.28).replace(joint_acceleration=5.0)
+    found = trace_all(LINE, ur5e, limits=limits)
+    assert len(found) >= 2
+    ways = [x(S) for x in (*found, ac.trace(LINE, ur5e, limits=limits))]
+    for q in ways:
+        np.testing.assert_allclose(ur5e.tool_position(q), LINE(S), atol=1e-9)
+    for start in (None, found[0](0.0) + 0.01):
+        planned = ac.plan(LINE, ur5e, limits, ac.Optimal(start=start))
+        ways.append(planned(np.linspace(0, planned.duration, 200)))
+    assert all(((q[:, 3] > 3.2) & (q[:, 3] < 6.28)).all() for q in ways)
+    tight = ur5e.with_limits(ranges(ur5e, 1, 0.5, 0.6))
+    assert ur5e.limits.joint_upper[0] > 6
+    with pytest.raises(ac.Unreachable):
+        ac.trace(LINE, tight)
+    # Limits without ranges have none.
+    for limits in (ur5e.limits, ac.Limits.only()):
+        assert len(trace_all(LINE, tight, limits=limits)) == len(trace_all(LINE, ur5e))
+    assert ac.plan(LINE, tight, ur5e.limits.replace(joint_acceleration=5.0)).duration > 0
+
+
+def test_joints_to_spare_keep_the_ranges_of_limits():
+    panda = ac.load_arm("panda")
+    middle = ac.trace(LINE, panda)(S)[:, 0].mean() + 0.5
+    q = ac.trace(LINE, panda, limits=ranges(panda, 1, middle, middle + 0.6))(S)
+    assert ((q[:, 0] >= middle) & (q[:, 0] <= middle + 0.6)).all()
+
+
+def test_the_velocities_of_limits_tell_the_shortest_way(ur5e):
+    for joint in range(6):
+        velocity = np.full(6, 3.0)
+        velocity[joint] = 0.01
+        found = trace_all(LINE, ur5e, limits=ac.Limits.only(joint_velocity=velocity))
+        ways = [(np.abs(np.diff(x(S), axis=0)) / velocity).max(axis=1).sum() for x in found]
+        assert (np.diff(ways) > -1e-3 * max(ways)).all(), joint
+
+
+def test_an_arm_in_the_plane_keeps_its_ranges(arm, refuses):
+    free = ac.trace(FLAT, arm)
+    low, high = (getattr(free(free.breaks), x)(axis=0) for x in ("min", "max"))
+    inside = ac.Limits.only(joint_lower=low - 1e-6, joint_upper=high + 1e-6)
+    found = ac.trace(FLAT, arm, limits=inside)
+    np.testing.assert_array_equal(found.coefficients, free.coefficients)
+    top = high[1] - 0.01
+    tight = ac.Limits.only(joint_lower=-3.0, joint_upper=[3.0, top])
+    data = {"joint": 1, "limit": "joint_upper", "needed": high[1], "allowed": top}
+    for own, limits in ((arm, tight), (arm.with_limits(tight), None)):
+        trace = partial(ac.trace, FLAT, own, limits=limits, branch="positive")
+        refuses(trace, ac.Unreachable, **data)
+        # The other branch is inside, and taken where none is named.
+        other = ac.trace(FLAT, own, limits=limits)
+        assert (other(FLAT.breaks)[:, 1] < 0).all()
+    turned = ac.trace(
+        FLAT, arm, limits=ac.Limits.only(joint_lower=[5.0, 0.0], joint_upper=[7.0, 3.0])
+    )
+    np.testing.assert_allclose(turned(0.1 * FLAT.length), free(0.1 * FLAT.length) + [2 * np.pi, 0])
+
+
+def test_where_no_whole_turn_fits_the_nearest_one_is_told(ur5e):
+    for low, high, name in ((0.5, 0.6, "joint_lower"), (-1.0, -0.9, "joint_upper")):
+        with pytest.raises(ac.Unreachable, match="joint 1 would stand") as caught:
+            ac.trace(LINE, ur5e, limits=ranges(ur5e, 1, low, high))
+        assert caught.value.limit == name
+        assert abs(caught.value.needed - caught.value.allowed) < np.pi
+        np.testing.assert_allclose(caught.value.point, LINE(caught.value.s), atol=1e-9)
+
+
+def test_freeing_the_tool_axis_is_no_advice_where_it_is_free_already(ur5e):
+    """For a range, the reach at the start, and the reach on the way."""
+    chain = Chain(
+        joints=("a", "b", "c"),
+        rotations=np.tile(np.eye(3), (3, 1, 1)),
+        positions=np.array([(0, 0, 0), (0, 0, 0.3), (0.3, 0, 0)]),
+        axes=np.array([(0.0, 0, 1), (0, 1, 0), (0, 1, 0)]),
+        tip=ac.Frame(position=[0.3, 0, 0]),
+    )
+    three = SerialArm(name="three", chain=chain, limits=ac.Limits())
+    narrow = ranges(ur5e, 1, 0.5, 0.6)
+    far, leaves = (ac.Path.polyline([(x, 0, 0.3), (4.0, 0, 0.3)]) for x in (3.0, 0.3))
+    for arm, limits in ((ur5e, narrow), (three, ac.Limits.only(joint_lower=2.0, joint_upper=2.1))):
+        for path, own in ((POINTS, limits), (far, None), (leaves, None)):
+            with pytest.raises(ac.Unreachable) as caught:
+                ac.trace(path.pointing([0, 0, -1]) if arm is ur5e else path, arm, limits=own)
+            assert "tool axis" not in str(caught.value)
+    with pytest.raises(ac.Unreachable, match="or leave turning about the tool axis free"):
+        ac.trace(LINE, ur5e, limits=narrow)
+
+
+def bump(height):
+    """Joint 2 rises from 0 to `height` and falls again, between its knots."""
+    coefficients = np.zeros((1, 6, 2))
+    coefficients[0, 1, 0] = 1.0
+    coefficients[0, 1:3, 1] = 4 * height, -4 * height
+    return ac.JointPath(breaks=np.array([0.0, 2.0]), coefficients=coefficients)
+
+
+def test_the_top_between_samples_counts(refuses):
+    limits = ac.Limits.only(joint_upper=[2.0, 0.5], joint_lower=[-0.1, -0.1])
+    refuse_out_of_range(bump(0.5), limits)
+    upper = {"limit": "joint_upper", "needed": 0.500001, "allowed": 0.5}
+    lower = {"limit": "joint_lower", "needed": -0.3, "allowed": -0.1}
+    for height, words, data in (
+        (0.5 + 1e-6, "1e-06 rad beyond its upper limit of 0.5 rad", upper),
+        (-0.3, "beyond its lower limit of -0.1 rad", lower),
+    ):
+        found = bump(height)
+        refuses(
+            lambda x=found: refuse_out_of_range(x, limits), ac.Unreachable, words,
+            joint=1, s=1.0, **data,
+        )  # fmt: skip
+    # Ranges may be missing or endless.
+    refuse_out_of_range(bump(5.0), ac.Limits.only())
+    refuse_out_of_range(bump(5.0), ac.Limits.only(joint_upper=[np.inf, np.inf]))
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        path = ac.JointPath(breaks=np.array([0.0, 1.5]), coefficients=rng.uniform(-1, 1, (1, 6, 3)))
+        q = path(np.linspace(0, 1.5, 20_001))
+        refuse_out_of_range(
+            path, ac.Limits.only(joint_lower=q.min() - 1e-6, joint_upper=q.max() + 1e-6)
+        )
+        with pytest.raises(ac.Unreachable) as caught:
+            refuse_out_of_range(path, ac.Limits.only(joint_upper=q.max() - 0.01))
+        assert caught.value.needed == pytest.approx(q.max(), abs=1e-6), seed
+        assert caught.value.joint == int(np.argmax(q.max(axis=0))), seed
+
+
+def test_every_method_refuses(traced, arm, limits):
+    narrow = limits.replace(joint_upper=traced(0.0) + 0.01)
+    for method in ("optimal", "mac", "conventional"):
+        with pytest.raises(ac.Unreachable, match="beyond its upper limit"):
+            ac.plan(traced, arm, narrow, METHODS[method]())

@@ -1,0 +1,451 @@
+"""Tracing in space: exact knots, all configurations, joints to spare, and refusals."""
+
+import functools
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import armcontour as ac
+from armcontour.core.frames import Frame, exp, log
+from armcontour.planning.tracing import trace_all
+from armcontour.planning.tracing.configurations import follow_ways
+from armcontour.planning.tracing.knots import first_knots
+from armcontour.planning.tracing.poses import row_of_poses
+from armcontour.planning.tracing.redundancy import smooth
+from armcontour.robot import Chain, SerialArm
+from armcontour.robot.inverse import configurations
+
+DOWN = np.diag([1.0, -1.0, -1.0])
+POINTS = [(0.4, -0.2, 0.3), (0.5, -0.1, 0.35), (0.5, 0.2, 0.3), (0.4, 0.25, 0.4)]
+# A torch of 0.2 m, bent by 45°.
+TORCH = Frame.rpy([0.085, 0, 0.165], [0, np.pi / 4, 0])
+
+
+@pytest.fixture(scope="module")
+def ur5e():
+    return ac.load_arm("ur5e")
+
+
+@pytest.fixture(scope="module")
+def panda():
+    return ac.load_arm("panda")
+
+
+def paths():
+    base = ac.Path.polyline(POINTS)
+    turns = Rotation.from_rotvec([[0, 0, 0], [0.2, 0.1, 0.3], [0, 0.3, 0.1], [0.1, 0, -0.2]])
+    curve = ac.Path.spline(POINTS, tolerance=1e-5)
+    kinds = {
+        "held": base.oriented(DOWN),
+        "per waypoint": base.oriented(turns * Rotation.from_matrix(DOWN)),
+        "following": base.following_tangent([0, 0, 1]),
+        "axis": base.pointing([0.1, 0, -1]),
+        "axis per waypoint": base.pointing([(0, 0, -1), (0.2, 0, -1), (0, 0.2, -1), (0, 0, -1)]),
+        "axis following": base.following_tangent([0, 0, 1], axis_only=True),
+        "spline": curve.following_tangent([0, 0, 1], axis_only=True),
+    }
+    return {
+        name: ac.round_corners(path, tolerance=0.01, angular_tolerance=0.1)
+        for name, path in kinds.items()
+    } | {"stopping": base.pointing([(0, 0, -1), (0.2, 0, -1), (0, 0.2, -1), (0, 0, -1)])}
+
+
+PATHS = paths()
+CASES = [("ur5e", x) for x in PATHS] + [("panda", x) for x in PATHS]
+CASES += [("ur10e", "per waypoint"), ("ur10e", "axis per waypoint")]
+
+
+def off_path(arm, path, traced, s, sides="right"):
+    """How far the tool is from its place and its orientation [m], [rad]."""
+    q = traced(s, side=sides)
+    points, rotations = arm.pose(q)
+    wanted = path.orientation(s, side=sides)
+    if path.orientation.axis_only:
+        turned = np.linalg.norm(rotations[:, :, 2] - wanted[:, :, 2], axis=1)
+    else:
+        turned = np.linalg.norm(log(rotations @ np.swapaxes(wanted, 1, 2)), axis=1)
+    return np.linalg.norm(points - path(s), axis=1).max(), turned.max()
+
+
+def places(path, traced):
+    random = np.random.default_rng(0).uniform(0, path.length, 1000)
+    return np.concatenate([random, traced.breaks])
+
+
+def is_on_path(arm, path, traced):
+    return max(off_path(arm, path, traced, places(path, traced))) < 2e-9
+
+
+def ranged(arm, **ranges):
+    """The arm without a tool, with other ranges of its joints."""
+    bare = arm.with_tool(Frame())
+    return bare.with_limits(bare.limits.replace(**ranges))
+
+
+@pytest.mark.parametrize(("name", "kind"), CASES)
+def test_the_tool_stays_on_its_path_and_the_joints_in_their_ranges(name, kind):
+    arm, path = ac.load_arm(name), PATHS[kind]
+    found = trace_all(path, arm)
+    lower, upper = arm.limits.joint_range(arm.dof)
+    for traced in found:
+        point, turn = off_path(arm, path, traced, places(path, traced))
+        assert point < 2e-10 and turn < 2e-9
+        # At knots it is exact, from both sides.
+        for side in ("left", "right"):
+            point, turn = off_path(arm, path, traced, traced.breaks, side)
+            assert point < 1e-12 and turn < 1e-12
+        q = traced(places(path, traced))
+        assert (q >= lower).all() and (q <= upper).all()
+        inner = traced.breaks[1:-1]
+        jump = np.abs(traced(inner) - traced(inner, side="left")).max()
+        assert jump < 1e-9
+    # They are different, and the first is the shortest.
+    middle = np.array([x(path.length / 2) for x in found])
+    apart = np.abs(middle[:, None] - middle[None]).max(axis=2) + 10 * np.eye(len(found))
+    assert apart.min() > 1e-3
+    # Derivatives are those of the joint positions and of the tool.
+    traced = ac.trace(path, arm)
+    np.testing.assert_array_equal(traced.breaks, found[0].breaks)
+    for side, sign in (("left", -1), ("right", 1)):
+        s = traced.breaks[1:] if side == "left" else traced.breaks[:-1]
+        q, dq, ddq = (traced(s, k, side=side) for k in range(3))
+        # The tool's velocity and acceleration over arc length, by the arm's own Jacobian.
+        twist, change = arm.tool_twist(q, dq), arm.tool_twist_rate(q, dq, ddq)
+        size = 1 + np.abs(change).max()
+        np.testing.assert_allclose(twist[:, :3], path(s, 1, side=side), atol=1e-9)
+        np.testing.assert_allclose(change[:, :3], path(s, 2, side=side), atol=1e-9 * size)
+        rate, bend = path.orientation.rates(s, side=side)
+        own = [(twist[:, 3:], change[:, 3:]), (rate, bend)]
+        if path.orientation.axis_only:
+            # How the tool axis moves: turning about itself does not count.
+            axis = path.orientation(s, side=side)[:, :, 2]
+            moves = [np.cross(w, axis) for w, _ in own]
+            bends = [np.cross(b, axis) + np.cross(w, np.cross(w, axis)) for w, b in own]
+        else:
+            moves, bends = zip(*own, strict=True)
+        np.testing.assert_allclose(*moves, atol=1e-9 * (1 + np.abs(rate).max()))
+        np.testing.assert_allclose(*bends, atol=1e-9 * size)
+        # And they are derivatives of the joint positions that are returned.
+        h = 1e-3 * np.diff(traced.breaks)[:, None] * sign
+        before, after = traced(s), traced(s + h[:, 0])
+        cubic = np.abs(after - before - h * dq - h**2 / 2 * ddq).max()
+        assert cubic < 1e-6 * max(1.0, np.abs(h**2 * ddq).max())
+
+
+@pytest.mark.parametrize("name", ["ur5e", "panda"])
+def test_joints_to_spare_move_smoothly_between_stops(name):
+    arm = ac.load_arm(name)
+    for kind in ("axis per waypoint", "axis following", "stopping"):
+        path = PATHS[kind]
+        traced = ac.trace(path, arm)
+        inner = traced.breaks[1:-1]
+        moving = inner[~np.isin(inner, path.stops)]
+        # The second derivative jumps only where the path's own curvature or rate of turning does.
+        plain = moving[~np.isin(moving, np.union1d(path.breaks, path.orientation.breaks))]
+        assert len(plain) > 20
+        for order, s in ((1, moving), (2, plain)):
+            left, right = (traced(s, order, side=side) for side in ("left", "right"))
+            near = (1e-9 if order == 1 else 1e-8) * (1 + np.abs(left).max())
+            np.testing.assert_allclose(left, right, atol=near, err_msg=kind)
+        np.testing.assert_array_equal(traced.stops, path.stops)
+        assert (len(path.stops) > 0) == (kind == "stopping")
+
+
+def test_threads_that_share_ways_change_no_bit(ur5e, monkeypatch):
+    for kind in ("held", "axis"):
+        found = []
+        for processors in (1, 5):
+            monkeypatch.setattr("armcontour.core.pool.processors", lambda n=processors: n)
+            monkeypatch.setattr("armcontour.planning.tracing.configurations.MANY", 0)
+            found.append([x.coefficients for x in trace_all(PATHS[kind], ur5e)])
+        assert len(found[0]) > 1
+        for alone, shared in zip(*found, strict=True):
+            np.testing.assert_array_equal(alone, shared)
+
+
+def test_a_start_says_which_configuration_and_which_turn(ur5e):
+    path = PATHS["held"]
+    found = trace_all(path, ur5e)
+    assert len(found) == 8
+    for traced in found:
+        start = traced(0.0) + 0.02
+        np.testing.assert_allclose(ac.trace(path, ur5e, start=start)(0.0), traced(0.0), atol=1e-9)
+    # Six of the joints turn by two turns, so that the start may be another turn away.
+    start = found[0](0.0)
+    start[5] += -2 * np.pi if start[5] > 0 else 2 * np.pi
+    again = ac.trace(path, ur5e, start=start)
+    np.testing.assert_allclose(again(0.0), start, atol=1e-9)
+    np.testing.assert_allclose(again(path.length)[:5], found[0](path.length)[:5], atol=1e-9)
+
+
+def test_with_joints_to_spare_a_start_that_holds_the_tool_is_kept(panda):
+    lower, upper = panda.limits.joint_range(7)
+    for kind in ("held", "axis"):
+        path, kept = PATHS[kind], 0
+        pose = np.column_stack([path.orientation(0.0), path(0.0)])
+        starts = configurations(panda, pose, 5 if kind == "axis" else 6)
+        starts = [q for q in starts if ((q > lower + 0.2) & (q < upper - 0.2)).all()][:3]
+        assert len(starts) == 3
+        for start in starts:
+            try:
+                traced = ac.trace(path, panda, start=start)
+            except ac.Unreachable:  # it does not come to the end from everywhere
+                continue
+            np.testing.assert_allclose(traced(0.0), start, atol=1e-7)
+            kept += 1
+        assert kept >= 1
+
+
+def test_a_start_that_leads_nowhere_is_told_of_one_that_does(ur5e, refuses):
+    path = ac.Path.polyline([(0.8, 0, 0.3), (0.75, 0, 0.3)]).oriented(DOWN)
+    pose = np.column_stack([DOWN, path(0.0)])
+    random = np.random.default_rng(0)
+    starts = (random.uniform(-np.pi, np.pi, 6) for _ in range(500))
+    start = next(q for q in starts if len(configurations(ur5e, pose, 6, q)) == 0)
+    with pytest.raises(ac.Unreachable, match="From the given start") as caught:
+        ac.trace(path, ur5e, start=start)
+    error = caught.value
+    assert error.limit == "start" and error.s == 0 and error.needed > 0.1
+    np.testing.assert_allclose(error.point, (0.8, 0, 0.3))
+    better = [float(x) for x in str(error).split("such as (")[1].split(")")[0].split(",")]
+    np.testing.assert_allclose(ac.trace(path, ur5e, start=better)(0.0), better, atol=1e-4)
+    refuses(lambda: ac.trace(path, ur5e, start=[0.0] * 5), ac.InvalidInput)
+    degrees = (0, -90, 90, -90, -90, 0)
+    refuses(lambda: ac.trace(path, ur5e, start=degrees), ac.InvalidInput, joint=1)
+
+
+def test_a_waypoint_a_millimetre_out_of_reach(ur5e):
+    """How far the arm gets along x with the tool down, in any configuration, by bisection."""
+    edge, high = 0.6, 1.2
+    for _ in range(40):
+        middle = (edge + high) / 2
+        pose = np.column_stack([DOWN, [middle, 0, 0.3]])
+        edge, high = (middle, high) if len(configurations(ur5e, pose, 6)) else (edge, middle)
+    beyond = (edge + 1e-3, 0, 0.3)
+    path = ac.Path.polyline([(0.5, 0, 0.3), beyond, (0.5, 0.1, 0.3)])
+    with pytest.raises(ac.Unreachable, match="out of reach of the arm UR5e") as caught:
+        ac.trace(path.oriented(DOWN), ur5e)
+    error = caught.value
+    assert error.limit == "reach" and error.allowed == 0
+    assert error.needed == pytest.approx(1e-3, rel=0.1)  # it may turn by a little for it
+    assert error.s == pytest.approx(edge - 0.5, abs=1e-5) and f"From {error.s:.6g} m" in str(error)
+    np.testing.assert_allclose(error.point, beyond, atol=1e-9)
+    with pytest.raises(ac.Unreachable, match="At 0 m along the path") as caught:
+        ac.trace(ac.Path.polyline([beyond, (0.5, 0, 0.3)]).oriented(DOWN), ur5e)
+    assert caught.value.needed == pytest.approx(1e-3, rel=0.1)
+    # Ten micrometres inside, the arm goes there: fast in its joints, but it goes.
+    path = ac.Path.polyline([(0.5, 0, 0.3), (edge - 1e-5, 0, 0.3)]).oriented(DOWN)
+    traced = ac.trace(path, ur5e)
+    assert is_on_path(ur5e, path, traced) and np.abs(traced(path.length, 1)).max() > 100
+
+
+def test_far_out_of_reach_through_the_base_and_ranges_that_are_left(ur5e, panda):
+    path = ac.Path.polyline([(3.0, 0, 0.3), (4.0, 0, 0.3)]).oriented(DOWN)
+    with pytest.raises(ac.Unreachable, match=r"on the path, at \(4.0, 0.0, 0.3\) m") as caught:
+        ac.trace(path, ur5e)
+    assert 2.0 < caught.value.needed < 2.3
+    path = ac.Path.polyline([(0.3, 0, 0.5), (-0.3, 0, 0.5)]).oriented(DOWN)
+    with pytest.raises(ac.Unreachable, match="out of reach") as caught:
+        ac.trace(path, ur5e)
+    # The wrist's centre cannot come nearer to the axis than the arm is offset from it.
+    assert caught.value.s == pytest.approx(0.3 - 0.1333, abs=1e-4)
+    # A circle just outside: chords between its knots pass through the hole, the path does not.
+    arc = ac.Arc(start=(0.1334, 0, 0.5), center=(0, 0, 0.5), angle=5.5, normal=(0, 0, 1))
+    assert len(trace_all(ac.Path.from_segments([arc]).oriented(DOWN), ur5e)) == 8
+    circle = ac.Arc.circle(start=(0.4, 0, 0.5), center=(0, 0, 0.5), normal=(0, 0, 1))
+    once = ac.Path.from_segments([circle]).oriented(DOWN)
+    assert len(trace_all(once, ur5e)) == 8  # it has two turns
+    thrice = ac.Path.from_segments([circle] * 3).oriented(DOWN)
+    for arm, path in ((ur5e, thrice), (panda, once)):
+        with pytest.raises(ac.Unreachable, match="joint") as caught:
+            ac.trace(path, arm)
+        error = caught.value
+        lower, upper = arm.limits.joint_range(arm.dof)
+        assert error.limit in ("joint_lower", "joint_upper") and 0 < error.s < path.length
+        assert error.allowed in (lower[error.joint], upper[error.joint])
+        assert abs(error.needed) > abs(error.allowed)
+        np.testing.assert_allclose(path(error.s), error.point, atol=1e-9)
+
+
+def test_a_range_with_one_end_and_one_that_is_left_between_knots(ur5e):
+    path = PATHS["held"]
+    q = ac.trace(path, ur5e)(np.linspace(0, path.length, 50))
+    lower = np.full(6, -np.inf)
+    lower[0] = q[:, 0].max() + 0.5  # only a turn later
+    found = trace_all(path, ranged(ur5e, joint_lower=lower, joint_upper=np.inf))
+    assert len(found) == 8
+    assert all((x(np.linspace(0, path.length, 50))[:, 0] >= lower[0]).all() for x in found)
+    # The largest value of a joint lies on the way; its range ends just below.
+    path = ac.Path.polyline([(0.4, -0.25, 0.3), (0.4, 0.2, 0.35)]).oriented(DOWN)
+    s = np.linspace(0, path.length, 5001)
+    free = trace_all(path, ur5e)
+    peaks = [(x(s).max(axis=0), x(x.breaks).max(axis=0)) for x in free]
+    tried = 0
+    for peak, at_knots in peaks:
+        for j in np.flatnonzero(peak > at_knots + 1e-7):
+            upper = np.full(6, np.inf)
+            upper[j] = (peak[j] + at_knots[j]) / 2
+            for x in trace_all(path, ranged(ur5e, joint_upper=upper, joint_lower=None)):
+                assert (x(s)[:, j] <= upper[j] + 1e-9).all()
+            tried += 1
+    assert tried >= 2
+
+
+def test_near_the_wrists_singularity_it_turns_fast_and_through_it_is_refused(ur5e):
+    q = np.array([0.3, -1.2, 1.5, -0.6, 0.0, 0.4])  # the fifth joint at zero: two axes in line
+    point, rotation = ur5e.pose(q)
+    lost = np.linalg.svd(ur5e.jacobian(q))[0][:, -1]  # what the tool cannot do there
+    ends = 0.05 * np.array([[-1.0], [1.0]])
+    points, turns = point + ends * lost[:3], exp(ends * lost[3:]) @ rotation
+    fastest, start = [], None
+    for aside in (1e-2, 1e-3, 1e-4):
+        beside = ac.Path.polyline(points + [0, 0, aside])
+        path = beside.oriented(exp(aside * np.cross(lost[3:], [0.3, 0.4, 0.5])) @ turns)
+        found = trace_all(path, ur5e)
+        assert len(found) == 8
+        assert is_on_path(ur5e, path, found[-1])
+        fastest.append(np.abs(found[-1](places(path, found[-1]), 1)).max())
+        start = found[-1](0.0)
+    assert fastest[1] > 5 * fastest[0] and fastest[2] > 5 * fastest[1] > 1e4
+    # Exactly through it, four of the eight configurations get to the end, and this is not one.
+    through = ac.Path.polyline(points).oriented(turns)
+    assert len(trace_all(through, ur5e)) == 4
+    with pytest.raises(ac.Unreachable, match="singular") as caught:
+        ac.trace(through, ur5e, start=start)
+    error = caught.value
+    assert error.limit == "singularity"
+    assert error.s == pytest.approx(through.length / 2, abs=0.003)
+
+
+def test_five_joints_hold_a_tool_axis_but_no_orientation(refuses):
+    random = np.random.default_rng(1)
+    axes = random.normal(size=(5, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    turns, positions = exp(random.normal(size=(5, 3))), 0.3 * random.normal(size=(5, 3))
+    chain = Chain(joints=tuple("abcde"), rotations=turns, positions=positions, axes=axes)
+    arm = SerialArm(name="five", chain=chain, limits=ac.Limits.only(joint_velocity=1.0))
+    points, rotations = arm.pose(np.array([[0.3, 0.2, 0.5, 0.7, 0.1], [0.35, 0.25, 0.5, 0.7, 0.1]]))
+    path = ac.Path.polyline(points)
+    refuses(lambda: ac.trace(path.oriented(rotations), arm), ac.InvalidInput, "5 joints", "6")
+    pointed = path.pointing(rotations[:, :, 2])
+    found = trace_all(pointed, arm)
+    assert len(found) >= 1 and all(is_on_path(arm, pointed, x) for x in found)
+
+
+def test_refusals(ur5e, refuses):
+    path = ac.Path.polyline(POINTS)
+    sharp = path.following_tangent([0, 0, 1])
+    # One that was to be rounded is not told to be rounded.
+    begin, turn = (0.4, 0, 0.2), (0.4 + 0.1 * np.sin(1), 0.1 - 0.1 * np.cos(1), 0.2)
+    arc = ac.Arc(start=begin, center=(0.4, 0.1, 0.2), angle=1.0, normal=(0, 0, 1))
+    lifted = ac.Path.from_segments([arc, ac.Line(start=turn, end=(0.5, 0, 0.3))])
+    lifted = lifted.following_tangent([0, 0, 1])
+    lifted = ac.round_corners(lifted, tolerance=1e-3, angular_tolerance=0.1)
+    parallel = {
+        "axes": np.tile([0.0, 0.0, 1.0], (3, 1)),
+        "rotations": np.tile(np.eye(3), (3, 1, 1)),
+    }
+    parallel["positions"] = np.array([[0, 0, 0], [0.3, 0, 0], [0.3, 0, 0]])
+    two, scara = (
+        Chain(joints=tuple("abc"[:n]), **{name: x[:n] for name, x in parallel.items()})
+        for n in (2, 3)
+    )
+    two, scara = (SerialArm(name="flat", chain=x, limits=ac.Limits()) for x in (two, scara))
+    level = ac.Path.polyline([(0.50, 0.10, 0.0), (0.55, 0.15, 0.0)])
+    for given, arm, options, words, data in (
+        (path, ur5e, {}, "path.oriented", {}),
+        (ac.Path.polyline([(0.4, 0), (0.5, 0)]), ur5e, {}, "2 coordinates", {}),
+        (sharp, ur5e, {}, "round the corner", {"s": sharp.breaks[1], "point": POINTS[1]}),
+        (lifted, ur5e, {}, "do not lie in one plane", {}),
+        (path.oriented(DOWN), ur5e, {"branch": "up"}, "no named branches", {}),
+        (level, two, {}, "2 joints", {}),
+        (level, scara, {}, "parallel", {}),
+    ):
+        call = functools.partial(ac.trace, given, arm, **options)
+        refuses(call, ac.InvalidInput, words, **data)
+
+
+def test_sharp_corners_are_stops_and_corners_beside_arcs_are_rounded(ur5e):
+    path = ac.Path.polyline(POINTS).oriented(DOWN)
+    traced = ac.trace(path, ur5e)
+    np.testing.assert_array_equal(traced.stops, path.breaks[1:-1])
+    before, after = (traced(path.breaks[1], 1, side=side) for side in ("left", "right"))
+    assert np.abs(before - after).max() > 0.1
+    line = ac.Line(start=(0.4, -0.1, 0.2), end=(0.5, -0.1, 0.2))
+    arc = ac.Arc.through((0.5, -0.1, 0.2), (0.57, -0.08, 0.2), (0.6, 0.0, 0.2))
+    path = ac.Path.from_segments([line, arc]).following_tangent((0, 0, 1))
+    rounded = ac.round_corners(path, tolerance=1e-3, angular_tolerance=0.02)
+    assert len(ac.trace(rounded, ur5e).stops) == 0
+    with pytest.raises(ac.InvalidInput, match="round a sharp corner: round the corner"):
+        ac.trace(path, ur5e)
+
+
+def test_a_weld_seam_round_a_tube_needs_the_turn_about_the_tool_axis(ur5e):
+    arm = ur5e.with_tool(TORCH)
+    center, up = np.array([0.45, 0.0, 0.35]), np.array([0.0, 0.0, 1.0])
+    seam = ac.Path.from_segments(
+        [ac.Arc.circle(start=center + 0.08 * up, center=center, normal=(0, 1, 0))]
+    )
+    with pytest.raises(ac.Unreachable, match="out of reach") as caught:
+        ac.trace(seam.following_tangent(up), arm)
+    assert caught.value.s / seam.length == pytest.approx(0.62, abs=0.01)
+    free = seam.following_tangent(up, axis_only=True)
+    found = trace_all(free, arm)
+    assert len(found) >= 6
+    s = np.linspace(0, seam.length, 500)
+    lower, upper = arm.limits.joint_range(6)
+    for traced in found:
+        points, rotations = arm.pose(traced(s))
+        inward = center - points
+        np.testing.assert_allclose(np.linalg.norm(inward, axis=1), 0.08, atol=1e-9)
+        np.testing.assert_allclose(rotations[:, :, 2], inward / 0.08, atol=1e-8)
+        assert (traced(s) >= lower).all() and (traced(s) <= upper).all()
+
+
+def test_a_tight_corner_of_a_tool_that_follows_does_not_swing_the_spare_joint(panda):
+    # Its joints go far on a short path, which a spline beside it must not feel.
+    points = [(0.45, -0.1, 0.3), (0.5, -0.1, 0.3), (0.5, 0, 0.3), (0.45, 0, 0.3)]
+    tool = DOWN @ exp([0, 0.35, 0])
+    sharp = ac.Path.polyline(points).following_tangent([0, 0, 1], tool=tool)
+    for tolerance in (1e-3, 1e-5):
+        path = ac.round_corners(sharp, tolerance=tolerance, angular_tolerance=0.02)
+        traced = ac.trace(path, panda)
+        assert is_on_path(panda, path, traced)
+        travel = np.abs(np.diff(traced(np.linspace(0, path.length, 4001)), axis=0)).sum(axis=0)
+        assert travel.max() < 6.0
+
+
+def test_thousands_of_segments(ur5e):
+    t = np.linspace(0, 60, 4001)
+    ways = 0.45 + 0.1 * np.cos(t), 0.1 * np.sin(1.3 * t + 0.4), 0.3 + 0.05 * np.sin(0.7 * t)
+    path = ac.round_corners(ac.Path.polyline(np.stack(ways, 1)).oriented(DOWN), tolerance=1e-5)
+    traced = ac.trace(path, ur5e)
+    assert len(path) > 7900 and len(traced.stops) == 0
+    assert max(off_path(ur5e, path, traced, traced.breaks)) < 1e-11
+
+
+def test_smoothing_leaves_the_tool_where_it_is_and_costs_less(panda):
+    path = PATHS["axis per waypoint"]
+    knots = first_knots(path, panda.span)
+    poses, s = row_of_poses(path, knots), np.append(knots.s0, path.length)
+    starts = configurations(panda, poses[0], 5)
+    ways, reached = follow_ways(panda, poses, 5, starts)
+    first = ways[np.argmax(reached == len(poses))]
+    costs = []
+    for rounds in (0, 1, 3, 25):
+        (q,), (cost,) = smooth(panda, s, poses, 5, first[None], rounds=rounds)
+        np.testing.assert_allclose(panda.tool_position(q), poses[:, :, 3], atol=1e-9)
+        costs.append(cost)
+    assert costs == sorted(costs, reverse=True) and costs[-1] < 0.9 * costs[0]
+    (held,), _ = smooth(panda, s, poses, 5, first[None], start_stays=True)
+    np.testing.assert_allclose(held[0], first[0], atol=1e-12)
+    pace = panda.limits.joint_velocity.min() / panda.limits.joint_velocity
+    # The cost, by its definition.
+    steps = np.diff(first, axis=0) * pace
+    far = np.linalg.norm(steps, axis=1)
+    share = (np.diff(s) / (s[-1] - s[0]) + far / far.sum()) / 2
+    lower, upper = panda.limits.joint_range(7)
+    beyond = np.maximum(np.abs(2 * first - lower - upper) / (upper - lower) - 0.7, 0)
+    wanted = (steps**2 / share[:, None]).sum() + 30**2 * (beyond**2).sum() / len(s)
+    assert costs[0] == pytest.approx(wanted, rel=1e-12)

@@ -1,0 +1,185 @@
+"""The nominal robot's command and its response, against the plant of MuJoCo."""
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import spsolve
+
+import armcontour as ac
+from armcontour.motion import TaughtData
+from armcontour.robot.drives import Drives, regular_times, respond_along
+from armcontour.robot.servo.simulation import command_weights, polynomials, sample_command
+
+pytest.importorskip("mujoco")
+PERIOD = 4e-3
+T = np.arange(0, 1.0, PERIOD)
+SERVO = ac.ServoModel(kp=25.0, kv=150.0)
+CASCADE = SERVO.replace(ki=[9.0, 0.0, 4.0, 20.0, 9.0, 9.0])
+STRONG = ac.Limits(joint_torque=np.full(6, 1e4))
+# A change of the set-points by up to 1e-4 rad.
+CHANGE = 1e-4 * np.sin(np.outer(T, 10.0 * np.arange(1, 7))) * np.sin(np.pi * T)[:, None]
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return ac.load_arm("ur5e")
+
+
+def swing(t, order):
+    """Smooth joint motions from rest to rest in 0.8 s, each joint by another angle."""
+    x = np.clip(t / 0.8, 0.0, 1.0)[:, None]
+    shape = (
+        35 * x**4 - 84 * x**5 + 70 * x**6 - 20 * x**7,
+        (140 * x**3 - 420 * x**4 + 420 * x**5 - 140 * x**6) / 0.8,
+        (420 * x**2 - 1680 * x**3 + 2100 * x**4 - 840 * x**5) / 0.8**2,
+    )
+    begin = np.array([0.3, -1.5, 1.5, -1.2, -1.5, 0.0])
+    return begin * (order == 0) + 0.1 * np.arange(1, 7) * shape[order]
+
+
+def execute(q, plant, arm):
+    plan = ac.plan(ac.JointPath.spline([swing(np.zeros(1), 0)[0], swing(np.ones(1), 0)[0]]), arm)
+    taught = TaughtData(period=PERIOD, q=q, trajectory=plan, method="none")
+    return ac.execute(taught, plant)
+
+
+def command_at(q, t, servo=SERVO):
+    """The command that set-points give, by weights."""
+    index, weight = command_weights(len(q), PERIOD, servo.interpolation, t)
+    return np.einsum("nk,nkj->nj", weight, q[index])
+
+
+def rods():
+    """A planar arm without masses."""
+    limits = ac.Limits(joint_velocity=[9.0, 9.0], joint_acceleration=[900.0, 900.0])
+    return ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)
+
+
+def test_nominal_inertia_is_that_of_the_plant():
+    loaded = ac.load_arm("ur5e", payload=ac.Payload(mass=3.0))
+    inertia = ac.RigidBodyPlant(loaded, SERVO).nominal_inertia
+    np.testing.assert_allclose(Drives(arm=loaded, servo=SERVO).inertia, inertia, rtol=1e-12)
+    assert (Drives(arm=loaded, servo=SERVO.replace(inertia=2.0)).inertia == 2.0).all()
+
+
+@pytest.mark.parametrize("gravity", [True, False])
+@pytest.mark.parametrize("servo", [SERVO, CASCADE])
+def test_the_command_makes_the_plant_move_as_asked(arm, gravity, servo):
+    """All errors left come from the set-points' lines and the drives' cycle: quadratic, linear."""
+    drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity)
+    q = drives.command(*(swing(T, order) for order in range(3)), PERIOD)
+    plant = ac.RigidBodyPlant(arm, servo, STRONG, gravity_feedforward=gravity, step=5e-5)
+    done, plain = execute(q, plant, arm), execute(swing(T, 0), plant, arm)
+    # Integrators are not empty after the last set-point.
+    error, most = (np.abs(x.q - swing(x.t, 0))[x.t < T[-1]].max() for x in (done, plain))
+    assert error < 3e-5 and error < 1e-3 * most
+
+
+@pytest.mark.parametrize("gravity", [True, False])
+def test_the_response_of_a_cascade_is_that_of_the_plant(arm, gravity):
+    drives = Drives(arm=arm, servo=CASCADE, gravity_feedforward=gravity)
+    plant = ac.RigidBodyPlant(arm, CASCADE, STRONG, gravity_feedforward=gravity)
+    q = drives.command(*(swing(T, order) for order in range(3)), PERIOD)
+    first, second = (execute(x, plant, arm) for x in (q, q + CHANGE))
+    n = min(len(first.t), len(second.t))
+    found = second.q[:n] - first.q[:n]
+    at = regular_times(0.0, first.t[n - 1], 1e-3)
+    response = respond_along(swing, at, arm, CASCADE, gravity_feedforward=gravity)
+    left, seen, _ = response.equations()
+    expected = spsolve(left, seen @ command_at(CHANGE, at).ravel())
+    assert np.abs(found - expected.reshape(found.shape)).max() < 3e-3 * np.abs(found).max()
+
+
+@pytest.mark.parametrize("gravity", [True, False])
+def test_the_response_is_that_of_the_plant(arm, gravity):
+    """The plant's drives hold torques for a step."""
+    plant = ac.RigidBodyPlant(arm, SERVO, STRONG, gravity_feedforward=gravity)
+    drives = Drives(arm=arm, servo=SERVO, gravity_feedforward=gravity)
+    q = drives.command(*(swing(T, order) for order in range(3)))
+    first, second = (execute(x, plant, arm) for x in (q, q + CHANGE))
+    n = min(len(first.t), len(second.t))
+    found = second.q[:n] - first.q[:n]
+    at = regular_times(0.0, first.t[n - 1], 1e-3)
+    response = respond_along(swing, at, arm, SERVO, gravity_feedforward=gravity)
+    command = command_at(CHANGE, at)
+    expected = response.to_torque(command * response.gain)
+    assert np.abs(found - expected).max() < 3e-3 * np.abs(found).max()
+    left, right, _ = response.equations()
+    rest = left @ expected.ravel() - right @ command.ravel()
+    np.testing.assert_allclose(rest.reshape(command.shape) * response.gain, 0.0, atol=1e-11)
+
+
+def test_a_payload_that_the_controller_does_not_know(arm):
+    """Command and response of a loaded arm, whose controller holds and scales for the bare one."""
+    loaded = ac.load_arm("ur5e", payload=ac.Payload(mass=2.0))
+    drives = Drives(arm=loaded, servo=SERVO, known=arm)
+    assert (drives.inertia == Drives(arm=arm, servo=SERVO).inertia).all()
+    q = drives.command(*(swing(T, order) for order in range(3)))
+    plant = ac.RigidBodyPlant(loaded, SERVO, STRONG, known=arm, step=1e-4)
+    done, moved = (execute(x, plant, arm) for x in (q, q + CHANGE))
+    assert np.abs(done.q - swing(done.t, 0)).max() < 5e-5
+    n = min(len(done.t), len(moved.t))
+    found = moved.q[:n] - done.q[:n]
+    at = regular_times(0.0, done.t[n - 1], 1e-3)
+    response = respond_along(swing, at, loaded, SERVO, known=arm)
+    expected = response.to_torque(command_at(CHANGE, at) * response.gain)
+    rows = np.searchsorted(done.t[:n], at)
+    assert np.abs(found[rows] - expected).max() < 3e-3 * np.abs(found).max()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"kp": 25.0, "kv": 150.0},
+        {"kp": 25.0, "order": "first"},
+        {"order": "delay"},
+        {"kp": [25.0, np.inf], "kv": [150.0, np.inf], "order": ("second", "delay")},
+    ],
+)
+def test_without_masses_the_response_is_that_of_the_servo(options):
+    arm, servo = rods(), ac.ServoModel(**options)
+    change = 0.1 * np.sin(np.outer(T, [6.0, 9.0])) * np.sin(np.pi * T)[:, None]
+    plan = ac.plan(ac.JointPath.spline([(0.1, 0.2), (0.4, 0.6)]), arm)
+    data = TaughtData(period=PERIOD, q=change, trajectory=plan, method="none")
+    done = ac.execute(data, ac.ServoPlant(arm, servo))
+    at = regular_times(0.0, done.t[-1], 1e-3)
+    response = respond_along(lambda t, order: 0 * t, at, arm, servo)
+    found = response.to_torque(command_at(change, at, servo) * response.gain)
+    np.testing.assert_allclose(found, done.q[: len(at)], atol=2e-5)
+
+
+def test_weights_of_set_points_give_the_command():
+    for kind in ("linear", "step", "cubic"):
+        servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation=kind)
+        for count in (2, 3, 8):
+            rng = np.random.default_rng(count)
+            q = rng.normal(size=(count, 1))
+            t = np.concatenate([rng.uniform(-0.01, 0.05, 200), np.arange(count) * PERIOD])
+            index, weight = command_weights(count, PERIOD, kind, t)
+            pieces = polynomials(q, PERIOD, servo)
+            expected = sample_command(pieces, PERIOD, np.zeros(1), t)[:, 0]
+            found = (q[index, 0] * weight).sum(axis=1)
+            np.testing.assert_allclose(found, expected, atol=1e-12, err_msg=f"{kind} {count}")
+
+
+def test_drives_need_a_velocity_loop_and_masses(arm):
+    for servo in (
+        ac.ServoModel(kp=25.0, order="first"),
+        SERVO.replace(friction=1e-3),
+        SERVO.replace(cycle=1e-3),
+    ):
+        with pytest.raises(ac.InvalidInput, match="order second"):
+            Drives(arm=arm, servo=servo)
+    with pytest.raises(ac.InvalidInput, match="masses"):
+        Drives(arm=rods(), servo=SERVO)
+
+
+def test_rounding_errors_of_a_resting_joint_are_no_friction(arm):
+    """A joint at rest has velocities of 1e-16 rad/s of either sign; a moving one has friction."""
+    rubbing = arm.with_dynamics(coulomb=np.full(6, 5.0), viscous=np.full(6, 2.0))
+    speed, still = np.array([[0.5, -0.5, 1e-16, -1e-16, 0.0, 5e-4]]), np.zeros((1, 6))
+    found, plain = (
+        Drives(arm=x, servo=SERVO).moving_torque(swing(np.zeros(1), 0), speed, still)
+        for x in (rubbing, arm)
+    )
+    expected = [[6.0, -6.0, 0.0, 0.0, 0.0, 2.5 + 1e-3]]
+    np.testing.assert_allclose(found - plain, expected, atol=1e-12)

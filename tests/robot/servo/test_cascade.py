@@ -1,0 +1,221 @@
+"""The P-PI cascade: against an integrator of SciPy, compensated, limited, and in a job."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import armcontour as ac
+from armcontour.core.errors import InvalidInput
+from armcontour.motion import TaughtData
+
+PERIOD, SLIDING = 8e-3, 5e-3
+ARM = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=ac.Limits())
+T = np.arange(40) * PERIOD
+Q = np.stack([0.3 + 0.05 * np.sin(20 * T) * T / T[-1], 0.2 - 0.3 * T**2], axis=1)
+# Usual, without integrator in one joint, and hardly damped with a large integral gain.
+GAINS = (((12.0, 15.0), (80.0, 60.0), (6.0, 0.0)), ((9.0, 9.0), (25.0, 25.0), (20.0, 2.0)))
+
+
+@pytest.fixture(scope="module")
+def plan():
+    corner = ac.Path.polyline([(0.3, 0.2), (0.36, 0.2), (0.36, 0.26)])
+    path = ac.round_corners(corner, tolerance=2e-3, continuity="curvature")
+    limits = ac.Limits(joint_acceleration=[5.0, 5.0], joint_jerk=[60.0, 60.0], speed=0.1)
+    return ac.plan(path, ARM, limits, ac.Optimal(intervals=300))
+
+
+def command(q, interpolation, t):
+    """Position, velocity and acceleration of the command at a time, from their definition."""
+    k = int(np.clip(np.floor(t / PERIOD + 1e-9), -1, len(q) - 1))
+    if k < 0 or k == len(q) - 1:
+        return q[k if k > 0 else 0], 0.0, 0.0
+    rate, before = (q[k + 1] - q[k]) / PERIOD, (q[k] - q[k - 1]) / PERIOD if k else 0.0
+    if interpolation == "step":
+        return q[k], before, 0.0
+    return q[k] + rate * (t - k * PERIOD), rate, (rate - before) / PERIOD
+
+
+@pytest.mark.parametrize("gains", GAINS)
+@pytest.mark.parametrize("interpolation", ["linear", "step"])
+@pytest.mark.parametrize("limit", [math.inf, 1.5])
+def test_against_an_integrator(plan, gains, interpolation, limit):
+    (kp, kv, ki), late, f, c = gains, (3e-3, 13e-3), (0.4, 0.9), (3e-4, 0.0)
+    g = (0.3, 0.2) if interpolation == "linear" else (0.0, 0.0)
+    servo = ac.ServoModel(
+        kp=kp, kv=kv, ki=ki, dead_time=late, velocity_feedforward=f, acceleration_feedforward=g,
+        friction=c, interpolation=interpolation, acceleration_limit=limit,
+    )  # fmt: skip
+    taught = TaughtData(period=PERIOD, q=Q, trajectory=plan, method="none")
+    done = ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=PERIOD)
+    for j in range(2):
+
+        def law(t, s, j=j, middle=0.0):
+            # The command is continued over an edge, so that no step sees a jump.
+            k = np.floor((middle - late[j]) / PERIOD + 1e-9) * PERIOD
+            u, du, ddu = command(Q[:, j], interpolation, k)
+            u += du * (t - late[j] - k) * (interpolation == "linear")
+            error = kp[j] * (u - s[0]) + f[j] * du - s[1]
+            rub = kp[j] * kv[j] * c[j] * du / np.hypot(du, SLIDING)
+            demand = kv[j] * (error + ki[j] * s[2]) + g[j] * ddu - rub
+            ddq = np.clip(demand, -limit, limit)
+            return [s[1], ddq, error - (demand - ddq) / kv[j]]
+
+        state, found = np.array([Q[0, j], 0.0, 0.0]), [Q[0, j]]
+        edges = np.union1d(T, np.arange(len(T)) * PERIOD + late[j])
+        step = 2e-4 if np.isfinite(limit) else np.inf
+        for a, b in zip(edges[:-1], edges[1:], strict=True):
+            if b - a > 1e-9:
+                own = {"max_step": step, "rtol": 1e-10, "atol": 1e-12, "method": "DOP853"}
+                middle = lambda t, s, m=(a + b) / 2: law(t, s, middle=m)  # noqa: E731
+                state = solve_ivp(middle, (a, b), state, **own).y[:, -1]
+            if np.abs(T - b).min() < 1e-9 and b <= T[-1] + 1e-9:
+                found.append(state[0])
+        near = 2e-8 if np.isfinite(limit) else 1e-10
+        np.testing.assert_allclose(done.q[: len(T), j], found[: len(T)], atol=near)
+        assert (done.saturated_time[j] > 0.02) == np.isfinite(limit)
+
+
+@pytest.mark.parametrize("limit", [math.inf, 1.5])
+def test_a_drive_with_a_cycle_is_its_program(plan, limit):
+    """As a controller computes it: once per cycle, with sums in place of integrals."""
+    cycle, late = 3e-3, 5e-3
+    servo = ac.ServoModel(
+        kp=12.0, kv=80.0, ki=6.0, dead_time=late, velocity_feedforward=0.4, friction=3e-4,
+        acceleration_feedforward=0.3, cycle=cycle, acceleration_limit=limit,
+    )  # fmt: skip
+    taught = TaughtData(period=PERIOD, q=Q, trajectory=plan, method="none")
+    # Results that fall in the middle of cycles.
+    done = ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=PERIOD / 2)
+    for j in range(2):
+        times = (np.arange(-2, 100)) * cycle
+        u = np.interp(times - late, T, Q[:, j])
+        du, ddu = np.diff(u)[1:] / cycle, np.diff(u, 2) / cycle**2
+        q, w, x, found = Q[0, j], 0.0, 0.0, []
+        for k in range(100):
+            error = 12.0 * (u[k + 2] - q) + 0.4 * du[k] - w
+            x += cycle * error
+            rub = 12.0 * 80.0 * 3e-4 * du[k] / np.hypot(du[k], SLIDING)
+            z = 80.0 * (error + 6.0 * x) + 0.3 * ddu[k] - rub
+            a = np.clip(z, -limit, limit)
+            x -= cycle * (z - a) / 80.0
+            for t in np.arange(len(done.t)) * PERIOD / 2 - k * cycle:
+                if -1e-9 < t < cycle - 1e-9:
+                    found.append(q + w * t + a * t * t / 2)
+            q, w = q + w * cycle + a * cycle**2 / 2, w + a * cycle
+        n = min(len(found), 2 * len(Q))
+        np.testing.assert_allclose(done.q[:n, j], found[:n], atol=1e-12)
+        assert (done.saturated_time[j] > 0.02) == np.isfinite(limit)
+
+
+@pytest.mark.parametrize("cycle", [0.0, 4e-3])
+def test_the_integrator_does_not_wind_up(plan, cycle):
+    """A step of 1 rad overshoots as without an integrator; an integral that goes on adds 2 rad."""
+    q = np.vstack([np.zeros((1, 2)), np.ones((200, 2))])
+    taught = TaughtData(period=PERIOD, q=q, trajectory=plan, method="none")
+    for limit, overshoot in ((2.0, 0.225), (8.0, 0.0)):
+        for ki in (0.0, 10.0):
+            servo = ac.ServoModel(kp=4.0, kv=80.0, ki=ki, cycle=cycle, acceleration_limit=limit)
+            done = ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=PERIOD)
+            assert (done.saturated_time > 0.2).all()
+            assert done.q.max() - 1 == pytest.approx(overshoot, abs=0.01)
+
+
+def test_results_between_samples_are_those_of_a_finer_run(plan):
+    for cycle in (0.0, 5e-3):
+        check_between(plan, cycle)
+
+
+def check_between(plan, cycle):
+    servo = ac.ServoModel(
+        kp=12.0, kv=80.0, ki=9.0, velocity_feedforward=0.5, dead_time=3e-3, cycle=cycle
+    )
+    taught = TaughtData(period=PERIOD, q=Q, trajectory=plan, method="none")
+    plant = ac.ServoPlant(ARM, servo, ac.Limits(joint_acceleration=[1.0, 1.0]))
+    coarse, fine = (ac.execute(taught, plant, resolution=x) for x in (PERIOD, PERIOD / 8))
+    n = min(len(coarse.t), len(fine.t[::8]))
+    np.testing.assert_allclose(coarse.q[:n], fine.q[::8][:n], atol=1e-12)
+    between = plant.motion_between(coarse, np.arange(20, 30))
+    k = np.argmin(np.abs(between.t[:, None] - fine.t), axis=1)
+    same = np.abs(fine.t[k] - between.t) < 1e-9
+    assert same.sum() > 80
+    np.testing.assert_allclose(between.q[same], fine.q[k[same]], atol=1e-12)
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "step", "cubic"])
+@pytest.mark.parametrize("feed", [(0.0, 0.0), (0.9, 0.0), (0.9, 0.4)])
+def test_set_points_compensate_the_cascade(plan, interpolation, feed):
+    if feed[1] and interpolation != "linear":
+        return
+    off = []
+    for ki, period in ((0.0, 4e-3), (8.0, 4e-3), (8.0, 1e-3)):
+        servo = ac.ServoModel(
+            kp=(12.0, 9.0), kv=80.0, ki=(ki, ki / 2), interpolation=interpolation,
+            velocity_feedforward=feed[0], acceleration_feedforward=feed[1], dead_time=6e-3,
+        )  # fmt: skip
+        taught = ac.compensate(plan, servo, ac.Inverse(), period=period)
+        done = ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=1e-3)
+        inside = (done.t > 0) & (done.t < plan.duration)
+        off.append(np.abs(done.q[inside] - plan(done.t[inside])).max())
+        if taught.cut_off is not None:
+            after = done.t > plan.duration
+            error = np.abs(done.q[after] - taught.q[-1]).max(axis=0)
+            assert (error < taught.cut_off).all() and (error > taught.cut_off / 3).any()
+    assert off[1] < 1.2 * off[0] + 1e-9
+    assert off[2] < off[1] / 3
+
+
+@pytest.mark.parametrize("cycle", [1e-3, 8e-3])
+@pytest.mark.parametrize("feed", [0.0, 0.9])
+def test_set_points_compensate_drives_with_a_cycle(plan, cycle, feed):
+    off = []
+    for ki in (0.0, 8.0):
+        servo = ac.ServoModel(
+            kp=12.0, kv=80.0, ki=ki, velocity_feedforward=feed, dead_time=6e-3, cycle=cycle
+        )
+        taught = ac.compensate(plan, servo, ac.Inverse(), period=1e-3)
+        done = ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=1e-3)
+        inside = (done.t > 0) & (done.t < plan.duration)
+        off.append(np.abs(done.q[inside] - plan(done.t[inside])).max())
+    # Accelerations that are held for 8 ms are 20 µrad off between the cycles.
+    assert off[1] < 1.2 * off[0] < (1e-4 if feed else 3e-5) * cycle / 8e-3 + 1e-5 * (feed > 0)
+
+
+def test_response_is_that_of_a_sine():
+    servo = ac.ServoModel(
+        kp=12.0, kv=80.0, ki=6.0, velocity_feedforward=0.7, acceleration_feedforward=0.3,
+        dead_time=5e-3, interpolation="linear",
+    )  # fmt: skip
+    w, t = 15.0, np.arange(2000) * 1e-3
+    ramp = np.clip(t / 0.5, 0, 1) ** 2
+    q = 0.01 * (np.sin(w * t) * ramp)[:, None] * [1.0, 0.5]
+    rest = ac.Trajectory(laws=(ac.stand_still(q[0], t[-1]),), method="rest")
+    taught = ac.TaughtData(period=1e-3, q=q, trajectory=rest, method="none")
+    done = ac.execute(taught, ac.ServoPlant(ARM, servo, ac.Limits()), resolution=1e-3)
+    late = t > 1.9
+    gain = servo.response([1j * w])[0, 0] * np.exp(1j * w * t[late])
+    # Acceleration feed-forward of lines is half an interval late, 1e-4 of the amplitude.
+    np.testing.assert_allclose(done.q[: len(t)][late, 0], 0.01 * gain.imag, atol=2e-5)
+    # The cascade settles as its slowest pole.
+    poles = np.roots([1.0, 80.0, 80.0 * 18.0, 80.0 * 12.0 * 6.0])
+    assert servo.slowest == pytest.approx(-poles.real.max(), rel=1e-9)
+
+
+def test_integrators_that_no_model_has_are_refused(plan, refuses):
+    for given, words in (
+        ({"kp": 5.0, "order": "first", "ki": 1.0}, "integral gain of a velocity loop"),
+        ({"kp": 5.0, "kv": 50.0, "ki": -1.0}, "ki of a servo model must not be negative"),
+        (
+            {
+                "kp": 5.0, "kv": 50.0, "ki": 1.0, "interpolation": "cubic",
+                "velocity_feedforward": 1.0, "acceleration_feedforward": 0.1,
+            },
+            "linear set-points only",
+        ),
+    ):  # fmt: skip
+        refuses(lambda given=given: ac.ServoModel(**given), InvalidInput, words)
+    servo, words = ac.ServoModel(kp=5.0, kv=50.0, ki=1.0), "and without integrator"
+    poles = lambda: ac.compensate(plan, servo, ac.PolePlacement())  # noqa: E731
+    refuses(poles, InvalidInput, words)
+    assert "ki 1 1/s" in str(servo)

@@ -1,0 +1,286 @@
+"""Servo models, their feed-forward and their simulation."""
+
+import numpy as np
+import pytest
+from scipy import signal
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
+
+import armcontour as ac
+from armcontour.control.compensation import METHODS
+from armcontour.motion import TaughtData
+
+PERIOD, LATE = 4e-3, 5.3e-3
+FEED = ("velocity_feedforward", "acceleration_feedforward")
+KINDS = {
+    "linear": {"velocity_feedforward": 1.01, "acceleration_feedforward": 0.6},
+    "step": {"velocity_feedforward": 0.8, "interpolation": "step"},
+    "cubic": dict(zip((*FEED, "interpolation"), (0.9, 1.0, "cubic"), strict=True)),
+    "first order": {"kv": None, "order": "first", "velocity_feedforward": 1.02},
+}
+
+
+@pytest.fixture(scope="module")
+def arm():
+    limits = ac.Limits(joint_velocity=[3.0, 3.0], joint_acceleration=[20.0, 20.0])
+    return ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)
+
+
+@pytest.fixture(scope="module")
+def plan(arm):
+    path = ac.Path.polyline([(0.30, 0.20), (0.36, 0.20), (0.36, 0.26)])
+    limits = ac.Limits.only(joint_acceleration=[20.0, 20.0], speed=0.2)
+    return ac.plan(
+        ac.round_corners(path, tolerance=2e-3),
+        arm,
+        limits,
+        ac.Optimal(intervals=400, reserve=0.5, branch="positive"),
+    )
+
+
+def servo_of(kind, **more):
+    return ac.ServoModel(**{"kp": 20.0, "kv": 90.0, "dead_time": LATE, **KINDS[kind], **more})
+
+
+def cubic_of(q):
+    """Coefficients of the cubics through set-points, highest power first, (4, intervals)."""
+    slope = np.zeros_like(q)
+    slope[1:-1] = (q[2:] - q[:-2]) / (2 * PERIOD)
+    return CubicHermiteSpline(np.arange(len(q)) * PERIOD, q, slope).c
+
+
+def rates(q, k, x, kind, cubic):
+    """Command of one joint in its interval k after x seconds, and its two rates."""
+    if k < 0 or k >= len(q) - 1:
+        return q[0 if k < 0 else -1], 0.0, 0.0
+    before = (q[k] - q[k - 1]) / PERIOD if k else 0.0
+    chord = (q[k + 1] - q[k]) / PERIOD
+    if kind == "step":
+        return q[k], before, 0.0
+    if kind != "cubic":
+        return q[k] + x * chord, chord, (chord - before) / PERIOD
+    a, b, c, d = cubic[:, k]
+    return ((a * x + b) * x + c) * x + d, (3 * a * x + 2 * b) * x + c, 6 * a * x + 2 * b
+
+
+@pytest.mark.parametrize("limit", [1e3, 4.0])
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_response_is_that_of_the_differential_equation(kind, limit, arm, plan):
+    """Integrated from event to event of the command, in the words of the model's docstring."""
+    first = kind == "first order"
+    if first and limit < 100:
+        return
+    t = np.arange(25) * PERIOD
+    q = np.stack([0.3 + 0.05 * np.sin(40 * t) * t / t[-1], 0.2 - 0.3 * t**2], axis=1)
+    servo = servo_of(kind)
+    taught = TaughtData(period=PERIOD, q=q, trajectory=plan, method="none")
+    limits = None if first else ac.Limits(joint_acceleration=[limit, limit])
+    done = ac.execute(taught, ac.ServoPlant(arm, servo, limits), resolution=PERIOD)
+    f, g = (float(getattr(servo, name)) for name in FEED)
+    kp, kv = 20.0, 90.0
+    edges = np.union1d(np.arange(30) * PERIOD, np.arange(30) * PERIOD + LATE)
+    for j in range(2):
+        own, state, found = q[:, j], np.array([q[0, j], 0.0]), [q[0, j]]
+        cubic = cubic_of(own)
+        for begin, end in zip(edges[:-1], edges[1:], strict=True):
+            k = int(np.floor(((begin + end) / 2 - LATE) / PERIOD))
+
+            def law(now, x, k=k, own=own, cubic=cubic):
+                u, du, ddu = rates(own, k, now - LATE - k * PERIOD, kind, cubic)
+                if first:
+                    return [kp * (u - x[0]) + f * du, 0.0]
+                ask = kv * (kp * (u - x[0]) + f * du - x[1]) + g * ddu
+                return [x[1], np.clip(ask, -limit, limit)]
+
+            step = solve_ivp(law, (begin, end), state, rtol=1e-9, atol=1e-11, max_step=2e-4)
+            state = step.y[:, -1]
+            if np.abs(end / PERIOD - np.round(end / PERIOD)) < 1e-6:
+                found.append(state[0])
+        n = min(len(found), len(done.q))
+        assert n > 25
+        np.testing.assert_allclose(done.q[:n, j], found[:n], atol=2e-8)
+    assert first or done.saturated.any() == (limit < 100)
+
+
+def test_the_transfer_function():
+    omega = np.array([0.0, 1.0, 30.0, 500.0])
+    for kind in KINDS:
+        servo = servo_of(kind)
+        f, g = (float(getattr(servo, name)) for name in FEED)
+        system = (np.trim_zeros([g, 90 * f, 1800], "f"), [1.0, 90.0, 1800.0])
+        if servo.kv is None:
+            system = ([f, 20.0], [1.0, 20.0])
+        expected = np.exp(-1j * omega * LATE) * signal.freqresp(system, omega)[1]
+        np.testing.assert_allclose(servo.response(1j * omega)[:, 0], expected, rtol=1e-12)
+
+
+def follow(plan, arm, servo, limits, method):
+    taught = ac.compensate(plan, servo, METHODS[method](), period=PERIOD)
+    return taught, ac.execute(taught, ac.ServoPlant(arm, servo, limits))
+
+
+@pytest.mark.parametrize("method", ["inverse", "pole_placement"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_compensated_joints_follow_the_plan_as_well_as_without_feedforward(kind, method, arm, plan):
+    servo = servo_of(kind)
+    if servo.kv is None and method == "pole_placement":
+        return
+    plain = servo.replace(**dict.fromkeys(FEED, 0.0))
+    off, alone = [], []
+    for own in (plain, servo):
+        taught, done = follow(plan, arm, own, arm.limits, method)
+        inside = (done.t > 0) & (done.t < plan.duration)
+        off.append(np.abs(done.q[inside] - plan(done.t[inside])).max())
+        # The motion starts and ends at rest, where the plan does.
+        assert (taught.q[0] == plan(0.0)).all() and (taught.q[-1] == plan(plan.duration)).all()
+        np.testing.assert_allclose(done.q[-1], plan(plan.duration), atol=1e-7)
+        _, done = follow(plan, arm, own.replace(dead_time=0.0), arm.limits, "none")
+        alone.append(np.abs(done.q - plan(np.clip(done.t, 0, plan.duration))).max())
+    # Lines have steps in their slope, which feed-forward follows.
+    assert off[1] < (2.5 if method == "inverse" else 1.01) * off[0]
+    # Without compensation, feed-forward leaves a small share of the deviation of the plain servo.
+    assert method != "inverse" or off[1] < 0.2 * alone[1] < 0.2 * 0.35 * alone[0]
+
+
+def test_held_set_points_cancel_feedforward_exactly(arm, plan):
+    servos = servo_of("step", velocity_feedforward=0.0), servo_of("step")
+    (_, one), (taught, other) = (follow(plan, arm, x, None, "inverse") for x in servos)
+    n = min(len(one.t), len(other.t))
+    off = np.abs(one.q[:n] - other.q[:n])
+    # After the motion, the transient of feed-forward is cut off.
+    assert off[one.t[:n] < plan.duration - PERIOD].max() < 1e-9
+    assert (off.max(axis=0) < taught.cut_off + 1e-9).all()
+
+
+def test_rigid_bodies_follow_with_feedforward_and_its_compensation():
+    arm = ac.load_arm("ur5e")
+    path = ac.Path.polyline([(0.4, -0.1, 0.3), (0.4, 0.1, 0.3)]).oriented(np.diag([1.0, -1, -1]))
+    plan = ac.plan(path, arm, arm.limits.replace(speed=0.25, joint_jerk=100.0))
+    servo, errors = ac.ServoModel(kp=25.0, kv=150.0, velocity_feedforward=1.0), []
+    for method in ("inverse_dynamics", "none"):
+        taught = ac.compensate(plan, servo, METHODS[method](), arm=arm)
+        done = ac.execute(taught, ac.RigidBodyPlant(arm, servo))
+        errors.append(ac.evaluate(done, path).contour_error.rms)
+    assert errors[0] < min(1e-6, 0.1 * errors[1])
+
+
+OMEGA = np.array([0.0, 1.0, 30.0, 500.0])
+
+
+def test_the_response_is_5_and_the_slowest_rate_that_of_its_slowest_pole():
+    for kp, kv in ((25.0, 150.0), (25.0, 100.0), (60.0, 40.0)):
+        found = ac.ServoModel(kp=kp, kv=kv).response(1j * OMEGA)[:, 0]
+        _, expected = signal.freqresp(([kp * kv], [1.0, kv, kp * kv]), OMEGA)
+        np.testing.assert_allclose(found, expected, rtol=1e-12)
+    servo = ac.ServoModel(kp=[25.0, 10.0], kv=150.0).for_joints(2)
+    # No static error.
+    both = [(1, 1), (3750 / 4054, 1500 / 1804)]
+    np.testing.assert_allclose(servo.response([0.0, 2.0]), both)
+    for kp, kv in [(25.0, 150.0), (25.0, 100.0), (25.0, 40.0)]:
+        slowest = -np.roots([1.0, kv, kp * kv]).real.max()
+        np.testing.assert_allclose(ac.ServoModel(kp=kp, kv=kv).slowest, slowest, rtol=1e-6)
+    assert ac.ServoModel(kp=[5.0, 7.0], order="first").slowest == 5.0
+
+
+@pytest.mark.parametrize("tau", [0.0, 0.034])
+def test_response_of_first_order_and_dead_time(tau):
+    late = np.exp(-1j * OMEGA * tau)
+    first = ac.ServoModel(kp=25.0, order="first", dead_time=tau)
+    np.testing.assert_allclose(first.response(1j * OMEGA)[:, 0], late * 25 / (25 + 1j * OMEGA))
+    second = ac.ServoModel(kp=25.0, kv=150.0, dead_time=[0.0, tau])
+    prompt = ac.ServoModel(kp=25.0, kv=150.0).response(1j * OMEGA)[:, 0]
+    both = np.stack([prompt, late * prompt], axis=1)
+    np.testing.assert_allclose(second.response(1j * OMEGA), both)
+
+
+def test_what_is_not_given_and_one_gain_for_all_joints():
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    assert servo.order == "second" and servo.interpolation == "linear" and servo.dead_time == 0
+    first = ac.ServoModel(kp=25.0, order="first", dead_time=[0.01, 0.02]).for_joints(2)
+    assert first.kv is None and first.order == "first"
+    np.testing.assert_array_equal(first.dead_time, [0.01, 0.02])
+    gains = np.array([25.0, 20.0])
+    servo = ac.ServoModel(kp=25.0, kv=gains, interpolation="step").for_joints(2)
+    gains[0] = 1.0
+    np.testing.assert_array_equal([servo.kp, servo.kv], [(25.0, 25.0), (25.0, 20.0)])
+    assert servo.interpolation == "step" and not servo.kv.flags.writeable
+
+
+def test_refusals(refuses):
+    both = {"kp": 25.0, "kv": 150.0}
+    for values, *words in (
+        ({"kp": 25.0}, "kv"),
+        (both | {"order": "first"}, "kv"),
+        ({"kp": 25.0, "order": "third"}, "order"),
+        *((both | {"dead_time": x}, "dead_time") for x in (-0.01, [0.1, -1], np.inf, 1e5, 1e308)),
+        *((both | {"kp": x}, "kp") for x in (0.0, [25.0, 0.0], [], [[25.0]], np.nan, "high")),
+        (both | {"kv": -1.0}, "kv", "-1"),
+        *((both | {k: x}, k) for k in both for x in (1e300, 1e15, 1e9, 1e-12, 5e-324)),
+        *((both | {"velocity_feedforward": x}, "velocity_feed") for x in (3.5, [1.0, -0.1])),
+        (both | {"acceleration_feedforward": 1.0}, "give velocity_feedforward"),
+        (
+            both | {"order": ("second", "delay"), "kv": [150.0, np.inf], "kp": np.inf},
+            "kp is missing",
+        ),
+        (both | {"friction": -1e-3}, "friction"),
+        (both | {"cycle": 1.0}, "cycle"),
+        (both | {"acceleration_limit": [1.0, 0.0]}, "acceleration_limit"),
+        (both | {"interpolation": "step", "acceleration_feedforward": 1.0}, "held set-points"),
+        (both | {"interpolation": "quintic"}, "interpolation"),
+    ):
+        refuses(lambda x=values: ac.ServoModel(**x), ac.InvalidInput, *words)
+    servo = ac.ServoModel(kp=[25.0, 25.0], kv=150.0)
+    refuses(lambda: servo.for_joints(3), ac.InvalidInput, "2 values", "3 joints")
+    # Gains fit the command interval.
+    servo = ac.ServoModel(kp=25.0, kv=1e6)
+    servo.refuse_too_fast(1e-3)
+    refuses(lambda: servo.refuse_too_fast(4e-3), ac.InvalidInput, "0.004 s", "250000 1/s")
+
+
+@pytest.mark.parametrize("kp", [5.0, 20.0, 60.0, 200.0])
+def test_the_inverse_of_a_lag_with_feedforward_is_never_worse_than_none(kp, arm, plan):
+    """Gains and dead times as those found for a KR C4, each joint with its own feed-forward."""
+    path = plan.laws[0].joint_path.tool_path
+    for f in ([0.8, 0.9], [1.1, 0.95], [1.0, 1.0]):
+        servo = ac.ServoModel(kp=kp, order="first", velocity_feedforward=f, dead_time=[4e-3, 7e-3])
+        errors = []
+        for method in ("inverse", "none"):
+            taught = ac.compensate(plan, servo, METHODS[method](), arm=arm)
+            done = ac.execute(taught, ac.ServoPlant(arm, servo))
+            errors.append(ac.evaluate(done, path).contour_error)
+        assert errors[0].rms < 0.1 * errors[1].rms
+        assert errors[0].max < 0.5 * errors[1].max
+
+
+SLOW = {
+    "first": {"kp": [0.05, 0.4], "order": "first"},
+    "lead": {"kp": [0.3, 0.4], "order": "first", "acceleration_feedforward": [0.02, 0.01]},
+    "second": {"kp": [0.3, 2.0], "kv": [40.0, 5.0]},
+    "swinging": {"kp": [5.0, 3.0], "kv": [4.0, 6.0]},
+    "rubbing": {"kp": [0.3, 1.0], "order": "first", "friction": 1e-4},
+    "held": {"kp": [0.3, 1.0], "order": "first", "interpolation": "step"},
+    "cubic": {"kp": [0.3, 1.0], "kv": 50.0, "interpolation": "cubic"},
+}
+
+
+@pytest.mark.parametrize("kind", SLOW)
+def test_a_slow_transient_is_cut_off_with_a_bound_of_the_error_that_remains(kind, arm, plan):
+    servo = ac.ServoModel(**SLOW[kind], velocity_feedforward=[0.8, 1.2], acceleration_limit=np.inf)
+    taught = ac.compensate(plan, servo, ac.Inverse())
+    end = plan(plan.duration, side="left")
+    # A fifth of the motion, in the end at rest at the end of the plan.
+    assert taught.t[-1] < 1.2 * plan.duration + 2 * PERIOD
+    np.testing.assert_array_equal(taught.q[-1], end)
+    assert (np.abs(np.diff(taught.q, axis=0)[-3:]) < 1e-2 * np.ptp(taught.q, axis=0)).all()
+    done = ac.execute(taught, ac.ServoPlant(arm, servo), resolution=1e-3)
+    error = np.abs(done.q - end)[done.t > plan.duration + PERIOD].max(axis=0)
+    assert (error > 1e-5).all()
+    # The inverse has errors of its own, of interpolation.
+    own = 1e-5 if kind != "held" else 2e-4
+    assert (error < taught.cut_off + own).all() and (error > 0.5 * taught.cut_off - own).all()
+
+
+def test_short_transients_are_not_cut_off(arm, plan):
+    servo = servo_of("first order", kp=200.0)
+    assert ac.compensate(plan, servo, ac.Inverse()).cut_off is None
+    assert ac.compensate(plan, servo, ac.NoCompensation()).cut_off is None

@@ -1,0 +1,61 @@
+"""Ranges of the demand over all time, and time steps that make no progress."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.robot.servo.simulation import Simulation
+
+
+def test_a_joint_that_cannot_be_simulated_is_named():
+    """Gains that `ServoModel` refuses, of the second of two joints."""
+    q = np.linspace(0.0, 1.0, 6).reshape(3, 2)
+    for gain in (1e13, 1e300):
+        for interpolation in ("linear", "step", "cubic"):
+            servo = SimpleNamespace(
+                kp=np.array([25.0, gain]),
+                kv=np.array([150.0, gain]),
+                dead_time=np.zeros(2),
+                interpolation=interpolation,
+                has_feedforward=False,
+                friction=np.zeros(2),
+                ki=np.zeros(2),
+                cycle=0.0,
+            )
+            run = Simulation(q, 4e-3, servo)
+            with pytest.raises(ac.ExecutionError, match=r"Joint 2 .* kp = 1e\+"):
+                run.run(0, 3, q[0], np.zeros(2))
+
+
+PERIOD, BOUND = 1e-3, 3.0
+
+
+def integrate(q, servo, every):
+    """Lowest and highest demand of a joint under held set-points, integrated in small steps."""
+    kp, kv, late = float(servo.kp), float(servo.kv), float(servo.dead_time)
+    x, v, seen = q[0], 0.0, [0.0, 0.0]
+    for i in range(round(60 * PERIOD / every)):
+        k = int((i * every - late) / PERIOD + 1e-6) if i * every >= late - 1e-12 else 0
+        u = q[min(k, len(q) - 1)]
+        demand = kv * (kp * (u - x) - v)
+        seen = [min(seen[0], demand), max(seen[1], demand)]
+        a = min(max(demand, -BOUND), BOUND)
+        x += every * (v + every * a / 2)
+        v += every * a
+    return np.array(seen)
+
+
+def test_held_set_points_while_the_joint_saturates():
+    random = np.random.default_rng(5)
+    q = np.cumsum(np.append(np.zeros(5), random.normal(0, 2e-3, 35)))
+    bound = np.array([BOUND])
+    for late in (0.0, 0.97e-3):
+        servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=late, interpolation="step")
+        true = integrate(q, servo, 1e-5)
+        for steps in (1, 3):
+            own = Simulation(q[:, None], PERIOD, servo.for_joints(1), -bound, bound, steps=steps)
+            found = own.run(0, 60, q[:1], np.zeros(1))
+            assert found.saturated[0] > 5 * PERIOD
+            np.testing.assert_allclose([found.lowest[0], found.highest[0]], true, rtol=2e-3)

@@ -1,0 +1,236 @@
+"""Torques: their parts along a path, the masses, friction, gravity, and refusals."""
+
+import sys
+
+import numpy as np
+import pytest
+from tests.dynamics_extra import pinocchio
+from tests.geometry.tables import each, refused
+
+import armcontour as ac
+from armcontour.core.frames import Frame, exp
+from armcontour.robot import Chain, Dynamics, Payload, PlanarTwoLink, SerialArm
+from armcontour.robot.planar import Tube
+
+
+def chain(**changes):
+    data = {
+        "joints": ("a", "b", "c"),
+        "rotations": exp([[0.1, 0.2, 0.3], [1.0, 0.0, 0.5], [0.0, -1.0, 0.4]]),
+        "positions": [[0, 0, 0.3], [0.1, 0.4, 0], [0.3, 0, 0.1]],
+        "axes": [[0, 0, 1], [0, 0.6, 0.8], [1, 0, 0]],
+        "masses": [4.0, 3.0, 2.0],
+        "centers": [[0, 0.1, 0.1], [0.2, 0, 0], [0, 0, 0.1]],
+        "inertias": [0.1 * np.eye(3), np.diag([0.1, 0.2, 0.15]), 0.01 * np.eye(3)],
+        "armature": [0.5, 0.4, 0.3],
+        "viscous": [0.1, 0.2, 0.0],
+        "coulomb": [1.0, 0.0, 0.5],
+        "tip": Frame.rpy([0, 0, 0.2], [0.4, 0, 0]),
+    }
+    return Chain(**(data | changes))
+
+
+@pytest.fixture
+def states():
+    return np.random.default_rng(0).normal(size=(3, 100, 3))
+
+
+def test_drives_pay_for_friction(states):
+    q, dq, ddq = states
+    arm = SerialArm(name="three", chain=chain(), limits=ac.Limits())
+    dq[0] = 0
+    expected = [0.1, 0.2, 0.0] * dq + [1.0, 0.0, 0.5] * np.sign(dq)
+    found = arm.torque(q, dq, ddq) - arm.dynamics.torque(q, dq, ddq)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert (found[0] == 0).all()
+
+
+def test_energy_comes_from_the_drives_alone(states):
+    q, dq, ddq = states
+    still = Dynamics(chain(gravity=[0, 0, 0]))
+    h = 1e-5
+
+    def energy(sign):
+        at, rate = q + sign * h * dq + h**2 / 2 * ddq, dq + sign * h * ddq
+        return np.einsum("ni,nij,nj->n", rate, still.mass_matrix(at), rate) / 2
+
+    power = np.sum(still.torque(q, dq, ddq) * dq, axis=1)
+    np.testing.assert_allclose((energy(1) - energy(-1)) / (2 * h), power, rtol=1e-5, atol=1e-5)
+    assert (still.path_terms(q, dq, ddq)[2] == 0).all()
+
+
+def test_gravity_turns_with_the_base_and_a_payload_is_a_part_of_the_last_link(states):
+    def weight(**changes):
+        q = states[0]
+        on_axis = [[0, 0, 0], [0.1, 0.4, 0], [0.3, 0, 0.1]]
+        return Dynamics(chain(positions=on_axis, **changes)).torque(q, 0 * q, 0 * q)
+
+    # About the vertical nothing changes; on a wall it does.
+    first, *others = chain().rotations
+    turned = weight(rotations=[exp([0.0, 0.0, 0.7]) @ first, *others])
+    np.testing.assert_allclose(turned, weight(), atol=1e-12)
+    assert np.abs(weight(gravity=[-9.81, 0, 0]) - weight()).max() > 1
+    load = Payload(mass=1.5, center=[0.1, 0.2, -0.1], inertia=np.diag([0.02, 0.03, 0.04]))
+    base, tip = chain(), chain().tip
+    at = tip.position + tip.rotation @ load.center
+    mass = base.masses[2] + load.mass
+    center = (base.masses[2] * base.centers[2] + load.mass * at) / mass
+    inertia = base.inertias[2] + tip.rotation @ load.inertia @ tip.rotation.T
+    for weight, where in ((base.masses[2], base.centers[2]), (load.mass, at)):
+        away = where - center
+        inertia = inertia + weight * (away @ away * np.eye(3) - np.outer(away, away))
+    centers = [*base.centers[:2], center]
+    inertias = [*base.inertias[:2], (inertia + inertia.T) / 2]
+    heavier = base.replace(masses=[4.0, 3.0, mass], centers=centers, inertias=inertias)
+    expected = Dynamics(heavier).torque(*states)
+    found = Dynamics(base.replace(payload=load)).torque(*states)
+    np.testing.assert_allclose(found, expected, atol=1e-11)
+
+
+def test_two_links_in_the_plane_by_the_textbook():
+    tubes = tuple(Tube(outer_diameter=0.08, wall=0.005, density=2700) for _ in range(2))
+    links = {"base": 0.1, "links": (0.3, 0.2), "limits": ac.Limits()}
+    arm = PlanarTwoLink(name="plane", **links, tubes=tubes, payload=Payload(mass=2.0))
+    outer, inner = 0.04, 0.035
+    lengths = np.array([0.3, 0.2])
+    m1, m2 = m = 2700 * np.pi * (outer**2 - inner**2) * lengths
+    i1, i2 = m * (3 * (outer**2 + inner**2) + lengths**2) / 12
+    q, dq, ddq = np.random.default_rng(2).normal(size=(3, 40, 2))
+    cos, sin = np.cos(q[:, 1]), np.sin(q[:, 1])
+    one = i1 + m1 * 0.15**2 + (m2 + 2) * 0.3**2
+    two = i2 + m2 * 0.1**2 + 2 * 0.2**2
+    both = 0.3 * (m2 * 0.1 + 2 * 0.2)
+    first = (one + two + 2 * both * cos) * ddq[:, 0] + (two + both * cos) * ddq[:, 1]
+    first -= both * sin * (2 * dq[:, 0] * dq[:, 1] + dq[:, 1] ** 2)
+    second = (two + both * cos) * ddq[:, 0] + two * ddq[:, 1] + both * sin * dq[:, 0] ** 2
+    expected = np.stack([first, second], axis=1)
+    np.testing.assert_allclose(arm.torque(q, dq, ddq), expected, atol=1e-12)
+
+
+def test_what_has_no_torques_is_refused(monkeypatch, states):
+    arm = PlanarTwoLink(name="bare", base=0.1, links=(0.3, 0.2), limits=ac.Limits())
+    dynamics, p, q = Dynamics(chain()), np.zeros((4, 2)), np.zeros((4, 3))
+    monkeypatch.setitem(sys.modules, "pinocchio", None)
+    assert np.isfinite(dynamics.torque(*states)).all()
+    refused(
+        (lambda: arm.torque([0, 0], [0, 0], [0, 0]), "masses of the arm bare"),
+        (lambda: Dynamics(arm.chain), "without masses"),
+        (lambda: dynamics.torque(p, p, p), "3 joints", "3 columns", "(4, 2)"),
+        (lambda: dynamics.mass_matrix(p), "3 columns"),
+        (lambda: dynamics.torque(q, q[0], q), "one shape", "(3,)"),
+        (lambda: dynamics.derivatives(q, q, p), "one shape"),
+        (lambda: ac.load_arm("pmk3s").pinocchio, "pip install 'armcontour[dynamics]'"),
+    )
+
+
+def random_chain(seed, dof):
+    rng = np.random.default_rng(seed)
+    axes = rng.normal(size=(dof, 3))
+    # Axes along z, the other way round, and any.
+    axes[rng.random(dof) < 0.3] = [0, 0, 1]
+    axes[rng.random(dof) < 0.2] = [0, 0, -1]
+    turns = exp(rng.normal(size=(dof + 1, 3)))
+    moments = np.array([np.diag(x) for x in rng.uniform(0.1, 0.15, (dof + 1, 3))])
+    inertias = turns @ moments @ np.swapaxes(turns, 1, 2)
+    inertias = (inertias + np.swapaxes(inertias, 1, 2)) / 2
+    return Chain(
+        joints=tuple(f"joint {k}" for k in range(dof)),
+        rotations=exp(rng.normal(size=(dof, 3))),
+        positions=rng.normal(size=(dof, 3)),
+        axes=axes / np.linalg.norm(axes, axis=1)[:, None],
+        masses=rng.uniform(0, 5, dof),
+        centers=rng.normal(size=(dof, 3)),
+        inertias=inertias[:dof],
+        armature=rng.uniform(0, 1, dof),
+        tip=Frame(position=rng.normal(size=3), rotation=exp(rng.normal(size=3))),
+        gravity=rng.normal(size=3) * 9.81,
+        payload=Payload(mass=2.0, center=rng.normal(size=3), inertia=inertias[dof])
+        if seed % 2
+        else None,
+    )
+
+
+def by_pinocchio(bodies):
+    """Torques with and without gravity, and mass matrices, of single states, without armature."""
+    pin = pinocchio()
+    model, joint = pin.Model(), 0
+    for k, name in enumerate(bodies.joints):
+        place = pin.SE3(np.array(bodies.rotations[k]), np.array(bodies.positions[k]))
+        turning = pin.JointModelRevoluteUnaligned(np.array(bodies.axes[k]))
+        joint = model.addJoint(joint, turning, place, name)
+        body = bodies.masses[k], np.array(bodies.centers[k]), np.array(bodies.inertias[k])
+        model.appendBodyToJoint(joint, pin.Inertia(*body), pin.SE3.Identity())
+    if (load := bodies.payload) is not None:
+        body = load.mass, np.array(load.center), np.array(load.inertia)
+        tip = pin.SE3(np.array(bodies.tip.rotation), np.array(bodies.tip.position))
+        model.appendBodyToJoint(joint, pin.Inertia(*body), tip)
+    still = model.copy()
+    still.gravity.linear, model.gravity.linear = np.zeros(3), np.array(bodies.gravity)
+    data = model.createData()
+    upper = np.triu_indices(len(bodies))
+
+    def mass(q):
+        found = np.array(pin.crba(model, data, q))
+        found.T[upper] = found[upper]
+        return found
+
+    return (
+        lambda *state: np.array([pin.rnea(model, data, *x) for x in zip(*state, strict=True)]),
+        lambda *state: np.array([pin.rnea(still, data, *x) for x in zip(*state, strict=True)]),
+        lambda q: np.array([mass(x) for x in q]),
+    )
+
+
+# Whole blocks of states, a part of one, one state alone.
+@each(("dof", "n"), [(1, 64), (2, 33), (6, 95), (7, 1), (9, 20)])
+@each("seed", [0, 1])
+def test_torques_and_their_parts_are_those_of_pinocchio(seed, dof, n):
+    bodies = random_chain(10 * dof + seed, dof)
+    rng = np.random.default_rng(seed)
+    q, dq, ddq = rng.uniform(-7, 7, (3, n, dof))
+    still, armature, dynamics = np.zeros_like(q), bodies.armature, Dynamics(bodies)
+    torque, weightless, mass = by_pinocchio(bodies)
+
+    def same(found, expected):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+    a, b, c = dynamics.path_terms(q, dq, ddq)
+    same(a, weightless(q, still, dq) + armature * dq)
+    same(b, weightless(q, dq, ddq) + armature * ddq)
+    same(c, torque(q, still, still))
+    same(dynamics.gravity(q), torque(q, still, still))
+    same(dynamics.torque(q, dq, ddq), torque(q, dq, ddq) + armature * ddq)
+    same(dynamics.mass_matrix(q), mass(q) + np.diag(armature))
+
+
+def test_states_of_any_form_have_the_same_torques(states):
+    dynamics = Dynamics(chain())
+    expected = dynamics.torque(*states)
+    for q in states:
+        q.flags.writeable = False
+    np.testing.assert_array_equal(dynamics.torque(*states), expected)
+    single = [dynamics.torque(*(x[k] for x in states)) for k in (0, 99)]
+    np.testing.assert_allclose(single, expected[[0, 99]], rtol=1e-13)
+    folded = dynamics.torque(*(np.asfortranarray(x).reshape(4, 25, 3) for x in states))
+    np.testing.assert_array_equal(folded.reshape(100, 3), expected)
+    assert dynamics.torque(*np.zeros((3, 0, 3))).shape == (0, 3)
+    assert dynamics.mass_matrix(np.zeros((0, 3))).shape == (0, 3, 3)
+
+
+@each("turns", [3, -1000, 100_000, 10**9])
+def test_whole_turns_change_no_torque(turns, states):
+    q, dq, ddq = states
+    dynamics = Dynamics(chain())
+    # The position itself is rounded, by half of its last digit.
+    rounding = np.spacing(7.0 * abs(turns)) + 1e-15
+    found = dynamics.torque(q + 2 * np.pi * turns, dq, ddq)
+    expected = dynamics.torque(q, dq, ddq)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=2e3 * rounding)
+
+
+def test_a_position_that_is_no_number_has_no_torque(states):
+    q, dq, ddq = states
+    q[40, 1] = np.nan
+    found = Dynamics(chain()).torque(q, dq, ddq)
+    assert np.isnan(found[40]).any()
+    assert np.isfinite(np.delete(found, 40, axis=0)).all()

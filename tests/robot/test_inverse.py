@@ -1,0 +1,92 @@
+"""Joint positions of a pose in closed form, against the search that other arms take."""
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.robot.inverse import configurations, search
+
+# Six joints with a wrist, as of usual industrial arms; z axes of frames by URDF.
+WRIST = """<robot name="wrist"><link name="l0"/>{links}<link name="l6"/>{joints}</robot>"""
+
+
+def urdf(offset):
+    """An arm whose last three axes meet, but for an offset [m]."""
+    frames = ["0 0 0.4", "0.1 0 0", "0 0 0.5", "0.05 0 0", "0.45 0 0", f"0 0 {offset}"]
+    axes = ["0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0"]
+    joints = "".join(
+        f'<joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>'
+        f'<origin xyz="{xyz}"/><axis xyz="{axis}"/>'
+        '<limit lower="-6" upper="6" velocity="2" effort="50"/></joint>'
+        for k, (xyz, axis) in enumerate(zip(frames, axes, strict=True))
+    )
+    return WRIST.format(links="".join(f'<link name="l{k}"/>' for k in range(1, 6)), joints=joints)
+
+
+@pytest.fixture(scope="module")
+def arms(tmp_path_factory):
+    """Arms with a tool, somewhere before their work."""
+    file = tmp_path_factory.mktemp("arms") / "wrist.urdf"
+    file.write_text(urdf(0.0))
+    tool, work = (
+        ac.Frame.rpy((0.01, 0.02, 0.1), (0.1, 0.2, 0.3)),
+        ac.Frame.rpy((0.1, 0.2, 0.3), (1, 2, 3)),
+    )
+    names = {"ur5e": "ur5e", "ur10e": "ur10e", "wrist": file}
+    return {k: ac.load_arm(x).with_tool(tool).with_work(work) for k, x in names.items()}
+
+
+def poses_of(arm, q):
+    points, turned = arm.pose(q)
+    return np.concatenate([turned, points[..., None]], axis=2)
+
+
+@pytest.mark.parametrize("name", ["ur5e", "ur10e", "wrist"])
+def test_it_finds_what_the_search_finds(arms, name):
+    arm = arms[name]
+    assert arm.closed_form is not None and arm.closed_form.wrist == (name == "wrist")
+    rng = np.random.default_rng(2)
+    counts = set()
+    for pose in poses_of(arm, rng.uniform(-np.pi, np.pi, (25, 6))):
+        closed = configurations(arm, pose, 6)
+        searched = search(arm, pose, 6)
+        assert len(closed) == len(searched)
+        for q in searched:
+            apart = np.abs(np.angle(np.exp(1j * (closed - q)))).max(axis=1)
+            assert apart.min() < 1e-9
+        counts.add(len(searched))
+    # Some poses have all of them, others fewer, and none has more.
+    assert max(counts) == 8 and len(counts) > 1
+
+
+@pytest.mark.parametrize("name", ["ur5e", "wrist"])
+def test_singular_poses_are_searched(arms, name):
+    arm = arms[name]
+    q = np.array([[0.3, -1.2, 1.4, -0.5, 0.0, 0.7]])
+    pose = poses_of(arm, q)[0]
+    assert arm.closed_form.solve(arm.chain.base.matrix, pose) is None
+    np.testing.assert_array_equal(configurations(arm, pose, 6), search(arm, pose, 6))
+
+
+@pytest.mark.parametrize("name", ["ur5e", "wrist"])
+def test_only_what_no_posture_reaches_is_beyond(arms, name):
+    """Poses that a posture has are within reach, and those beyond are not met by any search."""
+    arm = arms[name]
+    closed = arm.closed_form
+    rng = np.random.default_rng(3)
+    base = arm.chain.base.matrix[None]
+    within = poses_of(arm, rng.uniform(-np.pi, np.pi, (2000, 6)))
+    assert closed.beyond(base, within, 1e-6)[0] <= 1e-6
+    # The same orientations elsewhere, some of them just out of reach.
+    moved = within[:40].copy()
+    moved[:, :, 3] += rng.normal(0, 0.3, (40, 3))
+    gaps = np.array([closed.beyond(base, x[None], 1e-6)[0] for x in moved])
+    assert 5 < (gaps > 1e-6).sum() < 35
+    for pose, gap in zip(moved, gaps, strict=True):
+        assert (gap > 1e-6) == (len(search(arm, pose, 6)) == 0)
+
+
+def test_other_arms_are_searched(tmp_path):
+    (tmp_path / "wrist.urdf").write_text(urdf(0.08))
+    for arm in (ac.load_arm(tmp_path / "wrist.urdf"), ac.load_arm("panda")):
+        assert arm.closed_form is None

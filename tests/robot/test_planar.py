@@ -1,0 +1,281 @@
+"""Arms in the plane against the paper's equations, and arms that users make."""
+
+import copy
+import pickle
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.geometry.tables import each, refused
+
+import armcontour as ac
+from armcontour.robot import SerialArm
+
+L0, L1, L2 = 0.135, 0.250, 0.215  # m, paper Sec. IV-A
+NEAR, FAR = L1 - L2, L1 + L2
+BRANCHES = {"positive": 1, "negative": -1}
+
+
+def ring(distance, angle):
+    return np.stack([L0 + distance * np.cos(angle), distance * np.sin(angle)], axis=1)
+
+
+def random_points(n=400, margin=1e-3, seed=0):
+    rng = np.random.default_rng(seed)
+    distance = rng.uniform(NEAR + margin, FAR - margin, n)
+    return ring(distance, rng.uniform(-np.pi, np.pi, n))
+
+
+def random_joints(n=200, seed=1):
+    """Joint positions away from the singular ones."""
+    rng = np.random.default_rng(seed)
+    q2 = rng.choice([-1, 1], n) * rng.uniform(0.2, np.pi - 0.2, n)
+    return np.stack([rng.uniform(-3, 3, n), q2], axis=1)
+
+
+def test_forward_as_printed_1_and_2(arm):
+    q = random_joints(20)
+    t1, t12 = q[:, 0], q.sum(axis=1)
+    x, y = L0 + L1 * np.sin(t1) + L2 * np.sin(t12), L1 * np.cos(t1) + L2 * np.cos(t12)
+    np.testing.assert_allclose(arm.tool_position(q), np.stack([x, y], axis=1), atol=1e-15)
+    # Angles are measured from y, clockwise.
+    np.testing.assert_allclose(arm.tool_position([0, 0]), (L0, L1 + L2), atol=1e-15)
+    np.testing.assert_allclose(arm.tool_position([np.pi / 2, 0]), (L0 + L1 + L2, 0), atol=1e-15)
+
+
+def test_inverse_as_printed_3_and_4_where_these_hold(arm):
+    # (3) loses the quadrant for y <= 0, and (4) is the elbow with theta2 >= 0.
+    points = random_points()
+    points = points[points[:, 1] > 1e-3]
+    assert len(points) > 100
+    c, y = points[:, 0] - L0, points[:, 1]
+    d2 = c**2 + y**2
+    t1 = np.arctan(c / y) - np.arccos((L1**2 - L2**2 + d2) / (2 * L1 * np.sqrt(d2)))
+    t2 = np.pi - np.arccos((L1**2 + L2**2 - d2) / (2 * L1 * L2))
+    np.testing.assert_allclose(arm.joint_position(points), np.stack([t1, t2], axis=1), atol=1e-9)
+    # The default branch is the paper's.
+    np.testing.assert_array_equal(
+        arm.joint_position(points), arm.joint_position(points, "positive")
+    )
+    assert arm.branches == tuple(BRANCHES)
+
+
+@each("branch", BRANCHES)
+def test_round_trips_from_the_tool_and_from_the_joints(arm, branch):
+    points, sign = random_points(), BRANCHES[branch]
+    q = arm.joint_position(points, branch)
+    np.testing.assert_allclose(arm.tool_position(q), points, atol=2e-15)
+    assert (np.sign(q[:, 1]) == sign).all()
+    # Near the edges of the reach.
+    for edge in (NEAR + 2e-9, NEAR + 1e-6, FAR - 1e-6, FAR - 2e-9):
+        points = ring(edge, np.linspace(-3, 3, 50))
+        np.testing.assert_allclose(
+            arm.tool_position(arm.joint_position(points, branch)), points, atol=1e-14
+        )
+    q = random_joints()
+    q = q[np.sign(q[:, 1]) == sign]
+    turns = (arm.joint_position(arm.tool_position(q), branch) - q) / (2 * np.pi)
+    np.testing.assert_allclose(turns, np.round(turns), atol=1e-13)
+    np.testing.assert_array_equal(np.round(turns[:, 1]), 0)
+
+
+LINK, ANGLE = st.floats(0.05, 2.0), st.floats(-np.pi, np.pi)
+
+
+@given(LINK, LINK, st.floats(0.001, 0.999), ANGLE, st.sampled_from([*BRANCHES]))
+def test_any_arm_reaches_where_it_should(link1, link2, share, angle, branch):
+    arm = ac.PlanarTwoLink(name="any", base=-0.3, links=(link1, link2), limits=ac.Limits())
+    near, far = arm.reach
+    assert (near, far) == (abs(link1 - link2), link1 + link2)
+    distance = near + share * (far - near)
+    point = np.array([-0.3 + distance * np.cos(angle), distance * np.sin(angle)])
+    np.testing.assert_allclose(
+        arm.tool_position(arm.joint_position(point, branch)), point, atol=1e-13
+    )
+
+
+def test_the_jacobian_its_rate_and_tool_motion_agree_with_differences(arm):
+    q, step = random_joints(), 1e-6
+    for j, dq in enumerate(step * np.eye(2)):
+        difference = (arm.tool_position(q + dq) - arm.tool_position(q - dq)) / (2 * step)
+        np.testing.assert_allclose(arm.tool_jacobian(q)[..., j], difference, atol=1e-9)
+    dq = np.random.default_rng(2).normal(size=q.shape)
+    difference = (arm.tool_jacobian(q + step * dq) - arm.tool_jacobian(q - step * dq)) / (2 * step)
+    np.testing.assert_allclose(arm.tool_jacobian_rate(q, dq), difference, atol=1e-8)
+
+    def q(t):
+        return np.stack([np.sin(t), 1 + 0.5 * np.cos(2 * t)], axis=-1)
+
+    t, h = np.linspace(0, 3, 40), 1e-4
+    dq = np.stack([np.cos(t), -np.sin(2 * t)], axis=-1)
+    ddq = np.stack([-np.sin(t), -2 * np.cos(2 * t)], axis=-1)
+    before, now, after = (arm.tool_position(q(t + k * h)) for k in (-1, 0, 1))
+    velocity, acceleration = (after - before) / (2 * h), (after - 2 * now + before) / h**2
+    v, a = arm.tool_velocity(q(t), dq), arm.tool_acceleration(q(t), dq, ddq)
+    np.testing.assert_allclose(v, velocity, atol=1e-8)
+    np.testing.assert_allclose(a, acceleration, atol=1e-6)
+    np.testing.assert_allclose(arm.joint_velocity(q(t), v), dq, atol=1e-12)
+    np.testing.assert_allclose(arm.joint_acceleration(q(t), dq, a), ddq, atol=1e-11)
+
+
+@each("n", [0, 1, 31, 33])
+def test_blocks_of_states_end_anywhere(arm, n):
+    q, dq, ddq = np.random.default_rng(n).normal(size=(3, n, 2))
+    velocity, acceleration = arm.tool_motion(q, dq, ddq)
+    jacobian, rate = arm.tool_jacobian(q), arm.tool_jacobian_rate(q, dq)
+    np.testing.assert_allclose(velocity, np.einsum("nij,nj->ni", jacobian, dq), atol=1e-14)
+    expected = np.einsum("nij,nj->ni", jacobian, ddq) + np.einsum("nij,nj->ni", rate, dq)
+    np.testing.assert_allclose(acceleration, expected, atol=1e-14)
+    np.testing.assert_array_equal(arm.tool_velocity(q, dq), velocity)
+    np.testing.assert_array_equal(arm.tool_acceleration(q, dq, ddq), acceleration)
+
+
+def test_links_lead_from_the_base_to_the_tool(arm):
+    q = random_joints(10)
+    points = arm.links(q)
+    assert points.shape == (10, 3, 2)
+    np.testing.assert_array_equal(points[:, 0], np.tile((L0, 0), (10, 1)))
+    lengths = np.linalg.norm(np.diff(points, axis=1), axis=2)
+    np.testing.assert_allclose(lengths, np.tile((L1, L2), (10, 1)))
+    np.testing.assert_array_equal(points[:, 2], arm.tool_position(q))
+    assert arm.joint_position([0.35, 0.1]).shape == (2,)
+    assert arm.joint_position(np.full((3, 4, 2), 0.2)).shape == (3, 4, 2)
+    assert arm.tool_jacobian(np.ones((5, 2))).shape == (5, 2, 2)
+    assert arm.dof == 2 and arm.dimension == 2
+
+
+OUT_OF_REACH = [
+    ((0.700, 0.0), ("(0.7, 0) m", "0.1 m out of reach", "more than 0.465 m"), 0.565, FAR),
+    ((0.145, 0.0), ("(0.145, 0) m", "0.025 m out of reach", "less than 0.035 m"), 0.01, NEAR),
+    ((L0 + FAR, 0.0), ("on the edge of the reach", "singular"), FAR, FAR),
+    ((L0, NEAR), ("on the edge of the reach", "singular"), NEAR, NEAR),
+    ((L0, FAR - 1e-10), ("on the edge of the reach", "singular"), FAR, FAR),
+    ((L0, 0.0), ("out of reach",), 0.0, NEAR),
+]
+
+
+@each("point, words, needed, allowed", OUT_OF_REACH)
+def test_out_of_reach(arm, point, words, needed, allowed):
+    points = [(0.35, 0.1), (0.41, 0.15), point, (9.0, 9.0)]
+    data = {"point": point, "index": 2, "needed": needed, "allowed": allowed}
+    for branch in BRANCHES:
+        call, data["limit"] = lambda x=branch: arm.joint_position(points, x), "reach"
+        refused((call, "PMK-3s", *words, data), kind=ac.Unreachable)
+
+
+def test_no_number_a_singular_arm_and_an_unknown_branch_are_refused(arm):
+    refused(
+        (lambda: arm.joint_position([(np.nan, 0.1)]), {"index": 0}),
+        (lambda: arm.joint_velocity([[0.0, 0.0]], [[1.0, 0.0]]), "PMK-3s", "singular"),
+        kind=ac.Unreachable,
+    )
+    refused(
+        (lambda: arm.joint_position([0.35, 0.1], "left"), "branches positive, negative", "'left'")
+    )
+
+
+def test_the_plane_arm_in_space_is_the_same_arm(arm):
+    space = SerialArm(name="space", chain=arm.chain, limits=arm.limits)
+    q, dq, ddq = np.random.default_rng(4).normal(size=(3, 50, 2))
+    np.testing.assert_allclose(space.tool_position(q)[:, :2], arm.tool_position(q), atol=1e-15)
+    assert (space.tool_position(q)[:, 2] == 0).all()
+    np.testing.assert_allclose(space.tool_jacobian(q)[:, :2], arm.tool_jacobian(q), atol=1e-15)
+    a, b = (x.tool_acceleration(q, dq, ddq)[:, :2] for x in (space, arm))
+    np.testing.assert_allclose(a, b, atol=1e-13)
+    jerk = arm.tool_jerk(q, dq, ddq, dq)
+    np.testing.assert_allclose(space.tool_jerk(q, dq, ddq, dq)[:, :2], jerk, atol=1e-13)
+    np.testing.assert_allclose(ac.Arm.tool_jerk(arm, q, dq, ddq, dq), jerk, atol=1e-10)
+
+
+@pytest.fixture(params=["pmk3s", "ur5e"])
+def made(request):
+    return ac.load_arm(request.param)
+
+
+def test_another_arm_is_made_with_other_limits_and_another_name(made):
+    limits, name = made.limits, made.name
+    slow = made.with_limits(limits.replace(joint_velocity=0.5))
+    other = slow.with_name("slow")
+    assert type(other) is type(made) and other.name == "slow"
+    np.testing.assert_array_equal(other.limits.joint_velocity, np.full(made.dof, 0.5))
+    assert made.limits is limits and made.name == slow.name == name
+    q = np.full(made.dof, 0.3)
+    np.testing.assert_array_equal(other.tool_position(q), made.tool_position(q))
+    for again in (other, copy.copy(other), copy.deepcopy(other), pickle.loads(pickle.dumps(other))):
+        with pytest.raises(FrozenInstanceError):
+            again.limits = limits
+    # What is computed once and kept is no change, and other limits keep it.
+    assert other.dynamics is other.dynamics
+    assert made.with_limits(made.limits) is made
+    dynamics = made.dynamics
+    assert made.with_limits(made.limits.replace(joint_velocity=0.4)).dynamics is dynamics
+
+
+class Slide(ac.Arm):
+    """An arm of a user's own: one joint that turns a stick."""
+
+    dimension = 2
+    branches = ()
+
+    def __init__(self, length, offsets):
+        self.name, self.joint_names, self.source = "slide", ("a",), ""
+        self.limits = ac.Limits(joint_acceleration=1.0).for_joints(1)
+        self.length = length
+        self.offsets = offsets
+
+    def tool_position(self, q):
+        angle = np.asarray(q)[..., 0]
+        return self.length * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+    def links(self, q):
+        raise NotImplementedError
+
+    tool_jacobian = tool_jacobian_rate = links
+
+
+class Longer(Slide):
+    """One whose constructor goes on after that of its base."""
+
+    def __init__(self, length):
+        super().__init__(length, np.arange(3.0))
+        self.length = 2 * length
+
+
+def test_a_users_own_arm_is_made_as_usual_and_stays_as_it_is():
+    own = np.arange(2.0)
+    stick, longer = Slide(1.0, own), Longer(1.0)
+    assert longer.length == 2.0
+    for arm in (stick, longer):
+        with pytest.raises(FrozenInstanceError, match="The length of a"):
+            arm.length = 3.0
+        with pytest.raises(ValueError, match="read-only"):
+            arm.offsets[0] = 5.0
+    # The array that was given stays the user's.
+    own[0] = 7.0
+    assert stick.offsets[0] == 0.0
+    assert longer.with_name("b").length == 2.0
+
+
+def test_another_load_and_other_drives_change_the_torques_and_nothing_else(made):
+    q = np.full((1, made.dof), 0.3)
+    # Torques of the arm are computed before: the other arm must not have them.
+    before = made.torque(q, 0 * q, q)
+    load = ac.Payload(mass=2.0)
+    other = made.with_dynamics(payload=load, armature=0.1, viscous=[1.0] * made.dof)
+    assert other.chain.payload is load and type(other) is type(made)
+    np.testing.assert_array_equal(other.tool_position(q), made.tool_position(q))
+    np.testing.assert_array_equal(other.chain.coulomb, made.chain.coulomb)
+    # Drives add their inertia and friction to their own joint alone.
+    loaded = other.with_dynamics(armature=0.0, viscous=0.0)
+    added = other.torque(q, q, q) - loaded.torque(q, q, q)
+    np.testing.assert_allclose(added, 0.1 * q + q, rtol=1e-9)
+    assert np.abs(loaded.torque(q, 0 * q, q) - before).max() > 1e-3
+    np.testing.assert_array_equal(made.torque(q, 0 * q, q), before)
+    assert made.with_dynamics() is made
+    said = f"coulomb has 9 values, but the arm has {made.dof} joints"
+    refused(
+        (lambda: made.with_dynamics(coulomb=[1.0] * 9), said),
+        (lambda: made.with_dynamics(viscous=-1.0), "viscous of a chain"),
+    )

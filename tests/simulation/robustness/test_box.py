@@ -1,0 +1,157 @@
+"""Boxes of errors, and their spread on rigid bodies."""
+
+import dataclasses
+import pickle
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.simulation.robustness import Box
+from armcontour.simulation.robustness.bodies import (
+    BodyRuns,
+    describe,
+    spread_on_bodies,
+    trace_on_bodies,
+)
+from armcontour.simulation.robustness.unknowns import Unknowns
+
+SERVO = ac.ServoModel(kp=25.0, kv=150.0)
+ALL = Box(
+    gains=[[0.1], [0.05]],
+    payload=[-0.2, 0.6],
+    viscous=[2.0, 1.0],
+    coulomb=0.5,
+    friction=[0.0, 1.0],
+    armature=0.2,
+    dead_time=[1e-3, 2e-3],
+)
+
+
+def test_a_box_its_columns_and_their_ranges(planar):
+    np.testing.assert_array_equal(Box(payload=0.4).payload, [-0.4, 0.4])
+    np.testing.assert_array_equal(Box(payload=[0.0, 2.0]).payload, [0.0, 2.0])
+    np.testing.assert_array_equal(Box().friction, [0.0, 1.0])
+    assert Box().of_bodies == ()
+    box = Box(viscous=1.0, armature=0.1, payload_known=True)
+    assert box.of_bodies == ("viscous", "armature", "payload_known")
+    arm, servo, _, _ = planar
+    u = Unknowns.of(ALL, arm, servo)
+    assert u.names[:4] == ("payload", "friction of joint 1", "friction of joint 2", "kp of joint 1")
+    assert u.names[-1] == "dead time" and len(u) == 10
+    corners = u.corners()
+    assert len(np.unique(corners, axis=0)) == 2**10
+    assert (corners.min(axis=0) == u.low).all() and (corners.max(axis=0) == u.high).all()
+    drawn = u.draw(500, 1)
+    assert ((u.low <= drawn) & (drawn <= u.high)).all()
+    assert (np.ptp(drawn, axis=0) > 0.95 * (u.high - u.low)).all()
+    shared = Unknowns.of(Box(viscous=1.0, friction_shared=True), arm, servo)
+    assert shared.names == ("friction",)
+    assert len(Unknowns.of(Box(), arm, servo)) == 0
+
+
+def test_refusals(planar, refuses):
+    for wrong in (
+        *({"payload": x} for x in ([2.0, 0.0], [0.0, 1.0, 2.0], -1.0)),
+        *({"gains": x} for x in (-0.1, 1.0)),
+        {"friction": [1.0, 0.5]},
+        {"viscous": -1.0},
+        {"coulomb": [[1.0]]},
+        {"armature": 1.0},
+        {"dead_time": -1e-3},
+    ):
+        with pytest.raises(ac.InvalidInput):
+            Box(**wrong)
+    # Boxes that do not fit the arm or the servo.
+    arm, servo, _, _ = planar
+    first = ac.ServoModel(kp=25.0, order="first")
+    for box, own, model, *words in (
+        (Box(jitter=1e-3), arm, servo),
+        (Box(gains=[0.1] * 3), arm, servo, "2 joints"),
+        (Box(dead_time=3e-3), arm, servo, "cannot be negative"),
+        (Box(payload=1.0), arm, servo, "0.5 kg"),
+        (Box(viscous=1.0, friction=0.5), arm, servo),
+        (Box(armature=0.1), ac.load_arm("pmk3s"), servo),
+        (Box(), arm, first),
+    ):
+        refuses(lambda x=(box, own, model): Unknowns.of(*x), ac.InvalidInput, *words)
+
+
+def test_a_robot_has_its_errors(planar):
+    arm, servo, _, _ = planar
+    u = Unknowns.of(ALL, arm, servo)
+    true, known, own = u.robot(u.high)
+    for found, expected in (
+        (true.chain.payload.mass, 1.1),
+        (true.chain.viscous, [2.0, 1.0]),
+        (true.chain.coulomb, [0.5, 0.5]),
+        (true.chain.armature, 0.06),
+        (own.kp, 27.5),
+        (own.kv, 157.5),
+        (own.dead_time, [3e-3, 4e-3]),
+    ):
+        np.testing.assert_allclose(found, expected)
+    # The controller knows none of it, unless it weighs its payload.
+    assert known is u.arm
+    weighed = Unknowns.of(Box(payload=[0.0, 1.0], payload_known=True), arm, servo)
+    assert weighed.robot(np.ones(1))[1].chain.payload.mass == pytest.approx(1.5)
+    arm = ac.load_arm("ur5e").with_tool(ac.Frame(position=[0.0, 0.0, 0.12]))
+    u = Unknowns.of(Box(payload=[0.0, 2.0]), arm, SERVO)
+    load = u.robot(np.array([2.0]))[0].chain.payload
+    assert load.mass == 2.0 and load.center[2] == 0.12
+    assert u.robot(np.zeros(1))[0].chain.payload is None
+
+
+LIMITS = ac.Limits.only(joint_torque=[40.0, 40.0])
+# Drives with a long cycle, of which a run takes a moment.
+COARSE = {"step": 1e-3}
+
+
+@pytest.fixture(scope="module")
+def runs(planar):
+    arm, servo, path, taught = planar
+    u = Unknowns.of(Box(gains=[[0.05], [0.0]], payload=[0.0, 0.4], payload_known=True), arm, servo)
+    return BodyRuns(taught=taught, path=path, unknowns=u, limits=LIMITS, options=COARSE)
+
+
+def test_a_spread_is_what_the_plant_does(planar, runs):
+    arm, servo, path, taught = planar
+    errors = np.array([[0.4, 0.05, -0.05]])
+    found = spread_on_bodies(runs, errors)
+    load = ac.Payload(mass=0.9, center=arm.chain.payload.center)
+    known = arm.with_dynamics(payload=load)
+    plant = ac.RigidBodyPlant(known, servo.replace(kp=[26.25, 23.75]), LIMITS, **COARSE)
+    done = ac.execute(taught, plant, resolution=1e-3)
+    # A spread is of samples.
+    result = ac.evaluate(dataclasses.replace(done, plant=None), path)
+    assert found.max[0] == pytest.approx(max(result.contour_error.max, result.missed.max), rel=1e-9)
+    off = path.project(done.tool).distance
+    assert found.rms[0] == pytest.approx(np.sqrt(np.mean(off**2)), rel=1e-9)
+    assert found.worst_deviations == {"payload": 0.4, "kp of joint 1": 0.05, "kp of joint 2": -0.05}
+    assert found.payload[0] == 0.4 and (found.kp[0] == [26.25, 23.75]).all()
+    assert 0 < found.nominal_max < found.max[0]
+    # The same execution over time.
+    ((t, off, tool),) = trace_on_bodies(runs, errors)
+    assert off.max() == found.max[0] and (tool == done.tool).all() and (t == done.t).all()
+
+
+def test_other_processes_find_the_same(runs, monkeypatch):
+    """What is sent to them survives that."""
+    errors = runs.unknowns.draw(4, 5)
+    here = spread_on_bodies(runs, errors, seed=5, processes=1)
+
+    def send(work, items, **_):
+        return [pickle.loads(pickle.dumps(work))(x) for x in items]
+
+    monkeypatch.setattr("armcontour.simulation.robustness.bodies.map_in_processes", send)
+    np.testing.assert_array_equal(here.max, spread_on_bodies(runs, errors).max)
+    assert here.seed == 5 and len(here) == 4
+
+
+def test_a_robot_that_cannot_be_controlled_is_named(planar, runs):
+    arm, servo, path, taught = planar
+    wild = Unknowns.of(runs.unknowns.box, arm, servo.replace(kv=9e3))
+    wrong = BodyRuns(taught=taught, path=path, unknowns=wild, limits=LIMITS, options={})
+    with pytest.raises(ac.ExecutionError, match="The robot with no errors: .*unstable"):
+        spread_on_bodies(wrong, wild.high[None])
+    assert describe(wild, wild.high) == "payload +0.4 kg; kp +0.05"

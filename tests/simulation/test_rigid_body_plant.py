@@ -1,0 +1,560 @@
+"""The rigid-body plant against what can be said of it with pencil and paper."""
+
+import sys
+from functools import partial
+from itertools import product
+from unittest.mock import ANY
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.motion import LapLaw
+from armcontour.robot.chain import Chain, Payload
+from armcontour.robot.serial import SerialArm
+from armcontour.simulation import _mujoco, rigid_body_plant, stability
+
+pytest.importorskip("mujoco")
+
+KP, KV, PERIOD = 25.0, 150.0, 4e-3
+MASS, LENGTH, ARMATURE, G = 2.0, 0.5, 0.1, 9.81
+INERTIA = MASS * LENGTH**2 + ARMATURE
+WEIGHT = MASS * G * LENGTH  # torque against gravity where the pendulum lies
+WEIGHTLESS = np.zeros(3)
+
+
+@pytest.fixture(autouse=True)
+def no_log(monkeypatch, tmp_path):
+    """MuJoCo writes a file where it finds something wrong; there must be nothing."""
+    monkeypatch.chdir(tmp_path)
+    yield
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture
+def fails(refuses):
+    """A check of an execution that fails, with joint 1 as its cause."""
+    return lambda call, *words, joint=0, **data: refuses(
+        call, ac.ExecutionError, *words, **({} if joint is ANY else {"joint": joint}), **data
+    )
+
+
+def pendulum(limits=None, **changes):
+    """A point mass on a rod: lies along x at 0, and stands up at pi / 2."""
+    data = {
+        "joints": ("hinge",),
+        "rotations": np.eye(3)[None],
+        "positions": np.zeros((1, 3)),
+        "axes": [[0.0, -1.0, 0.0]],
+        "masses": [MASS],
+        "centers": [[LENGTH, 0.0, 0.0]],
+        "inertias": np.zeros((1, 3, 3)),
+        "armature": [ARMATURE],
+    }
+    chain = Chain(**(data | changes))
+    return SerialArm(name="pendulum", chain=chain, limits=limits or ac.Limits())
+
+
+def two_link(limits=None, **changes):
+    """Two thin rods of 0.4 m in a horizontal plane, 3 kg and 2 kg."""
+    data = {
+        "joints": ("shoulder", "elbow"),
+        "rotations": np.tile(np.eye(3), (2, 1, 1)),
+        "positions": [[0.0, 0.0, 0.2], [0.4, 0.0, 0.0]],
+        "axes": [[0.0, 0.0, 1.0]] * 2,
+        "masses": [3.0, 2.0],
+        "centers": [[0.2, 0.0, 0.0]] * 2,
+        "inertias": [np.diag([0, m * 0.4**2 / 12, m * 0.4**2 / 12]) for m in (3.0, 2.0)],
+        "armature": [0.05, 0.02],
+    }
+    chain = Chain(**(data | changes))
+    return SerialArm(name="two rods", chain=chain, limits=limits or ac.Limits())
+
+
+def taught_data(q, period=0.004):
+    q = np.asarray(q, float)
+    still = np.zeros((1, q.shape[1]))
+    law = LapLaw(breaks=np.array([0.0, 1.0]), q=np.zeros((2, q.shape[1])), dq=still, ddq=still)
+    trajectory = ac.Trajectory(laws=(law,), method="hand")
+    return ac.TaughtData(period=period, q=q, trajectory=trajectory, method="x")
+
+
+def swing(to=0.5, duration=1.0, period=0.004, start=0.0):
+    """From `start` by `to`, gently, and a while of rest after it."""
+    t = np.clip(np.arange(0, 1.5 * duration, period) / duration, 0, 1)
+    return start + np.atleast_1d(to) * (1 - np.cos(np.pi * t))[:, None] / 2
+
+
+def plant(arm, limits=None, kp=KP, kv=KV, interpolation="linear", **options):
+    servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation)
+    return ac.RigidBodyPlant(arm, servo, limits, **options)
+
+
+def run(arm, q, limits=None, period=0.004, resolution=0.004, **options):
+    taught = taught_data(q, period)
+    return ac.execute(taught, plant(arm, limits, **options), resolution=resolution)
+
+
+def by_servo(arm, q, period=0.004, kv=KV, interpolation="linear"):
+    simulated = ac.ServoPlant(arm, ac.ServoModel(kp=KP, kv=kv, interpolation=interpolation))
+    return ac.execute(taught_data(q, period), simulated, resolution=period)
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "step"])
+def test_one_joint_converges_to_the_servo_plant(interpolation):
+    arm = pendulum(gravity=WEIGHTLESS)
+    ideal = by_servo(arm, swing(), interpolation=interpolation)
+    errors = []
+    for step in (4e-3, 1e-3, 2.5e-4, 6.25e-5):
+        done = run(arm, swing(), step=step, interpolation=interpolation)
+        n = min(len(done.t), len(ideal.t))
+        errors.append(np.abs(done.q[:n] - ideal.q[:n]).max())
+    # First order: the torque held over a step is half a step late.
+    ratios = np.divide(errors[:-1], errors[1:])
+    np.testing.assert_allclose(ratios[1:], 4, rtol=0.1)
+    assert ratios[0] > 3.9 and errors[2] < (5e-6 if interpolation == "linear" else 2e-4)
+
+
+def test_it_starts_and_stays_in_equilibrium_and_sags_as_predicted():
+    held = run(pendulum(), [[0.3]])
+    np.testing.assert_allclose(held.q, 0.3, atol=1e-12)
+    np.testing.assert_allclose(held.torque, WEIGHT * np.cos(0.3), rtol=1e-9)
+    np.testing.assert_allclose(held.peak_demand, 0, atol=1e-9)
+    sagged = run(pendulum(), [[0.3]], gravity_feedforward=False)
+    at = sagged.q[0, 0]
+    assert at == pytest.approx(0.3 - WEIGHT * np.cos(at) / (INERTIA * KV * KP), abs=1e-12)
+    np.testing.assert_allclose(sagged.q, at, atol=1e-9)
+    done = run(pendulum(), swing(0.8), gravity_feedforward=False)
+    end = done.q[-1, 0]
+    assert end - 0.8 == pytest.approx(-WEIGHT * np.cos(end) / (INERTIA * KV * KP), rel=1e-5)
+    assert run(pendulum(), swing(0.8)).q[-1, 0] == pytest.approx(0.8, abs=1e-7)
+
+
+def test_an_integrator_holds_the_weight_and_leaves_no_sag():
+    servo = ac.ServoModel(kp=KP, kv=KV, ki=8.0)
+    for spring in (None, SPRING):
+        sagging = {"gravity_feedforward": False, "joint_stiffness": spring}
+        taught = taught_data(swing(1.2))
+        done = ac.execute(taught, ac.RigidBodyPlant(pendulum(), servo, **sagging))
+        motor = done.q if spring is None else done.motor_q
+        assert motor[0, 0] == 0.0 and motor[-1, 0] == pytest.approx(1.2, abs=1e-6)
+        assert run(pendulum(), swing(1.2), **sagging).q[-1, 0] < 1.2 - 1e-3
+        still = ac.execute(taught_data([[0.3]]), ac.RigidBodyPlant(pendulum(), servo, **sagging))
+        assert np.ptp(still.q) < 1e-12
+        np.testing.assert_allclose(still.torque, WEIGHT * np.cos(still.q), rtol=1e-9)
+
+
+@pytest.mark.parametrize("limit", [1e5, 1.0])
+@pytest.mark.parametrize("interpolation", ["linear", "step"])
+def test_heavy_drives_with_integrators_are_those_of_the_servo_plant(limit, interpolation):
+    """With and without saturation: bodies that are light against their drives do not couple."""
+    heavy = 1e6
+    arm = two_link(gravity=WEIGHTLESS, armature=[heavy, heavy])
+    servo = ac.ServoModel(
+        kp=12.0, kv=80.0, ki=[8.0, 0.0], dead_time=2.5e-3, interpolation=interpolation
+    )
+    bodies = ac.RigidBodyPlant(arm, servo, ac.Limits(joint_torque=limit * heavy), step=1e-3)
+    joints = ac.ServoPlant(arm, servo.replace(cycle=1e-3, acceleration_limit=limit))
+    taught = taught_data(np.hstack([swing(0.5), swing(-0.3)]))
+    done, ideal = (ac.execute(taught, x, resolution=PERIOD) for x in (bodies, joints))
+    n = min(len(done.t), len(ideal.t))
+    np.testing.assert_allclose(done.q[:n], ideal.q[:n], atol=5e-6 if limit == 1.0 else 2e-9)
+    assert ((done.saturated_time > 0.5) == (limit == 1.0)).all()
+
+
+@pytest.mark.parametrize("feed", [0.0, 0.4])
+def test_integrators_do_not_see_acceleration_feedforward(feed):
+    """The drives' cycle is left, of first order."""
+    arm = two_link(gravity=WEIGHTLESS, armature=[1e6, 1e6])
+    servo = ac.ServoModel(
+        kp=12.0, kv=80.0, ki=[8.0, 3.0], velocity_feedforward=0.6, acceleration_feedforward=feed
+    )
+    taught, errors = taught_data(np.hstack([swing(0.5), swing(-0.3)])), []
+    ideal = ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits()), resolution=PERIOD)
+    for step in (1e-3, 2.5e-4):
+        plant = ac.RigidBodyPlant(arm, servo, ac.Limits(joint_torque=1e12), step=step)
+        done = ac.execute(taught, plant, resolution=PERIOD)
+        n = min(len(done.t), len(ideal.t))
+        errors.append(np.abs(done.q[:n] - ideal.q[:n]).max())
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05) and errors[1] < 2e-5
+
+
+def test_coulomb_friction_leaves_its_dead_band():
+    coulomb = 4.0
+    band = coulomb / (INERTIA * KV * KP)
+    arm = pendulum(gravity=WEIGHTLESS, coulomb=[coulomb])
+    for to in (0.5, -0.5):
+        still = np.full((1500, 1), to)  # 6 s: the joint must not creep through the band
+        done = run(arm, np.concatenate([swing(to), still]))
+        assert done.q[-1, 0] - to == pytest.approx(-np.sign(to) * band, rel=1e-3)
+        free = run(arm, swing(to), friction=False)
+        assert free.q[-1, 0] == pytest.approx(to, abs=1e-7)
+    # It moves once the servo asks for more than friction takes: 1/2 and 2 times that.
+    for share, moves in ((0.5, False), (2.0, True)):
+        pushed = run(arm, np.full((250, 1), share * band) * (np.arange(250) > 0)[:, None])
+        assert (np.ptp(pushed.q) > 0.1 * band) == moves
+
+
+def test_torque_saturation_in_closed_form_and_with_gravity():
+    limit = 3.0
+    arm = pendulum(gravity=WEIGHTLESS)
+    q = [[0.0]] + [[2.0]] * 300
+    done = run(arm, q, ac.Limits.only(joint_torque=limit), interpolation="step")
+    at = (done.t >= 0.004) & (done.t <= 0.5)
+    since = done.t[at] - 0.004
+    np.testing.assert_allclose(done.q[at, 0], limit / INERTIA * since**2 / 2, atol=1e-12)
+    np.testing.assert_allclose(done.torque[at, 0], limit)
+    np.testing.assert_allclose(done.ddq[at, 0], limit / INERTIA, rtol=1e-9)
+    assert done.saturated[at, 0].all()
+    assert done.peak_demand[0] == pytest.approx(KV * KP * 2.0, rel=1e-3)
+    assert done.saturated_time[0] == pytest.approx(done.saturated.sum() * 0.004, abs=0.02)
+    free = run(arm, q, interpolation="step")
+    assert free.saturated_time[0] == 0 and not free.saturated.any()
+    assert np.abs(free.torque).max() > 100 * limit
+    q = swing(1.0, 0.3)
+    by_torque = run(pendulum(), q, ac.Limits.only(joint_torque=12.0, joint_acceleration=99.0))
+    assert np.abs(by_torque.torque).max() == 12.0
+    by_acceleration = run(pendulum(), q, ac.Limits.only(joint_acceleration=4.0))
+    on_top = by_acceleration.torque[:, 0] - WEIGHT * np.cos(by_acceleration.q[:, 0])
+    assert np.abs(on_top).max() == pytest.approx(4.0 * INERTIA)
+    assert by_torque.saturated_time[0] > 0.05 and by_acceleration.saturated_time[0] > 0.05
+    np.testing.assert_array_equal(by_acceleration.saturated.any(axis=0), [True])
+
+
+def test_a_payload_changes_the_loop_gain_but_not_the_drives():
+    load = Payload(mass=3.0, center=np.array([LENGTH, 0.0, 0.0]))
+    light, loaded = (pendulum(gravity=WEIGHTLESS, payload=x) for x in (None, load))
+    np.testing.assert_allclose(plant(loaded).nominal_inertia, INERTIA)
+    done = run(loaded, swing(), step=1e-4)
+    ratio = INERTIA / (INERTIA + 3.0 * LENGTH**2)
+    n = len(swing())
+    expected = by_servo(loaded, swing(), kv=KV * ratio)
+    np.testing.assert_allclose(done.q[:n], expected.q[:n], atol=3e-6)
+    assert np.abs(done.q[:n] - run(light, swing()).q[:n]).max() > 5e-4
+    # Where it is given against gravity, the controller knows it.
+    held = run(pendulum(payload=load), [[0.3]])
+    np.testing.assert_allclose(held.q, 0.3, atol=1e-12)
+
+
+STIFFNESS = INERTIA * KV * KP  # of the position loop [N m/rad]
+LOAD = Payload(mass=3.0, center=np.array([LENGTH, 0.0, 0.0]))
+LOAD_WEIGHT = 3.0 * G * LENGTH
+
+
+def test_a_payload_that_the_controller_does_not_know_lets_the_arm_sag():
+    loaded = pendulum(payload=LOAD)
+    held = run(loaded, [[0.3]], known=pendulum())
+    at = held.q[0, 0]
+    # What is fed forward is lacking the load: K (u - q) = g_true(q) - g_known(q).
+    assert at == pytest.approx(0.3 - LOAD_WEIGHT * np.cos(at) / STIFFNESS, abs=1e-12)
+    np.testing.assert_allclose(held.q, at, atol=1e-9)
+    np.testing.assert_allclose(held.torque, (WEIGHT + LOAD_WEIGHT) * np.cos(at), rtol=1e-6)
+    end = run(loaded, swing(0.8), known=pendulum()).q[-1, 0]
+    assert end - 0.8 == pytest.approx(-LOAD_WEIGHT * np.cos(end) / STIFFNESS, rel=1e-4)
+    # A controller that adds nothing lacks all of it, whatever it knows.
+    without = run(loaded, [[0.3]], known=pendulum(), gravity_feedforward=False).q[0, 0]
+    weight = (WEIGHT + LOAD_WEIGHT) * np.cos(without)
+    assert without == pytest.approx(0.3 - weight / STIFFNESS, abs=1e-12)
+    # And one that knows of a load that is not there lifts the arm.
+    lifted = run(pendulum(), [[0.3]], known=loaded).q[0, 0]
+    assert lifted == pytest.approx(0.3 + LOAD_WEIGHT * np.cos(lifted) / STIFFNESS, abs=1e-12)
+
+
+def test_loops_are_scaled_by_the_arm_that_the_controller_knows():
+    drives = pendulum(gravity=WEIGHTLESS, armature=[0.4])
+    nominal = pendulum(gravity=WEIGHTLESS)
+    simulated = plant(drives, known=nominal, step=1e-4)
+    np.testing.assert_allclose(simulated.nominal_inertia, INERTIA)
+    assert simulated.arm is drives
+    done = ac.execute(taught_data(swing()), simulated, resolution=0.004)
+    expected = by_servo(drives, swing(), kv=KV * INERTIA / (INERTIA + 0.3))
+    n = len(swing())
+    np.testing.assert_allclose(done.q[:n], expected.q[:n], atol=3e-6)
+    given = ac.ServoModel(kp=KP, kv=KV, inertia=0.7)
+    np.testing.assert_allclose(ac.RigidBodyPlant(drives, given, known=nominal).nominal_inertia, 0.7)
+    # A drive that is rated for accelerations is rated for the bodies that its maker knew of.
+    rated = plant(drives, ac.Limits.only(joint_acceleration=4.0), known=nominal)
+    np.testing.assert_allclose(rated.torque_limit, 4.0 * INERTIA)
+
+
+def test_nominal_inertia_is_taken_in_the_middle_of_the_ranges():
+    def at(q2):
+        rod = 0.4**2 / 3
+        near = 3 * rod + 2 * (0.4**2 + 0.4**2 / 3 + 0.4**2 * np.cos(q2)) + 0.05
+        return [near, 2 * rod + 0.02]
+
+    free = plant(two_link())
+    np.testing.assert_array_equal(free.reference, 0)
+    np.testing.assert_allclose(free.nominal_inertia, at(0.0))
+    ranges = ac.Limits.only(joint_lower=[-3.0, 0.5], joint_upper=[np.inf, 2.5])
+    bent = plant(two_link(ranges), ac.Limits.only())
+    np.testing.assert_allclose(bent.reference, [0.0, 1.5])
+    np.testing.assert_allclose(bent.nominal_inertia, at(1.5))
+    above = ac.Limits.only(joint_lower=[0.5, -1.0])
+    np.testing.assert_allclose(plant(two_link(above)).reference, [0.5, 0.0])
+
+
+def test_the_base_does_not_change_the_motion_and_gravity_does(monkeypatch):
+    turned = ac.Frame.rpy([1.0, 2.0, 3.0], [0.3, -0.4, 0.5])
+    plain, moved = run(pendulum(), swing()), run(pendulum(base=turned), swing())
+    np.testing.assert_array_equal(plain.q, moved.q)  # gravity is given in the base's frame
+    hung = run(pendulum(gravity=[0.0, 0.0, G]), swing())
+    np.testing.assert_allclose(hung.torque[0], -plain.torque[0])
+    arm = two_link(coulomb=[0.5, 0.0])
+    whole = run(arm, swing([0.5, 0.3]), noise=1e-6)
+    monkeypatch.setattr(rigid_body_plant, "STEPS_AT_ONCE", 7)
+    parts = run(arm, swing([0.5, 0.3]), noise=1e-6)
+    np.testing.assert_array_equal(whole.q, parts.q)
+    np.testing.assert_array_equal(whole.torque, parts.torque)
+
+
+def test_noise_is_seeded():
+    arm, q = pendulum(), swing()
+    clean = run(arm, q)
+    one, same, other = (run(arm, q, noise=2e-5, seed=s) for s in (1, 1, 2))
+    np.testing.assert_array_equal(one.q, same.q)
+    n = len(q)
+    assert not np.array_equal(one.q[:n], other.q[:n])
+    moved = np.std(one.q[:n] - clean.q[:n])
+    # White noise through the loop: kp h / 2 of its variance is left, all but for the slow part.
+    assert moved == pytest.approx(2e-5 * np.sqrt(KP * 2.5e-4 / 2), rel=0.5)
+    assert one.q[-1, 0] == pytest.approx(0.5, abs=2e-5)
+
+
+def test_the_resolution_changes_nothing():
+    # The same plant twice: its noise begins anew.
+    simulated = plant(two_link(coulomb=[0.5, 0.2]), noise=1e-6)
+    q = np.column_stack([swing(1.0)[:, 0], swing(-0.7)[:, 0]])
+    coarse = ac.execute(taught_data(q), simulated, resolution=0.004)
+    fine = ac.execute(taught_data(q), simulated, resolution=3e-4)
+    assert fine.t[1] == pytest.approx(2.5e-4) and coarse.t[1] == pytest.approx(0.004)
+    for name in ("q", "dq", "ddq", "demand", "torque", "torque_demand"):
+        np.testing.assert_array_equal(getattr(fine, name)[::16], getattr(coarse, name))
+    np.testing.assert_array_equal(fine.peak_demand, coarse.peak_demand)
+    # What is listed fits together: velocities are the integral of accelerations.
+    np.testing.assert_allclose(np.diff(fine.dq, axis=0), fine.ddq[:-1] * 2.5e-4, atol=1e-12)
+    # A step that does not fit is shortened: 14 steps an interval, every other listed.
+    done = run(pendulum(), swing(), step=3e-4, resolution=1e-3)
+    assert 0.004 / done.t[1] == pytest.approx(7)
+
+
+@pytest.mark.parametrize("name", ["pmk3s", "ur5e", "panda"])
+def test_arms_of_the_library(name):
+    arm = ac.load_arm(name)
+    low, high = arm.limits.joint_range(arm.dof)
+    middle = plant(arm).reference
+    assert ((middle >= low) & (middle <= high)).all()
+    # Stretched, some joints turn about one line, where arms without drives are light.
+    q = middle + 0.8 + swing(np.full(arm.dof, 0.02), duration=2.0)
+    done = run(arm, q, friction=False)
+    np.testing.assert_allclose(done.q[-1], q[-1], atol=2e-6)
+    needed = arm.dynamics.torque(done.q, done.dq, done.ddq)
+    # ddq is the mean over the step that follows: half a step off.
+    np.testing.assert_allclose(done.torque, needed, atol=0.02 * np.abs(needed).max() + 1e-3)
+
+
+def test_an_execution_locks_its_torques_and_has_both_or_neither(refuses):
+    one = np.ones((1, 1))
+    given = {"q": 0 * one, "dq": 0 * one, "ddq": one, "demand": one, "t": np.zeros(1)}
+    given |= {"arm": pendulum(), "taught": taught_data([[0.0]])}
+    given |= {"demand_range": np.ones((2, 1)), "saturated_time": np.zeros(1)}
+    torque = np.array([[2.0]])
+    done = ac.Execution(**given, torque=torque, torque_demand=[[-3.0]])
+    torque[:] = 0
+    assert done.torque.tolist() == [[2.0]] and done.saturated.all()
+    with pytest.raises(ValueError, match="read-only"):
+        done.torque[0] = 1
+    assert not ac.Execution(**given, torque=[[2.0]], torque_demand=[[2.0]]).saturated.any()
+    assert ac.Execution(**given).torque is None
+    refuses(lambda: ac.Execution(**given, torque=torque), ac.InvalidInput, "torque_demand")
+
+
+def test_a_step_too_long_for_the_gains_is_an_error(fails):
+    q, free = swing(), pendulum(gravity=WEIGHTLESS)
+    assert len(run(free, q, kv=490.0, step=4e-3).t) > len(q)
+    fails(
+        partial(run, free, q, kv=510.0, step=4e-3),
+        "unstable at t = 0 s",
+        "shorten the step to 0.002 s",
+        t=0.0,
+        allowed=2 / 510.0,
+        needed=4e-3,
+    )
+    # Folded, the two rods have a mode that is far lighter than either joint alone.
+    folding = np.column_stack([np.zeros(501), np.linspace(0, 3.0, 501)])
+    fails(partial(run, two_link(), folding, kv=1500.0, step=1e-3), "unstable", joint=1)
+    assert run(two_link(), folding, kv=1500.0, step=2e-4).q[-1, 1] == pytest.approx(3.0, abs=1e-6)
+
+
+def test_joints_that_run_away_or_do_not_settle_are_errors(fails, monkeypatch):
+    # The plant looks at no pose before it runs.
+    monkeypatch.setattr(stability, "LOOKS", 0)
+    fails(partial(run, pendulum(), swing(), kv=1000.0, step=4e-3), "runs away")
+    # Saturated, it only rattles within steps: at their ends it seems to stand still.
+    free, weak = pendulum(gravity=WEIGHTLESS), ac.Limits.only(joint_torque=5.0)
+    fails(partial(run, free, swing(), weak, kv=1000.0, step=4e-3), "not at rest")
+    slow = {"kp": 0.01, "period": 0.02, "step": 5e-3, "resolution": 0.02}
+    for arm, words in (
+        (pendulum(gravity=WEIGHTLESS), "do not let it settle."),
+        (pendulum(gravity=WEIGHTLESS, armature=[0.0]), "its drive, armature, is missing."),
+    ):
+        fails(partial(run, arm, [[0.0], [1.0]], **slow), "not at rest", words)
+    loose = {"kp": 0.1, "kv": 1.0, "gravity_feedforward": False}
+    fails(partial(run, pendulum(), [[0.5]], **loose), "has no equilibrium")
+
+
+def test_drives_that_are_too_weak_are_errors(fails):
+    weak = ac.Limits.only(joint_torque=5.0)
+    data = {"limit": "joint_torque", "needed": WEIGHT, "allowed": 5.0, "t": 0.0}
+    fails(partial(run, pendulum(), [[0.0]], weak), "to be held", **data)
+    # What gravity feed-forward holds is no part of a limit that stands for accelerations.
+    slow = ac.Limits.only(joint_acceleration=10.0)
+    loaded = pendulum(payload=LOAD)
+    assert run(loaded, [[0.0]], slow).torque[0, 0] > 10.0 * INERTIA
+    words = ("takes 14.71 N m to be held", "beside gravity feed-forward", "at most 6 N m")
+    fails(partial(run, loaded, [[0.0]], slow, known=pendulum()), *words)
+    falling = swing(-np.pi / 2, start=np.pi / 2)
+    fails(partial(run, pendulum(viscous=[5.0]), falling, weak), "rests ", limit="joint_torque")
+
+
+def test_refused(refuses, monkeypatch):
+    bare = ac.PlanarTwoLink(name="bare", base=0.1, links=(0.3, 0.2), limits=ac.Limits())
+    one_way = ac.Limits.only(joint_acceleration=[[-2.0, 1.0]])
+    light = pendulum(centers=[[0.0, 0.0, 0.0]], armature=[0.0])
+    empty = pendulum(masses=[0.0])
+    assert run(empty, swing()).q[-1, 0] == pytest.approx(0.5, abs=1e-6)
+    first = ac.ServoModel(kp=KP, order="first")
+
+    def own(**options):
+        return ac.RigidBodyPlant(two_link(), ac.ServoModel(**{"kp": 25.0, "kv": 150.0, **options}))
+
+    for call, words in (
+        (partial(plant, pendulum(masses=None)), "masses of the arm pendulum are not known"),
+        (partial(plant, bare), "masses of the arm bare are not known"),
+        (partial(plant, pendulum(), step=0.0), "step"),
+        (partial(plant, pendulum(), noise=-1e-5), "noise"),
+        (partial(plant, pendulum(), seed=1.5), "seed"),
+        (partial(plant, pendulum(), kp=[1.0, 2.0]), "kp has 2 values"),
+        (partial(plant, pendulum(), one_way), "joint_acceleration"),
+        (partial(plant, light), "Joint 1 (hinge) turns no inertia"),
+        (partial(plant, pendulum(), known=two_link()), "its controller knows has 2"),
+        (partial(plant, pendulum(), known=pendulum(masses=None)), "pendulum are not known"),
+        (partial(run, pendulum(), np.zeros((4, 3))), "for 3 joints"),
+        (partial(run, pendulum(), swing(), resolution=1e-4), "coarser"),
+        (partial(ac.RigidBodyPlant, two_link(), first), "of order second"),
+        (partial(own, order=("second", "delay"), kp=[25, np.inf], kv=[150, np.inf]), "of order"),
+        (partial(own, friction=1e-3), "without friction and cycle"),
+        (partial(own, cycle=1e-3), "without friction and cycle"),
+        (partial(own, acceleration_limit=5.0), "acceleration_limit of 5.0 rad/s²"),
+        (partial(plant, pendulum(), joint_stiffness=0.0), "but is 0 N m/rad"),
+        (partial(plant, pendulum(), joint_stiffness=[1e4, 1e4]), "joint_stiffness has 2 values"),
+        (partial(plant, pendulum(), joint_stiffness=1e4, joint_damping=-1.0), "joint_damping"),
+        (partial(plant, pendulum(), joint_damping=1.0), "give their joint_stiffness too"),
+        (partial(plant, two_link(armature=[0.1, 0.0]), joint_stiffness=SPRING), "Joint 2 (elbow)"),
+        (partial(run, empty, swing(), joint_stiffness=SPRING), "Joint 1 (hinge) turns no inertia"),
+    ):
+        refuses(call, ac.InvalidInput, words)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    refuses(partial(plant, pendulum()), ac.InvalidInput, "armcontour[experiment]")
+
+
+def test_late_and_cubic_commands_are_those_of_the_servo_plant():
+    # Drives so heavy that the joints hardly know of each other, as in the plant of servos.
+    arm = two_link(centers=np.zeros((2, 3)), positions=np.zeros((2, 3)), armature=[10.0, 10.0])
+    t = np.linspace(0, 1, 26)[:, None]
+    taught = taught_data(np.array([0.3, -0.2]) * t**3 * (10 - 15 * t + 6 * t * t), 0.02)
+    for interpolation, dead in product(("linear", "step", "cubic"), (0.0, 0.0123, [0.008, 0.0321])):
+        prompt = ac.ServoModel(kp=KP, kv=KV, interpolation=interpolation)
+        servo = prompt.replace(dead_time=dead)
+        done = ac.execute(taught, ac.RigidBodyPlant(arm, servo)).q[:1000]
+        exact = ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits.only())).q[:1000]
+        assert np.abs(done - exact).max() < 3e-4, (interpolation, dead)
+        if np.any(dead):
+            other = ac.execute(taught, ac.ServoPlant(arm, prompt, ac.Limits.only())).q[:1000]
+            assert np.abs(done - other).max() > 3e-3, (interpolation, dead)
+
+
+SPRING = 2e4
+
+
+def test_a_spring_bends_by_torque_over_stiffness_and_the_start_is_at_rest():
+    held = run(pendulum(), [[0.3]], joint_stiffness=SPRING)
+    motor, link = held.motor_q[0, 0], held.q[0, 0]
+    weight = WEIGHT * np.cos(link)
+    assert link - motor == pytest.approx(-weight / SPRING, rel=1e-12)
+    # What is fed forward is the weight at the motor's position.
+    assert motor - 0.3 == pytest.approx((WEIGHT * np.cos(motor) - weight) / STIFFNESS, abs=1e-12)
+    np.testing.assert_allclose(held.q, link, atol=1e-9)
+    np.testing.assert_allclose(held.motor_q, motor, atol=1e-9)
+    np.testing.assert_allclose(held.torque, weight, rtol=1e-6)
+    assert run(pendulum(), [[0.3]]).motor_q is None
+    # The loops hold what is not fed forward, and the spring holds all.
+    sagged = run(pendulum(), swing(0.8), joint_stiffness=SPRING, gravity_feedforward=False)
+    motor, link = sagged.motor_q[-1, 0], sagged.q[-1, 0]
+    assert link - motor == pytest.approx(-WEIGHT * np.cos(link) / SPRING, rel=1e-5)
+    assert motor - 0.8 == pytest.approx(-WEIGHT * np.cos(link) / STIFFNESS, rel=1e-5)
+
+
+def test_stiff_springs_are_rigid_joints():
+    q = swing(0.3, 0.4)
+    rigid, errors = run(pendulum(), q), []
+    for stiffness in (2e4, 2e5):
+        done = run(pendulum(), q, joint_stiffness=stiffness)
+        errors.append(np.abs(done.q[: len(q)] - rigid.q[: len(q)]).max())
+    assert errors[0] / errors[1] == pytest.approx(10, rel=0.05)
+    assert errors[1] < 1e-4
+
+
+def test_springs_keep_energy_and_dampers_take_it():
+    arm = two_link()
+    chain, stiffness = arm.chain, np.array([2e3, 3e3])
+
+    def energy(data):
+        link, motor, turning, spinning = np.concatenate([data.qpos, data.qvel]).reshape(4, 2)
+        moving = turning @ arm.dynamics.mass_matrix(link) @ turning
+        moving -= turning @ (chain.armature * turning)  # drives turn with their motors
+        spinning = spinning @ (chain.armature * spinning)
+        return (moving + spinning + stiffness @ (motor - link) ** 2) / 2
+
+    def share_left(damping):
+        springs = _mujoco.Springs(stiffness, damping)
+        model = _mujoco.build(chain, 5e-5, friction=False, springs=springs)
+        data = _mujoco.load().MjData(model)
+        data.qpos[:], data.qvel[:] = [0.0, 1.0, 0.0, 1.0], [1.0, -2.0, 0.5, 3.0]
+        before = energy(data)
+        _mujoco.load().mj_step(model, data, 4000)
+        assert np.abs(data.qpos[:2] - data.qpos[2:]).max() < 0.1
+        return energy(data) / before
+
+    assert share_left(np.zeros(2)) == pytest.approx(1, abs=2e-8)
+    assert share_left(stiffness * 1e-4) < 0.95
+
+
+def test_friction_acts_at_the_motor():
+    coulomb = 4.0
+    arm = pendulum(gravity=WEIGHTLESS, coulomb=[coulomb])
+    done = run(arm, np.concatenate([swing(), np.full((100, 1), 0.5)]), joint_stiffness=SPRING)
+    assert done.motor_q[-1, 0] - 0.5 == pytest.approx(-coulomb / STIFFNESS, rel=1e-3)
+    # The torque that holds the motor does not go through the spring.
+    assert done.q[-1, 0] == pytest.approx(done.motor_q[-1, 0], abs=1e-7)
+
+
+def test_steps_too_long_for_springs_are_errors(fails):
+    arm = pendulum(gravity=WEIGHTLESS)
+    fails(
+        partial(run, arm, swing(), joint_stiffness=SPRING, step=4e-3),
+        "runs away",
+        "shorten the step",
+    )
+    # Rigid, the same step is stable.
+    assert run(arm, swing(), step=4e-3).q[-1, 0] == pytest.approx(0.5, abs=1e-6)
+    done = run(arm, swing(), joint_stiffness=SPRING, step=1e-3)
+    assert done.q[-1, 0] == pytest.approx(0.5, abs=1e-5)
+    for stiffness, damping in ((1e10, None), (1e12, None), (1.0, 1e12)):
+        springs = {"joint_stiffness": stiffness, "joint_damping": damping}
+        fails(partial(run, arm, swing(), **springs), "at most 50", joint=ANY)
+    # Friction that brakes a link within a step is integrated as finely as a spring.
+    slow = {"kp": 10.0, "kv": 40.0, "period": 0.02, "step": 0.02, "resolution": 0.02}
+    rubbed = run(pendulum(gravity=WEIGHTLESS, viscous=[200.0]), swing(0.1, period=0.02), **slow)
+    assert np.diff(rubbed.q[:, 0]).min() > -1e-9
+    assert rubbed.q[-1, 0] == pytest.approx(0.1, abs=1e-5)

@@ -1,0 +1,44 @@
+"""The paper's job along its shaped path, executed: the bars of the fastest path in a tolerance."""
+
+import pytest
+
+import armcontour as ac
+from armcontour.control.compensation import METHODS
+
+TOLERANCE = 5e-3
+SLACK = 1e-5  # m, of the executed tool beyond the tolerance
+SERVO = ac.ServoModel(kp=25, kv=150)
+PERIOD = 4e-3
+# The reserve is about what interpolated set-points add to accelerations, so that servos saturate
+# for some milliseconds at most.
+SHAPED = ac.Shaped(tolerance=TOLERANCE, reserve=0.012)
+
+
+@pytest.mark.parametrize(("centripetal", "longest"), [(0.09, 4.80), (None, 4.46)])
+def test_the_executed_tool_stays_within_the_tolerance(arm, objective, centripetal, longest):
+    limits = ac.Limits.only(
+        speed=0.15, joint_acceleration=0.72, centripetal_acceleration=centripetal
+    )
+    limits = limits.for_joints(2)
+    planned = ac.plan(objective, arm, limits, SHAPED)
+    assert planned.duration <= longest
+    allowed = {"deviation": TOLERANCE, "missed": TOLERANCE}
+    found = ac.check(planned, arm, limits, objective, **allowed, points=5)
+    for name in ("path_deviation", "path_missed", "joint_acceleration"):
+        assert found[name].ratio <= 1
+    for method, plant, off in (
+        ("inverse", ac.ServoPlant(arm, SERVO, limits), 2e-6),
+        ("inverse_dynamics", ac.RigidBodyPlant(arm, SERVO, limits), 5e-6),
+    ):
+        taught = ac.compensate(planned, SERVO, METHODS[method](), period=PERIOD, arm=arm)
+        executed = ac.execute(taught, plant, resolution=5e-4)
+        result = ac.evaluate(executed, planned.path, objective=objective, limits=limits)
+        # Every place of the tool near the objective, and every corner of it near the tool.
+        assert result.objective_error.max <= TOLERANCE + SLACK
+        assert result.objective_missed.max <= TOLERANCE + SLACK
+        assert result.contour_error.max <= off
+        if method == "inverse":
+            assert executed.saturated_time.max() < 0.01
+            assert result.demand_ratio.max() <= 1.01
+        else:
+            assert not executed.saturated_time.any()

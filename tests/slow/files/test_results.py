@@ -1,0 +1,85 @@
+"""Result folders of runs that are killed, and of many runs at once."""
+
+import os
+import subprocess
+import sys
+import threading
+
+import pytest
+from tests.files.test_results import contents, write
+
+from armcontour.core.errors import InvalidInput
+from armcontour.files import ResultFolder
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from armcontour.files import ResultFolder
+
+moves = 0
+def rename(a, b, inner=os.rename):
+    global moves
+    if moves == int(sys.argv[2]):
+        os.kill(os.getpid(), 9)
+    moves += 1
+    inner(a, b)
+
+with ResultFolder(Path(sys.argv[1]), force=True) as folder:
+    for name in ("new/taught.csv", "report.html", "summary.json"):
+        folder.write(name, f"newer {name}")
+    os.rename = rename
+print("not killed")
+"""
+
+
+@pytest.mark.parametrize("moves", range(9))
+def test_a_killed_replacement_never_looks_whole_and_loses_nothing(tmp_path, moves):
+    out = tmp_path / "out"
+    write(out, ["old/taught.csv", "report.html"])
+    old = {x: (out / x).read_text() for x in contents(out)}
+    command = [sys.executable, "-c", KILLED, str(out), str(moves)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert ("not killed" in done.stdout) == (moves == 8), done.stderr
+    if moves == 8:
+        assert contents(out) == {"new/taught.csv", "report.html", "summary.json"}
+        return
+    assert (out / "summary.json").exists() == (moves == 0)
+    hidden = out / ".armcontour-next" / ".old"
+    found = {x: (p / x).read_text() for p in (out, hidden) for x in old if (p / x).exists()}
+    assert found == old
+    if moves:
+        with pytest.raises(InvalidInput, match="was killed"):
+            ResultFolder(out, force=True)
+        assert found == {
+            x: (p / x).read_text() for p in (out, hidden) for x in old if (p / x).exists()
+        }
+
+
+def test_what_a_killed_first_run_left_is_cleared_by_the_next_run(tmp_path):
+    out = tmp_path / "out"
+    subprocess.run([sys.executable, "-c", KILLED, str(out), "0"], timeout=60)
+    assert any(x.startswith(".armcontour-out-") for x in os.listdir(tmp_path))
+    write(out, ["report.html"])
+    assert contents(tmp_path) == {"out/report.html", "out/summary.json"}
+
+
+def test_many_runs_at_once_into_one_folder(tmp_path):
+    out = tmp_path / "out"
+    ended = []
+    gate = threading.Barrier(8)
+
+    def attempt(i):
+        gate.wait()
+        try:
+            write(out, [f"{i}.csv"])
+            ended.append("written")
+        except InvalidInput:
+            ended.append("refused")
+
+    threads = [threading.Thread(target=attempt, args=(i,)) for i in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(ended) == ["refused"] * 7 + ["written"]
+    assert len(contents(tmp_path)) == 2

@@ -1,0 +1,38 @@
+"""Certificates of the paper's job, of which the searches take long."""
+
+import pytest
+from soak.certificates import until_rest
+from tests.studies.certification.test_certificate import PAPER, job, judged
+
+import armcontour as ac
+from armcontour.simulation.robustness.monte_carlo import Box, spread
+
+
+def test_every_millisecond():
+    found = ac.certify(job(PAPER, period="1 ms"), goal=ac.Goal(servo=2e-6))
+    assert found.duration <= 5.345 and judged(found).speed <= 0.15 * (1 + 1e-3)
+    held = job(PAPER, period="1 ms", servo=", interpolation: step")
+    found = ac.certify(held, goal=ac.Goal(servo=1e-5, saturation="report"))
+    assert judged(found, loaded=True).saturated.max() > 0 and found.duration <= 6.5
+    assert found.budget.sampling > 100 * found.budget.servo
+
+
+@pytest.mark.parametrize(
+    ("servo", "budget", "box", "slowest", "samples"),
+    [
+        ("", 1e-3, {"gains": 0.1}, 5.55, 2000),
+        (", dead_time: 40 ms", 2e-6, {"dead_time": 2e-3}, 5.36, 200),
+        (", dead_time: 40 ms", 0.6e-3, {"dead_time": 2e-3, "dead_time_shared": False}, 5.40, 200),
+    ],
+)
+def test_robots_of_a_box(servo, budget, box, slowest, samples):
+    found = ac.certify(
+        job(PAPER, servo=servo), goal=ac.Goal(servo=budget, box=Box(**box), samples=samples)
+    )
+    assert found.duration <= slowest and found.spread.within(budget) == 1.0
+    shared = (found.taught, found.path.path, found.job.arm, found.job.plant_servo, found.run.limits)
+    assert spread(*shared, Box(**box), samples=500, seed=7).max.max() <= budget
+
+
+def test_no_error_exceeds_the_certified_one_until_all_joints_rest():
+    assert [until_rest(seed) for seed in (1, 16)] == [[], []]

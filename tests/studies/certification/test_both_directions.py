@@ -1,0 +1,86 @@
+"""Certificates keep the velocity of every segment, and reach every part of the path."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.control.compensation import METHODS
+from armcontour.files import certificate_json, parse_job
+
+JOB = """
+name: own
+arm: pmk3s
+branch: positive
+path: {{points: [[0.30, 0.20], [0.33, 0.20], [0.30, 0.20]]}}
+limits: {{speed: 0.2 m/s, joint_acceleration: 3 rad/s^2}}
+servo: {{kp: 25 1/s, kv: 150 1/s}}
+command_interval: 4 ms
+runs:
+  only: {{compensation: {{method: {method}}}}}
+certificate: {{servo: {servo}}}
+"""
+ENDS, SPEEDS = [0.300, 0.312, 0.318, 0.330], [0.15, 0.02, 0.10]
+
+
+def job_of_own_speeds(method):
+    path = ac.Path.from_segments(
+        ac.Line(start=(a, 0.2), end=(b, 0.2), demand=ac.Demand(speed=v))
+        for a, b, v in zip(ENDS[:-1], ENDS[1:], SPEEDS, strict=True)
+    )
+    return replace(parse_job(JOB.format(method=method, servo="2 mm")), path=path)
+
+
+def executed(found):
+    plant = ac.ServoPlant(found.job.arm, found.job.plant_servo, found.run.limits)
+    return ac.execute(found.taught, plant, resolution=2e-5)
+
+
+def written(found):
+    return json.loads(certificate_json(found))["certificate"]["contours"][0]
+
+
+@pytest.mark.parametrize("method", ["none", "pole_placement"])
+def test_the_tool_keeps_the_speed_of_every_segment(method):
+    job = job_of_own_speeds(method)
+    found = ac.certify(job)
+    done = executed(found)
+    # On a line along x the place is x; a tool that is off the path is somewhere as near as that.
+    x, off = done.tool[:, 0], np.abs(done.tool[:, 1] - 0.2)
+    around = [np.searchsorted(ENDS[1:-1], y) for y in (x - off, x + off)]
+    assigned = np.max([np.array(SPEEDS)[i] for i in around], axis=0)
+    assert (done.tool_speed / assigned).max() <= 1.001
+    # Nothing is held back needlessly far.
+    assert (done.tool_speed / assigned).max() > 0.999
+    assert found.duration < 1.15 * found.uncertified.duration
+    contour = written(found)
+    assert contour["speed_ratio"] == found.contours[0].speed_ratio <= 1.001
+    # The uncertified plan was not.
+    taught = ac.compensate(
+        ac.plan(job.path, job.arm, found.run.limits), job.servo, METHODS[method](), period=4e-3
+    )
+    fast = executed(replace(found, taught=taught))
+    fast = ac.evaluate(fast, job.path, limits=found.run.limits)
+    assert fast.speed_ratio > 1.05
+
+
+def test_a_tool_that_is_too_fast_is_refused_by_that_name():
+    with pytest.raises(ac.NotRealizable, match="compensate the lag of the servo") as refused:
+        job = job_of_own_speeds("none")
+        ac.certify(job, goal=replace(job.certificate, slowest=1.03))
+    assert refused.value.limit == "speed"
+    assert refused.value.needed > refused.value.allowed == 1.001
+
+
+def test_the_tip_of_a_turn_back_is_reached_within_the_budget():
+    found = ac.certify(parse_job(JOB.format(method="none", servo="0.05 mm")))
+    tip = np.linalg.norm(executed(found).tool - [0.33, 0.2], axis=1).min()
+    assert 0.045e-3 < tip <= 0.05e-3
+    contour = found.contours[0]
+    assert contour.missed.max == pytest.approx(tip, rel=1e-3)
+    assert contour.missed.s_max == pytest.approx(0.03)
+    assert contour.error.max < contour.missed.max == pytest.approx(found.budget.executed)
+    assert written(found)["missed"]["max"] == contour.missed.max
+    assert found.uncertified.contour_error[0] > 0.2e-3

@@ -1,0 +1,206 @@
+"""Certificates of programs: every contour holds its goal in the execution of the whole."""
+
+import json
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.files import certificate_json, derating_csv, parse_job
+from armcontour.jobs import Goal
+from armcontour.program import Contour, Dwell, Event, Lead, Process, Program
+from armcontour.report import render_report
+from armcontour.simulation.robustness.monte_carlo import Box, spread
+
+JOB = """
+name: parts
+arm: pmk3s
+path: {points: [[0.30, 0.10], [0.36, 0.10], [0.36, 0.14]]}
+limits: {speed: 0.1 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}
+corners: {tolerance: 1 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs:
+  only: {compensation: {method: METHOD}}
+"""
+BEND = ac.Path.polyline([[0.30, 0.10], [0.33, 0.10], [0.33, 0.12]])
+LINE = ac.Path.polyline([[0.36, 0.16], [0.33, 0.16]])
+MOVES = (Contour(path=BEND, name="bend"), Dwell(duration=0.011), Contour(path=LINE, name="line"))
+LEADS = Process(
+    lead_in=Lead(length=5e-3),
+    lead_out=Lead(length=5e-3),
+    events=(Event(name="tool", value=True),),
+)
+
+
+def job(method="inverse", moves=MOVES, process=LEADS):
+    found = parse_job(JOB.replace("METHOD", method))
+    return replace(found, path=Program(moves=moves), process=process)
+
+
+def quick(process=LEADS):
+    """A job that is certified without a search: the plan at the full limit holds 0.1 mm."""
+    goal = Goal(servo=0.1e-3, saturation="report")
+    return replace(job("pole_placement", process=process), certificate=goal)
+
+
+@pytest.fixture(scope="module")
+def certified():
+    return ac.certify(job(), goal=ac.Goal(servo=2e-6))
+
+
+def executed(found, servo=None):
+    """The whole, executed and judged by nothing of the search."""
+    arm, limits = found.job.arm, found.run.limits
+    plant = ac.ServoPlant(arm, servo or found.job.plant_servo, limits)
+    execution = ac.execute(found.taught, plant, resolution=1e-4)
+    evaluation = ac.evaluate(execution, found.path, objective=found.objective, limits=limits)
+    return execution, evaluation
+
+
+def test_every_contour_holds_its_goal_in_the_whole_without_its_leads(certified):
+    execution, result = executed(certified)
+    assert [x.name for x in certified.contours] == ["contour bend", "contour line"]
+    for x, error in zip(certified.contours, result.contours, strict=True):
+        assert error.max <= 2e-6
+        assert x.error.max == x.budget.executed == pytest.approx(error.max, rel=1e-9)
+        assert x.trajectory.duration == x.duration < 1.05 * x.optimum
+    # Rapids ask no joint for more than it has, either.
+    assert (execution.peak_demand <= 0.72 * (1 + 1e-6)).all() and (result.saturated == 0).all()
+    arm, limits = certified.job.arm, certified.run.limits
+    assert not ac.check(certified.trajectory, arm, limits, points=5, seed=1).violated
+    assert certified.cost < 0.1 * certified.duration
+    assert certified.budget.executed == result.contour_error.max
+    program = certified.path
+    assert [x.name for x in certified.trajectory.events] == ["tool", "tool"]
+    for x, contour in zip(certified.contours, program.contours, strict=True):
+        assert contour.work[0] == pytest.approx(5e-3)
+        assert x.t[0] < x.work[0] < x.work[1] < x.t[1]
+        assert x.path is contour.path
+
+
+def test_a_contour_was_searched_for_with_the_set_points_that_it_gets(certified):
+    """Contours start at no multiple of the command interval, and after a rapid."""
+    for x in certified.contours:
+        ahead = (x.t[0] + x.taught.t[0] - certified.taught.t[0]) / x.taught.period
+        first = round(ahead)
+        assert abs(ahead - first) < 1e-6
+        # A set-point next to the end is a mean that has a part of the next move.
+        upto = int(np.searchsorted(x.taught.t, x.duration - x.taught.period / 2))
+        same = certified.taught.q[max(first, 0) : first + upto]
+        own = x.taught.q[max(-first, 0) : upto]
+        np.testing.assert_allclose(own, same, rtol=0, atol=1e-9)
+    # The phases differ, so that a contour by itself would be executed otherwise.
+    phase = certified.contours[1].t[0] / 4e-3 % 1
+    assert 0.01 < phase < 0.99
+
+
+def test_a_servo_that_lags_gets_a_pause_before_the_next_contour():
+    """Without compensation the tool is millimetres behind when a rapid ends."""
+    slow = job("none", process=Process())
+    limits = slow.runs[0].limits.replace(speed=0.01)
+    slow = replace(slow, runs=(replace(slow.runs[0], limits=limits),))
+    found = ac.certify(slow, goal=ac.Goal(servo=0.1e-3, slowest=4.0))
+    _, result = executed(found)
+    assert max(x.max for x in result.contours) <= 0.1e-3
+    assert 0.02 < found.pauses < 0.5
+    # Without that pause the tool would still be underway.
+    (pause,) = (x for x in found.trajectory.spans if x.kind == "dwell" and x.move is None)
+    assert pause.t[1] == pytest.approx(found.contours[1].t[0])
+    arm = found.job.arm
+    execution = ac.execute(found.taught, ac.ServoPlant(arm, found.job.servo, limits))
+    at = np.searchsorted(execution.t, pause.t[0])
+    assert np.linalg.norm(execution.tool[at] - found.contours[1].path(0.0)) > 0.1e-3
+
+
+def test_contours_that_saturate_do_not_stop_the_rapid_after_them():
+    found = ac.certify(job(process=Process()), goal=ac.Goal(servo=3e-3, saturation="report"))
+    _, result = executed(found)
+    assert result.saturated.max() > 0.1
+    assert max(x.max for x in result.contours) <= 3e-3
+    # What the inverse leaves after a saturated contour or rapid has died out before the next one.
+    for x, error in zip(found.contours, result.contours, strict=True):
+        assert x.budget.executed == pytest.approx(error.max, rel=1e-9)
+
+
+def test_robots_of_a_box_hold_the_goal_on_every_contour():
+    box = Box(gains=0.05)
+    found = ac.certify(job(), goal=ac.Goal(servo=0.5e-3, box=box, samples=100))
+    servo, limits = found.job.plant_servo, found.run.limits
+    for k, x in enumerate(found.contours):
+        assert x.spread.within(0.5e-3) == 1.0 and x.corners.max.max() <= 0.5e-3
+        # The worst corner, executed as a whole program by the plant.
+        _, result = executed(found, x.corners.servo(x.corners.worst, servo))
+        worst = float(x.corners.max.max())
+        assert result.contours[k].max == pytest.approx(worst, rel=2e-3)
+        assert x.budget.executed == max(worst, x.spread.max.max())
+        # Other robots than those of the certificate.
+        times = {"since": x.work[0] - x.t[0], "until": x.work[1] - x.t[0]}
+        shared = (x.taught, x.path, found.job.arm, servo, limits, box)
+        assert spread(*shared, samples=100, seed=7, **times).max.max() <= 0.5e-3
+
+
+def test_a_refusal_names_the_contour(certified, refuses):
+    call = partial(ac.certify, job(), goal=ac.Goal(servo=1e-10, slowest=1.05))
+    data = {"limit": "contour error", "allowed": 1e-10}
+    refuses(call, ac.NotRealizable, "contour bend", "contour error comes down to", **data)
+    refuses(lambda: certified.derating, ac.InvalidInput, "2 contours")
+
+
+def test_a_total_tolerance_holds_for_all_contours_alike():
+    found = ac.certify(quick(process=Process()), goal=ac.Goal(tolerance=1e-3, servo=0.1e-3))
+    _, result = executed(found)
+    assert result.objective_error.max <= 1e-3
+    bend, line = found.contours
+    assert 0.85e-3 < bend.budget.rounding < 1e-3 and line.budget.rounding == 0.0
+    assert bend.budget.servo_allowed == line.budget.servo_allowed <= 0.1e-3
+    assert found.worst is bend
+
+
+def test_what_is_written_has_every_contour(certified):
+    data = json.loads(certificate_json(certified))["certificate"]
+    assert [x["name"] for x in data["contours"]] == ["contour bend", "contour line"]
+    assert data["contours"][1]["budget"]["executed"] == certified.contours[1].budget.executed
+    assert len(data["repeat"]["rapids"]) == len(certified.rapids) == 1
+    rows = [x.split(",")[0] for x in derating_csv(certified).splitlines()[1:]]
+    assert set(rows) == {"1", "2"} and rows == sorted(rows)
+    page = render_report(certified.study, certificate=certified)
+    assert all(f"{x.duration:.4f} s" in page for x in certified.contours)
+
+
+def test_the_stated_sum_bounds_the_distance_from_the_drawing(certified):
+    """That of the contour with the largest sum, not of the one with the least left."""
+    data = certified.to_data()
+    row, parts = data["off_drawing"], [x.budget for x in certified.contours]
+    _, result = executed(certified)
+    missed = ac.evaluate(certified.execution, certified.path, objective=certified.objective)
+    off = max(result.objective_error.max, missed.objective_missed.max)
+    assert 0.99 * row.value < off <= row.value == max(x.total for x in parts)
+    assert row.value == pytest.approx(max(x.rounding for x in parts) + parts[0].executed)
+    assert data["kept"].value is certified.kept is True
+    page = json.loads(certificate_json(certified))
+    assert page["certificate"]["off_drawing"] == row.value >= page["runs"]["only"]["off_drawing"]
+    assert page["units"]["budget.left"] == page["units"]["off_drawing"] == "m"
+
+
+def test_rapids_of_a_certified_program_keep_their_speed():
+    speed = 0.03
+    found = ac.certify(quick(replace(LEADS, rapid_speed=speed)))
+    arm = found.job.arm
+    rapids = [x for x in found.trajectory.spans if x.kind == "rapid"]
+    assert rapids
+    for x in rapids:
+        t = np.linspace(0, x.trajectory.duration, 5001)
+        most = np.linalg.norm(arm.tool_velocity(*x.trajectory.motion(t, 1)), axis=1).max()
+        assert 0.99 * speed < most <= speed
+
+
+def test_a_certificate_says_what_limits_the_time(certified):
+    data, run = certified.to_data(), certified.result
+    assert sum(x.time for x in run.explanation.shares) == pytest.approx(certified.duration)
+    assert data["time_limit"].value == run.explanation.longest[0]
+    assert run.to_data()["off_drawing"].value <= data["off_drawing"].value
+    page = render_report(certified.study, certificate=certified)
+    front = page[: page.index("Warnings and notes")]
+    assert all(x in front for x in ("Why it takes this long", "What to change", "limits the time"))

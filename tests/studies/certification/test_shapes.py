@@ -1,0 +1,86 @@
+"""Certificates of the shape free: shape and servo share the tolerance; arcs are never faster."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+import armcontour as ac
+from armcontour.core.render import number
+from armcontour.files import certificate_json, parse_job
+from armcontour.report import render_report
+
+JOB = """
+name: bend
+arm: pmk3s
+path: {points: [[0.30, 0.16], [0.34, 0.16], [0.34, 0.20]]}
+limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}
+corners: {shape: free, tolerance: 2 mm}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs:
+  only: {compensation: {method: inverse}}
+"""
+TOLERANCE = 2e-3
+
+
+def with_arcs(job):
+    run = job.runs[0]
+    return replace(job, runs=(replace(run, rounding=run.rounding.with_arcs),))
+
+
+@pytest.fixture(scope="module")
+def job():
+    return parse_job(JOB)
+
+
+@pytest.fixture(scope="module")
+def certified(job):
+    return ac.certify(job, goal=ac.Goal(tolerance=TOLERANCE))
+
+
+def test_shape_and_servo_share_the_tolerance(certified):
+    """Judged against the objective, in both directions, by nothing of the search."""
+    found = certified
+    arm, limits = found.job.arm, found.run.limits
+    plant = ac.ServoPlant(arm, found.job.plant_servo, limits)
+    executed = ac.execute(found.taught, plant, resolution=1e-4)
+    result = ac.evaluate(executed, found.path, objective=found.job.path, limits=limits)
+    assert max(result.objective_error.max, result.objective_missed.max) <= TOLERANCE
+    assert result.contour_error.max <= found.budget.servo_allowed
+    assert (result.demand_ratio <= 1 + 1e-6).all()
+    planned = ac.check(
+        found.trajectory, arm, limits, found.job.path, deviation=TOLERANCE, missed=TOLERANCE
+    )
+    assert planned.verdict == "kept"
+    # Hardly anything is left: the shape got what the servo did not need.
+    assert found.budget.rounding == found.path.path.tolerance > 0.98 * TOLERANCE
+    assert found.budget.rounding + found.budget.servo_allowed == pytest.approx(TOLERANCE)
+
+
+def test_arcs_are_not_faster_and_that_is_said(job, certified):
+    arcs = ac.certify(with_arcs(job), goal=ac.Goal(tolerance=TOLERANCE))
+    assert arcs.shapes == {} and arcs.contours[0].shape == "arc"
+    assert certified.duration <= arcs.duration
+    shape = certified.contours[0].shape
+    assert certified.run.rounding.shape == shape
+    assert certified.shapes[shape] == certified.duration == min(certified.shapes.values())
+    data = json.loads(certificate_json(certified))["certificate"]
+    assert data["contours"][0]["shape"] == data["repeat"]["rounding"]["shape"] == shape
+    assert data["shapes"] == certified.shapes
+    row, shown = certified.to_data()["shape"], number(certified.shapes["arc"], "s")
+    assert row.value == data["shape"] == shape and shown in row.note
+    assert shown in render_report(certified.study, certificate=certified)
+
+
+def test_the_servo_takes_its_part_of_lines_too(job):
+    run = job.runs[0]
+    tight = replace(run.rounding, line_tolerance=0.1e-3, zone=10e-3)
+    found = ac.certify(
+        replace(job, runs=(replace(run, rounding=tight),)), goal=ac.Goal(tolerance=TOLERANCE)
+    )
+    allowed = found.budget.servo_allowed
+    assert found.contours[0].shape == "free"
+    rounding = found.run.rounding
+    assert rounding.tolerance + allowed == pytest.approx(TOLERANCE)
+    assert rounding.line_tolerance + allowed == pytest.approx(0.1e-3)
+    assert 0 < found.evaluation.contour_error.max <= allowed < 0.1e-3

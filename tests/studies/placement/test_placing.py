@@ -1,0 +1,444 @@
+"""Placements: grids, refined places, reach, and the search on workers."""
+
+import random
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import armcontour as ac
+from armcontour.core import pool
+from armcontour.core.errors import (
+    ArmContourError,
+    ExecutionError,
+    InvalidInput,
+    NotRealizable,
+    Unreachable,
+)
+from armcontour.core.pool import InProcess
+from armcontour.core.render import number
+from armcontour.files import parse_job, placement_csv
+from armcontour.robot.scene import ArmShapes, Box, LinkShape, Obstacle, Scene, Sphere
+from armcontour.studies.placement import UNITS, Moves
+from armcontour.studies.placement.judging import Trail, Verdict
+from armcontour.studies.placement.reach import beyond_links, longest_reach
+from armcontour.studies.placement.screening import Screened
+from armcontour.studies.placement.searching import best_of, search_grid
+
+GRID = {"x": (-0.35, 0.45, 5), "y": (-0.25, 0.25, 3)}
+CORNER = """\
+name: corner
+arm: pmk3s
+path: {points: [[0.30, 0.20], [0.34, 0.20], [0.34, 0.23]]}
+limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}
+servo: {kp: 25 1/s, kv: 150 1/s}
+runs: {only: {compensation: {method: none}}}
+"""
+# Plans of a path that is moved differ by this from those in a moved frame: by rounding, which
+# decides where grids are refined.
+SAME = 1e-5
+MIDDLE = np.array([0.53, 0.03, 0.2])
+
+
+def moved(job, frame):
+    """The job with its path moved, where `place` moves the frame that the path is given in."""
+    path = ac.Program.of(job.path).placed(frame).single_path
+    return replace(job, path=path)
+
+
+def plan(job):
+    (run,) = job.runs
+    path = ac.round_corners(job.path, tolerance=run.rounding.tolerance)
+    return ac.plan(path, job.arm, run.limits, replace(run.timing, start=job.start))
+
+
+def durations(found, job, anchor):
+    """Durations of all places by brute force; infinite where there is no plan."""
+    known = []
+    for k in range(len(found.verdicts)):
+        frame = Moves(anchor=anchor).frame(found.place(k))
+        try:
+            known.append(plan(moved(job, frame)).duration)
+        except ArmContourError:
+            known.append(np.inf)
+    return np.array(known)
+
+
+@pytest.fixture(scope="module")
+def placed(square):
+    return ac.place(square, ac.PlaceSearch(over=GRID))
+
+
+@pytest.fixture(scope="module")
+def brute(square, placed):
+    return durations(placed, square, MIDDLE)
+
+
+def test_the_best_of_the_grid_is_that_of_all_plans(placed, brute):
+    k = int(np.argmin(brute))
+    assert placed.best.values == placed.place(k)
+    assert placed.best.verdict.duration == pytest.approx(brute[k], rel=SAME)
+    # The bounds spare most plans, hold everywhere, and are no empty ones.
+    assert placed.planned < np.isfinite(brute).sum() / 2
+    bounds = placed.values("bound").ravel()
+    finite = np.isfinite(brute)
+    assert (bounds[finite] <= brute[finite]).all() and (bounds[finite] > 0.9 * brute[finite]).all()
+    refused = np.array([bool(x.refusal) for x in placed.verdicts])
+    assert refused.any() and not refused.all()
+    assert (refused == np.isinf(brute)).all()
+    assert placed.refusals == {"reach": int(refused.sum())}
+
+
+def test_a_refined_place_is_better_and_planned_in_full(placed, square):
+    refined, best = placed.refined, placed.best
+    assert refined.verdict.duration < best.verdict.duration < placed.own.duration
+    assert placed.own.duration == pytest.approx(plan(square).duration, rel=1e-12)
+    for name, (low, high, _) in GRID.items():
+        assert low <= refined.values[name] <= high
+    again = plan(moved(square, Moves(anchor=MIDDLE).frame(refined.values)))
+    assert refined.verdict.duration == pytest.approx(again.duration, rel=SAME)
+    # The job with its part there has that plan.
+    assert plan(placed.placed()).duration == refined.verdict.duration
+    # The verdict compares both places, in the units of people.
+    shown, data = str(placed), placed.to_data()
+    for name, value in refined.values.items():
+        assert f"{name} {number(value, UNITS[name])}" in shown
+    for name, verdict in ("best", refined.verdict), ("own_place", placed.own):
+        row = data[f"{name}.duration"]
+        assert row.value == verdict.duration and number(row.value, row.unit) in shown
+    assert data["gain"].value == 1 - refined.verdict.duration / placed.own.duration > 0
+
+
+def test_every_place_can_be_planned(square):
+    over = {"z": (0.0, 0.1, 2), "tilt": (-0.2, 0.2, 2)}
+    found = ac.place(square, ac.PlaceSearch(over=over, every=True, refined=False))
+    assert found.planned == 4 and found.refined is found.best
+    known = durations(found, square, MIDDLE)
+    np.testing.assert_allclose(found.values("duration").ravel(), known, rtol=SAME)
+    # Torques at random times leave at least that margin, and some leave little more.
+    trajectory = plan(found.placed())
+    t = np.linspace(0, trajectory.duration, 2000)
+    limits = found.run.limits.joint_torque
+    used = np.abs(square.arm.torque(*(trajectory(t, k) for k in range(3)))) / limits
+    assert found.best.verdict.torque_margin == pytest.approx(1 - used.max(), abs=2e-3)
+
+
+def test_the_worst_corner_counts(square):
+    off = {"x": 0.02, "yaw": 0.1}
+    found = ac.place(
+        square, ac.PlaceSearch(over={"x": (0.0, 0.1, 2)}, uncertainty=off, refined=False)
+    )
+    plain = ac.place(square, ac.PlaceSearch(over={"x": (0.0, 0.1, 2)}, refined=False))
+
+    def worst(x):
+        frames = [
+            Moves(anchor=MIDDLE).frame({"x": x + a, "yaw": b})
+            for a, b in [(0, 0), *((a, b) for a in (-0.02, 0.02) for b in (-0.1, 0.1))]
+        ]
+        return max(plan(moved(square, frame)).duration for frame in frames)
+
+    known = [worst(0.0), worst(0.1)]
+    assert found.best.verdict.duration == pytest.approx(min(known), rel=SAME)
+    assert found.best.values["x"] == (0.0, 0.1)[int(np.argmin(known))]
+    assert found.best.verdict.duration > plain.best.verdict.duration
+    over = {"x": (0.0, 0.2, 2)}
+    found = ac.place(
+        square, ac.PlaceSearch(over=over, uncertainty={"x": 0.2}, every=True, refined=False)
+    )
+    assert found.refusals == {"reach": 1} and found.best.values == {"x": 0.0}
+
+
+def test_the_largest_manipulability_is_found(square):
+    found = ac.place(
+        square,
+        ac.PlaceSearch(over={"x": (-0.2, 0.2, 3)}, objective="manipulability", refined=False),
+    )
+    values = []
+    for k in range(3):
+        job = moved(square, Moves(anchor=MIDDLE).frame(found.place(k)))
+        trajectory = plan(job)
+        q = trajectory(np.linspace(0, trajectory.duration, 500))
+        point, turned = job.arm.pose(q)
+        # The Jacobian by differences of poses.
+        columns = []
+        for j in range(6):
+            step = 1e-6 * np.eye(6)[j]
+            after, turned_after = job.arm.pose(q + step)
+            spin = (turned_after @ np.swapaxes(turned, 1, 2))[:, [2, 0, 1], [1, 2, 0]] / 1e-6
+            columns.append(np.concatenate([(after - point) / 1e-6, spin], axis=1))
+        jacobian = np.stack(columns, axis=2)
+        values.append(np.linalg.svd(jacobian, compute_uv=False)[:, -1].min())
+    k = int(np.argmax(values))
+    assert found.best.values == found.place(k)
+    assert found.best.verdict.singular == pytest.approx(values[k], rel=1e-3)
+
+
+def with_ball(job, *obstacles):
+    """The job with a ball as the arm's tool, among obstacles."""
+    ball = LinkShape(name="ball", link=6, shape=Sphere(radius=0.02), tool=True)
+    arm = job.arm.with_shapes(ArmShapes(shapes=(ball,)))
+    return replace(job, arm=arm, scene=Scene(obstacles=obstacles))
+
+
+def post(fixed_to, x):
+    """A post beside the path, whose end at the start of the path is at (0.5, 0.0)."""
+    size, place = Box(size=[0.01, 0.01, 1.0]), ac.Frame(position=[x, -0.05, 0.0])
+    return Obstacle(name="post", shape=size, place=place, fixed_to=fixed_to)
+
+
+def test_obstacles_of_the_cell_refuse_places_and_those_of_the_part_move_with_it(square):
+    own = ac.PlaceSearch(over={"y": (-0.05, 0.0, 2)}, refined=False)
+    cell = ac.place(with_ball(square, post("base", 0.53)), replace(own, every=True))
+    assert [x.refusal for x in cell.verdicts] == ["clearance", ""]
+    assert "post" in cell.verdicts[0].reason
+    # The ball runs along y = 0: 50 mm from the post's middle, less 5 and 20 mm.
+    assert cell.best.verdict.clearance == pytest.approx(0.025, abs=1.1e-3)
+    clear = replace(own, objective="clearance")
+    part = ac.place(with_ball(square, post("part", 0.53)), clear)
+    np.testing.assert_allclose(part.values("clearance"), 0.025, atol=1.1e-3)
+    # A base that moves leaves both behind.
+    moved_base = replace(own, what="base", every=True)
+    base = ac.place(with_ball(square, post("base", 0.53)), moved_base)
+    np.testing.assert_allclose(base.values("clearance"), 0.025, atol=1.1e-3)
+
+
+def test_a_base_that_moves_sees_the_part_move_back(square):
+    one = {"x": (0.1, 0.1, 1), "yaw": (0.3, 0.3, 1)}
+    found = ac.place(square, ac.PlaceSearch(over=one, what="base", refined=False))
+    frame = Moves(anchor=np.zeros(3)).frame({"x": 0.1, "yaw": 0.3})
+    expected = plan(moved(square, frame.inverse)).duration
+    assert found.best.verdict.duration == pytest.approx(expected, rel=SAME)
+    assert plan(found.placed()).duration == found.best.verdict.duration
+
+
+def test_an_arm_in_the_plane_is_placed_too(plane):
+    over = {"x": (-0.04, 0.04, 3), "yaw": (-0.5, 0.5, 2)}
+    found = ac.place(plane, ac.PlaceSearch(over=over, refined=False))
+    known = durations(found, plane, np.array([0.33, 0.22, 0.0]))
+    assert found.best.values == found.place(int(np.argmin(known)))
+    assert found.best.verdict.duration == pytest.approx(known.min(), rel=SAME)
+    assert plan(found.placed()).duration == pytest.approx(known.min(), rel=SAME)
+
+
+def test_no_feasible_place_says_how_far_out_of_reach_it_is(square):
+    with pytest.raises(Unreachable, match=r"None of 4 places is feasible \(4 by reach\)") as caught:
+        ac.place(square, ac.PlaceSearch(over={"x": (1.0, 2.0, 4)}))
+    # The corner of the path that is the farthest from the base.
+    assert 0.5 < caught.value.needed < 1.0
+    with pytest.raises(Unreachable, match=r"The place x 1000 mm is refused: .* stays .* away"):
+        ac.place(square, ac.PlaceSearch(over={"x": (1.0, 1.0, 1)}))
+    with pytest.raises(Unreachable, match="a corner of its uncertainty is refused by reach"):
+        ac.place(square, ac.PlaceSearch(over={"x": (0.2, 0.2, 1)}, uncertainty={"x": 0.3}))
+    with pytest.raises(NotRealizable, match="by clearance.*post"):
+        ac.place(
+            with_ball(square, post("base", 0.5)), ac.PlaceSearch(over={"y": (-0.06, -0.04, 2)})
+        )
+
+
+def test_wrong_wishes_are_refused(square):
+    (run,) = square.runs
+    slow = replace(square, runs=(replace(run, timing=ac.Optimal(duration=5.0)),))
+    for job, wrong, words in (
+        (square, {"objective": "beauty"}, "must be one of cycle, manipulability"),
+        (square, {"objective": "clearance"}, "shapes of the arm UR5e are not known"),
+        (square, {"run": "first"}, "no run 'first': its runs are taught"),
+        (square, {"what": "base", "about": "origin"}, "A base turns about its own origin"),
+        (square, {"what": "base", "over": {"tilt": (0, 1, 2)}}, "A base is not tilted"),
+        (square, {"processes": 0}, "processes"),
+        (slow, {}, "given duration of 5 s"),
+        (parse_job(CORNER), {"over": {}}, "they are the key placement.over"),
+    ):
+        processes = wrong.pop("processes", None)
+        with pytest.raises(InvalidInput, match=words):
+            search = ac.PlaceSearch(**{"over": {"x": (0, 0.1, 2)}, **wrong})
+            ac.place(job, search, processes=processes)
+
+
+def test_the_job_holds_the_question():
+    asked = (
+        "placement: {over: {x: {from: 0 mm, to: 20 mm, places: 2}}, refine: false, about: origin}\n"
+    )
+    own = ac.place(parse_job(CORNER + asked))
+    given = ac.place(
+        parse_job(CORNER), ac.PlaceSearch(over={"x": (0.0, 0.02, 2)}, refined=False, about="origin")
+    )
+    # Figures that are not computed are NaN, which equals nothing.
+    assert repr(own.verdicts) == repr(given.verdicts) and own.refined.values == given.refined.values
+    assert own.moves.anchor.tolist() == [0, 0, 0] == given.moves.anchor.tolist()
+    search = ac.PlaceSearch(over={"yaw": (0.0, 0.1, 2)}, about=(0.3, 0.2, 0.0))
+    other = ac.place(parse_job(CORNER + asked), search)
+    assert [x.name for x in other.axes] == ["yaw"]
+    assert other.moves.anchor.tolist() == [0.3, 0.2, 0.0]
+
+
+def test_a_best_place_at_the_end_of_a_range_is_said(square):
+    wide = ac.place(square, ac.PlaceSearch(over={"x": (-0.2, 0.2, 3)}, refined=False))
+    inside = wide.refined.values["x"] == 0.0
+    assert inside == (not any("at the end of the range of x" in x for x in wide.notes))
+    # A range that lies beside its best place ends there.
+    best = wide.refined.values["x"]
+    for first, last in ((best + 0.02, best + 0.06), (best - 0.06, best - 0.02)):
+        found = ac.place(square, ac.PlaceSearch(over={"x": (first, last, 2)}, refined=False))
+        (note,) = (x for x in found.notes if "range" in x)
+        assert note.startswith("The best place is at the end of the range of x: a wider range")
+
+
+@pytest.mark.parametrize("name", ["ur5e", "ur10e", "panda"])
+@pytest.mark.parametrize("task", [5, 6])
+def test_no_posture_leaves_the_ball(name, task):
+    arm = ac.load_arm(name).with_tool(ac.Frame(position=[0.02, 0.0, 0.1]))
+    rng = np.random.default_rng(1)
+    points, rotations = arm.pose(rng.uniform(-np.pi, np.pi, (20_000, arm.dof)))
+    point, middle, radius = longest_reach(arm.chain, task)
+    far = np.linalg.norm(points + rotations @ point - middle, axis=1)
+    # Nor is the ball much too large: a bound of the sum of all offsets would be.
+    assert 0.8 * radius < far.max() <= radius + 1e-12
+
+
+def test_distances_beyond_are_those_of_the_farthest_pose():
+    arm = ac.load_arm("ur5e")
+    _, middle, radius = longest_reach(arm.chain, 5)
+    poses = np.zeros((2, 3, 4))
+    poses[:, :, :3] = np.eye(3)
+    poses[:, :, 3] = middle + np.array([[0.1, 0, 0], [2.0, 0, 0]])
+    bases = np.zeros((2, 3, 4))
+    bases[:, :, :3] = np.eye(3)
+    bases[1, 0, 3] = 0.5
+    np.testing.assert_allclose(beyond_links(arm.chain, 5, poses, bases), [2 - radius, 1.5 - radius])
+
+
+class Untidy(Executor):
+    """Works on what it was given when somebody waits for it, in any order."""
+
+    _max_workers = 4
+
+    def __init__(self, seed):
+        self.random, self.waiting, self.count = random.Random(seed), [], 0
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future()
+        self.count += 1
+        self.waiting.append((future, fn, args))
+        return future
+
+    def wait(self, futures, **more):
+        """Do one piece of work or several, in place of waiting for them."""
+        for _ in range(self.random.randint(1, len(self.waiting))):
+            future, fn, args = self.waiting.pop(self.random.randrange(len(self.waiting)))
+            if future.set_running_or_notify_cancel():
+                future.set_result(fn(*args))
+
+
+def untidily(seed, call, **given):
+    """The result of a call with an executor that answers in any order, and its pieces of work."""
+    executor = Untidy(seed)
+    with patch.object(pool, "wait_for", executor.wait):
+        return call(executor=executor, **given), executor.count
+
+
+FEW = {"x": (-0.1, 0.1, 3)}
+
+
+@dataclass(frozen=True)
+class Known:
+    """Judges places of which bounds and durations are known; some bounds may not hold."""
+
+    bounds: tuple[float, ...]
+    durations: tuple[float, ...]
+    screen: Any = True
+    objective: str = "cycle"
+
+    def look_all(self, places):
+        return [
+            Screened(refusal="reach")
+            if np.isinf(self.durations[int(x["x"])])
+            else Screened(duration=self.bounds[int(x["x"])])
+            for x in places
+        ]
+
+    def least_score(self, seen):
+        return seen.duration
+
+    def weigh(self, place, cutoff):
+        k = int(place["x"])
+        bound = Verdict(bound=self.bounds[k])
+        steps = [(self.bounds[k], bound), (self.bounds[k] + 0.5, Verdict(bound=bound.bound + 0.5))]
+        for i, x in enumerate(steps):
+            if x[0] > cutoff:
+                return Trail(tuple(steps[: i + 1]))
+        return Trail((*steps, (np.inf, Verdict(duration=self.durations[k]))))
+
+
+places = st.lists(
+    st.tuples(st.integers(1, 9), st.sampled_from([-2, 0, 0.5, 1, 3, np.inf])),
+    min_size=1,
+    max_size=40,
+)
+
+
+@given(places, st.booleans(), st.integers(0, 99))
+def test_the_order_of_answers_changes_nothing(given, every, seed):
+    judge = Known(tuple(float(b) for b, _ in given), tuple(float(b + more) for b, more in given))
+    grid = [{"x": float(k)} for k in range(len(given))]
+    tell = []
+    alone = search_grid(
+        judge, grid, every=every, processes=1, progress=lambda x: tell.append(x.done)
+    )
+    shuffled = partial(search_grid, judge, grid, every=every, progress=lambda x: None)
+    found, _ = untidily(seed, shuffled)
+    # As text, as what is unknown is not a number.
+    assert str(found) == str(alone)
+    if all(more >= 0.5 for _, more in given):
+        # With bounds that hold the best is that of all.
+        best = best_of(alone, "cycle")
+        finite = [x for x in judge.durations if np.isfinite(x)]
+        assert (best is None) == (not finite)
+        assert best is None or judge.durations[best] == min(finite)
+    assert tell[-1] == 1.0
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"over": {"x": (-0.35, 0.45, 5), "y": (-0.25, 0.25, 3)}},
+        {"uncertainty": {"x": 2e-3}, "over": FEW},
+        {"objective": "manipulability", "over": FEW},
+        {"every": True, "over": FEW},
+    ],
+)
+def test_the_table_is_the_same_byte_for_byte(square, more):
+    search = ac.PlaceSearch(refined=False, **more)
+    alone = ac.place(square, search, processes=1)
+    found, count = untidily(3, partial(ac.place, square, search))
+    assert placement_csv(found) == placement_csv(alone) and count > 1
+    assert found.best.values == alone.best.values and str(found) == str(alone)
+
+
+class Losing(InProcess):
+    """Loses its worker after some work."""
+
+    def __init__(self, after):
+        self.left = after
+
+    def submit(self, fn, /, *args, **kwargs):
+        self.left -= 1
+        if self.left >= 0:
+            return super().submit(fn, *args, **kwargs)
+        future = Future()
+        future.cancel()
+        return future
+
+
+def test_a_lost_worker_is_an_error(square, refuses):
+    lost = "A worker of the executor has ended before"
+    for after in (0, 2):
+        with pytest.raises(ExecutionError, match=lost):
+            ac.place(square, ac.PlaceSearch(over=FEW), executor=Losing(after))
+    with pytest.raises(InvalidInput, match="An executor has its own workers"):
+        ac.place(square, ac.PlaceSearch(over=FEW), executor=InProcess(), processes=2)

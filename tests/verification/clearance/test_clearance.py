@@ -1,0 +1,281 @@
+"""Clearance of motions, distances between bodies, and ways around obstacles."""
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.core.errors import Collision, InvalidInput
+from armcontour.core.frames import Frame, exp
+from armcontour.motion import LapLaw, Trajectory
+from armcontour.robot import scene as cell
+from armcontour.robot.chain import link_poses
+from armcontour.robot.scene import ArmShapes, Box, LinkShape, Margins, Mesh, Obstacle, Scene, Sphere
+from armcontour.verification.clearance import check_clearance
+from armcontour.verification.clearance.distances import Distances
+from armcontour.verification.clearance.pairs import pairs_of
+
+UR5E = ac.load_arm("ur5e")
+END = LinkShape(name="end", link=6, shape=Sphere(radius=0.03))
+BALL = UR5E.with_shapes(ArmShapes(shapes=(END,)))
+
+
+def sweep_of(first, last, duration):
+    """Joints that move evenly from one posture to another."""
+    rate = (last - first) / duration
+    law = LapLaw(
+        breaks=np.array([0.0, duration]),
+        q=np.array([first, last]),
+        dq=rate[None],
+        ddq=np.zeros((1, len(first))),
+    )
+    return Trajectory(laws=(law,), method="test")
+
+
+def ball(name, radius, position, **more):
+    return Obstacle(name=name, shape=Sphere(radius=radius), place=Frame(position=position), **more)
+
+
+def tip(q, arm=BALL):
+    """The origin of link 6, the flange of this arm."""
+    return arm.with_tool(Frame()).tool_position(q)
+
+
+A = np.array([0.0, -1.2, 1.5, -1.8, -1.57, 0.0])
+B = np.array([0.9, -1.0, 1.2, -1.5, -1.3, 0.5])
+
+
+def test_the_least_distance_is_bracketed():
+    motion = sweep_of(A, B, 1.0)
+    scene = Scene(obstacles=(ball("wall", 0.05, [0.3, 0.5, 0.4]),))
+    found = check_clearance(motion, BALL, scene, resolution=1e-4)
+    (pair,) = found.pairs
+    centres = tip(motion(np.linspace(0, 1, 20_001)))
+    true = np.linalg.norm(centres - [0.3, 0.5, 0.4], axis=1).min() - 0.08
+    assert pair.low <= true <= pair.high <= pair.low + 1.1e-4
+    assert found.kept and found.evaluations < 200
+
+
+def test_a_thin_plate_between_two_samples_is_found():
+    # The ball crosses a plate of 1 mm within less than 4 ms.
+    motion = sweep_of(A, A + [1.0, 0, 0, 0, 0, 0], 0.05)
+    t = np.arange(0, 0.0501, 0.004)
+    centres = tip(motion(t))
+    here = (centres[5] + centres[6]) / 2
+    along = (centres[6] - centres[5]) / np.linalg.norm(centres[6] - centres[5])
+    x = np.cross(along, [0, 0, 1.0])
+    x /= np.linalg.norm(x)
+    place = Frame(position=here, rotation=np.column_stack([x, np.cross(along, x), along]))
+    plate = Obstacle(name="plate", shape=cell.Box(size=[0.5, 0.5, 0.001]), place=place)
+    small = LinkShape(name="end", link=6, shape=Sphere(radius=0.001))
+    arm = UR5E.with_shapes(ArmShapes(shapes=(small,)))
+    scene = Scene(obstacles=(plate,), margins=Margins(environment=0.0))
+    found = check_clearance(motion, arm, scene)
+    # Samples of 4 ms miss the plate.
+    distances = np.abs((centres - here) @ along) - 0.0005 - 0.001
+    assert (distances > 0.003).all()
+    assert not found.kept
+    (pair,) = found.too_near
+    assert pair.first_time is not None and t[5] < pair.first_time < t[6]
+    reached = tip(motion(np.array([pair.first_time])), arm)[0]
+    assert abs((reached - here) @ along) - 0.0015 == pytest.approx(0.0, abs=2e-5)
+    with pytest.raises(Collision, match="end and plate touch, first at t = ") as caught:
+        found.refuse()
+    assert caught.value.t == pair.first_time and caught.value.limit == "clearance"
+
+
+def test_random_motions_keep_their_bounds_at_random_times():
+    rng = np.random.default_rng(4)
+    points = rng.normal(size=(30, 3)) * [0.05, 0.03, 0.1]
+    shapes = ArmShapes(
+        shapes=(
+            LinkShape(name="base", link=0, shape=cell.Capsule(radius=0.07, length=0.1)),
+            LinkShape(
+                name="upper arm",
+                link=2,
+                shape=cell.Capsule(radius=0.05, length=0.3),
+                place=Frame.rpy([-0.2, 0, 0.1], [0, np.pi / 2, 0]),
+            ),
+            LinkShape(name="wrist", link=5, shape=Mesh(points=points)),
+            LinkShape(name="end", link=6, shape=Sphere(radius=0.03)),
+        )
+    )
+    arm = UR5E.with_shapes(shapes)
+    post = Frame(position=[0.4, 0.3, 0.4])
+    table = Obstacle(name="table", shape=cell.HalfSpace(), place=Frame(position=[0, 0, -0.1]))
+    post = Obstacle(name="post", shape=cell.Box(size=[0.1, 0.1, 0.8]), place=post)
+    scene = Scene(obstacles=(table, post))
+    for _ in range(10):
+        a = rng.uniform(-2, 2, 6)
+        motion = sweep_of(a, a + rng.normal(size=6) * 0.7, 1.0)
+        found = check_clearance(motion, arm, scene, resolution=2e-3)
+        # One state at a time, at rest: the bracket is then the distance itself.
+        for t in rng.uniform(0, 1, 10):
+            q = motion(np.array([t]))[0]
+            still = check_clearance(sweep_of(q, q, 1.0), arm, scene)
+            here = {(x.first, x.second): x.high for x in still.pairs}
+            for x in found.pairs:
+                assert here[x.first, x.second] >= x.low - 1e-9
+
+
+def test_the_nearest_pair_of_every_kind_is_told():
+    tip = LinkShape(name="tip", link=6, shape=Sphere(radius=0.01), tool=True)
+    upper = LinkShape(name="upper arm", link=2, shape=Sphere(radius=0.05))
+    end = LinkShape(name="end", link=5, shape=Sphere(radius=0.05))
+    arm = UR5E.with_shapes(ArmShapes(shapes=(upper, end, tip)))
+    balls = ball("near", 0.1, [0, 3, 0]), ball("far", 0.1, [9, 3, 0])
+    found = check_clearance(sweep_of(A, A, 1.0), arm, Scene(obstacles=balls))
+    assert {x.kind: x.high for x in found.nearest} == {
+        kind: min(x.high for x in found.pairs if x.kind == kind)
+        for kind in ("environment", "own", "tool")
+    }
+    assert found.nearest[0] is found.least
+    words = found.sentence
+    for x in found.nearest[1:]:
+        assert f"{x.second} and {x.first} {x.high * 1e3:.4g} mm" in words
+    assert "far" not in words
+
+
+def test_links_without_a_shape_touches_at_rest_and_moving_parts():
+    left = check_clearance(sweep_of(A, A, 1.0), BALL).left_out
+    assert [x.first for x in left] == [f"the link after {x}" for x in UR5E.joint_names[:-1]]
+    assert {(x.second, x.reason) for x in left} == {("everything", "no shape of it is known")}
+    scene = Scene(obstacles=(ball("ball", 0.05, tip(A)),))
+    (pair,) = check_clearance(sweep_of(A, A, 1.0), BALL, scene).too_near
+    assert pair.first_time == 0.0
+    scene = Scene(obstacles=(ball("clamp", 0.02, [0.1, 0, 0], fixed_to="part"),))
+    work = Frame(position=[0.5, 0.1, 0.2], rotation=exp(np.array([0.0, 0.0, 0.4])))
+    moved = check_clearance(sweep_of(A, A, 1.0), BALL.with_work(work), scene)
+    centre = work.position + work.rotation @ [0.1, 0, 0]
+    true = np.linalg.norm(tip(A) - centre) - 0.05
+    assert moved.pairs[0].high == pytest.approx(true, abs=1e-6)
+
+
+def test_pairs_are_left_out_with_reasons():
+    shapes = tuple(
+        LinkShape(name=name, link=k, shape=Sphere(radius=0.02))
+        for k, name in enumerate(("base", "one", "two", "three"))
+    )
+    apart = cell.LeftOut(first="base", second="two", reason="given by cell.srdf: Never")
+    arm = UR5E.with_shapes(ArmShapes(shapes=shapes, left_out=(apart,)))
+    table = Obstacle(name="table", shape=cell.HalfSpace(), place=Frame(position=[0, 0, -1]))
+    found = check_clearance(sweep_of(A, A, 1.0), arm, Scene(obstacles=(table,)))
+    reasons = {(x.first, x.second): x.reason for x in found.left_out}
+    assert reasons[("base", "one")] == "neighbours"
+    assert reasons[("base", "two")] == "given by cell.srdf: Never"
+    assert reasons[("table", "base")] == "both stand still"
+    assert {(x.first, x.second) for x in found.pairs if x.kind == "own"} == {
+        ("base", "three"),
+        ("one", "three"),
+    }
+
+
+def test_refusals(refuses):
+    motion = sweep_of(A, B, 1.0)
+    itself = ball("end", 0.05, [0, 0, 0])
+    unknown = ball("x", 0.1, [0, 0, 0], allow=("gripper",))
+    refuses(lambda: check_clearance(motion, UR5E.with_shapes(None)), InvalidInput, "shapes")
+    for obstacle, words in ((itself, "end is an obstacle"), (unknown, "Write end")):
+        scene = Scene(obstacles=(obstacle,))
+        refuses(lambda x=scene: check_clearance(motion, BALL, x), InvalidInput, words)
+
+
+def test_a_body_decides_where_its_hull_comes_too_near():
+    # A frame of four bars, whose hull is a full plate, around the ball.
+    bars = [((-0.2, 0, 0), (0.02, 0.4, 0.02)), ((0.2, 0, 0), (0.02, 0.4, 0.02))]
+    bars += [((0, -0.2, 0), (0.4, 0.02, 0.02)), ((0, 0.2, 0), (0.4, 0.02, 0.02))]
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    faces = np.array(
+        [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6]]
+        + [[0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    )
+    points = np.concatenate([corners * size + centre for centre, size in bars])
+    triangles = np.concatenate([faces + 8 * k for k in range(len(bars))])
+    place = Frame(position=tip(A))
+    full = Obstacle(name="frame", shape=Mesh(points=points, triangles=triangles), place=place)
+    hull = Obstacle(name="hull", shape=Mesh(points=points), place=place)
+    found, near = (
+        check_clearance(sweep_of(A, A, 1.0), BALL, Scene(obstacles=(x,))) for x in (full, hull)
+    )
+    assert found.kept and not near.kept
+    assert found.pairs[0].high == pytest.approx(0.19 - 0.03, abs=1e-6)
+
+
+def test_distances_are_those_between_the_links_frames():
+    """The nearest points, which are in the work frame, are as far apart as the distances say."""
+    arm = ac.load_arm("ur5e").with_work(ac.Frame.rpy((0.1, 0.2, 0.3), (0.3, -0.2, 0.5)))
+    block = Obstacle(
+        name="block", shape=Box(size=(0.1, 0.2, 0.3)), place=ac.Frame(position=(0.6, 0.5, 0.2))
+    )
+    pairs, _ = pairs_of(arm, Scene(obstacles=(block,)))
+    found = Distances(arm.chain, pairs)
+    rng = np.random.default_rng(6)
+    for q in rng.uniform(-2, 2, (5, 6)):
+        every = np.arange(len(pairs))
+        near = found.measure(q[None], np.zeros(len(pairs), dtype=np.intp), every)
+        points = found.points(np.tile(q, (len(pairs), 1)))
+        apart = near > 1e-3
+        assert apart.sum() > 12
+        np.testing.assert_allclose(
+            np.linalg.norm(points[:, 0] - points[:, 1], axis=1)[apart], near[apart], atol=1e-6
+        )
+        # Each point lies in its body: within the ball that holds it.
+        poses = link_poses(arm.chain, q[None])[0]
+        for pair, ends in zip(pairs, points, strict=True):
+            for body, point in zip((pair.first, pair.second), ends, strict=True):
+                middle, radius = body.shape.ball
+                there = body.place.position + body.place.rotation @ middle
+                centre = poses[body.link, :, :3] @ there + poses[body.link, :, 3]
+                assert np.linalg.norm(point - centre) <= radius + 1e-6
+
+
+def test_links_below_the_base_are_named_with_their_depth():
+    # The ball of 30 mm at the flange; its lowest place by a dense look of our own.
+    down = A + [0, 1.1, 0, 0, 0, 0]
+    motion = sweep_of(A, down, 1.0)
+    t = np.linspace(0, 1, 20_001)
+    height = tip(motion(t))[:, 2] - 0.03
+    assert height[0] > 0.1 and height.min() < -0.2
+    found = check_clearance(motion, BALL, resolution=1e-4)
+    (below,) = found.below
+    assert (below.second, found.kept) == ("end", True)
+    assert below.high == pytest.approx(height.min(), abs=1e-4)
+    assert below.t == pytest.approx(t[height.argmin()], abs=0.05)
+    # The margin of 1 mm is passed at the first time.
+    assert below.first_time == pytest.approx(t[np.argmax(height < -1e-3)], abs=1e-3)
+    assert "end goes" in found.below_base and found.later(2.0).below[0].t == below.t + 2.0
+    above = check_clearance(sweep_of(A, A + [1.0, 0, 0, 0, 0, 0], 1.0), BALL)
+    assert above.below == () and above.below_base is None
+
+
+@pytest.mark.parametrize("height", [-0.4, -0.1, 0.05])
+def test_a_floor_with_a_height_is_an_obstacle(height):
+    motion = sweep_of(A, A + [0, 1.1, 0, 0, 0, 0], 1.0)
+    lowest = tip(motion(np.linspace(0, 1, 20_001)))[:, 2].min() - 0.03
+    found = check_clearance(motion, BALL, Scene(floor=height))
+    (pair,) = found.pairs
+    assert (pair.first, pair.second, found.below) == ("floor", "end", ())
+    assert pair.high == pytest.approx(lowest - height, abs=1.1e-3)
+    assert found.kept == (lowest - height > pair.margin)
+
+
+def test_only_a_scene_without_a_floor_has_the_plane_of_the_base():
+    motion = sweep_of(A, A + [0, 1.1, 0, 0, 0, 0], 1.0)
+
+    def plane(position, turn):
+        place = Frame(position=position, rotation=exp(np.array([turn, 0, 0])))
+        return Obstacle(name="plane", shape=cell.HalfSpace(), place=place, allow=("end",))
+
+    wall, table = plane([0, 2, 0], np.pi / 2), plane([0, 0, -2.0], 0.0)
+    for scene, is_below in (
+        (Scene(), True),
+        (Scene(obstacles=(wall,)), True),
+        (Scene(obstacles=(table,)), False),
+        (Scene(floor="none"), False),
+        (Scene(floor=-2), False),
+    ):
+        assert bool(check_clearance(motion, BALL, scene).below) == is_below
+    for floor in ("table", np.nan, None):
+        with pytest.raises(InvalidInput, match="floor"):
+            Scene(floor=floor)
+    with pytest.raises(InvalidInput, match="floor"):
+        Scene(obstacles=(ball("floor", 0.1, [1, 0, 0]),), floor=0.0)

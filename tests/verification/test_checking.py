@@ -1,0 +1,409 @@
+"""The independent checker: hand-computed motions, what it claims, and what it refuses."""
+
+import math
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import armcontour as ac
+from armcontour.motion import LapLaw, Samples
+from armcontour.robot.limit_use import Use
+from armcontour.verification.tally import Tally
+
+
+def laps(durations, ddq, q):
+    """Uniform joint accelerations one after the other, from rest at `q`."""
+    t = np.concatenate([[0], np.cumsum(durations)])
+    positions, velocities = [np.array(q)], [np.zeros(2)]
+    for h, a in zip(durations, np.array(ddq), strict=True):
+        positions.append(positions[-1] + velocities[-1] * h + a * h**2 / 2)
+        velocities.append(velocities[-1] + a * h)
+    law = LapLaw(breaks=t, q=np.array(positions), dq=np.array(velocities[:-1]), ddq=np.array(ddq))
+    return ac.Trajectory(laws=(law,), method="by hand")
+
+
+# Joint 1 up at 0.5, on, down at 0.4 rad/s²; joint 2 the other way at a third of it. Its breaks lie
+# on no grid of samples.
+JERKY = laps(
+    [math.sqrt(0.5), 0.3111, math.sqrt(0.5) * 1.25],
+    [[0.5, -0.2], [0.0, 0.0], [-0.4, 0.16]],
+    (0.3, 0.9),
+)
+PEAK = 0.5 * math.sqrt(0.5)  # rad/s, of joint 1
+BOUNDS = {"joint_acceleration": [0.5, 0.2], "joint_velocity": [PEAK, 0.4 * PEAK]}
+
+
+def columns(samples, names):
+    given = {x: getattr(samples, x) for x in names.split()}
+    return SimpleNamespace(t=samples.t, **given)
+
+
+def rounded_to(log, digits):
+    """The log as it is printed with that many decimals, and its resolution."""
+    kept = {name: np.round(x, digits) for name, x in vars(log).items() if name != "t"}
+    return SimpleNamespace(t=log.t, **kept), dict.fromkeys(kept, 10.0**-digits)
+
+
+def test_a_law_by_hand(arm):
+    found = ac.check(JERKY, arm, ac.Limits.only(**BOUNDS))
+    assert not found.violated and found.worst is not None
+    up = found["joint_acceleration"]
+    assert (up.ratio, up.value, up.limit, up.joint) == (1.0, 0.5, 0.5, 0)
+    assert found["joint_velocity"].ratio == pytest.approx(1, abs=1e-12)
+    assert found["velocity_step"].value < 1e-12
+    assert found.end_speeds == pytest.approx((0, 0), abs=1e-15)
+    assert (found.start, found.end, found.states) == (0, JERKY.duration, 3 * 52)
+    found = ac.check(JERKY, arm, ac.Limits.only(joint_acceleration=[0.5, 0.19], joint_velocity=1.0))
+    (use,) = found.violations
+    assert found.violated and use is found.worst
+    assert (use.name, use.joint, use.limit) == ("joint_acceleration", 1, 0.19)
+    assert use.ratio == pytest.approx(0.2 / 0.19)
+    assert use.t <= math.sqrt(0.5)
+
+
+def test_limits_that_differ_by_direction(arm):
+    bounds = np.array([[-0.4, 0.5], [-0.2, 0.16]])
+    both, swapped = (ac.Limits.only(joint_acceleration=x) for x in (bounds, -bounds[:, ::-1]))
+    for samples in (JERKY, JERKY.sample(1e-3), columns(JERKY.sample(1e-3), "q")):
+        assert not ac.check(samples, arm, both).violated
+        found = ac.check(samples, arm, swapped)
+        assert {x.name for x in found.violations} == {"joint_acceleration"}
+        worst = found["joint_acceleration"]
+        assert worst.joint in (0, 1) and worst.ratio == pytest.approx(0.2 / 0.16, rel=1e-6)
+
+
+def test_jerky_motion_that_keeps_its_limits_is_never_blamed(arm):
+    tight = ac.Limits.only(joint_acceleration=np.array([0.5, 0.2]) / 1.001)
+    for names in ("q", "q dq", "q dq ddq", "q ddq"):
+        for period in (1e-3, 7e-3, 0.0613):
+            found = ac.check(columns(JERKY.sample(period), names), arm, ac.Limits.only(**BOUNDS))
+            assert not found.violated, (names, period, found.worst)
+            assert found["joint_acceleration"].ratio == pytest.approx(1, abs=1e-6)
+        # A tenth of a percent too much is caught.
+        found = ac.check(columns(JERKY.sample(4e-3), names), arm, tight)
+        assert found.violated, names
+        assert found["joint_acceleration"].ratio == pytest.approx(1.001, rel=1e-6)
+
+
+def test_a_peak_between_two_samples_is_found_in_what_the_joint_must_have_done(arm):
+    """Rest at both ends of one interval: to go 0.1 rad in 1 s takes 0.2 rad/s² on the way."""
+    still = np.zeros((2, 2))
+    log = SimpleNamespace(t=[0.0, 1.0], q=[[0.3, 0.9], [0.4, 0.9]], dq=still, ddq=still)
+    found = ac.check(log, arm, ac.Limits.only(joint_acceleration=0.1, joint_velocity=0.09))
+    assert found["joint_acceleration"].value == pytest.approx(0.2)
+    assert found["joint_velocity"].value == pytest.approx(0.1)
+    assert {x.name for x in found.violations} == {"joint_acceleration", "joint_velocity"}
+    # Velocities that do not belong to the positions are found.
+    wrong = columns(JERKY.sample(4e-3), "q dq ddq")
+    wrong.dq = 0.9 * wrong.dq
+    assert ac.check(wrong, arm, ac.Limits.only(**BOUNDS))["joint_acceleration"].ratio > 2
+
+
+def test_printed_digits_are_forgiven_and_no_more(arm):
+    """Six decimals at 1 ms: second differences of q are off by up to 2 rad/s²."""
+    tight = ac.Limits.only(**{name: np.array(values) / 1.02 for name, values in BOUNDS.items()})
+    for names in ("q", "q dq", "q dq ddq"):
+        log, resolution = rounded_to(columns(JERKY.sample(1e-3), names), 6)
+        kept = ac.check(log, arm, ac.Limits.only(**BOUNDS), resolution=resolution)
+        assert not kept.violated, (names, kept.worst)
+        assert kept.rounding["q"] == pytest.approx(5e-7)
+        assert kept["joint_acceleration"].certain > 0.99
+        # Taken for exact, it is not forgiven.
+        assert ac.check(log, arm, ac.Limits.only(**BOUNDS)).violated, names
+        found = ac.check(log, arm, tight, resolution=resolution)
+        assert {x.name for x in found.violations} == set(BOUNDS)
+        assert found["joint_acceleration"].ratio == pytest.approx(1.02, abs=2e-3)
+        assert 0 < found["joint_acceleration"].slack < 1e-2
+
+
+def test_digits_of_time_count_unless_the_samples_are_regular(arm):
+    t = np.sort(np.random.default_rng(1).uniform(0, JERKY.duration, 400))
+    t = t[np.append(True, np.diff(np.round(t, 5)) > 0)]
+    log = SimpleNamespace(t=np.round(t, 5), q=JERKY(t), dq=JERKY(t, 1))
+    limits = ac.Limits.only(**BOUNDS)
+    assert ac.check(log, arm, limits).violated
+    forgiven = ac.check(log, arm, limits, resolution={"t": 1e-5})
+    assert not forgiven.violated, forgiven.worst
+    assert forgiven.rounding["t"] == pytest.approx(5e-6)
+    regular = columns(JERKY.sample(1e-3), "q")
+    regular = SimpleNamespace(t=np.round(regular.t[:-1], 3), q=regular.q[:-1])
+    assert ac.check(regular, arm, limits, resolution={"t": 1e-3}).rounding["t"] < 1e-12
+
+
+def circle(arm, speed, names):
+    """The tool on a circle of 50 mm at uniform speed, every 2 ms."""
+    path = ac.Path.from_segments([ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=6.0)])
+    t = np.arange(0, path.length / speed, 2e-3)
+    s = speed * t
+    q = arm.joint_position(path(s))
+    dq = arm.joint_velocity(q, speed * path(s, 1))
+    ddq = arm.joint_acceleration(q, dq, speed**2 * path(s, 2))
+    return columns(Samples(t=t, q=q, dq=dq, ddq=ddq), names), path
+
+
+def test_the_tool_on_a_circle(arm):
+    limits = ac.Limits.only(speed=0.1, tool_acceleration=0.2, centripetal_acceleration=0.2)
+    tight = limits.replace(centripetal_acceleration=0.199)
+    for names, near in (("q", 1e-5), ("q dq", 1e-5), ("q dq ddq", 1e-9), ("q ddq", 1e-5)):
+        log, path = circle(arm, 0.1, names)
+        found = ac.check(log, arm, limits, path, deviation=1e-6)
+        for name in ("speed", "tool_acceleration", "centripetal_acceleration"):
+            assert found[name].ratio == pytest.approx(1, abs=near), (name, names)
+            assert found[name].s is not None and found[name].joint is None
+        assert not found.violated, (names, found.worst)
+        assert found.path_deviation.distance < 1e-9
+        (use,) = ac.check(log, arm, tight).violations
+        assert use.name == "centripetal_acceleration", names
+
+
+def test_lines_and_rests_have_no_centripetal_acceleration(arm):
+    path = ac.Path.polyline([(0.35, 0.10), (0.35, 0.20)])
+    t = np.linspace(0, 1, 501)
+    s, ds = 0.1 * t**2, 0.2 * t
+    q = arm.joint_position(path(s))
+    dq = arm.joint_velocity(q, ds[:, None] * path(s, 1))
+    ddq = arm.joint_acceleration(q, dq, 0.2 * path(s, 1))
+    limits = ac.Limits.only(tool_acceleration=0.2, centripetal_acceleration=0.09)
+    for names in ("q", "q dq", "q dq ddq"):
+        found = ac.check(columns(Samples(t=t, q=q, dq=dq, ddq=ddq), names), arm, limits)
+        assert not found.violated, found.worst
+        assert found["centripetal_acceleration"].certain < 1e-3
+        assert found["tool_acceleration"].ratio == pytest.approx(1, abs=1e-6)
+    still = np.zeros((3, 2))
+    log = SimpleNamespace(t=[0.0, 1.0, 2.0], q=[[0.3, 0.9]] * 3, dq=still, ddq=still)
+    found = ac.check(log, arm, ac.Limits.only(centripetal_acceleration=0.09, speed=1.0))
+    assert found.not_judged == ()
+    assert found["speed"].ratio == found["centripetal_acceleration"].ratio == 0
+
+
+def test_the_distance_from_a_path(arm):
+    points = np.linspace((0.30, 0.201), (0.40, 0.203), 50)
+    log = SimpleNamespace(t=np.arange(50) * 0.1, q=arm.joint_position(points))
+    path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20)])
+    found = ac.check(log, arm, ac.Limits.only(), path, deviation=2e-3)
+    far = found.path_deviation
+    assert (far.distance, far.t, far.s) == pytest.approx((3e-3, 4.9, 0.1))
+    assert found["path_deviation"].ratio == pytest.approx(1.5)
+    assert found.violated
+    assert not ac.check(log, arm, ac.Limits.only(), path).violated
+
+
+def test_laws_are_judged_on_both_sides_of_their_breaks_and_at_jumps(arm):
+    """A lap of a nanosecond with too much acceleration hides from any sampling."""
+    hidden = laps([0.5, 1e-9, 0.5], [[0.1, 0], [5.0, 0], [-0.1, 0]], (0.3, 0.9))
+    found = ac.check(hidden, arm, ac.Limits.only(joint_acceleration=0.1))
+    assert found["joint_acceleration"].ratio == pytest.approx(50)
+    law = LapLaw(
+        breaks=np.array([0.0, 1.0, 2.0]),
+        q=np.array([[0.3, 0.9], [0.4, 0.9], [0.5, 0.9]]),
+        dq=np.array([[0.1, 0.0], [0.1, 0.01]]),
+        ddq=np.zeros((2, 2)),
+    )
+    planned = ac.Trajectory(laws=(law,), method="by hand")
+    found = ac.check(planned, arm, ac.Limits.only(joint_acceleration=1.0))
+    use = found["velocity_step"]
+    assert (use.value, use.joint, use.t) == pytest.approx((0.01, 1, 1.0))
+    assert found.violated
+    assert found.end_speeds == pytest.approx((0.1, 0.1))
+    assert not ac.check(
+        planned, arm, ac.Limits.only(joint_acceleration=1.0), velocity_step=0.02
+    ).violated
+    torn = LapLaw(breaks=law.breaks, q=law.q, dq=law.dq * [0.99, 1], ddq=law.ddq)
+    found = ac.check(ac.Trajectory(laws=(torn,), method="by hand"), arm, ac.Limits.only())
+    assert found["position_step"].value == pytest.approx(1e-3)
+    assert found.violated
+
+
+def test_the_papers_method_on_the_papers_job(mac, rounded, arm, limits):
+    """Laps hand over velocities with a step of about 1e-5 rad/s, by the method's design."""
+    found = ac.check(mac, arm, limits, rounded)
+    assert found["joint_acceleration"].ratio == pytest.approx(1, abs=1e-9)
+    assert found["speed"].ratio < 1
+    # The corner is uniform, but its joint path is traced to 1e-8 m.
+    assert found["centripetal_acceleration"].ratio == pytest.approx(1, abs=1e-4)
+    assert 1e-6 < found["velocity_step"].value < 2e-5
+    assert found.path_deviation.distance < 1e-8
+    # In samples the step is what it is: more acceleration than allowed within a sample.
+    sampled = ac.check(mac.sample(1e-3), arm, limits, rounded)
+    assert 1.005 < sampled["joint_acceleration"].ratio < 1.02
+
+
+@given(
+    k=st.floats(0.1, 10),
+    q=st.lists(st.tuples(st.floats(-1, 1), st.floats(0.3, 2)), min_size=4, max_size=12),
+    seed=st.integers(0, 99),
+)
+def test_slower_by_k_is_slower_by_k_and_softer_by_its_square(k, q, seed):
+    arm = ac.load_arm("pmk3s")
+    random = np.random.default_rng(seed)
+    limits = ac.Limits.only(joint_velocity=1.0, joint_acceleration=[[-0.5, 1.0]])
+    t = np.cumsum(random.uniform(0.1, 1, len(q)))
+    dq, ddq = random.normal(size=(2, len(q), 2))
+    for more in ({}, {"dq": dq}, {"dq": dq, "ddq": ddq}):
+        slow = {name: x / k ** len(name[:-1]) for name, x in more.items()}
+        before = ac.check(SimpleNamespace(t=t, q=q, **more), arm, limits)
+        after = ac.check(SimpleNamespace(t=k * t, q=q, **slow), arm, limits)
+        powers = {"joint_velocity": 1, "joint_acceleration": 2}
+        for name, power in powers.items():
+            expected = before[name].ratio / k**power
+            assert after[name].ratio == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
+def test_verdicts_by_digits_and_the_worst_of_all_limits(arm):
+    """One joint goes 0.1 rad in each second; what is known of it depends on the digits."""
+    log = SimpleNamespace(t=np.arange(4.0), q=[[0.1 * i, 0.9] for i in range(4)])
+    for limit, digit, verdict in (
+        (0.10, 0.0, "kept"),
+        (0.09, 0.0, "violated"),
+        (0.09, 0.01, "violated"),
+        # The digit of 0.05 rad leaves 0.083 rad/s over three seconds.
+        (0.09, 0.05, "cannot tell"),
+        (0.11, 0.05, "kept"),
+        # In full use, printed: more than 0.1 % above it is not let pass.
+        (0.1 / 1.0009, 1e-2, "kept"),
+        (0.1 / 1.0011, 1e-2, "cannot tell"),
+        (0.1 / 1.0009, 0.0, "violated"),
+    ):
+        found = ac.check(log, arm, ac.Limits.only(joint_velocity=limit), resolution={"q": digit})
+        assert found["joint_velocity"].verdict == found.verdict == verdict, (limit, digit)
+        assert found.violated is (verdict == "violated")
+        assert found["joint_velocity"].highest.ratio == pytest.approx(0.1 / limit)
+    log = SimpleNamespace(t=np.arange(4.0), q=[[0.0, 0.9], [0.1, 0.9], [0.0, 0.9], [0.1, 0.9]])
+    coarse = {"q": 0.05}
+    kept = {"joint_velocity": 1.0}
+    unknown = {"joint_acceleration": 0.19}
+    broken = {"joint_upper": [0.05, 2.0]}
+    for limits, verdict in (
+        (kept, "kept"),
+        (kept | unknown, "cannot tell"),
+        (kept | unknown | broken, "violated"),
+        ({}, "kept"),
+        # Nothing in positions tells a torque.
+        ({"joint_torque": 1.0}, "cannot tell"),
+    ):
+        assert ac.check(log, arm, ac.Limits.only(**limits), resolution=coarse).verdict == verdict
+    log = SimpleNamespace(t=np.arange(4.0), q=[[0.1 * i, 0.9] for i in range(4)])
+    for limit, verdict in ((1e-30, "violated"), (1e-20, "violated"), (1e12, "kept")):
+        limits = ac.Limits.only(joint_velocity=limit, joint_lower=-1e12, joint_upper=1e12)
+        assert ac.check(log, arm, limits)["joint_velocity"].verdict == verdict
+        assert ac.check(log, arm, limits)["joint_upper"].verdict == "kept"
+
+
+def test_the_place_of_the_highest_ratio_is_another_than_that_of_the_certain_one(arm):
+    """Joint 1 jumps by a last digit; joint 2 slowly goes far, which is certain."""
+    t = np.arange(11) * 0.1
+    log = SimpleNamespace(t=t, q=np.column_stack([0.01 * (np.arange(11) % 2), 0.9 + 0.05 * t]))
+    found = ac.check(log, arm, ac.Limits.only(joint_velocity=0.08), resolution={"q": 0.01})
+    use = found["joint_velocity"]
+    assert (use.joint, use.highest.joint) == (1, 0)
+    assert use.certain == pytest.approx((0.05 - 0.01 / 0.8) / 0.08, rel=1e-3)
+    assert (use.highest.ratio, use.highest.value) == pytest.approx((0.1 / 0.08, 0.1))
+    assert use.verdict == "cannot tell"
+
+
+def test_what_is_no_number_decides_nothing_and_is_never_kept(arm):
+    for value, verdict in (
+        ([0.5, np.nan, 0.1], "cannot tell"),
+        ([0.5, np.nan, 2.0], "violated"),
+        ([0.5, np.inf, 0.1], "violated"),
+        ([0.5, 0.4, 0.1], "kept"),
+    ):
+        tally = Tally(arm, ac.Limits.only(joint_velocity=1.0), None, None)
+        for part in (value[:2], value[2:]):
+            tally.offer(Use("speed", np.array(part), 1.0), np.arange(2.0), np.zeros((2, 2)))
+        (use,) = tally.uses(1e-9)
+        assert use.verdict == verdict, value
+    tally = Tally(arm, ac.Limits.only(joint_velocity=1.0), None, None)
+    tally.offer(Use("speed", np.array([np.inf]), 1.0, np.inf), np.zeros(1), np.zeros((1, 2)))
+    assert tally.uses(1e-9)[0].verdict == "cannot tell"
+
+
+def test_a_turn_between_two_samples_leaves_the_centripetal_acceleration_open(arm):
+    """Along a line, then at a right angle to it: on which curve, nobody has seen."""
+    points = [(0.30 + 0.01 * min(i, 10), 0.20 + 0.01 * max(0, i - 10)) for i in range(21)]
+    log = SimpleNamespace(t=np.arange(21) * 0.1, q=arm.joint_position(np.array(points)))
+    found = ac.check(log, arm, ac.Limits.only(centripetal_acceleration=0.5))
+    use = found["centripetal_acceleration"]
+    assert use.highest.value == pytest.approx(math.sqrt(2) * 0.1 / 0.1)
+    assert (use.highest.t, use.verdict) == (pytest.approx(1.0), "cannot tell")
+    wide = ac.check(log, arm, ac.Limits.only(centripetal_acceleration=2.0))
+    assert wide.verdict == "kept"
+
+
+HERE = [0.3, 0.9]
+GOOD = {"t": [0.0, 0.1, 0.2], "q": [HERE, [0.31, 0.9], [0.32, 0.9]]}
+
+
+def test_what_is_no_trajectory_is_refused(arm, refuses):
+    for change, words, data in (
+        ({"t": [0.0, 0.1, 0.1]}, "t in row 3 is 0.1 s, but times must increase", {"index": 2}),
+        ({"t": [0.0, 0.2, 0.1]}, "row 3", {"index": 2, "t": 0.1}),
+        ({"t": [0.0, np.nan, 0.2]}, "t is nan in row 2", {"index": 1}),
+        ({"q": [HERE, HERE, [0.3, np.inf]]}, "inf in row 3", {"index": 2, "joint": 1}),
+        ({"dq": [HERE, [np.nan, 0.9], HERE]}, "dq of joint 1 is nan in row 2", {}),
+        ({"t": [0.0, 0.1], "q": GOOD["q"][:2]}, "at least 3 samples", {}),
+        ({"t": [0.0, 0.1]}, "2 times, but 3 rows of q", {}),
+        ({"q": [[0.3], [0.3], [0.3]]}, "2 columns, one per joint", {}),
+        ({"q": [["a", "b"]]}, "q must be numbers in rad", {}),
+        ({"t": None}, "must have times t", {}),
+        ({"t": [0.0, 5e-324, 1e-323]}, "at least 1 ns", {"index": 1}),
+        ({"t": [0.0, 1.0, 1e300]}, "within 1e+10 s", {"index": 2}),
+        ({"t": [1e9, 1e9 + 5e-7, 1e9 + 1]}, "more than the rounding", {}),
+        ({"q": [HERE, [0.3, -1e308], HERE]}, "10000 rad", {"index": 1, "joint": 1}),
+        ({"dq": [HERE, [1e200, 0.9], HERE]}, "1e+09 rad/s", {}),
+        ({"ddq": [HERE, [1e13, 0.9], HERE]}, "1e+12 rad/s", {}),
+    ):
+        log = SimpleNamespace(**{**GOOD, **change})
+        refuses(partial(ac.check, log, arm), ac.InvalidInput, words, **data)
+
+
+def test_what_cannot_be_asked(arm, objective, refuses):
+    log, three = SimpleNamespace(**GOOD), ac.Limits.only(joint_acceleration=[1, 1, 1])
+    spline = LapLaw(
+        breaks=np.array([0, 1.0]), q=np.zeros((2, 3)), dq=np.zeros((1, 3)), ddq=np.zeros((1, 3))
+    )
+    other = ac.Trajectory(laws=(spline,), method="by hand")
+    check = partial(ac.check, log, arm)
+    for call, words in (
+        (partial(check, deviation=1e-3), "needs the path"),
+        (partial(check, missed=1e-3), "missed"),
+        (partial(check, path=objective, deviation=0), "above zero"),
+        (partial(check, resolution={"x": 1}), "not of 'x'"),
+        (partial(check, resolution={"q": -1}), "must not be negative"),
+        (partial(check, path=ac.Path.polyline([(0, 0, 0), (1, 1, 1)])), "3 coordinates"),
+        (partial(check, three), "3 values"),
+        (partial(ac.check, other, arm), "the arm has 2"),
+    ):
+        refuses(call, ac.InvalidInput, words)
+
+
+@pytest.mark.parametrize("names", ["q", "q dq", "q dq ddq"])
+def test_no_motion_is_blamed_for_what_it_did_not_do(arm, names):
+    """Random jerky motions, sampled at random times and printed with few digits, time included."""
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        n = int(random.integers(1, 8))
+        ddq = random.uniform(-1, 1, (n, 2)) * random.choice([0.1, 1, 5])
+        planned = laps(random.uniform(0.05, 0.3, n).tolist(), ddq.tolist(), (0.3, 0.9))
+        dense = np.union1d(np.linspace(0, planned.duration, 2001), planned.breaks)
+        velocity = np.abs(planned(dense, 1)).max(axis=0)
+        tool = np.linalg.norm(arm.tool_velocity(planned(dense), planned(dense, 1)), axis=1)
+        limits = ac.Limits.only(
+            joint_velocity=velocity * (1 + 1e-9),
+            joint_acceleration=np.stack(
+                [np.minimum(ddq.min(axis=0), -1e-3), np.maximum(ddq.max(axis=0), 1e-3)], axis=1
+            ),
+            speed=tool.max() * (1 + 1e-5),
+        )
+        digits = int(random.choice([4, 6, 9]))
+        t = np.sort(random.uniform(0, planned.duration, 100))
+        t = t[np.append(True, np.diff(np.round(t, digits)) > 0)]
+        samples = Samples(t=t, q=planned(t), dq=planned(t, 1), ddq=planned(t, 2))
+        log, resolution = rounded_to(columns(samples, names), digits)
+        log.t = np.round(t, digits)
+        found = ac.check(log, arm, limits, resolution={**resolution, "t": 10.0**-digits})
+        assert not found.violated, (seed, found.worst)

@@ -1,0 +1,83 @@
+"""Executed and commanded jerk, against motions whose jerk is known."""
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.motion import stand_still
+from armcontour.verification.evaluation import commanded_jerk, executed_jerk
+
+ARM = ac.load_arm("pmk3s")
+STILL = ac.Trajectory(laws=(stand_still(np.zeros(2), 1.0),), method="by hand")
+
+
+def executed(ddq, step, period):
+    """An execution with given accelerations; nothing else of it counts here."""
+    none = np.zeros_like(ddq)
+    return ac.Execution(
+        arm=ARM,
+        taught=ac.TaughtData(period=period, q=np.zeros((2, 2)), trajectory=STILL, method="none"),
+        t=step * np.arange(len(ddq)),
+        q=none,
+        dq=none,
+        ddq=ddq,
+        demand=ddq,
+        demand_range=np.stack([ddq.min(axis=0), ddq.max(axis=0)]),
+        saturated_time=np.zeros(2),
+    )
+
+
+@pytest.mark.parametrize("step", [1e-3, 2.5e-4])
+def test_ramps_have_their_jerk_and_steps_that_over_a_command_interval(step):
+    t = step * np.arange(round(0.2 / step) + 1)
+    ramp = 5.0 * np.minimum(t, 0.1) - 8.0 * np.clip(t - 0.1, 0, 0.05)
+    jump = np.where(t > 0.05 + step / 4, 0.6, 0.0)
+    found = executed_jerk(executed(np.stack([ramp, jump], axis=1), step, 4e-3))
+    np.testing.assert_allclose(found, [8.0, 0.6 / 4e-3], rtol=1e-9)
+
+
+def test_an_arm_that_starts_with_an_acceleration_jumps():
+    found = executed_jerk(executed(np.ones((30, 2)) * [0.5, -0.2], 1e-3, 4e-3))
+    np.testing.assert_allclose(found, [125.0, 50.0])
+    # A command interval that is longer than the execution, and an execution of one time.
+    np.testing.assert_allclose(executed_jerk(executed(np.ones((3, 2)), 1e-3, 4e-3)), 250.0)
+    assert not executed_jerk(executed(np.zeros((1, 2)), 1e-3, 4e-3)).any()
+
+
+def test_set_points_have_the_jerk_of_their_third_differences():
+    period = 4e-3
+    # Phases of whole command intervals, from rest to rest: 7 rad/s³ up, down for twice as long, up.
+    jerks = np.repeat([7.0, -7.0, -7.0, 7.0], 10)
+    q, v, a, rows = 0.3, 0.0, 0.0, [0.3]
+    for j in jerks:
+        q += period * (v + period * (a / 2 + period * j / 6))
+        v, a = v + period * (a + period * j / 2), a + period * j
+        rows.append(q)
+    points = np.stack([rows, np.full(len(rows), 0.9)], axis=1)
+    data = ac.TaughtData(period=period, q=points, trajectory=STILL, method="none")
+    np.testing.assert_allclose(commanded_jerk(data), [7.0, 0.0], rtol=1e-6)
+    # One that ends in full motion stops within one interval.
+    cut = ac.TaughtData(period=period, q=points[:21], trajectory=STILL, method="none")
+    speed = (points[20, 0] - points[19, 0]) / period
+    assert commanded_jerk(cut)[0] == pytest.approx(speed / period**2, rel=0.1)
+    one = ac.TaughtData(period=period, q=points[:1], trajectory=STILL, method="none")
+    assert not commanded_jerk(one).any()
+
+
+def test_a_plan_with_a_limit_of_jerk_is_executed_with_it():
+    path = ac.Path.from_segments([ac.Arc(start=(0.40, 0.25), center=(0.35, 0.25), angle=2.0)])
+    limits = ac.Limits(joint_acceleration=0.72, joint_jerk=7.2)
+    planned = ac.plan(path, ARM, limits)
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    taught = ac.compensate(planned, servo, ac.Inverse(), period=1e-3)
+    plant = ac.ServoPlant(ARM, servo, limits)
+    found = ac.evaluate(ac.execute(taught, plant), path, limits=limits, limit_use=True)
+    np.testing.assert_allclose(found.jerk_ratio, found.jerk / 7.2)
+    assert 0.99 < found.jerk_ratio.max() < 1.005
+    assert found.limit_ratios["joint_jerk"] == pytest.approx(1, abs=1e-4)
+    # Without the limit, the plan jumps.
+    free = ac.plan(path, ARM, limits.replace(joint_jerk=np.inf))
+    taught = ac.compensate(free, servo, ac.Inverse(), period=1e-3)
+    rough = ac.evaluate(ac.execute(taught, plant), path, limits=limits)
+    assert rough.jerk_ratio.max() > 10 and rough.command_jerk.max() > found.command_jerk.max()
+    assert not ac.evaluate(ac.execute(taught, plant), path).jerk_ratio.any()

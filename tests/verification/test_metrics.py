@@ -1,0 +1,243 @@
+"""Metrics of an execution: profiles of errors, corners, speeds, jerk and shares of limits."""
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.verification import ErrorProfile
+from armcontour.verification.following import follow_path
+from armcontour.verification.pieces import corner_deviations, measure_shares
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return ac.load_arm("pmk3s")
+
+
+def executed(arm, tool, period, planned):
+    """An execution whose tool goes through given points at regular times."""
+    q = arm.joint_position(tool)
+    dq = np.gradient(q, period, axis=0)
+    return ac.Execution(
+        arm=arm,
+        taught=ac.TaughtData(period=period, q=q, trajectory=planned, method="none"),
+        t=np.arange(len(q)) * period,
+        q=q,
+        dq=dq,
+        ddq=np.zeros_like(q),
+        demand=np.zeros_like(q),
+        demand_range=np.zeros((2, 2)),
+        saturated_time=np.zeros(2),
+    )
+
+
+def test_the_contour_error_is_signed_in_the_plane(arm):
+    path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20), (0.40, 0.30)])
+    planned = ac.plan(path, arm, arm.limits.replace(speed=0.1))
+    tool = np.array([(0.31, 0.201), (0.35, 0.198), (0.399, 0.25), (0.403, 0.28), (0.402, 0.199)])
+    period = planned.duration / (len(tool) - 1)
+    error = ac.evaluate(executed(arm, tool, period, planned), path).contour_error
+    assert error.signed is not None
+    expected = [1e-3, -2e-3, 1e-3, -3e-3, -np.hypot(2e-3, 1e-3)]
+    np.testing.assert_allclose(error.signed[:5], expected, atol=1e-12)
+    np.testing.assert_allclose(np.abs(error.signed), error.values, atol=1e-15)
+
+
+def test_overshoot_knows_the_segments_own_speeds(arm):
+    slow = ac.Demand(speed=0.05)
+    path = ac.Path.from_segments(
+        [
+            ac.Line(start=(0.30, 0.20), end=(0.35, 0.20)),
+            ac.Line(start=(0.35, 0.20), end=(0.40, 0.20), demand=slow),
+        ]
+    )
+    limits = arm.limits.replace(speed=0.1)
+    planned = ac.plan(path, arm, limits)
+    period = planned.duration / 400
+    tool = np.column_stack([np.linspace(0.30, 0.40, 401), np.full(401, 0.20)])
+    found = ac.evaluate(executed(arm, tool, period, planned), path, limits=limits)
+    speed = 0.10 / planned.duration
+    assert found.path_velocity == pytest.approx(speed, rel=1e-3)
+    assert found.speed_overshoot == pytest.approx(max(speed - 0.05, 0.0), abs=1e-4)
+
+
+def test_the_papers_job_uses_its_joints_and_keeps_its_limits(arm):
+    objective = ac.Path.polyline([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
+    rounded = ac.round_corners(objective, tolerance=5e-3)
+    limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
+    planned = ac.plan(rounded, arm, limits)
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    taught = ac.compensate(planned, servo, ac.PolePlacement(), period=2e-4)
+    executed = ac.execute(taught, ac.ServoPlant(arm, servo))
+    found = ac.evaluate(executed, rounded, limits=limits, limit_use=True)
+    # Lines 1 and 3 and line 2 beside its middle run at a joint's limit: all but the corners and the
+    # middle, which take 1.136 and 0.571 of 5.326 s.
+    assert found.utilisation == pytest.approx(1 - (1.136 + 0.571) / 5.326, abs=0.06)
+    names = {"joint_acceleration", "speed", "centripetal_acceleration"}
+    assert set(found.limit_ratios) == names
+    assert all(0.999 < x <= 1 + 1e-9 for x in found.limit_ratios.values())
+    assert found.speed_overshoot <= 1e-9
+    # Nobody pays for what was not asked for.
+    errors = ac.evaluate(executed, rounded, limits=limits)
+    assert errors.utilisation is None and errors.limit_ratios is None
+    assert errors.contour_error.rms == found.contour_error.rms
+
+
+T = np.array([0.0, 1.0, 1.5, 4.0])
+VALUES = np.array([0.0, 2.0, 2.0, 1.0])
+S = np.array([0.0, 0.1, 0.2, 0.3])
+
+
+def test_by_hand_until_a_time_later_earlier_or_of_a_sample():
+    found = ErrorProfile.over_time(T, VALUES, S, 4.0)
+    # Trapezoids of the squares 0, 4, 4, 1.
+    assert found.rms == pytest.approx(np.sqrt((2.0 + 2.0 + 6.25) / 4))
+    assert (found.max, found.t_max, found.s_max) == (2.0, 1.0, 0.1)
+    found = ErrorProfile.over_time(T, VALUES, S, 10.0)
+    assert found.rms == pytest.approx(np.sqrt((2.0 + 2.0 + 6.25 + 6.0) / 10))
+    np.testing.assert_array_equal(found.t, [0, 1, 1.5, 4, 10])
+    np.testing.assert_array_equal(found.values, [0, 2, 2, 1, 1])
+    assert found.s[-1] == 0.3
+    found = ErrorProfile.over_time(T, VALUES, S, 0.5)
+    np.testing.assert_array_equal(found.t, [0, 0.5])
+    np.testing.assert_allclose(found.values, [0, 1])
+    np.testing.assert_allclose(found.s, [0, 0.05])
+    assert (found.max, found.t_max) == (1.0, 0.5)
+    assert found.rms == pytest.approx(np.sqrt(0.5))
+    found = ErrorProfile.over_time(T, VALUES, S, 1.5)
+    np.testing.assert_array_equal(found.t, [0, 1, 1.5])
+
+
+def test_time_counts_not_samples_and_a_profile_may_be_one_value():
+    dense = np.unique(np.concatenate([np.linspace(0, 1, 1001), [4.0]]))
+    found = ErrorProfile.over_time(dense, (dense > 1).astype(float) * 3.0, dense, 4.0)
+    # 1001 samples of zero weigh one second, two samples weigh three.
+    assert found.rms == pytest.approx(np.sqrt(9 * 3 / 2 / 4), rel=1e-12)
+    found = ErrorProfile.over_time(T + 1.0, VALUES + 3.0, S, 0.999)
+    assert (found.rms, found.max, found.t_max) == (3.0, 3.0, 0.999)
+    whole = ErrorProfile.over_time(T, VALUES, S, 4.0)
+    assert ErrorProfile.join([found, whole]).rms == whole.rms
+    assert ErrorProfile.join([found, found]).rms == 3.0
+
+
+RIGHT_ANGLE = ac.Path.polyline([(0, 0), (1, 0), (1, 1)])
+
+
+def dense(points, count=401):
+    """Samples along straight lines through points."""
+    path = ac.Path.polyline(points)
+    return path(np.unique(np.concatenate([np.linspace(0, path.length, count), path.breaks])))
+
+
+def test_corners_by_hand():
+    (found,) = corner_deviations(dense([(0, 0), (1, 0), (1, 1)]), RIGHT_ANGLE)
+    assert found.vertex == 1 and found.point == (1.0, 0.0)
+    assert found.rounding == 0.0 and found.overshoot == 0.0
+    # A chamfer from 20 mm before to 20 mm after misses the corner by 20 mm / sqrt(2).
+    tool = dense([(0, 0), (0.98, 0), (1, 0.02), (1, 1)], 8001)
+    (found,) = corner_deviations(tool, RIGHT_ANGLE)
+    assert found.rounding == pytest.approx(0.02 / np.sqrt(2), rel=1e-3)
+    assert found.overshoot == 0.0
+    # 30 mm too far, back on the line 0.1 m later: beyond the leaving line, through the corner.
+    tool = dense([(0, 0), (1.03, 0), (1, 0.1), (1, 1)])
+    (found,) = corner_deviations(tool, RIGHT_ANGLE)
+    assert found.overshoot == pytest.approx(0.03)
+    assert found.rounding < 2e-3
+    path = ac.Path.polyline([(0, 0, 0), (1, 0, 0), (1, 0, 1)])
+    (found,) = corner_deviations(dense([(0, 0, 0), (1.01, 0, 0), (1.01, 0, 1)]), path)
+    assert found.overshoot == pytest.approx(0.01)
+    path = ac.Path.polyline([(0, 0), (1, 0), (0.2, 0)])
+    (found,) = corner_deviations(dense([(0, 0), (1.02, 0), (0.2, 0)]), path)
+    assert found.overshoot == pytest.approx(0.02)
+    path = ac.round_corners(RIGHT_ANGLE, tolerance=0.01)
+    assert corner_deviations(dense([(0, 0), (1, 0)]), path) == ()
+
+
+def test_overshoot_is_measured_across_the_leaving_line():
+    for turn in (0.5, 1.0, 2.0, 2.8, -1.2):
+        leaving = np.array([np.cos(turn), np.sin(turn)])
+        path = ac.Path.polyline([(-1, 0), (0, 0), tuple(leaving)])
+        beyond = np.array([np.sin(turn), -np.cos(turn)]) * np.sign(turn)
+        tool = np.concatenate([dense([(-1, 0), (0, 0)]), 0.1 * leaving + np.outer([0.01], beyond)])
+        (found,) = corner_deviations(tool, path)
+        assert found.overshoot == pytest.approx(0.01, rel=1e-9), turn
+
+
+def test_every_corner_of_many_has_its_own_region():
+    rng = np.random.default_rng(0)
+    points = np.column_stack([np.arange(60.0), rng.normal(size=60)])
+    path = ac.Path.polyline(points)
+    tool = path(np.linspace(0, path.length, 9001)) + 0.02 * rng.normal(size=(9001, 2))
+    s = path.project(tool).s
+    found = corner_deviations(tool, path)
+    assert len(found) == 58
+    for x in found:
+        low = path.breaks[x.vertex] - path.lengths[x.vertex - 1] / 2
+        high = path.breaks[x.vertex] + path.lengths[x.vertex] / 2
+        near = tool[(s >= low) & (s <= high)] - x.point
+        assert x.rounding == np.linalg.norm(near, axis=1).min()
+
+
+FAST, SLOW, JOINT = 0.1, 0.02, 0.05
+
+
+def path(first=FAST, last=SLOW):
+    ends = [(0.0, 0.0), (JOINT, 0.0), (0.1, 0.0)]
+    return ac.Path.from_segments(
+        ac.Line(start=a, end=b, demand=ac.Demand(speed=v))
+        for a, b, v in zip(ends[:-1], ends[1:], (first, last), strict=True)
+    )
+
+
+def braking(late, acceleration=0.5, period=1e-3, off=0.0):
+    """Tool points and speeds that come down from FAST to SLOW, `late` behind the joint [m]."""
+    length = (FAST**2 - SLOW**2) / (2 * acceleration)
+    s = np.linspace(0, 0.1, 200_001)
+    begin = JOINT + late - length
+    speed = np.sqrt(np.clip(FAST**2 - 2 * acceleration * (s - begin), SLOW**2, FAST**2))
+    t = np.append(0, np.cumsum(np.diff(s) / speed[:-1]))
+    at = np.arange(0, t[-1], period)
+    place = np.interp(at, t, s)
+    return np.stack([place, np.full(len(at), off)], axis=1), np.interp(place, s, speed)
+
+
+@pytest.mark.parametrize("late", [0.0, 1e-3, 3.3e-3])
+def test_the_speed_where_the_tool_passes_into_a_slow_segment_counts(late):
+    tool, speed = braking(late)
+    found = measure_shares(path(), follow_path(path(), tool), speed, None)
+    at_joint = np.sqrt(SLOW**2 + 2 * 0.5 * late)
+    # Between two samples: at these alone, up to half a sample's braking would not be seen.
+    assert found.max() == pytest.approx(at_joint / SLOW, rel=2e-3)
+
+
+def test_a_tool_that_starts_early_is_too_fast_on_the_slow_segment():
+    tool, speed = braking(2e-3)
+    back = path(SLOW, FAST)
+    tool = np.stack([0.1 - tool[::-1, 0], tool[::-1, 1]], axis=1)
+    found = measure_shares(back, follow_path(back, tool), speed[::-1], None)
+    assert found.max() == pytest.approx(np.sqrt(SLOW**2 + 2 * 0.5 * 2e-3) / SLOW, rel=2e-3)
+
+
+def test_next_to_a_joint_as_near_as_the_tool_is_to_the_path_the_larger_speed_counts():
+    tool, speed = braking(1e-3, off=1e-3)
+    within = measure_shares(path(), follow_path(path(), tool), speed, None)
+    assert within.max() == pytest.approx(1.0, abs=2e-3)
+    tool, speed = braking(3e-3, off=1e-3)
+    beyond = measure_shares(path(), follow_path(path(), tool), speed, None)
+    assert beyond.max() == pytest.approx(np.sqrt(SLOW**2 + 2 * 0.5 * 2e-3) / SLOW, rel=2e-3)
+
+
+def test_limits_of_the_path_and_peaks_between_samples():
+    tool, speed = braking(0.0)
+    shares = measure_shares(path(), follow_path(path(), tool), speed, 0.05)
+    assert shares.max() == pytest.approx(FAST / 0.05, rel=1e-3)
+    free = ac.Path.polyline([(0, 0), (0.1, 0)])
+    assert not measure_shares(free, follow_path(free, tool), speed, None).any()
+    line = ac.Path.polyline([(0, 0), (0.1, 0)])
+    t = np.arange(0, 1, 0.02)
+    tool = np.stack([0.1 * t, 0 * t], axis=1)
+    # A parabola and a kink, both with a peak of 0.1 m/s between two samples.
+    for speed in (0.1 - (t - 0.511) ** 2, 0.1 - 0.2 * np.abs(t - 0.511)):
+        listed = measure_shares(line, follow_path(line, tool), speed, 0.1)
+        bound = measure_shares(line, follow_path(line, tool), speed, 0.1, between=True)
+        assert listed.max() < 1 <= bound.max() < 1 + 0.04

@@ -1,0 +1,234 @@
+"""The largest errors are those of the motion, not only those of its samples."""
+
+from dataclasses import replace
+from functools import cache
+from itertools import product
+
+import numpy as np
+import pytest
+from hypothesis import Phase, example, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+import armcontour as ac
+from armcontour.control.compensation import METHODS
+
+# Errors agree with those of samples so many times as often by this share; a sampled kink is lower.
+FINER, AGREE = 50, 1e-6
+TURNING = ((0.323, 0.177), (0.367, 0.192), (0.350, 0.197), (0.332, 0.173))
+CORNERS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
+
+
+@cache
+def plan(arm_name, speed, tolerance, space):
+    """An objective path, the path with rounded corners and a plan."""
+    arm = ac.load_arm(arm_name)
+    points = [(*p, 0.3 + 0.02 * k) for k, p in enumerate(CORNERS)] if space else CORNERS
+    objective = ac.Path.polyline(points)
+    if space:
+        turns = Rotation.from_euler("yx", [(3.0, 0.2 * k) for k in range(len(points))])
+        objective = objective.oriented(turns)
+    path = ac.round_corners(objective, tolerance=tolerance) if tolerance else objective
+    limits = arm.limits.replace(speed=speed)
+    return (
+        arm,
+        objective,
+        path,
+        ac.plan(path, arm, limits, ac.Optimal(branch=None if space else "positive")),
+    )
+
+
+def executions(trajectory, plant, period, method, resolution):
+    """The same run with its results, and with results FINER times as often."""
+    known = plant.servo.replace(dead_time=0.0)
+    if known.order == "first" and method == "pole_placement":
+        method = "inverse"
+    taught = ac.compensate(trajectory, known, METHODS[method](), period=period)
+    return (ac.execute(taught, plant, resolution=resolution / k) for k in (1, FINER))
+
+
+def figures(found):
+    """The largest errors of a run [m]."""
+    e = found.contour_error, found.objective_error, found.missed, found.objective_missed
+    return [x.max for x in e]
+
+
+def largest(executed, path, until=np.inf):
+    """The largest distance of samples from a path that does not come near itself [m]."""
+    return path.project(executed.tool[executed.t <= until]).distance.max()
+
+
+RUNS = dict(
+    speed=st.sampled_from([0.05, 0.15, 0.5]),
+    tolerance=st.sampled_from([0.0, 2e-4, 5e-3]),
+    period=st.sampled_from([1e-3, 4e-3, 8e-3]),
+    resolution=st.sampled_from([1e-3, 2e-3]),
+    kp=st.floats(15.0, 40.0),
+    kv=st.floats(100.0, 1000.0),
+    dead_time=st.sampled_from([0.0, 4e-3, 0.0137]),
+    interpolation=st.sampled_from(["linear", "cubic", "step"]),
+    order=st.sampled_from(["second", "second", "first"]),
+    method=st.sampled_from(["none", "inverse", "pole_placement"]),
+    saturates=st.booleans(),
+)
+
+
+@example(0.05, 2e-4, 4e-3, 2e-3, 37.354, 898.125, 4e-3, "cubic", "second", "inverse", False)
+@example(0.05, 0.0, 1e-3, 2e-3, 37.8073, 278.392, 4e-3, "linear", "second", "inverse", True)
+@example(0.15, 0.0, 8e-3, 2e-3, 27.4467, 791.382, 4e-3, "cubic", "first", "pole_placement", False)
+# tests/slow has more examples.
+@settings(max_examples=2, phases=[Phase.explicit, Phase.generate])
+@given(**RUNS)
+def test_no_sample_between_is_higher(
+    speed, tolerance, period, resolution, kp, kv, dead_time, interpolation, order, method, saturates
+):
+    arm, objective, path, trajectory = plan("pmk3s", speed, tolerance, False)
+    second = order == "second"
+    servo = ac.ServoModel(
+        kp=[kp, 0.9 * kp],
+        kv=kv if second else None,
+        dead_time=dead_time,
+        interpolation=interpolation,
+        order=order,
+    )
+    high = arm.limits.replace(joint_acceleration=20.0)
+    plant = ac.ServoPlant(arm, servo, high, saturation=None if saturates and second else "none")
+    coarse, fine = executions(trajectory, plant, period, method, resolution)
+    found, finer = (ac.evaluate(x, path, objective=objective) for x in (coarse, fine))
+    for error, of in ((found.contour_error, path), (found.objective_error, objective)):
+        assert largest(fine, of, found.until) <= error.max * (1 + AGREE) + 1e-12
+    np.testing.assert_allclose(figures(found), figures(finer), rtol=AGREE, atol=1e-11)
+    roundings = ([y.rounding for y in x.corners] for x in (found, finer))
+    np.testing.assert_allclose(*roundings, rtol=AGREE, atol=5e-9)
+
+
+def test_the_paper_s_corners_at_1_ms_are_0_2_percent_farther_than_samples_show():
+    arm, objective, path, trajectory = plan("pmk3s", 0.15, 5e-3, False)
+    plant = ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0))
+    coarse, fine = executions(trajectory, plant, 4e-3, "pole_placement", 1e-3)
+    error = ac.evaluate(coarse, path, objective=objective).objective_error
+    assert largest(coarse, objective) < error.max * (1 - 1.5e-3)
+    # Between two samples the distance changes by no more than the tool moves in half of the time.
+    between = 0.15 * (fine.t[1] - fine.t[0]) / 2
+    assert largest(fine, objective) <= error.max <= largest(fine, objective) + between
+    finer = ac.evaluate(fine, path, objective=objective).objective_error
+    assert error.max == pytest.approx(finer.max, rel=1e-6)
+    assert error.values.max() == error.max == error.values[np.searchsorted(error.t, error.t_max)]
+
+
+def test_a_peak_where_the_path_turns_is_found_though_no_sample_shows_it():
+    arm = ac.load_arm("pmk3s")
+    objective = ac.Path.polyline(TURNING)
+    path = ac.round_corners(objective, tolerance=4e-5)
+    limits = arm.limits.replace(speed=0.5, joint_acceleration=20.0)
+    trajectory = ac.plan(path, arm, limits, ac.Optimal(branch="positive"))
+    plant = ac.ServoPlant(arm, ac.ServoModel(kp=40.0, kv=1000.0), saturation="none")
+    coarse, fine = executions(trajectory, plant, 8e-3, "inverse", 8e-3)
+    error = ac.evaluate(coarse, path, objective=objective).objective_error
+    assert largest(coarse, objective) < error.max / 2
+    assert error.max == pytest.approx(largest(fine, objective), rel=1e-2)
+
+
+def test_the_angle_of_a_tool_in_space():
+    arm, objective, path, trajectory = plan("ur5e", 0.2, 2e-3, True)
+    plant = ac.ServoPlant(arm, ac.ServoModel(kp=30.0, kv=200.0, dead_time=0.0031))
+    coarse, fine = executions(trajectory, plant, 8e-3, "none", 2e-3)
+    found, finer = (ac.evaluate(x, path, objective=objective) for x in (coarse, fine))
+    assert found.orientation_error.max == pytest.approx(finer.orientation_error.max, rel=AGREE)
+    np.testing.assert_allclose(figures(found), figures(finer), rtol=AGREE)
+
+
+def test_the_motion_between_results_is_that_of_finer_results():
+    arm, _, _, trajectory = plan("pmk3s", 0.15, 5e-3, False)
+    for interpolation, order, saturates, dead_time in (
+        ("linear", "second", True, 0.0037),
+        ("step", "second", False, 0.013),
+        ("step", "first", False, 0.0037),
+        ("cubic", "second", False, 0.0),
+    ):
+        kv = [150.0, 900.0] if order == "second" else None
+        servo = ac.ServoModel(
+            kp=[25.0, 20.0], kv=kv, order=order, interpolation=interpolation, dead_time=dead_time
+        )
+        limits = arm.limits.replace(joint_acceleration=0.7)
+        saturation = None if saturates else "none"
+        plant = ac.ServoPlant(arm, servo, limits, saturation=saturation)
+        coarse, fine = executions(trajectory, plant, 4e-3, "none", 1e-3)
+        for i in (0, 1, 7, len(coarse.t) // 2, len(coarse.t) - 2):
+            rows = np.searchsorted(fine.t, coarse.t[i] - 1e-9) + np.arange(FINER + 1)
+            motion = plant.motion_between(coarse, np.array([i]))
+            found = motion(np.clip(fine.t[rows], motion.t[0], motion.t[-1]))
+            np.testing.assert_allclose(found, fine.q[rows], rtol=0, atol=1e-11)
+
+
+def short_contours(length, resolution):
+    """A program of two short contours, and its execution."""
+    arm = ac.load_arm("pmk3s")
+    contours = [
+        ac.Contour(path=ac.Path.polyline([(x, 0.2), (x + length, 0.2)])) for x in (0.3, 0.33)
+    ]
+    moves = (contours[0], ac.Rapid(), contours[1], ac.Dwell(duration=0.1))
+    program = ac.Program(moves=moves)
+    trajectory = ac.plan(
+        program, arm, arm.limits.replace(speed=0.15), ac.Optimal(branch="positive")
+    )
+    servo = ac.ServoModel(kp=25.0, kv=150.0)
+    taught = ac.compensate(trajectory, servo, ac.Inverse(), period=8e-3)
+    return program, ac.execute(taught, ac.ServoPlant(arm, servo), resolution=resolution)
+
+
+def test_contours_of_few_samples_are_judged_by_these():
+    for length, resolution in product((1e-2, 1e-4, 3e-6, 1e-7), (1e-3, 8e-3)):
+        program, executed = short_contours(length, resolution)
+        plain = replace(executed, plant=None)
+        known, sampled = (ac.evaluate(x, program, objective=program) for x in (executed, plain))
+        assert known.contour_error.max >= sampled.contour_error.max, (length, resolution)
+        # Which places are missed at their ends is told by the samples outside of the contours.
+        # Between samples the way of the tool is taken for straight where no plant tells it.
+        share = known.missed.max / sampled.missed.max
+        assert 1 - 1e-6 <= share <= 1 + 1e-3, (length, resolution)
+
+
+PARTS = (
+    slice(300, None),
+    slice(1000, 3000),
+    slice(0, None, 2),
+    slice(0, None, 3),
+    slice(0, None, 20),  # fewer than set-points
+    slice(5, None, 2),  # between set-points
+    np.r_[0:100, 300:500],
+    np.r_[0, 0:3000],  # a time twice
+)
+
+
+def test_an_execution_that_was_cut_has_no_peak_that_was_not_there():
+    arm, objective, path, trajectory = plan("pmk3s", 0.15, 1e-3, False)
+    names = ("t", "q", "dq", "ddq", "demand")
+    for kv in (None, 150.0):
+        servo = ac.ServoModel(kp=25.0, kv=kv, order="first" if kv is None else "second")
+        plant = ac.ServoPlant(arm, servo, saturation="none")
+        whole = ac.execute(ac.compensate(trajectory, servo, ac.Inverse(), period=4e-3), plant)
+        most = ac.evaluate(whole, path).contour_error.max
+        for part in PARTS:
+            cut = replace(whole, **{name: getattr(whole, name)[part] for name in names})
+            assert ac.evaluate(cut, path).contour_error.max <= most * (1 + AGREE), (kv, part)
+
+
+def test_of_another_plant_nothing_is_believed_and_peaks_do_not_count_for_the_mean():
+    arm, objective, path, trajectory = plan("pmk3s", 0.15, 5e-3, False)
+    plant = ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0))
+    coarse, _ = executions(trajectory, plant, 4e-3, "none", 1e-3)
+    other = ac.ServoPlant(arm, plant.servo.replace(kp=20.0, interpolation="step"))
+    changed, plain = (
+        ac.evaluate(replace(coarse, plant=x), path, objective=objective) for x in (other, None)
+    )
+    assert changed.contour_error.max == plain.contour_error.max
+    # Of a log only the samples are known.
+    assert plain.objective_error.max == pytest.approx(largest(coarse, objective), rel=1e-12)
+    coarse, _ = executions(trajectory, plant, 4e-3, "pole_placement", 1e-3)
+    plain = replace(coarse, plant=None)
+    known, sampled = (
+        ac.evaluate(x, path, objective=objective).objective_error for x in (coarse, plain)
+    )
+    assert known.max > sampled.max and known.rms == sampled.rms
+    assert len(known.t) == len(sampled.t) + 1

@@ -1,0 +1,207 @@
+"""Programs judged contour by contour, against projections by hand."""
+
+import dataclasses
+from functools import partial
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.control.compensation import METHODS
+from armcontour.core.errors import InvalidInput
+from armcontour.geometry import Path
+from armcontour.program import (
+    Contour,
+    Dwell,
+    Lead,
+    Process,
+    Program,
+    Rapid,
+    prepare,
+    round_corners,
+)
+
+ARM = ac.load_arm("pmk3s")
+SERVO = ac.ServoModel(kp=25.0, kv=150.0)
+LIMITS = ARM.limits.replace(speed=0.1, centripetal_acceleration=0.09)
+SQUARE = Path.polyline([[0.3, 0.1], [0.36, 0.1], [0.36, 0.14], [0.3, 0.14], [0.3, 0.1]])
+BEND = Path.polyline([[0.3, 0.2], [0.35, 0.2], [0.35, 0.25]])
+LEADS = Process(lead_in=Lead(length=0.01), lead_out=Lead(length=0.01))
+DRAWN = Program(moves=(Contour(path=SQUARE), Dwell(duration=0.2), Contour(path=BEND)))
+
+
+def executed(program, method="none"):
+    trajectory = ac.plan(program, ARM, LIMITS, ac.Optimal(reserve=0.2))
+    taught = ac.compensate(trajectory, SERVO, METHODS[method](), period=4e-3)
+    return ac.execute(taught, ac.ServoPlant(ARM, SERVO, LIMITS))
+
+
+@pytest.fixture(scope="module")
+def objective():
+    return prepare(DRAWN, LEADS)
+
+
+@pytest.fixture(scope="module")
+def program(objective):
+    return round_corners(objective, tolerance=1e-3)
+
+
+@pytest.fixture(scope="module")
+def execution(program):
+    return executed(program)
+
+
+def nearest(path, points):
+    """Distances to a path, segment by segment: feet on lines and circles, or the ends."""
+    best = np.full(len(points), np.inf)
+    for start, tangent, inward, k, length in zip(
+        path.starts, path.tangents, path.normals, path.curvatures, path.lengths, strict=True
+    ):
+        if k == 0:
+            foot = start + np.clip((points - start) @ tangent, 0, length)[:, None] * tangent
+            best = np.minimum(best, np.linalg.norm(points - foot, axis=1))
+            continue
+        arm = points - (start + inward / k)
+        angle = np.arctan2(arm @ tangent, -arm @ inward) % (2 * np.pi)
+        on = np.abs(np.linalg.norm(arm, axis=1) - 1 / k)
+        best = np.minimum(best, np.where(angle <= k * length, on, np.inf))
+    return best
+
+
+def test_every_contour_is_judged_while_at_work_as_by_hand(execution, program):
+    found = ac.evaluate(execution, program, limits=LIMITS)
+    spans = [x for x in execution.taught.trajectory.spans if x.kind == "contour"]
+    assert len(found.contours) == len(spans) == 2
+    squares, times = 0.0, 0.0
+    for profile, span, contour in zip(found.contours, spans, program.contours, strict=True):
+        assert span.work is not None
+        inside = (execution.t >= span.work[0]) & (execution.t < span.work[1])
+        t = execution.t[inside]
+        off = nearest(contour.path, ARM.tool_position(execution.q[inside]))
+        assert profile.max == pytest.approx(off.max(), rel=1e-6)
+        mean = np.trapezoid(off**2, t) / (t[-1] - t[0])
+        # Up to an interval between results at its ends.
+        assert profile.rms == pytest.approx(np.sqrt(mean), rel=2e-3)
+        assert span.work[0] <= profile.t[0] and profile.t[-1] == pytest.approx(span.work[1])
+        assert span.work[0] <= profile.t_max <= span.work[1]
+        assert span.s[0] <= profile.s_max <= span.s[1]
+        here = profile.s[np.isfinite(profile.s)]
+        assert here.min() >= span.s[0] - 1e-12 and here.max() <= span.s[1] + 1e-12
+        squares += profile.rms**2 * (profile.t[-1] - profile.t[0])
+        times += profile.t[-1] - profile.t[0]
+    assert found.contour_error.rms == pytest.approx(np.sqrt(squares / times), rel=1e-12)
+    assert found.contour_error.max == max(x.max for x in found.contours)
+    # Not compensated, the tool cuts corners: there is something to see.
+    assert found.contour_error.max > 1e-5
+
+
+def test_nothing_outside_the_work_counts(program, execution):
+    before = ac.evaluate(execution, program, limits=LIMITS)
+    work = [x.work for x in execution.taught.trajectory.spans if x.work is not None]
+    rest = ~np.any([(execution.t >= a) & (execution.t <= b) for a, b in work], axis=0)
+    # Where a sample interval straddles an end of the work it is let be.
+    rest &= ~np.roll(rest == 0, 1) & ~np.roll(rest == 0, -1)
+    assert rest.sum() > 100
+    q = execution.q.copy()
+    q[rest] += 0.3
+    spoilt = _with(execution, q)
+    after = ac.evaluate(spoilt, program, limits=LIMITS)
+    for name in ("contour_error", "tracking_error"):
+        assert getattr(after, name).rms == getattr(before, name).rms
+        assert getattr(after, name).max == getattr(before, name).max
+    assert after.speed == before.speed
+    # And what is inside counts.
+    q = execution.q.copy()
+    q[~rest] += 0.01
+    assert ac.evaluate(_with(execution, q), program, limits=LIMITS).contour_error.max > 1e-3
+
+
+def _with(execution, q):
+    return dataclasses.replace(execution, q=q)
+
+
+def test_a_program_of_one_contour_is_worth_what_its_path_is():
+    path = ac.round_corners(BEND, tolerance=1e-3)
+    one = round_corners(Program(moves=(Contour(path=BEND),)), tolerance=1e-3)
+    alone, as_program = executed(path), executed(one)
+    np.testing.assert_array_equal(alone.q, as_program.q)
+    first = ac.evaluate(alone, path, objective=BEND, limits=LIMITS, limit_use=True)
+    objective = Program(moves=(Contour(path=BEND),))
+    second = ac.evaluate(as_program, one, objective=objective, limits=LIMITS, limit_use=True)
+    for name in ("contour_error", "tracking_error", "objective_error"):
+        a, b = getattr(first, name), getattr(second, name)
+        assert (a.max, a.t_max, a.rms) == (b.max, b.t_max, b.rms)
+    assert first.corners == second.corners and len(first.corners) == 1
+    assert first.limit_ratios == second.limit_ratios
+    assert first.utilisation == second.utilisation
+    for found in (first, second):
+        assert found.until == found.settled > alone.taught.trajectory.duration
+        assert [x.max for x in found.contours] == [found.contour_error.max]
+
+
+def test_the_objective_gives_corners_and_short_contours_are_judged_too(
+    execution, program, objective
+):
+    found = ac.evaluate(execution, program, objective=objective, limits=LIMITS)
+    assert found.objective_error is not None
+    assert len(found.corners) == 5  # four of the square, which begins on a side, and one
+    assert found.objective_error.max >= found.contour_error.max * 0.5
+    dot = Path.polyline([[0.3, 0.2], [0.3, 0.2 + 1e-6]])
+    moves = (Contour(path=dot), Rapid(), Contour(path=BEND))
+    program = Program(moves=moves)
+    found = ac.evaluate(executed(program), program, limits=LIMITS)
+    assert len(found.contours) == 2
+    assert np.isfinite([x.rms for x in found.contours]).all()
+
+
+def test_a_rapid_is_not_judged_by_limits_of_the_tool():
+    limits = LIMITS.replace(speed=0.02, tool_acceleration=0.1)
+    trajectory = ac.plan(DRAWN, ARM, limits, ac.Optimal(reserve=0.2))
+    (rapid,) = (x for x in trajectory.spans if x.kind == "rapid")
+    t = np.linspace(*rapid.t, 200)
+    speed = np.linalg.norm(ARM.tool_velocity(trajectory(t), trajectory(t, 1)), axis=1)
+    assert speed.max() > 0.05
+    taught = ac.compensate(trajectory, SERVO, ac.Inverse(), period=4e-3)
+    execution = ac.execute(taught, ac.ServoPlant(ARM, SERVO, limits))
+    found = ac.evaluate(execution, DRAWN, limits=limits, limit_use=True)
+    for name in ("speed", "tool_acceleration", "centripetal_acceleration"):
+        assert found.limit_ratios[name] <= 1 + 1e-6
+    # Of the joints the rapid uses what the reserve leaves.
+    assert found.limit_ratios["joint_acceleration"] == pytest.approx(0.8, abs=1e-3)
+    assert found.speed < 0.021 and found.speed_overshoot < 0.001
+    # So does a check of the plan; a contour that is too fast is seen, at its own time.
+    found = ac.check(trajectory, ARM, limits)
+    assert not found.violated and found["speed"].ratio == pytest.approx(1.0, abs=1e-6)
+    assert found["joint_acceleration"].ratio == pytest.approx(0.8, abs=1e-3)
+    slower = ac.check(trajectory, ARM, limits.replace(speed=0.01))
+    assert [x.name for x in slower.violations] == ["speed"]
+    contours = [x.t for x in trajectory.spans if x.kind == "contour"]
+    assert any(a <= slower["speed"].t <= b for a, b in contours)
+
+
+def test_refuses_a_program_that_was_not_planned(execution, program, refuses):
+    one = Program(moves=program.contours[:1])
+    plain = executed(BEND)
+    for call, words in (
+        (partial(ac.evaluate, execution, one), "2 contours"),
+        (partial(ac.evaluate, execution, BEND, objective=one), "2 contours"),
+        (partial(ac.evaluate, execution, program, objective=one), "2 contours"),
+        (partial(ac.evaluate, execution, program, objective=BEND), "2 contours"),
+        (partial(ac.evaluate, execution, BEND), "2 contours"),
+        (partial(ac.evaluate, plain, program), "1 contour:"),
+        (partial(ac.trace, one, ARM), "trace takes a Path, not a Program"),
+        (partial(ac.check, plain.taught.trajectory, ARM, LIMITS, "path"), "not str"),
+    ):
+        refuses(call, InvalidInput, words)
+    planned, whole = plain.taught.trajectory, Program(moves=(Contour(path=BEND),))
+    found = [ac.check(planned, ARM, LIMITS, x).path_deviation for x in (whole, BEND)]
+    assert found[0] == found[1]
+
+
+def test_the_mean_speed_is_that_at_work_and_not_above_the_largest(execution, program):
+    found = ac.evaluate(execution, program)
+    plan = execution.taught.trajectory
+    works = [x.work for x in plan.contour_spans]
+    inside = np.any([(execution.t >= a) & (execution.t <= b) for a, b in works], axis=0)
+    mean = np.average(execution.tool_speed[inside])
+    assert found.path_velocity == pytest.approx(mean, rel=0.01) and mean < found.speed
