@@ -13,6 +13,7 @@ import pytest
 from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots as plots_of_plotly
 from tests.corner_job import CORNER_JOB
+from tests.dynamics_extra import needs_dynamics
 
 import armcontour as ac
 from armcontour.cli.running import built_in_job
@@ -258,6 +259,7 @@ def test_bodies_stand_in_the_coordinates_of_the_arms_base():
     assert (plane[:, 2] == 0).all() and np.ptp(plane[:, :2], axis=0).tolist() == [400, 90]
 
 
+@needs_dynamics
 def test_distances_pairs_and_the_nearest_posture_are_shown():
     plain = parse_job(SEAM, source="test")
     assert clearance(ac.run(plain)) is None or plain.arm.shapes is not None

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from plotly.offline import get_plotlyjs
+from tests.dynamics_extra import mark_all_but, needs_dynamics
 
 import armcontour as ac
 from armcontour.core.palette import LIMITS
@@ -72,6 +73,7 @@ def in_space(tmp_path_factory):
     return run(replace_runs(read_cell("ur5e", file), compensation=ac.NoCompensation()))
 
 
+@needs_dynamics
 def test_contours_have_a_table(study, in_space, in_order):
     page = render_report(study)
     in_order(page, "figures contours time paths joints")
@@ -122,7 +124,7 @@ def fitted(svg, result):
     return lambda x: np.column_stack([x, np.ones(len(x))]) @ found, sizes[0]
 
 
-@pytest.mark.parametrize("which", ["study", "in_space"])
+@pytest.mark.parametrize("which", mark_all_but(["study", "in_space"], ["study"]))
 def test_the_drawing_shows_which_limit_restricts_the_speed_where(which, request):
     study = request.getfixturevalue(which)
     (result,) = study.runs.values()
@@ -152,6 +154,7 @@ def test_the_drawing_shows_which_limit_restricts_the_speed_where(which, request)
     assert total == pytest.approx(result.trajectory.duration, rel=0.02)
 
 
+@needs_dynamics
 def test_the_drawing_shows_kerf_leads_and_the_drawn_contours():
     job = read_cell("ur5e", DRAWINGS / "plate.dxf")
     lead = Lead(length=2e-3, shape="arc", active=True)
@@ -294,6 +297,7 @@ def test_the_sample_drawings_are_what_their_script_writes(tmp_path):
             assert (tmp_path / name).read_bytes() == (DRAWINGS / name).read_bytes()
 
 
+@needs_dynamics
 def test_leads_and_pierces_are_told_apart(tmp_path):
     switch, pierce = Switch(name="laser"), Pierce(time=0.1, height=4e-3)
     leads = {"lead_in": Lead(length=3e-3, active=True), "lead_out": Lead(length=2e-3)}
