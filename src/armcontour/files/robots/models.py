@@ -51,16 +51,16 @@ def arm_of_model(model: Any, options: ArmOptions) -> SerialArm:
         joint = model.joints[k + 1]
         slides = "Prismatic" in joint.shortname()
         step[joint.idx_v] = locked_position(options, names[k + 1], slides=slides)
-    at = pin.integrate(model, pin.neutral(model), step)
+    posture = pin.integrate(model, pin.neutral(model), step)
     ids = [i for i in model.supports[frame.parentJoint] if i > 0 and i - 1 not in held]
     data, columns = model.createData(), [model.idx_vs[i] for i in ids]
     axes = []
     for i, v in zip(ids, columns, strict=True):
-        twist = pin.computeJointJacobian(model, data, at, i)[:, v]
+        twist = pin.computeJointJacobian(model, data, posture, i)[:, v]
         if model.nvs[i] != 1 or np.abs(twist[:3]).max() > 0:
             raise _turns_not(names[i], source)
         axes.append(twist[3:])
-    pin.forwardKinematics(model, data, at)
+    pin.forwardKinematics(model, data, posture)
     links: list[list[Body]] = [[] for _ in (0, *ids)]
     # Each joint, with all that it carries, belongs to the moving joint before it, or to the base.
     carrier = [0] * model.njoints
@@ -74,8 +74,8 @@ def arm_of_model(model: Any, options: ArmOptions) -> SerialArm:
     }
     # A joint without a range may have two numbers for its angle.
     for name, ends in zip(JOINT_RANGE, ("lower", "upper"), strict=True):
-        of = getattr(model, f"{ends}PositionLimit")
-        table[name] = [of[model.idx_qs[i]] if model.nqs[i] == 1 else np.inf for i in ids]
+        limit = getattr(model, f"{ends}PositionLimit")
+        table[name] = [limit[model.idx_qs[i]] if model.nqs[i] == 1 else np.inf for i in ids]
     return _arm(
         model.name or "model",
         source,
@@ -104,19 +104,7 @@ def arm_of_mjcf(file: FilePath, options: ArmOptions) -> SerialArm:
         InvalidInput: MuJoCo is not installed, the file is none of its models, there is no such body
             or joint, or a joint of the arm does not turn.
     """
-    file_access.read_bytes(str(file), "robot description")
-    try:
-        mujoco = import_module("mujoco")
-    except ImportError:
-        raise InvalidInput(
-            f"{file} is read by the package mujoco, which is not installed: "
-            "pip install 'armcontour[experiment]'."
-        ) from None
-    try:
-        model = mujoco.MjModel.from_xml_path(str(file))
-    except ValueError as error:
-        reason = str(error).strip().splitlines()[0].rstrip(".")
-        raise InvalidInput(f"{file} is no model of MuJoCo: {reason}.") from None
+    mujoco, model = _read_mjcf(file)
     data, source = mujoco.MjData(model), str(file)
     names = [model.joint(j).name or f"joint {j + 1}" for j in range(model.njnt)]
     kinds, hinge = [mujoco.mjtJoint(x) for x in model.jnt_type], mujoco.mjtJoint.mjJNT_HINGE
@@ -125,12 +113,11 @@ def arm_of_mjcf(file: FilePath, options: ArmOptions) -> SerialArm:
     sites = [model.site(k).name or f"site {k}" for k in range(model.nsite)]
     tip = _find_tip([*bodies, *sites], bodies[:1], source, options)
     on_site = tip >= model.nbody
-    last = model.site_bodyid[tip - model.nbody] if on_site else tip
-    own = [range(x, x + n) for x, n in zip(model.body_jntadr, model.body_jntnum, strict=True)]
+    joints = [range(x, x + n) for x, n in zip(model.body_jntadr, model.body_jntnum, strict=True)]
     route: list[int] = []
-    body = last
+    body = model.site_bodyid[tip - model.nbody] if on_site else tip
     while body:
-        route = [*own[body], *route]
+        route = [*joints[body], *route]
         body = model.body_parentid[body]
     ids = [j for j in route if j not in held]
     step = np.zeros(model.nv)
@@ -147,7 +134,7 @@ def arm_of_mjcf(file: FilePath, options: ArmOptions) -> SerialArm:
     links: list[list[Body]] = [[] for _ in (0, *ids)]
     carrier = [0] * model.nbody
     for b in range(1, model.nbody):
-        moving = [ids.index(j) + 1 for j in own[b] if j in ids]
+        moving = [ids.index(j) + 1 for j in joints[b] if j in ids]
         carrier[b] = moving[-1] if moving else carrier[model.body_parentid[b]]
         turn = data.ximat[b].reshape(3, 3)
         inertia = turn @ np.diag(model.body_inertia[b]) @ turn.T
@@ -178,6 +165,23 @@ def arm_of_mjcf(file: FilePath, options: ArmOptions) -> SerialArm:
         coulomb=model.dof_frictionloss[dofs],
         gravity=np.array(model.opt.gravity),
     )
+
+
+def _read_mjcf(file: FilePath) -> tuple[Any, Any]:
+    """The module MuJoCo, and its model of an MJCF file."""
+    file_access.read_bytes(str(file), "robot description")
+    try:
+        mujoco = import_module("mujoco")
+    except ImportError:
+        raise InvalidInput(
+            f"{file} is read by the package mujoco, which is not installed: "
+            "pip install 'armcontour[experiment]'."
+        ) from None
+    try:
+        return mujoco, mujoco.MjModel.from_xml_path(str(file))
+    except ValueError as error:
+        reason = str(error).strip().splitlines()[0].rstrip(".")
+        raise InvalidInput(f"{file} is no model of MuJoCo: {reason}.") from None
 
 
 def _largest_torque(model: Any, j: int) -> float:
