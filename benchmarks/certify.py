@@ -24,9 +24,9 @@ def lines() -> list[Line]:
 def _prepare() -> Pair:
     whole = built_in_job()
     run = next(x for x in whole.runs if x.name == "optimal")
-    this = replace(run, compensation=ac.Inverse(), period=4e-3, experiment=None)
+    this = replace(run, compensation=ac.Inverse(), cycle=4e-3, experiment=None)
     job = replace(whole, runs=(this,))
-    ours = timed(lambda: ac.certify(job, goal=ac.Goal(servo=2e-6, rms=5e-7)))
+    ours = timed(lambda: ac.certify(job, goal=ac.CertificateGoal(servo=2e-6, rms=5e-7)))
     plain = timed(lambda: ac.run(job))
 
     def notes() -> list[str]:

@@ -65,8 +65,8 @@ def circles(count: int) -> str:
     return f'{head}viewBox="0 0 {size} {size}">{"".join(found)}</svg>'
 
 
-TAUGHT = ("--no-simulation", "--export", "csv")
-GCODE = Drawn("ngc", gcode, "lines of G-code", 2000, TAUGHT)
+SET_POINTS = ("--no-simulation", "--export", "csv")
+GCODE = Drawn("ngc", gcode, "lines of G-code", 2000, SET_POINTS)
 CIRCLES = Drawn("svg", circles, "circles", 30, ("--no-simulation",))
 
 

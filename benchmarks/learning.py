@@ -33,8 +33,8 @@ def _paper() -> Pair:
 
 def _learn(arm: ac.Arm, path: ac.Path, limits: ac.Limits) -> Pair:
     plan = ac.plan(path, arm, limits.for_joints(arm.dof))
-    taught = ac.compensate(plan, SERVO, ac.Inverse())
+    set_points = ac.compensate(plan, SERVO, ac.Inverse())
     plant = ac.RigidBodyPlant(arm, SERVO.replace(kp=24.0))
-    executed = ac.execute(taught, plant)
-    ours = timed(lambda: ac.learn(taught, executed, arm=arm, servo=SERVO))
+    executed = ac.simulate(set_points, plant)
+    ours = timed(lambda: ac.learn(set_points, executed, arm=arm, servo=SERVO))
     return Pair(ours, timed(reference.work))

@@ -10,7 +10,7 @@ from armcontour.cli.running import built_in_job
 from benchmarks import reference
 from benchmarks.measured import Bar, Line, Pair, timed
 
-PERIOD = 4e-3
+CYCLE = 4e-3
 POINTS = ((0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350))
 TOLERANCE, ACCELERATION, SPEED = 5e-3, 0.09, 0.15  # m, m/s², m/s
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
@@ -80,8 +80,8 @@ def _planned(objective: ac.Path, arm: ac.Arm, limits: ac.Limits) -> tuple[ac.Pat
 
 
 def _executed(arm: ac.Arm, limits: ac.Limits, plan: ac.Trajectory) -> ac.Execution:
-    taught = ac.compensate(plan, SERVO, ac.PolePlacement(), period=PERIOD)
-    return ac.execute(taught, ac.ServoPlant(arm, SERVO, limits))
+    set_points = ac.compensate(plan, SERVO, ac.PolePlacement(), cycle=CYCLE)
+    return ac.simulate(set_points, ac.ServoPlant(arm, SERVO, limits))
 
 
 def _judge(

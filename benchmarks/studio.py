@@ -66,10 +66,10 @@ def _prepare(text: str, *, change: Callable[[Data, int], Data], executed: bool =
     from armcontour.studio.executed import executed_frame
     from armcontour.studio.handles import handles_of
     from armcontour.studio.picture import picture_frame
-    from armcontour.studio.preview import Previewer
+    from armcontour.studio.preview import CoarsePlanner
     from armcontour.studio.view import View
 
-    data, previewer, numbers = load(text, "job"), Previewer(), count()
+    data, previewer, numbers = load(text, "job"), CoarsePlanner(), count()
     handles = handles_of(previewer.job(data, "optimal"), data)
     view = View(handles.plane, handles.centre)
 
@@ -77,7 +77,7 @@ def _prepare(text: str, *, change: Callable[[Data, int], Data], executed: bool =
         planned = previewer.plan(change(data, next(numbers) % STEPS), "optimal")
         found = [picture_frame(planned, view).pack()]
         if executed:
-            found.append(executed_frame(previewer.execute(planned), view).pack())
+            found.append(executed_frame(previewer.simulate(planned), view).pack())
         return found
 
     def notes() -> list[str]:

@@ -361,7 +361,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                     found.append(x)
                     sign = "≥" if x.least else "≤"
                     bar = "" if x.bar is None else f"{sign} {x.bar:g} {x.unit}"
-                    missed = "" if x.kept else "missed"
+                    missed = "" if x.kept else "coverage_error"
                     table.add_row(x.what, f"{x.value:.3g} {x.unit}", bar, missed, x.more)
     Console(width=130).print(table)
     print(f"Load of the machine: {os.getloadavg()[0]:.1f}.")

@@ -9,8 +9,8 @@ limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
 
 planned = ac.plan(rounded, arm, limits, ac.Paper(knots=600))
 servo = ac.ServoModel(kp=25.0, kv=150.0)
-taught = ac.compensate(planned, servo, ac.PolePlacement(), period=4e-3)
-executed = ac.execute(taught, ac.ServoPlant(arm, servo))
+set_points = ac.compensate(planned, servo, ac.PolePlacement(), cycle=4e-3)
+executed = ac.simulate(set_points, ac.ServoPlant(arm, servo))
 result = ac.evaluate(executed, rounded, objective=objective, limits=limits)
 
 print(f"motion {result.duration:.3f} s, at rest after {result.settled:.3f} s")

@@ -17,10 +17,10 @@ planned = ac.plan(slot, arm, limits, ac.Paper())
 servo = ac.ServoModel(kp=[25.0, 20.0], kv=150.0)
 errors = {}
 for options in (ac.NoCompensation(), ac.PolePlacement()):
-    taught = ac.compensate(planned, servo, options, period=1e-3)
-    executed = ac.execute(taught, ac.ServoPlant(arm, servo))
-    error = errors[taught.method] = ac.evaluate(executed, slot, limits=limits).contour_error
+    set_points = ac.compensate(planned, servo, options, cycle=1e-3)
+    executed = ac.simulate(set_points, ac.ServoPlant(arm, servo))
+    error = errors[set_points.method] = ac.evaluate(executed, slot, limits=limits).contour_error
     print(
-        f"{taught.method:15s} contour error {error.rms * 1e3:.4f} mm RMS, "
+        f"{set_points.method:15s} contour error {error.rms * 1e3:.4f} mm RMS, "
         f"{error.max * 1e3:.4f} mm at most"
     )

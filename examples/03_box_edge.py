@@ -24,10 +24,12 @@ for place in explanation.shortfalls:
     print(f"  {place.kind}: {place.sentence}")
 servo = ac.ServoModel(kp=25.0, kv=150.0)
 for options in (ac.NoCompensation(), ac.PolePlacement(), ac.InverseDynamics()):
-    taught = ac.compensate(planned, servo, options, period=4e-3, arm=arm)
+    set_points = ac.compensate(planned, servo, options, cycle=4e-3, arm=arm)
     for plant in (ac.ServoPlant(arm, servo), ac.RigidBodyPlant(arm, servo)):
-        error = ac.evaluate(ac.execute(taught, plant), rounded, objective=objective).contour_error
+        error = ac.evaluate(
+            ac.simulate(set_points, plant), rounded, objective=objective
+        ).contour_error
         print(
-            f"{taught.method:16s} {type(plant).__name__:14s} contour error "
+            f"{set_points.method:16s} {type(plant).__name__:14s} contour error "
             f"{error.rms * 1e3:.4f} mm RMS, {error.max * 1e3:.4f} mm at most"
         )

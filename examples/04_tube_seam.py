@@ -22,8 +22,8 @@ except ac.Unreachable as error:
 free = seam.following_tangent((0.0, 0.0, 1.0), axis_only=True)
 planned = ac.plan(free, arm, limits)
 servo = ac.ServoModel(kp=25.0, kv=150.0)
-taught = ac.compensate(planned, servo, ac.Inverse(), period=4e-3)
-result = ac.evaluate(ac.execute(taught, ac.ServoPlant(arm, servo)), free, limits=limits)
+set_points = ac.compensate(planned, servo, ac.Inverse(), cycle=4e-3)
+result = ac.evaluate(ac.simulate(set_points, ac.ServoPlant(arm, servo)), free, limits=limits)
 print(f"free:  all {free.length * 1e3:.0f} mm in {planned.duration:.2f} s")
 print(
     f"contour error {result.contour_error.max * 1e3:.4f} mm at most, "

@@ -16,12 +16,12 @@ job = ac.Job(
             name="slot",
             limits=arm.limits.replace(speed=0.12, centripetal_acceleration=0.09),
             rounding=ac.Rounding(tolerance=2e-3),
-            period=4e-3,
+            cycle=4e-3,
         ),
     ),
 )
-found = ac.certify(job, goal=ac.Goal(servo=1e-5))
+found = ac.certify(job, goal=ac.CertificateGoal(servo=1e-5))
 error = found.evaluation.contour_error
 print(f"certified in {found.duration:.3f} s, {found.cost * 1e3:.0f} ms more than the optimum")
 print(f"contour error {error.max * 1e3:.4f} mm at most; holds for: {found.model}")
-print(f"set-points lead by {-found.taught.start_time * 1e3:.0f} ms")
+print(f"set-points lead by {-found.set_points.start_time * 1e3:.0f} ms")

@@ -24,25 +24,25 @@ servo = ac.ServoModel(kp=25.0, kv=150.0)
 limits = arm.limits.replace(speed=0.05, centripetal_acceleration=0.09)
 
 
-def cut(asked: ac.Process) -> ac.TaughtData:
+def cut(asked: ac.Process) -> ac.SetPoints:
     """Plan, compensate, execute and judge what a process asks for."""
     objective = ac.prepare(gasket, asked)
     program = ac.round_corners(objective, tolerance=2e-4)
     # A tenth of the joints' acceleration is left to the servo.
     planned = ac.plan(program, arm, limits, ac.Optimal(reserve=0.1))
-    taught = ac.compensate(planned, servo, ac.Inverse(), period=4e-3)
-    executed = ac.execute(taught, ac.ServoPlant(arm, servo))
+    set_points = ac.compensate(planned, servo, ac.Inverse(), cycle=4e-3)
+    executed = ac.simulate(set_points, ac.ServoPlant(arm, servo))
     found = ac.evaluate(executed, program, objective=objective, limits=limits)
     worst = max(found.contours, key=lambda x: x.max)
     name = program.contours[found.contours.index(worst)].name
     print(f"{planned.duration:.1f} s, contour error {worst.max * 1e3:.4f} mm at most, on {name}")
-    return taught
+    return set_points
 
 
-taught = cut(process)
-for event in taught.trajectory.events[:2]:
+set_points = cut(process)
+for event in set_points.trajectory.events[:2]:
     state = "on" if event.value else "off"
     print(f"  {event.name} {state} at {event.t:.3f} s, {event.due - event.t:.3f} s ahead")
 
 print("From 500 mm on, after a stop:")
-cut(dataclasses.replace(process, from_s=0.5))
+cut(dataclasses.replace(process, resume_at=0.5))

@@ -19,15 +19,15 @@ loaded = arm.with_dynamics(
 )
 real = servo.replace(kp=[25.0, 24.0, 26.0, 23.0, 25.0, 25.5])
 
-taught = ac.compensate(planned, servo, ac.InverseDynamics(), period=4e-3, arm=arm)
+set_points = ac.compensate(planned, servo, ac.InverseDynamics(), cycle=4e-3, arm=arm)
 errors = []
 for run in range(1, 4):
     robot = ac.RigidBodyPlant(loaded, real, known=arm, noise=1e-5, seed=run)
-    executed = ac.execute(taught, robot)
+    executed = ac.simulate(set_points, robot)
     error = ac.evaluate(executed, path).contour_error
     errors.append(error)
     print(
         f"run {run}: contour error {error.rms * 1e3:.3f} mm RMS, {error.max * 1e3:.3f} mm at most"
     )
-    taught = ac.learn(taught, executed, arm=arm, servo=servo)
-print(f"next: {taught.predicted * 1e3:.3f} mm RMS expected")
+    set_points = ac.learn(set_points, executed, arm=arm, servo=servo)
+print(f"next: {set_points.predicted * 1e3:.3f} mm RMS expected")

@@ -13,15 +13,15 @@ corner = ac.Path.polyline([(0.30, 0.20), (0.36, 0.20), (0.36, 0.24)])
 path = ac.round_corners(corner, tolerance=2e-3)
 limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
 planned = ac.plan(path, arm, limits)
-taught = ac.compensate(planned, servo, ac.InverseDynamics(), period=4e-3, arm=arm)
+set_points = ac.compensate(planned, servo, ac.InverseDynamics(), cycle=4e-3, arm=arm)
 
 
 def write_log(file: Path, executed: ac.Execution, seed: int) -> None:
     """What a controller would log: time, set-points and measured positions."""
     t = np.arange(executed.t[0] - 0.3, executed.t[-1] + 0.3, 0.008)
     noise = 1e-6 * np.random.default_rng(seed).standard_normal((len(t), arm.dof))
-    at = executed.taught.t
-    u = np.stack([np.interp(t, at, x) for x in executed.taught.q.T], axis=1)
+    at = executed.set_points.t
+    u = np.stack([np.interp(t, at, x) for x in executed.set_points.q.T], axis=1)
     q = np.stack([np.interp(t, executed.t, x) for x in executed.q.T], axis=1) + noise
     table = np.column_stack([t + 1234.567, np.degrees(u), np.degrees(q)])
     titles = "t [s],command 1 [deg],command 2 [deg],measured 1 [deg],measured 2 [deg]"
@@ -32,13 +32,14 @@ robot = ac.RigidBodyPlant(arm, servo.replace(kp=[25.0, 24.0]))
 errors = []
 with tempfile.TemporaryDirectory() as folder:
     for run in range(1, 4):
-        executed = ac.execute(taught, robot)
+        executed = ac.simulate(set_points, robot)
         error = ac.evaluate(executed, path).contour_error
         errors.append(error)
         print(f"run {run}: {error.rms * 1e3:.4f} mm RMS, {error.max * 1e3:.4f} mm at most")
         log = Path(folder) / f"run{run}.csv"
         write_log(log, executed, run)
-        taught = ac.learn(taught, ac.read_log(log), arm=arm, servo=servo)
-        begun = -taught.runs[-1].offset
-        print(f"  the log shows {taught.runs[-1].rms * 1e3:.4f} mm; the run began at {begun:.4f} s")
-print(f"next: {taught.predicted * 1e3:.4f} mm expected; finished: {taught.finished}")
+        set_points = ac.learn(set_points, ac.read_log(log), arm=arm, servo=servo)
+        begun = -set_points.runs[-1].offset
+        rms = set_points.runs[-1].rms
+        print(f"  the log shows {rms * 1e3:.4f} mm; the run began at {begun:.4f} s")
+print(f"next: {set_points.predicted * 1e3:.4f} mm expected; finished: {set_points.finished}")

@@ -23,8 +23,8 @@ compare("5 mm, lines 0.1 mm", objective, arm, limits, 5e-3, line_tolerance=1e-4,
 planned = compare("5 mm", objective, arm, limits, 5e-3)
 
 servo = ac.ServoModel(kp=25.0, kv=150.0)
-taught = ac.compensate(planned, servo, ac.InverseDynamics(), period=4e-3, arm=arm)
-executed = ac.execute(taught, ac.RigidBodyPlant(arm, servo))
+set_points = ac.compensate(planned, servo, ac.InverseDynamics(), cycle=4e-3, arm=arm)
+executed = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))
 for name, path in (("shaped", planned.path), ("objective", objective)):
     error = ac.evaluate(executed, path).contour_error
     print(f"  executed within {error.max * 1e3:.2f} mm of the {name} path")

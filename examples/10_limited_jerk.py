@@ -6,7 +6,7 @@ import numpy as np
 
 import armcontour as ac
 
-PERIOD = 4e-3
+CYCLE = 4e-3
 
 
 def show(name, path, limits):
@@ -14,11 +14,11 @@ def show(name, path, limits):
     planned = ac.plan(path, arm, limits)
     inside = np.linspace(0.0, planned.duration, 20_001)
     jerk = np.abs(planned(inside, 3)).max()
-    samples = planned(np.arange(0.0, planned.duration, PERIOD))
-    thirds = np.abs(np.diff(samples, 3, axis=0)).max() / PERIOD**3
-    taught = ac.compensate(planned, servo, ac.Inverse(), period=PERIOD)
-    seconds = np.abs(np.diff(taught.q, 2, axis=0)).max() / PERIOD**2
-    executed = ac.execute(taught, ac.ServoPlant(arm, servo))
+    samples = planned(np.arange(0.0, planned.duration, CYCLE))
+    thirds = np.abs(np.diff(samples, 3, axis=0)).max() / CYCLE**3
+    set_points = ac.compensate(planned, servo, ac.Inverse(), cycle=CYCLE)
+    seconds = np.abs(np.diff(set_points.q, 2, axis=0)).max() / CYCLE**2
+    executed = ac.simulate(set_points, ac.ServoPlant(arm, servo))
     error = ac.evaluate(executed, path).contour_error
     print(f"{name}: {planned.duration:.3f} s, contour error {error.rms * 1e3:.4f} mm RMS")
     print(f"  jerk {jerk:.2f} rad/s³ between breaks, {thirds:.2f} from samples every 4 ms")

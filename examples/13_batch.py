@@ -12,7 +12,7 @@ path: {points: [[0.30, 0.20], [0.40, 0.20], [0.40, 0.30]]}
 limits: {speed: 0.1 m/s, centripetal_acceleration: 0.09 m/s^2}
 corners: {tolerance: 1 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
-command_interval: 4 ms
+cycle: 4 ms
 runs: {only: {}}
 """
 OVER = {

@@ -20,8 +20,8 @@ for program in (1, 2):
     u *= 5e-3 / np.abs(u).max()
     u[(t > 8.0) & (t < 10.0)] += 0.5
     u += (0.3, 1.2)
-    rest = ac.Trajectory(laws=(ac.stand_still(u[0], t[-1]),), method="rest")
-    shaken = ac.execute(ac.TaughtData(period=4e-3, q=u, trajectory=rest, method="shaking"), robot)
+    rest = ac.Trajectory(laws=(ac.dwell_law(u[0], t[-1]),), method="rest")
+    shaken = ac.simulate(ac.SetPoints(cycle=4e-3, q=u, trajectory=rest, method="shaking"), robot)
     noise = 1e-5 * random.standard_normal(u.shape)
     q = np.stack([np.interp(t, shaken.t, x) for x in shaken.q.T], axis=1) + noise
     logs.append(ac.Log(t=t, command=u, measured=q, interpolation="linear"))
@@ -39,6 +39,6 @@ limits = arm.limits.replace(speed=0.1, centripetal_acceleration=0.05)
 planned = ac.plan(path, arm, limits, ac.Optimal(reserve=0.1))
 errors = {}
 for name, servo in (("data sheet", data_sheet), ("identified", found.servo_model())):
-    taught = ac.compensate(planned, servo, ac.Inverse(), period=4e-3)
-    error = errors[name] = ac.evaluate(ac.execute(taught, robot), path).contour_error
+    set_points = ac.compensate(planned, servo, ac.Inverse(), cycle=4e-3)
+    error = errors[name] = ac.evaluate(ac.simulate(set_points, robot), path).contour_error
     print(f"{name}: contour error {error.rms * 1e3:.4f} mm RMS, {error.max * 1e3:.4f} mm at most")

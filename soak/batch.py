@@ -35,7 +35,7 @@ def plan_of(folder: FilePath, jobs: int) -> FilePath:
         "over": {
             "corners.tolerance": {"from": "0.1 mm", "to": "10 mm", "steps": side, "scale": "log"},
             "limits.speed": {"from": "0.05 m/s", "to": "0.25 m/s", "steps": -(-jobs // side)},
-            "runs.optimal.command_interval": "4 ms",
+            "runs.optimal.cycle": "4 ms",
             "experiment": None,
         },
     }

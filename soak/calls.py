@@ -35,7 +35,7 @@ path: {points: [[0.30, 0.20], [0.33, 0.20], [0.33, 0.23]]}
 limits: {speed: 0.1 m/s, centripetal_acceleration: 0.09 m/s^2}
 corners: {tolerance: 1 mm}
 servo: {kp: 25 1/s, kv: 150 1/s, dead_time: 4 ms}
-command_interval: 10 ms
+cycle: 10 ms
 runs: {only: {timing: {intervals: 100}, compensation: {method: none}}}
 certificate: {servo: 0.1 mm}
 placement: {over: {x: {from: -5 mm, to: 5 mm, places: 2}}, refine: false}
@@ -43,15 +43,15 @@ placement: {over: {x: {from: -5 mm, to: 5 mm, places: 2}}, refine: false}
     "line.csv": "x [mm],y [mm]\n300,200\n330,200\n",
     "log.csv": "\n".join(["t,u1,q1", *ROWS]),
     "motion.csv": "\n".join(["t [s],q1 [rad],q2 [rad]", *ROWS]),
-    "plan.yaml": "{job: bend.yaml, over: {command_interval: 10 ms}, do: teach}",
+    "plan.yaml": "{job: bend.yaml, over: {cycle: 10 ms}, do: teach}",
 }
 # Methods that only the package calls, with what it has checked; most of them are in inner loops.
 INNER = {
-    *("Demand.columns", "Execution.between", "Orientation.cut", "Orientation.even"),
+    *("SegmentLimits.columns", "Execution.between", "Orientation.cut", "Orientation.even"),
     *("Orientation.join", "Orientation.place", "SecondOrder.allowed", "SecondOrder.on"),
-    *("SecondOrder.usage", "ServoModel.refuse_mixed", "ServoModel.refuse_too_fast"),
+    *("SecondOrder.usage", "ServoModel.check_orders", "ServoModel.check_gains"),
     *("ServoModel.saturate", "motion_between", "on_interval", "on_piece", "on_segment"),
-    *("Box.dead_time_of", "Box.gains_of", "Box.refuse_payload_below_zero", "PlaceSearch.check"),
+    *("Box.dead_time_of", "Box.gains_of", "Box.check_payload", "PlaceSearch.check"),
     *("rates_on_piece", "run", "times", "URScriptFormat.write", "TemplateFormat.write"),
 }
 # Arguments that start processes, or wait for a server.
@@ -95,14 +95,14 @@ def right() -> dict[str, Any]:
     joint_path = ac.trace(path, arm)
     trajectory = ac.plan(joint_path, arm, limits, ac.Optimal(intervals=100))
     slow = ac.plan(joint_path, arm, limits.replace(speed=0.02), ac.Optimal(intervals=100))
-    taught = ac.compensate(trajectory, servo, ac.NoCompensation(), period=0.01)
+    set_points = ac.compensate(trajectory, servo, ac.NoCompensation(), cycle=0.01)
     plant = ac.ServoPlant(arm, servo, limits)
-    executed = ac.execute(taught, plant)
+    executed = ac.simulate(set_points, plant)
     known = arm.with_dynamics(armature=0.1, payload=ac.Payload(mass=0.5))
     t = np.arange(400) * 4e-3
     wave = 0.01 * np.sin(np.outer(t, [5.0, 7.0])) * np.clip(t, 0, 1)[:, None]
     log = ac.Log(t=t, command=wave, measured=np.roll(wave, 5, axis=0))
-    rest = ac.Log(t=2 * t, command=0 * wave + taught.q[0], measured=0 * wave + taught.q[0])
+    rest = ac.Log(t=2 * t, command=0 * wave + set_points.q[0], measured=0 * wave + set_points.q[0])
     return locals()
 
 
@@ -110,9 +110,9 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
     """The public functions with the arguments that have no default, and some others."""
     x = right()
     on = {"arm": x["arm"], "limits": x["limits"]}
-    learned = {"taught": x["taught"], "executed": x["executed"], "arm": x["arm"]}
-    robot = {"taught": x["taught"], "path": x["path"], **on, "servo": x["servo"]}
-    robot["box"] = robustness.Box(dead_time=1e-3)
+    learned = {"set_points": x["set_points"], "executed": x["executed"], "arm": x["arm"]}
+    robot = {"set_points": x["set_points"], "path": x["path"], **on, "servo": x["servo"]}
+    robot["box"] = robustness.Uncertainty(dead_time=1e-3)
     shaped = ac.Shaped(tolerance=1e-3, iterations=1)
     return [
         (ac.arm_names, {}),
@@ -124,9 +124,9 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         *((ac.compensate, {"trajectory": x["slow"], "servo": x["servo"], "options": m, **on})
           for m in (ac.NoCompensation(), ac.Inverse(), ac.PolePlacement())),
         (ac.evaluate, {"executed": x["executed"], "path": x["path"]}),
-        (ac.execute, {"taught": x["taught"], "plant": x["plant"]}),
+        (ac.simulate, {"set_points": x["set_points"], "plant": x["plant"]}),
         (ac.explain, {"trajectory": x["trajectory"], **on}),
-        (ac.export, {"data": x["taught"], "file": "a.csv"}),
+        (ac.export, {"data": x["set_points"], "file": "a.csv"}),
         (ac.fastest_poles, {"trajectory": x["slow"], "servo": x["servo"], "limits": x["limits"]}),
         (ac.identify, {"logs": x["log"]}),
         (ac.identify_bodies, {"logs": x["rest"], "arm": x["arm"]}),
@@ -147,7 +147,7 @@ def functions() -> list[tuple[Callable[..., Any], dict[str, Any]]]:
         (ac.run, {"job": x["job"]}),
         (ac.shape, {"path": x["objective"], **on, "options": shaped}),
         (ac.smooth_curvature, {"path": x["path"], "tolerance": 1e-5}),
-        (ac.stand_still, {"q": np.zeros(2), "duration": 1.0}),
+        (ac.dwell_law, {"q": np.zeros(2), "duration": 1.0}),
         (ac.sweep, {"job": x["job"], "tolerances": [2e-3]}),
         (ac.trace, {"path": x["path"], "arm": x["arm"]}),
         (ac.write_report, {"study": x["study"], "file": "a.html"}),
@@ -182,20 +182,20 @@ def instances() -> Iterator[Any]:
     space = ac.load_arm("ur5e")
     line = ac.Path.polyline([[0.5, 0.0, 0.2], [0.53, 0.0, 0.2], [0.53, 0.03, 0.2]])
     oriented = line.oriented(np.diag([1.0, -1.0, -1.0]))
-    yield from (space, space.chain, oriented, oriented.orientation, ac.Frame(), ac.Demand())
+    yield from (space, space.chain, oriented, oriented.orientation, ac.Frame(), ac.SegmentLimits())
     yield ac.round_corners(oriented, tolerance=1e-3)
     yield from x.values()
     yield from (ac.Line(start=[0, 0], end=[1, 0]), ac.Arc(start=[1, 0], center=[0, 0], angle=1.0))
     yield from (ac.Analog(name="gas"), ac.Dwell(duration=1.0), ac.Event(name="gas"))
     yield from (ac.Lead(length=1e-3), ac.Pierce(time=0.1), ac.Rapid(), ac.Switch(), ac.Process())
     yield from (ac.Tabs(width=1e-3, count=2), ac.Weave(width=1e-3, pitch=1e-3))
-    yield from (ac.Payload(mass=1.0), ac.Goal(servo=1e-4), ac.Scene(), scene.Margins())
+    yield from (ac.Payload(mass=1.0), ac.CertificateGoal(servo=1e-4), ac.Scene(), scene.Margins())
     yield from (scene.Box(size=[0.1, 0.1, 0.1]), scene.Cylinder(radius=0.1, length=0.1))
     yield from (scene.Capsule(radius=0.1, length=0.1), scene.Sphere(radius=0.1))
     yield scene.Mesh(points=np.random.default_rng(0).normal(size=(10, 3)))
     yield ac.Obstacle(name="ball", shape=scene.Sphere(radius=0.1))
     yield SecondOrder("own", nothing, [-0.05], [0.05])
-    yield robustness.Box(dead_time=1e-3)
+    yield robustness.Uncertainty(dead_time=1e-3)
     yield from (ac.CsvFormat(), ac.NpzFormat(), ac.McapFormat(), ac.RosYamlFormat())
     yield from (ac.URScriptFormat(), ac.TemplateFormat(template="krl"))
     yield from (ac.Optimal(), ac.Shaped(tolerance=1e-3), ac.Paper(), ac.Conventional())
@@ -209,7 +209,7 @@ def instances() -> Iterator[Any]:
     yield from (ac.Recording(t=x["t"], q=x["wave"]), ac.Cell(x["arm"], ac.Scene()))
     contour = ac.Contour(path=x["path"])
     yield from (contour, ac.Program(moves=(contour,)))
-    yield ac.Tally(total=2, done=1, before=0, seconds=1.0, statuses={"done": 1}, errors={})
+    yield ac.BatchProgress(total=2, done=1, before=0, seconds=1.0, statuses={"done": 1}, errors={})
     yield from (x["job"].runs[0], x["job"].runs[0].rounding, x["job"].placement)
     yield ac.identify(x["log"])
     yield ac.place(x["job"])
@@ -220,7 +220,7 @@ def instances() -> Iterator[Any]:
     yield ac.evaluate(x["executed"], x["path"])
     yield ac.RigidBodyPlant(x["known"], x["servo"])
     yield ac.shape(x["objective"], x["arm"], x["limits"], ac.Shaped(tolerance=1e-3, iterations=1))
-    lesson = ac.learn(x["taught"], x["executed"], arm=x["arm"], servo=x["servo"])
+    lesson = ac.learn(x["set_points"], x["executed"], arm=x["arm"], servo=x["servo"])
     yield from (lesson, lesson.runs[0])
     yield ac.explain(x["trajectory"], x["arm"], x["limits"])
     yield ac.batch("plan.yaml", "batch", workers=0)
@@ -266,7 +266,7 @@ def arguments_of(method: Callable[..., Any], x: Any) -> dict[str, Any]:
     q = np.full(getattr(x, "dof", 2), 0.3)
     given = right() | {
         **dict.fromkeys(("q", "dq", "ddq", "dddq"), q),
-        **dict.fromkeys(("s", "t", "by", "period", "resolution"), 0.01),
+        **dict.fromkeys(("s", "t", "by", "cycle", "resolution"), 0.01),
         **dict.fromkeys(("velocity", "acceleration"), [0.01, 0.01]),
         **dict.fromkeys(("up", "directions", "direction"), [0.0, 0.0, 1.0]),
         **dict.fromkeys(("angles", "position"), [0.1, 0.2, 0.3]),
@@ -312,7 +312,7 @@ def bad_values() -> list[Any]:
         *(np.zeros(2, complex), np.array(["a"]), np.array([None, 1.0], object), np.zeros(2, bool)),
         *(np.ma.masked_array([1.0, 2.0], [True, False]), np.array(["2020-01-01"], "M8[D]")),
         *(x["trajectory"], x["arm"], x["path"], x["joint_path"], x["limits"], x["servo"]),
-        *(x["taught"], x["job"], Path("none")),
+        *(x["set_points"], x["job"], Path("none")),
     ]
 
 

@@ -29,7 +29,7 @@ path:
 limits: {speed: 0.25 m/s, joint_velocity: 3.14, joint_acceleration: 6.4}
 corners: {tolerance: 0.25 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
-command_interval: 4 ms
+cycle: 4 ms
 certificate:
   plant: rigid_body
   servo: 1 mm
@@ -58,10 +58,10 @@ KEPT = 1e-9
 def outside(drawing: str, cell: str) -> list[str]:
     """Sentences on what a certificate does not hold; none if it holds."""
     job = read_cell(cell, DRAWINGS / drawing)
-    found = ac.certify(job, goal=ac.Goal(servo=SERVO))
+    found = ac.certify(job, goal=ac.CertificateGoal(servo=SERVO))
     arm, limits = job.arm, found.run.limits
-    executed = ac.execute(
-        found.taught, ac.ServoPlant(arm, job.plant_servo, limits), resolution=1e-4
+    executed = ac.simulate(
+        found.set_points, ac.ServoPlant(arm, job.plant_servo, limits), resolution=1e-4
     )
     result = ac.evaluate(executed, found.path, objective=found.objective, limits=limits)
     said = [
@@ -100,7 +100,7 @@ servo:
   kv: {rng.uniform(100, 200)}
   dead_time: {rng.choice([0.0, 0.004])}
   interpolation: {rng.choice(["linear", "cubic"])}
-command_interval: {rng.choice([4, 8, 20])} ms
+cycle: {rng.choice([4, 8, 20])} ms
 certificate: {{servo: {10 ** rng.uniform(-6, -4)}}}
 runs:
   only: {{compensation: {{method: inverse}}}}
@@ -122,7 +122,7 @@ def until_rest(seed: int) -> list[str] | None:
         return None
     # The plant executes until all joints are at rest.
     plant = ac.ServoPlant(job.arm, job.plant_servo, found.run.limits)
-    executed = ac.execute(found.taught, plant, resolution=5e-5)
+    executed = ac.simulate(found.set_points, plant, resolution=5e-5)
     error = float(found.path.path.project(executed.tool).distance.max())
     stated = {
         "the budget": found.budget.executed,
@@ -154,7 +154,7 @@ def largest_acceleration(
     return float(found.max()), float(t[np.argmax(found)])
 
 
-def on_bodies(count: int) -> list[str]:
+def simulate_rigid_bodies(count: int) -> list[str]:
     """Sentences on robots that are outside of a certificate on rigid bodies; none if it holds."""
     job = parse_job(SQUARE)
     found = ac.certify(replace(job, arm=job.arm.with_dynamics(armature=0.1)))
@@ -162,7 +162,7 @@ def on_bodies(count: int) -> list[str]:
     assert box is not None and budget is not None
     unknowns = Unknowns.of(box, found.job.arm, found.job.plant_servo)
     runs = BodyRuns(
-        taught=found.taught,
+        set_points=found.set_points,
         path=found.path.contours[0].path,
         unknowns=unknowns,
         limits=found.run.limits.for_joints(found.job.arm.dof),
@@ -187,7 +187,7 @@ def run(seed: int) -> Outcome:
     if seed < len(CASES):
         return Outcome(kind="drawing", result="certified", notes=outside(*CASES[seed]))
     if seed == len(CASES):
-        return Outcome(kind="rigid bodies", result="certified", notes=on_bodies(ROBOTS))
+        return Outcome(kind="rigid bodies", result="certified", notes=simulate_rigid_bodies(ROBOTS))
     notes = until_rest(seed)
     result = "refused" if notes is None else "certified"
     return Outcome(kind="random", result=result, notes=notes or [])

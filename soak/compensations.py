@@ -16,7 +16,7 @@ from armcontour.control.compensation import METHODS
 from soak import Outcome
 
 NAMES = ("none", "inverse", "pole_placement", "inverse_dynamics")
-KP, KV, PERIOD = 25.0, 150.0, 4e-3
+KP, KV, CYCLE = 25.0, 150.0, 4e-3
 # Gains of robots are within this share of the nominal ones; so many are drawn.
 GAINS, DRAWN = 0.2, 6
 Plant = Callable[[ac.ServoModel], ac.ServoPlant | ac.RigidBodyPlant]
@@ -43,8 +43,8 @@ def run(seed: int) -> Outcome:
         return Outcome(kind=name, result="not planned")
     errors = []
     for method in ("none", None):
-        taught = ac.compensate(plan, servo, METHODS[method](), arm=arm, period=PERIOD)
-        done = ac.execute(taught, ac.RigidBodyPlant(arm, servo))
+        set_points = ac.compensate(plan, servo, METHODS[method](), arm=arm, cycle=CYCLE)
+        done = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))
         errors.append(ac.evaluate(done, path).contour_error)
     none, default = errors
     ratio = max(default.rms / none.rms, default.max / none.max)
@@ -67,7 +67,7 @@ def rows(reserve: float) -> Iterator[str]:
     limits = {"speed": 0.1, "centripetal_acceleration": 1.0}
     plan = ac.plan(path, arm, arm.limits.replace(joint_acceleration=allowed, **limits))
     nominal = ac.ServoModel(kp=KP, kv=KV)
-    taught = [ac.compensate(plan, nominal, METHODS[x](), period=PERIOD, arm=arm) for x in NAMES]
+    set_points = [ac.compensate(plan, nominal, METHODS[x](), cycle=CYCLE, arm=arm) for x in NAMES]
     loaded = arm.with_dynamics(payload=ac.Payload(mass=0.2, center=(0.0, 0.0, 0.05)))
     rough = arm.with_dynamics(coulomb=1.0, viscous=1.0)
     robots: dict[str, list[ac.ServoModel]] = {
@@ -86,8 +86,8 @@ def rows(reserve: float) -> Iterator[str]:
         found.append(("bodies", name, plant, [nominal]))
     for judge, name, plant, servos in found:
         cells = []
-        for x in taught:
-            errors = [ac.evaluate(ac.execute(x, plant(s)), path).contour_error for s in servos]
+        for x in set_points:
+            errors = [ac.evaluate(ac.simulate(x, plant(s)), path).contour_error for s in servos]
             rms, most = np.median([e.rms for e in errors]), max(e.max for e in errors)
             cells.append(f"{rms * 1e3:.4f} / {most * 1e3:.3f}")
         yield f"| {judge} | {reserve:.0%} | {name} | " + " | ".join(cells) + " |"

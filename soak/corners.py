@@ -179,7 +179,7 @@ def judge(case):
     replaced = [(x, min(float(rounded.corners.tangent[0]), x.length)) for x in case.away]
     for name, one, other in (
         ("drawn", [(x, x.length) for x in drawn], case.away),
-        ("missed", [*replaced, *((x, x.length) for x in case.away)], drawn),
+        ("coverage_error", [*replaced, *((x, x.length) for x in case.away)], drawn),
     ):
         points = np.concatenate([x.at(length * SAMPLES) for x, length in one])
         off = np.min([x.distance(points) for x in other], axis=0).max()

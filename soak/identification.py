@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 import armcontour as ac
-from armcontour.motion import Log, TaughtData
+from armcontour.motion import Log, SetPoints
 from soak import Outcome
 
 # Names of the parameters of `move` in results.
@@ -28,7 +28,7 @@ LIMIT = 20.0  # rad/s²
 # Noise [rad], and times of a sample of the kinds of logs and of drawn ones [s].
 NOISE, INTERVAL, SAMPLE = 1e-5, 1e-3, 2e-3
 # Of robots: time of a set-point [s], duration [s], noise [rad].
-PERIOD, DURATION, OF_ROBOTS = 4e-3, 8.0, 1e-5
+CYCLE, DURATION, OF_ROBOTS = 4e-3, 8.0, 1e-5
 HOME = np.array([0.3, -1.5, 1.5, -1.2, -1.5, 0.0])
 COULOMB = np.array([6.0, 6.0, 4.0, 1.5, 1.5, 1.5])
 VISCOUS = np.array([8.0, 8.0, 5.0, 2.0, 2.0, 2.0])
@@ -190,7 +190,7 @@ def record(
 ) -> Log:
     """A log of a smooth motion; the controller holds the nominal arm against gravity."""
     rng = np.random.default_rng(1000 + seed)
-    t = np.arange(0, DURATION, PERIOD)
+    t = np.arange(0, DURATION, CYCLE)
     window = np.clip(np.minimum(t, DURATION - t) / 0.5, 0, 1)
     window = (window**3 * (10 - 15 * window + 6 * window**2))[:, None]
     lines = np.arange(1, int(DURATION) + 1)[:, None] / DURATION
@@ -199,13 +199,13 @@ def record(
     waves = np.sin(2 * np.pi * lines * t[:, None, None] + phase)
     q = HOME + 0.4 * window * np.einsum("kj,tkj->tj", size, waves)
     plan = ac.plan(ac.JointPath.spline(np.stack([HOME, HOME + 0.1])), known)
-    taught = TaughtData(period=PERIOD, q=q, trajectory=plan, method="none")
+    set_points = SetPoints(cycle=CYCLE, q=q, trajectory=plan, method="none")
     limits = ac.Limits.only(joint_torque=np.full(len(HOME), 1e4))
     plant = ac.RigidBodyPlant(true, servo, limits, noise=OF_ROBOTS, seed=seed, known=known)
-    done = ac.execute(taught, plant)
-    n = int((len(q) - 1) * PERIOD / 1e-3) + 1
+    done = ac.simulate(set_points, plant)
+    n = int((len(q) - 1) * CYCLE / 1e-3) + 1
     at = done.t[:n:every]
-    command = np.stack([np.interp(at, taught.t, x) for x in q.T], axis=1)
+    command = np.stack([np.interp(at, set_points.t, x) for x in q.T], axis=1)
     return Log(
         t=at, command=command, measured=done.q[:n:every] + rng.normal(0, OF_ROBOTS, command.shape)
     )

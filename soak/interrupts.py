@@ -133,14 +133,17 @@ class Bench:
 
         from armcontour.files import read_job
         from armcontour.jobs import run
-        from armcontour.simulation import ServoPlant, execute
+        from armcontour.simulation import ServoPlant, simulate
 
         job = read_job(self.folder / "job.yaml")
         plan = run(job, simulate=False).runs["only"]
         plant = ServoPlant(job.arm, job.servo)
-        done = execute(plan.taught, plant)
+        done = simulate(plan.set_points, plant)
         commands = np.column_stack(
-            [np.interp(done.t, plan.taught.t, plan.taught.q[:, k]) for k in range(job.arm.dof)]
+            [
+                np.interp(done.t, plan.set_points.t, plan.set_points.q[:, k])
+                for k in range(job.arm.dof)
+            ]
         )
         table = np.column_stack([done.t, commands, done.q])
         np.savetxt(self.folder / "log.csv", table, "%.9f", ",", header="t,u1,u2,q1,q2", comments="")

@@ -41,7 +41,7 @@ class Task:
 
     arm: ac.Arm
     path: ac.Path
-    taught: ac.TaughtData
+    set_points: ac.SetPoints
     acceleration: float  # rad/s²
 
 
@@ -71,8 +71,8 @@ def task(name):
             speed=0.25,
         )
     plan = ac.plan(path, arm, limits.for_joints(arm.dof))
-    taught = ac.compensate(plan, SERVO, ac.Inverse())
-    return Task(arm, path, taught, SLOW if name == "pmk3s" else ACCELERATION)
+    set_points = ac.compensate(plan, SERVO, ac.Inverse())
+    return Task(arm, path, set_points, SLOW if name == "pmk3s" else ACCELERATION)
 
 
 cached_task = cache(task)
@@ -119,8 +119,8 @@ def record(executed, noise, clock, rng):
     begin, end = executed.t[0] - rng.uniform(0.02, 0.2), executed.t[-1]
     t = np.arange(begin, end, INTERVAL)
     q = CubicSpline(executed.t, executed.q)(np.clip(t, executed.t[0], None))
-    taught = executed.taught
-    command = np.stack([np.interp(t, taught.t, x) for x in taught.q.T], axis=1)
+    set_points = executed.set_points
+    command = np.stack([np.interp(t, set_points.t, x) for x in set_points.q.T], axis=1)
     return ac.Log(
         t=(t - begin) * clock,
         command=command,
@@ -129,24 +129,26 @@ def record(executed, noise, clock, rng):
 
 
 def repeat(task, plant, noise, clock, rng, runs):
-    """Taught data of the last run, its execution, true errors of all runs [m], and lessons."""
-    taught, errors, lessons = task.taught, [], []
+    """Set-points of the last run, its execution, true errors of all runs [m], and lessons."""
+    set_points, errors, lessons = task.set_points, [], []
     for run in range(runs + 1):
-        done = ac.execute(taught, plant(run))
+        done = ac.simulate(set_points, plant(run))
         errors.append(ac.evaluate(done, task.path).contour_error.rms)
         if run == runs or (lessons and lessons[-1].finished):
             break
-        taught = ac.learn(taught, record(done, noise, clock, rng), arm=task.arm, servo=SERVO)
-        lessons.append(taught)
-    return taught, done, np.array(errors), lessons
+        set_points = ac.learn(
+            set_points, record(done, noise, clock, rng), arm=task.arm, servo=SERVO
+        )
+        lessons.append(set_points)
+    return set_points, done, np.array(errors), lessons
 
 
 def teach(task, rng, seed, runs):
     """True errors of all runs [m], lessons, and what noise alone leaves of the best run [m]."""
     plant, noise = draw(task, rng, seed)
     clock = rng.uniform(1 - CLOCK, 1 + CLOCK)
-    taught, done, errors, lessons = repeat(task, plant, noise, clock, rng, runs)
-    again = ac.execute(taught, plant(runs + 1))
+    set_points, done, errors, lessons = repeat(task, plant, noise, clock, rng, runs)
+    again = ac.simulate(set_points, plant(runs + 1))
     size = min(len(again.q), len(done.q))
     apart = np.linalg.norm(again.tool[:size] - done.tool[:size], axis=1)
     return errors, lessons, float(np.sqrt(np.mean(apart**2) / 2))
@@ -184,7 +186,7 @@ def run(seed: int) -> Outcome:
     own, rng = cached_task(name), np.random.default_rng([seed, ARMS.index(name)])
     errors, lessons, floor = teach(own, rng, seed, RUNS)
     noise = np.array([x.noise for x in lessons])
-    sure = SURE * noise / np.sqrt(own.taught.trajectory.duration * 25.0)
+    sure = SURE * noise / np.sqrt(own.set_points.trajectory.duration * 25.0)
     notes = []
     if (errors[1:] > np.minimum.accumulate(errors)[:-1] + sure).any():
         notes.append("a run is worse than the best before it")

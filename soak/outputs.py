@@ -189,11 +189,11 @@ def judge_program(seed: int) -> int:
                 x.off.append((s - tabs.width / 2, s + tabs.width / 2))
     first, begun = 0, 0.0
     if rng.random() < 0.6:
-        begun = from_s = rng.uniform(0, sum(y for _, y in visits) - 1e-3)
+        begun = resume_at = rng.uniform(0, sum(y for _, y in visits) - 1e-3)
         while begun >= visits[first][1]:
             begun -= visits[first][1]
             first += 1
-        process = dataclasses.replace(process, from_s=from_s)
+        process = dataclasses.replace(process, resume_at=resume_at)
     arm = ac.load_arm("pmk3s")
     limits = arm.limits.replace(speed=ASSIGNED)
     program = ac.prepare(ac.Program(moves=tuple(moves)), process)
@@ -330,7 +330,7 @@ class DrawnJob:
                 "corners": {"tolerance": write(self.tolerance, "m")},
                 "process": process,
                 "servo": {"kp": 25.0, "kv": 150.0},
-                "command_interval": write(0.004, "s"),
+                "cycle": write(0.004, "s"),
                 "runs": {"only": {"compensation": {"method": "none"}}},
             }
         )

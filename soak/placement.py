@@ -30,7 +30,7 @@ path:
 limits: {{speed: {speed}}}
 corners: {{tolerance: 0.25 mm}}
 servo: {{kp: 25 1/s, kv: 150 1/s}}
-runs: {{taught: {{compensation: {{method: inverse}}}}}}
+runs: {{compensated: {{compensation: {{method: inverse}}}}}}
 """
 SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 0]]
 

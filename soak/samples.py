@@ -96,11 +96,11 @@ process:
 limits: {speed: 0.15 m/s, centripetal_acceleration: 0.09 m/s^2}
 corners: {tolerance: 5 mm}
 servo: {kp: 25 1/s, kv: 150 1/s, dead_time: [2 ms, 3 ms]}
-command_interval: 4 ms
+cycle: 4 ms
 runs:
-  taught: &taught
+  compensated: &compensated
     timing: {method: optimal, reserve: 10 %}
-  compared: {<<: *taught, compensation: {method: inverse}}
+  compared: {<<: *compensated, compensation: {method: inverse}}
 """,
     """name: points
 arm: {name: ur5e, tool: {position: [0, 0, 120 mm], rpy: [0, 0, 90 deg]}}

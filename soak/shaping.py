@@ -207,14 +207,14 @@ def _with_demands(rng: Random, points: np.ndarray) -> ac.Path:
     if not (speeds or tolerances):
         return ac.Path.polyline(points)
     demands = [
-        ac.Demand(
+        ac.SegmentLimits(
             speed=float(10 ** rng.uniform(-1.7, -0.5)) if speeds else None,
             tolerance=float(10 ** rng.uniform(-4.3, -2.5)) if tolerances else None,
         )
         for _ in points[1:]
     ]
     return ac.Path.from_segments(
-        ac.Line(start=a, end=b, demand=x)
+        ac.Line(start=a, end=b, segment_limits=x)
         for a, b, x in zip(points[:-1], points[1:], demands, strict=True)
     )
 

@@ -174,7 +174,7 @@ def _round(rng: Random, points: np.ndarray) -> ac.Path:
     if rng.random() < 0.25:
         speeds = 10 ** rng.uniform(-2, 0, len(points) - 1)
         path = ac.Path.from_segments(
-            ac.Line(start=a, end=b, demand=ac.Demand(speed=float(v)))
+            ac.Line(start=a, end=b, segment_limits=ac.SegmentLimits(speed=float(v)))
             for a, b, v in zip(points[:-1], points[1:], speeds, strict=True)
         )
     else:

@@ -20,7 +20,7 @@ import armcontour as ac
 from armcontour import InvalidInput
 from armcontour.core import checks, errors
 from armcontour.core._banded import solve_banded
-from armcontour.core.checks import FloatArray, check_name, for_kernel
+from armcontour.core.checks import FloatArray, check_name, kernel_array
 from armcontour.core.fields import Checked, checked
 from armcontour.core.frames import (
     Frame,
@@ -54,19 +54,19 @@ def test_what_is_no_number_is_refused(refuses):
     # A value that is missing must not come back as whatever stands below the mask.
     masked = np.ma.masked_array([0.1, 0.2], mask=[False, True])
     for wrong in (masked, None, "5 mm", [0.1, np.nan]):
-        refuses(lambda x=wrong: checks.numbers("x", x, "m"), InvalidInput)
-    refuses(lambda: checks.number("speed", [0.1], "m/s"), InvalidInput, "not an array of 1.")
+        refuses(lambda x=wrong: checks.check_numbers("x", x, "m"), InvalidInput)
+    refuses(lambda: checks.check_number("speed", [0.1], "m/s"), InvalidInput, "not an array of 1.")
     given = np.ma.masked_array([0.1, 0.2], mask=False)
-    assert checks.numbers("x", given, "m").tolist() == [0.1, 0.2]
+    assert checks.check_numbers("x", given, "m").tolist() == [0.1, 0.2]
 
 
 def test_arrays_for_kernels_are_copied_where_needed_only():
     own = np.arange(6.0).reshape(2, 3)
-    assert for_kernel(own) is own
+    assert kernel_array(own) is own
     locked = own.copy()
     locked.setflags(write=False)
     for other in (locked, own.T, own[:, ::2], own.astype(int), own.tolist(), own.astype(">f8")):
-        found = for_kernel(other)
+        found = kernel_array(other)
         assert found is not other and np.array_equal(found, np.asarray(other))
         assert found.dtype == np.float64 and found.dtype.isnative
         assert found.flags.c_contiguous and found.flags.writeable
@@ -107,15 +107,15 @@ def pickled(x):
 def test_copies_are_locked_as_what_was_copied(copied, objective, arm, limits, servo, conventional):
     rounded = ac.round_corners(objective, tolerance=5e-3)
     planned = ac.plan(rounded, arm, limits)
-    taught = ac.compensate(conventional, servo, ac.NoCompensation())
+    set_points = ac.compensate(conventional, servo, ac.NoCompensation())
     plant = ac.ServoPlant(arm, servo.for_joints(2), limits)
-    executed = ac.execute(taught, plant)
+    executed = ac.simulate(set_points, plant)
     space = ac.load_arm("ur5e", payload=ac.Payload(mass=1.0))
     turned = ac.Path.polyline([(0.4, 0.1, 0.2), (0.45, 0.1, 0.2)]).pointing((0, 0, -1))
     assert space.shapes is not None
     cell = Scene(obstacles=(Obstacle(shape=Box(size=(0.1, 0.2, 0.3)), name="box"),))
     everything = (
-        *(cell, rounded, planned, taught, plant, executed, space, turned, planned.sample(0.01)),
+        *(cell, rounded, planned, set_points, plant, executed, space, turned, planned.sample(0.01)),
         *(ac.evaluate(executed, objective), ac.Program(moves=(ac.Contour(path=rounded),))),
         ac.smooth_curvature(rounded, tolerance=1e-4),
     )
@@ -393,7 +393,7 @@ VALUES = (
     ac.Payload(mass=1.0),
     ac.Limits(joint_velocity=np.ones(6), speed=0.1),
     ac.ServoModel(kp=25.0, kv=150.0),
-    ac.Demand(speed=0.1, tolerance=0.01),
+    ac.SegmentLimits(speed=0.1, tolerance=0.01),
     ac.Contour(ac.Path.polyline([(0, 0), (1, 0)])),
     ac.Event("laser"),
     ac.Process(kerf=1e-3, switch=ac.Switch(), analog=(ac.Analog("power"),)),

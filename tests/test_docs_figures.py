@@ -10,7 +10,7 @@ import armcontour as ac
 from armcontour.control.compensation.poles import pole_behaviour
 
 ROOT = Path(__file__).parent.parent
-PERIOD = 4e-3
+CYCLE = 4e-3
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 # As a velocity loop that takes its command 1 ms late has them, to first order.
 OTHER = SERVO.replace(kp=25.0 / 0.975, kv=150.0 * 0.975)
@@ -28,9 +28,9 @@ def plans():
 
 
 def executed(plan, options=INVERSE, servo=SERVO, bodies=False, arm=None):
-    taught = ac.compensate(plan, SERVO, options, period=PERIOD, arm=arm)
+    set_points = ac.compensate(plan, SERVO, options, cycle=CYCLE, arm=arm)
     plant = ac.RigidBodyPlant(ARM, servo) if bodies else ac.ServoPlant(ARM, servo, LIMITS)
-    return ac.execute(taught, plant)
+    return ac.simulate(set_points, plant)
 
 
 def errors(plan, path=ROUNDED, **how):

@@ -13,7 +13,7 @@ from tests.corner_job import CORNER_JOB
 
 import armcontour as ac
 from armcontour.control.identification.options import DRIVE_CYCLE, LONGEST_DELAY
-from armcontour.core.describing import MOST_LINES, line_up
+from armcontour.core.describing import MOST_LINES, format_table
 from armcontour.files import parse_job
 from armcontour.jobs import PlaceSearch
 from armcontour.planning.grid import DEFAULT_INTERVALS
@@ -165,11 +165,15 @@ STATED = [
     ("docs/concepts/clearance.md", r"`tool` \| (\S+) (mm)", MARGINS.tool),
     ("docs/tutorials/placement_and_clearance.md", r"by default (\S+) (mm), 2", MARGINS.environment),
     ("docs/guides/placement.md", r"`(\w+)` \(default\), `manip", field(PlaceSearch, "objective")),
-    ("docs/guides/certificate.md", r"`plant` \| `(\w+)` \(default\)", field(ac.Goal, "plant")),
+    (
+        "docs/guides/certificate.md",
+        r"`plant` \| `(\w+)` \(default\)",
+        field(ac.CertificateGoal, "plant"),
+    ),
     (
         "docs/guides/certificate.md",
         r"`saturation` \| `(\w+)` \(default\)",
-        field(ac.Goal, "saturation"),
+        field(ac.CertificateGoal, "saturation"),
     ),
     ("docs/concepts/programs.md", r"\| `(\w+)` \(default\) \| `inside", field(ac.Process, "order")),
     ("docs/guides/optimal.md", r"The method `(\w+)` is the default", ac.Optimal.method),
@@ -204,7 +208,7 @@ FACTS = {
     "Evaluation": ("motion 2.1855 s", "contour error, RMS"),
     "Explanation": ("joint 2 acceleration", "%"),
     "RoundedPath": ("rounded 1 corner",),
-    "Study": ("only", "2.1855 s"),
+    "JobResult": ("only", "2.1855 s"),
     "Placement": ("best place", "x 10 mm, yaw 90 deg", "1 refused by reach"),
     "Program": ("2 contours, 0.5 m", "CUT 1, MARK 1"),
     "Limits": ("joint_torque", "28 N m"),
@@ -228,10 +232,10 @@ def results():
         x.explanation,
         x.traced.joint_paths[0],
     )
-    yield from (x.path.path, x.taught, x.trajectory, x.trajectory.sample(0.1))
+    yield from (x.path.path, x.set_points, x.trajectory, x.trajectory.sample(0.1))
     best = Place(values={"x": 0.01, "yaw": np.pi / 2}, verdict=Verdict(bound=1.4, duration=1.5))
     yield ac.Placement(
-        job=job, run=job.runs[0], axes=(), objective="cycle", best=best, refined=best,
+        job=job, run=job.runs[0], axes=(), objective="drive_cycle", best=best, refined=best,
         verdicts=(best.verdict, Verdict(bound=1.6), Verdict(refusal="reach")),
         own=Verdict(refusal="reach"), moves=Moves(anchor=np.zeros(3)),
     )  # fmt: skip
@@ -259,5 +263,5 @@ def test_results_print_few_lines_and_their_repr_is_one():
 
 
 def test_texts_of_other_people_do_not_control_the_terminal():
-    text = line_up("a\x1b[2J", [("b\nc", "d\x07")])
+    text = format_table("a\x1b[2J", [("b\nc", "d\x07")])
     assert text.splitlines() == ["a\\x1b[2J", "  b\\nc  d\\x07"]

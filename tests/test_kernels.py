@@ -68,7 +68,7 @@ MAKES_ARRAYS = re.compile(
 def test_inner_functions_that_make_or_return_arrays_count_references():
     # Without references counted, arrays that they make would never be freed, and those that they
     # return freed too early.
-    for file in Path(ac.__file__).parent.rglob("_*.py"):
+    for file in Path(ac.__file__).parent.rglob("*.py"):
         if "@compiled(" in file.read_text(encoding="utf-8"):
             place = file.relative_to(Path(ac.__file__).parents[1]).with_suffix("")
             importlib.import_module(".".join(place.parts))
@@ -118,8 +118,8 @@ PACKAGE = Path(armcontour.__file__).parent
 @pytest.fixture(scope="module")
 def kernels():
     """All compiled functions of the package, by module and name."""
-    for file in PACKAGE.rglob("_*.py"):
-        if "kernels import" in file.read_text(encoding="utf-8"):
+    for file in PACKAGE.rglob("*.py"):
+        if "@compiled(" in file.read_text(encoding="utf-8"):
             place = file.relative_to(PACKAGE.parent).with_suffix("")
             import_module(".".join(place.parts))
     return {key: x for key, x in KERNELS.items() if key[0].startswith("armcontour.")}

@@ -15,9 +15,9 @@ import armcontour as ac
 from armcontour.core import pool
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.pool import (
-    Crew,
     InProcess,
     ProcessPool,
+    TaskQueue,
     map_in_order,
     map_in_processes,
     map_in_threads,
@@ -152,13 +152,13 @@ def test_an_error_of_an_executor_is_one_of_this_package(error):
 
 
 def test_a_lost_item_may_have_a_result():
-    with Crew(halve, Failing(ProcessEnded("It has ended.")), lambda: -1.0) as crew:
+    with TaskQueue(halve, Failing(ProcessEnded("It has ended.")), lambda: -1.0) as crew:
         crew.give(2)
         assert len(crew) == 1 and crew.take() == [(2, -1.0)]
 
 
 def test_this_process_works_when_an_item_is_given():
-    with Crew(halve, InProcess()) as crew:
+    with TaskQueue(halve, InProcess()) as crew:
         crew.give(2)
         assert len(crew) == 1 and crew.ahead == 1
         assert crew.take() == [(2, 0.5)] and crew.take() == []

@@ -126,8 +126,15 @@ def test_an_unknown_keyword_is_refused(limits, servo, refuses):
 # Results, and classes that only their subclasses make.
 NOT_MADE = {
     *("Arm", "Plant", "Batch", "Certificate", "Check", "Clearance", "Evaluation", "Explanation"),
-    *("BodyIdentification", "Identification", "LearnedRun", "Lesson", "LimitUse", "Placement"),
-    *("RoundedPath", "ShapedPath", "Study", "Tally"),
+    *(
+        "BodyIdentification",
+        "Identification",
+        "LearningRun",
+        "LearningResult",
+        "LimitUse",
+        "Placement",
+    ),
+    *("RoundedPath", "ShapedPath", "JobResult", "Tally"),
 }
 
 
@@ -208,7 +215,7 @@ def test_other_objects_are_refused_in_one_sentence(
     objective, arm, limits, servo, conventional, planned, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    taught = ac.compensate(conventional, servo, ac.NoCompensation())
+    set_points = ac.compensate(conventional, servo, ac.NoCompensation())
     plant, job = ac.ServoPlant(arm, servo, limits), built_in_job()
     parts = dict.fromkeys("lead_in lead_out switch tabs weave".split())
     parts |= {"events": (), "analog": (), "off_between": (), "by_layer": {}, "layers": {}}
@@ -219,11 +226,11 @@ def test_other_objects_are_refused_in_one_sentence(
         (ac.plan, (objective, arm), {"limits": limits}),
         (ac.shape, (objective, arm, limits, ac.Shaped(tolerance=1e-3)), {}),
         (ac.compensate, (conventional, servo), {"arm": arm, "limits": limits}),
-        (ac.execute, (taught, plant), {}),
+        (ac.simulate, (set_points, plant), {}),
         (ac.evaluate, (None, objective), {"limits": limits}),
         (ac.explain, (planned, arm), {"limits": limits}),
         (ac.check, (planned, arm), {"limits": limits}),
-        (ac.export, (taught, "a.csv"), {"arm": arm, "format": ac.CsvFormat()}),
+        (ac.export, (set_points, "a.csv"), {"arm": arm, "format": ac.CsvFormat()}),
         (ac.prepare, (objective, ac.Process()), {}),
         *((x, (job,), {}) for x in (ac.run, ac.certify, ac.sweep, ac.place)),
         (ac.read_job, ("a.yaml",), {}),

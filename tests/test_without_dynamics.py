@@ -73,9 +73,9 @@ def results(name, folder):
     assert plan.duration > ac.plan(path, arm, loose, ac.Optimal(start=q)).duration
     torque = arm.torque(*plan.motion(np.linspace(0, plan.duration, 500)))
     assert (np.abs(torque) <= most * (1 + 1e-6)).all()
-    taught = ac.compensate(plan, servo, ac.InverseDynamics(), arm=arm)
+    commands = ac.compensate(plan, servo, ac.InverseDynamics(), arm=arm)
     plants = ac.ServoPlant(arm, servo), ac.RigidBodyPlant(arm, servo, plan.limits)
-    errors = [ac.evaluate(ac.execute(taught, x), path) for x in plants]
+    errors = [ac.evaluate(ac.execute(commands, x), path) for x in plants]
     ac.write_report(errors[1], folder / f"{name}.html")
     return [plan.duration, *(x.contour_error.rms for x in errors)]
 

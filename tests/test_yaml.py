@@ -172,16 +172,16 @@ def teach_with_a_dwell_of_a_day(folder):
     file = folder / "part.ngc"
     file.write_text("G21 G90 G17\nG0 X10 Y10\nF600\nG1 X20 Y10\nG4 P99999\nG1 X20 Y20\nM2\n")
     job = read_cell("pmk3s", file)
-    runs = tuple(dataclasses.replace(x, period=1e-3) for x in job.runs)
+    runs = tuple(dataclasses.replace(x, cycle=1e-3) for x in job.runs)
     run(dataclasses.replace(job, runs=runs), simulate=False)
 
 
 def test_large_motions_are_refused(tmp_path):
     for call in (
-        lambda: run(job(limits__speed=1e-6, command_interval=1e-3), simulate=False).runs,
+        lambda: run(job(limits__speed=1e-6, cycle=1e-3), simulate=False).runs,
         lambda: teach_with_a_dwell_of_a_day(tmp_path),
     ):
-        with pytest.raises(ac.InvalidInput, match="longer command interval") as caught:
+        with pytest.raises(ac.InvalidInput, match="longer cycle") as caught:
             call()
         assert caught.value.needed > caught.value.allowed == 5e7
     with pytest.raises(ac.InvalidInput, match=r"Run one: At its assigned velocities.*raise speed"):
@@ -191,11 +191,11 @@ def test_large_motions_are_refused(tmp_path):
 def test_numbers_out_of_range_are_refused():
     for interval in (1e9, 5e-324, 2e-7):
         with pytest.raises(ac.InvalidInput, match="must be from 1e-(06 to 1|30 to 1e\\+12) s"):
-            job(command_interval=interval)
+            job(cycle=interval)
     # A number without a unit is in seconds.
     for interval in (2, 8, 250.0):
         with pytest.raises(ac.InvalidInput, match=f"is {interval:g} s.*{interval:g} ms"):
-            job(command_interval=interval)
+            job(cycle=interval)
     for step in (1e-12, 1e-300, 5e-324, 1e-9, 1e9):
         with pytest.raises(ac.InvalidInput, match="must be from 1e-06 to 0.1 s"):
             Experiment(step=step)
@@ -213,13 +213,16 @@ def test_compensation_and_execution_have_their_own_bounds():
     path = ac.Path.polyline([[0.30, 0.20], [0.34, 0.20]])
     plan = ac.plan(path, arm, limits.replace(speed=1e-3), ac.Optimal(intervals=50))
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    plant, taught = ac.ServoPlant(arm, servo), ac.compensate(plan, servo)
+    plant, set_points = ac.ServoPlant(arm, servo), ac.compensate(plan, servo)
     for call, words in (
         (
-            lambda: ac.compensate(plan, servo, period=1e-6),
-            "command interval of 1e-06 s would",
+            lambda: ac.compensate(plan, servo, cycle=1e-6),
+            "cycle of 1e-06 s would",
         ),
-        (lambda: ac.execute(taught, plant, resolution=1e-9), "The simulation of .* every 1e-09 s"),
+        (
+            lambda: ac.simulate(set_points, plant, resolution=1e-9),
+            "The simulation of .* every 1e-09 s",
+        ),
         (
             lambda: ac.plan(path, arm, limits, ac.Optimal(intervals=10**7)),
             "intervals of an",

@@ -62,8 +62,8 @@ OPTIONS = {
     ),
     # Exports have an interval of their own, and so has `Paper`, the arguments of a function; a
     # preview chooses a longer one.
-    "command_interval": (
-        "command_interval|period",
+    "cycle": (
+        "cycle|period",
         "files/(exports|stored_run)|cli/(exporting|options)|planning/options"
         "|studio/preview|control/(compensation|learning)"
         "|studies/certification|simulation|robot|report|motion|jobs/study|studio/tasks",

@@ -63,7 +63,7 @@ GROUPS = [
                 "--tolerance '0.1 mm'",
                 "--layer MARK --corner-shape free --iterations 2 --no-simulation",
                 "--continuity curvature",
-                "--from-s '0.45 m'",
+                "--resume-at '0.45 m'",
                 "--layer CUT",
                 "--turn '0, 0, 90 deg' --no-simulation",
                 "--at '300 mm, 0 mm, 100 mm'",
@@ -97,13 +97,13 @@ GROUPS = [
     [
         "run {drawings}/gasket.dxf --cell {drawings}/laser.yaml --out out --export csv",
         "export out cut.script --format urscript --output laser=0",
-        "export out cut --template kuka --reference --period '48 ms' --output laser=17 --force",
-        "export out cut.mod --template abb --reference --period '48 ms' --output laser=doLaser",
+        "export out cut --template kuka --reference --cycle '48 ms' --output laser=17 --force",
+        "export out cut.mod --template abb --reference --cycle '48 ms' --output laser=doLaser",
         "export out cut.yaml --format ros-yaml",
         "export out cut.txt",
-        "check out/taught/planned.csv --arm ur5e --json",
-        "check out/taught/planned.csv --path out/job.yaml --json",
-        "check out/taught/taught.csv --arm ur5e --scene ur5e --json",
+        "check out/compensated/planned.csv --arm ur5e --json",
+        "check out/compensated/planned.csv --path out/job.yaml --json",
+        "check out/compensated/set_points.csv --arm ur5e --scene ur5e --json",
     ],
 ]
 

@@ -35,7 +35,7 @@ path:
 limits: {speed: 0.25}
 corners: {tolerance: 1 mm}
 servo: {kp: 25, kv: 150}
-command_interval: 4 ms
+cycle: 4 ms
 runs: {optimal: {}}
 """
 
@@ -371,7 +371,7 @@ def write_job(file: FilePath, *runs: str, changes: Sequence[tuple[str, str]] = (
     blocks = re.split(r"(?m)^(?=  [\w-]+:)", rest)
     kept = "".join(x for x in blocks if x.strip().partition(":")[0] in runs)
     text = f"{head}\nruns:\n{kept}".replace("experiment: {}\n", "")
-    for old, new in (("command_interval: 0.2 ms", "command_interval: 4 ms"), *changes):
+    for old, new in (("cycle: 0.2 ms", "cycle: 4 ms"), *changes):
         assert old in text, old
         text = text.replace(old, new)
     file.write_text(text, encoding="utf-8")

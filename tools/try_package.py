@@ -108,7 +108,7 @@ def try_install(wheel: Path, place: Path) -> None:
     print(run(str(bin_folder / "armcontour"), "demo", cwd=work))
     print(f"Demo, with what it compiles at its first run: {time.monotonic() - began:.0f} s.")
     summary = json.loads((work / "demo" / "summary.json").read_text(encoding="utf-8"))
-    files = {"report.html", *(f"{name}/taught.csv" for name in summary["runs"])}
+    files = {"report.html", *(f"{name}/set_points.csv" for name in summary["runs"])}
     missing = [x for x in files if not (work / "demo" / x).is_file()]
     if missing:
         sys.exit(f"The demo lacks files: {', '.join(sorted(missing))}.")

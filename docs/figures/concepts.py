@@ -5,7 +5,7 @@ from __future__ import annotations
 import matplotlib.pyplot as plt
 import numpy as np
 from docs.figures import style
-from docs.figures.paper import ACCELERATION, ARM, LIMITS, OBJECTIVE, PERIOD, ROUNDED, SERVO, planned
+from docs.figures.paper import ACCELERATION, ARM, CYCLE, LIMITS, OBJECTIVE, ROUNDED, SERVO, planned
 from matplotlib.figure import Figure
 
 import armcontour as ac
@@ -48,9 +48,9 @@ def draw_fig_bends() -> Figure:
 def draw_fig_evaluation() -> Figure:
     """Contour error and tracking error, on a robot with unequal gains."""
     plan = planned()
-    taught = ac.compensate(plan, SERVO, ac.NoCompensation(), period=PERIOD)
+    set_points = ac.compensate(plan, SERVO, ac.NoCompensation(), cycle=CYCLE)
     robot = ac.ServoPlant(ARM, SERVO.replace(kp=[25.0, 20.0]), LIMITS)
-    executed = ac.execute(taught, robot)
+    executed = ac.simulate(set_points, robot)
     result = ac.evaluate(executed, ROUNDED, objective=OBJECTIVE, limits=LIMITS)
     figure, (near, time) = plt.subplots(1, 2, figsize=(9.0, 4.0), width_ratios=(1, 1.3))
     t = result.contour_error.t_max

@@ -14,10 +14,10 @@ from matplotlib.patches import Arc, Circle
 
 import armcontour as ac
 from armcontour.control.compensation import METHODS
-from armcontour.planning.mac_line import Line
+from armcontour.planning.paper_line import Line
 
 FINE = 2e-4  # s: nearly a continuous command
-PERIOD = 4e-3  # s: a usual command interval
+CYCLE = 4e-3  # s: a usual cycle
 KNOTS = 600
 CONVENTIONAL_TIME = 12.06  # s, T_total of Table I
 # Table I, mm: root mean square errors of the paper's simulations.
@@ -50,19 +50,19 @@ def conventional() -> Result:
     """Uniform speed along the objective path, no compensation."""
     limits = LIMITS.replace(speed=0.04)
     trajectory = ac.plan(OBJECTIVE, ARM, limits, ac.Conventional())
-    taught = ac.compensate(trajectory, SERVO, ac.NoCompensation(), period=FINE)
-    executed = ac.execute(taught, ac.ServoPlant(ARM, SERVO, limits))
+    set_points = ac.compensate(trajectory, SERVO, ac.NoCompensation(), cycle=FINE)
+    executed = ac.simulate(set_points, ac.ServoPlant(ARM, SERVO, limits))
     return Result(
         executed, ac.evaluate(executed, OBJECTIVE, limits=limits, until=CONVENTIONAL_TIME)
     )
 
 
 @cache
-def proposed(method: str = "pole_placement", fill: str = "linear", period: float = FINE) -> Result:
+def proposed(method: str = "pole_placement", fill: str = "linear", cycle: float = FINE) -> Result:
     """The realizable trajectory, compensated, on a servo with an interpolation."""
-    taught = ac.compensate(planned(), SERVO, METHODS[method](), period=period)
+    set_points = ac.compensate(planned(), SERVO, METHODS[method](), cycle=cycle)
     plant = ac.ServoPlant(ARM, SERVO.replace(interpolation=fill), LIMITS)
-    executed = ac.execute(taught, plant)
+    executed = ac.simulate(set_points, plant)
     return Result(executed, ac.evaluate(executed, ROUNDED, objective=OBJECTIVE, limits=LIMITS))
 
 
@@ -239,7 +239,7 @@ def draw_fig07_blocks() -> Figure:
         axes.text(x + 2.2, y - 4.2, "−", ha="center", va="center", fontsize=9)
     for x, text in (
         (1.5, "realizable\ntrajectory"),
-        (35.5, "taught data\n$u_j$"),
+        (35.5, "set-points\n$u_j$"),
         (99, r"$\ddotθ_j$"),
         (111.5, r"$\dotθ_j$"),
         (131, "$θ_j$"),
@@ -320,7 +320,7 @@ def draw_fig10_results() -> Figure:
         ("Proposed\n(simulation)", proposed(), style.PROPOSED, 6.0),
         (
             "Proposed, held as steps every 4 ms\n(simulation, not the paper's experiment)",
-            proposed(fill="step", period=PERIOD),
+            proposed(fill="step", cycle=CYCLE),
             style.OTHER,
             7.5,
         ),

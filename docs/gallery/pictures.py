@@ -81,7 +81,12 @@ def draw_05(names: Names) -> Figure:
     figure, axes = plt.subplots(figsize=SIZE)
     joint = 1
     for label, t, q, look in (
-        ("set-points, every 4 ms", found.taught.t, found.taught.q, {"marker": ".", "lw": 0.6}),
+        (
+            "set-points, every 4 ms",
+            found.set_points.t,
+            found.set_points.q,
+            {"marker": ".", "lw": 0.6},
+        ),
         ("executed", found.execution.t, found.execution.q, {"lw": 2.5}),
     ):
         part = t < 0.35
@@ -98,7 +103,7 @@ def draw_05(names: Names) -> Figure:
 def draw_06(names: Names) -> Figure:
     """The gasket: contours, leads and rapids, the laser on and off."""
     figure, axes = plt.subplots(figsize=SIZE)
-    plan, arm = names["taught"].trajectory, names["arm"]
+    plan, arm = names["set_points"].trajectory, names["arm"]
     program = ac.prepare(names["gasket"], names["process"])
     for span in plan.spans:
         if span.kind == "rapid":

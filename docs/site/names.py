@@ -23,8 +23,8 @@ PARTS = (
 HEAD = """# Python
 
 Names of `armcontour` itself stay: `import armcontour as ac`, then `ac.plan(...)`. Names that only a
-room has, such as `armcontour.simulation.robustness.Box`, may move between versions. What takes or
-gives a quantity does so in [SI units and radians](../../../conventions.md); arrays are time first.
+package has, such as `armcontour.simulation.robustness.Uncertainty`, may move between versions.
+Quantities are in [SI units and radians](../../../conventions.md); arrays are time first.
 `FloatArray` is an array of NumPy with float64, `ArrayLike` what NumPy makes one of.
 `armcontour.__version__` is the version.
 

@@ -1,7 +1,7 @@
 """Contouring with industrial robot arms.
 
     Path --round_corners--> Path --trace--> JointPath --plan--> Trajectory --compensate-->
-    TaughtData --execute--> Execution --evaluate--> Evaluation
+    SetPoints --simulate--> Execution --evaluate--> Evaluation
 
 Each arrow is one function of this package; `run(job)` is all of them at once. Names are loaded when
 they are first used, so that importing the package costs nothing.
@@ -11,13 +11,13 @@ from armcontour.core.lazy import lazy_names
 
 # The public names by their modules; `tools/stubs.py` writes them for type checkers.
 _HOME = {
-    "batches": "Batch Tally batch",
+    "batches": "Batch BatchProgress batch",
     "control.compensation": "CompensationOptions Inverse InverseDynamics NoCompensation "
     "PolePlacement compensate",
     "control.compensation.poles": "fastest_poles",
     "control.identification": "BodyFit BodyIdentification Identification ServoFit identify "
     "identify_bodies",
-    "control.learning": "LearnedRun Lesson Recording learn",
+    "control.learning": "LearningResult LearningRun Recording learn",
     "core.errors": "ArmContourError Collision CompensationError ExecutionError InvalidInput "
     "NotRealizable Unreachable",
     "core.frames": "Frame",
@@ -29,9 +29,9 @@ _HOME = {
     "files.log_file": "read_log",
     "files.robots.loading": "arm_names load_arm",
     "files.robots.options": "ArmOptions",
-    "geometry": "Arc Demand Line Orientation Path RoundedPath ShapedPath",
-    "jobs": "Goal Job PlaceSearch Rounding Run Study run",
-    "motion": "Execution JointPath Log TaughtData Trajectory stand_still",
+    "geometry": "Arc Line Orientation Path RoundedPath SegmentLimits ShapedPath",
+    "jobs": "CertificateGoal Job JobResult PlaceSearch Rounding Run run",
+    "motion": "Execution JointPath Log SetPoints Trajectory dwell_law",
     "planning": "Conventional Explanation Optimal Paper PlanOptions Shaped explain plan shape",
     "planning.tracing": "trace",
     "program": "Analog Contour Dwell Event Lead Pierce Process Program Rapid Switch Tabs Weave "
@@ -40,7 +40,7 @@ _HOME = {
     "robot": "Arm Limits Payload PlanarTwoLink SerialArm",
     "robot.scene": "Obstacle Scene",
     "robot.servo": "ServoModel",
-    "simulation": "Plant RigidBodyPlant ServoPlant execute",
+    "simulation": "Plant RigidBodyPlant ServoPlant simulate",
     "studies.certification": "Certificate certify sweep",
     "studies.placement": "Placement place",
     "verification": "Check Evaluation LimitUse check evaluate",

@@ -146,7 +146,7 @@ def results(jobs):
     text = (jobs / "bend.yaml").read_text()
     job = ac.read_job(_written(jobs, text + PLACED + "experiment: {}\n"))
     yield "run", ac.run(job).runs["only"]
-    yield "certify", ac.certify(job, goal=ac.Goal(tolerance=1.2e-3))
+    yield "certify", ac.certify(job, goal=ac.CertificateGoal(tolerance=1.2e-3))
     yield "place", ac.place(job)
 
 

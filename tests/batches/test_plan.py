@@ -27,7 +27,7 @@ def test_a_product_has_each_value_with_each_other(planned):
 
 
 def test_zipped_values_go_together_and_a_single_one_with_all(planned):
-    over = {SPEED: [0.05, 0.1], TOLERANCE: ["1 mm", "2 mm"], "command_interval": "8 ms"}
+    over = {SPEED: [0.05, 0.1], TOLERANCE: ["1 mm", "2 mm"], "cycle": "8 ms"}
     assert values(read_plan(planned(over, combine="zip"))) == [
         (0.05, 1e-3, 8e-3),
         (0.1, 2e-3, 8e-3),
@@ -52,7 +52,7 @@ def test_samples_fill_ranges_evenly_and_come_again(planned):
     over = {
         SPEED: {"from": 0.05, "to": 0.25},
         TOLERANCE: {"from": "0.1 mm", "to": "10 mm", "scale": "log"},
-        "command_interval": "8 ms",
+        "cycle": "8 ms",
     }
     plan = read_plan(planned(over, combine={"sobol": 64, "seed": 1}))
     drawn = np.array(values(plan))
@@ -130,7 +130,7 @@ PLACE, SOBOL = {"do": "place"}, {"combine": {"sobol": 8}}
 # Further keys of the plan, its parameters, words of the message.
 WRONG = [
     (PLACE, {}, ["do: place needs the key placement.over of bend.yaml"]),
-    (PLACE, {"placement.objective": ["cycle", "torque"]}, ["needs the key placement.over of"]),
+    (PLACE, {"placement.objective": ["duration", "torque"]}, ["needs the key placement.over of"]),
     (
         PLACE | {"columns": ["duration"]},
         {X: [{"from": 0, "to": 0.1, "places": 2}]},
@@ -167,7 +167,7 @@ WRONG = [
     ({"do": "teach", "columns": ["contour_error.rms"]}, {}, ["do: run", "does teach"]),
     ({"columns": ["duration", "duration"]}, {}, ["item 2", "twice"]),
     ({"columns": []}, {}, ["columns is empty"]),
-    ({}, {"command_interval.x": [1]}, ["bend.yaml", "command_interval is", "no key x"]),
+    ({}, {"cycle.x": [1]}, ["bend.yaml", "cycle is", "no key x"]),
     ({}, {"runs.other.duration": [1]}, ["names no run of the job: it has only"]),
     ({}, {x: between(1, 2, 9999) for x in (SPEED, TOLERANCE)}, ["99980001 jobs"]),
     ({}, {SPEED: ["50 mm/s", 0.05]}, ["jobs 1 and 2", "the same"]),

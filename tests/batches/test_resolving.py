@@ -71,7 +71,7 @@ def plan_on(folder, arm):
         f"{{name: line, arm: {arm}, path: {{points: [[0.5, 0, 0.5], [0.5, 0.1, 0.5]]}}, limits: "
         "{joint_acceleration: 5}, servo: {kp: 25, kv: 150}, runs: {only: {}}}"
     )
-    over = {"command_interval": ["4 ms"]}
+    over = {"cycle": ["4 ms"]}
     return {"job": str(folder / "line.yaml"), "do": "teach", "over": over}
 
 

@@ -59,7 +59,7 @@ path:
 limits: {speed: 50 mm/s}
 corners: {tolerance: 0.2 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
-command_interval: 4 ms
+cycle: 4 ms
 runs: {own: {}}
 """
 

@@ -59,14 +59,14 @@ def test_j50_the_first_motion_of_an_own_rectangle(started, judge):
     text = studio.text
     draw(studio, (-100, 60), (20, -30))
     studio.rest()
-    agree(studio, judge(studio, "taught"))
+    agree(studio, judge(studio, "compensated"))
     # It has whole millimetres, and the handles can be grabbed.
     expect(studio.find("g.handle.waypoint")).to_have_count(5)
     numbers = re.findall(r"\{to: \[([^,]*) mm, ([^,]*) mm", studio.text)
     assert len(numbers) == 4 and all(float(x) == round(float(x)) for p in numbers for x in p)
     with studio.changing():
         studio.drag(studio.handle("waypoint", 1), (15, 5))
-    agree(studio, judge(studio, "taught"))
+    agree(studio, judge(studio, "compensated"))
     for _ in range(2):
         with studio.renewing():
             studio.find("#undo").click()
@@ -94,7 +94,7 @@ def test_j51_each_shape_is_drawn_to_typed_values_and_goes_on_at_the_end(started,
         draw(studio, (100, 0), (120, 0), typed="25")
     assert "angle: 360 deg" in studio.text
     studio.rest()
-    agree(studio, judge(studio, "taught"))
+    agree(studio, judge(studio, "compensated"))
     for _ in range(3):
         with studio.renewing():
             studio.find("#undo").click()
@@ -105,16 +105,16 @@ def test_j51_each_shape_is_drawn_to_typed_values_and_goes_on_at_the_end(started,
     with studio.changing():
         studio.page.keyboard.type("60x40")
         studio.page.keyboard.press("Enter")
-    agree(studio, judge(studio, "taught"))
+    agree(studio, judge(studio, "compensated"))
     assert len(re.findall(r"\bto:", studio.text)) == 4
 
 
 def test_j52_each_card_leads_to_a_motion(started, judge):
     studio = started
     for card, arm, run in (
-        ("drawing", "ur10e", "taught"),
-        ("gcode", "fr3", "taught"),
-        ("weld", "ur5e", "taught"),
+        ("drawing", "ur10e", "compensated"),
+        ("gcode", "fr3", "compensated"),
+        ("weld", "ur5e", "compensated"),
         ("paper", "ur5e", "optimal"),
     ):
         take(studio, card, arm)
@@ -148,7 +148,7 @@ def test_j55_the_pen_by_keys_draws_no_shape_without_a_side(started, judge):
             keys.press(key)
     assert len(re.findall(r"\bto:", studio.text)) == 4
     assert studio.page.evaluate("() => document.activeElement.ariaLabel") == "Rectangle"
-    agree(studio, judge(studio, "taught"))
+    agree(studio, judge(studio, "compensated"))
 
 
 def test_j56_figures_that_are_not_known_leave_no_notes(started):

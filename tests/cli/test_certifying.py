@@ -74,7 +74,7 @@ def test_a_drawing_of_several_contours_is_certified_in_one_command(tmp_path, don
     given = ("--cell", "pmk3s", "--servo", "0.1 mm", *some)
     shown = done("certify", GASKET, *given, "--out", out)
     data = summary(out)
-    found, run = data["certificate"], data["runs"]["taught"]
+    found, run = data["certificate"], data["runs"]["compensated"]
     assert len(found["contours"]) == 2
     moves = [x for x in run["moves"] if x["kind"] == "contour"]
     for x, row in zip(found["contours"], moves, strict=True):

@@ -20,7 +20,7 @@ JOB = {
     "servo": {"kp": 25, "kv": 150},
     "runs": {
         "sharp": {"timing": {"method": "conventional"}, "corners": "sharp"},
-        "rounded": {"timing": {"method": "mac"}},
+        "rounded": {"timing": {"method": "paper"}},
     },
 }
 LIMITS = {"speed": "0.15 m/s", "centripetal_acceleration": "0.0901 m/s^2", "deviation": "0.1 mm"}
@@ -119,9 +119,9 @@ def test_the_path_and_the_limits_of_one_run(folder, check, refused):
     uses = {x["name"]: x for x in found["limits"]}
     assert uses["speed"]["limit"] == 0.15 and uses["centripetal_acceleration"]["limit"] == 0.09
     # Runs that differ in their corners, and in their limits.
-    runs = {**JOB["runs"], "wide": {"timing": {"method": "mac"}, "corners": {"tolerance": 0.01}}}
+    runs = {**JOB["runs"], "wide": {"timing": {"method": "paper"}, "corners": {"tolerance": 0.01}}}
     (folder / "job.yaml").write_text(yaml.safe_dump({**JOB, "runs": runs}))
-    fast = {"timing": {"method": "mac"}, "limits": {"speed": 0.2}}
+    fast = {"timing": {"method": "paper"}, "limits": {"speed": 0.2}}
     runs = {**JOB["runs"], "fast": fast}
     (folder / "fast.yaml").write_text(yaml.safe_dump({**JOB, "runs": runs}))
     rows = [

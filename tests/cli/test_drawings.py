@@ -55,25 +55,25 @@ def test_runs_g_code_in_a_cell_with_exports(folder, call):
     for name in found["files"]:
         assert (folder / "out" / name).is_file()
     assert {x for x in found["files"] if "/export/" in x} == {
-        f"taught/export/{a}{b}" for a in ("taught", "reference") for b in (".csv", ".txt")
+        f"compensated/export/{a}{b}" for a in ("set_points", "reference") for b in (".csv", ".txt")
     }
-    told = (folder / "out" / "taught" / "export" / "taught.txt").read_text().splitlines()
+    told = (folder / "out" / "compensated" / "export" / "set_points.txt").read_text().splitlines()
     spindle = [x for x in told if x.startswith("spindle=")]
     assert spindle == ["spindle=on 3", "spindle=off 3", "spindle=on 3", "spindle=off 3"]
-    taught = table(folder / "out" / "taught" / "taught.csv")
-    np.testing.assert_allclose(np.diff(taught[:, 0]), 4e-3, atol=1e-12)
-    assert found["runs"]["taught"]["contour_error"]["max"] < 1e-4
+    set_points = table(folder / "out" / "compensated" / "set_points.csv")
+    np.testing.assert_allclose(np.diff(set_points[:, 0]), 4e-3, atol=1e-12)
+    assert found["runs"]["compensated"]["contour_error"]["max"] < 1e-4
     assert not list(folder.rglob(".armcontour-*"))
 
 
 def test_resumes_and_replaces_only_with_force(folder, call, refused):
     begin = "run plain.csv --cell pmk3s --no-simulation --out out"
     call(begin)
-    whole = table(folder / "out" / "taught" / "planned.csv")
-    rows = [("--from-s 60mm", ["--force"])]
+    whole = table(folder / "out" / "compensated" / "planned.csv")
+    rows = [("--resume-at 60mm", ["--force"])]
     assert refused(folder, rows, codes=(2,), begin=begin.split()) == []
-    call(begin, "--from-s", "60 mm", "--force")
-    rest = table(folder / "out" / "taught" / "planned.csv")
+    call(begin, "--resume-at", "60 mm", "--force")
+    rest = table(folder / "out" / "compensated" / "planned.csv")
     # The rest ends where the whole ends, and begins at the corner.
     np.testing.assert_allclose(rest[-1, 1:3], whole[-1, 1:3], atol=1e-9)
     corner = np.abs(whole[:, 1:3] - rest[0, 1:3]).max(axis=1)
@@ -131,7 +131,7 @@ def test_a_run_that_fails_leaves_the_earlier_result(folder, command_in, monkeypa
     line = "run plain.csv --cell pmk3s --out out --force --export csv"
     ended = command_in(folder, *line.split())
     assert ended.code == 1 and "Traceback" not in ended.errors
-    assert "taught.csv" in written
+    assert "set_points.csv" in written
     assert {x.name: x.read_text() for x in out.iterdir()} == earlier
     assert sorted(folder.rglob("*")) == before
 
@@ -140,23 +140,25 @@ def test_without_simulation_the_requested_files_are_written(folder, call):
     call("run part.ngc --cell pmk3s --no-simulation --out out --export csv")
     found = summary(folder / "out")
     assert found["simulated"] is False
-    exports = ["taught/export/reference.csv", "taught/export/taught.csv"]
+    exports = ["compensated/export/reference.csv", "compensated/export/set_points.csv"]
     assert found["files"] == [*exports, "summary.json"]
     written = {x.relative_to(folder / "out").as_posix() for x in (folder / "out").rglob("*.*")}
     assert written == {*found["files"], ".armcontour.json"}
-    run = found["runs"]["taught"]
+    run = found["runs"]["compensated"]
     assert run["duration"] > 0 and run["moves"] and "contour_error" not in run
     # The same set-points as with it.
     call("run part.ngc --cell pmk3s --out whole")
-    whole = folder / "whole" / "taught" / "taught.csv"
-    taught, file = table(whole), folder / "out" / "taught" / "export" / "taught.csv"
+    whole = folder / "whole" / "compensated" / "set_points.csv"
+    set_points, file = table(whole), folder / "out" / "compensated" / "export" / "set_points.csv"
     exported = np.loadtxt(file, delimiter=",", skiprows=1, usecols=(0, 1, 2))
-    np.testing.assert_array_equal(exported[:, 1:], taught[:, 1:3])
+    np.testing.assert_array_equal(exported[:, 1:], set_points[:, 1:3])
     # In exports time counts from the first set-point.
-    np.testing.assert_allclose(exported[:, 0], taught[:, 0] - taught[0, 0], rtol=0, atol=2e-12)
+    np.testing.assert_allclose(
+        exported[:, 0], set_points[:, 0] - set_points[0, 0], rtol=0, atol=2e-12
+    )
     titles = whole.read_text().splitlines()[0]
     assert titles == "t [s],q 1 [rad],q 2 [rad]" and file.read_text().startswith(titles)
     # Without formats it is the plain files.
     call("run part.ngc --cell pmk3s --no-simulation --out plain")
-    assert (folder / "plain" / "taught" / "planned.csv").is_file()
+    assert (folder / "plain" / "compensated" / "planned.csv").is_file()
     assert not (folder / "plain" / "report.html").exists()

@@ -17,7 +17,7 @@ G1 X30 Y20
 M5
 M2
 """
-REFERENCE = ("--reference", "--period", "48 ms")
+REFERENCE = ("--reference", "--cycle", "48 ms")
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def result(call, folder):
             *("run", "part.ngc", "--cell", "ur5e", "--out", "out", "--export", "csv"),
             *("--export", "ros-yaml", "--template", "abb", "--template", "kuka"),
             *("--output", "abb:spindle=doTool", "--output", "kuka:spindle=3"),
-            *("--period", "48 ms", "--tool-motion"),
+            *("--cycle", "48 ms", "--tool-motion"),
         )
         assert said.count("times the acceleration limit") == 1 and "no output is named" not in said
     return folder / "out"
@@ -51,22 +51,22 @@ def result(call, folder):
 
 @needs_dynamics
 def test_the_plan_is_sampled_at_the_period_and_outputs_are_of_their_format(result):
-    exports = result / "taught" / "export"
+    exports = result / "compensated" / "export"
     reference = pd.read_csv(exports / "reference.csv")
     np.testing.assert_allclose(np.diff(reference["t [s]"])[:-1], 0.048, atol=1e-12)
-    taught = pd.read_csv(exports / "taught.csv")
-    np.testing.assert_allclose(np.diff(taught["t [s]"]), 0.004, atol=1e-12)
+    set_points = pd.read_csv(exports / "set_points.csv")
+    np.testing.assert_allclose(np.diff(set_points["t [s]"]), 0.004, atol=1e-12)
     abb, kuka = ((exports / f"reference{x}").read_text() for x in (".mod", ".src"))
     assert "SetDO doTool" in abb and "$OUT[3]" in kuka
     # A period of 48 ms is 12 set-points of this controller.
     assert abs(abb.count("MoveAbsJ") - reference["t [s]"].iloc[-1] / 48e-3) <= 3
     # These controllers plan between the points: they get the plan only.
-    assert not (exports / "taught.mod").exists() and not (exports / "taught.src").exists()
+    assert not (exports / "set_points.mod").exists() and not (exports / "set_points.src").exists()
 
 
 @needs_dynamics
 def test_tool_motion_is_that_of_the_arm(result, folder):
-    found = pd.read_csv(result / "taught" / "export" / "reference.csv")
+    found = pd.read_csv(result / "compensated" / "export" / "reference.csv")
     arm = read_cell("ur5e", folder / "part.ngc").arm
     assert isinstance(arm, ac.SerialArm)
     q, dq = (
@@ -86,14 +86,14 @@ def test_tool_motion_is_that_of_the_arm(result, folder):
     np.testing.assert_allclose(found["speed [m/s]"], speed / (2 * step), atol=1e-8)
 
 
-@pytest.mark.parametrize("name", ["taught", "reference"])
+@pytest.mark.parametrize("name", ["set_points", "reference"])
 @needs_dynamics
 def test_an_earlier_result_gives_what_the_run_exported(name, result, call, folder):
     options = REFERENCE if name == "reference" else ()
     said = call("export", "out", f"{name}.csv", *options)
-    assert f"Exported {name} of run taught" in said
+    assert f"Exported {name} of run compensated" in said
     found = pd.read_csv(folder / f"{name}.csv")
-    before = pd.read_csv(result / "taught" / "export" / f"{name}.csv")
+    before = pd.read_csv(result / "compensated" / "export" / f"{name}.csv")
     shared = [x for x in before.columns if x in found.columns]
     assert shared == list(found.columns) and "events" in shared
     assert found["events"].equals(before["events"])
@@ -108,7 +108,7 @@ def test_an_earlier_result_gives_what_the_run_exported(name, result, call, folde
 def test_an_earlier_result_takes_the_arm_of_its_cell(result, call, folder):
     """A drawing is run in a cell, so that there is no job file of the run."""
     (folder / "own.yaml").write_text(cell_text("ur5e"))
-    before = pd.read_csv(result / "taught" / "export" / "reference.csv")
+    before = pd.read_csv(result / "compensated" / "export" / "reference.csv")
     for cell in ("ur5e", "own.yaml"):
         given = (*REFERENCE, "--tool-motion", "--job", cell)
         call("export", "out", f"{cell}.csv", *given)
@@ -123,21 +123,21 @@ def test_an_earlier_result_takes_the_arm_of_its_cell(result, call, folder):
 @needs_dynamics
 def test_refuses_in_one_sentence_and_writes_nothing(result, folder, refused, call, tmp_path):
     rows = [
-        ("a.csv --run none", ["'none'", "'taught'"]),
-        ("a.csv --period 48ms", ["--period goes with --reference"]),
-        ("a.csv --reference --period 1ms", ["multiple", "4 ms", "1 ms"]),
+        ("a.csv --run none", ["'none'", "'compensated'"]),
+        ("a.csv --cycle 48ms", ["--cycle goes with --reference"]),
+        ("a.csv --reference --cycle 1ms", ["multiple", "4 ms", "1 ms"]),
         ("a.csv --tool-motion", ["its job file or its cell with --job"]),
         ("a.csv --output spindle=1", ["--output goes with"]),
         ("a.script --output spindle=9", ["--export urscript", "spindle", "0 to 7"]),
         ("part.ngc --format csv", ["part.ngc exists already", "--force"]),
     ]
     assert refused(folder, rows, codes=(2,), begin=("export", "out")) == []
-    file = result / "taught" / "taught.csv"
+    file = result / "compensated" / "set_points.csv"
     text = file.read_text()
     file.write_text(text + "\n")
     rows = [
         (("export", tmp_path, "a.csv"), ["holds no result"]),
-        ("export out a.csv", ["taught.csv changed since"]),
+        ("export out a.csv", ["set_points.csv changed since"]),
     ]
     assert refused(folder, rows, codes=(2,)) == []
     file.write_text(text)
@@ -156,7 +156,7 @@ process:
   analog: [{name: power, rest: 20 %, full: 1000}]
 limits: {speed: 50 mm/s}
 servo: {kp: 25 1/s, kv: 150 1/s}
-runs: {taught: {}}
+runs: {compensated: {}}
 """
 
 
@@ -165,7 +165,7 @@ def test_analog_outputs_are_columns_of_a_run_and_not_of_an_earlier_result(call, 
     given = ("--no-simulation", "--export", "csv", "--export", "ros-yaml", "--out", "laser")
     told = call("run", "laser.yaml", *given)
     assert told.count("no place for analog outputs (power)") == 1 and "--export ros-yaml" in told
-    found = pd.read_csv(folder / "laser" / "taught" / "export" / "reference.csv")
+    found = pd.read_csv(folder / "laser" / "compensated" / "export" / "reference.csv")
     power = found["analog power"]
     assert power.iloc[0] == 0.0 and 990 < power.max() <= 1000 + 1e-6
     call("run", "laser.yaml", "--no-simulation", "--out", "plain")
@@ -186,7 +186,7 @@ process:
   analog: [{name: power, rest: 20 %, full: 1, off: 0}]
 limits: {speed: 50 mm/s}
 servo: {kp: 25 1/s, kv: 150 1/s}
-runs: {taught: {}}
+runs: {compensated: {}}
 """
 
 
@@ -195,11 +195,11 @@ def test_analog_outputs_of_robots_follow_their_options(call, folder):
     told = call(
         *("run", "robot.yaml", "--no-simulation", "--out", "robot", "--export", "urscript"),
         *("--template", "kuka", "--output", "urscript:power=AO1", "--output", "urscript:spindle=0"),
-        *("--period", "45 ms", "--call", "--export", "ros-yaml", "--derivatives", "0"),
+        *("--cycle", "45 ms", "--call", "--export", "ros-yaml", "--derivatives", "0"),
     )
     assert "does not set power" in told and "passthrough controller) needs velocities" in told
-    exports = folder / "robot" / "taught" / "export"
-    for name in ("taught", "reference"):
+    exports = folder / "robot" / "compensated" / "export"
+    for name in ("set_points", "reference"):
         text = (exports / f"{name}.script").read_text()
         # The period is for the other format: a servo needs every set-point.
         assert " 0.004, lookahead" in text and " 0.045, lookahead" not in text

@@ -25,7 +25,7 @@ path: {points: [[0.30, 0.20], [0.40, 0.20], [0.40, 0.30]]}
 limits: {speed: 0.10 m/s}
 corners: {tolerance: 2 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
-command_interval: 20 ms
+cycle: 20 ms
 runs: {plain: {compensation: {method: none}}}
 """
 SCENE = "{spheres: [{name: ball, radius: 10 mm, at: [1, 1, 0]}]}"

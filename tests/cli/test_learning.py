@@ -10,10 +10,10 @@ from tests.loaded_robot import loaded_robot
 
 from armcontour.cli.running import run_job
 from armcontour.files import read_job
+from armcontour.files.set_point_file import read_taught
 from armcontour.files.stored_run import read_run
-from armcontour.files.taught_file import read_taught
 from armcontour.jobs.learning import plan_run
-from armcontour.simulation import execute
+from armcontour.simulation import simulate
 
 DEGREES = np.degrees(1.0)
 TITLES = "t [s],command 1 [deg],command 2 [deg],measured 1 [deg],measured 2 [deg]"
@@ -32,13 +32,13 @@ class Shop:
         run_job(lambda _: self.job, self.first, simulate=False)
         self.table = self.executed(self.first, 0)
 
-    def executed(self, taught, number):
+    def executed(self, set_points, number):
         """What a controller logs of set-points: t, commands, positions, at 125 Hz in degrees."""
         robot = loaded_robot(self.job, self.plan, number)
-        done = execute(read_taught(taught, self.job, self.plan), robot)
+        done = simulate(read_taught(set_points, self.job, self.plan), robot)
         t = np.arange(done.t[0] - 0.2, done.t[-1] + 0.2, 0.008)
         noise = 1e-6 * np.random.default_rng(number).standard_normal((len(t), 2))
-        u = np.stack([np.interp(t, done.taught.t, x) for x in done.taught.q.T], axis=1)
+        u = np.stack([np.interp(t, done.set_points.t, x) for x in done.set_points.q.T], axis=1)
         q = np.stack([np.interp(t, done.t, x) for x in done.q.T], axis=1) + noise
         return np.column_stack([t + BEGUN, u * DEGREES, q * DEGREES])
 
@@ -57,49 +57,55 @@ def written(folder, table, titles=TITLES, name="run.csv"):
 def test_two_runs_of_a_robot(command, shop, tmp_path, refused, done):
     log, out, third = written(tmp_path, shop.table), tmp_path / "second", tmp_path / "third"
     learn = ("learn", shop.file, "--log")
-    shown = done(*learn, log, "--taught", shop.first, "--out", out)
+    shown = done(*learn, log, "--set-points", shop.first, "--out", out)
     assert "run.csv" in shown and "Go on" in shown and "next run should have" in shown
     data = summary(out)
     present = {x.relative_to(out).as_posix() for x in out.rglob("*") if x.is_file()}
     assert set(data["files"]) == present - {".armcontour.json"}
-    assert present >= {"only/taught.csv", "only/lesson.npz", "only/planned.csv", "report.html"}
+    assert present >= {"only/set_points.csv", "only/lesson.npz", "only/planned.csv", "report.html"}
     first = data["learning"]["runs"][0]
-    # Whole command intervals may be taken for dead time of the robot.
-    assert first["offset"] == pytest.approx(-BEGUN, abs=3 * shop.plan.taught.period)
+    # Whole cycles may be taken for dead time of the robot.
+    assert first["offset"] == pytest.approx(-BEGUN, abs=3 * shop.plan.set_points.cycle)
     assert not data["learning"]["finished"]
     assert 'id="learning"' in (out / "report.html").read_text(encoding="utf-8")
 
     # The file of set-points alone finds what was learned beside it.
     second = written(tmp_path, shop.executed(out, 1), name="run2.csv")
-    given = ("--taught", out / "only/taught.csv", "--out", third)
+    given = ("--set-points", out / "only/set_points.csv", "--out", third)
     shown = done(*learn, second, *given)
     assert "run.csv" in shown and "run2.csv" in shown and "run 2" in shown
     runs = summary(third)["learning"]["runs"]
     assert runs[1]["contour_rms"] < 0.25 * runs[0]["contour_rms"]
     exported = tmp_path / "robot.csv"
     assert command("export", third, exported)[0] == 0
-    assert len(exported.read_text().splitlines()) == 1 + len(read_run(third).taught().t)
+    assert len(exported.read_text().splitlines()) == 1 + len(read_run(third).set_points().t)
 
     # The log of the first run once more, and that of the second for the set-points of the first.
     rows = [
-        ((log, "--taught", out, "--out", "a"), ["run.csv has the set-points of run 1 (run.csv)"]),
-        ((log, "--taught", out, "--judge-only"), ["run.csv has the set-points of run 1"]),
-        ((second, "--taught", shop.first, "--out", "a"), ["run2.csv is the log of another run"]),
+        (
+            (log, "--set-points", out, "--out", "a"),
+            ["run.csv has the set-points of run 1 (run.csv)"],
+        ),
+        ((log, "--set-points", out, "--judge-only"), ["run.csv has the set-points of run 1"]),
+        (
+            (second, "--set-points", shop.first, "--out", "a"),
+            ["run2.csv is the log of another run"],
+        ),
     ]
     assert refused(tmp_path, rows, codes=(2,), begin=learn) == []
 
-    # The log of the second run, for which those of the job are taken without --taught.
+    # The log of the second run, for which those of the job are taken without --set-points.
     judge = (*learn[:2], "--judge-only", "--json", "--log")
     for file, given, off in (
         (second, (), True),
-        (log, ("--taught", shop.first), False),
-        (second, ("--taught", out), False),
+        (log, ("--set-points", shop.first), False),
+        (second, ("--set-points", out), False),
     ):
         code, shown, _ = command(*judge, file, *given)
         run = json.loads(shown)["judged"]
         assert code == 0 and (run["set_points_off"] > 1e-4) is off
         assert off or run["set_points_off"] < 1e-5
-        assert any("give these as --taught" in x for x in run["notes"]) is off
+        assert any("give these as --set-points" in x for x in run["notes"]) is off
 
 
 def test_recorded_set_points_stay_valid_with_another_servo(shop, tmp_path, refused, done):
@@ -109,16 +115,16 @@ def test_recorded_set_points_stay_valid_with_another_servo(shop, tmp_path, refus
     servo = "{kp: 24 1/s, kv: 140 1/s, dead_time: 1 ms}"
     before = "{kp: 25 1/s, kv: 150 1/s}"
     other.write_text(CORNER_JOB.replace(before, servo), encoding="utf-8")
-    done("learn", other, "--log", log, "--taught", shop.first, "--out", out)
+    done("learn", other, "--log", log, "--set-points", shop.first, "--out", out)
     first = summary(out)["learning"]["runs"][0]
     assert first["set_points_off"] < 1e-5
     second = written(tmp_path, shop.executed(out, 1), name="run2.csv")
-    done("learn", shop.file, "--log", second, "--taught", out, "--out", third)
+    done("learn", shop.file, "--log", second, "--set-points", out, "--out", third)
     runs = summary(third)["learning"]["runs"]
     assert runs[1]["contour_rms"] < 0.25 * runs[0]["contour_rms"]
     # Another plan is refused.
     other.write_text(CORNER_JOB.replace("0.72 rad", "0.70 rad"), encoding="utf-8")
-    rows = [((other, "--log", log, "--taught", shop.first, "--out", "a"), ["begin again"])]
+    rows = [((other, "--log", log, "--set-points", shop.first, "--out", "a"), ["begin again"])]
     assert refused(tmp_path, rows, codes=(2,), begin=("learn",)) == []
 
 
@@ -131,7 +137,7 @@ def test_positions_of_the_tool(shop, tmp_path, refused, done):
     points = shop.job.arm.tool_position(q) + [0.1, 0.0]
     other = written(tmp_path, np.column_stack([shop.table[:, 0], points]), "t,x,y", "other.csv")
     log, out = written(tmp_path, shop.table), tmp_path / "out"
-    learn = ("learn", shop.file, "--taught", shop.first, "--log", log, "--out", out)
+    learn = ("learn", shop.file, "--set-points", shop.first, "--log", log, "--out", out)
     rows = [((other,), ["frame of the path"])]
     assert refused(tmp_path, rows, codes=(2,), begin=(*learn, "--tool-positions")) == []
     done(*learn, "--tool-positions", file)
@@ -147,13 +153,13 @@ def test_positions_of_the_tool(shop, tmp_path, refused, done):
 def test_options_that_do_not_go_together(shop, tmp_path, refused):
     log = written(tmp_path, shop.table)
     rows = [
-        ("", ["--taught and --log"]),
-        ("--taught x --log y", ["--out"]),
-        ("--taught x --log y --out out --run other", ["no run 'other'", "only"]),
-        ("--taught x --log y --out out --to 5", ["--to", "unit"]),
-        # The job is not that of the taught data.
+        ("", ["--set-points and --log"]),
+        ("--set-points x --log y", ["--out"]),
+        ("--set-points x --log y --out out --run other", ["no run 'other'", "only"]),
+        ("--set-points x --log y --out out --to 5", ["--to", "unit"]),
+        # The job is not that of the set-points.
         (
-            ("--speed", "50 mm/s", "--taught", shop.first, "--log", log, "--out", "out"),
+            ("--speed", "50 mm/s", "--set-points", shop.first, "--log", log, "--out", "out"),
             ["with the same options"],
         ),
     ]
@@ -176,10 +182,10 @@ def test_a_log_is_judged_without_learning(shop, tmp_path, done):
     assert found["contour_error"]["rms"] == pytest.approx(np.sqrt(np.mean(off**2)), rel=0.05)
     at = found["contour_error"]["t_max"]
     assert abs(at - t[inside][off.argmax()]) < 0.1 and data["units"]["tool_rms"] == "m"
-    assert found["contours"][0]["missed"]["max"] > 0
+    assert found["contours"][0]["coverage_error"]["max"] > 0
 
     # The same as the errors from which it learns.
-    given = ("learn", shop.file, "--taught", shop.first, "--log", log, "--json")
+    given = ("learn", shop.file, "--set-points", shop.first, "--log", log, "--json")
     shown = done(*given, "--judge-only")
     learned = done(*given, "--out", tmp_path / "n")
     first = json.loads(learned)["learning"]["runs"][0]

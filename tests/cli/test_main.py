@@ -31,8 +31,11 @@ JOB = {
     "corners": {"tolerance": "2 mm"},
     "servo": {"kp": 25, "kv": 150},
     "runs": {
-        "planned": {"timing": {"method": "mac"}, "compensation": {"method": "none"}},
-        "compensated": {"timing": {"method": "mac"}, "compensation": {"method": "pole_placement"}},
+        "planned": {"timing": {"method": "paper"}, "compensation": {"method": "none"}},
+        "compensated": {
+            "timing": {"method": "paper"},
+            "compensation": {"method": "pole_placement"},
+        },
     },
 }
 ROBOT = {
@@ -68,7 +71,7 @@ def test_runs_a_job(tmp_path, run, refused):
     planned, compensated = found["runs"]["planned"], found["runs"]["compensated"]
     assert compensated["contour_error"]["rms"] < planned["contour_error"]["rms"]
     assert compensated["corners"][0]["error"] == pytest.approx(2e-3)
-    header, *rows = (tmp_path / "out" / "compensated" / "taught.csv").read_text().splitlines()
+    header, *rows = (tmp_path / "out" / "compensated" / "set_points.csv").read_text().splitlines()
     assert header == "t [s],q 1 [rad],q 2 [rad]"
     table = np.array([row.split(",") for row in rows], dtype=float)
     np.testing.assert_allclose(np.diff(table[:, 0]), 4e-3, atol=1e-12)
@@ -143,7 +146,7 @@ def test_an_experiment_has_its_columns_and_files(tmp_path, run):
     runs = {"one": {}, "two": {"compensation": {"method": "none"}}}
     shown, found = run({**JOB, "runs": runs, "experiment": {"runs": ["one"]}})
     assert "experiment" in shown and "Masses: Both links are assumed" in shown
-    assert {"one/taught.csv", "one/planned.csv", "one/torque.csv"} <= set(found["files"])
+    assert {"one/set_points.csv", "one/planned.csv", "one/torque.csv"} <= set(found["files"])
     header = (tmp_path / "out" / "one" / "torque.csv").read_text().splitlines()[0]
     assert header == "t [s],torque 1 [N m],torque 2 [N m]"
     # A failed experiment leaves the other results.
@@ -152,7 +155,7 @@ def test_an_experiment_has_its_columns_and_files(tmp_path, run):
     one = found["runs"]["one"]
     assert one["experiment"]["failed"].startswith("experiment: Joint 2 is unstable")
     assert one["contour_error"]["rms"] > 0
-    assert (tmp_path / "out" / "one" / "taught.csv").is_file()
+    assert (tmp_path / "out" / "one" / "set_points.csv").is_file()
 
 
 def test_lists_arms_version_and_schema(done):
@@ -172,8 +175,8 @@ def test_identify_finds_gains_in_a_log(tmp_path, command):
     t, waves = np.arange(0.0, 10.0, 2e-3), np.arange(0.5, 20.0, 0.5)
     shaken = np.sin(2 * np.pi * np.outer(t, waves) + waves**2).sum(axis=1)
     commands = planned(0.0) + 1e-4 * np.column_stack([shaken, -shaken])
-    taught = ac.TaughtData(period=2e-3, q=commands, trajectory=planned, method="none")
-    executed = ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits()), resolution=2e-3)
+    set_points = ac.SetPoints(cycle=2e-3, q=commands, trajectory=planned, method="none")
+    executed = ac.simulate(set_points, ac.ServoPlant(arm, servo, ac.Limits()), resolution=2e-3)
     noise = 1e-6 * np.random.default_rng(1).normal(size=commands.shape)
     measured = executed.q[: len(t)] + noise
     rows = np.column_stack([t, commands[:, 0], measured[:, 0], commands[:, 1], measured[:, 1]])
@@ -258,7 +261,7 @@ def test_a_written_cell_runs_a_drawing(cell, tmp_path, monkeypatch):
     (tmp_path / "plate.ngc").write_text(DRAWING)
     line = ("run", "plate.ngc", "--cell", f"{cell}.yaml", "--out", "out", "--no-simulation")
     assert call(*line, "--scale", "0.5")[0] == 0
-    run = json.loads((tmp_path / "out" / "summary.json").read_text())["runs"]["taught"]
+    run = json.loads((tmp_path / "out" / "summary.json").read_text())["runs"]["compensated"]
     assert 0 < run["duration"] < 10
 
 

@@ -17,7 +17,7 @@ from armcontour.batches.columns import RUN, figures_of
 from armcontour.core.result import nest
 from armcontour.studio.handles import handles_of
 from armcontour.studio.picture import picture_frame
-from armcontour.studio.preview import Previewer, Tier
+from armcontour.studio.preview import CoarsePlanner, Tier
 from armcontour.studio.tasks.working import do
 from armcontour.studio.view import View
 
@@ -125,7 +125,7 @@ def value_at(data, name):
 def studio(text, folder, run):
     """What the Studio says of a run: its figures, and what takes its time."""
     frame = do("figures", {"text": text, "folder": str(folder), "run": run}, lambda step: None)
-    previewer = Previewer(folder)
+    previewer = CoarsePlanner(folder)
     data = yaml.safe_load(text)
     handles = handles_of(previewer.job(data, run), data)
     planned = previewer.plan(data, run, tier=Tier.EXACT)
@@ -162,13 +162,13 @@ def check(data, done, folder):
     }
     summary = json.loads((folder / "out" / "summary.json").read_text("utf-8"))["runs"][run]
     summary["time"] = {x["name"]: x["of_time"] for x in summary.get("time", ())}
-    (frame, time), on_bodies = studio(text, folder, run), result.run.judge is not None
+    (frame, time), simulate_rigid_bodies = studio(text, folder, run), result.run.judge is not None
     # The page has the very cells of print and report.
     for cells in time:
         line = r"\s+".join(map(re.escape, cells))
         assert all(re.search(line, texts[x]) for x in ("print", "command", "report")), cells
     for x, name in JSON.items():
-        part = summary["experiment"] if on_bodies and x in JUDGED else summary
+        part = summary["experiment"] if simulate_rigid_bodies and x in JUDGED else summary
         found["JSON", x] = [(value_at(part, name), 0.0)]
     for x, name in STUDIO.items():
         found["Studio", x] = [(value_at(frame, name), 0.0)]

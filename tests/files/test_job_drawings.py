@@ -22,7 +22,7 @@ path: {file: two.csv, frame: {position: [300 mm, 80 mm, 0]}}
 limits: {speed: 50 mm/s, centripetal_acceleration: 0.09 m/s^2}
 corners: {tolerance: 0.5 mm}
 servo: {kp: 25, kv: 150}
-runs: {taught: {timing: {method: optimal}, compensation: {method: inverse}}}
+runs: {compensated: {timing: {method: optimal}, compensation: {method: inverse}}}
 """)
 POINTS = {**JOB, "path": {"points": [[0.3, 0.1], [0.36, 0.1]]}}
 
@@ -58,7 +58,7 @@ def test_a_file_becomes_a_program_where_its_frame_lies(folder):
 def test_a_file_of_one_plain_contour_is_a_job_of_one_path(folder):
     plain = job(folder, path=PLAIN_FILE, runs={"one": {"until": "9 s"}})
     assert plain.program.path.length == pytest.approx(0.1) and plain.runs[0].until == 9.0
-    rest = job(folder, "process: {from_s: 30 mm}", path=PLAIN_FILE)
+    rest = job(folder, "process: {resume_at: 30 mm}", path=PLAIN_FILE)
     single = prepare(rest.program, rest.process).single_path
     assert single.length == pytest.approx(0.07)
     np.testing.assert_allclose(single(0.0), [0.33, 0.08])
@@ -100,7 +100,7 @@ events: [{name: gas, lead_time: -10 ms}] => {events.gas.lead_time: -0.01}
 analog: [{name: p, rest: 20 %}] => {analog.p.rest: 0.2, analog.p.full: 1.0, analog.p.off: 0.0}
 analog: [{name: p, speed: 100 mm/s}] => {analog.p.speed: 0.1}
 analog: [{name: p, lead_time: 5 ms}] => {analog.p.lead_time: 0.005}
-from_s: 12 mm => {from_s: 0.012}
+resume_at: 12 mm => {resume_at: 0.012}
 {order: shortest, reverse_open: true} => {order: shortest, reverse_open: true}
 {kerf: 0.2 mm, kerf_side: left} => {kerf: 0.0002, kerf_side: left}
 """
@@ -134,7 +134,7 @@ def test_a_process_has_values_by_layer_with_their_units(folder):
     assert cut.path.length == pytest.approx(0.065) and len(mark.events) == 10
     assert made.program.notes[-1] == "process.by_layer: no contour is on the layer 'GONE'."
     open_speeds = "{process: {analog: [{name: power}]}, limits: {speed: inf}}"
-    refusals(lambda x: job(folder, x), [(open_speeds, "Run taught ... power ... contour a")])
+    refusals(lambda x: job(folder, x), [(open_speeds, "Run compensated ... power ... contour a")])
     speeds = {"file": "layers.csv", "layers": {x: {"speed": "1 mm/s"} for x in ("CUT", "MARK")}}
     assert job(folder, open_speeds, path=speeds).process.analog
 
@@ -191,7 +191,7 @@ def test_cells_take_a_drawing(folder):
         assert (found.name, found.title.split(" ")[0]) == ("two", "two.csv")
         assert isinstance(found.path, Program)
         assert found.path.dimension == found.arm.dimension
-        assert [x.name for x in found.runs] == ["taught"]
+        assert [x.name for x in found.runs] == ["compensated"]
     # A job file is a cell whose own path gives way.
     frame = JOB["path"]["frame"]
     own = {"points": [[0.0, 0.0], [1.0, 1.0]], "frame": frame}

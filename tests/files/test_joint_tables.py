@@ -249,7 +249,7 @@ def test_bursts_are_named(tmp_path):
         assert any("bursts" in x for x in read(text).notes)
         assert read(table(["t", "u1", "q1"], U[:, 0], Q[:, 0])).notes[1:] == ()
     with pytest.raises(InvalidInput, match="bursts"):
-        parse_log(text).refuse_gaps()
+        parse_log(text).check_gaps()
 
 
 def test_rows_of_other_topics_are_left_out():

@@ -40,8 +40,8 @@ def read(text, changes="{}"):
     job = parse_job(changed, patch=patch(text))
     # The file with these values is the same job.
     again = parse_job(write(changed, patch(text)))
-    assert [(x.rounding, x.timing, x.period) for x in again.runs] == [
-        (x.rounding, x.timing, x.period) for x in job.runs
+    assert [(x.rounding, x.timing, x.cycle) for x in again.runs] == [
+        (x.rounding, x.timing, x.cycle) for x in job.runs
     ]
     return {run.name: run for run in job.runs}
 
@@ -65,7 +65,7 @@ def test_values_go_before_those_of_the_job_and_of_its_runs():
     values(read, VALUES)
     found = read("{corners.tolerance: 0.0002}", "corners: sharp")
     assert found["plain"].rounding.tolerance == 2e-4
-    job = parse_job(yaml.safe_dump(JOB), patch=parse_set("process.from_s=1 cm"))
+    job = parse_job(yaml.safe_dump(JOB), patch=parse_set("process.resume_at=1 cm"))
     assert prepare(job.program, job.process).length == pytest.approx(0.06)
 
 
@@ -76,7 +76,7 @@ FREE = (
 
 
 def test_a_shape_goes_to_every_run_that_can_have_it():
-    of_job = {**JOB["runs"], "paper": {"timing": {"method": "mac"}}}
+    of_job = {**JOB["runs"], "paper": {"timing": {"method": "paper"}}}
     del of_job["slow"]
     of_job = yaml.safe_dump({"runs": of_job}, default_flow_style=True)
     found = read(FREE, of_job)
@@ -130,7 +130,7 @@ def test_a_continuity_goes_to_every_run_that_can_have_it():
     of_job = """
 runs:
   plain: {}
-  paper: {timing: {method: mac}}
+  paper: {timing: {method: paper}}
   free: {corners: {shape: free, tolerance: 1 mm}}
   sharp: {corners: sharp}
 """
@@ -184,7 +184,7 @@ def test_a_value_goes_to_the_run_that_has_it_else_to_the_job():
         # Corners of a run replace those of the job.
         ("corners.angular_tolerance", "own", "runs.own.corners.angular_tolerance"),
         ("corners.tolerance", "sharp", "runs.sharp.corners.tolerance"),
-        ("command_interval", "own", "command_interval"),
+        ("cycle", "own", "cycle"),
         ("timing.reserve", "plain", "runs.plain.timing.reserve"),
         ("servo.kp", "own", "servo.kp"),
         ("runs.own.duration", "plain", "runs.own.duration"),
@@ -199,12 +199,12 @@ def test_a_value_goes_to_the_run_that_has_it_else_to_the_job():
 
 
 def test_what_goes_with_another_choice_is_left_out():
-    job = "runs: {a: {timing: {method: mac, knots: 50, reserve: 0.1}}, b: {}}"
+    job = "runs: {a: {timing: {method: paper, knots: 50, reserve: 0.1}}, b: {}}"
     found = read("{timing.method: optimal}", job)
     assert [x.timing.method for x in found.values()] == ["optimal"] * 2
     assert found["a"].timing.reserve == 0.1
     # But nothing that is given beside it.
-    words = "runs.a.timing ... knots goes with the method mac, not optimal"
+    words = "runs.a.timing ... knots goes with the method paper, not optimal"
     both = "{timing.knots: 40, timing.method: optimal}"
     refusals(lambda x: read(x, job), [(both, words)])
 

@@ -24,7 +24,7 @@ path:
   orientation: {quaternion: [1, 0, 0, 0]}
 limits: {speed: 0.25 m/s}
 servo: {kp: 25 1/s, kv: 150 1/s}
-runs: {taught: {compensation: {method: inverse}}}
+runs: {compensated: {compensation: {method: inverse}}}
 """
 PLANE = """\
 name: corner

@@ -40,8 +40,8 @@ def contents(folder):
 
 def test_a_first_result_appears_at_once_and_leaves_nothing_else(tmp_path, monkeypatch):
     out = tmp_path / "a" / "out"
-    write(out, ["one/taught.csv", "report.html"])
-    names = {"one/taught.csv", "report.html", "summary.json"}
+    write(out, ["one/set_points.csv", "report.html"])
+    names = {"one/set_points.csv", "report.html", "summary.json"}
     assert contents(tmp_path) == {f"a/out/{x}" for x in names}
     out = tmp_path / "out"
     out.mkdir()
@@ -59,12 +59,12 @@ def test_a_first_result_appears_at_once_and_leaves_nothing_else(tmp_path, monkey
 
 def test_force_replaces_the_earlier_result_and_nothing_else(tmp_path):
     out = tmp_path / "out"
-    write(out, ["old/taught.csv", "report.html"])
+    write(out, ["old/set_points.csv", "report.html"])
     (out / "mine.txt").write_text("mine")
     with pytest.raises(InvalidInput, match="not empty.*--force"):
         ResultFolder(out)
-    write(out, ["new/taught.csv", "report.html"], force=True, text="newer")
-    assert contents(out) == {"new/taught.csv", "report.html", "summary.json", "mine.txt"}
+    write(out, ["new/set_points.csv", "report.html"], force=True, text="newer")
+    assert contents(out) == {"new/set_points.csv", "report.html", "summary.json", "mine.txt"}
     assert not (out / "old").exists()
     assert (out / "report.html").read_text() == "newer report.html"
 
@@ -110,9 +110,9 @@ def test_force_follows_no_link_and_no_name_that_leads_out(tmp_path):
 
 
 def test_force_refuses_files_that_changed_since_they_were_written(tmp_path):
-    words = "one/taught.csv changed since armcontour wrote"
-    write(tmp_path, ["one/taught.csv", "report.html"])
-    file = tmp_path / "one" / "taught.csv"
+    words = "one/set_points.csv changed since armcontour wrote"
+    write(tmp_path, ["one/set_points.csv", "report.html"])
+    file = tmp_path / "one" / "set_points.csv"
     edited = file.read_text()[::-1]
     with pytest.raises(InvalidInput, match=words), ResultFolder(tmp_path, force=True) as folder:
         folder.write("report.html", "newer")
@@ -123,14 +123,14 @@ def test_force_refuses_files_that_changed_since_they_were_written(tmp_path):
 
 
 def test_force_replaces_no_foreign_file(tmp_path):
-    write(tmp_path, ["one/taught.csv"])
+    write(tmp_path, ["one/set_points.csv"])
     (tmp_path / "one" / "mine.txt").write_text("mine")
     (tmp_path / "two").mkdir()
     refused("one/mine.txt", tmp_path)
     (tmp_path / "one" / "mine.txt").unlink()
-    refused("two: armcontour did not write", tmp_path, ["one/taught.csv", "two/taught.csv"])
-    assert contents(tmp_path) == {"one/taught.csv", "summary.json"}
-    assert (tmp_path / "one" / "taught.csv").read_text() == "text of one/taught.csv"
+    refused("two: armcontour did not write", tmp_path, ["one/set_points.csv", "two/set_points.csv"])
+    assert contents(tmp_path) == {"one/set_points.csv", "summary.json"}
+    assert (tmp_path / "one" / "set_points.csv").read_text() == "text of one/set_points.csv"
 
 
 def test_refuses_what_is_no_folder_or_cannot_be_written(tmp_path):
@@ -190,10 +190,10 @@ def fail_at(patch, counts, error, *, after=False):
 def test_a_replacement_that_is_stopped_leaves_the_earlier_result(
     tmp_path, monkeypatch, count, error
 ):
-    write(tmp_path, ["old/taught.csv", "report.html"])
+    write(tmp_path, ["old/set_points.csv", "report.html"])
     (tmp_path / "mine.txt").write_text("mine")
     old = {x: (tmp_path / x).read_text() for x in contents(tmp_path)}
-    names = ["new/taught.csv", "report.html"]
+    names = ["new/set_points.csv", "report.html"]
     # Ctrl-C comes after a rename, an error instead of one.
     with monkeypatch.context() as patch:
         fail_at(patch, [count], error, after=isinstance(error, KeyboardInterrupt))
@@ -220,7 +220,7 @@ def test_files_that_cannot_be_moved_back_stay_in_the_hidden_folder(tmp_path, mon
     assert contents(old)
 
 
-PERIOD = 0.004
+CYCLE = 0.004
 ARM = ac.load_arm("pmk3s")
 
 
@@ -228,19 +228,21 @@ ARM = ac.load_arm("pmk3s")
 def test_an_earlier_result_has_the_derivatives_that_its_run_had(method, tmp_path):
     path = ac.Path.polyline([(0.35, 0.1), (0.36, 0.11)])
     planned = ac.plan(path, ARM, ac.Limits(joint_acceleration=0.72, joint_jerk=7.2))
-    assert planned.duration % PERIOD > 1e-6
+    assert planned.duration % CYCLE > 1e-6
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    taught = ac.compensate(planned, servo, METHODS[method](), period=PERIOD)
-    runs = {"a": {"period": PERIOD, "compensation": method}}
+    set_points = ac.compensate(planned, servo, METHODS[method](), cycle=CYCLE)
+    runs = {"a": {"cycle": CYCLE, "compensation": method}}
     about = {"job": "line", "arm": {"joints": ARM.joint_names}, "runs": runs}
     with ResultFolder(tmp_path / "out") as folder:
-        names, samples = ARM.joint_names, planned.sample(PERIOD)
+        names, samples = ARM.joint_names, planned.sample(CYCLE)
         folder.place(SUMMARY, lambda file: file.write_text(json.dumps(about)))
-        folder.place("a/taught.csv", partial(write_taught, taught=taught, joint_names=names))
+        folder.place(
+            "a/set_points.csv", partial(write_taught, set_points=set_points, joint_names=names)
+        )
         folder.place("a/planned.csv", partial(write_planned, x=samples, joint_names=names))
     for derivatives in (1, 2):
-        found = read_run(tmp_path / "out").taught(derivatives=derivatives)
-        expected = make_table(taught, name="x", derivatives=derivatives)
+        found = read_run(tmp_path / "out").set_points(derivatives=derivatives)
+        expected = make_table(set_points, name="x", derivatives=derivatives)
         np.testing.assert_array_equal(found.t, expected.t)
         np.testing.assert_allclose(found.dq, expected.dq, atol=2e-9)
     # Set-points have 12 decimals in a result, the derivatives of a spline follow.

@@ -77,7 +77,7 @@ def test_exports_come_back(tmp_path, mac, arm, form):
     t = np.arange(6) * 0.004
     q = np.column_stack([np.sin(t), np.cos(t)])
     names, file = ("shoulder", "elbow"), tmp_path / f"a.{form.removeprefix('ros-')}"
-    table = Table(name="arm", joint_names=names, period=4e-3, t=t, q=q, dq=2 * q, ddq=3 * q)
+    table = Table(name="arm", joint_names=names, cycle=4e-3, t=t, q=q, dq=2 * q, ddq=3 * q)
     FORMATS[form]().write(table, file)
     found = read_trajectory(file)
     assert found.joints == names
@@ -92,8 +92,8 @@ def test_exports_come_back(tmp_path, mac, arm, form):
     refusals(lambda x: read_trajectory(file, x), wrist)
     # A whole plan with its digits.
     x = mac.sample(4e-3)
-    plan = Table(name="mac", joint_names=arm.joint_names, period=4e-3, t=x.t, q=x.q)
-    place = file.with_stem("mac")
+    plan = Table(name="paper", joint_names=arm.joint_names, cycle=4e-3, t=x.t, q=x.q)
+    place = file.with_stem("paper")
     FORMATS[form]().write(plan, place)
     again = read_trajectory(place, arm.joint_names)
     np.testing.assert_allclose(again.q, x.q, atol=1e-12)

@@ -53,9 +53,9 @@ def refused(*rows, kind=ac.InvalidInput):
             raise
 
 
-def line(start, end, **demand):
+def line(start, end, **segment_limits):
     """A line, with a demand if there are values of one."""
-    return ac.Line(start=start, end=end, demand=ac.Demand(**demand))
+    return ac.Line(start=start, end=end, segment_limits=ac.SegmentLimits(**segment_limits))
 
 
 def arc(start, center, angle, **values):

@@ -17,7 +17,7 @@ TURN = 1.2
 END = (1 + 0.5 * np.sin(TURN), 0.5 - 0.5 * np.cos(TURN))
 PLANE = path_of(
     line((0, 0), (1, 0), speed=0.1, tag="in"),
-    arc((1, 0), (1, 0.5), TURN, demand=ac.Demand(tolerance=1e-3)),
+    arc((1, 0), (1, 0.5), TURN, segment_limits=ac.SegmentLimits(tolerance=1e-3)),
     line(END, (0, 2), speed=0.2, tag="out"),
 )
 SPACE = path_of(

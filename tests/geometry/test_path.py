@@ -153,15 +153,17 @@ def test_polyline_keeps_its_points_and_lengths_and_merges_repeated_points():
 
 
 def test_demands_reach_the_path():
-    demand = {"speed": 0.1, "tolerance": 1e-3, "tag": "weld"}
-    path = path_of(line((0, 0), (1, 0), **demand), line((1, 0), (2, 0)))
+    segment_limits = {"speed": 0.1, "tolerance": 1e-3, "tag": "weld"}
+    path = path_of(line((0, 0), (1, 0), **segment_limits), line((1, 0), (2, 0)))
     np.testing.assert_array_equal(path.speeds, [0.1, np.nan])
     np.testing.assert_array_equal(path.tolerances, [1e-3, np.nan])
     assert path.tags == ("weld", None)
-    everywhere = ac.Path.polyline([(0, 0), (1, 0), (1, 1)], demand=ac.Demand(**demand))
+    everywhere = ac.Path.polyline(
+        [(0, 0), (1, 0), (1, 1)], segment_limits=ac.SegmentLimits(**segment_limits)
+    )
     np.testing.assert_array_equal(everywhere.speeds, [0.1, 0.1])
     assert everywhere.tags == ("weld", "weld")
-    assert ac.Demand(tolerance=0.0).tolerance == 0.0
+    assert ac.SegmentLimits(tolerance=0.0).tolerance == 0.0
 
 
 def test_points_and_places_that_make_no_sense_are_refused():
@@ -245,7 +247,7 @@ def path_with(**columns):
 
 def test_segments_demands_and_columns_that_do_not_fit_are_refused():
     assert path_with().length == 1.0
-    refused(*((lambda x=x: ac.Demand(**x), *more) for x, *more in DEMANDS))
+    refused(*((lambda x=x: ac.SegmentLimits(**x), *more) for x, *more in DEMANDS))
     refused(*((lambda x=x: path_of(*x), *more) for x, *more in SEGMENTS))
     refused(*((lambda x=x: path_with(**x), *more) for x, *more in ODD_COLUMNS))
 

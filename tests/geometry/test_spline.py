@@ -131,8 +131,8 @@ def test_orientations_keep_their_places_on_the_arcs_of_a_spline():
 
 
 def test_repeated_points_are_merged_and_demands_and_points_on_a_line_are_kept():
-    demand = ac.Demand(speed=0.1, tolerance=1e-3, tag="seam")
-    path = ac.Path.spline([(0, 0), (1, 0), (1, 0), (2, 1)], demand=demand)
+    segment_limits = ac.SegmentLimits(speed=0.1, tolerance=1e-3, tag="seam")
+    path = ac.Path.spline([(0, 0), (1, 0), (1, 0), (2, 1)], segment_limits=segment_limits)
     assert path.merged == (2,)
     assert set(path.speeds) == {0.1} and set(path.tags) == {"seam"}
     plain = ac.Path.spline([(0, 0), (1, 0), (2, 1)])

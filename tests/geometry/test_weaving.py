@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from tests.geometry.tables import each, line, path_of, refused
 
-from armcontour.geometry import Arc, Demand, Path, round_corners
+from armcontour.geometry import Arc, Path, SegmentLimits, round_corners
 from armcontour.geometry.weaving import weave_path
 
 WIDTH, PITCH = 4e-3, 5e-3
@@ -131,7 +131,7 @@ def test_waypoints_are_woven_as_the_curve_that_they_stand_for(radius, spacing):
         points = np.column_stack([s, np.zeros_like(s)])
     else:
         points = radius * np.column_stack([np.sin(s / radius), 1 - np.cos(s / radius)])
-    path = Path.polyline(points, demand=Demand(**SLOW))
+    path = Path.polyline(points, segment_limits=SegmentLimits(**SLOW))
     woven = weave_path(path, width=WIDTH, frequency=2.0)
     x, y = woven(np.linspace(0, woven.length, 40_001)).T
     off = y if np.isinf(radius) else radius - np.hypot(x, y - radius)
@@ -151,7 +151,9 @@ def test_a_saddle_is_woven_perpendicular_to_the_tool(spacing):
         return -np.column_stack([np.cos(angle), np.sin(angle), np.ones_like(angle)]) / np.sqrt(2)
 
     angles = np.linspace(0, 2 * np.pi, round(0.33 / spacing) + 1)
-    path = Path.polyline(saddle(angles), demand=Demand(**SLOW)).pointing(axis(angles))
+    path = Path.polyline(saddle(angles), segment_limits=SegmentLimits(**SLOW)).pointing(
+        axis(angles)
+    )
     woven = weave_path(path, width=WIDTH, pitch=PITCH, dwell=0.05)
     dense = np.linspace(0, 2 * np.pi, 100_001)
     seam = saddle(dense)

@@ -75,8 +75,8 @@ class Bench:
     def none(self, gains, what):
         return self.figure(gains, "none", 2e-4, None, what)
 
-    def figure(self, gains, compensation, period, poles, what):
-        done = self.executed("mac", gains, compensation, period, poles)
+    def figure(self, gains, compensation, cycle, poles, what):
+        done = self.executed("paper", gains, compensation, cycle, poles)
         found = ac.evaluate(done, self.rounded, limits=self.limits)
         if what == "tracking_share":
             return 100 * found.tracking_error.rms * MM / self.none(gains, "tracking")
@@ -86,12 +86,12 @@ class Bench:
             "demand_ratio": found.demand_ratio.max(),
         }[what]  # fmt: skip
 
-    def _executed(self, timing, gains, compensation, period, poles):
+    def _executed(self, timing, gains, compensation, cycle, poles):
         servo = ac.ServoModel(kp={"even": (25.0, 25.0), "uneven": (25.0, 20.0)}[gains], kv=150.0)
-        plan = self.mac if timing == "mac" else self.conventional_plan
+        plan = self.mac if timing == "paper" else self.conventional_plan
         options = {} if poles is None else {"poles": poles}
-        taught = ac.compensate(plan, servo, METHODS[compensation](**options), period=period)
-        return ac.execute(taught, ac.ServoPlant(self.arm, servo))
+        set_points = ac.compensate(plan, servo, METHODS[compensation](**options), cycle=cycle)
+        return ac.simulate(set_points, ac.ServoPlant(self.arm, servo))
 
 
 @pytest.fixture(scope="module")

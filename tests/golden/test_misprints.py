@@ -60,7 +60,7 @@ class TestArm:
     def test_eq4_printed_form_knows_one_elbow_of_two(self, arm):
         point = (0.30, 0.20)
         theta1, theta2 = printed_inverse(*point)
-        other = arm.joint_position(point, branch="negative")
+        other = arm.joint_position(point, configuration="negative")
         assert theta2 > 0
         assert_allclose(other[1], -theta2, atol=1e-12)
         # The other elbow needs its own theta1: a change of sign alone misses the point.
@@ -359,15 +359,15 @@ class TestCompensator:
 
     def test_eq26_without_the_minus_is_what_the_library_does(self, planned):
         servo = ac.ServoModel(kp=KP, kv=KV)
-        taught = ac.compensate(planned, servo, ac.PolePlacement(poles=self.poles), period=4e-3)
-        t = np.arange(0, taught.t[-1], 1e-4)
+        set_points = ac.compensate(planned, servo, ac.PolePlacement(poles=self.poles), cycle=4e-3)
+        t = np.arange(0, set_points.t[-1], 1e-4)
         start = planned(0.0)
         moved = planned(np.minimum(t, planned.duration)) - start
         numerator, denominator = printed_compensator(*self.poles)
         for j in range(2):
             _, printed, _ = signal.lsim((numerator, denominator), moved[:, j], t)
-            ours = taught.q[:-1, j] - start[j]
-            at = np.interp(taught.t[:-1], t, printed)
+            ours = set_points.q[:-1, j] - start[j]
+            at = np.interp(set_points.t[:-1], t, printed)
             assert_allclose(-at, ours, atol=2e-6)
             assert np.abs(at - ours).max() > 0.1
 

@@ -96,7 +96,7 @@ def test_a_drawing_with_wide_corners_is_repaired_by_its_tolerance(tmp_path):
     assert result.kept is False
     found = advise(job, result).improvements
     assert [key for x in found for key, _ in x.edits] == ["corners.tolerance"]
-    _, after = run_of(changed(data, found[0].edits, "taught"), tmp_path)
+    _, after = run_of(changed(data, found[0].edits, "compensated"), tmp_path)
     assert after.kept is True
 
 
@@ -109,7 +109,7 @@ def test_nothing_helps_a_motion_of_a_given_duration(tmp_path):
 
 def rest_of(result):
     """What a result has besides its plan."""
-    names = ("taught", "servo", "execution", "evaluation", "executed_clearance")
+    names = ("set_points", "servo", "execution", "evaluation", "executed_clearance")
     return {x: getattr(result, x) for x in names}
 
 

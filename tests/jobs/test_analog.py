@@ -13,7 +13,7 @@ from armcontour.files import parse_job
 from armcontour.files.drawings.gcode import read_gcode
 from armcontour.files.drawings.options import ReadOptions
 from armcontour.geometry import Path
-from armcontour.jobs import analog_outputs, programs_of
+from armcontour.jobs import analog_outputs, prepare_and_round
 from armcontour.jobs.single_corners import corner_waypoints
 from armcontour.program import Analog, Contour, Event, Lead, Process, Program, Switch, prepare
 
@@ -118,12 +118,12 @@ def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(plan, tmp_p
     program, trajectory = plan
     analog = analog_outputs(program, trajectory, PROCESS, LIMITS)
     servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.02)
-    taught = ac.compensate(trajectory, servo, period=0.004)
-    assert taught.start_time < 0
-    expected = np.column_stack([of(taught.t) for of in analog.values()])
+    set_points = ac.compensate(trajectory, servo, cycle=0.004)
+    assert set_points.start_time < 0
+    expected = np.column_stack([of(set_points.t) for of in analog.values()])
     assert expected.any(axis=0).all()
-    ac.export(taught, tmp_path / "a.csv", ac.CsvFormat(analog=analog))
-    ac.export(taught, tmp_path / "a.npz", ac.NpzFormat(analog=analog))
+    ac.export(set_points, tmp_path / "a.csv", ac.CsvFormat(analog=analog))
+    ac.export(set_points, tmp_path / "a.npz", ac.NpzFormat(analog=analog))
     columns = [f"analog {x.name}" for x in PROCESS.analog]
     found = pd.read_csv(tmp_path / "a.csv")
     np.testing.assert_allclose(found[columns], expected, rtol=0, atol=1e-12)
@@ -134,11 +134,11 @@ def test_exports_have_a_column_that_belongs_to_the_times_of_the_plan(plan, tmp_p
     text = "{% for p in points %}{{ p.analog.power|fixed(6) }}\n{% endfor %}"
     (tmp_path / "own.j2").write_text(text)
     own = ac.TemplateFormat(template=tmp_path / "own.j2", analog=analog)
-    ac.export(taught, tmp_path / "a.txt", own)
+    ac.export(set_points, tmp_path / "a.txt", own)
     np.testing.assert_allclose(np.loadtxt(tmp_path / "a.txt"), expected[:, 0], atol=1e-6)
     short = {"power": lambda t: t[1:]}
     form = ac.CsvFormat(analog=short)
-    refused((lambda: ac.export(taught, tmp_path / "b.csv", form), "shape"))
+    refused((lambda: ac.export(set_points, tmp_path / "b.csv", form), "shape"))
 
 
 def test_refuses_outputs_without_a_full_speed_and_odd_ones(plan):
@@ -199,7 +199,7 @@ def job(corners, points=OPEN, process=""):
 
 def errors(of):
     """The corners of the rounded path [mm], and their errors [mm]."""
-    _, program = programs_of(of, of.runs[0])
+    _, program = prepare_and_round(of, of.runs[0])
     corners = program.contours[0].path.corners
     return np.column_stack([corners.point, corners.error]) * 1e3
 
@@ -240,7 +240,7 @@ def test_what_is_no_corner_is_refused():
         (lambda: job("5: 1 mm", SQUARE), "waypoint 5 is the start", "name it 1"),
         (lambda: job("2: 1 mm", SQUARE, "process: {kerf: 1 mm}"), "without process.k"),
         (lambda: job("{speed: 0.1, acceleration: 1, at: {2: 1 mm}}"), "at needs corners.tolerance"),
-        (lambda: programs_of(drawn, drawn.runs[0]), "starts and ends at waypoint 1"),
+        (lambda: prepare_and_round(drawn, drawn.runs[0]), "starts and ends at waypoint 1"),
         (lambda: dataclasses.replace(one, path=two), "path of one contour, but the job has 2"),
     )
     # The automatic start is in the middle of a segment: something passes waypoint 1.

@@ -14,7 +14,7 @@ from armcontour.core.errors import Collision
 from armcontour.core.frames import Frame
 from armcontour.core.render import plain
 from armcontour.files import parse_job
-from armcontour.jobs import Study, run
+from armcontour.jobs import JobResult, run
 from armcontour.robot.scene import ArmShapes, Box, Capsule, Cylinder, LinkShape, Obstacle, Scene
 
 # Stand-ins of the links of a UR5e.
@@ -37,8 +37,8 @@ arm: ur5e
 path: {points: [[0.40, 0, 0.1], [0.45, 0, 0.1]]}
 limits: {speed: 0.1}
 servo: {kp: 25, kv: 150}
-command_interval: 0.004
-runs: {taught: {timing: {method: optimal}, compensation: {method: inverse}}}
+cycle: 0.004
+runs: {compensated: {timing: {method: optimal}, compensation: {method: inverse}}}
 """
 OTHER = "another configuration is taken, in which the contours are clear"
 
@@ -96,7 +96,9 @@ def test_a_rapid_goes_around_a_wall(job, free):
     torch = job.arm.tool_position(plan.trajectory(np.linspace(0, plan.trajectory.duration, 2000)))
     inside = (np.abs(torch[:, 0] - 0.45) < 0.01) & (torch[:, 2] < 0.14)
     assert not inside.any()
-    data = plain(Study(job=walled, runs={"taught": plan}).to_data())["runs"]["taught"]["clearance"]
+    data = plain(JobResult(job=walled, runs={"compensated": plan}).to_data())["runs"][
+        "compensated"
+    ]["clearance"]
     assert data["kept"] is True and data["avoided"] == list(plan.avoided)
 
 
@@ -168,7 +170,7 @@ def test_without_its_library_no_clearance_is_a_warning(job, monkeypatch):
 @needs_dynamics
 def test_the_executed_motion_is_looked_at_too(job):
     study = ac.run(job)
-    result = study.runs["taught"]
+    result = study.runs["compensated"]
     planned, executed = result.clearance, result.executed_clearance
     assert executed.kept
     assert executed.pairs[0].high == pytest.approx(planned.pairs[0].high, abs=1e-3)
@@ -203,7 +205,7 @@ path: {points: [[0.40, 0.1, 0.15], [0.45, 0.1, 0.15]], orientation: {axis: [0, 0
 limits: {speed: 0.1, joint_acceleration: 5}
 servo: {kp: 25, kv: 150}
 scene: {boxes: [{name: clamp, at: [0.43, 0.1, 0.26], size: [10 mm, 200 mm, 40 mm]}]}
-runs: {taught: {}}
+runs: {compensated: {}}
 """
 
 
@@ -244,7 +246,7 @@ path:
 limits: {speed: 40 mm/s, centripetal_acceleration: 1 m/s^2, joint_acceleration: 4 rad/s^2}
 corners: {tolerance: 0.1 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
-command_interval: 4 ms
+cycle: 4 ms
 runs: {cut: {timing: {reserve: 5 %}}}
 """
 
@@ -277,7 +279,7 @@ def test_configurations_that_stay_above_the_base_are_preferred(below):
     (low,) = run(start, simulate=False).runs.values()
     sentence = low.clearance.below_base
     assert any(sentence in x for x in low.warnings)
-    (page,) = plain(Study(job=start, runs={"cut": low}).to_data())["runs"].values()
+    (page,) = plain(JobResult(job=start, runs={"cut": low}).to_data())["runs"].values()
     assert page["clearance"]["below_base"] == sentence
 
 

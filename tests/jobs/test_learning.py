@@ -29,13 +29,13 @@ def plan(job):
 
 @pytest.fixture(scope="module")
 def executed(job, plan):
-    return ac.execute(plan.taught, loaded_robot(job, plan), resolution=1e-3)
+    return ac.simulate(plan.set_points, loaded_robot(job, plan), resolution=1e-3)
 
 
 @pytest.fixture(scope="module")
 def study(job, plan, executed):
-    lesson = learn_run(job, plan, plan.taught, executed)
-    again = ac.execute(lesson, loaded_robot(job, plan, 1), resolution=1e-3)
+    lesson = learn_run(job, plan, plan.set_points, executed)
+    again = ac.simulate(lesson, loaded_robot(job, plan, 1), resolution=1e-3)
     return LearningStudy(job=job, plan=plan, lesson=learn_run(job, plan, lesson, again))
 
 
@@ -51,13 +51,15 @@ def test_errors_are_those_of_encoders(job, plan, executed, study):
 
 def test_limits_that_are_exceeded_before_learning_are_not_kept_but_said(job, plan, study):
     assert not any("exceed limits" in x for x in dataclasses.replace(study, plan=plan).notes)
-    rate = np.abs(np.diff(plan.taught.q, axis=0)).max(axis=0) / plan.taught.period
+    rate = np.abs(np.diff(plan.set_points.q, axis=0)).max(axis=0) / plan.set_points.cycle
     trajectory = plan.trajectory.limited(plan.run.limits.replace(joint_velocity=0.9 * rate))
-    taught = dataclasses.replace(plan.taught, trajectory=trajectory)
-    slow = dataclasses.replace(plan, trajectory=trajectory, taught=taught)
+    set_points = dataclasses.replace(plan.set_points, trajectory=trajectory)
+    slow = dataclasses.replace(plan, trajectory=trajectory, set_points=set_points)
     told = dataclasses.replace(study, plan=slow).notes
     assert sum("exceed limits of the joints already before learning" in x for x in told) == 1
-    lesson = learn_run(job, slow, slow.taught, ac.execute(slow.taught, loaded_robot(job, plan)))
+    lesson = learn_run(
+        job, slow, slow.set_points, ac.simulate(slow.set_points, loaded_robot(job, plan))
+    )
     assert not lesson.finished
 
 

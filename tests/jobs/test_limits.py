@@ -212,9 +212,9 @@ def test_a_plan_carries_its_limits_to_all_that_comes_after_it():
     plan = ac.plan(path, arm, limits, ac.Optimal(reserve=0.02))
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     # Drives saturate at the limits of the plan, and explicit limits win over these.
-    taught = ac.compensate(plan, servo, ac.NoCompensation())
+    set_points = ac.compensate(plan, servo, ac.NoCompensation())
     for given, bound in ((None, 0.4), (ac.Limits(joint_acceleration=0.6), 0.6)):
-        done = ac.execute(taught, ac.ServoPlant(arm, servo, given))
+        done = ac.simulate(set_points, ac.ServoPlant(arm, servo, given))
         np.testing.assert_array_equal(done.plant.acceleration, [bound, bound])
         result = ac.evaluate(done, path, limits=given)
         np.testing.assert_allclose(result.demand_ratio, done.peak_demand / bound)
@@ -236,6 +236,6 @@ def test_the_readme_s_job_with_limits_above_the_arm_s_on_the_plant_of_the_readme
     with pytest.warns(UserWarning, match="8 rad/s², the arm's 0.72"):
         planned = ac.plan(rounded, arm, limits, ac.Optimal(reserve=0.02))
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    executed = ac.execute(ac.compensate(planned, servo, period=4e-3), ac.ServoPlant(arm, servo))
+    executed = ac.simulate(ac.compensate(planned, servo, cycle=4e-3), ac.ServoPlant(arm, servo))
     error = ac.evaluate(executed, rounded, objective=objective).contour_error
     assert error.rms <= 0.0008e-3 and error.max <= 0.006e-3

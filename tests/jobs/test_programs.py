@@ -16,7 +16,7 @@ from armcontour.core.progress import Step
 from armcontour.files.cell import read_cell
 from armcontour.geometry import Arc, Path
 from armcontour.jobs import Rounding, run, warnings_of
-from armcontour.jobs.planning import plan_one, programs_of
+from armcontour.jobs.planning import plan_one, prepare_and_round
 from armcontour.program import Contour, Event, Lead, Process, Program, Switch
 
 LIMITS = ARM.limits.replace(speed=0.05, centripetal_acceleration=0.09)
@@ -29,7 +29,7 @@ def job(process, *moves, arm=ARM, **values):
     timing = ac.Optimal(reserve=0.1)
     asked = {"limits": LIMITS, "rounding": Rounding(tolerance=1e-3), "timing": timing, **values}
     program = Program(moves=moves or TWO)
-    return a_job(program, a_run("taught", **asked), arm=arm, process=process)
+    return a_job(program, a_run("compensated", **asked), arm=arm, process=process)
 
 
 def planned(done):
@@ -55,9 +55,9 @@ def test_automatic_leads_are_those_of_layers_and_of_the_new_order():
     line = Lead(length=3e-3)
     process = Process(lead_in=Lead(), by_layer={"MARK": {"lead_in": line, "lead_out": Lead()}})
     alone = [job(Process(lead_in=Lead()), moves[0]), job(Process(lead_out=Lead()), moves[1])]
-    (cut,), (mark,) = (programs_of(x, x.runs[0])[0].contours for x in alone)
+    (cut,), (mark,) = (prepare_and_round(x, x.runs[0])[0].contours for x in alone)
     done = job(process, *moves)
-    first, second = programs_of(done, done.runs[0])[0].contours
+    first, second = prepare_and_round(done, done.runs[0])[0].contours
     assert first.work == pytest.approx(cut.at_work, abs=1e-12) and cut.at_work[0] > 1e-3
     assert second.work[0] == pytest.approx(3e-3, abs=1e-12)
     assert after(second) == pytest.approx(after(mark), abs=1e-12) and after(mark) > 1e-3
@@ -66,7 +66,7 @@ def test_automatic_leads_are_those_of_layers_and_of_the_new_order():
     lengths = []
     for moves in (contours, contours[::-1]):
         done = job(Process(lead_in=Lead(shape="arc")), *moves)
-        objective, _ = programs_of(done, done.runs[0])
+        objective, _ = prepare_and_round(done, done.runs[0])
         assert [x.name for x in objective.contours] == ["hole", "outline"]
         lengths.append([x.at_work[0] for x in objective.contours])
     assert lengths[0] == lengths[1] and abs(lengths[0][0] - lengths[0][1]) > 1e-4
@@ -78,7 +78,7 @@ def test_automatic_leads_are_as_long_as_the_assigned_velocity_needs(shape):
     done = job(Process(lead_in=lead, lead_out=lead))
     program, trajectory, speeds = planned(done)
     np.testing.assert_allclose(speeds, 0.05, rtol=1e-3)
-    assert run(done).runs["taught"].warnings == ()
+    assert run(done).runs["compensated"].warnings == ()
     # A tenth less does not do: they are not longer than they need.
     for i, contour in enumerate(program.contours):
         lengths = 0.9 * contour.work[0], 0.9 * after(contour)
@@ -106,7 +106,7 @@ def test_automatic_leads_of_a_pierced_contour_are_found_without_the_way_down():
     for given in ({}, pierced):
         process, limits = Process(lead_in=lead, **given), arm.limits.replace(speed=0.05)
         done = job(process, Contour(path=line), arm=arm, limits=limits)
-        _, program = programs_of(done, done.runs[0])
+        _, program = prepare_and_round(done, done.runs[0])
         lengths.append(program.contours[0].at_work[0])
     assert lengths[1] == pytest.approx(lengths[0] + height) and lengths[0] > 0
 
@@ -119,7 +119,7 @@ def test_automatic_leads_stop_growing_where_the_speed_does():
     np.testing.assert_allclose(ends, np.sqrt(0.09 * 0.01), rtol=2e-3)
     assert program.contours[0].work[0] < 0.01
     # No lead helps, which a warning says with the place.
-    (warning,) = run(done).runs["taught"].warnings
+    (warning,) = run(done).runs["compensated"].warnings
     for words in ("2 places", "contour hole", "30 mm/s of 50 mm/s", "with a lead of"):
         assert words in warning
 
@@ -143,17 +143,17 @@ def test_what_makes_no_job_is_refused():
     led = Process(lead_in=Lead(length=0.01))
     refused((lambda: run(job(auto, *TWO, far)), "Contour E7", "PMK-3s"), kind=Unreachable)
     refused(
-        (lambda: run(job(auto, timing=ac.Paper())), "Run taught", "optimal", "mac"),
+        (lambda: run(job(auto, timing=ac.Paper())), "Run compensated", "optimal", "paper"),
         (lambda: job(Process(), until=3.0), "until is for a job with a single path"),
         (lambda: run(job(led, Contour(path=BEND), until=3.0)), "until"),
-        (lambda: run(job(Process(from_s=1.0))), "resumed at 1 m"),
+        (lambda: run(job(Process(resume_at=1.0))), "resumed at 1 m"),
     )
 
 
 def test_warns_of_leads_that_are_too_short_and_of_none_that_are_not_there():
     def warnings(path, shape="line", **leads):
         process = Process(**{k: Lead(shape=shape, length=x) for k, x in leads.items()})
-        return run(job(process, Contour(path=path))).runs["taught"].warnings
+        return run(job(process, Contour(path=path))).runs["compensated"].warnings
 
     (warning,) = warnings(BEND, lead_in=0.001)
     assert "contour 1 begins at" in warning and "with a lead of 1 mm: a longer lead" in warning
@@ -174,10 +174,13 @@ def test_warns_of_leads_that_are_too_short_and_of_none_that_are_not_there():
 def test_runs_a_program_from_its_drawing_to_its_evaluation():
     told, lead = [], Lead(length=0.01)
     process = Process(lead_in=lead, lead_out=lead, switch=Switch(), events=(Event(name="x"),))
-    result = run(job(process), progress=told.append).runs["taught"]
+    result = run(job(process), progress=told.append).runs["compensated"]
     assert isinstance(result.path, Program) and isinstance(result.objective, Program)
     shares = [x for x in told if x.done is not None]
-    assert shares[-2:] == [Step(("taught", "timing"), 0.5), Step(("taught", "timing"), 1.0)]
+    assert shares[-2:] == [
+        Step(("compensated", "timing"), 0.5),
+        Step(("compensated", "timing"), 1.0),
+    ]
     steps = "rounding tracing timing clearance compensation execution evaluation".split()
     assert [x.names[-1] for x in told if x.done is None] == steps
     assert result.evaluation.contour_error.max < 2e-5
@@ -185,25 +188,25 @@ def test_runs_a_program_from_its_drawing_to_its_evaluation():
     names = [x.name for x in result.trajectory.events]
     assert names in (["x", "tool", "tool"] * 2, ["tool", "x", "tool"] * 2)
     assert result.explanation is not None and result.path.single_path is None
-    assert result.taught.trajectory is result.trajectory
+    assert result.set_points.trajectory is result.trajectory
 
 
 def test_runs_share_their_tracing_and_find_their_own_leads():
     one = job(Process(lead_in=Lead(length=0.01)))
     (this,) = one.runs
     mac = dataclasses.replace(
-        this, name="mac", timing=ac.Paper(reserve=0.1), compensation=ac.NoCompensation()
+        this, name="paper", timing=ac.Paper(reserve=0.1), compensation=ac.NoCompensation()
     )
     slower = dataclasses.replace(this, name="slow", limits=LIMITS.replace(speed=0.02))
     runs = run(dataclasses.replace(one, runs=(this, mac, slower))).runs
-    assert runs["mac"].traced is runs["taught"].traced is not runs["slow"].traced
-    assert runs["mac"].path is runs["taught"].path
-    assert runs["mac"].trajectory.method == "mac"
+    assert runs["paper"].traced is runs["compensated"].traced is not runs["slow"].traced
+    assert runs["paper"].path is runs["compensated"].path
+    assert runs["paper"].trajectory.method == "paper"
     auto = job(Process(lead_in=Lead()), Contour(path=BEND), rounding=None)
     (this,) = auto.runs
     less = dataclasses.replace(this, name="less", timing=ac.Optimal(reserve=0.5))
     runs = ac.jobs.run(dataclasses.replace(auto, runs=(this, less)), simulate=False).runs
-    assert runs["less"].path.contours[0].work[0] > runs["taught"].path.contours[0].work[0]
+    assert runs["less"].path.contours[0].work[0] > runs["compensated"].path.contours[0].work[0]
 
 
 def test_a_job_of_a_path_is_one_of_its_program():
@@ -212,9 +215,9 @@ def test_a_job_of_a_path_is_one_of_its_program():
     by_program = dataclasses.replace(by_path, path=program)
     for x in (by_path, by_program):
         assert x.program.path is BEND
-    first, second = (run(x).runs["taught"] for x in (by_path, by_program))
+    first, second = (run(x).runs["compensated"] for x in (by_path, by_program))
     assert first.path.single_path is not None
-    np.testing.assert_array_equal(first.taught.q, second.taught.q)
+    np.testing.assert_array_equal(first.set_points.q, second.set_points.q)
     for x in (first, second):
         assert x.evaluation.until == 3.0 and len(x.evaluation.contours) == 1
 
@@ -286,14 +289,14 @@ def test_set_points_of_a_drawing_change_no_faster_than_the_arm_may():
     drawn = read_cell(DRAWINGS / "gentle.yaml", DRAWINGS / "gasket.dxf", path=one)
     as_planned, compensated = run(drawn, simulate=False).runs.values()
     assert as_planned.full_stops == {} and as_planned.warnings == ()
-    limits, taught = drawn.runs[0].limits, as_planned.taught
+    limits, set_points = drawn.runs[0].limits, as_planned.set_points
     bounds = limits.joint_velocity, limits.joint_acceleration, limits.joint_jerk
     for order, limit in enumerate(bounds, 1):
-        ratio = np.abs(np.diff(taught.q, order, axis=0)) / taught.period**order / limit
+        ratio = np.abs(np.diff(set_points.q, order, axis=0)) / set_points.cycle**order / limit
         assert ratio.max() < 1 + 1e-6
     assert ratio.max() > 0.99
     # The inverse of the servo leads by dddq / K_p, and by what the jerk's own jumps ask for.
-    ahead = np.abs(np.diff(compensated.taught.q, 2, axis=0)) / taught.period**2
+    ahead = np.abs(np.diff(compensated.set_points.q, 2, axis=0)) / set_points.cycle**2
     assert (ahead < limits.joint_acceleration + limits.joint_jerk / 25.0).all()
 
 

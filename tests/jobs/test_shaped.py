@@ -101,7 +101,7 @@ def test_values_that_do_not_go_together_are_refused():
         (made(**free, line_tolerance=1e-4), "line_tolerance is given without zone"),
         (made(shape="free", tolerance=float("nan")), "tolerance of a rounding"),
         (made(**free, iterations=-1), "iterations of a rounding"),
-        (lambda: a_run(timing=ac.Paper()), "timing method optimal", "mac"),
+        (lambda: a_run(timing=ac.Paper()), "timing method optimal", "paper"),
     )
 
 

@@ -16,7 +16,7 @@ import armcontour as ac
 from armcontour.core.errors import NotRealizable
 from armcontour.core.frames import from_rpy
 from armcontour.files import parse_job
-from armcontour.jobs import Experiment, Rounding, build_plant, programs_of, run
+from armcontour.jobs import Experiment, Rounding, build_plant, prepare_and_round, run
 from armcontour.jobs.job import choose_run
 from armcontour.jobs.quantities import angular_speed, planned_torques
 from armcontour.planning.tracing.tracer import trace_all
@@ -36,7 +36,7 @@ def job(arm, objective, servo, limits):
     methods = {"timing": ac.Conventional(), "compensation": ac.NoCompensation()}
     plant, runs = (
         ac.ServoModel(kp=[24.0, 26.0], kv=150.0),
-        (proposed, a_run("conventional", **methods, limits=slow, period=1e-2)),
+        (proposed, a_run("conventional", **methods, limits=slow, cycle=1e-2)),
     )
     values = {"servo": servo, "plant_servo": plant, "runs": runs}
     return ac.Job(name="paper", title="The paper's job", arm=arm, path=objective, **values)
@@ -62,14 +62,14 @@ def test_run_is_all_arrows_one_by_one(job, study):
         if this.rounding is not None:
             path = ac.round_corners(path, tolerance=5e-3, acceleration=0.09)
         trajectory = ac.plan(ac.trace(path, job.arm), job.arm, this.limits, this.timing)
-        taught = ac.compensate(trajectory, job.servo, this.compensation, period=this.period)
-        execution = ac.execute(taught, ac.ServoPlant(job.arm, job.plant_servo, this.limits))
+        set_points = ac.compensate(trajectory, job.servo, this.compensation, cycle=this.cycle)
+        execution = ac.simulate(set_points, ac.ServoPlant(job.arm, job.plant_servo, this.limits))
         asked = {"objective": job.path, "limits": this.limits, "until": this.until}
         evaluation = ac.evaluate(execution, path, **asked)
         assert found.run is this
         np.testing.assert_array_equal(found.path.path.breaks, path.breaks)
         assert found.trajectory.duration == trajectory.duration
-        np.testing.assert_array_equal(found.taught.q, taught.q)
+        np.testing.assert_array_equal(found.set_points.q, set_points.q)
         np.testing.assert_array_equal(found.execution.q, execution.q)
         assert found.evaluation.contour_error.rms == evaluation.contour_error.rms
         assert found.evaluation.objective_error.max == evaluation.objective_error.max
@@ -79,7 +79,7 @@ def test_run_is_all_arrows_one_by_one(job, study):
 
 
 def test_the_branch_reaches_the_tracer(job):
-    other = with_runs(job, job.runs[1], branch="negative")
+    other = with_runs(job, job.runs[1], configuration="negative")
     assert run(other, simulate=False).runs["conventional"].trajectory(0.0)[1] < 0
 
 
@@ -88,7 +88,7 @@ def test_an_experiment_is_the_same_set_points_on_rigid_bodies(job):
     study = ac.run(with_runs(job, this, job.runs[1]))
     found = study.runs["proposed"]
     plant = ac.RigidBodyPlant(job.arm, job.plant_servo, this.limits, noise=1e-6, seed=3)
-    execution = ac.execute(found.taught, plant)
+    execution = ac.simulate(found.set_points, plant)
     asked = {"objective": job.path, "limits": this.limits, "until": this.until}
     evaluation = ac.evaluate(execution, found.path, **asked)
     np.testing.assert_array_equal(found.experiment.execution.q, execution.q)
@@ -155,10 +155,10 @@ def test_what_cannot_be_is_refused_with_its_run_before_any_run_starts(job, in_sp
     bodies = changed(job.runs[1], experiment=Experiment())
     lag, said = ac.ServoModel(kp=25.0, order="first"), "Run conventional: experiment: "
     refused(
-        (work(in_space, runs=(this, by_mac)), "Run two: The method mac", "joint_jerk"),
+        (work(in_space, runs=(this, by_mac)), "Run two: The method paper", "joint_jerk"),
         (work(in_space, runs=(free,)), "shaped path"),
         (
-            lambda: ac.certify(with_runs(in_space, free), goal=ac.Goal(tolerance=2e-3)),
+            lambda: ac.certify(with_runs(in_space, free), goal=ac.CertificateGoal(tolerance=2e-3)),
             "shaped path",
         ),
         kind=NotRealizable,
@@ -173,7 +173,7 @@ def test_an_experiment_that_does_not_rest_leaves_the_other_results(job, monkeypa
     def fails(*_, **__):
         raise ac.ExecutionError("Joint 1 does not rest.", joint=0)
 
-    monkeypatch.setattr("armcontour.jobs.study.on_bodies", fails)
+    monkeypatch.setattr("armcontour.jobs.study.simulate_rigid_bodies", fails)
     this = changed(job.runs[0], experiment=Experiment())
     found = ac.run(with_runs(job, this, job.runs[1])).runs
     assert found["proposed"].experiment is None
@@ -188,9 +188,9 @@ def test_warnings_of_demands_and_set_points(study):
     # The plant's gains are others, so the demand is far above the limit.
     (overload,) = found.warnings
     assert "times its acceleration limit" in overload
-    coarse = dataclasses.replace(found, run=changed(found.run, period=1.0))
+    coarse = dataclasses.replace(found, run=changed(found.run, cycle=1.0))
     warning, same = coarse.warnings
-    assert "command interval of 1.0000 s" in warning and same == overload
+    assert "cycle of 1.0000 s" in warning and same == overload
 
 
 @pytest.fixture(scope="module")
@@ -239,7 +239,7 @@ def test_branch_start_and_angular_tolerance_reach_their_steps(in_space):
     corner = ac.Path.polyline([[0.4, 0, 0.2], [0.5, 0, 0.2], [0.5, 0.1, 0.2]])
     turned = corner.oriented(from_rpy([[np.pi, 0, 0], [np.pi, 0, 0], [np.pi, 0, 0.5]]))
     this = changed(in_space.runs[0], rounding=Rounding(tolerance=1e-2, angular_tolerance=1e-3))
-    corners = programs_of(dataclasses.replace(in_space, path=turned), this)[1].path.corners
+    corners = prepare_and_round(dataclasses.replace(in_space, path=turned), this)[1].path.corners
     assert corners.angular_error[0] == pytest.approx(1e-3, rel=1e-6)
     assert corners.shrunk[0]
 
@@ -281,13 +281,13 @@ def test_the_run_is_chosen_by_its_name_or_the_only_one():
 SQUARE = [[0, 0], [0.04, 0], [0.04, 0.04], [0, 0.04], [0, 0]]
 
 
-def taught(base, **changed):
+def set_points(base, **changed):
     return run(parse_job(yaml.safe_dump(base | changed)), simulate=False).runs
 
 
 def refusal(base, **changed):
     with pytest.raises(ac.Unreachable) as caught:
-        taught(base, **changed)
+        set_points(base, **changed)
     return caught.value, str(caught.value)
 
 
@@ -316,7 +316,7 @@ def test_what_is_said_to_mend_it_does():
     for position in ([0.6, 0.0], [0.12, -0.02]):
         said = refusal(PLANE, path=in_place(SQUARE, *position, 0.0))[1]
         assert "armcontour place" in said
-        assert taught(PLANE, path=in_place(SQUARE, *(position + 1e-3 * way(said)), 0.0))
+        assert set_points(PLANE, path=in_place(SQUARE, *(position + 1e-3 * way(said)), 0.0))
 
 
 def test_contours_are_refused_before_the_rapids_to_them():

@@ -28,7 +28,9 @@ def job(path, *, arm=ARM, process=None, **values):
 def drawn(speed=0.1, tolerance=0.25e-3, lift=0.0):
     """Two lines with a speed and a tolerance of their own."""
     points = np.array(LINES) + [0.0, lift]
-    return ac.Path.polyline(points, demand=ac.Demand(speed=speed, tolerance=tolerance))
+    return ac.Path.polyline(
+        points, segment_limits=ac.SegmentLimits(speed=speed, tolerance=tolerance)
+    )
 
 
 def warnings_of(asked):
@@ -54,9 +56,11 @@ def test_a_speed_and_a_tolerance_above_the_runs_are_said_once():
 def test_what_is_not_capped_is_not_said():
     assert warnings_of(job(drawn(0.1))) == warnings_of(job(drawn(0.02))) == ()
     # No corner tolerance is capped where there is no corner.
-    single = ac.Path.polyline([(0.3, 0.2), (0.34, 0.2)], demand=ac.Demand(tolerance=0.5e-3))
+    single = ac.Path.polyline(
+        [(0.3, 0.2), (0.34, 0.2)], segment_limits=ac.SegmentLimits(tolerance=0.5e-3)
+    )
     assert warnings_of(job(single)) == ()
-    half = arc((0.3, 0.2), (0.3, 0.21), np.pi, demand=ac.Demand(tolerance=0.5e-3))
+    half = arc((0.3, 0.2), (0.3, 0.21), np.pi, segment_limits=ac.SegmentLimits(tolerance=0.5e-3))
     assert warnings_of(job(path_of(half))) == ()
     # A corner has the smaller one of the two tolerances beside it.
     first = line((0.3, 0.2), (0.34, 0.2), tolerance=0.5e-3)
@@ -91,8 +95,8 @@ def test_who_judges_set_points_that_are_for_the_bodies():
     off = bare.evaluation.contour_error.max * 1e3
     assert f"(there the tool is up to {off:.4g} mm off)" in warning and "experiment: {}" in warning
     seen = only(job(straight, **options, experiment=Experiment()))
-    on_bodies = seen.experiment.evaluation.contour_error.max * 1e3
-    assert on_bodies < 0.01 * off
+    simulate_rigid_bodies = seen.experiment.evaluation.contour_error.max * 1e3
+    assert simulate_rigid_bodies < 0.01 * off
     assert seen.warnings == () and seen.judged is seen.experiment.evaluation
 
 

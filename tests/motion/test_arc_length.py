@@ -8,7 +8,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.geometry import Path
-from armcontour.motion import Method, Rates, Span, stand_still
+from armcontour.motion import Method, Rates, Span, dwell_law
 from armcontour.planning import METHODS
 from armcontour.program import Contour, Dwell, Program
 
@@ -23,16 +23,16 @@ PROGRAM = Program(moves=(Contour(path=ROUNDED), Dwell(duration=0.25), Contour(pa
 UNEVEN = Path.from_segments(
     [
         ac.Line(start=[0.3, 0.1], end=[0.34, 0.1]),
-        ac.Line(start=[0.34, 0.1], end=[0.4, 0.1], demand=ac.Demand(speed=0.025)),
+        ac.Line(start=[0.34, 0.1], end=[0.4, 0.1], segment_limits=ac.SegmentLimits(speed=0.025)),
     ]
 )
-# What "mac" leaves a line by between its knots makes the tool's way longer by less [m].
+# What "paper" leaves a line by between its knots makes the tool's way longer by less [m].
 ASIDE = 1e-6
 # A trajectory of every kind of law; those of programs have a rapid and a dwell.
 MAKERS = {
     "optimal": lambda: ac.plan(ROUNDED, ARM, LIMITS, ac.Optimal(intervals=400)),
     "optimal, sharp": lambda: ac.plan(OBJECTIVE, ARM, LIMITS, ac.Optimal(intervals=400)),
-    "mac": lambda: ac.plan(ROUNDED, ARM, SLOW, ac.Paper()),
+    "paper": lambda: ac.plan(ROUNDED, ARM, SLOW, ac.Paper()),
     "mac, sharp": lambda: ac.plan(OBJECTIVE, ARM, SLOW, ac.Paper()),
     "conventional": lambda: ac.plan(ROUNDED, ARM, SLOW, ac.Conventional()),
     "conventional, uneven": lambda: ac.plan(UNEVEN, ARM, SLOW, ac.Conventional()),
@@ -79,7 +79,7 @@ def test_s_is_how_far_the_tool_has_gone(case):
         if span.kind != "contour":
             way[(middle > span.t[0]) & (middle < span.t[1])] = 0.0
     found, gone = trajectory.s(t), np.concatenate([[0.0], np.cumsum(way)])
-    np.testing.assert_allclose(found, gone, atol=ASIDE if "mac" in name else 1e-8)
+    np.testing.assert_allclose(found, gone, atol=ASIDE if "paper" in name else 1e-8)
     np.testing.assert_allclose(found[[0, -1]], [0, places_of(name).max()], atol=1e-12)
     # It never falls.
     t = np.sort(np.concatenate([SHARES * trajectory.duration, breaks]))
@@ -129,7 +129,7 @@ def test_rates_are_differences_of_s(order):
         assert (np.abs(trajectory.s(t, order) - expected) <= near).all(), name
 
 
-@pytest.mark.parametrize("kind", ["optimal", "mac"])
+@pytest.mark.parametrize("kind", ["optimal", "paper"])
 def test_the_tool_is_at_the_place_then_and_stands_at_corners(kind):
     for name in (kind, f"{kind}, sharp"):
         path, trajectory = path_of(name), plan(name)
@@ -139,7 +139,7 @@ def test_the_tool_is_at_the_place_then_and_stands_at_corners(kind):
         along = [path(s[own], 1, side=x) for x, own in (("left", s > 0), ("right", s == 0))]
         both = np.concatenate([off[s > 0], off[s == 0]])
         assert np.abs(np.sum(both * np.concatenate(along), axis=1)).max() < 1e-9
-        assert np.linalg.norm(off, axis=1).max() < (1e-4 if kind == "mac" else 1e-9)
+        assert np.linalg.norm(off, axis=1).max() < (1e-4 if kind == "paper" else 1e-9)
     corners = OBJECTIVE.breaks[1:-1]
     t = trajectory.time_at(corners)
     np.testing.assert_allclose(ARM.tool_position(trajectory(t)), OBJECTIVE(corners), atol=1e-9)
@@ -158,7 +158,7 @@ def test_speeds_that_jump_have_two_sides_and_answers_the_shape_of_the_question()
     for side, speed in (("left", 0.05), ("right", 0.025)):
         assert float(trajectory.speed_at(vertex, side=side)) == speed
         assert float(trajectory.s(t, 1, side=side)) == pytest.approx(speed)
-    for name in ("optimal", "mac", "program, mac"):
+    for name in ("optimal", "paper", "program, mac"):
         trajectory = plan(name)
         for shape in ((), (3,), (2, 3), (0,)):
             share = np.full(shape, 0.3)
@@ -171,7 +171,7 @@ def test_speeds_that_jump_have_two_sides_and_answers_the_shape_of_the_question()
         assert trajectory.time_at(places).tolist() == times
     for name, method in (("optimal", Method.OPTIMAL), ("program, mac", Method.MAC)):
         assert plan(name).method is method
-    assert f"{plan('mac').method}" == "mac"
+    assert f"{plan('paper').method}" == "paper"
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -210,9 +210,9 @@ def test_a_program_may_stand_at_both_of_its_ends(method):
 
 
 def test_refusals(refuses):
-    one, mac, program = plan("optimal"), plan("mac"), plan("program, optimal")
+    one, mac, program = plan("optimal"), plan("paper"), plan("program, optimal")
     (law,), dwell = one.laws, Span(move=0, kind="dwell", t=(0.0, 1.0))
-    still = ac.Trajectory(laws=(law, stand_still(np.zeros(2), 1.0)), method="by hand")
+    still = ac.Trajectory(laws=(law, dwell_law(np.zeros(2), 1.0)), method="by hand")
     spans = program.spans[:-1], program.spans[1:], plan("program, mac").spans, program.spans * 2
     calls = [
         *(lambda ask=ask, s=s: ask(s) for ask in (one.time_at, one.speed_at)

@@ -11,8 +11,8 @@ from armcontour.motion import (
     LapLaw,
     PathLaw,
     Rates,
+    dwell_law,
     largest_shares,
-    stand_still,
 )
 from armcontour.motion.bounding import path_rates
 
@@ -100,7 +100,7 @@ def many():
         ).laws
         q = points[-1]
         if k in (3, 7):
-            laws.append(stand_still(q, 0.25))
+            laws.append(dwell_law(q, 0.25))
     return ac.Trajectory(laws=tuple(laws), method="optimal")
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import LapLaw, Law, Samples, Stretch, stand_still
+from armcontour.motion import LapLaw, Law, LawPhase, Samples, dwell_law
 from armcontour.motion.log_checks import find_misreading
 
 
@@ -18,7 +18,7 @@ def lap(duration, q, dq, ddq):
 
 
 def stretch(t=(0.0, 1.0)):
-    return Stretch(name="x", kind="MAC", t=t, s=(0.0, 1.0), demand=np.ones(2), speed=1.0)
+    return LawPhase(name="x", kind="MAC", t=t, s=(0.0, 1.0), demand=np.ones(2), speed=1.0)
 
 
 @pytest.fixture
@@ -98,15 +98,15 @@ def test_rest_before_and_after(bent):
 def test_refusals(bent, refuses):
     for t in (-1e-6, 3.001, np.nan):
         refuses(lambda t=t: bent([1.0, t]), ac.InvalidInput, "3 s", t=t, allowed=3.0)
-    good = {"period": 0.1, "q": np.zeros((4, 2)), "trajectory": bent, "method": "none"}
-    np.testing.assert_allclose(ac.TaughtData(**good).t, [0, 0.1, 0.2, 0.3])
-    changes = [{"period": x} for x in (0.0, np.nan)] + [{"start_time": x} for x in (0.1, np.nan)]
+    good = {"cycle": 0.1, "q": np.zeros((4, 2)), "trajectory": bent, "method": "none"}
+    np.testing.assert_allclose(ac.SetPoints(**good).t, [0, 0.1, 0.2, 0.3])
+    changes = [{"cycle": x} for x in (0.0, np.nan)] + [{"start_time": x} for x in (0.1, np.nan)]
     changes += [{"q": x} for x in (np.zeros((0, 2)), np.zeros(3), np.array([[0.0, np.inf]]))]
     for call in (
         lambda: ac.Trajectory(laws=(), method="none"),
         *(lambda order=order: bent(0.0, order) for order in (-1, 4, 1.5)),
-        *(lambda period=period: bent.sample(period) for period in (0.0, -1.0, np.nan)),
-        *(lambda change=change: ac.TaughtData(**good | change) for change in changes),
+        *(lambda cycle=cycle: bent.sample(cycle) for cycle in (0.0, -1.0, np.nan)),
+        *(lambda change=change: ac.SetPoints(**good | change) for change in changes),
     ):
         refuses(call, ac.InvalidInput)
 
@@ -115,11 +115,11 @@ def test_everything_that_flows_copies_and_locks_its_arrays(arm, bent):
     shapes = dict.fromkeys(("q", "dq", "ddq", "demand"), (3, 2))
     shapes |= {"t": 3, "demand_range": (2, 2), "saturated_time": 2}
     given = {name: np.ones(shape) for name, shape in shapes.items()} | {"t": np.zeros(3)}
-    taught = ac.TaughtData(period=0.1, q=given["q"], trajectory=bent, method="none")
+    set_points = ac.SetPoints(cycle=0.1, q=given["q"], trajectory=bent, method="none")
     for value, count in (
         (Samples(**{k: given[k] for k in ("t", "q", "dq", "ddq")}), 4),
-        (taught, 1),
-        (ac.Execution(arm=arm, taught=taught, **given), 7),
+        (set_points, 1),
+        (ac.Execution(arm=arm, set_points=set_points, **given), 7),
         (stretch(), 1),
         (bent, 2),
         (bent.laws[0], 4),
@@ -147,10 +147,12 @@ def test_laws_of_users_may_give_any_arrays():
 
 
 def test_tool_speed_and_saturation(arm):
-    trajectory = ac.Trajectory(laws=(stand_still(np.zeros(2), 1.0),), method="hand")
+    trajectory = ac.Trajectory(laws=(dwell_law(np.zeros(2), 1.0),), method="hand")
     executed = ac.Execution(
         arm=arm,
-        taught=ac.TaughtData(period=1.0, q=np.zeros((2, 2)), trajectory=trajectory, method="none"),
+        set_points=ac.SetPoints(
+            cycle=1.0, q=np.zeros((2, 2)), trajectory=trajectory, method="none"
+        ),
         t=np.array([0.0, 1.0]),
         q=np.array([[0.0, 0.0], [0.0, np.pi / 2]]),
         dq=np.array([[1.0, 0.0], [0.0, 1.0]]),
@@ -167,7 +169,7 @@ def test_tool_speed_and_saturation(arm):
 def test_motion_between_results_is_known_at_steps_of_the_command_interval_only(conventional, arm):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     plant = ac.ServoPlant(arm, servo, saturation="none")
-    whole = ac.execute(ac.compensate(conventional, servo, ac.NoCompensation(), period=4e-3), plant)
+    whole = ac.simulate(ac.compensate(conventional, servo, ac.NoCompensation(), cycle=4e-3), plant)
     here = np.array([7])
     assert len(whole.between(here)(whole.t[7:8] + 2e-4)) == 1
     names = ("t", "q", "dq", "ddq", "demand")

@@ -40,9 +40,9 @@ def test_no_joint_moves_farther_than_its_bound():
 
 def test_an_executed_motion_has_bounds_too(servo):
     plan = ac.plan(PATH, ARM, LIMITS)
-    taught = ac.compensate(plan, servo, ac.Inverse(), period=0.004, arm=ARM)
+    set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=0.004, arm=ARM)
     plant = ac.ServoPlant(ARM, servo, ARM.limits)
-    coarse, fine = (ac.execute(taught, plant, resolution=x) for x in (4, 32))
+    coarse, fine = (ac.simulate(set_points, plant, resolution=x) for x in (4, 32))
     bound = bound_at(coarse, fine.t)
     assert (np.abs(np.diff(fine.q, axis=0)) <= np.diff(bound, axis=0) + 1e-12).all()
 

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 import armcontour as ac
 from armcontour.planning._laps import laps
-from armcontour.planning.mac_line import Line
+from armcontour.planning.paper_line import Line
 
 
 def shortest_time(step, velocity, limit):

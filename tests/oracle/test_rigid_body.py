@@ -55,7 +55,7 @@ def pinocchio_model(chain, loaded=True):
     return model
 
 
-def by_pinocchio(chain, inertia, q, step, period, limit):
+def by_pinocchio(chain, inertia, q, step, cycle, limit):
     """States at the steps: torques held, motion between by DOP853."""
     model = pinocchio_model(chain)
     data, n = model.createData(), len(chain)
@@ -68,7 +68,7 @@ def by_pinocchio(chain, inertia, q, step, period, limit):
         return np.concatenate([moving, np.linalg.solve(mass, left)])
 
     x, states = np.concatenate([q[0], np.zeros(n)]), []
-    steps = round(period / step)
+    steps = round(cycle / step)
     for k in range(len(q) - 1):
         for i in range(steps):
             states.append(x)
@@ -80,7 +80,7 @@ def by_pinocchio(chain, inertia, q, step, period, limit):
     return np.array(states)
 
 
-def by_pinocchio_with_springs(chain, plant, q, step, period, begin):
+def by_pinocchio_with_springs(chain, plant, q, step, cycle, begin):
     """Links and motors at the steps: Spong's equations with torques held, motion by DOP853."""
     model, n = pinocchio_model(chain), len(chain)
     data, stiffness, damping = model.createData(), plant.joint_stiffness, plant.joint_damping
@@ -95,7 +95,7 @@ def by_pinocchio_with_springs(chain, plant, q, step, period, begin):
         faster = (torque - spring - chain.viscous * spinning) / chain.armature
         return np.concatenate([turning, spinning, np.linalg.solve(mass, spring - bias), faster])
 
-    x, states, steps = np.concatenate([begin, np.zeros(2 * n)]), [], round(period / step)
+    x, states, steps = np.concatenate([begin, np.zeros(2 * n)]), [], round(cycle / step)
     for k in range(len(q) - 1):
         for i in range(steps):
             states.append(x[: 2 * n])
@@ -107,21 +107,21 @@ def by_pinocchio_with_springs(chain, plant, q, step, period, begin):
     return np.array(states)
 
 
-def taught_data(q, period):
+def taught_data(q, cycle):
     still = np.zeros((1, q.shape[1]))
     law = LapLaw(breaks=np.array([0.0, 1.0]), q=np.zeros((2, q.shape[1])), dq=still, ddq=still)
     trajectory = ac.Trajectory(laws=(law,), method="hand")
-    return ac.TaughtData(period=period, q=q, trajectory=trajectory, method="x")
+    return ac.SetPoints(cycle=cycle, q=q, trajectory=trajectory, method="x")
 
 
 def error(step, limit):
-    arm, period = skew_arm(), 0.008
-    t = np.arange(0, 0.4, period)[:, None]
+    arm, cycle = skew_arm(), 0.008
+    t = np.arange(0, 0.4, cycle)[:, None]
     q = np.array([0.3, -0.4, 0.6]) + np.array([0.8, -1.1, 1.3]) * (1 - np.cos(5 * t))
     servo, limits = ac.ServoModel(kp=KP, kv=KV), ac.Limits.only(joint_torque=limit)
     plant = ac.RigidBodyPlant(arm, servo, limits, step=step)
-    done = ac.execute(taught_data(q, period), plant, resolution=step)
-    expected = by_pinocchio(arm.chain, plant.nominal_inertia, q, step, period, limit)
+    done = ac.simulate(taught_data(q, cycle), plant, resolution=step)
+    expected = by_pinocchio(arm.chain, plant.nominal_inertia, q, step, cycle, limit)
     n = len(expected)
     assert np.abs(done.dq).max() > 3 and (done.saturated_time > 0.01).any()
     return np.abs(done.q[:n] - expected[:, :3]).max()
@@ -148,14 +148,14 @@ def test_joints_with_springs_move_as_spong_and_pinocchio_say(options):
     names = "joints rotations positions axes masses centers inertias armature viscous".split()
     first = {name: getattr(whole, name)[:2] for name in names}
     arm = SerialArm(name="two", chain=whole.replace(**first, coulomb=None), limits=ac.Limits())
-    step, period = 2.5e-4, 0.004
-    t = np.arange(0, 0.08, period)[:, None]
+    step, cycle = 2.5e-4, 0.004
+    t = np.arange(0, 0.08, cycle)[:, None]
     q = np.array([0.3, -0.4]) + np.array([0.8, -1.1]) * (1 - np.cos(8 * t))
     servo = ac.ServoModel(kp=[60.0, 80.0], kv=[300.0, 240.0])
     plant = ac.RigidBodyPlant(arm, servo, step=step, joint_stiffness=[2e4, 1e4], **options)
-    done = ac.execute(taught_data(q, period), plant, resolution=step)
+    done = ac.simulate(taught_data(q, cycle), plant, resolution=step)
     begin = np.concatenate([done.q[0], done.motor_q[0]])
-    expected = by_pinocchio_with_springs(arm.chain, plant, q, step, period, begin)
+    expected = by_pinocchio_with_springs(arm.chain, plant, q, step, cycle, begin)
     found = np.hstack([done.q, done.motor_q])[: len(expected)]
     assert np.abs(done.dq).max() > 1 and np.abs(done.q - done.motor_q).max() > 2e-3
     # The start rings the springs, which hardly anything damps: phase errors add up.

@@ -13,20 +13,20 @@ ALMOST_CRITICAL, HARDLY_DAMPED, STIFF = (25.0, 100.0000001), (500.0, 5.0), (5.0,
 GAINS = (OVERDAMPED, ALMOST_CRITICAL, CRITICAL, UNDERDAMPED, HARDLY_DAMPED, STIFF)
 
 
-def executed(arm, q, period, kp, kv, limit, resolution, interpolation="linear"):
+def executed(arm, q, cycle, kp, kv, limit, resolution, interpolation="linear"):
     servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation)
     plant = ac.ServoPlant(arm, servo, ac.Limits.only(joint_acceleration=limit))
-    return ac.execute(taught_data(q, period), plant, resolution=resolution)
+    return ac.simulate(taught_data(q, cycle), plant, resolution=resolution)
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "step"])
-@pytest.mark.parametrize("period", [4e-3, 0.05])
-def test_unsaturated_against_lsim(arm, interpolation, period):
+@pytest.mark.parametrize("cycle", [4e-3, 0.05])
+def test_unsaturated_against_lsim(arm, interpolation, cycle):
     for kp, kv in GAINS:
         q = np.random.default_rng(2).normal(size=(40, 2))
-        done = executed(arm, q, period, kp, kv, None, period, interpolation)
+        done = executed(arm, q, cycle, kp, kv, None, cycle, interpolation)
         matrices = [[0, 1], [-kp * kv, -kv]], [[0], [kp * kv]], [[1, 0], [0, 1]], [[0], [0]]
-        system, t = signal.StateSpace(*matrices), np.arange(40) * period
+        system, t = signal.StateSpace(*matrices), np.arange(40) * cycle
         for j in range(2):
             # Between set-points as the plant is: exact, not a discretisation.
             moved = q[:, j] - q[0, j]
@@ -35,18 +35,18 @@ def test_unsaturated_against_lsim(arm, interpolation, period):
             np.testing.assert_allclose(done.dq[:40, j], expected[:, 1], atol=1e-9 * kv)
 
 
-def by_events(u, period, kp, kv, limit, linear=True):
+def by_events(u, cycle, kp, kv, limit, linear=True):
     """(7) for one joint: integrate to high accuracy, and stop wherever the demand meets +-limit."""
     state, ends = np.array([u[0], 0.0]), [(u[0], 0.0)]
     saturated, peak = 0.0, 0.0
     for k in range(len(u) - 1):
-        rate = (u[k + 1] - u[k]) / period if linear else 0.0
+        rate = (u[k + 1] - u[k]) / cycle if linear else 0.0
 
         def demand(t, x, k=k, rate=rate):
             return kv * (kp * (u[k] + rate * t - x[0]) - x[1])
 
         now = 0.0
-        while now < period:
+        while now < cycle:
             z = demand(now, state)
             dz = kv * (kp * (rate - state[1]) - np.clip(z, -limit, limit))
             # On the edge the sign of the demand's slope tells the side.
@@ -69,7 +69,7 @@ def by_events(u, period, kp, kv, limit, linear=True):
                 event.direction = -np.sign(edge) if side else np.sign(edge)
                 events.append(event)
             found = solve_ivp(
-                motion, (now, period), state, method="DOP853", events=events,
+                motion, (now, cycle), state, method="DOP853", events=events,
                 rtol=1e-12, atol=1e-14, max_step=0.3 / kv,
             )  # fmt: skip
             if side:
@@ -86,13 +86,13 @@ def by_events(u, period, kp, kv, limit, linear=True):
 @pytest.mark.parametrize("interpolation", ["linear", "step"])
 def test_saturated_against_events(arm, gains, interpolation):
     kp, kv = gains
-    period, limits = 0.04, (0.72, 3.0)
+    cycle, limits = 0.04, (0.72, 3.0)
     q = np.cumsum(np.random.default_rng(4).normal(size=(15, 2)), axis=0) * (3e-3, 1e-2)
-    done = executed(arm, q, period, kp, kv, limits, period, interpolation)
-    long = executed(arm, np.tile(q[-1:], (2, 1)), period, kp, kv, limits, period)
+    done = executed(arm, q, cycle, kp, kv, limits, cycle, interpolation)
+    long = executed(arm, np.tile(q[-1:], (2, 1)), cycle, kp, kv, limits, cycle)
     np.testing.assert_array_equal(long.saturated_time, 0)
     for j in range(2):
-        given = q[:, j], period, kp, kv, limits[j], interpolation == "linear"
+        given = q[:, j], cycle, kp, kv, limits[j], interpolation == "linear"
         ends, saturated, peak = by_events(*given)
         assert saturated > 0.02  # the case is worth its name
         np.testing.assert_allclose(done.q[:15, j], ends[:, 0], atol=1e-10)

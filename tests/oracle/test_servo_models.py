@@ -10,36 +10,36 @@ from scipy.interpolate import CubicHermiteSpline
 import armcontour as ac
 from armcontour.motion import LapLaw
 
-PERIOD = 0.02
+CYCLE = 0.02
 # None, whole intervals, a fraction of one, more than one, and another for each joint.
 DEAD_TIMES = (0.0, 0.06, 0.0137, 0.0281, [0.011, 0.047])
 # Overdamped, critical, underdamped.
 GAINS = ((25.0, 150.0), (25.0, 100.0), (60.0, 40.0))
 
 
-def taught_data(q, period=PERIOD):
+def taught_data(q, cycle=CYCLE):
     rest = np.zeros((1, 2))
     law = LapLaw(breaks=np.array([0.0, 1.0]), q=np.zeros((2, 2)), dq=rest, ddq=rest)
     trajectory = ac.Trajectory(laws=(law,), method="hand")
-    return ac.TaughtData(period=period, q=q, trajectory=trajectory, method="x")
+    return ac.SetPoints(cycle=cycle, q=q, trajectory=trajectory, method="x")
 
 
-def command(q, interpolation, period=PERIOD):
+def command(q, interpolation, cycle=CYCLE):
     """The command of one joint as a function of time, from its definition."""
-    t = np.arange(len(q)) * period
+    t = np.arange(len(q)) * cycle
     if interpolation == "linear":
         return lambda at: float(np.interp(at, t, q))
     if interpolation == "step":
-        return lambda at: float(q[min(max(math.floor(at / period + 1e-9), 0), len(q) - 1)])
-    slope = np.concatenate([[0.0], (q[2:] - q[:-2]) / (2 * period), [0.0]])
+        return lambda at: float(q[min(max(math.floor(at / cycle + 1e-9), 0), len(q) - 1)])
+    slope = np.concatenate([[0.0], (q[2:] - q[:-2]) / (2 * cycle), [0.0]])
     spline = CubicHermiteSpline(t, q, slope)
     return lambda at: float(spline(min(max(at, 0.0), t[-1])))
 
 
-def integrated(servo, j, u, dead, times, start, bounds=(-np.inf, np.inf), period=PERIOD, fine=1.0):
+def integrated(servo, j, u, dead, times, start, bounds=(-np.inf, np.inf), cycle=CYCLE, fine=1.0):
     """One joint by DOP853, piece by piece between the instants at which its command has a kink."""
     kp = servo.kp[j]
-    kinks = np.arange(-1, len(times) + 50) * period + dead
+    kinks = np.arange(-1, len(times) + 50) * cycle + dead
     stops = np.union1d(times, kinks[(kinks > 0) & (kinks < times[-1])])
     stops = stops[np.append(True, np.diff(stops) > 1e-10)]
 
@@ -72,7 +72,7 @@ def test_unsaturated_against_an_integrator(arm, order, interpolation):
     for dead in DEAD_TIMES[1:] if order == "second" else DEAD_TIMES[4:]:
         servo = ac.ServoModel(**gains, interpolation=interpolation, dead_time=dead, order=order)
         servo = servo.for_joints(2)
-        done = ac.execute(
+        done = ac.simulate(
             taught_data(q), ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=0.005
         )
         n = round(0.3 / done.t[1])
@@ -93,7 +93,7 @@ def test_saturated_against_an_integrator(arm, gains, interpolation):
     servo = ac.ServoModel(kp=kp, kv=kv, interpolation=interpolation, dead_time=dead).for_joints(2)
     limits = ac.Limits.only(joint_acceleration=[[-2.0, 0.72], [-1.0, 3.0]])
     q = np.cumsum(np.random.default_rng(4).normal(size=(12, 2)), axis=0) * (3e-3, 1e-2)
-    done = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=2e-4)
+    done = ac.simulate(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=2e-4)
     n = round(0.3 / done.t[1])
     every = 100
     lower, upper = limits.acceleration_bounds(2)
@@ -118,11 +118,11 @@ def test_brief_saturation_on_a_cubic_is_found(arm):
         dead = rng.uniform(0, 0.03)
         servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation="cubic", dead_time=dead)
         plant = ac.ServoPlant(arm, servo, ac.Limits.only())
-        free, fine = (ac.execute(taught_data(q), plant, resolution=x) for x in (PERIOD, 1e-5))
+        free, fine = (ac.simulate(taught_data(q), plant, resolution=x) for x in (CYCLE, 1e-5))
         most = np.abs(fine.demand).max(axis=0)
         np.testing.assert_allclose(free.peak_demand, most, rtol=1e-6)
         limits = ac.Limits.only(joint_acceleration=free.peak_demand * (1 - 1e-9))
-        done = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=PERIOD)
+        done = ac.simulate(taught_data(q), ac.ServoPlant(arm, servo, limits), resolution=CYCLE)
         assert (done.saturated_time > 0).all() and (done.saturated_time < 1e-3).all()
 
 
@@ -134,7 +134,7 @@ def test_torque_limits_against_an_integrator():
     rng = np.random.default_rng(5)
     q = np.array([0.2, -1.2, 1.4, -0.3, 0.4, 0.1]) + np.cumsum(rng.normal(size=(10, 6)), 0) * 0.02
     plant = ac.ServoPlant(arm, servo, ac.Limits.only(joint_torque=limit), saturation="torque")
-    done = ac.execute(taught_data(q), plant, resolution=PERIOD)
+    done = ac.simulate(taught_data(q), plant, resolution=CYCLE)
     assert (done.saturated_time > 0.02).sum() >= 3
     commands = [command(x, "linear") for x in q.T]
     at, rate = q[0], np.zeros(6)
@@ -147,10 +147,10 @@ def test_torque_limits_against_an_integrator():
         inertia = np.array([arm.torque(at, rate, x) @ x - bias @ x for x in eye])
         high, low = (limit - bias) / inertia, (-limit - bias) / inertia
         state = np.concatenate([at, rate])
-        for a, b in ((0.0, 0.013), (0.013, PERIOD)):
+        for a, b in ((0.0, 0.013), (0.013, CYCLE)):
 
             def motion(t, x, k=k, low=low, high=high):
-                u = np.array([c(k * PERIOD + t - 0.013) for c in commands])
+                u = np.array([c(k * CYCLE + t - 0.013) for c in commands])
                 return np.concatenate([x[6:], np.clip(150 * (25 * (u - x[:6]) - x[6:]), low, high)])
 
             how = {"method": "RK45", "rtol": 1e-9, "atol": 1e-11, "max_step": 5e-4}

@@ -47,9 +47,11 @@ def test_joint_limits_are_not_planned_for_and_the_stretch_reports_the_demand(
 def test_segments_have_their_own_speeds(arm, limits):
     path = ac.Path.from_segments(
         [
-            ac.Line(start=(0.3, 0.2), end=(0.36, 0.2), demand=ac.Demand(speed=0.02)),
+            ac.Line(start=(0.3, 0.2), end=(0.36, 0.2), segment_limits=ac.SegmentLimits(speed=0.02)),
             ac.Line(start=(0.36, 0.2), end=(0.36, 0.28)),
-            ac.Line(start=(0.36, 0.28), end=(0.30, 0.28), demand=ac.Demand(speed=9.0)),
+            ac.Line(
+                start=(0.36, 0.28), end=(0.30, 0.28), segment_limits=ac.SegmentLimits(speed=9.0)
+            ),
         ]
     )
     planned = ac.plan(path, arm, limits.replace(speed=0.04), ac.Conventional())

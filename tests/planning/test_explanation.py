@@ -210,7 +210,7 @@ def test_the_papers_job(traced, rounded, arm, limits):
 def test_every_segment_has_its_own_assigned_velocity(arm):
     points = [(0.3, 0.2), (0.34, 0.2), (0.38, 0.2)]
     lines = [
-        ac.Line(start=points[k], end=points[k + 1], demand=ac.Demand(speed=x))
+        ac.Line(start=points[k], end=points[k + 1], segment_limits=ac.SegmentLimits(speed=x))
         for k, x in enumerate((0.02, 0.5))
     ]
     path = ac.Path.from_segments(lines)
@@ -253,8 +253,8 @@ def test_a_path_is_traced_on_the_way(arm, rounded, traced, limits):
     direct = ac.plan(rounded, arm, limits, ac.Paper(knots=50))
     by_hand = ac.plan(traced, arm, limits, ac.Paper(knots=50))
     assert direct.duration == by_hand.duration
-    assert direct.path is rounded and direct.method == "mac"
-    other = ac.plan(rounded, arm, limits.replace(speed=0.05), ac.Paper(branch="negative"))
+    assert direct.path is rounded and direct.method == "paper"
+    other = ac.plan(rounded, arm, limits.replace(speed=0.05), ac.Paper(configuration="negative"))
     t = np.linspace(0, other.duration, 101)
     assert (other(t)[:, 1] < 0).all()
     assert rounded.project(arm.tool_position(other(t))).distance.max() < 1e-6
@@ -266,12 +266,12 @@ def test_refusals(arm, rounded, traced, objective, limits, refuses):
         lambda: ac.Paper(intervals=50),
         lambda: ac.Conventional(knots=3),
         lambda: ac.Paper(knots=7),
-        lambda: ac.Paper(period=0.0),
-        lambda: ac.Paper(period=np.nan),
+        lambda: ac.Paper(cycle=0.0),
+        lambda: ac.Paper(cycle=np.nan),
         ac.PlanOptions,
     ):
         refuses(call, ac.InvalidInput)
-    rows = [(rounded, limits, ac.Paper(branch="up"), ac.InvalidInput, {})]
+    rows = [(rounded, limits, ac.Paper(configuration="up"), ac.InvalidInput, {})]
     for options in (ac.Paper(), ac.Conventional()):
         # The arm's limits hold no assigned velocity, which the method needs.
         rows.append((rounded, None, options, ac.InvalidInput, {}))
@@ -286,7 +286,7 @@ def test_refusals(arm, rounded, traced, objective, limits, refuses):
     refuses(lambda: ac.shape(objective, arm, jerk, shaped), ac.NotRealizable, **data)
     for own in ({"joint_acceleration": np.inf}, {"joint_acceleration": [1.0, 1.0, 1.0]}):
         rows.append((rounded, limits.replace(**own), ac.Paper(), ac.InvalidInput, {}))
-    rows.append((traced, limits, ac.Optimal(branch="negative"), ac.InvalidInput, {}))
+    rows.append((traced, limits, ac.Optimal(configuration="negative"), ac.InvalidInput, {}))
     for path, own, options, kind, data in rows:
         refuses(lambda x=path, y=own, z=options: ac.plan(x, arm, y, z), kind, **data)
 

@@ -237,7 +237,7 @@ def test_it_rests_at_sharp_corners(arm, limits, name, kept):
 def test_segments_have_their_own_speeds(arm, objective, limits, kept):
     points = objective.vertices
     lines = [
-        ac.Line(start=points[k], end=points[k + 1], demand=ac.Demand(speed=v))
+        ac.Line(start=points[k], end=points[k + 1], segment_limits=ac.SegmentLimits(speed=v))
         for k, v in enumerate((0.03, 0.06, None))
     ]
     path = ac.round_corners(ac.Path.from_segments(lines), tolerance=5e-3)

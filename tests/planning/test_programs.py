@@ -135,13 +135,13 @@ def test_keeps_all_that_holds_of_programs_in_space():
     assert np.abs(q - q[0]).max() < 1.0
 
 
-@pytest.mark.parametrize("method", ["mac", "conventional"])
+@pytest.mark.parametrize("method", ["paper", "conventional"])
 def test_the_other_methods_plan_programs_too(method):
     events = Event(name="a", s=0.013), Event(name="b", s=0.06, lead_time=0.05)
     program = plane(SQUARE, Contour(path=BEND, events=events), process=Process(switch=Switch()))
     trajectory = ac.plan(program, PMK3S, IN_PLANE.replace(speed=0.05), METHODS[method]())
     assert trajectory.method == method
-    if method == "mac":
+    if method == "paper":
         begins = [x.t[0] for x in trajectory.spans]
         np.testing.assert_allclose(trajectory(begins, 1), 0, atol=1e-9)
     seams = trajectory.starts[1:-1]
@@ -152,7 +152,7 @@ def test_the_other_methods_plan_programs_too(method):
         work = [x for x in trajectory.spans if x.work]
         number = next(k for k, x in enumerate(work) if x.s[0] <= event.s <= x.s[1])
         s = event.s - work[number].s[0]
-        # Between its knots "mac" leaves the path; along it the tool is at the place.
+        # Between its knots "paper" leaves the path; along it the tool is at the place.
         tangent = program.contours[number].path(s, 1, side="left" if s else "right")
         assert abs((here - event.point) @ tangent) < 1e-9
         assert np.linalg.norm(here - event.point) < 1e-4
@@ -274,9 +274,10 @@ def test_contours_take_their_time_alone_and_leave_a_reserve_on_rapids_too():
     second = Path.polyline([[0.35, 0.25], [0.3, 0.25]])
     spans = ac.plan(program_of(BEND, Rapid(), second), PMK3S, IN_PLANE).spans
     assert [x.kind for x in spans] == ["contour", "contour"]  # they meet
-    branch = PMK3S.branch_of(ac.plan(TWO, PMK3S, IN_PLANE)(0.0))
+    configuration = PMK3S.configuration_of(ac.plan(TWO, PMK3S, IN_PLANE)(0.0))
     alone = [
-        ac.plan(x, PMK3S, IN_PLANE, ac.Optimal(branch=branch)).duration for x in (BEND, SQUARE)
+        ac.plan(x, PMK3S, IN_PLANE, ac.Optimal(configuration=configuration)).duration
+        for x in (BEND, SQUARE)
     ]
     ratios, told = [], []
     for reserve in (0.0, 0.4):
@@ -325,9 +326,10 @@ def test_explains_every_contour_of_a_program_in_its_own_time_and_place():
     trajectory = ac.plan(program, PMK3S, IN_PLANE)
     told = ac.explain(trajectory, PMK3S)
     paths = [x.path for x in program.contours]
-    branch = PMK3S.branch_of(trajectory(0.0))
+    configuration = PMK3S.configuration_of(trajectory(0.0))
     alone = [
-        ac.explain(ac.plan(x, PMK3S, IN_PLANE, ac.Optimal(branch=branch)), PMK3S) for x in paths
+        ac.explain(ac.plan(x, PMK3S, IN_PLANE, ac.Optimal(configuration=configuration)), PMK3S)
+        for x in paths
     ]
     expected = [
         (x.name, *(np.array(x.t) + span.t[0]), *(np.array(x.s) + span.s[0]))
@@ -386,7 +388,7 @@ processes = st.builds(
     lead_in=leads,
     lead_out=leads,
     switch=st.sampled_from([None, Switch(), Switch(on_lead=0.03, off_lead=-0.02)]),
-    from_s=st.sampled_from([0.0, 0.0, 0.031]),
+    resume_at=st.sampled_from([0.0, 0.0, 0.031]),
 )
 
 
@@ -476,14 +478,14 @@ def test_the_tool_pierces_at_rest_above_the_waste_and_the_process_is_on_from_the
         assert np.linalg.norm(nearest, axis=1).min() == pytest.approx(radius, rel=1e-3)
 
 
-@pytest.mark.parametrize("method", ["optimal", "mac", "conventional"])
+@pytest.mark.parametrize("method", ["optimal", "paper", "conventional"])
 def test_a_path_a_program_of_it_and_its_joint_path_have_one_plan(method):
     path = ac.round_corners(BEND, tolerance=1e-3)
     program = program_of(path)
     given = (
         path,
         program,
-        ac.trace(path, PMK3S, branch="negative"),
+        ac.trace(path, PMK3S, configuration="negative"),
         trace_program(program, PMK3S, IN_PLANE),
     )
     plans = [ac.plan(x, PMK3S, IN_PLANE, METHODS[method]()) for x in given]
@@ -512,9 +514,9 @@ def test_a_traced_program_is_timed_again_without_tracing(monkeypatch, refuses):
     refuses(lambda: ac.plan(traced, PMK3S, narrow), Unreachable, "contour 1:", "upper limit")
     refuses(lambda: ac.plan(traced, UR5E), InvalidInput, "2 joints", "6")
     refuses(
-        lambda: ac.plan(traced, PMK3S, options=ac.Optimal(branch="negative")),
+        lambda: ac.plan(traced, PMK3S, options=ac.Optimal(configuration="negative")),
         InvalidInput,
-        "branch",
+        "configuration",
     )
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
-from armcontour.geometry import Arc, Demand, Path
+from armcontour.geometry import Arc, Path, SegmentLimits
 from armcontour.program import (
     Contour,
     Dwell,
@@ -262,27 +262,27 @@ def test_a_contour_does_not_begin_where_something_would_not_be_switched_as_drawn
     st.sampled_from([0.0, 1e-3]),
 )
 def test_events_keep_their_points_through_all_that_is_done_to_their_contour(
-    places, begin, overlap, lead, shape, from_s, tolerance
+    places, begin, overlap, lead, shape, resume_at, tolerance
 ):
     events = tuple(Event(name=f"e{i}", s=s) for i, s in enumerate(places))
     lead = Lead(length=lead, shape=shape) if lead > 1e-6 else None
     ends = {"lead_in": lead, "lead_out": lead, "switch": Switch()}
-    process = Process(begin=begin, overlap=overlap, from_s=from_s, **ends)
+    process = Process(begin=begin, overlap=overlap, resume_at=resume_at, **ends)
     done = only(Contour(path=SQUARE, events=events), process)
     on, off = (x for x in done.events if x.name == "tool")
     assert (on.value, off.value) == (True, False)
     assert (on.s, off.s) == pytest.approx(done.work, abs=1e-12)
     # A place to resume within 1e-9 m of the start is the start; the rest is rounding.
-    length = 0.2 + overlap - from_s
+    length = 0.2 + overlap - resume_at
     assert done.work[1] - done.work[0] == pytest.approx(length, abs=1e-9 + 1e-15)
-    resumed_at = SQUARE((begin + from_s) % 0.2)
+    resumed_at = SQUARE((begin + resume_at) % 0.2)
     found = {x.name: x for x in done.events if x.name != "tool"}
     for i, s in enumerate(places):
         event = found.pop(f"e{i}")
         # It was before the place to resume: then it is made up for there.
-        passed = (s - begin) % 0.2 < from_s - 1e-9
+        passed = (s - begin) % 0.2 < resume_at - 1e-9
         point = resumed_at if passed else SQUARE(s)
-        if abs((s - begin) % 0.2 - from_s) > 1e-8:
+        if abs((s - begin) % 0.2 - resume_at) > 1e-8:
             np.testing.assert_allclose(done.path(event.s), point, atol=1e-9)
     assert not found
     (rounded,) = round_corners(program(done), tolerance=tolerance).contours
@@ -325,7 +325,7 @@ def test_resumes_on_a_later_contour_with_what_was_switched_before():
         Contour(path=SQUARE, name="b", events=(Event(name="coolant", value=False, s=0.08),)),
         Contour(path=BEND, name="c"),
     )
-    done = prepare(Program(moves=moves), Process(from_s=0.1 + 0.07))
+    done = prepare(Program(moves=moves), Process(resume_at=0.1 + 0.07))
     assert kinds(done) == "Event Event Contour Contour"
     before = {x.name: x.value for x in done.moves if isinstance(x, Event)}
     assert before == {"spindle": "reverse", "coolant": True}
@@ -339,26 +339,32 @@ def test_resumes_on_a_later_contour_with_what_was_switched_before():
 
 def test_resuming_at_an_end_within_a_contour_and_where_something_is_switched():
     drawn = program(BEND, Contour(path=SQUARE, name="b"))
-    done = only(drawn, Process(from_s=BEND.length))
+    done = only(drawn, Process(resume_at=BEND.length))
     assert done.name == "b" and done.path.length == pytest.approx(0.2, abs=1e-15)
-    for from_s in (0.3, 0.31, 5.0):
-        refused((lambda s=from_s: prepare(drawn, Process(from_s=s)), f"{from_s:g} m", "0.3 m long"))
+    for resume_at in (0.3, 0.31, 5.0):
+        refused(
+            (
+                lambda s=resume_at: prepare(drawn, Process(resume_at=s)),
+                f"{resume_at:g} m",
+                "0.3 m long",
+            )
+        )
     lead = Lead(length=0.02)
-    done = only(BEND, Process(lead_in=lead, from_s=0.06))
+    done = only(BEND, Process(lead_in=lead, resume_at=0.06))
     # Round the corner: the last centimetre before it and the first after it.
     points = [[0.34, 0.2], [0.35, 0.2], [0.35, 0.21], [0.35, 0.25]]
     np.testing.assert_allclose(done.path.vertices, points, atol=1e-12)
     assert done.work == pytest.approx((0.02, 0.06), abs=1e-12)
-    short = only(BEND, Process(lead_in=lead, from_s=0.01))
+    short = only(BEND, Process(lead_in=lead, resume_at=0.01))
     np.testing.assert_allclose(short.path(0.0), [0.29, 0.2], atol=1e-12)
     values = (("spindle", True, 0.0), ("speed", 200.0, 0.02), ("speed", 0.0, 0.05))
     events = tuple(Event(name=name, value=value, s=s) for name, value, s in values)
     drawn = Contour(path=Path.polyline([(0, 0), (0.1, 0)]), events=events)
-    for from_s, expected in (
+    for resume_at, expected in (
         (0.05, [("spindle", True, 0.0), ("speed", 0.0, 0.0)]),
         (0.03, [("spindle", True, 0.0), ("speed", 200.0, 0.0), ("speed", 0.0, 0.02)]),
     ):
-        found = only(drawn, Process(from_s=from_s)).events
+        found = only(drawn, Process(resume_at=resume_at)).events
         assert [(x.name, x.value, pytest.approx(x.s)) for x in found] == expected
 
 
@@ -468,12 +474,12 @@ def test_layers_demand_where_segments_do_not():
     first = line([0.3, 0], [0.4, 0], speed=0.05)
     path = path_of(first, line([0.4, 0], [0.4, 0.1], tolerance=1e-4))
     two = program(*(Contour(path=path, layer=x) for x in ("cut", "mark")))
-    layers = {"cut": Demand(speed=0.02, tolerance=1e-3)}
+    layers = {"cut": SegmentLimits(speed=0.02, tolerance=1e-3)}
     cut, mark = prepare(two, Process(layers=layers)).contours
     assert cut.path.speeds.tolist() == [0.05, 0.02]
     assert cut.path.tolerances.tolist() == [1e-3, 1e-4]
     assert mark.path.speeds[0] == 0.05 and np.isnan(mark.path.speeds[1])
-    other = Process(layers={"engrave": Demand(speed=0.1)})
+    other = Process(layers={"engrave": SegmentLimits(speed=0.1)})
     refused((lambda: prepare(two, other), "'engrave'", "'cut', 'mark'"))
 
 
@@ -497,7 +503,7 @@ def test_refuses_values_that_make_no_process():
     nan, inf = float("nan"), float("inf")
     processes = [
         ({"overlap": -1.0}, "overlap"),
-        ({"from_s": nan}, "from_s"),
+        ({"resume_at": nan}, "resume_at"),
         ({"begin": "corner"}, "begin"),
         ({"begin": nan}, "begin"),
         ({"begin": (0.1, inf)}, "begin"),

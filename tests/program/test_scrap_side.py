@@ -74,7 +74,9 @@ def test_arcs_of_leads_lie_in_the_waste():
         assert inside == [True, False]
         assert (np.linalg.norm(ends(hole) - CENTER, axis=1) < 0.01).all()
     # Where it is resumed, the sides are those of what is left.
-    rest = prepared(contours(OUTLINE, HOLE), lead_in=lead(), order="drawn", from_s=OUTLINE.length)
+    rest = prepared(
+        contours(OUTLINE, HOLE), lead_in=lead(), order="drawn", resume_at=OUTLINE.length
+    )
     (hole,) = rest.contours
     assert np.linalg.norm(hole.path(0.0) - CENTER) < 0.01
 

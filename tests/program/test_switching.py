@@ -97,7 +97,7 @@ def test_resuming_behind_a_contour_with_tabs_keeps_the_output_off_until_the_work
     ring = 0.02 * np.column_stack([np.cos(angles), np.sin(angles)])
     circles = [ac.Path.polyline(ring + [x, 0.0]) for x in (0.0, 0.1)]
     work = {"tabs": ac.Tabs(count=2, width=0.002), "lead_in": ac.Lead(length=0.004), "dwell": 0.3}
-    process = ac.Process(switch=SWITCH, **work, from_s=circles[0].length + 0.03)
+    process = ac.Process(switch=SWITCH, **work, resume_at=circles[0].length + 0.03)
     program = ac.Program(moves=tuple(ac.Contour(path=x) for x in circles))
     moves = ac.prepare(program, process).moves
     assert not any(x.value for x in moves if isinstance(x, ac.Event))

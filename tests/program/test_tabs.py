@@ -76,7 +76,7 @@ def test_tabs_of_laps_polylines_and_resumed_programs():
     path = Path.polyline(0.05 * np.column_stack([np.cos(angles), np.sin(angles)]))
     check_even(path, Tabs(count=4, width=2e-3))
     (a, b), *rest = gaps(cut(CIRCLE, TWO))
-    resumed = gaps(cut(CIRCLE, TWO, from_s=(a + b) / 2))
+    resumed = gaps(cut(CIRCLE, TWO, resume_at=(a + b) / 2))
     assert resumed[0] == pytest.approx((0.0, 5e-4), abs=1e-12)
     np.testing.assert_allclose(resumed[1:], np.array(rest) - (a + b) / 2, atol=1e-12)
 

@@ -83,7 +83,7 @@ PLANE: dict[str, Any] = {
     "corners": {"tolerance": 2e-3},
     "accuracy": 2e-4,
     "servo": SERVO,
-    "command_interval": 4e-3,
+    "cycle": 4e-3,
     "runs": {"one": {"timing": {"intervals": 200}}},
 }
 SPACE: dict[str, Any] = {
@@ -167,7 +167,7 @@ _PROCESS = {
     "analog": [
         {"name": "power", "rest": 0.2, "full": 1.0, "speed": 0.1, "off": 0.0, "lead_time": 0.0}
     ],
-    "from_s": 0.0,
+    "resume_at": 0.0,
 }
 _CUT = {
     "overlap": 1e-3,
@@ -193,7 +193,7 @@ _JOINTS = {
     "joint_upper": 3.0,
 }
 _REAL = {
-    "friction": 0.0, "cycle": 1e-3, "acceleration_limit": 5.0, "unexplained": 1e-4,
+    "friction": 0.0, "drive_cycle": 1e-3, "acceleration_limit": 5.0, "model_error": 1e-4,
     "logged_velocity": 2.0, "logged_acceleration": 9.0,
     "contour_ratio": 0.2, "programs": 2,
 }  # fmt: skip
@@ -310,7 +310,7 @@ BASES: list[dict[str, Any]] = [
     _with(PLANE, command_limits=_COMMANDS),
     _with(PLANE, command_limits={key: [x, x] for key, x in _COMMANDS.items()}),
     _with(PLANE, certificate=_ON_BODIES | {"box": {"viscous": 0.1, "friction": 0.0}}),
-    _with(PLANE, runs={"one": {"timing": {"method": "mac", "knots": 50, "intervals": None}}}),
+    _with(PLANE, runs={"one": {"timing": {"method": "paper", "knots": 50, "intervals": None}}}),
     _with(PLANE, runs={"one": {"compensation": _POLED | {"poles": [-100.0, -100.0, -150.0]}}}),
     _with(PLANE, corners=_FREE),
     _with(PLANE, corners={"continuity": "curvature", "transition_tolerance": 1e-5}),
@@ -476,7 +476,7 @@ def _made_up(place: Place) -> dict[str, Any]:
     if (
         place[:2] == ("runs", ANY)
         and len(place) > 2
-        and place[2] in ("limits", "command_limits", "corners", "command_interval")
+        and place[2] in ("limits", "command_limits", "corners", "cycle")
     ):
         outer = base_of(place[2:])
         value = outer[str(place[2])]
@@ -505,9 +505,9 @@ FORMS: dict[str, tuple[str, ...]] = {
     "--line-tolerance": ("# m", "# mm"),
     "--zone": ("# m", "# mm"),
     "--total-tolerance": ("# m", "# mm"),
-    "--from-s": ("# m", "# mm"),
+    "--resume-at": ("# m", "# mm"),
     "--tool": ("1: # m", "1: # mm"),
-    "--period": ("# s", "# ms"),
+    "--cycle": ("# s", "# ms"),
     "--servo": ("# m", "# um"),
     "--set": ("limits.speed=#", "limits.speed=# mm/s", "corners.tolerance=#"),
     "--over": ("x: # m .. 0 m, 2", "yaw: 0 deg .. # deg, 2", "x: 0 mm .. 1 mm, #"),
@@ -524,7 +524,7 @@ TEXTS = {
     "--contour", "--corner-shape", "--export", "--format",
     "--gravity", "--interpolation", "--job", "--joint-limits", "--layer", "--limits", "--log",
     "--model", "--move", "--objective", "--only-tool", "--out", "--output", "--package", "--path",
-    "--plant", "--predict", "--run", "--scene", "--skip", "--taught", "--texts",
+    "--plant", "--predict", "--run", "--scene", "--skip", "--set-points", "--texts",
     "--template", "--tip", "--tool-positions", "--topic", "--units",
     "--waypoint-columns", "--xacro-arg",
 }  # fmt: skip

@@ -47,7 +47,7 @@ def test_arguments_of_another_class_are_refused_before_anything_is_done(files, r
     refuses(lambda: plan(options="all"), ac.InvalidInput, "plan", "PlanOptions", "options", "str")
     refuses(lambda: ac.Optimal(fits="all"), ac.InvalidInput, "fits", "str")
     refuses(lambda: ac.plan(x["path"], x["trajectory"]), ac.InvalidInput, "Arm", "Trajectory")
-    given = (x["taught"], x["executed"])
+    given = (x["set_points"], x["executed"])
     for servo in (x["arm"], None, {"kp": 25.0}):
         refuses(lambda s=servo: learn(*given, arm=x["arm"], servo=s), ac.InvalidInput, "ServoModel")
     wrong = np.array([True])

@@ -47,7 +47,7 @@ runs: {one: {compensation: {method: inverse}}}
 def study():
     """The paper's job, coarsely, to be quick."""
     job = built_in_job()
-    coarse = tuple(dataclasses.replace(x, period=4e-3) for x in job.runs)
+    coarse = tuple(dataclasses.replace(x, cycle=4e-3) for x in job.runs)
     return run(dataclasses.replace(job, runs=coarse, title="<b>T & J</b>"))
 
 
@@ -200,7 +200,7 @@ arm: {{name: ur5e{WORK}}}
 path: {{points: [[0, 0, 0], [0.05, 0, 0]], orientation: {{axis: [0, 0, -1]}}}}
 limits: {{speed: 0.1}}
 servo: {{kp: 25, kv: 150}}
-runs: {{taught: {{}}}}
+runs: {{compensated: {{}}}}
 """
 OBSTACLES = """
 scene:
@@ -213,8 +213,8 @@ arm: ur5e
 path: {points: [[0.40, 0, 0.1], [0.45, 0, 0.1]], orientation: {axis: [0, 0, -1]}}
 limits: {speed: 0.1}
 servo: {kp: 25, kv: 150}
-command_interval: 0.004
-runs: {taught: {timing: {method: optimal}, compensation: {method: inverse}}}
+cycle: 0.004
+runs: {compensated: {timing: {method: optimal}, compensation: {method: inverse}}}
 """
 JERKY = """
 name: jerk
@@ -290,7 +290,7 @@ def test_distances_pairs_and_the_nearest_posture_are_shown():
     assert bodies == {"forearm", "wrist", "tip", "floor", "box", "wedge"}
     for table in (planned, executed):
         assert all(row[-1] == "-" for row in table.rows) and len(table.rows) > 3
-    assert any(x.startswith("Run taught: Clear: ") for x in sections.notes(study).notes)
+    assert any(x.startswith("Run compensated: Clear: ") for x in sections.notes(study).notes)
 
 
 @pytest.fixture(scope="module")
@@ -298,8 +298,8 @@ def real():
     """Learned from an ideal servo: the second run is made up of the first."""
     job = parse_job(CORNER_JOB.replace("pole_placement", "none"))
     plan = plan_run(job, None)
-    executed = ac.execute(plan.taught, ac.ServoPlant(job.arm, job.servo), resolution=4e-3)
-    lesson = learn_run(job, plan, plan.taught, executed)
+    executed = ac.simulate(plan.set_points, ac.ServoPlant(job.arm, job.servo), resolution=4e-3)
+    lesson = learn_run(job, plan, plan.set_points, executed)
     first = lesson.runs[0]
     second = dataclasses.replace(
         first, error=first.error / 10, joint_rms=first.joint_rms / 10, contour_rms=2e-6,
@@ -338,8 +338,8 @@ def placed(names, shape, verdicts):
     axes = tuple(Axis(name=x, values=values[:n]) for x, n in zip(names.split(), shape, strict=True))
     best = Place(values=dict.fromkeys(names.split(), 0.0), verdict=verdicts[0])
     return Placement(
-        job=job, run=job.runs[0], axes=axes, moves=Moves(anchor=np.zeros(3)), objective="cycle",
-        verdicts=verdicts, best=best, refined=best, own=verdicts[0],
+        job=job, run=job.runs[0], axes=axes, moves=Moves(anchor=np.zeros(3)),
+        objective="drive_cycle", verdicts=verdicts, best=best, refined=best, own=verdicts[0],
     )  # fmt: skip
 
 

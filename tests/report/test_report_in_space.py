@@ -24,7 +24,7 @@ servo: {kp: 25, kv: 150}
 experiment: {runs: [tried]}
 runs:
   plain: {compensation: {method: none}}
-  slow: {limits: {speed: 0.1}, command_interval: 10 ms}
+  slow: {limits: {speed: 0.1}, cycle: 10 ms}
   tried: {}
 """)
 PANDA = yaml.safe_load("""

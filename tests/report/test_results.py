@@ -17,7 +17,7 @@ def results(arm, objective, tolerance):
     rounded = ac.round_corners(objective, tolerance=tolerance)
     limits = arm.limits.replace(speed=0.15)
     planned = ac.plan(rounded, arm, limits, ac.Optimal(reserve=0.05))
-    executed = ac.execute(ac.compensate(planned, SERVO), ac.ServoPlant(arm, SERVO, limits))
+    executed = ac.simulate(ac.compensate(planned, SERVO), ac.ServoPlant(arm, SERVO, limits))
     return planned, executed, ac.evaluate(executed, rounded, objective=objective, limits=limits)
 
 
@@ -93,7 +93,7 @@ def test_a_plan_of_joints_shows_the_path_of_its_tool(arm):
 def test_tables_have_a_row_for_each_time(made):
     planned, executed, result = made
     for columns, t in (
-        (planned.to_dict(period=8e-3), planned.sample(8e-3).t),
+        (planned.to_dict(cycle=8e-3), planned.sample(8e-3).t),
         (executed.to_dict(), executed.t),
         (result.to_dict(), result.contour_error.t),
     ):
@@ -173,7 +173,7 @@ def test_the_period_of_an_export_is_that_of_a_compensation(in_plane, tmp_path):
     planned = in_plane[0]
     ac.export(planned, tmp_path / "plan.npz")
     with np.load(tmp_path / "plan.npz") as saved:
-        assert float(saved["period"]) == ac.compensate(planned, SERVO).period
+        assert float(saved["cycle"]) == ac.compensate(planned, SERVO).cycle
 
 
 def test_evaluations_without_their_execution_are_refused(in_plane, refuses, tmp_path):

@@ -62,21 +62,21 @@ def test_inverse_as_printed_3_and_4_where_these_hold(arm):
     assert arm.branches == tuple(BRANCHES)
 
 
-@each("branch", BRANCHES)
-def test_round_trips_from_the_tool_and_from_the_joints(arm, branch):
-    points, sign = random_points(), BRANCHES[branch]
-    q = arm.joint_position(points, branch)
+@each("configuration", BRANCHES)
+def test_round_trips_from_the_tool_and_from_the_joints(arm, configuration):
+    points, sign = random_points(), BRANCHES[configuration]
+    q = arm.joint_position(points, configuration)
     np.testing.assert_allclose(arm.tool_position(q), points, atol=2e-15)
     assert (np.sign(q[:, 1]) == sign).all()
     # Near the edges of the reach.
     for edge in (NEAR + 2e-9, NEAR + 1e-6, FAR - 1e-6, FAR - 2e-9):
         points = ring(edge, np.linspace(-3, 3, 50))
         np.testing.assert_allclose(
-            arm.tool_position(arm.joint_position(points, branch)), points, atol=1e-14
+            arm.tool_position(arm.joint_position(points, configuration)), points, atol=1e-14
         )
     q = random_joints()
     q = q[np.sign(q[:, 1]) == sign]
-    turns = (arm.joint_position(arm.tool_position(q), branch) - q) / (2 * np.pi)
+    turns = (arm.joint_position(arm.tool_position(q), configuration) - q) / (2 * np.pi)
     np.testing.assert_allclose(turns, np.round(turns), atol=1e-13)
     np.testing.assert_array_equal(np.round(turns[:, 1]), 0)
 
@@ -85,14 +85,14 @@ LINK, ANGLE = st.floats(0.05, 2.0), st.floats(-np.pi, np.pi)
 
 
 @given(LINK, LINK, st.floats(0.001, 0.999), ANGLE, st.sampled_from([*BRANCHES]))
-def test_any_arm_reaches_where_it_should(link1, link2, share, angle, branch):
+def test_any_arm_reaches_where_it_should(link1, link2, share, angle, configuration):
     arm = ac.PlanarTwoLink(name="any", base=-0.3, links=(link1, link2), limits=ac.Limits())
     near, far = arm.reach
     assert (near, far) == (abs(link1 - link2), link1 + link2)
     distance = near + share * (far - near)
     point = np.array([-0.3 + distance * np.cos(angle), distance * np.sin(angle)])
     np.testing.assert_allclose(
-        arm.tool_position(arm.joint_position(point, branch)), point, atol=1e-13
+        arm.tool_position(arm.joint_position(point, configuration)), point, atol=1e-13
     )
 
 
@@ -160,8 +160,8 @@ OUT_OF_REACH = [
 def test_out_of_reach(arm, point, words, needed, allowed):
     points = [(0.35, 0.1), (0.41, 0.15), point, (9.0, 9.0)]
     data = {"point": point, "index": 2, "needed": needed, "allowed": allowed}
-    for branch in BRANCHES:
-        call, data["limit"] = lambda x=branch: arm.joint_position(points, x), "reach"
+    for configuration in BRANCHES:
+        call, data["limit"] = lambda x=configuration: arm.joint_position(points, x), "reach"
         refused((call, "PMK-3s", *words, data), kind=ac.Unreachable)
 
 

@@ -15,9 +15,9 @@ class Counting(ac.Plant):
     def __init__(self, inner):
         self.inner, self.runs = inner, 0
 
-    def run(self, taught, resolution):
+    def run(self, set_points, resolution):
         self.runs += 1
-        return self.inner.run(taught, resolution)
+        return self.inner.run(set_points, resolution)
 
 
 class Noted(ac.ServoPlant):
@@ -31,9 +31,9 @@ class Noted(ac.ServoPlant):
 def test_users_make_plants_of_their_own(arm):
     path = ac.Path.polyline([(0.35, 0.10), (0.36, 0.10)])
     plan = ac.plan(path, arm, arm.limits.replace(speed=0.1))
-    taught = ac.compensate(plan, SERVO, ac.NoCompensation(), period=4e-3)
+    set_points = ac.compensate(plan, SERVO, ac.NoCompensation(), cycle=4e-3)
     plant = Counting(Noted(arm, SERVO, "mine"))
-    assert ac.execute(taught, plant).t.size and plant.runs == 1
+    assert ac.simulate(set_points, plant).t.size and plant.runs == 1
     assert plant.inner.note == "mine"
     with pytest.raises(FrozenInstanceError):
         plant.inner.note = "yours"

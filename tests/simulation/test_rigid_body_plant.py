@@ -16,7 +16,7 @@ from armcontour.simulation import _mujoco, rigid_body_plant, stability
 
 pytest.importorskip("mujoco")
 
-KP, KV, PERIOD = 25.0, 150.0, 4e-3
+KP, KV, CYCLE = 25.0, 150.0, 4e-3
 MASS, LENGTH, ARMATURE, G = 2.0, 0.5, 0.1, 9.81
 INERTIA = MASS * LENGTH**2 + ARMATURE
 WEIGHT = MASS * G * LENGTH  # torque against gravity where the pendulum lies
@@ -71,17 +71,17 @@ def two_link(limits=None, **changes):
     return SerialArm(name="two rods", chain=chain, limits=limits or ac.Limits())
 
 
-def taught_data(q, period=0.004):
+def taught_data(q, cycle=0.004):
     q = np.asarray(q, float)
     still = np.zeros((1, q.shape[1]))
     law = LapLaw(breaks=np.array([0.0, 1.0]), q=np.zeros((2, q.shape[1])), dq=still, ddq=still)
     trajectory = ac.Trajectory(laws=(law,), method="hand")
-    return ac.TaughtData(period=period, q=q, trajectory=trajectory, method="x")
+    return ac.SetPoints(cycle=cycle, q=q, trajectory=trajectory, method="x")
 
 
-def swing(to=0.5, duration=1.0, period=0.004, start=0.0):
+def swing(to=0.5, duration=1.0, cycle=0.004, start=0.0):
     """From `start` by `to`, gently, and a while of rest after it."""
-    t = np.clip(np.arange(0, 1.5 * duration, period) / duration, 0, 1)
+    t = np.clip(np.arange(0, 1.5 * duration, cycle) / duration, 0, 1)
     return start + np.atleast_1d(to) * (1 - np.cos(np.pi * t))[:, None] / 2
 
 
@@ -90,14 +90,14 @@ def plant(arm, limits=None, kp=KP, kv=KV, interpolation="linear", **options):
     return ac.RigidBodyPlant(arm, servo, limits, **options)
 
 
-def run(arm, q, limits=None, period=0.004, resolution=0.004, **options):
-    taught = taught_data(q, period)
-    return ac.execute(taught, plant(arm, limits, **options), resolution=resolution)
+def run(arm, q, limits=None, cycle=0.004, resolution=0.004, **options):
+    set_points = taught_data(q, cycle)
+    return ac.simulate(set_points, plant(arm, limits, **options), resolution=resolution)
 
 
-def by_servo(arm, q, period=0.004, kv=KV, interpolation="linear"):
+def by_servo(arm, q, cycle=0.004, kv=KV, interpolation="linear"):
     simulated = ac.ServoPlant(arm, ac.ServoModel(kp=KP, kv=kv, interpolation=interpolation))
-    return ac.execute(taught_data(q, period), simulated, resolution=period)
+    return ac.simulate(taught_data(q, cycle), simulated, resolution=cycle)
 
 
 @pytest.mark.parametrize("interpolation", ["linear", "step"])
@@ -134,12 +134,12 @@ def test_an_integrator_holds_the_weight_and_leaves_no_sag():
     servo = ac.ServoModel(kp=KP, kv=KV, ki=8.0)
     for spring in (None, SPRING):
         sagging = {"gravity_feedforward": False, "joint_stiffness": spring}
-        taught = taught_data(swing(1.2))
-        done = ac.execute(taught, ac.RigidBodyPlant(pendulum(), servo, **sagging))
+        set_points = taught_data(swing(1.2))
+        done = ac.simulate(set_points, ac.RigidBodyPlant(pendulum(), servo, **sagging))
         motor = done.q if spring is None else done.motor_q
         assert motor[0, 0] == 0.0 and motor[-1, 0] == pytest.approx(1.2, abs=1e-6)
         assert run(pendulum(), swing(1.2), **sagging).q[-1, 0] < 1.2 - 1e-3
-        still = ac.execute(taught_data([[0.3]]), ac.RigidBodyPlant(pendulum(), servo, **sagging))
+        still = ac.simulate(taught_data([[0.3]]), ac.RigidBodyPlant(pendulum(), servo, **sagging))
         assert np.ptp(still.q) < 1e-12
         np.testing.assert_allclose(still.torque, WEIGHT * np.cos(still.q), rtol=1e-9)
 
@@ -154,9 +154,9 @@ def test_heavy_drives_with_integrators_are_those_of_the_servo_plant(limit, inter
         kp=12.0, kv=80.0, ki=[8.0, 0.0], dead_time=2.5e-3, interpolation=interpolation
     )
     bodies = ac.RigidBodyPlant(arm, servo, ac.Limits(joint_torque=limit * heavy), step=1e-3)
-    joints = ac.ServoPlant(arm, servo.replace(cycle=1e-3, acceleration_limit=limit))
-    taught = taught_data(np.hstack([swing(0.5), swing(-0.3)]))
-    done, ideal = (ac.execute(taught, x, resolution=PERIOD) for x in (bodies, joints))
+    joints = ac.ServoPlant(arm, servo.replace(drive_cycle=1e-3, acceleration_limit=limit))
+    set_points = taught_data(np.hstack([swing(0.5), swing(-0.3)]))
+    done, ideal = (ac.simulate(set_points, x, resolution=CYCLE) for x in (bodies, joints))
     n = min(len(done.t), len(ideal.t))
     np.testing.assert_allclose(done.q[:n], ideal.q[:n], atol=5e-6 if limit == 1.0 else 2e-9)
     assert ((done.saturated_time > 0.5) == (limit == 1.0)).all()
@@ -169,11 +169,11 @@ def test_integrators_do_not_see_acceleration_feedforward(feed):
     servo = ac.ServoModel(
         kp=12.0, kv=80.0, ki=[8.0, 3.0], velocity_feedforward=0.6, acceleration_feedforward=feed
     )
-    taught, errors = taught_data(np.hstack([swing(0.5), swing(-0.3)])), []
-    ideal = ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits()), resolution=PERIOD)
+    set_points, errors = taught_data(np.hstack([swing(0.5), swing(-0.3)])), []
+    ideal = ac.simulate(set_points, ac.ServoPlant(arm, servo, ac.Limits()), resolution=CYCLE)
     for step in (1e-3, 2.5e-4):
         plant = ac.RigidBodyPlant(arm, servo, ac.Limits(joint_torque=1e12), step=step)
-        done = ac.execute(taught, plant, resolution=PERIOD)
+        done = ac.simulate(set_points, plant, resolution=CYCLE)
         n = min(len(done.t), len(ideal.t))
         errors.append(np.abs(done.q[:n] - ideal.q[:n]).max())
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.05) and errors[1] < 2e-5
@@ -266,7 +266,7 @@ def test_loops_are_scaled_by_the_arm_that_the_controller_knows():
     simulated = plant(drives, known=nominal, step=1e-4)
     np.testing.assert_allclose(simulated.nominal_inertia, INERTIA)
     assert simulated.arm is drives
-    done = ac.execute(taught_data(swing()), simulated, resolution=0.004)
+    done = ac.simulate(taught_data(swing()), simulated, resolution=0.004)
     expected = by_servo(drives, swing(), kv=KV * INERTIA / (INERTIA + 0.3))
     n = len(swing())
     np.testing.assert_allclose(done.q[:n], expected.q[:n], atol=3e-6)
@@ -325,8 +325,8 @@ def test_the_resolution_changes_nothing():
     # The same plant twice: its noise begins anew.
     simulated = plant(two_link(coulomb=[0.5, 0.2]), noise=1e-6)
     q = np.column_stack([swing(1.0)[:, 0], swing(-0.7)[:, 0]])
-    coarse = ac.execute(taught_data(q), simulated, resolution=0.004)
-    fine = ac.execute(taught_data(q), simulated, resolution=3e-4)
+    coarse = ac.simulate(taught_data(q), simulated, resolution=0.004)
+    fine = ac.simulate(taught_data(q), simulated, resolution=3e-4)
     assert fine.t[1] == pytest.approx(2.5e-4) and coarse.t[1] == pytest.approx(0.004)
     for name in ("q", "dq", "ddq", "demand", "torque", "torque_demand"):
         np.testing.assert_array_equal(getattr(fine, name)[::16], getattr(coarse, name))
@@ -356,7 +356,7 @@ def test_arms_of_the_library(name):
 def test_an_execution_locks_its_torques_and_has_both_or_neither(refuses):
     one = np.ones((1, 1))
     given = {"q": 0 * one, "dq": 0 * one, "ddq": one, "demand": one, "t": np.zeros(1)}
-    given |= {"arm": pendulum(), "taught": taught_data([[0.0]])}
+    given |= {"arm": pendulum(), "set_points": taught_data([[0.0]])}
     given |= {"demand_range": np.ones((2, 1)), "saturated_time": np.zeros(1)}
     torque = np.array([[2.0]])
     done = ac.Execution(**given, torque=torque, torque_demand=[[-3.0]])
@@ -393,7 +393,7 @@ def test_joints_that_run_away_or_do_not_settle_are_errors(fails, monkeypatch):
     # Saturated, it only rattles within steps: at their ends it seems to stand still.
     free, weak = pendulum(gravity=WEIGHTLESS), ac.Limits.only(joint_torque=5.0)
     fails(partial(run, free, swing(), weak, kv=1000.0, step=4e-3), "not at rest")
-    slow = {"kp": 0.01, "period": 0.02, "step": 5e-3, "resolution": 0.02}
+    slow = {"kp": 0.01, "cycle": 0.02, "step": 5e-3, "resolution": 0.02}
     for arm, words in (
         (pendulum(gravity=WEIGHTLESS), "do not let it settle."),
         (pendulum(gravity=WEIGHTLESS, armature=[0.0]), "its drive, armature, is missing."),
@@ -444,7 +444,7 @@ def test_refused(refuses, monkeypatch):
         (partial(ac.RigidBodyPlant, two_link(), first), "of order second"),
         (partial(own, order=("second", "delay"), kp=[25, np.inf], kv=[150, np.inf]), "of order"),
         (partial(own, friction=1e-3), "without friction and cycle"),
-        (partial(own, cycle=1e-3), "without friction and cycle"),
+        (partial(own, drive_cycle=1e-3), "without friction and cycle"),
         (partial(own, acceleration_limit=5.0), "acceleration_limit of 5.0 rad/s²"),
         (partial(plant, pendulum(), joint_stiffness=0.0), "but is 0 N m/rad"),
         (partial(plant, pendulum(), joint_stiffness=[1e4, 1e4]), "joint_stiffness has 2 values"),
@@ -462,15 +462,15 @@ def test_late_and_cubic_commands_are_those_of_the_servo_plant():
     # Drives so heavy that the joints hardly know of each other, as in the plant of servos.
     arm = two_link(centers=np.zeros((2, 3)), positions=np.zeros((2, 3)), armature=[10.0, 10.0])
     t = np.linspace(0, 1, 26)[:, None]
-    taught = taught_data(np.array([0.3, -0.2]) * t**3 * (10 - 15 * t + 6 * t * t), 0.02)
+    set_points = taught_data(np.array([0.3, -0.2]) * t**3 * (10 - 15 * t + 6 * t * t), 0.02)
     for interpolation, dead in product(("linear", "step", "cubic"), (0.0, 0.0123, [0.008, 0.0321])):
         prompt = ac.ServoModel(kp=KP, kv=KV, interpolation=interpolation)
         servo = prompt.replace(dead_time=dead)
-        done = ac.execute(taught, ac.RigidBodyPlant(arm, servo)).q[:1000]
-        exact = ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits.only())).q[:1000]
+        done = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo)).q[:1000]
+        exact = ac.simulate(set_points, ac.ServoPlant(arm, servo, ac.Limits.only())).q[:1000]
         assert np.abs(done - exact).max() < 3e-4, (interpolation, dead)
         if np.any(dead):
-            other = ac.execute(taught, ac.ServoPlant(arm, prompt, ac.Limits.only())).q[:1000]
+            other = ac.simulate(set_points, ac.ServoPlant(arm, prompt, ac.Limits.only())).q[:1000]
             assert np.abs(done - other).max() > 3e-3, (interpolation, dead)
 
 
@@ -554,7 +554,7 @@ def test_steps_too_long_for_springs_are_errors(fails):
         springs = {"joint_stiffness": stiffness, "joint_damping": damping}
         fails(partial(run, arm, swing(), **springs), "at most 50", joint=ANY)
     # Friction that brakes a link within a step is integrated as finely as a spring.
-    slow = {"kp": 10.0, "kv": 40.0, "period": 0.02, "step": 0.02, "resolution": 0.02}
-    rubbed = run(pendulum(gravity=WEIGHTLESS, viscous=[200.0]), swing(0.1, period=0.02), **slow)
+    slow = {"kp": 10.0, "kv": 40.0, "cycle": 0.02, "step": 0.02, "resolution": 0.02}
+    rubbed = run(pendulum(gravity=WEIGHTLESS, viscous=[200.0]), swing(0.1, cycle=0.02), **slow)
     assert np.diff(rubbed.q[:, 0]).min() > -1e-9
     assert rubbed.q[-1, 0] == pytest.approx(0.1, abs=1e-5)

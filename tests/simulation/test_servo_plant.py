@@ -16,12 +16,12 @@ from armcontour.robot.servo.simulation import polynomials
 from armcontour.simulation.plant import ServoRun, TorqueBounds
 
 
-def taught_data(q, period=0.02):
+def taught_data(q, cycle=0.02):
     law = LapLaw(
         breaks=np.array([0.0, 1.0]), q=np.zeros((2, 2)), dq=np.zeros((1, 2)), ddq=np.zeros((1, 2))
     )
     trajectory = ac.Trajectory(laws=(law,), method="hand")
-    return ac.TaughtData(period=period, q=np.asarray(q, float), trajectory=trajectory, method="x")
+    return ac.SetPoints(cycle=cycle, q=np.asarray(q, float), trajectory=trajectory, method="x")
 
 
 def plant(arm, kp=25.0, kv=150.0, limit=np.inf, interpolation="linear"):
@@ -35,13 +35,13 @@ RANDOM = 0.1 * np.random.default_rng(0).normal(size=(30, 2))
 
 
 def test_it_starts_and_ends_at_rest_and_keeps_still_at_a_single_set_point(arm):
-    done = ac.execute(taught_data(RANDOM), plant(arm, limit=0.72))
+    done = ac.simulate(taught_data(RANDOM), plant(arm, limit=0.72))
     np.testing.assert_array_equal(done.q[0], RANDOM[0])
     np.testing.assert_array_equal(done.dq[0], 0)
     np.testing.assert_allclose(done.q[-1], RANDOM[-1], atol=1e-8)
     np.testing.assert_allclose(done.dq[-1], 0, atol=1e-8)
     np.testing.assert_allclose(np.diff(done.t), done.t[1], rtol=1e-9)
-    done = ac.execute(taught_data([(0.3, 0.4)]), plant(arm, limit=0.72))
+    done = ac.simulate(taught_data([(0.3, 0.4)]), plant(arm, limit=0.72))
     np.testing.assert_array_equal(done.q, [(0.3, 0.4)] * len(done.q))
     np.testing.assert_array_equal(done.peak_demand, 0)
     np.testing.assert_array_equal(done.saturated_time, 0)
@@ -55,8 +55,8 @@ def test_the_resolution_is_kept_and_changes_nothing(arm):
         for limit, interpolation in product((None, 0.72, [3.0, 0.5]), ("linear", "step"))
     ]
     for simulated in (*plants, ac.ServoPlant(arm, late, uneven)):
-        coarse = ac.execute(taught_data(RANDOM), simulated, resolution=0.02)
-        fine = ac.execute(taught_data(RANDOM), simulated, resolution=0.001)
+        coarse = ac.simulate(taught_data(RANDOM), simulated, resolution=0.02)
+        fine = ac.simulate(taught_data(RANDOM), simulated, resolution=0.001)
         n = len(coarse.t) - 1
         np.testing.assert_allclose(fine.t[: 20 * n + 1 : 20], coarse.t, atol=1e-9)
         np.testing.assert_allclose(fine.q[: 20 * n + 1 : 20], coarse.q, atol=1e-10)
@@ -64,18 +64,18 @@ def test_the_resolution_is_kept_and_changes_nothing(arm):
         np.testing.assert_allclose(fine.peak_demand, coarse.peak_demand, rtol=1e-9)
         np.testing.assert_allclose(fine.saturated_time, coarse.saturated_time, rtol=1e-6, atol=1e-9)
     for resolution in (0.02, 0.03, 0.0061, 1e-3):
-        done = ac.execute(taught_data(RANDOM), plant(arm), resolution=resolution)
+        done = ac.simulate(taught_data(RANDOM), plant(arm), resolution=resolution)
         assert done.t[1] <= resolution * (1 + 1e-12)
         assert np.abs(np.mod(0.02 / done.t[1] + 0.5, 1) - 0.5) < 1e-9, resolution
 
 
 def test_saturated_time_peak_demand_and_accelerations(arm):
-    done = ac.execute(taught_data(RANDOM, 0.05), plant(arm, limit=[2.0, 5.0]), resolution=1e-5)
+    done = ac.simulate(taught_data(RANDOM, 0.05), plant(arm, limit=[2.0, 5.0]), resolution=1e-5)
     counted = (np.abs(done.demand) > [2.0, 5.0]).sum(axis=0) * done.t[1]
     np.testing.assert_allclose(done.saturated_time, counted, rtol=2e-3)
     np.testing.assert_allclose(done.peak_demand, np.abs(done.demand).max(axis=0), rtol=1e-4)
     assert (done.saturated_time > 0.1).all()
-    done = ac.execute(taught_data(RANDOM), plant(arm, limit=[0.72, 3.0]), resolution=1e-3)
+    done = ac.simulate(taught_data(RANDOM), plant(arm, limit=[0.72, 3.0]), resolution=1e-3)
     np.testing.assert_array_equal(done.ddq, np.clip(done.demand, [-0.72, -3.0], [0.72, 3.0]))
     assert (np.abs(done.demand).max(axis=0) > [0.72, 3.0]).all()
     # And they are what moves the joints: dq is their integral. Edges of saturation are kinks.
@@ -84,12 +84,12 @@ def test_saturated_time_peak_demand_and_accelerations(arm):
 
 
 def test_what_does_not_saturate(arm, servo):
-    done = ac.execute(taught_data(1e3 * RANDOM), plant(arm))
+    done = ac.simulate(taught_data(1e3 * RANDOM), plant(arm))
     np.testing.assert_array_equal(done.saturated_time, 0)
     np.testing.assert_array_equal(done.ddq, done.demand)
     simulated = ac.ServoPlant(arm, LAG)
     assert simulated.saturation == "none" and np.isinf(simulated.acceleration).all()
-    done = ac.execute(taught_data(RANDOM), simulated)
+    done = ac.simulate(taught_data(RANDOM), simulated)
     assert (done.peak_demand > 0.72).all()  # what it would have taken is said all the same
     np.testing.assert_array_equal(done.saturated_time, 0)
     np.testing.assert_array_equal(ac.ServoPlant(arm, servo).acceleration, [0.72, 0.72])
@@ -101,17 +101,17 @@ def test_a_late_command_and_a_late_beginning(arm):
     # A motion that is over before the first joint begins: rest is when the last set-point arrived.
     q = np.linspace((0.0, 0.0), (0.01, 0.02), 5)
     servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=[0.5, 0.25])
-    done = ac.execute(taught_data(q), ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=0.01)
+    done = ac.simulate(taught_data(q), ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=0.01)
     np.testing.assert_array_equal(done.q[done.t <= 0.5, 0], 0.0)
     np.testing.assert_array_equal(done.q[done.t <= 0.25, 1], 0.0)
     np.testing.assert_allclose(done.q[-1], q[-1], atol=1e-8)
-    prompt = ac.execute(taught_data(q), plant(arm), resolution=0.01)
+    prompt = ac.simulate(taught_data(q), plant(arm), resolution=0.01)
     np.testing.assert_allclose(done.q[50:100, 0], prompt.q[:50, 0], atol=1e-12)
     np.testing.assert_allclose(done.q[25:75, 1], prompt.q[:50, 1], atol=1e-12)
     first = taught_data(RANDOM)
-    one = ac.execute(first, plant(arm, limit=0.72))
+    one = ac.simulate(first, plant(arm, limit=0.72))
     for start in (-0.06, -0.0537):
-        other = ac.execute(replace(first, start_time=start), plant(arm, limit=0.72))
+        other = ac.simulate(replace(first, start_time=start), plant(arm, limit=0.72))
         np.testing.assert_allclose(other.t, one.t + start, atol=1e-12)
         np.testing.assert_array_equal(other.q, one.q)
         assert (0.0 in other.t) == (start == -0.06)
@@ -125,7 +125,7 @@ def test_slow_gains_and_close_set_points_lose_no_digits(arm):
     ):
         simulated = ac.ServoPlant(arm, servo, ac.Limits.only())
         coarse, fine = (
-            ac.execute(taught_data(q, 1e-3), simulated, resolution=x) for x in (1e-3, 1e-4)
+            ac.simulate(taught_data(q, 1e-3), simulated, resolution=x) for x in (1e-3, 1e-4)
         )
         np.testing.assert_allclose(fine.q[:1001:10], coarse.q[:101], atol=1e-12)
 
@@ -133,11 +133,11 @@ def test_slow_gains_and_close_set_points_lose_no_digits(arm):
 def test_bounds_may_differ_between_directions(arm):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     limits = ac.Limits.only(joint_acceleration=[[-0.5, 2.0]])
-    done = ac.execute(taught_data(RANDOM), ac.ServoPlant(arm, servo, limits))
+    done = ac.simulate(taught_data(RANDOM), ac.ServoPlant(arm, servo, limits))
     assert done.ddq.max() == 2.0 and done.ddq.min() == -0.5
     same = ac.Limits.only(joint_acceleration=[[-2.0, 2.0]])
     one, other = (
-        ac.execute(taught_data(RANDOM), ac.ServoPlant(arm, servo, x))
+        ac.simulate(taught_data(RANDOM), ac.ServoPlant(arm, servo, x))
         for x in (same, ac.Limits.only(joint_acceleration=2.0))
     )
     np.testing.assert_array_equal(one.q, other.q)
@@ -152,11 +152,11 @@ def test_a_drive_that_cannot_hold_its_arm_is_an_error(refuses):
     up = np.array([0.0, -np.pi / 2, 0.0, 0.0, 0.0, 0.0])
     end = np.array([up, up, up + [0, 1.0, 0, 0, 0, 0]])
     error = {"joint": 1, "allowed": 20.0}
-    for taught, words, data in (
+    for set_points, words, data in (
         (taught_data(q), "raise its torque limit", {"t": 0.0, "needed": weight}),
         (taught_data(end, 0.5), "at the last set-point", {"t": 1.0}),
     ):
-        call = partial(ac.execute, taught, simulated)
+        call = partial(ac.simulate, set_points, simulated)
         refuses(call, ac.ExecutionError, words, **error, **data)
 
 
@@ -183,18 +183,18 @@ def test_a_joint_may_be_faster_than_its_drive_could_keep_it(gravity, interpolati
     limited, arm = 12.0, pendulum(6.0, gravity)
     servo = ac.ServoModel(kp=25.0, kv=150.0, interpolation=interpolation)
     fast = np.concatenate([np.cumsum(np.linspace(0, 0.08, 20)), np.full(10, 0.9)])
-    taught = taught_data(np.pi / 2 - 0.9 + fast[:, None])
+    set_points = taught_data(np.pi / 2 - 0.9 + fast[:, None])
     start = ac.ServoPlant(arm, servo, ac.Limits.only(joint_torque=3 * limited))
-    before = ac.execute(taught, start, resolution=0.02)
+    before = ac.simulate(set_points, start, resolution=0.02)
     # The first half with a strong drive, then it gets a third of that, and the joint is too fast.
     assert np.abs(arm.torque(before.q, before.dq, 0 * before.q)).max() > limited
-    bounds = TorqueBounds(arm, np.array([limited]), taught)
-    run = ServoRun(taught, 200, servo.for_joints(1), (-bounds.limit, bounds.limit), bounds)
+    bounds = TorqueBounds(arm, np.array([limited]), set_points)
+    run = ServoRun(set_points, 200, servo.for_joints(1), (-bounds.limit, bounds.limit), bounds)
     k = int(np.argmax(before.dq))
     q, dq = before.q[k], before.dq[k]
     assert bounds.at(k, q, dq)[1] < 0  # it brakes, whatever the servo asks for
     part = run.advance(k, 6, q, dq)
-    pieces = polynomials(taught.q, 0.02, servo)[0]
+    pieces = polynomials(set_points.q, 0.02, servo)[0]
     tight = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-12, "max_step": 1e-4}
     for number in range(6):
         low, high = bounds.at(k + number, q, dq)
@@ -222,12 +222,12 @@ def test_a_plan_within_every_torque_limit_runs():
     path = ac.JointPath.spline(np.random.default_rng(3).uniform(-1.5, 1.5, (5, 6)))
     planned = ac.plan(path, arm, limits)
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    taught = ac.compensate(
-        planned, servo, ac.PolePlacement(), period=0.004, limits=ac.Limits.only()
+    set_points = ac.compensate(
+        planned, servo, ac.PolePlacement(), cycle=0.004, limits=ac.Limits.only()
     )
-    done = ac.execute(taught, ac.ServoPlant(arm, servo, limits))
+    done = ac.simulate(set_points, ac.ServoPlant(arm, servo, limits))
     assert (np.abs(arm.torque(done.q, done.dq, 0 * done.q)) / torque).max() > 1.02
-    np.testing.assert_allclose(done.q[-1], taught.q[-1], atol=1e-8)
+    np.testing.assert_allclose(done.q[-1], set_points.q[-1], atol=1e-8)
 
 
 def test_saturation_by_default_is_in_what_is_limited():
@@ -246,7 +246,7 @@ def test_saturation_by_default_is_in_what_is_limited():
     ):
         assert ac.ServoPlant(of, model, limits).saturation == expected
     target = taught_data([(0.0,), (1.0,), (1.0,)], 0.1)
-    done = ac.execute(target, ac.ServoPlant(hung, SERVO, torque))
+    done = ac.simulate(target, ac.ServoPlant(hung, SERVO, torque))
     assert done.saturated_time[0] > 0.01 and done.saturated.any()
     assert done.ddq.max() == pytest.approx(30 / 0.6)
 
@@ -261,7 +261,7 @@ def test_the_range_of_the_demand_has_both_directions(arm):
     ]
     for servo, bounds, near in (*cases, (lag, ac.Limits.only(), 1e-2)):
         simulated = ac.ServoPlant(arm, servo, bounds)
-        done = ac.execute(taught_data(RANDOM, 0.05), simulated, resolution=2e-5)
+        done = ac.simulate(taught_data(RANDOM, 0.05), simulated, resolution=2e-5)
         seen = [done.demand.min(axis=0), done.demand.max(axis=0)]
         np.testing.assert_allclose(done.demand_range, seen, rtol=near)
         np.testing.assert_array_equal(done.peak_demand, np.abs(done.demand_range).max(axis=0))
@@ -271,7 +271,7 @@ def test_no_demand_is_outside_of_its_range(arm):
     """At the end of an interval in saturation the demand may be larger than anywhere before."""
     q = np.cumsum(np.random.default_rng(4).normal(size=(15, 2)), axis=0) * (3e-3, 1e-2)
     for x in ("linear", "step", "cubic"):
-        done = ac.execute(taught_data(q, 0.011), plant(arm, limit=0.72, interpolation=x))
+        done = ac.simulate(taught_data(q, 0.011), plant(arm, limit=0.72, interpolation=x))
         assert (done.saturated_time > 0.05).all(), x
         assert (done.demand_range[0] <= done.demand.min(axis=0)).all(), x
         assert (done.demand_range[1] >= done.demand.max(axis=0)).all(), x
@@ -280,11 +280,11 @@ def test_no_demand_is_outside_of_its_range(arm):
 def test_rounding_does_not_saturate(arm):
     """A cubic command of uniform acceleration asks, once the joint follows, for just that."""
     t = np.arange(200)[:, None] * 0.004
-    taught = taught_data(2.0 + 0.5 * np.array([0.7, 0.72]) * t**2, 0.004)
+    set_points = taught_data(2.0 + 0.5 * np.array([0.7, 0.72]) * t**2, 0.004)
     limits = ac.Limits.only(joint_acceleration=[0.7, 0.72])
     simulated = ac.ServoPlant(arm, SERVO.replace(interpolation="cubic"), limits)
     steps = (4e-3, 2e-3, 1e-3, 5e-4)
-    times = [ac.execute(taught, simulated, resolution=x).saturated_time for x in steps]
+    times = [ac.simulate(set_points, simulated, resolution=x).saturated_time for x in steps]
     np.testing.assert_allclose(times, np.broadcast_to(times[0], (4, 2)), atol=1e-6)
 
 
@@ -293,12 +293,12 @@ def test_gains_beyond_all_time_steps_are_errors(arm):
     for kp, kv in ((1e300, 1e300), (1e9, 1e9), (1e-3, 1e15), (1e300, None)):
         with pytest.raises(ac.ArmContourError, match="1/s"):
             servo = ac.ServoModel(kp=kp, kv=kv, order="second" if kv else "first")
-            ac.execute(taught_data(RANDOM), ac.ServoPlant(arm, servo))
+            ac.simulate(taught_data(RANDOM), ac.ServoPlant(arm, servo))
 
 
 def test_a_motion_that_does_not_settle_ends_with_what_is_left(arm):
     """Within a minute of patience, however long the motion was."""
-    done = ac.execute(taught_data([(0, 0), (0, 1)]), plant(arm, kp=0.01), resolution=0.02)
+    done = ac.simulate(taught_data([(0, 0), (0, 1)]), plant(arm, kp=0.01), resolution=0.02)
     waited = done.t[-1] - 0.02
     assert 60.0 < waited < 61.0
     # The slow one of both decay rates of s² + kv s + kp kv, and its part of a step.
@@ -306,17 +306,17 @@ def test_a_motion_that_does_not_settle_ends_with_what_is_left(arm):
     left = (fast * np.exp(slow * waited) - slow * np.exp(fast * waited)) / (fast - slow)
     np.testing.assert_allclose(done.unsettled, [0.0, left], rtol=2e-4)
     np.testing.assert_array_equal(done.unsettled, np.abs(done.q[-1] - (0, 1)))
-    settled = ac.execute(taught_data([(0, 0), (0, 1)]), plant(arm))
+    settled = ac.simulate(taught_data([(0, 0), (0, 1)]), plant(arm))
     assert settled.unsettled is None and settled.t[-1] < 5.0
 
 
 def test_refused(arm, refuses):
-    taught = taught_data(RANDOM)
+    set_points = taught_data(RANDOM)
     for call, words in (
-        (partial(ac.execute, taught, "plant"), "execute needs a Plant"),
-        (partial(ac.execute, taught, plant(arm), resolution=0.0), "above zero"),
-        (partial(ac.execute, taught, plant(arm), resolution=np.nan), "finite"),
-        (partial(ac.execute, taught_data(np.zeros((4, 3))), plant(arm)), "for 3 joints"),
+        (partial(ac.simulate, set_points, "plant"), "execute needs a Plant"),
+        (partial(ac.simulate, set_points, plant(arm), resolution=0.0), "above zero"),
+        (partial(ac.simulate, set_points, plant(arm), resolution=np.nan), "finite"),
+        (partial(ac.simulate, taught_data(np.zeros((4, 3))), plant(arm)), "for 3 joints"),
         (partial(plant, arm, kp=[1.0, 2.0, 3.0]), "kp has 3 values"),
         (partial(plant, arm, limit=[1.0]), "joint_acceleration has 1 values"),
         (partial(ac.ServoPlant, arm, SERVO, saturation="torque"), "needs joint_torque"),

@@ -8,7 +8,7 @@ from armcontour.control.compensation import METHODS
 TOLERANCE = 5e-3
 SLACK = 1e-5  # m, of the executed tool beyond the tolerance
 SERVO = ac.ServoModel(kp=25, kv=150)
-PERIOD = 4e-3
+CYCLE = 4e-3
 # The reserve is about what interpolated set-points add to accelerations, so that servos saturate
 # for some milliseconds at most.
 SHAPED = ac.Shaped(tolerance=TOLERANCE, reserve=0.012)
@@ -22,20 +22,20 @@ def test_the_executed_tool_stays_within_the_tolerance(arm, objective, centripeta
     limits = limits.for_joints(2)
     planned = ac.plan(objective, arm, limits, SHAPED)
     assert planned.duration <= longest
-    allowed = {"deviation": TOLERANCE, "missed": TOLERANCE}
+    allowed = {"deviation": TOLERANCE, "coverage_error": TOLERANCE}
     found = ac.check(planned, arm, limits, objective, **allowed, points=5)
-    for name in ("path_deviation", "path_missed", "joint_acceleration"):
+    for name in ("path_deviation", "coverage_error", "joint_acceleration"):
         assert found[name].ratio <= 1
     for method, plant, off in (
         ("inverse", ac.ServoPlant(arm, SERVO, limits), 2e-6),
         ("inverse_dynamics", ac.RigidBodyPlant(arm, SERVO, limits), 5e-6),
     ):
-        taught = ac.compensate(planned, SERVO, METHODS[method](), period=PERIOD, arm=arm)
-        executed = ac.execute(taught, plant, resolution=5e-4)
+        set_points = ac.compensate(planned, SERVO, METHODS[method](), cycle=CYCLE, arm=arm)
+        executed = ac.simulate(set_points, plant, resolution=5e-4)
         result = ac.evaluate(executed, planned.path, objective=objective, limits=limits)
         # Every place of the tool near the objective, and every corner of it near the tool.
         assert result.objective_error.max <= TOLERANCE + SLACK
-        assert result.objective_missed.max <= TOLERANCE + SLACK
+        assert result.objective_coverage_error.max <= TOLERANCE + SLACK
         assert result.contour_error.max <= off
         if method == "inverse":
             assert executed.saturated_time.max() < 0.01

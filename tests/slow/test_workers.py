@@ -15,8 +15,8 @@ import pytest
 from armcontour.core import pool
 from armcontour.core.errors import ExecutionError
 from armcontour.core.pool import (
-    Crew,
     ProcessPool,
+    TaskQueue,
     map_in_order,
     map_in_processes,
     open_executor,
@@ -73,7 +73,7 @@ def test_executors_of_processes(own):
     assert workers_of(pool) == 1
     with pool:
         assert len(set(map_in_processes(eval, [PID] * 20, executor=pool)) - {os.getpid()}) == 1
-        with Crew(eval, pool) as crew:
+        with TaskQueue(eval, pool) as crew:
             for text in [SLEEP.format(0.2), *["1"] * 20]:
                 crew.give(text)
         assert pool.submit(eval, "2").result() == 2 and len(crew) == 21

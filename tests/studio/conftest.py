@@ -13,7 +13,7 @@ from tools.studio_page import SQUARE
 
 from armcontour.core.yaml_layout import load
 from armcontour.studio import planner
-from armcontour.studio.preview import Previewer
+from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.view import View
 
 __all__ = ["command", "log", "robot"]
@@ -63,13 +63,13 @@ def view():
 
 @pytest.fixture
 def previewer():
-    return Previewer(DRAWINGS)
+    return CoarsePlanner(DRAWINGS)
 
 
 @pytest.fixture(scope="session")
 def previewer_of_plans():
     """The previewer of `plans`, which keeps their results."""
-    return Previewer(DRAWINGS)
+    return CoarsePlanner(DRAWINGS)
 
 
 @pytest.fixture(scope="session")

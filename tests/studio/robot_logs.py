@@ -32,14 +32,14 @@ class Robot:
         self.plan = plan_run(self.job, run)
         self.plant = ac.ServoPlant(self.job.arm, TRUE)
 
-    def execute(self, taught=None):
+    def execute(self, set_points=None):
         """The motion of set-points, by default those of the plan."""
-        return ac.execute(taught or self.plan.taught, self.plant)
+        return ac.execute(set_points or self.plan.set_points, self.plant)
 
     def table(self, done, seed=0, interval=2e-3):
         """Rows of a log: time, commands and measured positions, with rests around."""
         t = np.arange(done.t[0] - 0.2, done.t[-1] + 0.2, interval)
-        u = np.stack([np.interp(t, done.taught.t, x) for x in done.taught.q.T], axis=1)
+        u = np.stack([np.interp(t, done.set_points.t, x) for x in done.set_points.q.T], axis=1)
         q = np.stack([np.interp(t, done.t, x) for x in done.q.T], axis=1)
         q += 1e-6 * np.random.default_rng(seed).standard_normal(q.shape)
         return np.column_stack([t + BEGIN, u, q])

@@ -1,7 +1,7 @@
 """Pages that talk with a session in this process, without a server."""
 
 from armcontour.studio.document import Document
-from armcontour.studio.preview import Previewer
+from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.session import Session
 from armcontour.studio.wire import Frame
 
@@ -108,5 +108,5 @@ def kinds(frames):
 
 def session_of(file, fast=AtOnce, rest=NEVER):
     document = Document.open(file)
-    previewer = Previewer(document.folder)
+    previewer = CoarsePlanner(document.folder)
     return Session(document, previewer, fast=fast, slow=NoLane, rest=rest)

@@ -7,7 +7,7 @@ from tests.studio.talking import AtOnce, NoLane, Tab
 from tools.studio_page import write_shapes
 
 from armcontour.studio.document import Document
-from armcontour.studio.preview import Previewer
+from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.session import Session
 from armcontour.studio.thinning import Detail
 
@@ -71,7 +71,7 @@ def page(tmp_path_factory):
     file = tmp_path_factory.mktemp("many") / "many.dxf"
     draw(file)
     document = Document.of_drawing(file, "ur5e")
-    session = Session(document, Previewer(file.parent), fast=AtOnce, slow=NoLane, rest=1e6)
+    session = Session(document, CoarsePlanner(file.parent), fast=AtOnce, slow=NoLane, rest=1e6)
     session.begin()
     tab = Tab(session)
     yield tab
@@ -141,7 +141,7 @@ def test_a_plan_and_its_execution_are_drawn_finer_too(tmp_path, no_hurry):
     file = tmp_path / "few.dxf"
     draw(file, 3)
     document = Document.of_drawing(file, "ur5e")
-    session = Session(document, Previewer(tmp_path), fast=AtOnce, slow=NoLane, rest=1e6)
+    session = Session(document, CoarsePlanner(tmp_path), fast=AtOnce, slow=NoLane, rest=1e6)
     session.begin()
     tab = Tab(session)
     picture, executed = (

@@ -27,10 +27,10 @@ TAIL = """\
 limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}
 corners: {tolerance: 5 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
-command_interval: 4 ms
+cycle: 4 ms
 runs:
-  mac: {timing: {method: mac, knots: 600}, compensation: {method: none}}
-  own: {limits: {speed: 20 mm/s}, corners: sharp, command_interval: 0.002}
+  mac: {timing: {method: paper, knots: 600}, compensation: {method: none}}
+  own: {limits: {speed: 20 mm/s}, corners: sharp, cycle: 0.002}
 """
 PLANE = HEAD.replace("{arm}", "pmk3s") + (
     "path: {points: [[0.30, 0.20], [360 mm, 20 cm], [0.36, 0.26]]}\n" + TAIL
@@ -80,7 +80,19 @@ def again(text, run="own", **edit):
     return job, handles_of(job, load(new, ""))
 
 
-WORDS = ("", ".", "limits.speed", "5 mm", "1", "add", "change", "box", "own", "corners.at.2", "mac")
+WORDS = (
+    "",
+    ".",
+    "limits.speed",
+    "5 mm",
+    "1",
+    "add",
+    "change",
+    "box",
+    "own",
+    "corners.at.2",
+    "paper",
+)
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers(-2, 9) | st.floats() | st.sampled_from(WORDS),
     lambda x: st.lists(x, max_size=3) | st.dictionaries(st.sampled_from(WORDS), x, max_size=2),
@@ -123,20 +135,20 @@ def set_to(key, value, run="own", text=PLANE):
 
 def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written():
     assert set_to("limits.speed", 0.05)["runs"]["own"]["limits"]["speed"] == "50 mm/s"
-    found = set_to("limits.speed", 0.2, "mac")
-    assert found["limits"]["speed"] == "0.2 m/s" and "limits" not in found["runs"]["mac"]
+    found = set_to("limits.speed", 0.2, "paper")
+    assert found["limits"]["speed"] == "0.2 m/s" and "limits" not in found["runs"]["paper"]
     assert set_to("limits.joint_acceleration", 0.5)["limits"]["joint_acceleration"] == "0.5 rad/s^2"
-    assert set_to("command_interval", 1e-3)["runs"]["own"]["command_interval"] == 1e-3
-    assert set_to("command_interval", 1e-3, "mac")["command_interval"] == "1 ms"
+    assert set_to("cycle", 1e-3)["runs"]["own"]["cycle"] == 1e-3
+    assert set_to("cycle", 1e-3, "paper")["cycle"] == "1 ms"
     assert set_to("corners.tolerance", 1e-3)["runs"]["own"]["corners"] == {"tolerance": "1 mm"}
-    assert set_to("corners.tolerance", 1e-3, "mac")["corners"] == {"tolerance": "1 mm"}
+    assert set_to("corners.tolerance", 1e-3, "paper")["corners"] == {"tolerance": "1 mm"}
     assert set_to("timing.reserve", 0.1)["runs"]["own"]["timing"] == {"reserve": "10 %"}
-    assert set_to("runs.mac.timing.knots", 100)["runs"]["mac"]["timing"]["knots"] == 100
+    assert set_to("runs.mac.timing.knots", 100)["runs"]["paper"]["timing"]["knots"] == 100
     assert set_to("limits.speed", "3 m/min")["runs"]["own"]["limits"]["speed"] == "3 m/min"
     # A number without a unit has that of the old value.
     assert set_to("limits.speed", "30")["runs"]["own"]["limits"]["speed"] == "30 mm/s"
     assert set_to("limits.tool_acceleration", "2")["limits"]["tool_acceleration"] == "2 m/s^2"
-    assert set_to("command_interval", "0.001")["runs"]["own"]["command_interval"] == 1e-3
+    assert set_to("cycle", "0.001")["runs"]["own"]["cycle"] == 1e-3
     assert set_to("limits.joint_velocity", None)["limits"]["joint_velocity"] is None
     gone = edited(PLANE, do="unset", key="limits.speed")
     assert "limits" not in gone["runs"]["own"] and gone["limits"]["speed"] == "0.15 m/s"
@@ -147,20 +159,20 @@ def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written():
     for key, words in (("servo.kp.2", "number of the joint"), ("name.1", "no values of single")):
         with pytest.raises(InvalidInput, match=words):
             set_to(key, 1.0)
-    found = set_to("timing.method", "optimal", "mac")
-    assert found["runs"]["mac"]["timing"] == {"method": "optimal"}
+    found = set_to("timing.method", "optimal", "paper")
+    assert found["runs"]["paper"]["timing"] == {"method": "optimal"}
     poles = PLANE.replace("{method: none}", "{method: pole_placement, poles: [-9, -9, -9]}")
-    found = set_to("compensation.method", "inverse", "mac", poles)
-    assert found["runs"]["mac"]["compensation"] == {"method": "inverse"}
-    assert set_to("corners.shape", "sharp", "mac")["corners"] == "sharp"
-    assert set_to("corners.shape", "free", "mac")["corners"]["shape"] == "free"
+    found = set_to("compensation.method", "inverse", "paper", poles)
+    assert found["runs"]["paper"]["compensation"] == {"method": "inverse"}
+    assert set_to("corners.shape", "sharp", "paper")["corners"] == "sharp"
+    assert set_to("corners.shape", "free", "paper")["corners"]["shape"] == "free"
     found = set_to("corners.shape", "arc")["runs"]["own"]["corners"]
     assert found == {"shape": "arc", "tolerance": "1 mm"}
 
 
 def test_single_corners_get_a_tolerance_and_lose_it():
     def tolerance(text, value):
-        return edited(text, "mac", do="corner_tolerance", index=1, value=value)
+        return edited(text, "paper", do="corner_tolerance", index=1, value=value)
 
     assert tolerance(PLANE, 2e-3)["corners"] == {"tolerance": "5 mm", "at": {2: "2 mm"}}
     text = PLANE.replace("5 mm}", "5 mm, at: {2: 1.5 mm}}")
@@ -222,7 +234,7 @@ def test_the_pen_begins_a_path_and_does_not_draw_splines_or_files(tmp_path):
         start = handles.centre + [0.01, 0]
         corners = [start + x for x in ([0.1, 0], [0.1, 0.05], [0, 0.05], [0, 0])]
         rectangle = {"start": start, "segments": [{"to": x} for x in corners]}
-        state = EditState(data=data, run="taught", handles=handles)
+        state = EditState(data=data, run="compensated", handles=handles)
         found = change_data(data, changes_of({"do": "draw", **rectangle}, state))
         drawn = handles_of(parse_job(json.dumps(found)), found)
         assert not is_blank(found)
@@ -361,8 +373,8 @@ limits: {speed: 0.15 m/s, joint_acceleration: [0.72 rad/s^2, 41 deg/s^2]}
 corners: {tolerance: 5 mm}
 servo: {kp: 25 1/s, kv: 150}
 runs:
-  mac: {timing: {method: mac}, compensation: {method: none}}
-  own: {limits: {speed: 20 mm/s}, corners: sharp, command_interval: 0.002}
+  mac: {timing: {method: paper}, compensation: {method: none}}
+  own: {limits: {speed: 20 mm/s}, corners: sharp, cycle: 0.002}
 """
 ROBOT = """\
 name: a
@@ -380,7 +392,7 @@ MIXED = TEXT.replace(
 
 
 @pytest.mark.parametrize(
-    ("text", "run"), [(TEXT, "mac"), (TEXT, "own"), (ROBOT, "own"), (MIXED, "mac")]
+    ("text", "run"), [(TEXT, "paper"), (TEXT, "own"), (ROBOT, "own"), (MIXED, "paper")]
 )
 def test_every_field_can_be_set_and_then_has_that_value(text, run):
     data, job = load(text, ""), parse_job(text)
@@ -391,7 +403,7 @@ def test_every_field_can_be_set_and_then_has_that_value(text, run):
         new = change_data(data, changes)
         written = change_text(text, changes)
         assert load(written, "") == new
-        if key in ("command_interval", "servo.kp"):
+        if key in ("cycle", "servo.kp"):
             # These values go with others only.
             continue
         try:
@@ -414,24 +426,24 @@ def unit_in_si(key):
 
 
 def test_names_of_digits_are_names_in_lists_of_keys():
-    data = edited(TEXT, "mac", do="set", key=["process", "by_layer", "0", "passes"], value=2)
+    data = edited(TEXT, "paper", do="set", key=["process", "by_layer", "0", "passes"], value=2)
     assert data["process"] == {"by_layer": {"0": {"passes": 2}}}
-    data = edited(TEXT, "mac", do="set", key=["corners", "at", 2], value="1 mm")
+    data = edited(TEXT, "paper", do="set", key=["corners", "at", 2], value="1 mm")
     assert data["corners"]["at"] == {2: "1 mm"}
 
 
 def test_a_value_of_one_run_takes_the_rest_of_its_mapping_along():
     shaped = TEXT.replace("{tolerance: 5 mm}", "{tolerance: 5 mm, shape: arc}")
-    state = state_of(shaped, "mac")
+    state = state_of(shaped, "paper")
     edit = {"do": "set", "key": ["corners", "tolerance"], "value": "2", "run": True}
     data = change_data(state.data, changes_of(edit, state))
-    assert data["runs"]["mac"]["corners"] == {"tolerance": "2 mm", "shape": "arc"}
+    assert data["runs"]["paper"]["corners"] == {"tolerance": "2 mm", "shape": "arc"}
     assert data["corners"]["tolerance"] == "5 mm"
     # Mappings that are empty without a key go with it, but for the run.
     text = TEXT.replace(
-        "{timing: {method: mac}, compensation: {method: none}}", "{limits: {speed: 1}}"
+        "{timing: {method: paper}, compensation: {method: none}}", "{limits: {speed: 1}}"
     )
-    assert edited(text, "mac", do="unset", key=["limits", "speed"])["runs"]["mac"] == {}
+    assert edited(text, "paper", do="unset", key=["limits", "speed"])["runs"]["paper"] == {}
 
 
 @pytest.mark.parametrize(

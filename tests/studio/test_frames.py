@@ -21,7 +21,7 @@ from armcontour.jobs import run
 from armcontour.studio.executed import executed_frame
 from armcontour.studio.line import NOTHING
 from armcontour.studio.picture import MOST_SHORTFALLS, drawing_frame, picture_frame
-from armcontour.studio.preview import CONFIGURATION, MOVING_SAMPLES, Previewer, Tier
+from armcontour.studio.preview import CONFIGURATION, MOVING_SAMPLES, CoarsePlanner, Tier
 from armcontour.studio.refusals import refusal_header
 from armcontour.studio.thinning import thin
 from armcontour.studio.wire import TYPES, Frame
@@ -289,7 +289,7 @@ def test_the_arm_is_played_closely_also_between_contours(
 def test_refusals_are_where_they_are(paper, plans, view):
     path = {"points": [[0.35, 0.1], [0.41, 0.15], [0.9, 0.3], [0.35, 0.35]]}
     with pytest.raises(Unreachable) as caught:
-        Previewer().plan(paper | {"path": path}, "optimal")
+        CoarsePlanner().plan(paper | {"path": path}, "optimal")
     error, waypoints = caught.value, uv(view, np.array(path["points"]))
     told = refusal_header(error, view, tier=1, run="optimal", waypoints=waypoints)
     assert told["sentence"] == str(error) and told["exit"] == 3
@@ -356,11 +356,11 @@ def test_what_stands_out_is_kept(count, most, seed, heavy):
         assert (weight[left] == 0).all()
 
 
-def whole(data, name, period):
-    """The result of a full run with another command interval."""
+def whole(data, name, cycle):
+    """The result of a full run with another cycle."""
     data = copy.deepcopy(data)
     data["runs"] = {name: data["runs"][name]}
-    data["runs"][name]["command_interval"] = period
+    data["runs"][name]["cycle"] = cycle
     data.pop("experiment", None)
     return run(parse_job(yaml.safe_dump(data))).runs[name]
 
@@ -432,11 +432,11 @@ def test_set_points_are_farther_apart_unless_gains_need_short_intervals(previewe
     with pytest.raises(InvalidInput):
         previewer.plan(paper, "other")
     planned = previewer.plan(paper, "optimal")
-    assert planned.run.period == 4e-3
+    assert planned.run.cycle == 4e-3
     assert planned.differs == ("set-points come every 4 ms, and in a run every 0.2 ms.",)
-    assert previewer.plan(paper, "optimal", tier=Tier.EXACT).run.period == 0.2e-3
+    assert previewer.plan(paper, "optimal", tier=Tier.EXACT).run.cycle == 0.2e-3
     stiff = paper | {"servo": {"kp": 25, "kv": 300_000}}
-    assert previewer.plan(stiff, "optimal").run.period == 0.2e-3
+    assert previewer.plan(stiff, "optimal").run.cycle == 0.2e-3
 
 
 def test_while_something_moves_errors_are_those_at_fewer_samples(previewer, paper):

@@ -48,7 +48,7 @@ def ask(file):
 def test_the_measured_error_is_that_of_the_robot(ask, robot, done, log):
     frame = ask("measured", log)
     logged = read_run_log(log, robot.job.arm.joint_names)
-    study = judge_log(robot.job, robot.plan, robot.plan.taught, logged)
+    study = judge_log(robot.job, robot.plan, robot.plan.set_points, logged)
     true = ac.evaluate(done, robot.plan.path).contour_error
     for name in ("rms", "max"):
         shown = figure(frame.header, f"contour_{name}")
@@ -119,22 +119,22 @@ def test_a_mapping_that_is_set_keeps_the_comments_of_its_keys(tmp_path, file):
 def test_next_set_points_are_those_of_the_command(ask, robot, file, log, command):
     first, second, third = (robot.folder / x for x in ("first", "second", "third"))
     assert command("run", file, "--out", first, "--no-simulation")[0] == 0
-    assert command("learn", file, "--taught", first, "--log", log, "--out", second)[0] == 0
+    assert command("learn", file, "--set-points", first, "--log", log, "--out", second)[0] == 0
     frame = ask("learn", log)
     content = frame.arrays["content"].tobytes()
-    assert content == (second / "optimal/taught.csv").read_bytes()
+    assert content == (second / "optimal/set_points.csv").read_bytes()
     assert frame.header["label"] == "Download next set-points"
     expected = figure(frame.header, "predicted")
     assert 0 < expected < figure(frame.header, "first")
     # The robot executes them, and the next log is compared with what it was told.
-    learned = np.loadtxt(second / "optimal/taught.csv", delimiter=",", skiprows=1)
-    moved = robot.execute(replace(robot.plan.taught, q=learned[:, 1:]))
+    learned = np.loadtxt(second / "optimal/set_points.csv", delimiter=",", skiprows=1)
+    moved = robot.execute(replace(robot.plan.set_points, q=learned[:, 1:]))
     again = robot.log(robot.folder / "run2.csv", moved, seed=1)
     frame = ask("measured", log, again)
     assert figure(frame.header, "contour_rms") < figure(ask("learn", log).header, "first")
-    assert command("learn", file, "--taught", second, "--log", again, "--out", third)[0] == 0
+    assert command("learn", file, "--set-points", second, "--log", again, "--out", third)[0] == 0
     content = ask("learn", log, again).arrays["content"].tobytes()
-    assert content == (third / "optimal/taught.csv").read_bytes()
+    assert content == (third / "optimal/set_points.csv").read_bytes()
     exported = ask("export", log, format="csv", of="learned").arrays["content"].tobytes()
     rows = np.loadtxt(exported.decode().splitlines(), delimiter=",", skiprows=1)
     np.testing.assert_allclose(rows[:, 1:3], learned[:, 1:], atol=1e-9)

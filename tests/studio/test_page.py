@@ -6,7 +6,7 @@ from tests.studio.test_arithmetic import NODE, compute
 
 from armcontour.core.frames import Frame as Pose
 from armcontour.studio.executed import executed_frame
-from armcontour.studio.preview import Previewer
+from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.wire import Frame
 
 pytestmark = pytest.mark.skipif(NODE is None, reason="the page's arithmetic is run by node")
@@ -44,7 +44,7 @@ def test_executions_break_between_contours(paper, view, tmp_path):
     size = 'width="500mm" height="500mm" viewBox="0 0 500 500"'
     drawing = f'<svg xmlns="http://www.w3.org/2000/svg" {size}>{lines}</svg>'
     (tmp_path / "two.svg").write_text(drawing)
-    previewer = Previewer(tmp_path)
+    previewer = CoarsePlanner(tmp_path)
     executed = previewer.execute(previewer.plan({**paper, "path": {"file": "two.svg"}}, "optimal"))
     arrays = executed_frame(executed, view).arrays
     steps = np.linalg.norm(np.diff(arrays["base"], axis=0), axis=1)

@@ -27,7 +27,7 @@ from armcontour.core.yaml_layout import load
 from armcontour.files import parse_job
 from armcontour.files.job_edits import Change, change_text
 from armcontour.studio import planner
-from armcontour.studio.preview import Previewer, Tier
+from armcontour.studio.preview import CoarsePlanner, Tier
 from armcontour.studio.wire import Frame
 
 PAPER = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_text("utf-8")
@@ -219,7 +219,7 @@ class Nested(Resting):
 @pytest.fixture
 def during(monkeypatch):
     """Has something done within the next plan of a tier, whose progress is then told."""
-    acts, plan = [], Previewer.plan
+    acts, plan = [], CoarsePlanner.plan
 
     def planning(self, data, run=None, *, tier=Tier.PREVIEW, progress=None):
         if acts and acts[0][0] == tier:
@@ -227,7 +227,7 @@ def during(monkeypatch):
             progress(Step(("tracing",), 0.5))
         return plan(self, data, run, tier=tier, progress=progress)
 
-    monkeypatch.setattr(Previewer, "plan", planning)
+    monkeypatch.setattr(CoarsePlanner, "plan", planning)
     monkeypatch.setattr(planner, "LATE", -1.0)
     monkeypatch.setattr(planner, "SOON", -1.0)
     return lambda tier, act: acts.append((Tier(tier), act))
@@ -238,7 +238,7 @@ def moved(k):
 
 
 # The exact plan differs from that of a preview.
-FINE = JOB.replace("runs:", "command_interval: 1 ms\nruns:")
+FINE = JOB.replace("runs:", "cycle: 1 ms\nruns:")
 
 
 @pytest.mark.parametrize("tier", ["moving", "preview", "exact"])
@@ -312,11 +312,11 @@ def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
 def test_progress_of_exact_figures_is_told_with_its_step(opened, during, monkeypatch):
     monkeypatch.setattr(planner, "OFTEN", -1e6)
     _, tab, lane = opened(fast=Nested)
-    step = {"id": lane.given[-1][0], "steps": ["taught", "timing"], "share": 0.25}
+    step = {"id": lane.given[-1][0], "steps": ["compensated", "timing"], "share": 0.25}
     lane.deliver(Frame("progress", step))
     told = tab.last("progress")
     assert (told["tier"], told["share"]) == ("exact", 0.25)
-    assert told["steps"] == ["taught", "timing (step 3 of 7)"]
+    assert told["steps"] == ["compensated", "timing (step 3 of 7)"]
     answer(lane)
     assert progress(tab.frames)[-1] == "done"
 

@@ -291,7 +291,7 @@ def test_sentences_for_pages_have_no_options_of_the_command_line():
         "with path.texts or --texts: contours.": "with path.texts: contours.",
         "name one such as u1, also with --columns 'u#=NAME_#'.": "name one such as u1.",
         "name the unit, such as --columns 'q# [deg]=q#' for degrees": "name the unit for degrees",
-        "are wrong, so give these as --taught.": "are wrong, so give these.",
+        "are wrong, so give these as --set-points.": "are wrong, so give these.",
         "from -3 -- or less -- to 4": "from -3 -- or less -- to 4",
     }
     assert {x: without_options(x) for x in pairs} == pairs

@@ -37,7 +37,7 @@ def coarse(paper):
     del paper["experiment"]
     paper["runs"] = {x: paper["runs"][x] for x in ("uncompensated", "optimal")}
     for x in paper["runs"].values():
-        x["command_interval"] = "2 ms"
+        x["cycle"] = "2 ms"
     return paper
 
 
@@ -93,7 +93,7 @@ path:
 limits: {speed: 0.2 m/s}
 corners: {tolerance: 0.5 mm}
 servo: {kp: 25, kv: 150}
-command_interval: 8 ms
+cycle: 8 ms
 runs: {cut: {}}
 """
 
@@ -135,7 +135,7 @@ def test_a_collision_is_a_refusal_where_it_is(square):
 
 FORMATS = (
     ({"format": "csv"}, ".csv", b"t [s],q"),
-    ({"format": "csv", "of": "planned", "period": 0.01}, ".csv", b"t [s],q"),
+    ({"format": "csv", "of": "planned", "cycle": 0.01}, ".csv", b"t [s],q"),
     ({"format": "npz"}, ".npz", b"PK"),
     ({"format": "ros-yaml"}, ".yaml", b""),
     ({"format": "mcap"}, ".mcap.zip", b"PK"),
@@ -213,8 +213,8 @@ def test_places_are_found_in_the_plane_by_the_question_of_the_job(coarse):
         assert f"{figure(rows, 'duration'):.4f} s" in found.header["sentence"]
     frame = {"position": [float(by[0]), float(by[1]), 0.0]}
     moved = coarse | {"path": coarse["path"] | {"frame": frame}}
-    taught = run(parse_job(yaml.safe_dump(moved)), simulate=False).runs["optimal"]
-    assert taught.trajectory.duration == pytest.approx(durations[best], rel=1e-4)
+    set_points = run(parse_job(yaml.safe_dump(moved)), simulate=False).runs["optimal"]
+    assert set_points.trajectory.duration == pytest.approx(durations[best], rel=1e-4)
     data = coarse | {"placement": ASKED}
     found = ask("place", data, "optimal")
     assert found.arrays["by"].tolist() == pytest.approx(np.array([[-0.02, 0], [0.02, 0]]))

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import armcontour as ac
 from armcontour.motion import LapLaw, Samples
 from armcontour.robot.limit_use import Use
-from armcontour.verification.tally import Tally
+from armcontour.verification.tally import LimitUseAccumulator
 
 
 def laps(durations, ddq, q):
@@ -79,9 +79,9 @@ def test_limits_that_differ_by_direction(arm):
 def test_jerky_motion_that_keeps_its_limits_is_never_blamed(arm):
     tight = ac.Limits.only(joint_acceleration=np.array([0.5, 0.2]) / 1.001)
     for names in ("q", "q dq", "q dq ddq", "q ddq"):
-        for period in (1e-3, 7e-3, 0.0613):
-            found = ac.check(columns(JERKY.sample(period), names), arm, ac.Limits.only(**BOUNDS))
-            assert not found.violated, (names, period, found.worst)
+        for cycle in (1e-3, 7e-3, 0.0613):
+            found = ac.check(columns(JERKY.sample(cycle), names), arm, ac.Limits.only(**BOUNDS))
+            assert not found.violated, (names, cycle, found.worst)
             assert found["joint_acceleration"].ratio == pytest.approx(1, abs=1e-6)
         # A tenth of a percent too much is caught.
         found = ac.check(columns(JERKY.sample(4e-3), names), arm, tight)
@@ -312,12 +312,12 @@ def test_what_is_no_number_decides_nothing_and_is_never_kept(arm):
         ([0.5, np.inf, 0.1], "violated"),
         ([0.5, 0.4, 0.1], "kept"),
     ):
-        tally = Tally(arm, ac.Limits.only(joint_velocity=1.0), None, None)
+        tally = LimitUseAccumulator(arm, ac.Limits.only(joint_velocity=1.0), None, None)
         for part in (value[:2], value[2:]):
             tally.offer(Use("speed", np.array(part), 1.0), np.arange(2.0), np.zeros((2, 2)))
         (use,) = tally.uses(1e-9)
         assert use.verdict == verdict, value
-    tally = Tally(arm, ac.Limits.only(joint_velocity=1.0), None, None)
+    tally = LimitUseAccumulator(arm, ac.Limits.only(joint_velocity=1.0), None, None)
     tally.offer(Use("speed", np.array([np.inf]), 1.0, np.inf), np.zeros(1), np.zeros((1, 2)))
     assert tally.uses(1e-9)[0].verdict == "cannot tell"
 
@@ -370,7 +370,7 @@ def test_what_cannot_be_asked(arm, objective, refuses):
     check = partial(ac.check, log, arm)
     for call, words in (
         (partial(check, deviation=1e-3), "needs the path"),
-        (partial(check, missed=1e-3), "missed"),
+        (partial(check, coverage_error=1e-3), "coverage_error"),
         (partial(check, path=objective, deviation=0), "above zero"),
         (partial(check, resolution={"x": 1}), "not of 'x'"),
         (partial(check, resolution={"q": -1}), "must not be negative"),

@@ -61,8 +61,8 @@ def sampled(law, t, names):
     return SimpleNamespace(t=t, **kept)
 
 
-def times(period):
-    return np.append(np.arange(0, SMOOTH.duration, period), SMOOTH.duration)
+def times(cycle):
+    return np.append(np.arange(0, SMOOTH.duration, cycle), SMOOTH.duration)
 
 
 # --- laws
@@ -192,10 +192,10 @@ def test_contours_of_a_program_are_judged_one_by_one():
 
 def test_samples_of_a_motion_that_keeps_its_limits_are_never_blamed():
     tight = ac.Limits.only(joint_jerk=np.array([JERK, 2.0]) / 1.001)
-    for names, period in product(COLUMNS, (4e-3, 0.0613)):
-        log = sampled(SMOOTH, times(period), names)
+    for names, cycle in product(COLUMNS, (4e-3, 0.0613)):
+        log = sampled(SMOOTH, times(cycle), names)
         found = ac.check(log, ARM, LIMITS)
-        assert found.verdict == "kept", (names, period, found.worst)
+        assert found.verdict == "kept", (names, cycle, found.worst)
         assert found["joint_jerk"].ratio == pytest.approx(1, abs=1e-6)
         found = ac.check(log, ARM, tight)
         assert found.violated and found["joint_jerk"].certain == pytest.approx(1.001, abs=1e-6)

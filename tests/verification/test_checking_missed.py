@@ -23,20 +23,20 @@ def test_a_rounded_corner_is_missed_by_its_corner_error(arm, objective, rounded_
     # The middles of the arcs are nearer to the lines than to the corners, so the tool alone is
     # within less than the corner error.
     check = partial(ac.check, arm=arm, limits=LIMITS, path=objective)
-    found = check(rounded_motion, deviation=4e-3, missed=ERROR)
+    found = check(rounded_motion, deviation=4e-3, coverage_error=ERROR)
     assert found.verdict == "kept"
-    missed = found["path_missed"]
-    assert missed.value == pytest.approx(ERROR, rel=1e-6)
-    assert np.abs(objective.breaks[1:3] - missed.s).min() < 1.1 * ERROR
-    (use,) = check(rounded_motion, missed=0.99 * ERROR).violations
-    assert use.name == "path_missed"
+    coverage_error = found["coverage_error"]
+    assert coverage_error.value == pytest.approx(ERROR, rel=1e-6)
+    assert np.abs(objective.breaks[1:3] - coverage_error.s).min() < 1.1 * ERROR
+    (use,) = check(rounded_motion, coverage_error=0.99 * ERROR).violations
+    assert use.name == "coverage_error"
     # Its own path misses nothing.
-    own = ac.check(rounded_motion, arm, LIMITS, rounded_motion.path, missed=1e-6)
+    own = ac.check(rounded_motion, arm, LIMITS, rounded_motion.path, coverage_error=1e-6)
     assert own.verdict == "kept"
     # Samples are judged as laws are.
-    found = check(rounded_motion.sample(4e-3), missed=1.001 * ERROR)
-    assert found["path_missed"].value == pytest.approx(ERROR, rel=1e-3) and not found.violated
-    assert check(rounded_motion.sample(4e-3), missed=0.9 * ERROR).violated
+    found = check(rounded_motion.sample(4e-3), coverage_error=1.001 * ERROR)
+    assert found["coverage_error"].value == pytest.approx(ERROR, rel=1e-3) and not found.violated
+    assert check(rounded_motion.sample(4e-3), coverage_error=0.9 * ERROR).violated
 
 
 def test_a_tip_that_is_left_out_by_hand(arm):
@@ -45,9 +45,9 @@ def test_a_tip_that_is_left_out_by_hand(arm):
     x = np.concatenate([np.linspace(0.30, 0.357, 200), np.linspace(0.357, 0.30, 200)[1:]])
     q = arm.joint_position(np.stack([x, np.full_like(x, 0.20)], axis=1))
     log = SimpleNamespace(t=np.linspace(0.0, 4.0, len(x)), q=q)
-    found = ac.check(log, arm, ac.Limits.only(), path, deviation=1e-6, missed=2e-3)
+    found = ac.check(log, arm, ac.Limits.only(), path, deviation=1e-6, coverage_error=2e-3)
     assert found.path_deviation is not None and found.path_deviation.distance < 1e-9
-    assert found["path_missed"].value == pytest.approx(3e-3, rel=1e-9)
+    assert found["coverage_error"].value == pytest.approx(3e-3, rel=1e-9)
     assert found.verdict == "violated"
 
 
@@ -57,9 +57,9 @@ def test_a_program_counts_all_of_its_contours(arm):
     moves = [ac.Contour(path=ac.Path.polyline(x)) for x in (corner, other)]
     objective = ac.Program(moves=(moves[0], ac.Rapid(), moves[1]))
     motion = ac.plan(ac.round_corners(objective, tolerance=1e-3), arm, LIMITS)
-    found = ac.check(motion, arm, LIMITS, objective, missed=1e-3)
+    found = ac.check(motion, arm, LIMITS, objective, coverage_error=1e-3)
     assert found.verdict == "kept"
-    assert found["path_missed"].value == pytest.approx(1e-3, rel=1e-6)
+    assert found["coverage_error"].value == pytest.approx(1e-3, rel=1e-6)
 
 
 LINE = ac.Path.polyline([(0.4, -0.1, 0.3), (0.45, 0.1, 0.3)])

@@ -31,8 +31,8 @@ def turning(robot):
     return ac.plan(held.pointing([(0, 0, -1), (0.5, 0.2, -1)]), robot, robot.limits)
 
 
-def sampled(planned, *, period=0.002, **without):
-    x = planned.sample(period)
+def sampled(planned, *, cycle=0.002, **without):
+    x = planned.sample(cycle)
     columns = {"t": x.t, "q": x.q, "dq": x.dq, "ddq": x.ddq}
     return SimpleNamespace(**{k: v for k, v in columns.items() if k not in without})
 
@@ -116,11 +116,11 @@ def test_turning_of_a_law_and_of_samples(turning, robot):
 
 
 def test_evaluations_count_torque(turning, robot, servo):
-    taught = ac.compensate(turning, servo, period=0.002)
-    executed = ac.execute(taught, ac.ServoPlant(robot, servo))
+    set_points = ac.compensate(turning, servo, cycle=0.002)
+    executed = ac.simulate(set_points, ac.ServoPlant(robot, servo))
     torque = np.abs(robot.torque(executed.q, executed.dq, executed.ddq)).max(axis=0)
     loose = robot.limits.replace(joint_acceleration=1e3, joint_torque=1e3 * torque)
     evaluate = partial(ac.evaluate, executed, turning.path, limit_use=True)
-    assert evaluate(limits=loose).utilisation == 0
+    assert evaluate(limits=loose).time_at_limit == 0
     found = evaluate(limits=loose.replace(joint_torque=torque / 2))
-    assert found.utilisation > 0 and found.limit_ratios["joint_torque"] > 1.5
+    assert found.time_at_limit > 0 and found.limit_ratios["joint_torque"] > 1.5

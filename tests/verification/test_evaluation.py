@@ -23,7 +23,7 @@ def by_hand(arm, t, tool, demand=None, planned=None):
     trajectory = ac.Trajectory(laws=(law,), method="hand")
     return ac.Execution(
         arm=arm,
-        taught=ac.TaughtData(period=0.01, q=q[-1:], trajectory=trajectory, method="hand"),
+        set_points=ac.SetPoints(cycle=0.01, q=q[-1:], trajectory=trajectory, method="hand"),
         t=t,
         q=q,
         dq=dq,
@@ -51,7 +51,11 @@ def test_on_the_path_there_is_no_contour_error_and_a_delay_is_tracking_error(arm
     assert error.max == pytest.approx(1e-6, rel=1e-6) and error.rms > 0
     assert (error.t_max, error.s_max) == pytest.approx((1.3, 0.065))
     # Without an objective there are no corners.
-    assert found.objective_error is None and found.objective_missed is None and found.corners == ()
+    assert (
+        found.objective_error is None
+        and found.objective_coverage_error is None
+        and found.corners == ()
+    )
     late = np.clip(ALONG[:, :1] - 0.01, 0.3, None)
     tool = np.concatenate([late, ALONG[:, 1:]], axis=1)
     found = ac.evaluate(by_hand(arm, T, tool, planned=ALONG), LINE)
@@ -65,19 +69,19 @@ def test_the_delay_that_all_joints_share_is_told_apart_from_what_they_do_not(arm
     limits = ac.Limits.only(joint_acceleration=2.0, speed=0.1)
     bent = ac.round_corners(ac.Path.polyline([(0.3, 0.2), (0.4, 0.2), (0.4, 0.25)]), tolerance=2e-3)
     plan = ac.plan(bent, arm, limits)
-    taught = ac.compensate(plan, ac.ServoModel(order="delay"), ac.NoCompensation())
+    set_points = ac.compensate(plan, ac.ServoModel(order="delay"), ac.NoCompensation())
     for delays in ([0.05, 0.05], [0.05, 0.054]):
         servo = ac.ServoModel(order="delay", dead_time=delays)
-        found = ac.evaluate(ac.execute(taught, ac.ServoPlant(arm, servo)), bent)
+        found = ac.evaluate(ac.simulate(set_points, ac.ServoPlant(arm, servo)), bent)
         assert found.tracking_error.max > 4e-3
         if delays[0] == delays[1]:
             assert found.common_delay == pytest.approx(0.05, abs=1e-6)
-            assert found.undelayed_error.max < 1e-5
+            assert found.error_without_delay.max < 1e-5
         else:
             assert 0.05 < found.common_delay < 0.054
             # Differences of 4 ms at most, at 0.1 m/s; they are contour errors, too.
-            assert found.contour_error.rms <= found.undelayed_error.rms < 0.4e-3
-            assert found.undelayed_error.rms > 1e-5
+            assert found.contour_error.rms <= found.error_without_delay.rms < 0.4e-3
+            assert found.error_without_delay.rms > 1e-5
     still = ac.evaluate(by_hand(arm, T, np.tile((0.3, 0.2), (len(T), 1))), LINE)
     assert still.common_delay == 0.0
 
@@ -89,24 +93,24 @@ def test_errors_that_the_servo_model_does_not_explain_are_bounded_along_and_acro
         arm = ac.load_arm("ur5e")
         path = ac.Path.polyline([(0.4, -0.1, 0.3), (0.5, 0.1, 0.4)]).pointing([0.0, 0.0, -1.0])
     plan = ac.plan(path, arm, ac.Limits.only(joint_acceleration=2.0, speed=0.1))
-    unexplained = np.array([1e-4, 3e-4, 2e-4, 1e-4, 5e-4, 1e-4])[: arm.dof]
-    servo = ac.ServoModel(kp=25.0, order="first", unexplained=unexplained)
-    done = ac.execute(ac.compensate(plan, servo, ac.Inverse()), ac.ServoPlant(arm, servo))
+    model_error = np.array([1e-4, 3e-4, 2e-4, 1e-4, 5e-4, 1e-4])[: arm.dof]
+    servo = ac.ServoModel(kp=25.0, order="first", model_error=model_error)
+    done = ac.simulate(ac.compensate(plan, servo, ac.Inverse()), ac.ServoPlant(arm, servo))
     found = ac.evaluate(done, path)
     along, across = 0.0, 0.0
     unit = np.diff(path([0.0, path.length]), axis=0)[0] / path.length
     for signs in product((-1, 1), repeat=arm.dof):
-        moved = arm.tool_position(done.q + signs * unexplained) - done.tool
+        moved = arm.tool_position(done.q + signs * model_error) - done.tool
         ahead = moved @ unit
         along = max(along, np.abs(ahead).max())
         across = max(across, np.linalg.norm(moved - ahead[:, None] * unit, axis=1).max())
     # To first order, a joint at its worst can be reached along the path, and in the plane.
-    assert found.unexplained == pytest.approx((along, across), rel=0.5 if in_space else 2e-3)
-    assert found.unexplained[0] == pytest.approx(along, rel=2e-3)
-    assert found.unexplained[1] > across * (1 - 2e-3)
-    assert f"{found.unexplained[1] * 1e3:.4g} mm" in str(found)
-    plain = ac.execute(done.taught, ac.ServoPlant(arm, servo.replace(unexplained=None)))
-    assert ac.evaluate(plain, path).unexplained is None
+    assert found.model_error == pytest.approx((along, across), rel=0.5 if in_space else 2e-3)
+    assert found.model_error[0] == pytest.approx(along, rel=2e-3)
+    assert found.model_error[1] > across * (1 - 2e-3)
+    assert f"{found.model_error[1] * 1e3:.4g} mm" in str(found)
+    plain = ac.simulate(done.set_points, ac.ServoPlant(arm, servo.replace(model_error=None)))
+    assert ac.evaluate(plain, path).model_error is None
 
 
 def test_errors_are_weighted_by_time_until_a_given_one(arm):
@@ -133,16 +137,16 @@ def test_the_tool_is_settled_when_it_stays_slow_and_errors_are_covered_until_the
     done = by_hand(arm, T, ALONG)
     law = LapLaw(breaks=np.array([0.0, 0.5]), q=done.q[:2], dq=done.dq[:1], ddq=done.dq[:1])
     short = ac.Trajectory(laws=(law,), method="hand")
-    taught = ac.TaughtData(period=0.1, q=done.q[:1], trajectory=short, method="hand")
+    set_points = ac.SetPoints(cycle=0.1, q=done.q[:1], trajectory=short, method="hand")
     creeping = by_hand(arm, T, np.stack([x, np.full_like(x, 0.2)], axis=1))
-    found = ac.evaluate(replace(creeping, taught=taught), LINE)
+    found = ac.evaluate(replace(creeping, set_points=set_points), LINE)
     assert found.settled == pytest.approx(1.2, abs=0.011)
     assert found.speed == pytest.approx(0.05, rel=1e-3)
     # Never before the end of the plan, as where the tool slows down to its end or stands still.
     for tool in (np.tile((0.3, 0.2), (len(T), 1)), creeping.tool):
         found = ac.evaluate(by_hand(arm, T, tool), LINE)
         assert found.duration == found.settled == found.until == 2.0
-    found = ac.evaluate(replace(done, taught=taught), LINE)
+    found = ac.evaluate(replace(done, set_points=set_points), LINE)
     assert found.duration == 0.5 and found.until == found.settled == 2.0
 
 
@@ -151,13 +155,13 @@ def test_the_largest_error_counts_until_the_joints_rest_and_the_mean_until_the_t
     tool = np.stack([0.3 + 0.1 * np.minimum(T, 1.0), 0.2 + 5e-4 * np.maximum(T - 1.0, 0.0)], axis=1)
     done = by_hand(arm, T, tool)
     laws = (LapLaw(breaks=np.array([0.0, 1.0]), q=done.q[:2], dq=done.dq[:1], ddq=done.dq[:1]),)
-    plan = replace(done.taught, trajectory=ac.Trajectory(laws=laws, method="hand"))
-    found = ac.evaluate(replace(done, taught=plan), LINE)
+    plan = replace(done.set_points, trajectory=ac.Trajectory(laws=laws, method="hand"))
+    found = ac.evaluate(replace(done, set_points=plan), LINE)
     assert found.until == found.settled == pytest.approx(1.0, abs=0.011)
     error = found.contour_error
     assert error.max == pytest.approx(5e-4, rel=1e-3) and error.t_max == T[-1]
     assert error.rms < 5e-6
-    given = ac.evaluate(replace(done, taught=plan), LINE, until=1.5).contour_error
+    given = ac.evaluate(replace(done, set_points=plan), LINE, until=1.5).contour_error
     assert (given.max, given.t_max) == (pytest.approx(2.5e-4, rel=0.03), 1.5)
     assert given.rms == pytest.approx(2.5e-4 / 3, rel=0.03)
 
@@ -224,8 +228,8 @@ def test_the_objective_has_its_own_error(arm, objective, rounded):
     deepest = (5e-3 * np.cos(half)).max()
     assert found.objective_error.max == pytest.approx(deepest, abs=3.5e-5)
     # The other direction: the corners themselves are missed by the corner error.
-    assert found.objective_missed.max == pytest.approx(5e-3, abs=1e-6)
-    assert found.missed.max < 1e-6
+    assert found.objective_coverage_error.max == pytest.approx(5e-3, abs=1e-6)
+    assert found.coverage_error.max < 1e-6
 
 
 def test_refused(arm, refuses):
@@ -246,8 +250,8 @@ def test_a_tool_that_is_turned_is_off_by_that_angle():
     line = bare.oriented(down)
     planned = ac.plan(line, arm, arm.limits.replace(speed=0.1))
     q = planned(np.arange(0.0, planned.duration, 4e-3)) + np.array([0, 0, 0, 0, 0, 0.01])
-    turned = ac.TaughtData(period=4e-3, q=q, trajectory=planned, method="none")
-    executed = ac.execute(turned, ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0)))
+    turned = ac.SetPoints(cycle=4e-3, q=q, trajectory=planned, method="none")
+    executed = ac.simulate(turned, ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0)))
     assert ac.evaluate(executed, line).orientation_error.rms == pytest.approx(0.01, rel=1e-3)
     # The tool turned about its own axis, which does not count where only the axis is asked for.
     free = bare.oriented(down, axis_only=True)

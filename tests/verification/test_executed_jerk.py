@@ -4,19 +4,19 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import stand_still
+from armcontour.motion import dwell_law
 from armcontour.verification.evaluation import commanded_jerk, executed_jerk
 
 ARM = ac.load_arm("pmk3s")
-STILL = ac.Trajectory(laws=(stand_still(np.zeros(2), 1.0),), method="by hand")
+STILL = ac.Trajectory(laws=(dwell_law(np.zeros(2), 1.0),), method="by hand")
 
 
-def executed(ddq, step, period):
+def executed(ddq, step, cycle):
     """An execution with given accelerations; nothing else of it counts here."""
     none = np.zeros_like(ddq)
     return ac.Execution(
         arm=ARM,
-        taught=ac.TaughtData(period=period, q=np.zeros((2, 2)), trajectory=STILL, method="none"),
+        set_points=ac.SetPoints(cycle=cycle, q=np.zeros((2, 2)), trajectory=STILL, method="none"),
         t=step * np.arange(len(ddq)),
         q=none,
         dq=none,
@@ -39,28 +39,28 @@ def test_ramps_have_their_jerk_and_steps_that_over_a_command_interval(step):
 def test_an_arm_that_starts_with_an_acceleration_jumps():
     found = executed_jerk(executed(np.ones((30, 2)) * [0.5, -0.2], 1e-3, 4e-3))
     np.testing.assert_allclose(found, [125.0, 50.0])
-    # A command interval that is longer than the execution, and an execution of one time.
+    # A cycle that is longer than the execution, and an execution of one time.
     np.testing.assert_allclose(executed_jerk(executed(np.ones((3, 2)), 1e-3, 4e-3)), 250.0)
     assert not executed_jerk(executed(np.zeros((1, 2)), 1e-3, 4e-3)).any()
 
 
 def test_set_points_have_the_jerk_of_their_third_differences():
-    period = 4e-3
-    # Phases of whole command intervals, from rest to rest: 7 rad/s³ up, down for twice as long, up.
+    cycle = 4e-3
+    # Phases of whole cycles, from rest to rest: 7 rad/s³ up, down for twice as long, up.
     jerks = np.repeat([7.0, -7.0, -7.0, 7.0], 10)
     q, v, a, rows = 0.3, 0.0, 0.0, [0.3]
     for j in jerks:
-        q += period * (v + period * (a / 2 + period * j / 6))
-        v, a = v + period * (a + period * j / 2), a + period * j
+        q += cycle * (v + cycle * (a / 2 + cycle * j / 6))
+        v, a = v + cycle * (a + cycle * j / 2), a + cycle * j
         rows.append(q)
     points = np.stack([rows, np.full(len(rows), 0.9)], axis=1)
-    data = ac.TaughtData(period=period, q=points, trajectory=STILL, method="none")
+    data = ac.SetPoints(cycle=cycle, q=points, trajectory=STILL, method="none")
     np.testing.assert_allclose(commanded_jerk(data), [7.0, 0.0], rtol=1e-6)
     # One that ends in full motion stops within one interval.
-    cut = ac.TaughtData(period=period, q=points[:21], trajectory=STILL, method="none")
-    speed = (points[20, 0] - points[19, 0]) / period
-    assert commanded_jerk(cut)[0] == pytest.approx(speed / period**2, rel=0.1)
-    one = ac.TaughtData(period=period, q=points[:1], trajectory=STILL, method="none")
+    cut = ac.SetPoints(cycle=cycle, q=points[:21], trajectory=STILL, method="none")
+    speed = (points[20, 0] - points[19, 0]) / cycle
+    assert commanded_jerk(cut)[0] == pytest.approx(speed / cycle**2, rel=0.1)
+    one = ac.SetPoints(cycle=cycle, q=points[:1], trajectory=STILL, method="none")
     assert not commanded_jerk(one).any()
 
 
@@ -69,15 +69,15 @@ def test_a_plan_with_a_limit_of_jerk_is_executed_with_it():
     limits = ac.Limits(joint_acceleration=0.72, joint_jerk=7.2)
     planned = ac.plan(path, ARM, limits)
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    taught = ac.compensate(planned, servo, ac.Inverse(), period=1e-3)
+    set_points = ac.compensate(planned, servo, ac.Inverse(), cycle=1e-3)
     plant = ac.ServoPlant(ARM, servo, limits)
-    found = ac.evaluate(ac.execute(taught, plant), path, limits=limits, limit_use=True)
+    found = ac.evaluate(ac.simulate(set_points, plant), path, limits=limits, limit_use=True)
     np.testing.assert_allclose(found.jerk_ratio, found.jerk / 7.2)
     assert 0.99 < found.jerk_ratio.max() < 1.005
     assert found.limit_ratios["joint_jerk"] == pytest.approx(1, abs=1e-4)
     # Without the limit, the plan jumps.
     free = ac.plan(path, ARM, limits.replace(joint_jerk=np.inf))
-    taught = ac.compensate(free, servo, ac.Inverse(), period=1e-3)
-    rough = ac.evaluate(ac.execute(taught, plant), path, limits=limits)
+    set_points = ac.compensate(free, servo, ac.Inverse(), cycle=1e-3)
+    rough = ac.evaluate(ac.simulate(set_points, plant), path, limits=limits)
     assert rough.jerk_ratio.max() > 10 and rough.command_jerk.max() > found.command_jerk.max()
-    assert not ac.evaluate(ac.execute(taught, plant), path).jerk_ratio.any()
+    assert not ac.evaluate(ac.simulate(set_points, plant), path).jerk_ratio.any()

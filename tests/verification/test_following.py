@@ -87,8 +87,8 @@ def judge_places(seed):
     assert (found.distance <= near(path, tool, s, OFF) + 1e-9).all()
     assert (found.distance >= near(path, tool, s, 20 * size) - 1e-6).all()
     assert np.abs(found.s - s).max() <= 20 * size
-    missed = left_out(path, tool, s, 3 * size)
-    assert max(found.missed.max(), 0.0) == pytest.approx(missed, abs=1e-5)
+    coverage_error = left_out(path, tool, s, 3 * size)
+    assert max(found.coverage_error.max(), 0.0) == pytest.approx(coverage_error, abs=1e-5)
 
 
 def test_places_are_those_of_the_motion():
@@ -112,7 +112,7 @@ def test_missed_is_exact_where_one_step_passes_a_long_stretch():
             share = np.clip((path(s) - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
             best = np.minimum(best, np.linalg.norm(path(s) - a - share[:, None] * (b - a), axis=1))
         # Between two places of the grid the distance is larger by at most half of their distance.
-        more = follow_path(path, tool).missed.max() - best.max()
+        more = follow_path(path, tool).coverage_error.max() - best.max()
         assert -1e-10 <= more <= s[1] / 2, seed
 
 
@@ -122,8 +122,8 @@ SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 
 def run(arm, path, limits, method="none", objective=None, resolution=1e-3):
     planned = ac.plan(path, arm, limits)
-    taught = ac.compensate(planned, SERVO, METHODS[method](), period=4e-3)
-    executed = ac.execute(taught, ac.ServoPlant(arm, SERVO, limits), resolution=resolution)
+    set_points = ac.compensate(planned, SERVO, METHODS[method](), cycle=4e-3)
+    executed = ac.simulate(set_points, ac.ServoPlant(arm, SERVO, limits), resolution=resolution)
     return planned, executed, ac.evaluate(executed, path, objective=objective, limits=limits)
 
 
@@ -172,11 +172,11 @@ def test_a_tip_that_the_tool_does_not_reach_is_missed(arm, method):
     path = ac.Path.polyline([(0.30, 0.2), (0.36, 0.2), (0.30, 0.2)])
     limits = arm.limits.replace(speed=0.15, joint_acceleration=3.0)
     _, executed, result = run(arm, path, limits, method, path)
-    finer = ac.execute(executed.taught, executed.plant, resolution=1e-5)
+    finer = ac.simulate(executed.set_points, executed.plant, resolution=1e-5)
     tip = np.linalg.norm(finer.tool - [0.36, 0.2], axis=1)
-    assert result.missed.max == pytest.approx(tip.min(), rel=1e-6)
-    assert result.missed.s_max == pytest.approx(0.06, abs=1e-9)
-    assert abs(result.missed.t_max - finer.t[tip.argmin()]) < 0.02
+    assert result.coverage_error.max == pytest.approx(tip.min(), rel=1e-6)
+    assert result.coverage_error.s_max == pytest.approx(0.06, abs=1e-9)
+    assert abs(result.coverage_error.t_max - finer.t[tip.argmin()]) < 0.02
     # The other direction does not show it.
     assert result.contour_error.max < tip.min() / 5
     assert result.corners[0].rounding == pytest.approx(tip.min(), rel=1e-6)

@@ -48,8 +48,8 @@ def dense(plan, places):
 
 def measured(plan, path, limits=LIMITS):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    taught = ac.compensate(plan, servo, ac.Inverse(), period=4e-3)
-    executed = ac.execute(taught, ac.ServoPlant(ARM, servo))
+    set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=4e-3)
+    executed = ac.simulate(set_points, ac.ServoPlant(ARM, servo))
     found = ac.evaluate(executed, path, limits=limits, limit_use=True).limit_ratios
     assert found is not None
     return dict(found)

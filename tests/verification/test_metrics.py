@@ -14,14 +14,14 @@ def arm():
     return ac.load_arm("pmk3s")
 
 
-def executed(arm, tool, period, planned):
+def executed(arm, tool, cycle, planned):
     """An execution whose tool goes through given points at regular times."""
     q = arm.joint_position(tool)
-    dq = np.gradient(q, period, axis=0)
+    dq = np.gradient(q, cycle, axis=0)
     return ac.Execution(
         arm=arm,
-        taught=ac.TaughtData(period=period, q=q, trajectory=planned, method="none"),
-        t=np.arange(len(q)) * period,
+        set_points=ac.SetPoints(cycle=cycle, q=q, trajectory=planned, method="none"),
+        t=np.arange(len(q)) * cycle,
         q=q,
         dq=dq,
         ddq=np.zeros_like(q),
@@ -35,8 +35,8 @@ def test_the_contour_error_is_signed_in_the_plane(arm):
     path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20), (0.40, 0.30)])
     planned = ac.plan(path, arm, arm.limits.replace(speed=0.1))
     tool = np.array([(0.31, 0.201), (0.35, 0.198), (0.399, 0.25), (0.403, 0.28), (0.402, 0.199)])
-    period = planned.duration / (len(tool) - 1)
-    error = ac.evaluate(executed(arm, tool, period, planned), path).contour_error
+    cycle = planned.duration / (len(tool) - 1)
+    error = ac.evaluate(executed(arm, tool, cycle, planned), path).contour_error
     assert error.signed is not None
     expected = [1e-3, -2e-3, 1e-3, -3e-3, -np.hypot(2e-3, 1e-3)]
     np.testing.assert_allclose(error.signed[:5], expected, atol=1e-12)
@@ -44,7 +44,7 @@ def test_the_contour_error_is_signed_in_the_plane(arm):
 
 
 def test_overshoot_knows_the_segments_own_speeds(arm):
-    slow = ac.Demand(speed=0.05)
+    slow = ac.SegmentLimits(speed=0.05)
     path = ac.Path.from_segments(
         [
             ac.Line(start=(0.30, 0.20), end=(0.35, 0.20)),
@@ -53,9 +53,9 @@ def test_overshoot_knows_the_segments_own_speeds(arm):
     )
     limits = arm.limits.replace(speed=0.1)
     planned = ac.plan(path, arm, limits)
-    period = planned.duration / 400
+    cycle = planned.duration / 400
     tool = np.column_stack([np.linspace(0.30, 0.40, 401), np.full(401, 0.20)])
-    found = ac.evaluate(executed(arm, tool, period, planned), path, limits=limits)
+    found = ac.evaluate(executed(arm, tool, cycle, planned), path, limits=limits)
     speed = 0.10 / planned.duration
     assert found.path_velocity == pytest.approx(speed, rel=1e-3)
     assert found.speed_overshoot == pytest.approx(max(speed - 0.05, 0.0), abs=1e-4)
@@ -67,19 +67,19 @@ def test_the_papers_job_uses_its_joints_and_keeps_its_limits(arm):
     limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
     planned = ac.plan(rounded, arm, limits)
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    taught = ac.compensate(planned, servo, ac.PolePlacement(), period=2e-4)
-    executed = ac.execute(taught, ac.ServoPlant(arm, servo))
+    set_points = ac.compensate(planned, servo, ac.PolePlacement(), cycle=2e-4)
+    executed = ac.simulate(set_points, ac.ServoPlant(arm, servo))
     found = ac.evaluate(executed, rounded, limits=limits, limit_use=True)
     # Lines 1 and 3 and line 2 beside its middle run at a joint's limit: all but the corners and the
     # middle, which take 1.136 and 0.571 of 5.326 s.
-    assert found.utilisation == pytest.approx(1 - (1.136 + 0.571) / 5.326, abs=0.06)
+    assert found.time_at_limit == pytest.approx(1 - (1.136 + 0.571) / 5.326, abs=0.06)
     names = {"joint_acceleration", "speed", "centripetal_acceleration"}
     assert set(found.limit_ratios) == names
     assert all(0.999 < x <= 1 + 1e-9 for x in found.limit_ratios.values())
     assert found.speed_overshoot <= 1e-9
     # Nobody pays for what was not asked for.
     errors = ac.evaluate(executed, rounded, limits=limits)
-    assert errors.utilisation is None and errors.limit_ratios is None
+    assert errors.time_at_limit is None and errors.limit_ratios is None
     assert errors.contour_error.rms == found.contour_error.rms
 
 
@@ -184,19 +184,19 @@ FAST, SLOW, JOINT = 0.1, 0.02, 0.05
 def path(first=FAST, last=SLOW):
     ends = [(0.0, 0.0), (JOINT, 0.0), (0.1, 0.0)]
     return ac.Path.from_segments(
-        ac.Line(start=a, end=b, demand=ac.Demand(speed=v))
+        ac.Line(start=a, end=b, segment_limits=ac.SegmentLimits(speed=v))
         for a, b, v in zip(ends[:-1], ends[1:], (first, last), strict=True)
     )
 
 
-def braking(late, acceleration=0.5, period=1e-3, off=0.0):
+def braking(late, acceleration=0.5, cycle=1e-3, off=0.0):
     """Tool points and speeds that come down from FAST to SLOW, `late` behind the joint [m]."""
     length = (FAST**2 - SLOW**2) / (2 * acceleration)
     s = np.linspace(0, 0.1, 200_001)
     begin = JOINT + late - length
     speed = np.sqrt(np.clip(FAST**2 - 2 * acceleration * (s - begin), SLOW**2, FAST**2))
     t = np.append(0, np.cumsum(np.diff(s) / speed[:-1]))
-    at = np.arange(0, t[-1], period)
+    at = np.arange(0, t[-1], cycle)
     place = np.interp(at, t, s)
     return np.stack([place, np.full(len(at), off)], axis=1), np.interp(place, s, speed)
 

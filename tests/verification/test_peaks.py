@@ -38,18 +38,23 @@ def plan(arm_name, speed, tolerance, space):
     )
 
 
-def executions(trajectory, plant, period, method, resolution):
+def executions(trajectory, plant, cycle, method, resolution):
     """The same run with its results, and with results FINER times as often."""
     known = plant.servo.replace(dead_time=0.0)
     if known.order == "first" and method == "pole_placement":
         method = "inverse"
-    taught = ac.compensate(trajectory, known, METHODS[method](), period=period)
-    return (ac.execute(taught, plant, resolution=resolution / k) for k in (1, FINER))
+    set_points = ac.compensate(trajectory, known, METHODS[method](), cycle=cycle)
+    return (ac.simulate(set_points, plant, resolution=resolution / k) for k in (1, FINER))
 
 
 def figures(found):
     """The largest errors of a run [m]."""
-    e = found.contour_error, found.objective_error, found.missed, found.objective_missed
+    e = (
+        found.contour_error,
+        found.objective_error,
+        found.coverage_error,
+        found.objective_coverage_error,
+    )
     return [x.max for x in e]
 
 
@@ -61,7 +66,7 @@ def largest(executed, path, until=np.inf):
 RUNS = dict(
     speed=st.sampled_from([0.05, 0.15, 0.5]),
     tolerance=st.sampled_from([0.0, 2e-4, 5e-3]),
-    period=st.sampled_from([1e-3, 4e-3, 8e-3]),
+    cycle=st.sampled_from([1e-3, 4e-3, 8e-3]),
     resolution=st.sampled_from([1e-3, 2e-3]),
     kp=st.floats(15.0, 40.0),
     kv=st.floats(100.0, 1000.0),
@@ -80,7 +85,7 @@ RUNS = dict(
 @settings(max_examples=2, phases=[Phase.explicit, Phase.generate])
 @given(**RUNS)
 def test_no_sample_between_is_higher(
-    speed, tolerance, period, resolution, kp, kv, dead_time, interpolation, order, method, saturates
+    speed, tolerance, cycle, resolution, kp, kv, dead_time, interpolation, order, method, saturates
 ):
     arm, objective, path, trajectory = plan("pmk3s", speed, tolerance, False)
     second = order == "second"
@@ -93,7 +98,7 @@ def test_no_sample_between_is_higher(
     )
     high = arm.limits.replace(joint_acceleration=20.0)
     plant = ac.ServoPlant(arm, servo, high, saturation=None if saturates and second else "none")
-    coarse, fine = executions(trajectory, plant, period, method, resolution)
+    coarse, fine = executions(trajectory, plant, cycle, method, resolution)
     found, finer = (ac.evaluate(x, path, objective=objective) for x in (coarse, fine))
     for error, of in ((found.contour_error, path), (found.objective_error, objective)):
         assert largest(fine, of, found.until) <= error.max * (1 + AGREE) + 1e-12
@@ -173,8 +178,8 @@ def short_contours(length, resolution):
         program, arm, arm.limits.replace(speed=0.15), ac.Optimal(branch="positive")
     )
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    taught = ac.compensate(trajectory, servo, ac.Inverse(), period=8e-3)
-    return program, ac.execute(taught, ac.ServoPlant(arm, servo), resolution=resolution)
+    set_points = ac.compensate(trajectory, servo, ac.Inverse(), cycle=8e-3)
+    return program, ac.simulate(set_points, ac.ServoPlant(arm, servo), resolution=resolution)
 
 
 def test_contours_of_few_samples_are_judged_by_these():
@@ -185,7 +190,7 @@ def test_contours_of_few_samples_are_judged_by_these():
         assert known.contour_error.max >= sampled.contour_error.max, (length, resolution)
         # Which places are missed at their ends is told by the samples outside of the contours.
         # Between samples the way of the tool is taken for straight where no plant tells it.
-        share = known.missed.max / sampled.missed.max
+        share = known.coverage_error.max / sampled.coverage_error.max
         assert 1 - 1e-6 <= share <= 1 + 1e-3, (length, resolution)
 
 
@@ -207,7 +212,7 @@ def test_an_execution_that_was_cut_has_no_peak_that_was_not_there():
     for kv in (None, 150.0):
         servo = ac.ServoModel(kp=25.0, kv=kv, order="first" if kv is None else "second")
         plant = ac.ServoPlant(arm, servo, saturation="none")
-        whole = ac.execute(ac.compensate(trajectory, servo, ac.Inverse(), period=4e-3), plant)
+        whole = ac.simulate(ac.compensate(trajectory, servo, ac.Inverse(), cycle=4e-3), plant)
         most = ac.evaluate(whole, path).contour_error.max
         for part in PARTS:
             cut = replace(whole, **{name: getattr(whole, name)[part] for name in names})

@@ -32,8 +32,8 @@ DRAWN = Program(moves=(Contour(path=SQUARE), Dwell(duration=0.2), Contour(path=B
 
 def executed(program, method="none"):
     trajectory = ac.plan(program, ARM, LIMITS, ac.Optimal(reserve=0.2))
-    taught = ac.compensate(trajectory, SERVO, METHODS[method](), period=4e-3)
-    return ac.execute(taught, ac.ServoPlant(ARM, SERVO, LIMITS))
+    set_points = ac.compensate(trajectory, SERVO, METHODS[method](), cycle=4e-3)
+    return ac.simulate(set_points, ac.ServoPlant(ARM, SERVO, LIMITS))
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def nearest(path, points):
 
 def test_every_contour_is_judged_while_at_work_as_by_hand(execution, program):
     found = ac.evaluate(execution, program, limits=LIMITS)
-    spans = [x for x in execution.taught.trajectory.spans if x.kind == "contour"]
+    spans = [x for x in execution.set_points.trajectory.spans if x.kind == "contour"]
     assert len(found.contours) == len(spans) == 2
     squares, times = 0.0, 0.0
     for profile, span, contour in zip(found.contours, spans, program.contours, strict=True):
@@ -97,7 +97,7 @@ def test_every_contour_is_judged_while_at_work_as_by_hand(execution, program):
 
 def test_nothing_outside_the_work_counts(program, execution):
     before = ac.evaluate(execution, program, limits=LIMITS)
-    work = [x.work for x in execution.taught.trajectory.spans if x.work is not None]
+    work = [x.work for x in execution.set_points.trajectory.spans if x.work is not None]
     rest = ~np.any([(execution.t >= a) & (execution.t <= b) for a, b in work], axis=0)
     # Where a sample interval straddles an end of the work it is let be.
     rest &= ~np.roll(rest == 0, 1) & ~np.roll(rest == 0, -1)
@@ -133,9 +133,9 @@ def test_a_program_of_one_contour_is_worth_what_its_path_is():
         assert (a.max, a.t_max, a.rms) == (b.max, b.t_max, b.rms)
     assert first.corners == second.corners and len(first.corners) == 1
     assert first.limit_ratios == second.limit_ratios
-    assert first.utilisation == second.utilisation
+    assert first.time_at_limit == second.time_at_limit
     for found in (first, second):
-        assert found.until == found.settled > alone.taught.trajectory.duration
+        assert found.until == found.settled > alone.set_points.trajectory.duration
         assert [x.max for x in found.contours] == [found.contour_error.max]
 
 
@@ -161,8 +161,8 @@ def test_a_rapid_is_not_judged_by_limits_of_the_tool():
     t = np.linspace(*rapid.t, 200)
     speed = np.linalg.norm(ARM.tool_velocity(trajectory(t), trajectory(t, 1)), axis=1)
     assert speed.max() > 0.05
-    taught = ac.compensate(trajectory, SERVO, ac.Inverse(), period=4e-3)
-    execution = ac.execute(taught, ac.ServoPlant(ARM, SERVO, limits))
+    set_points = ac.compensate(trajectory, SERVO, ac.Inverse(), cycle=4e-3)
+    execution = ac.simulate(set_points, ac.ServoPlant(ARM, SERVO, limits))
     found = ac.evaluate(execution, DRAWN, limits=limits, limit_use=True)
     for name in ("speed", "tool_acceleration", "centripetal_acceleration"):
         assert found.limit_ratios[name] <= 1 + 1e-6
@@ -190,17 +190,17 @@ def test_refuses_a_program_that_was_not_planned(execution, program, refuses):
         (partial(ac.evaluate, execution, BEND), "2 contours"),
         (partial(ac.evaluate, plain, program), "1 contour:"),
         (partial(ac.trace, one, ARM), "trace takes a Path, not a Program"),
-        (partial(ac.check, plain.taught.trajectory, ARM, LIMITS, "path"), "not str"),
+        (partial(ac.check, plain.set_points.trajectory, ARM, LIMITS, "path"), "not str"),
     ):
         refuses(call, InvalidInput, words)
-    planned, whole = plain.taught.trajectory, Program(moves=(Contour(path=BEND),))
+    planned, whole = plain.set_points.trajectory, Program(moves=(Contour(path=BEND),))
     found = [ac.check(planned, ARM, LIMITS, x).path_deviation for x in (whole, BEND)]
     assert found[0] == found[1]
 
 
 def test_the_mean_speed_is_that_at_work_and_not_above_the_largest(execution, program):
     found = ac.evaluate(execution, program)
-    plan = execution.taught.trajectory
+    plan = execution.set_points.trajectory
     works = [x.work for x in plan.contour_spans]
     inside = np.any([(execution.t >= a) & (execution.t <= b) for a, b in works], axis=0)
     mean = np.average(execution.tool_speed[inside])

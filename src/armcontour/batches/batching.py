@@ -14,14 +14,14 @@ from armcontour.batches.plan import Plan, read_plan
 from armcontour.batches.results import Results
 from armcontour.batches.working import Outcome, Work, killed
 from armcontour.core.compiling import warm
-from armcontour.core.describing import digits, line_up, several
+from armcontour.core.describing import count_noun, digits, format_table
 from armcontour.core.fields import checked
-from armcontour.core.pool import Crew, InProcess, open_executor
+from armcontour.core.pool import InProcess, TaskQueue, open_executor
 from armcontour.core.progress import Progress
 
 
 @dataclass(frozen=True, slots=True)
-class Tally:
+class BatchProgress:
     """How far a batch is.
 
     Args:
@@ -43,8 +43,8 @@ class Tally:
     def __str__(self) -> str:
         """How many jobs are done, how fast, and what came of them."""
         left = "" if self.left is None else f", {digits(self.left)} s left"
-        return line_up(
-            f"{self.done} of {several(self.total, 'job')} done",
+        return format_table(
+            f"{self.done} of {count_noun(self.total, 'job')} done",
             [
                 ("rate", f"{digits(self.rate)} jobs/s{left}"),
                 ("results", ", ".join(f"{n} {x}" for x, n in self.statuses.items())),
@@ -93,8 +93,8 @@ class Batch:
 
     def __str__(self) -> str:
         """What came of the jobs."""
-        return line_up(
-            f"Batch {self.plan.name}: {several(len(self.plan), 'job')}",
+        return format_table(
+            f"Batch {self.plan.name}: {count_noun(len(self.plan), 'job')}",
             [
                 *((status, str(n)) for status, n in self.counts.items()),
                 *((f"error {name}", str(n)) for name, n in self.errors.items()),
@@ -118,7 +118,7 @@ def batch(
     executor: Executor | None = None,
     retry: bool = False,
     trust_xacro: bool = False,
-    progress: Callable[[Tally], None] | None = None,
+    progress: Callable[[BatchProgress], None] | None = None,
     compiling: Progress | None = None,
 ) -> Batch:
     """Work on all jobs of a plan; an interrupted batch goes on where it was.
@@ -162,12 +162,12 @@ def _work(
     left: Sequence[int],
     executor: Executor,
     results: Results,
-    progress: Callable[[Tally], None],
+    progress: Callable[[BatchProgress], None],
 ) -> None:
     """Have the jobs done that have no result."""
     statuses, errors = Counter[str](), Counter[str]()
     before, begin = len(plan) - len(left), time.monotonic()
-    with Crew[int, Outcome](Work(plan), executor, killed) as crew:
+    with TaskQueue[int, Outcome](Work(plan), executor, killed) as crew:
         waiting = iter(left)
         while statuses.total() < len(left):
             while len(crew) < crew.ahead and (index := next(waiting, None)) is not None:
@@ -178,7 +178,7 @@ def _work(
                 if outcome.error is not None:
                     errors[outcome.error] += 1
                 progress(
-                    Tally(
+                    BatchProgress(
                         total=len(plan),
                         done=before + statuses.total(),
                         before=before,

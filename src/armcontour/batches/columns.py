@@ -49,7 +49,7 @@ ROWS: dict[str, dict[str, str]] = {
         "settled": "s",
         **{f"{x}.{figure}": "m" for x in ERRORS for figure in ("rms", "max")},
         **{"orientation_error.max": "rad", "speed": "m/s", "speed_ratio": "1"},
-        **{"speed_overshoot": "m/s", "utilisation": "1", "limit_ratios": "1"},
+        **{"speed_overshoot": "m/s", "time_at_limit": "1", "limit_ratios": "1"},
         **{"demand": "rad/s^2", "demand_ratio": "1", "jerk": "rad/s^3", "saturated": "1"},
     },
     CERTIFY: {

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, refuse_if
-from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.checks import FloatArray, raise_if
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.quantities import Quantity
 from armcontour.core.text import show, suggest
 from armcontour.files.job_edits import Change, Keys, change_data, value_at
@@ -77,7 +77,7 @@ def read_parameter(key: str, given: Any, *, sampled: bool) -> Parameter:
         InvalidInput: A wrong range, or no value.
     """
     place = f"over.{key}"
-    with locate_errors("over"):
+    with error_context("over"):
         quantity = quantity_of(JobModel, full_key(key_of(key)))
     unit = None if quantity is None else quantity.unit
     if isinstance(given, Mapping):
@@ -91,13 +91,13 @@ def read_parameter(key: str, given: Any, *, sampled: bool) -> Parameter:
         return Parameter(key, unit, tuple(values), True, log)
     listed = given if isinstance(given, list) else [given]
     count = len(listed)
-    refuse_if(
+    raise_if(
         sampled and count > 1,
         f"{place}: samples are drawn of ranges, not of lists: write {{from: ..., to: ...}}, or "
         "combine: product.",
     )
-    refuse_if(count == 0, f"{place} is an empty list: give a value, or leave the key out.")
-    refuse_if(count > MOST_VALUES, f"{place} has {count} values, more than {MOST_VALUES}.")
+    raise_if(count == 0, f"{place} is an empty list: give a value, or leave the key out.")
+    raise_if(count > MOST_VALUES, f"{place} has {count} values, more than {MOST_VALUES}.")
     return Parameter(key, unit, tuple(_in_si(key, x) for x in listed))
 
 
@@ -119,12 +119,12 @@ def _read_range(
                 f"{place}.{name} is missing: a range is written as {{from: ..., to: ..., "
                 "steps: 5}."
             )
-    refuse_if(
+    raise_if(
         sampled and "steps" in given,
         f"{place}.steps: the plan draws samples, whose number stands in combine.sobol: leave "
         "steps out.",
     )
-    scale = checks.choice(f"{place}.scale", given.get("scale", "linear"), SCALES)
+    scale = checks.check_choice(f"{place}.scale", given.get("scale", "linear"), SCALES)
     low, high = (_read_end(f"{place}.{x}", given[x], quantity) for x in ("from", "to"))
     count = 2 if sampled else given["steps"]
     if not (_whole(count) and 1 <= count <= MOST_VALUES):
@@ -133,10 +133,10 @@ def _read_range(
         )
     start, end = show(given["from"]), show(given["to"])
     empty = f"{place} is an empty range: from and to are both {end}."
-    refuse_if(low == high and count > 1, empty)
+    raise_if(low == high and count > 1, empty)
     one = f"{place}.steps is 1, but from and to differ: write one value, or more."
-    refuse_if(low != high and count == 1, one)
-    refuse_if(
+    raise_if(low != high and count == 1, one)
+    raise_if(
         scale == "log" and min(low, high) <= 0,
         f"{place}: a range with scale: log must be above zero, but goes from {start} to {end}: "
         "write scale: linear.",

@@ -15,13 +15,13 @@ from armcontour.batches.columns import COLUMNS, PLACE, RUN, WORKS, read_columns
 from armcontour.batches.parameters import Parameter, read_parameter
 from armcontour.batches.resolving import (
     Base,
+    check_placed,
     named_files,
     read_base,
-    refuse_unplaced,
 )
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.file_access import read_text
 from armcontour.core.quantities import AtLeast, Choice
 from armcontour.core.yaml_layout import load
@@ -206,7 +206,7 @@ def read_plan(plan: str | FilePath | Mapping[str, Any], *, trust_xacro: bool = F
         if not isinstance(data, dict):
             raise InvalidInput(f"{source} must hold a mapping of keys such as job, run and over.")
     model: PlanModel = read_keys(Keys(PlanModel), data, source)
-    with locate_errors(source):
+    with error_context(source):
         return _plan(model, folder, FilePath(source).stem, trust_xacro)
 
 
@@ -229,7 +229,7 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
     )
     for base in bases:
         if model.do == PLACE:
-            refuse_unplaced(base, _first(base, parameters))
+            check_placed(base, _first(base, parameters))
         _refuse_unreadable(base, parameters)
     found = Plan(
         name=checks.check_name("name of the plan", model.name or name),

@@ -13,8 +13,8 @@ from typing import Any
 from armcontour._version import __version__
 from armcontour.batches.columns import CERTIFY, PLACE
 from armcontour.core import file_access
-from armcontour.core.checks import refuse_if
-from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.checks import raise_if
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.text import show
 from armcontour.files.cell import cell_data
 from armcontour.files.job_arm import ARM_FILES
@@ -68,7 +68,7 @@ class Base:
         Raises:
             InvalidInput: A key inside of something that has no keys.
         """
-        with locate_errors(self.source):
+        with error_context(self.source):
             data: dict[str, Any] = apply(self.data, dict(zip(keys, values, strict=True)), self.run)
         return data
 
@@ -91,7 +91,7 @@ class Base:
             InvalidInput: Values that do not make a job.
         """
         model = self.model(data)
-        with locate_errors(self.source):
+        with error_context(self.source):
             text = _text([data.get(x) for x in WITH_FILES])
             return job_on(model, *_made(text, _Made(model, self.folder, trust_xacro)))
 
@@ -107,7 +107,7 @@ class Base:
         Raises:
             InvalidInput: A file that a key names is missing.
         """
-        with locate_errors(self.source):
+        with error_context(self.source):
             named = [_digest_of(self.folder / x) for x in named_files(data)]
         text = _text([__version__, asked, data, named, self.files])
         return hashlib.sha256(text.encode()).hexdigest()
@@ -127,7 +127,7 @@ class Base:
         def hear(file: FilePath, content: bytes) -> None:
             found[file.resolve()] = hashlib.sha256(content).hexdigest()
 
-        with file_access.hear_reading(hear), locate_errors(self.source):
+        with file_access.hear_reading(hear), error_context(self.source):
             arm, *_ = _Made(self.model(data), self.folder, trust_xacro).make()
             # Reads the meshes, which are read when shapes are first asked for.
             arm.knows_shapes  # noqa: B018
@@ -196,9 +196,9 @@ def _with_run(
     if name is None and len(runs) == 1:
         (name,) = runs
     unknown = f"run: {source} has no run {show(name)}: it has {names}."
-    refuse_if(name not in (None, *runs), unknown)
+    raise_if(name not in (None, *runs), unknown)
     missing = f"run is missing: {source} has several runs, so say which: {names}."
-    refuse_if(name is None and work not in CHOOSERS, missing)
+    raise_if(name is None and work not in CHOOSERS, missing)
     found = dict(data) if work == CERTIFY else _without(data, "certificate")
     if name is None:
         return found, None
@@ -220,7 +220,7 @@ def _without(data: Mapping[str, Any], name: str) -> dict[str, Any]:
     return {key: x for key, x in data.items() if key != name}
 
 
-def refuse_unplaced(base: Base, data: Mapping[str, Any]) -> None:
+def check_placed(base: Base, data: Mapping[str, Any]) -> None:
     """Refuse a job that does not say where its part is to be placed.
 
     Args:

@@ -13,7 +13,7 @@ from armcontour.cli.console import Console, open_page
 from armcontour.cli.progress import batch_progress
 
 if TYPE_CHECKING:
-    from armcontour.batches import Batch, Tally
+    from armcontour.batches import Batch, BatchProgress
     from armcontour.cli.options import BatchOptions
     from armcontour.core.progress import Progress
 
@@ -59,7 +59,7 @@ def batch_file(plan: FilePath, out: FilePath, x: BatchOptions) -> int:
 
 
 @contextmanager
-def _shown(as_json: bool) -> Iterator[tuple[Callable[[Tally], None], Progress]]:
+def _shown(as_json: bool) -> Iterator[tuple[Callable[[BatchProgress], None], Progress]]:
     """Show how far a batch is, as a bar or as lines of JSON."""
     if not as_json:
         with batch_progress() as shown:
@@ -67,7 +67,7 @@ def _shown(as_json: bool) -> Iterator[tuple[Callable[[Tally], None], Progress]]:
         return
     said = -EVERY
 
-    def say(tally: Tally) -> None:
+    def say(tally: BatchProgress) -> None:
         nonlocal said
         if tally.seconds - said >= EVERY or tally.done == tally.total:
             said = tally.seconds
@@ -76,7 +76,7 @@ def _shown(as_json: bool) -> Iterator[tuple[Callable[[Tally], None], Progress]]:
     yield say, lambda step: None
 
 
-def describe(tally: Tally) -> dict[str, object]:
+def describe(tally: BatchProgress) -> dict[str, object]:
     """How far a batch is, as data."""
     return {
         "done": tally.done,

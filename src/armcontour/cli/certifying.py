@@ -7,16 +7,16 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from armcontour.cli.console import Console, open_page
-from armcontour.core.progress import under
+from armcontour.core.progress import subprogress
 
 if TYPE_CHECKING:
     from armcontour.cli.options import CertifyOptions, JobOptions
-    from armcontour.jobs import Goal
+    from armcontour.jobs import CertificateGoal
     from armcontour.studies.certification import Certificate
 
 
 def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> None:
-    """Certify a job, print the certificate, and write it with its taught data.
+    """Certify a job, print the certificate, and write it with its set-points.
 
     Args:
         file: A job file, or a drawing.
@@ -44,7 +44,7 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
         from armcontour.studies.certification.certifying import goal_of
 
         with search_progress("certifying") as progress:
-            job = open_job(file, job_options, under(progress, "reading"), x)
+            job = open_job(file, job_options, subprogress(progress, "reading"), x)
             if shared:
                 _refuse_nothing_shared(goal_of(job))
             found = certify(job, x.run_name, executor=executor, progress=progress)
@@ -58,7 +58,7 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
         open_page(x.out / "report.html")
 
 
-def _refuse_nothing_shared(goal: Goal) -> None:
+def _refuse_nothing_shared(goal: CertificateGoal) -> None:
     """Refuse `--workers` and `--cluster` for a certificate that has no work for them.
 
     Raises:
@@ -75,7 +75,7 @@ def _refuse_nothing_shared(goal: Goal) -> None:
 
 
 def _write(found: Certificate, folder: Any) -> None:
-    """Write the plan, its taught data, the derating, the report and the summary."""
+    """Write the plan, its set-points, the derating, the report and the summary."""
     from armcontour.cli.running import write_motions
     from armcontour.files import certificate_json, derating_csv
     from armcontour.report import render_report

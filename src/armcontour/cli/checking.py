@@ -83,12 +83,12 @@ def _limits_and_path(
     """The limits, the path, and the allowed deviations from the path [m] and [rad]."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files import read_limits
-    from armcontour.jobs import programs_of
+    from armcontour.jobs import prepare_and_round
 
     path, limits = None, arm.limits
     if job is not None:
         run = _run(job, x.run_name, limited=x.limits is None)
-        path, limits = programs_of(job, run)[1], run.limits
+        path, limits = prepare_and_round(job, run)[1], run.limits
     if x.limits is None:
         return limits, path, None, None
     limits, deviation, angle = read_limits(x.limits, arm)
@@ -173,7 +173,7 @@ def _samples(trajectory: FilePath, arm: Arm, x: CheckOptions) -> TrajectoryFile:
     """Read a trajectory file, which must have as many joints as the arm."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files import read_trajectory
-    from armcontour.motion.log_checks import refuse_beyond
+    from armcontour.motion.log_checks import check_range_of_log
 
     samples = read_trajectory(trajectory, arm.joint_names, columns=x.columns, topic=x.topic)
     if samples.q.shape[1] != arm.dof:
@@ -182,7 +182,7 @@ def _samples(trajectory: FilePath, arm: Arm, x: CheckOptions) -> TrajectoryFile:
             f"({', '.join(map(show, samples.joints))}), but the arm {arm.name} has {arm.dof} "
             f"({', '.join(arm.joint_names)}): give all of them, or the arm of the file with --arm."
         )
-    refuse_beyond(
+    check_range_of_log(
         samples.source, samples.t, {"position": samples.q}, samples.joints, arm,
         margin=2 * math.pi, degrees_only=True,
     )  # fmt: skip
@@ -235,7 +235,7 @@ def _on_the_file(samples: TrajectoryFile, found: Check, *, declared: bool) -> li
             f"The positions scatter by {digits(noise * 1e3, 2)} mrad from sample to sample, as "
             "measured ones do, and this noise counts as motion. If they are measured, declare the "
             f"largest error with --noise, such as '{digits(4e3 * noise, 2)} mrad': then only what "
-            "is beyond it is a violation. If they are taught data, whose accelerations jump, check "
+            "is beyond it is a violation. If they are set-points, whose accelerations jump, check "
             "planned.csv."
         )
     return lines

@@ -259,7 +259,7 @@ def export(
     file: Annotated[FilePath, typer.Argument(help="File to write; its ending says the format.")],
     options: StoredExportOptions,
 ) -> None:
-    """Export taught data, or the plan, of an earlier result for a robot controller."""
+    """Export set-points, or the plan, of an earlier result for a robot controller."""
     from armcontour.cli.exporting import export_stored
 
     export_stored(result, file, options)
@@ -286,14 +286,14 @@ def identify(
     raise typer.Exit(identify_files(logs, options))
 
 
-@_command(ROBOT, "learn job.yaml --taught result --log robot.csv --out next")
+@_command(ROBOT, "learn job.yaml --set-points result --log robot.csv --out next")
 @grouped
 def learn(
     job: JobOrDrawing,
     options: LearnOptions,
     job_options: JobOptions,
 ) -> None:
-    """Learn the taught data of the next run from the log of the last."""
+    """Learn the set-points of the next run from the log of the last."""
     from armcontour.cli.learning import learn_file
 
     learn_file(job, job_options, options)

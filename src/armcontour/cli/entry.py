@@ -15,7 +15,7 @@ from armcontour.core.text import to_line
 BROKEN_PIPE = 128 + 13
 OUT_OF_MEMORY = (
     "The memory that this program may take is used up: close other programs, or give the job less "
-    "to do, with a longer command interval, fewer runs or --no-simulation."
+    "to do, with a longer cycle, fewer runs or --no-simulation."
 )
 
 

@@ -1,4 +1,4 @@
-"""Export taught data and plans in the formats of the command line, of a run or of a result."""
+"""Export set-points and plans in the formats of the command line, of a run or of a result."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
 from armcontour.cli.quantities import read_option
-from armcontour.core.describing import digits, several
+from armcontour.core.describing import count_noun, digits
 from armcontour.core.file_access import MEGABYTE
 
 if TYPE_CHECKING:
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
     from armcontour.files.exports.formats import ExportFormat
     from armcontour.files.exports.table import Table
     from armcontour.jobs import Job, RunResult
-    from armcontour.motion import TaughtData, Trajectory
+    from armcontour.motion import SetPoints, Trajectory
     from armcontour.program import Event
     from armcontour.robot import Arm, Limits
 
 # Labels of the set-points for the robot, and of the plan without compensation.
-TAUGHT, REFERENCE = "taught", "reference"
+SET_POINTS, REFERENCE = "set_points", "reference"
 # Formats whose controllers join set-points with accelerations by quintics, and the share of the
 # limit above which such accelerations are said.
 JOINED_BY_QUINTICS = ("ros-yaml", "mcap")
@@ -65,13 +65,13 @@ class Exports:
 
     Args:
         targets: The files.
-        period: Time between points of the plan [s]; the command interval if None.
+        cycle: Time between points of the plan [s]; the cycle if None.
         derivatives: Highest derivative.
         tool_motion: Whether files have point, orientation and speed of the tool.
     """
 
     targets: tuple[Target, ...] = ()
-    period: float | None = None
+    cycle: float | None = None
     derivatives: int = 2
     tool_motion: bool = False
 
@@ -84,17 +84,17 @@ class Exports:
         Raises:
             InvalidInput: The format cannot hold the table; names the option of the format.
         """
-        from armcontour.core.errors import locate_errors
+        from armcontour.core.errors import error_context
         from armcontour.files.exports.formats import WITH_ANALOG
 
         if not isinstance(target.format, WITH_ANALOG):
             table = dataclasses.replace(table, analog={})
-        with locate_errors(target.option):
+        with error_context(target.option):
             target.format.write(table, file)
 
     def period_of(self, target: Target) -> float | None:
-        """Time between points of the plan in one of the files; None for the command interval."""
-        return None if target.format.kind == "urscript" else self.period
+        """Time between points of the plan in one of the files; None for the cycle."""
+        return None if target.format.kind == "urscript" else self.cycle
 
     def warn_of_events(self, target: Target, table: Table) -> list[str]:
         """Sentences on outputs that one of the files does not switch."""
@@ -141,10 +141,10 @@ def exports_of(x: ExportOptions) -> Exports:
         Target(format=TemplateFormat(template=name), ending=ending_of(name))
         for name in x.template or ()
     ]
-    period = read_option("--period", x.period, Interval)
+    cycle = read_option("--cycle", x.cycle, Interval)
     if not targets:
         options = {
-            "--period": period is not None,
+            "--cycle": cycle is not None,
             "--derivatives": x.derivatives != 2,
             "--tool-motion": x.tool_motion,
             "--call": x.call,
@@ -155,7 +155,7 @@ def exports_of(x: ExportOptions) -> Exports:
     _refuse_same_files(targets)
     return Exports(
         targets=tuple(_with_outputs(targets, x.output or [], x.call)),
-        period=period,
+        cycle=cycle,
         derivatives=x.derivatives,
         tool_motion=x.tool_motion,
     )
@@ -220,8 +220,9 @@ def _refuse_same_files(targets: list[Target]) -> None:
             raise InvalidInput(f"{x.option} is there twice: give it once.")
         if x.ending in taken:
             raise InvalidInput(
-                f"{taken[x.ending]} and {x.option} would both be written to {TAUGHT}{x.ending}: "
-                "leave one of them out, or give a template another ending, such as cell.txt.j2."
+                f"{taken[x.ending]} and {x.option} would both be written to "
+                f"{SET_POINTS}{x.ending}: leave one of them out, or give a template "
+                "another ending, such as cell.txt.j2."
             )
         taken[x.ending] = x.option
 
@@ -242,12 +243,12 @@ def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
 
     events = _events_of(job)
     _refuse_outputs(x, {*(event.name for event in events), *job.process.analog_names}, "the job")
-    intervals = [run.period for run in job.runs]
-    periods = intervals if x.period is None else [*intervals, x.period]
-    for number, period in enumerate(dict.fromkeys(periods)):
-        table = _two_points(job, period, events, x)
+    intervals = [run.cycle for run in job.runs]
+    cycles = intervals if x.cycle is None else [*intervals, x.cycle]
+    for number, cycle in enumerate(dict.fromkeys(cycles)):
+        table = _two_points(job, cycle, events, x)
         for target in x.targets:
-            if period not in (*intervals, x.period_of(target)):
+            if cycle not in (*intervals, x.period_of(target)):
                 continue
             # A bag is a folder, which no other one may replace.
             place = scratch / f"rehearsal{number}{target.ending}"
@@ -259,10 +260,10 @@ def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
 
 def _refuse_outputs(x: Exports, events: Iterable[str], owner: str) -> None:
     """Refuse outputs for events that do not exist."""
-    from armcontour.files.exports.formats import outputs_of, refuse_unknown_outputs
+    from armcontour.files.exports.formats import check_outputs, outputs_of
 
     names = {name: 0 for target in x.targets for name in outputs_of(target.format)}
-    refuse_unknown_outputs(names, events, option="--output", owner=owner)
+    check_outputs(names, events, option="--output", owner=owner)
 
 
 def _events_of(job: Job) -> list[Event]:
@@ -282,7 +283,7 @@ def _events_of(job: Job) -> list[Event]:
     return list({(x.name, type(x.value), x.value): x for x in found}.values())
 
 
-def _two_points(job: Job, period: float, events: Sequence[Event], x: Exports) -> Table:
+def _two_points(job: Job, cycle: float, events: Sequence[Event], x: Exports) -> Table:
     """A table of two points with the joints and events of a job."""
     import numpy as np
 
@@ -292,9 +293,9 @@ def _two_points(job: Job, period: float, events: Sequence[Event], x: Exports) ->
     zeros = np.zeros((2, job.arm.dof))
     point = tuple(job.arm.tool_position(zeros)[0].tolist())
     return tabulate(
-        Samples(t=np.array([0.0, period]), q=zeros, dq=zeros, ddq=zeros),
+        Samples(t=np.array([0.0, cycle]), q=zeros, dq=zeros, ddq=zeros),
         name=_title(job, REFERENCE),
-        period=period,
+        cycle=cycle,
         events=tuple(
             TimedEvent(name=y.name, value=y.value, t=0.0, due=0.0, s=0.0, point=point)
             for y in events
@@ -312,7 +313,7 @@ def _title(job: Job, label: str) -> str:
 def write_exports(
     folder: ResultFolder, job: Job, name: str, result: RunResult, x: Exports
 ) -> tuple[list[str], list[str]]:
-    """Export taught data and plan of one run to the result folder.
+    """Export set-points and plan of one run to the result folder.
 
     Returns sentences on the files with their sizes, and warnings.
     """
@@ -331,16 +332,16 @@ def write_exports(
     options, written = x.table_options(job.arm), list[str]()
     made: dict[tuple[str, float], Table] = {}
     for target in x.targets:
-        tables: dict[str, tuple[TaughtData | Trajectory, float]]
-        tables = {REFERENCE: (result.trajectory, x.period_of(target) or result.run.period)}
+        tables: dict[str, tuple[SetPoints | Trajectory, float]]
+        tables = {REFERENCE: (result.trajectory, x.period_of(target) or result.run.cycle)}
         if not target.plans:
-            tables[TAUGHT] = (result.taught, result.run.period)
-        for label, (data, period) in tables.items():
+            tables[SET_POINTS] = (result.set_points, result.run.cycle)
+        for label, (data, cycle) in tables.items():
             title = _title(job, label)
-            table = made.get((label, period)) or make_table(
-                data, name=title, period=period, analog=analog, **options
+            table = made.get((label, cycle)) or make_table(
+                data, name=title, cycle=cycle, analog=analog, **options
             )
-            made[label, period] = table
+            made[label, cycle] = table
             place = f"{name}/export/{label}{target.ending}"
             written.append(f"Exported {place}: {_place(folder, place, x, target, table)}.")
         if target.format.kind in JOINED_BY_QUINTICS:
@@ -371,7 +372,7 @@ def _size(table: Table, file: FilePath) -> str:
     """Number of points and size of a file or folder, in words."""
     parts = [file] if file.is_file() else [y for y in file.rglob("*") if y.is_file()]
     size = sum(y.stat().st_size for y in parts)
-    return f"{several(len(table.t), 'point')}, {digits(max(size / MEGABYTE, 1e-3), 2)} MB"
+    return f"{count_noun(len(table.t), 'point')}, {digits(max(size / MEGABYTE, 1e-3), 2)} MB"
 
 
 def _warn_of_jumps(target: Target, table: Table, limits: Limits, name: str) -> list[str]:
@@ -429,9 +430,9 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
         options.output or [],
         options.call,
     )
-    period = read_option("--period", options.period, Interval)
-    if period is not None and not options.reference:
-        raise InvalidInput("--period goes with --reference: taught data has its own interval.")
+    cycle = read_option("--cycle", options.cycle, Interval)
+    if cycle is not None and not options.reference:
+        raise InvalidInput("--cycle goes with --reference: set-points have their own cycle.")
     if not options.force and file.exists():
         raise InvalidInput(f"{file} exists already: choose another name, or give --force.")
     arm = None
@@ -442,14 +443,16 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     run = read_run(result, options.run_name)
     more: dict[str, Any] = {"derivatives": options.derivatives, "tool_motion": options.tool_motion}
     table = (
-        run.reference(period, arm=arm, **more) if options.reference else run.taught(arm=arm, **more)
+        run.reference(cycle, arm=arm, **more)
+        if options.reference
+        else run.set_points(arm=arm, **more)
     )
     x = Exports(targets=(target,))
     _refuse_outputs(x, {event.name for event in table.events}, f"the run {run.name}")
     put(file, partial(x.write, target, table), folder=target.format.kind == "mcap")
     for said in x.warn_of_events(target, table):
         Console().say(f"Warning: {capitalise(said)}")
-    what = REFERENCE if options.reference else TAUGHT
+    what = REFERENCE if options.reference else SET_POINTS
     if run.analog:
         Console().say(
             f"Not exported: the analog outputs {', '.join(run.analog)}. A result does not have "

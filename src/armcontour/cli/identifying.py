@@ -31,17 +31,17 @@ def identify_files(logs: list[FilePath], x: IdentifyOptions) -> int:
         InvalidInput: A file or option that cannot be used.
     """
     from armcontour.cli.checking import named_arm
-    from armcontour.core.checks import refuse_if
+    from armcontour.core.checks import raise_if
 
     lonely = x.out is None and (x.open_report or x.force)
-    refuse_if(lonely, "--open and --force go with --out, the folder for the report.")
+    raise_if(lonely, "--open and --force go with --out, the folder for the report.")
     if x.arm is None:
         of_arm = ("servo", "gravity", "tip", "base", "joint_limits", "package", "xacro_arg")
         for name in of_arm:
             message = f"--{name.replace('_', '-')} goes with --arm: name the arm too."
-            refuse_if(getattr(x, name) is not None, message)
+            raise_if(getattr(x, name) is not None, message)
         return _identify_servos(logs, x, None)
-    refuse_if(
+    raise_if(
         x.out is not None and bool(x.package or x.xacro_arg),
         "robot.yaml cannot name packages and arguments of a .xacro file: expand it to a .urdf "
         "file and name that, or leave --out out.",
@@ -50,7 +50,7 @@ def identify_files(logs: list[FilePath], x: IdentifyOptions) -> int:
     if not arm.has_bodies and x.servo is None and x.gravity is None:
         return _identify_servos(logs, x, arm)
     for option, given in (("--predict", bool(x.predict)), ("--model", x.model != "auto")):
-        refuse_if(given, f"{option} is for joints without an arm: leave it or --arm out.")
+        raise_if(given, f"{option} is for joints without an arm: leave it or --arm out.")
     return _identify_bodies(logs, x, x.arm, arm)
 
 

@@ -1,4 +1,4 @@
-"""The command `learn`: taught data for the next run, from the log of the last one."""
+"""The command `learn`: set-points for the next run, from the log of the last one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armcontour.cli.console import Console, open_page, show_notes
 from armcontour.cli.opening import open_job
 from armcontour.cli.progress import search_progress
 from armcontour.cli.quantities import read_window
-from armcontour.core.progress import Progress, Step, under
+from armcontour.core.progress import Progress, Step, subprogress
 
 if TYPE_CHECKING:
     from armcontour.cli.options import JobOptions, LearnOptions
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from armcontour.files import ResultFolder
     from armcontour.jobs import Job, RunResult
     from armcontour.jobs.learning import JudgedStudy, LearningStudy
-    from armcontour.motion import Log, TaughtData
+    from armcontour.motion import Log, SetPoints
 
 Found = TypeVar("Found", "JudgedStudy", "LearningStudy")
 
@@ -33,10 +33,10 @@ def learn_file(file: FilePath, job_options: JobOptions, x: LearnOptions) -> None
         file: A job file, or a drawing.
         job_options: Options that replace values of the job.
         x: Options of the command. The folder gets summary.json and, unless the log is only judged,
-            the taught data of the next run and report.html.
+            the set-points of the next run and report.html.
 
     Raises:
-        ArmContourError: An invalid job, or a log that is not of its taught data; then nothing is
+        ArmContourError: An invalid job, or a log that is not of its set-points; then nothing is
             written.
     """
     _refuse_missing(x)
@@ -97,12 +97,12 @@ def _refuse_missing(x: LearnOptions) -> None:
         if x.open_report:
             raise InvalidInput("--judge-only writes no report that --open can show: leave it out.")
         return
-    if x.taught is None or x.log is None:
+    if x.set_points is None or x.log is None:
         raise InvalidInput(
-            "learn needs what the robot executed and what it did, --taught and --log."
+            "learn needs what the robot executed and what it did, --set-points and --log."
         )
     if x.out is None:
-        raise InvalidInput("learn needs --out, the folder for the taught data of the next run.")
+        raise InvalidInput("learn needs --out, the folder for the set-points of the next run.")
 
 
 def _learn(
@@ -115,11 +115,11 @@ def _learn(
     """Read the job, plan its run, and learn from the log of a robot."""
     from armcontour.jobs.learning import LearningStudy, learn_run, plan_run
 
-    job = open_job(file, job_options, under(progress, "reading"))
+    job = open_job(file, job_options, subprogress(progress, "reading"))
     plan = plan_run(job, x.run_name, progress=progress)
-    taught, log, tool = _read(job, plan, x, window, progress)
+    set_points, log, tool = _read(job, plan, x, window, progress)
     progress(Step(("learning from the log",)))
-    lesson = learn_run(job, plan, taught, log, tool=tool)
+    lesson = learn_run(job, plan, set_points, log, tool=tool)
     return LearningStudy(job=job, plan=plan, lesson=lesson)
 
 
@@ -133,23 +133,23 @@ def _judge(
     """Read the job, plan its run, and judge the log of a robot."""
     from armcontour.jobs.learning import judge_log, plan_run
 
-    job = open_job(file, job_options, under(progress, "reading"))
+    job = open_job(file, job_options, subprogress(progress, "reading"))
     plan = plan_run(job, x.run_name, progress=progress)
-    taught, log, tool = _read(job, plan, x, window, progress)
+    set_points, log, tool = _read(job, plan, x, window, progress)
     progress(Step(("judging the log",)))
-    return judge_log(job, plan, taught, log, tool=tool)
+    return judge_log(job, plan, set_points, log, tool=tool)
 
 
 def _read(
     job: Job, plan: RunResult, x: LearnOptions, window: tuple[float, float], progress: Progress
-) -> tuple[TaughtData, Log | Recording, tuple[FloatArray, FloatArray] | None]:
+) -> tuple[SetPoints, Log | Recording, tuple[FloatArray, FloatArray] | None]:
     """What the robot executed, its log, and positions of its tool if there are any."""
     from armcontour.files.log_file import read_run_log, read_tool_positions
-    from armcontour.files.taught_file import read_taught
+    from armcontour.files.set_point_file import read_taught
 
     assert x.log is not None
     progress(Step(("reading the log",)))
-    taught = plan.taught if x.taught is None else read_taught(x.taught, job, plan)
+    set_points = plan.set_points if x.set_points is None else read_taught(x.set_points, job, plan)
     log = read_run_log(
         x.log,
         job.arm.joint_names,
@@ -163,7 +163,7 @@ def _read(
     tool = None
     if x.tool_positions is not None:
         tool = read_tool_positions(x.tool_positions, job.program.dimension)
-    return taught, log, tool
+    return set_points, log, tool
 
 
 def _write(found: LearningStudy, folder: ResultFolder) -> None:
@@ -173,11 +173,13 @@ def _write(found: LearningStudy, folder: ResultFolder) -> None:
     from armcontour.cli.running import write_motions
     from armcontour.files.json_text import data_json
     from armcontour.files.lesson_file import write_lesson
-    from armcontour.files.taught_file import LESSON
+    from armcontour.files.set_point_file import LESSON
     from armcontour.report import render_learning
 
     name = found.plan.run.name
-    write_motions(folder, found.job, {name: dataclasses.replace(found.plan, taught=found.lesson)})
+    write_motions(
+        folder, found.job, {name: dataclasses.replace(found.plan, set_points=found.lesson)}
+    )
     folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=found.lesson))
     folder.write("report.html", render_learning(found))
     folder.write("summary.json", data_json(found.to_data([*folder.files, "summary.json"])))
@@ -192,9 +194,9 @@ def _print(found: LearningStudy, out: FilePath | None) -> None:
         console.say(f"Note: {note}")
     if out is None:
         return
-    console.say(f"Set-points of the next run: {out / found.plan.run.name / 'taught.csv'}")
+    console.say(f"Set-points of the next run: {out / found.plan.run.name / 'set_points.csv'}")
     if not found.lesson.finished:
-        console.say(f"Execute them, and give the log of that run with --taught {out}.")
+        console.say(f"Execute them, and give the log of that run with --set-points {out}.")
     console.say(f"Report: {(out / 'report.html').resolve().as_uri()}")
 
 

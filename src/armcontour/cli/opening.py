@@ -36,7 +36,7 @@ def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
     Raises:
         InvalidInput: Text of another form, or a key that two options set.
     """
-    from armcontour.core.errors import InvalidInput, locate_errors
+    from armcontour.core.errors import InvalidInput, error_context
 
     patch: dict[tuple[str | int, ...], Any] = {}
     options: dict[str, str] = {}
@@ -57,7 +57,7 @@ def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
             # Loads the checks of jobs.
             from armcontour.files import parse_set
 
-            with locate_errors("--set"):
+            with error_context("--set"):
                 [(keys, value)] = parse_set(text).items()
             key = ".".join(map(str, keys))
             if key in options:

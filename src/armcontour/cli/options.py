@@ -32,10 +32,10 @@ TOPICS: dict[str, tuple[str, ...]] = {
     "Speed, corners and start": ("sets",),
     "Certificate": (),
     "Places": (),
-    "Log and files of numbers": ("log", "taught", "tool_positions", "start", "end", "columns",
+    "Log and files of numbers": ("log", "set_points", "tool_positions", "start", "end", "columns",
                                  "topic", "unwrap", "interpolation"),
     "Arm": ("arm", "tip", "base", "joint_limits", "package", "xacro_arg", "trust_xacro"),
-    "Files for robot controllers": ("export", "template", "output", "period", "derivatives",
+    "Files for robot controllers": ("export", "template", "output", "cycle", "derivatives",
                                     "tool_motion", "call"),
     "Processes": ("workers", "cluster"),
     "Results": ("out", "force", "open_report", "open_page", "as_json"),
@@ -280,14 +280,14 @@ class PointOptions:
     Args:
         output: Output of an event or an analog output in exports: tool=0, power=AO0, or for one
             format abb:tool=doTool.
-        period: Time between points of an exported plan, such as '48 ms'.
+        cycle: Time between points of an exported plan, such as '48 ms'.
         derivatives: Highest derivative in exports: 2 for accelerations, 1 for velocities, or 0.
         tool_motion: Write point, orientation and speed of the tool, as commanded, into exports too.
         call: With urscript: call the program at the end of its file, for a pendant's script file.
     """
 
     output: Texts = None
-    period: Text = None
+    cycle: Text = None
     derivatives: Annotated[int, typer.Option("--derivatives", min=0, max=2)] = 2
     tool_motion: bool = False
     call: bool = False
@@ -327,7 +327,7 @@ class ExportOptions(PointOptions):
     """Options for exports of every run.
 
     Args:
-        export: Format of taught data: csv, npz, ros-yaml, mcap, urscript; may be repeated.
+        export: Format of set-points: csv, npz, ros-yaml, mcap, urscript; may be repeated.
         template: Export by a template: kuka, abb, or a .j2 file.
     """
 
@@ -477,18 +477,18 @@ class LearnOptions(WindowOptions):
     """Options of the command `learn`.
 
     Args:
-        taught: What the robot executed: taught.csv of run or of the learn before, or the
+        set_points: What the robot executed: set_points.csv of run or of the learn before, or the
             folder of that result.
         log: Log of that run: CSV of positions over time, or a bag.
         tool_positions: CSV of measured positions of the tool over the same time: t, x, y,
             z.
         judge_only: Say what the robot did by its log, the contour error, and learn nothing.
-            Without --taught it executed the set-points of the job.
-        out: Folder for taught data of the next run, and a report.
+            Without --set-points it executed the set-points of the job.
+        out: Folder for set-points of the next run, and a report.
     """
 
     run_name: Name = None
-    taught: File = None
+    set_points: File = None
     log: File = None
     tool_positions: File = None
     judge_only: bool = False

@@ -7,7 +7,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour.cli.console import Console, open_page
-from armcontour.core.progress import under
+from armcontour.core.progress import subprogress
 
 if TYPE_CHECKING:
     from armcontour.cli.options import JobOptions, PlaceOptions
@@ -45,7 +45,7 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
         from armcontour.report import render_placement
 
         with share_progress() as progress:
-            job = open_job(file, job_options, under(progress, "reading"), x)
+            job = open_job(file, job_options, subprogress(progress, "reading"), x)
             if job.placement is None or not job.placement.over:
                 raise InvalidInput(
                     "place needs --over for each axis along which to place, such as 'x: -300 mm .. "

@@ -16,7 +16,7 @@ from armcontour.core.progress import COMPILING, Progress, Step, hear_compiling
 from armcontour.core.text import to_line
 
 if TYPE_CHECKING:
-    from armcontour.batches import Tally
+    from armcontour.batches import BatchProgress
 
 # Time between two lines of progress in a pipe, and before the first [s].
 EVERY = 10.0
@@ -66,7 +66,7 @@ def share_progress() -> Iterator[Progress]:
 
 
 @contextmanager
-def batch_progress() -> Iterator[tuple[Callable[[Tally], None], Progress]]:
+def batch_progress() -> Iterator[tuple[Callable[[BatchProgress], None], Progress]]:
     """Show how far a batch is: a bar with rate and time left; a pipe gets a line now and then.
 
     Yields the functions that update it, with how far the batch is, and before that with a step.
@@ -77,7 +77,7 @@ def batch_progress() -> Iterator[tuple[Callable[[Tally], None], Progress]]:
         task = bar.add_task("starting", total=None)
         lines = Lines(bar.disable)
 
-        def show(tally: Tally) -> None:
+        def show(tally: BatchProgress) -> None:
             words = to_line(describe_tally(tally))
             bar.update(task, description=words, completed=tally.done, total=tally.total)
             lines.tell(f"{tally.done} of {tally.total}", words)
@@ -88,12 +88,12 @@ def batch_progress() -> Iterator[tuple[Callable[[Tally], None], Progress]]:
         yield show, tell
 
 
-def describe_tally(tally: Tally) -> str:
+def describe_tally(tally: BatchProgress) -> str:
     """How fast a batch is, how long it takes yet, and what its jobs were refused for, in a line."""
     left = "" if tally.left is None else f", left {timedelta(seconds=round(tally.left))}"
-    several = [f"{n} {name}" for name, n in tally.statuses.items() if name != "done"]
+    refused = [f"{n} {name}" for name, n in tally.statuses.items() if name != "done"]
     kinds = [f"{n} {name}" for name, n in tally.errors.items()]
-    shown = f"; {', '.join(several)} ({', '.join(kinds)})" if several else ""
+    shown = f"; {', '.join(refused)} ({', '.join(kinds)})" if refused else ""
     return f"{tally.rate:.3g} jobs/s{left}{shown}"
 
 

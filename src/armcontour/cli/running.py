@@ -12,11 +12,11 @@ from armcontour.cli.console import Console, open_page
 from armcontour.cli.exporting import Exports, rehearse, write_exports
 from armcontour.cli.opening import library_file
 from armcontour.cli.progress import job_progress
-from armcontour.core.progress import Progress, Step, under
+from armcontour.core.progress import Progress, Step, subprogress
 
 if TYPE_CHECKING:
     from armcontour.files import ResultFolder
-    from armcontour.jobs import Job, RunResult, Study
+    from armcontour.jobs import Job, JobResult, RunResult
 
 WRITING = Step(("writing the results",))
 
@@ -59,7 +59,7 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
 
             for name, study in studies.items():
                 others = len(folder.files)
-                write_motions(folder, study.job, study.runs, under=name)
+                write_motions(folder, study.job, study.runs, prefix=name)
                 own = [x.removeprefix(name) for x in folder.files[others:]]
                 folder.write(
                     f"{name}summary.json", data_json(study.to_data([*own, "summary.json"]))
@@ -125,7 +125,7 @@ def run_job(
     if open_report and not simulate:
         raise InvalidInput("--open opens the report of a simulation: leave --no-simulation out.")
     with ResultFolder(out, force=force) as folder, job_progress() as progress:
-        job = read(under(progress, "reading"))
+        job = read(subprogress(progress, "reading"))
         if exports:
             # An export that cannot be written is refused before the run.
             rehearse(job, exports, folder.scratch)
@@ -162,32 +162,32 @@ def run_job(
 
 
 def write_motions(
-    folder: ResultFolder, job: Job, plans: Mapping[str, RunResult], *, under: str = ""
+    folder: ResultFolder, job: Job, plans: Mapping[str, RunResult], *, prefix: str = ""
 ) -> None:
-    """Write taught data, plan and torques of every run as CSV.
+    """Write set-points, plan and torques of every run as CSV.
 
     Args:
         folder: The folder of the results.
         job: The job.
         plans: Plans by the names of their runs.
-        under: Begin of all names of files, such as `plate/`.
+        prefix: Begin of all names of files, such as `plate/`.
     """
     from armcontour.files import write_planned, write_taught, write_torque
 
     names = job.arm.joint_names
     for name, result in plans.items():
         # Thousands of laws take long to evaluate: once for both files.
-        planned = result.trajectory.sample(result.run.period)
-        taught = partial(write_taught, taught=result.taught, joint_names=names)
-        folder.place(f"{under}{name}/taught.csv", taught)
+        planned = result.trajectory.sample(result.run.cycle)
+        set_points = partial(write_taught, set_points=result.set_points, joint_names=names)
+        folder.place(f"{prefix}{name}/set_points.csv", set_points)
         plan = partial(write_planned, x=planned, joint_names=names)
-        folder.place(f"{under}{name}/planned.csv", plan)
+        folder.place(f"{prefix}{name}/planned.csv", plan)
         if job.arm.has_bodies:
             torque = partial(write_torque, x=planned, arm=job.arm)
-            folder.place(f"{under}{name}/torque.csv", torque)
+            folder.place(f"{prefix}{name}/torque.csv", torque)
 
 
-def _print_results(study: Study, notes: Sequence[str]) -> None:
+def _print_results(study: JobResult, notes: Sequence[str]) -> None:
     """Print the verdict on every run, its figures, remarks and warnings."""
     from armcontour.core.render import cells, compare, lay_out, text, verdict
     from armcontour.core.result import VERDICT

@@ -29,7 +29,7 @@ def write_cell(cell: str, out: FilePath | None, *, force: bool) -> None:
     if file.exists() and not force:
         raise InvalidInput(f"{file} is there already: name another file with --out, or --force.")
     try:
-        staging.put_in_place(file, lambda x: x.write_text(text, encoding="utf-8"))
+        staging.write_atomically(file, lambda x: x.write_text(text, encoding="utf-8"))
     except OSError as error:
         raise staging.unwritable(file, error) from None
     Console().say(

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, for_kernel
+from armcontour.core.checks import FloatArray, kernel_array
 from armcontour.core.kernels import compiled
 
 # Rounding error of positions from inverse kinematics, relative to 1 or to their size.
@@ -32,7 +32,7 @@ def quintic(
     Returns:
         Coefficients of powers of x = u / width, from 1 to x⁵, (n, 6, dof).
     """
-    own: Any = map(for_kernel, (width, *begin, *end))
+    own: Any = map(kernel_array, (width, *begin, *end))
     kernel: Any = _fill
     return np.asarray(kernel(*own, play))
 

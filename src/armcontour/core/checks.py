@@ -67,7 +67,7 @@ NOT_NUMERIC = {
 }
 
 
-def lock_floats(values: npt.ArrayLike, name: str = "An array", unit: str = "") -> FloatArray:
+def frozen_array(values: npt.ArrayLike, name: str = "An array", unit: str = "") -> FloatArray:
     """A read-only copy of `values` as a float array; `values` if it is one that owns its data.
 
     Raises:
@@ -80,7 +80,7 @@ def lock_floats(values: npt.ArrayLike, name: str = "An array", unit: str = "") -
     return array
 
 
-def for_kernel(values: npt.ArrayLike) -> FloatArray:
+def kernel_array(values: npt.ArrayLike) -> FloatArray:
     """An array of floats as kernels are compiled for: in C order, and one that may be written.
 
     It is `values` if that is one, which `np.require` takes ten times as long to find out.
@@ -183,7 +183,7 @@ def _lock_value(x: Any) -> None:
         array.setflags(write=False)
 
 
-class Locked:
+class Immutable:
     """Base of classes whose instances do not change once their constructor has returned.
 
     Constructors, of subclasses too, set attributes as usual; at their end all arrays are made
@@ -201,7 +201,7 @@ class Locked:
         construct = cls.__init__
 
         @wraps(construct)
-        def construct_and_lock(self: Locked, *args: Any, **keywords: Any) -> None:
+        def construct_and_lock(self: Immutable, *args: Any, **keywords: Any) -> None:
             construct(self, *args, **keywords)
             # The constructor of a subclass goes on after this one.
             if type(self).__init__ is construct_and_lock:
@@ -239,21 +239,21 @@ class Locked:
 
 
 def lock_numbers(name: str, values: npt.ArrayLike) -> FloatArray:
-    """The read-only float array of `numbers`, without a copy if `values` is such an array.
+    """The read-only float array of `check_numbers`, without a copy if `values` is such an array.
 
     Raises:
-        InvalidInput: As in `numbers`.
+        InvalidInput: As in `check_numbers`.
     """
     if isinstance(values, np.ndarray) and _is_locked(values) and values.size:
         # NaN fails both comparisons.
         if values.max() <= LARGEST and values.min() >= -LARGEST:
             return values
-    array = numbers(name, values)
+    array = check_numbers(name, values)
     array.setflags(write=False)
     return array
 
 
-def numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
+def check_numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
     """Return `values` as a new float array, all finite and at most LARGEST.
 
     Args:
@@ -348,12 +348,12 @@ def indices(name: str, values: npt.ArrayLike) -> IntArray:
     """Return `values` as an array of whole numbers; as they are if they are one already.
 
     Raises:
-        InvalidInput: As in `numbers`, or a value is not a whole number.
+        InvalidInput: As in `check_numbers`, or a value is not a whole number.
     """
     if isinstance(values, np.ndarray) and values.dtype == np.intp:
         return values
-    array = numbers(name, values)
-    refuse_if((array % 1).any(), f"{name} must be whole numbers.")
+    array = check_numbers(name, values)
+    raise_if((array % 1).any(), f"{name} must be whole numbers.")
     return array.astype(np.intp)
 
 
@@ -364,7 +364,7 @@ def points(name: str, values: npt.ArrayLike) -> FloatArray:
         InvalidInput: The rows have different lengths, the shape is another one, or a value is not
             finite.
     """
-    array = numbers(name, values, "m")
+    array = check_numbers(name, values, "m")
     if array.ndim != 2 or array.shape[1] not in (2, 3):
         raise InvalidInput(
             f"{name} must be rows of 2 or 3 coordinates in m, but have shape {array.shape}."
@@ -372,7 +372,7 @@ def points(name: str, values: npt.ArrayLike) -> FloatArray:
     return array
 
 
-def number(name: str, value: Any, unit: str = "") -> float:
+def check_number(name: str, value: Any, unit: str = "") -> float:
     """Return `value` as a finite float.
 
     `name` and `unit` are for messages, here and in the functions below.
@@ -383,7 +383,7 @@ def number(name: str, value: Any, unit: str = "") -> float:
     # Most are such numbers. NaN fails the comparison.
     if type(value) in (float, int) and -LARGEST <= value <= LARGEST:
         return float(value)
-    array = numbers(name, value, unit)
+    array = check_numbers(name, value, unit)
     if array.ndim:
         raise InvalidInput(
             f"{name} must be one number{in_unit(unit)}, not an array of {array.size}."
@@ -391,7 +391,7 @@ def number(name: str, value: Any, unit: str = "") -> float:
     return float(array)
 
 
-def refuse_too_many(what: str, values: float, fix: str) -> None:
+def check_count(what: str, values: float, fix: str) -> None:
     """Refuse work on more values than MOST_VALUES, before they are computed.
 
     Args:
@@ -418,7 +418,7 @@ def positive(name: str, value: Any, unit: str = "") -> float:
     Raises:
         InvalidInput: The value is not one such number.
     """
-    checked = number(name, value, unit)
+    checked = check_number(name, value, unit)
     if checked <= 0:
         raise InvalidInput(f"{name} must be above zero, but is {checked:g}{suffix(unit)}.")
     if checked < SMALLEST:
@@ -428,13 +428,13 @@ def positive(name: str, value: Any, unit: str = "") -> float:
     return checked
 
 
-def between(name: str, value: Any, low: float, high: float, unit: str = "") -> float:
+def check_range(name: str, value: Any, low: float, high: float, unit: str = "") -> float:
     """Return `value` as a float from `low` to `high`.
 
     Raises:
         InvalidInput: The value is not one finite number in this range.
     """
-    checked = not_negative(name, value, unit) if low == 0 else number(name, value, unit)
+    checked = not_negative(name, value, unit) if low == 0 else check_number(name, value, unit)
     if low > 0 >= checked:
         raise InvalidInput(f"{name} must be above zero, but is {checked:g}{suffix(unit)}.")
     if not low <= checked <= high:
@@ -451,13 +451,13 @@ def not_negative(name: str, value: Any, unit: str = "") -> float:
     Raises:
         InvalidInput: The value is not one finite number, or is below zero.
     """
-    checked = number(name, value, unit)
+    checked = check_number(name, value, unit)
     if checked < 0:
         raise InvalidInput(f"{name} must not be negative, but is {checked:g}{suffix(unit)}.")
     return checked
 
 
-def whole(name: str, value: Any, low: int | None = None, high: int | None = None) -> int:
+def check_int(name: str, value: Any, low: int | None = None, high: int | None = None) -> int:
     """Return `value` as an int from `low` to `high`; None is no bound.
 
     Raises:
@@ -466,7 +466,7 @@ def whole(name: str, value: Any, low: int | None = None, high: int | None = None
     least, most = (-LARGEST if low is None else low), (MOST_WHOLE if high is None else high)
     if type(value) is int and least <= value <= most:
         return value
-    checked = number(name, value)
+    checked = check_number(name, value)
     if checked != int(checked) or not least <= checked <= most:
         range_ = "" if low is None else f" of at least {low}"
         range_ = range_ if high is None else f" from {low} to {high}"
@@ -490,7 +490,7 @@ def per_vertex(
     """
     if values is None:
         return np.full(vertices, np.inf)
-    array = numbers(name, values, unit)
+    array = check_numbers(name, values, unit)
     if array.ndim and array.shape != (vertices,):
         raise InvalidInput(
             f"{name} has {array.size} values, but the path has {vertices} vertices between "
@@ -507,7 +507,7 @@ def per_joint(name: str, values: npt.ArrayLike, dof: int, unit: str = "") -> Flo
     Raises:
         InvalidInput: The number of values is wrong, or a value is not finite.
     """
-    array = numbers(name, values, unit)
+    array = check_numbers(name, values, unit)
     if array.ndim == 0:
         return np.full(dof, float(array))
     if array.shape != (dof,):
@@ -518,7 +518,7 @@ def per_joint(name: str, values: npt.ArrayLike, dof: int, unit: str = "") -> Flo
     return array
 
 
-def choice(name: str, value: str, known: tuple[str, ...]) -> str:
+def check_choice(name: str, value: str, known: tuple[str, ...]) -> str:
     """Return `value` if it is one of `known`.
 
     Raises:
@@ -576,7 +576,7 @@ def check_name(what: str, value: Any, *, most: int = LONGEST_NAME) -> str:
     return value
 
 
-def refuse_if(wrong: bool | np.bool_, message: str) -> None:
+def raise_if(wrong: bool | np.bool_, message: str) -> None:
     """Refuse with a message if a condition is true; for messages that cost nothing to format.
 
     Args:
@@ -595,7 +595,7 @@ ORIGINS = {
     "Arm": "such as load_arm('ur5e')",
     "ArmOptions": "such as ArmOptions(tip='tool0')",
     "CompensationOptions": "such as Inverse()",
-    "Demand": "such as Demand(speed=0.1)",
+    "SegmentLimits": "such as SegmentLimits(speed=0.1)",
     "Execution": "as execute gives it",
     "Frame": "such as Frame(position=(0.4, 0, 0.1))",
     "Job": "as read_job gives it",
@@ -607,8 +607,8 @@ ORIGINS = {
     "ReadOptions": "such as ReadOptions(units='mm')",
     "ServoModel": "such as ServoModel(kp=25, kv=150)",
     "Shaped": "such as Shaped(tolerance=1e-3)",
-    "Study": "as run gives it",
-    "TaughtData": "as compensate gives it",
+    "JobResult": "as run gives it",
+    "SetPoints": "as compensate gives it",
     "Trajectory": "as plan gives it",
 }
 # Other classes that annotations may name, in words.
@@ -622,7 +622,7 @@ WORDS: dict[Any, str] = {
 }
 
 
-def refuse_other(user: str, value: Any, *kinds: type, role: str = "") -> None:
+def check_type(user: str, value: Any, *kinds: type, role: str = "") -> None:
     """Refuse a value that is no object of some classes.
 
     Args:
@@ -664,13 +664,13 @@ def explained(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*args, **keywords)
         except TypeError:
-            refuse_call(function, args, keywords)
+            raise_call_error(function, args, keywords)
             raise
 
     return call
 
 
-def refuse_call(
+def raise_call_error(
     function: Callable[..., Any], args: tuple[Any, ...], keywords: Mapping[str, Any]
 ) -> None:
     """Refuse arguments that a function does not have, and the lack of those that it needs.
@@ -695,13 +695,11 @@ def refuse_call(
             f"{user} takes {only} without a name: write the names of others; {takes}"
         )
     done = {*by_place[: len(given)], *keywords}
-    refuse_if(
-        len(done) < len(given) + len(keywords), f"{user} was given an argument twice; {takes}"
-    )
+    raise_if(len(done) < len(given) + len(keywords), f"{user} was given an argument twice; {takes}")
     lacking = [
         x.name for x in slots.values() if x.default is Parameter.empty and x.name not in done
     ]
-    refuse_if(bool(lacking), f"{user} needs {' and '.join(lacking)}; {takes}")
+    raise_if(bool(lacking), f"{user} needs {' and '.join(lacking)}; {takes}")
 
 
 def kinds_of(annotation: Any) -> tuple[type, ...]:
@@ -716,7 +714,7 @@ def kinds_of(annotation: Any) -> tuple[type, ...]:
     return (kind,) if kind in WORDS or (own and not getattr(kind, "_is_protocol", False)) else ()
 
 
-def listed(
+def check_sequence(
     name: str, values: Any, kind: Any, what: str, count: int | None = None
 ) -> tuple[Any, ...]:
     """The values of a list as a tuple.
@@ -754,7 +752,7 @@ def check_names(name: str, values: Any, count: int | None = None) -> tuple[str, 
         InvalidInput: No list of so many short texts.
     """
     what = "names" if count is None else f"{count} names"
-    found = listed(name, values, str, what, count)
+    found = check_sequence(name, values, str, what, count)
     return tuple(check_name(f"name in {name}", x) for x in found)
 
 
@@ -776,7 +774,7 @@ def read_place(user: str, place: Any) -> FilePath:
         ) from None
 
 
-def side(value: str) -> Literal["left", "right"]:
+def check_side(value: str) -> Literal["left", "right"]:
     """Return "left" or "right": which of two values a function with a jump returns at the jump.
 
     Raises:

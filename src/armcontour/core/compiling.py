@@ -21,9 +21,9 @@ from armcontour.core import kernels
 from armcontour.core._banded import solve_banded
 from armcontour.core.errors import ArmContourError
 from armcontour.core.kernels import KERNELS, ROOT, waiting
-from armcontour.core.pool import Crew, open_executor
+from armcontour.core.pool import TaskQueue, open_executor
 from armcontour.core.process import can_start, is_other, processors
-from armcontour.core.progress import COMPILING, Progress, Step, tell_compiling, under
+from armcontour.core.progress import COMPILING, Progress, Step, subprogress, tell_compiling
 
 # Runs on plane arms, runs on arms in space, both, and everything.
 Which: TypeAlias = Literal["plane", "space", "usual", "all"]
@@ -178,7 +178,7 @@ class Order:
     """
 
     def __init__(self, listed: dict[Key, list[str]], progress: Progress | None) -> None:
-        self._tell = under(
+        self._tell = subprogress(
             progress, COMPILING, f"{len(listed)} functions in {_processes()} processes"
         )
         self._news = Condition()
@@ -206,7 +206,7 @@ class Order:
         self._tell(Step((), 0.0))
         try:
             workers = _processes() if can_start() else 0
-            with open_executor(workers) as pool, Crew[Calls, int](compile_calls, pool) as crew:
+            with open_executor(workers) as pool, TaskQueue[Calls, int](compile_calls, pool) as crew:
                 while self._left or len(crew):
                     while len(crew) < crew.workers and (calls := self._take()):
                         crew.give(calls)

@@ -19,7 +19,7 @@ GAP = "  "
 FEW = 6
 
 
-def line_up(
+def format_table(
     title: str, rows: Iterable[Sequence[str]] = (), *, columns: str = "<", width: int = WIDTH
 ) -> str:
     """A title, and below it rows of aligned cells, for `print`.
@@ -49,7 +49,7 @@ def line_up(
     return "\n".join([shorten(make_printable(title), WIDTH), *lines])
 
 
-def brief(value: Any) -> str:
+def short_repr(value: Any) -> str:
     """A dataclass in one line: arrays by their shapes, what it holds by its classes; for `repr`."""
     shown = ", ".join(
         f"{x.name}={_member(getattr(value, x.name))}" for x in fields(value) if x.repr
@@ -147,7 +147,7 @@ def place_and_time(t: float, s: float) -> str:
     return f"t = {t:.3f} s, s = {digits(s)} m"
 
 
-def several(count: int, what: str) -> str:
+def count_noun(count: int, what: str) -> str:
     """A count with its noun."""
     return f"{count} {what}{'' if count == 1 else 's'}"
 
@@ -158,7 +158,7 @@ def count_kinds(counts: Mapping[str, int]) -> str:
     Args:
         counts: Counts by their nouns.
     """
-    return ", ".join(several(n, what) for what, n in counts.items() if n)
+    return ", ".join(count_noun(n, what) for what, n in counts.items() if n)
 
 
 def joint_called(joint: int, names: Sequence[str]) -> str:

@@ -88,7 +88,7 @@ class ArmContourError(Exception):
 
 
 @contextmanager
-def locate_errors(where: str) -> Iterator[None]:
+def error_context(where: str) -> Iterator[None]:
     """Add a location, such as the name of a run, before the message of an error raised inside."""
     try:
         yield

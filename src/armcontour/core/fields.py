@@ -135,7 +135,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*given, *args[len(names) :], **named)
         except TypeError:
-            checks.refuse_call(function, args, keywords)
+            checks.raise_call_error(function, args, keywords)
             raise
 
     return call
@@ -194,8 +194,8 @@ def _readers_of_arguments(function: Callable[..., Any]) -> dict[str, Reader]:
 def _noun(kind: type) -> str:
     """The name of a class in words, such as "a joint path"; several things have no article."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind.__name__).lower()
-    several = words.endswith(("s", "data")) and not words.endswith("ss")
-    return words if several else f"{'an' if words[0] in 'aeio' else 'a'} {words}"
+    is_plural = words.endswith(("s", "data")) and not words.endswith("ss")
+    return words if is_plural else f"{'an' if words[0] in 'aeio' else 'a'} {words}"
 
 
 def _find(kind: type[R], marks: tuple[Any, ...]) -> R | None:
@@ -215,7 +215,7 @@ def _reader(hint: Any, field: _Field) -> Reader | None:
     if origin in (Union, UnionType):
         return _read_union(parts, field)
     if origin is Literal:
-        return lambda value: checks.choice(field.who, value, parts)
+        return lambda value: checks.check_choice(field.who, value, parts)
     if origin is np.ndarray:
         return _read_numbers(hint, None, ANY_SHAPE, field)
     if origin is tuple:
@@ -232,7 +232,7 @@ def _read_kinds(kinds: tuple[type, ...], field: _Field) -> Reader:
     return lambda value: (
         value
         if isinstance(value, kinds)
-        else checks.refuse_other(field.user, value, *kinds, role=field.role)
+        else checks.check_type(field.user, value, *kinds, role=field.role)
     )
 
 
@@ -258,10 +258,10 @@ def _read_choice(known: tuple[str, ...], single: bool, who: str) -> Reader:
 
     def read(value: Any) -> Any:
         if single or isinstance(value, str):
-            return checks.choice(who, value, known)
-        values = checks.listed(who, value, str, "texts")
-        checks.refuse_if(not values, f"{who} must not be empty.")
-        return tuple(checks.choice(who, x, known) for x in values)
+            return checks.check_choice(who, value, known)
+        values = checks.check_sequence(who, value, str, "texts")
+        checks.raise_if(not values, f"{who} must not be empty.")
+        return tuple(checks.check_choice(who, x, known) for x in values)
 
     return read
 
@@ -269,13 +269,13 @@ def _read_choice(known: tuple[str, ...], single: bool, who: str) -> Reader:
 def _read_name(value: Any, mark: Named, who: str) -> str:
     """A printable text of a limited length."""
     name = checks.check_name(who, value, most=mark.most)
-    checks.refuse_if(mark.needed and not name.strip(), f"The {who} must not be empty.")
+    checks.raise_if(mark.needed and not name.strip(), f"The {who} must not be empty.")
     return name
 
 
 def _read_whole(mark: AtLeast, who: str) -> Reader:
     """The reader of a whole number."""
-    return lambda value: checks.whole(who, value, mark.least, mark.most)
+    return lambda value: checks.check_int(who, value, mark.least, mark.most)
 
 
 def _read_union(parts: tuple[Any, ...], field: _Field) -> Reader | None:
@@ -317,7 +317,7 @@ def _read_tuple(parts: tuple[Any, ...], field: _Field) -> Reader:
     what = f"{f'{count} ' if count else ''}{' or '.join(names) or plain}"
 
     def read(value: Any) -> Any:
-        values = checks.listed(field.who, value, kinds or object, what, count)
+        values = checks.check_sequence(field.who, value, kinds or object, what, count)
         if kinds:
             return values
         every = zip(each * len(values) if many else each, values, strict=True)
@@ -331,7 +331,7 @@ def _read_mapping(of: Any, field: _Field) -> Reader:
     each = _reader(of, field) or (lambda value: value)
 
     def read(value: Any) -> Any:
-        checks.refuse_other(field.user, value, Mapping, role=field.role)
+        checks.check_type(field.user, value, Mapping, role=field.role)
         for key, x in value.items():
             try:
                 each(x)
@@ -388,9 +388,9 @@ def _read_numbers(
 def _lock(value: Any, kind: Any, who: str, unit: str) -> Any:
     """An array of a type that is locked; the value itself if it is one."""
     if kind is np.float64:
-        return checks.lock_floats(value, who, unit)
+        return checks.frozen_array(value, who, unit)
     array = checks.indices(who, value) if kind is np.intp else value
-    checks.refuse_if(not isinstance(array, np.ndarray), f"{who} must be an array.")
+    checks.raise_if(not isinstance(array, np.ndarray), f"{who} must be an array.")
     return array if array.flags.owndata and not array.flags.writeable else checks.lock_copy(array)
 
 

@@ -21,8 +21,8 @@ QUATERNION_TOLERANCE = 1e-3
 # Largest z offset [m] and tilt with which a frame keeps a path in the x-y plane; also the largest
 # z component of the vectors of an arc that lies in a plane of constant z.
 IN_PLANE = 1e-12
-ORIGIN = checks.lock_floats(np.zeros(3))
-UNTURNED = checks.lock_floats(np.eye(3))
+ORIGIN = checks.frozen_array(np.zeros(3))
+UNTURNED = checks.frozen_array(np.eye(3))
 
 
 @checks.explain_calls
@@ -55,14 +55,14 @@ class Frame(Value):
             raise InvalidInput(
                 f"The position of a frame must be 3 coordinates in m, not {position.size}."
             )
-        object.__setattr__(self, "position", checks.lock_floats(position))
+        object.__setattr__(self, "position", checks.frozen_array(position))
         if turned is None:
             turned = rotations("rotation of a frame", self.rotation)
         elif self.rotation is not UNTURNED:
             raise InvalidInput("A frame takes a transform, or a position and a rotation, not both.")
         if turned.shape != (3, 3):
             raise InvalidInput("A frame takes one rotation.")
-        object.__setattr__(self, "rotation", checks.lock_floats(turned))
+        object.__setattr__(self, "rotation", checks.frozen_array(turned))
 
     @classmethod
     def of(cls, pose: Pose) -> Frame:
@@ -87,7 +87,7 @@ class Frame(Value):
         Warns:
             UserWarning: An angle is larger than a whole turn, as of somebody who means degrees.
         """
-        given = checks.numbers("roll, pitch and yaw", angles, "rad")
+        given = checks.check_numbers("roll, pitch and yaw", angles, "rad")
         if (np.abs(given) > WHOLE_TURN).any():
             largest = float(given.flat[int(np.abs(given).argmax())])
             warnings.warn(
@@ -96,7 +96,8 @@ class Frame(Value):
                 stacklevel=3,
             )
         return cls(
-            position=checks.numbers("position of a frame", position, "m"), rotation=from_rpy(given)
+            position=checks.check_numbers("position of a frame", position, "m"),
+            rotation=from_rpy(given),
         )
 
     def __matmul__(self, other: Frame) -> Frame:
@@ -166,7 +167,7 @@ def read_poses(name: str, poses: Pose) -> tuple[FloatArray, FloatArray | None]:
         if hasattr(poses, attribute):
             found = getattr(poses, attribute)
             poses = found() if callable(found) else found
-    array = checks.numbers(name, poses, "m")  # type: ignore[arg-type]
+    array = checks.check_numbers(name, poses, "m")  # type: ignore[arg-type]
     if array.shape[-2:] == (4, 4) and array.size:
         if not (array[..., 3, :] == (0.0, 0.0, 0.0, 1.0)).all():
             raise InvalidInput(
@@ -194,7 +195,7 @@ def rotations(name: str, values: Any) -> FloatArray:
     """
     if hasattr(values, "as_matrix"):
         values = values.as_matrix()
-    array = checks.numbers(name, values)
+    array = checks.check_numbers(name, values)
     if _is_transform(array):
         raise InvalidInput(f"{name} is a 4 by 4 transform: give Frame or its 3 by 3 rotation.")
     if array.ndim in (1, 2) and array.shape[-1] == 4:
@@ -222,7 +223,7 @@ def rotations(name: str, values: Any) -> FloatArray:
 
 def from_rpy(angles: npt.ArrayLike) -> FloatArray:
     """Rotation matrices from roll, pitch and yaw about fixed x, y and z [rad], (..., 3)."""
-    given = checks.numbers("roll, pitch and yaw", angles, "rad")
+    given = checks.check_numbers("roll, pitch and yaw", angles, "rad")
     if given.shape[-1:] != (3,):
         raise InvalidInput("Roll, pitch and yaw are three angles.")
     x, y, z = (given[..., k, None] * UNTURNED[k] for k in range(3))

@@ -253,7 +253,7 @@ def workers_of(executor: Executor) -> int:
     return getattr(executor, "_max_workers", None) or processors()
 
 
-class Crew(Generic[T, R]):
+class TaskQueue(Generic[T, R]):
     """An executor that works on items, which come back as they are done.
 
     As a context it takes back at its end what nobody works on yet.
@@ -275,7 +275,7 @@ class Crew(Generic[T, R]):
         self._done: list[tuple[T, R]] = []
         self._away: dict[Future[Packed], T] = {}
 
-    def __enter__(self) -> Crew[T, R]:
+    def __enter__(self) -> TaskQueue[T, R]:
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -411,8 +411,8 @@ def map_in_processes(
     if executor is None and here:
         executor = InProcess()
     with nullcontext(executor) if executor else open_executor(count) as opened:
-        several = partial(_several, work)
-        with Crew[tuple[int, Sequence[T]], list[R]](several, opened) as crew:
+        work_on_chunk = partial(_several, work)
+        with TaskQueue[tuple[int, Sequence[T]], list[R]](work_on_chunk, opened) as crew:
             slices = split_evenly(len(items), max(PARTS, 4 * crew.workers))
             found: dict[int, list[R]] = {}
             number = 0

@@ -28,7 +28,7 @@ class Step:
 Progress = Callable[[Step], None]
 
 
-def under(progress: Progress | None, *names: str) -> Progress:
+def subprogress(progress: Progress | None, *names: str) -> Progress:
     """A function that adds names before the names of steps, and passes the steps on.
 
     Args:

@@ -143,7 +143,7 @@ class About:
 
 
 @dataclass(frozen=True, slots=True)
-class Some:
+class PartialFields:
     """Values of some fields of a dataclass, by their names: annotates a mapping."""
 
     of: type

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.core.describing import digits, line_up, to_html
+from armcontour.core.describing import digits, format_table, to_html
 from armcontour.core.palette import VERDICTS
 from armcontour.core.result import FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table, nest
 
@@ -106,7 +106,9 @@ def text(data: Data, level: int = TABLE) -> str:
     rows = [(x.label, figure(x), x.note) for x in data.shown(level)]
     sizes = [len(value) for _, value, note in rows if note]
     width = max((x for x in sizes if x <= WIDEST_FIGURE), default=0)
-    lines = [line_up(data.title, [(name, f"{x:<{width}}  {y}" if y else x) for name, x, y in rows])]
+    lines = [
+        format_table(data.title, [(name, f"{x:<{width}}  {y}" if y else x) for name, x, y in rows])
+    ]
     lines += [lay_out(x.name, cells(x)) for x in data.tables if x.level <= level]
     return "\n".join(lines)
 
@@ -118,7 +120,7 @@ def lay_out(title: str, rows: Sequence[Sequence[str]]) -> str:
         title: The title.
         rows: Its cells, the header first.
     """
-    return line_up(title, rows, columns=">", width=WIDEST_TABLE)
+    return format_table(title, rows, columns=">", width=WIDEST_TABLE)
 
 
 def verdict(data: Data) -> str:

@@ -30,12 +30,12 @@ MOST_GAPS = 0.05
 OF_MEDIAN = 1.4826
 
 
-def refuse_far(t: FloatArray, place: Place, rename: Callable[[str], str] = str) -> None:
+def check_distance(t: FloatArray, place: Place, rename: Callable[[str], str] = str) -> None:
     """Refuse times that are too large to be seconds.
 
     Args:
         t: Times [s], (n,).
-        place: As in `refuse_samples`.
+        place: As in `check_samples`.
         rename: Gives what the message advises, for a title such as "t [ms]".
 
     Raises:
@@ -53,7 +53,7 @@ def refuse_far(t: FloatArray, place: Place, rename: Callable[[str], str] = str) 
         )
 
 
-def refuse_samples(t: FloatArray, arrays: Mapping[str, FloatArray], place: Place) -> None:
+def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], place: Place) -> None:
     """Refuse times and joint values that no sampled motion can have.
 
     Args:
@@ -66,7 +66,7 @@ def refuse_samples(t: FloatArray, arrays: Mapping[str, FloatArray], place: Place
     Raises:
         InvalidInput: There is such a value.
     """
-    refuse_far(t, place)
+    check_distance(t, place)
     # Compared with the later time: where times jump back, any bound is missed.
     steps = np.diff(t)
     short = np.flatnonzero(~(steps >= _shortest_step(t[1:])))

@@ -44,7 +44,7 @@ class Staging:
     """A staging folder of this process; a context manager that removes the folder at its end.
 
     Args:
-        place: Path of the staging folder; `beside` and `inside` give it for a destination.
+        place: Path of the staging folder; `hidden_sibling` and `inside` give it for a destination.
         destination: The file or folder that is made in it, for messages.
         growing: Whether the destination is written in parts: then it is not unwritten if the
             program ends because of a signal.
@@ -109,7 +109,7 @@ class Staging:
             self._handle = None
 
 
-def beside(file: FilePath) -> FilePath:
+def hidden_sibling(file: FilePath) -> FilePath:
     """Path of the staging folder for a file or folder, next to it."""
     checksum = zlib.crc32(os.fsencode(file.name))
     return file.parent / f"{PREFIX}{file.name[:LONGEST_NAME]}-{checksum:08x}"
@@ -141,7 +141,7 @@ def unwritable(what: object, error: OSError) -> InvalidInput:
     return InvalidInput(f"Cannot write {what}: {error.strerror or error}; {mend}.")
 
 
-def put_in_place(file: FilePath, write: Callable[[FilePath], object]) -> None:
+def write_atomically(file: FilePath, write: Callable[[FilePath], object]) -> None:
     """Write a file or folder atomically: completely, or not at all if writing fails.
 
     Args:
@@ -152,7 +152,7 @@ def put_in_place(file: FilePath, write: Callable[[FilePath], object]) -> None:
         InvalidInput: Another process is writing the same file.
         OSError: The file cannot be written.
     """
-    with Staging(beside(file), file) as staging:
+    with Staging(hidden_sibling(file), file) as staging:
         staging.empty()
         fresh = staging.place / file.name
         write(fresh)

@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour.core.checks import LONGEST_NAME
-from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.progress import Progress
 from armcontour.core.text import make_printable, shorten
 from armcontour.core.yaml_layout import load
@@ -83,7 +83,7 @@ def read_cell(
     model = model_of(CellModel, data, source)
     # What is wrong with the drawing is not the cell's fault: such sentences name the drawing only.
     program = read_drawing(model.path, str(model.path.file), folder, reading)
-    with locate_errors(source):
+    with error_context(source):
         return job_of(model, folder, reading, trust_xacro, program)
 
 
@@ -98,7 +98,7 @@ def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
         InvalidInput: No such cell or file, or an invalid key.
     """
     text, source, folder = _text(str(cell))
-    with locate_errors(source):
+    with error_context(source):
         model = model_of(CellModel, read_data(text, source), source)
         return arm_of(model.arm, folder, trust_xacro=trust_xacro)
 
@@ -119,7 +119,7 @@ def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple
     text, source, folder = _text(str(cell))
     given = read_keys(Given(CellModel), load(text, source), source)
     model, path, scene = given.get("arm"), given.get("path", PathModel()), given.get("scene")
-    with locate_errors(source):
+    with error_context(source):
         arm = None if model is None else arm_of(model, folder, trust_xacro=trust_xacro)
         return arm, Scene() if scene is None else scene_of(scene, folder, part_of(path))
 
@@ -143,7 +143,7 @@ def cell_data(
     text, source, folder = _text(str(cell))
     data, place = read_data(text, source), FilePath(drawing)
     drawn = _drawn(data, place, str(place.absolute()))
-    with locate_errors(source):
+    with error_context(source):
         return apply(data, {**drawn, **(patch or {})}), source, folder
 
 

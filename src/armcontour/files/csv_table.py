@@ -238,10 +238,10 @@ class CsvTable(Generic[Key]):
             try:
                 found.append(parse_number(text) if text else math.nan)
             except ValueError:
-                self.refuse_cell(row, key)
+                self.raise_cell_error(row, key)
         return found
 
-    def refuse_cell(self, row: int, key: Key) -> NoReturn:
+    def raise_cell_error(self, row: int, key: Key) -> NoReturn:
         """Refuse a cell that is no number.
 
         Raises:

@@ -21,12 +21,12 @@ from armcontour.core.quantities import (
     Pole,
     Ratio,
 )
-from armcontour.geometry import Demand
+from armcontour.geometry import SegmentLimits
 from armcontour.jobs.axes import AXES
 from armcontour.jobs.place_search import POINTS, PlaceSearch
 from armcontour.program import Event, Lead, Process
 from armcontour.robot.chain import Payload
-from armcontour.simulation.robustness.box import Box
+from armcontour.simulation.robustness.box import Uncertainty
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,11 +133,11 @@ ENDS = {"start": "from", "end": "to"}
 FORMS: dict[type, Form] = {
     AnglesModel: Form(names=ENDS),
     LengthsModel: Form(names=ENDS),
-    Box: Form(
+    Uncertainty: Form(
         names={"dead_time_shared": "shared"},
         types={"gains": Ratio | list[Ratio] | list[list[Ratio]]},
     ),
-    Demand: Form(omit=frozenset({"tag"})),
+    SegmentLimits: Form(omit=frozenset({"tag"})),
     Event: Form(names={"s": "at"}),
     Lead: Form(
         types={

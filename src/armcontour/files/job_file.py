@@ -13,7 +13,7 @@ import numpy as np
 from armcontour.control.compensation import InverseDynamics
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.fields import checked
 from armcontour.core.file_access import read_text
 from armcontour.core.progress import Progress
@@ -32,7 +32,7 @@ from armcontour.files.problems import Patch
 from armcontour.files.scene import scene_of
 from armcontour.geometry import Path
 from armcontour.jobs import Experiment, Job, Rounding, Run
-from armcontour.motion import PERIOD
+from armcontour.motion import DEFAULT_CYCLE
 from armcontour.planning import Optimal, Paper, PlanOptions
 from armcontour.program import Event, Process, Program
 from armcontour.robot import Arm, Limits, resolve_limits
@@ -107,13 +107,13 @@ def parse_job(
         InvalidInput: As in `read_job`.
     """
     data = read_data(text, source)
-    with locate_errors(source):
+    with error_context(source):
         if patch:
             from armcontour.files.patch import apply
 
             data = apply(data, patch)
     model = model_of(JobModel, data, source)
-    with locate_errors(source):
+    with error_context(source):
         return job_of(model, folder or FilePath(), reading, trust_xacro)
 
 
@@ -249,7 +249,7 @@ def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None
         arm=arm,
         path=path,
         process=process,
-        branch=model.branch,
+        configuration=model.configuration,
         start=None if model.start is None else _start(model.start, arm),
         servo=servo,
         plant_servo=servo if model.plant is None else _plant(model.plant, model.servo, arm),
@@ -264,7 +264,7 @@ def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None
 
 def _servo(key: str, servo: ServoModel, arm: Arm, **differs: Any) -> ServoModel:
     """A servo with some values replaced, one value per joint."""
-    with locate_errors(key):
+    with error_context(key):
         return dataclasses.replace(servo, **differs).for_joints(arm.dof)
 
 
@@ -280,9 +280,9 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     """A run of the job, with the job's values for keys that the run does not give."""
     chosen = model.corners or job.corners
     corners = chosen if isinstance(chosen, Rounding) else None
-    with locate_errors("limits"):
+    with error_context("limits"):
         limits = resolve_limits("A job", arm, Limits(**job.limits))
-    with locate_errors(f"runs.{name}.limits"):
+    with error_context(f"runs.{name}.limits"):
         limits = resolve_limits("A run", arm, Limits(**model.limits), limits)
     if corners is not None and limits.centripetal_acceleration is None:
         # In case I this acceleration sets the corner radius; it limits the corner speed, too.
@@ -290,7 +290,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     commands = {**job.command_limits, **model.command_limits}
     command_limits = None
     key = f"runs.{name}.command_limits" if model.command_limits else "command_limits"
-    with locate_errors(key):
+    with error_context(key):
         if commands:
             from armcontour.motion.nearest_commands import check_command_limits
 
@@ -298,31 +298,31 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
     experiment = _experiment(name, job.experiment, arm)
     if corners is not None:
         key = "corners" if model.corners is None else f"runs.{name}.corners"
-        with locate_errors(f"Run {name}") if model.corners is None else nullcontext():
+        with error_context(f"Run {name}") if model.corners is None else nullcontext():
             corners.check(model.timing.method, key)
         if corners.tolerance is None:
             _refuse_no_speed(key, corners, limits)
-    period = model.command_interval or job.command_interval or PERIOD
+    cycle = model.cycle or job.cycle or DEFAULT_CYCLE
     compensation = dataclasses.replace(model.compensation, command_limits=command_limits)
     if isinstance(compensation, InverseDynamics) and compensation.gravity_feedforward is None:
         # Gravity is fed forward as on the simulated rigid bodies.
         fed = experiment is None or experiment.gravity_feedforward
         compensation = dataclasses.replace(compensation, gravity_feedforward=fed)
-    with locate_errors(f"runs.{name}"):
+    with error_context(f"runs.{name}"):
         return Run(
             name=name,
-            timing=_timing(model, period),
+            timing=_timing(model, cycle),
             compensation=compensation,
             limits=limits,
             rounding=corners,
-            period=period,
+            cycle=cycle,
             until=model.until,
             experiment=experiment,
             accuracy=job.accuracy,
         )
 
 
-def _timing(model: RunModel, period: float) -> PlanOptions:
+def _timing(model: RunModel, cycle: float) -> PlanOptions:
     """Options of the plan of a run, with the values that other keys have.
 
     Raises:
@@ -335,7 +335,7 @@ def _timing(model: RunModel, period: float) -> PlanOptions:
             f"duration goes with the method optimal, not {model.timing.method}: leave it out."
         )
     if isinstance(model.timing, Paper):
-        return dataclasses.replace(model.timing, period=period)
+        return dataclasses.replace(model.timing, cycle=cycle)
     return model.timing
 
 
@@ -352,7 +352,7 @@ def _experiment(run: str, model: ExperimentModel | None, arm: Arm) -> Experiment
     if model is None or (model.runs is not None and run not in model.runs):
         return None
     given = {x.name: getattr(model, x.name) for x in dataclasses.fields(Experiment)}
-    with locate_errors("experiment"):
+    with error_context("experiment"):
         return Experiment(**given).for_joints(arm.dof)
 
 

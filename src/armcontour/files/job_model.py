@@ -29,8 +29,8 @@ from armcontour.files.keys import Given, Methods
 from armcontour.files.robots.options import ArmOptions
 from armcontour.files.scene import BodiesModel, Direction, RotationModel, SceneModel
 from armcontour.files.units import parse
-from armcontour.geometry import Demand
-from armcontour.jobs import Experiment, Goal, PlaceSearch, Rounding
+from armcontour.geometry import SegmentLimits
+from armcontour.jobs import CertificateGoal, Experiment, PlaceSearch, Rounding
 from armcontour.planning import METHODS, PlanOptions, Shaped
 from armcontour.planning.options import FASTEST
 from armcontour.program import Process
@@ -69,7 +69,7 @@ Timing = Annotated[
     PlanOptions,
     Methods(
         "How the path is timed.",
-        "The fastest timing (optimal), the paper's (mac), or uniform speed (conventional).",
+        "The fastest timing (optimal), the paper's (paper), or uniform speed (conventional).",
         tuple(METHODS.values()),
         (BeforeValidator(_method),),
     ),
@@ -174,7 +174,7 @@ class ArmModel(ArmOptions):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SegmentModel(Demand):
+class SegmentModel(SegmentLimits):
     """A line `to` a point, an arc `via` a point `to` another, or an arc around a `center`.
 
     Args:
@@ -321,7 +321,7 @@ class CommandLimitsModel:
     """Limits of the set-points themselves; compensation takes the nearest ones within them.
 
     Args:
-        joint_velocity: Largest difference of set-points over the command interval [rad/s], one
+        joint_velocity: Largest difference of set-points over the cycle [rad/s], one
             value, one per joint, or a lower and an upper bound per joint.
         joint_acceleration: Largest second difference of set-points [rad/s²], in the same way.
         joint_jerk: Largest third difference of set-points [rad/s³], one value or one per joint.
@@ -343,7 +343,7 @@ class SharedModel:
         limits: Limits in place of the arm's own; inf lifts one.
         command_limits: Limits of the set-points themselves, as the controller checks them.
         corners: How corners are rounded; `sharp`, the default, keeps sharp corners.
-        command_interval: Time between set-points [s]; by default 4 ms.
+        cycle: Time between set-points [s]; by default 4 ms.
     """
 
     limits: Annotated[dict[str, Any], Given(Limits)] = field(default_factory=dict)
@@ -351,7 +351,7 @@ class SharedModel:
         default_factory=dict
     )
     corners: Rounding | Literal["sharp"] | None = None
-    command_interval: Annotated[Interval | None, About(usual=(1e-4, 2e-2))] = None
+    cycle: Annotated[Interval | None, About(usual=(1e-4, 2e-2))] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -380,8 +380,8 @@ class JobModel(SharedModel):
         title: Title for reports, of at most 200 characters; the name by default.
         arm: A built-in arm (`armcontour arms` lists them), a .yaml, .urdf or .xacro file relative
             to the job file, or a mapping.
-        branch: Branch of the inverse kinematics of a planar arm: `positive` or `negative`, the sign
-            of theta2; by default the one that is fastest along the path.
+        configuration: Branch of the inverse kinematics of a planar arm: `positive` or `negative`,
+            the sign of theta2; by default the one that is fastest along the path.
         start: Joint positions near the start configuration [rad], for an arm in space, in the order
             of the joints or by their names; by default the configuration that is fastest along the
             path.
@@ -405,7 +405,7 @@ class JobModel(SharedModel):
     name: str
     title: str | None = None
     arm: str | ArmModel
-    branch: str | None = None
+    configuration: str | None = None
     start: list[Angle] | dict[str, Angle] | None = None
     tools: Annotated[dict[str, TableToolModel | Place], Field(min_length=1)] | None = None
     path: PathModel
@@ -415,7 +415,7 @@ class JobModel(SharedModel):
     plant: Annotated[dict[str, Any], Given(ServoModel, null=True)] | None = None
     experiment: ExperimentModel | None = None
     runs: Annotated[dict[RunName, RunModel], Field(min_length=1)]
-    certificate: Goal | None = None
+    certificate: CertificateGoal | None = None
     placement: PlaceSearch | None = None
     scene: SceneModel | None = None
     ignore_collisions: Annotated[bool, About("--ignore-collisions", POSITION)] = False

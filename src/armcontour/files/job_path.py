@@ -9,7 +9,7 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.frames import Frame
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.options import FARTHEST, ReadOptions
@@ -22,7 +22,7 @@ from armcontour.files.job_model import (
 )
 from armcontour.files.problems import place
 from armcontour.files.scene import rotation_of
-from armcontour.geometry import Arc, Demand, Line, Path
+from armcontour.geometry import Arc, Line, Path, SegmentLimits
 from armcontour.program import Contour, Program, contour_called
 from armcontour.program.moves import name_copy
 
@@ -202,7 +202,7 @@ def _repeat(program: Program, how: RepeatModel, names: Sequence[str] | None) -> 
     Raises:
         InvalidInput: Copies that cannot be made, or an unknown name.
     """
-    with locate_errors("path.repeat"):
+    with error_context("path.repeat"):
         copies = program.repeated(**dataclasses.asdict(how))
     if names is None:
         return copies
@@ -238,12 +238,12 @@ def _positions(model: PathModel) -> Path:
         raise InvalidInput("path takes either points, or start and segments, or spline, or a file.")
     if model.points is not None:
         points = _points("path", model.points)
-        with locate_errors("path.points"):
+        with error_context("path.points"):
             return Path.polyline(points)
     if model.spline is not None:
         x = model.spline
         points = _points("path.spline", x.points)
-        with locate_errors("path.spline"):
+        with error_context("path.spline"):
             return Path.spline(points, tolerance=x.tolerance, closed=x.closed)
     assert model.start is not None and model.segments is not None
     return _chain(model.start, model.segments)
@@ -281,7 +281,7 @@ def _chain(start: list[float], models: list[SegmentModel]) -> Path:
             _refuse_far(place(("path", "segments", i, name)), getattr(x, name) or ())
         segments.append(_segment(here, x, place(("path", "segments", i))))
         here = list(x.to) if x.to is not None else _end(segments)
-    with locate_errors("path.segments"):
+    with error_context("path.segments"):
         return Path.from_segments(segments)
 
 
@@ -291,22 +291,30 @@ def _end(segments: list[Line | Arc]) -> list[float]:
         (*_, end) = Path.from_segments(segments[-1:]).vertices.tolist()
     except InvalidInput:
         # Raises the error again, with the number of the segment in the whole path.
-        with locate_errors("path.segments"):
+        with error_context("path.segments"):
             (*_, end) = Path.from_segments(segments).vertices.tolist()
     return list(end)
 
 
 def _segment(here: list[float], x: SegmentModel, key: str) -> Line | Arc:
     """The line or arc of a model, from the end of the segment before."""
-    demand = Demand(**{y.name: getattr(x, y.name) for y in dataclasses.fields(Demand)})
+    segment_limits = SegmentLimits(
+        **{y.name: getattr(x, y.name) for y in dataclasses.fields(SegmentLimits)}
+    )
     around = (x.center, x.angle, x.normal)
     if x.to is not None and all(y is None for y in around):
         if x.via is None:
-            return Line(start=here, end=x.to, demand=demand)
-        with locate_errors(key):
-            return Arc.through(here, x.via, x.to, demand=demand)
+            return Line(start=here, end=x.to, segment_limits=segment_limits)
+        with error_context(key):
+            return Arc.through(here, x.via, x.to, segment_limits=segment_limits)
     if x.to is None and x.via is None and x.center is not None and x.angle is not None:
-        return Arc(start=here, center=x.center, angle=x.angle, normal=x.normal, demand=demand)
+        return Arc(
+            start=here,
+            center=x.center,
+            angle=x.angle,
+            normal=x.normal,
+            segment_limits=segment_limits,
+        )
     raise InvalidInput(
         f"{key} takes either to (a line), or via and to (an arc through points), or center and "
         "angle (an arc)."
@@ -319,7 +327,7 @@ def _orient(path: Path, x: OrientationModel, where: str) -> Path:
     follow = x.follow_tangent
     key = "path.orientation" if follow is None else "path.orientation.follow_tangent"
     rotation = rotation_of(key, x if follow is None else follow)
-    with locate_errors(where):
+    with error_context(where):
         if x.axis is not None:
             return path.pointing(x.axis)
         if follow is not None:
@@ -340,7 +348,7 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
         raise InvalidInput("path.orientation is an empty list: give one per waypoint.")
     axes = [x.axis for x in models if x.axis is not None]
     if len(axes) == len(models):
-        with locate_errors("path.orientation"):
+        with error_context("path.orientation"):
             return path.pointing(np.array(axes))
     if axes or len({x.axis_only for x in models}) > 1:
         raise InvalidInput(
@@ -348,7 +356,7 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
             "axis_only."
         )
     turned = [rotation_of(place(("path", "orientation", i)), x) for i, x in enumerate(models)]
-    with locate_errors("path.orientation"):
+    with error_context("path.orientation"):
         return path.oriented(np.array(turned), axis_only=models[0].axis_only)
 
 

@@ -11,11 +11,11 @@ from pathlib import Path as FilePath
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.describing import several
+from armcontour.core.describing import count_noun
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.file_access import LARGE, read_text
-from armcontour.core.sampling import LARGEST, describe_bursts, refuse_far, refuse_samples
+from armcontour.core.sampling import LARGEST, check_distance, check_samples, describe_bursts
 from armcontour.core.text import show
 from armcontour.files.csv_table import CsvTable, Digits, last_digit
 from armcontour.files.joint_titles import FRACTION, TIME, Key
@@ -134,7 +134,7 @@ def read_samples(
     rows = _filled_rows(table, values, [*times, *keys], len(times))
     values, notes = values[rows], list[str]()
     if len(rows) < len(table.lines):
-        left_out = several(len(table.lines) - len(rows), "row")
+        left_out = count_noun(len(table.lines) - len(rows), "row")
         notes.append(f"{left_out} of {table.source} without positions: left out.")
     clock, t, part = times[0], values[:, 0], values[:, len(times) - 1]
     if len(times) == 2 and ((part >= 0) & (part < 1)).all():
@@ -147,7 +147,7 @@ def read_samples(
         row, key = int(rows[i]), keys[named[name][j]] if name in named else times[0]
         return f"{table.place(row, key)}: {show(table.cell(row, key))}"
 
-    refuse_far(t, place, lambda new: table.rename(new, table.columns[clock].title))
+    check_distance(t, place, lambda new: table.rename(new, table.columns[clock].title))
     _ask_for_angles(table, keys, values)
     _ask_for_times(table, clock, t, values[:, [x.kind == "q" for x in keys]])
     last = last_digit([digit]) * table.columns[clock].factor
@@ -155,7 +155,7 @@ def read_samples(
     values, rows = values[some], rows[some]
     used = (t >= start) & (t <= end)
     rows = rows[used]
-    refuse_samples(t[used], {x: values[used][:, of] for x, of in named.items() if of}, place)
+    check_samples(t[used], {x: values[used][:, of] for x, of in named.items() if of}, place)
     if any("joint_states" in table.columns[x].title and x.joint.isdigit() for x in keys):
         more += (
             "Joints of /joint_states are taken in the order of their numbers. Compare with the "
@@ -182,7 +182,7 @@ def _filled_rows(
     rows = every if len(spare) == len(every) else np.delete(every, spare)
     empty = np.argwhere(np.isnan(values[rows]))
     if len(empty):
-        table.refuse_cell(int(rows[empty[0, 0]]), keys[empty[0, 1]])
+        table.raise_cell_error(int(rows[empty[0, 0]]), keys[empty[0, 1]])
     return rows
 
 
@@ -205,8 +205,8 @@ def tidy_times(
     if again.any():
         count = int(again.sum())
         notes.append(
-            f"{several(count, 'row')} of {source} {'repeats' if count == 1 else 'repeat'} the one "
-            "before: left out."
+            f"{count_noun(count, 'row')} of {source} {'repeats' if count == 1 else 'repeat'} the "
+            "one before: left out."
         )
         t = t[rows]
     steps = np.diff(t)

@@ -42,8 +42,8 @@ from armcontour.core.quantities import (
     Axes,
     Choice,
     Named,
+    PartialFields,
     Quantity,
-    Some,
 )
 from armcontour.core.text import describe_fields
 from armcontour.files.forms import FORMS, Form
@@ -363,7 +363,7 @@ def _annotated(of: Any, *marks: Any) -> Any:
         return Annotated[StrictInt, Field(ge=mark.least, le=mark.most)]
     if isinstance(mark, Named):
         return Annotated[str, Field(min_length=1)] if mark.needed else str
-    if isinstance(mark, Some):
+    if isinstance(mark, PartialFields):
         return Annotated[dict[str, Any], Given(mark.of, null=True)]
     if isinstance(mark, Given | Methods):
         return Annotated[of, mark]

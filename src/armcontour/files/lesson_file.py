@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from armcontour._version import __version__
-from armcontour.control.learning import LearnedRun, Lesson
+from armcontour.control.learning import LearningResult, LearningRun
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import LARGE, read_bytes
 from armcontour.motion import Trajectory
@@ -27,7 +27,7 @@ RUN = "run {}: {}"
 ABOUT = "about.json"
 
 
-def write_lesson(file: FilePath, lesson: Lesson) -> None:
+def write_lesson(file: FilePath, lesson: LearningResult) -> None:
     """Write a lesson with all its runs to a file, without the plan.
 
     Args:
@@ -59,7 +59,7 @@ def write_lesson(file: FilePath, lesson: Lesson) -> None:
         target.writestr(zipfile.ZipInfo(ABOUT), json.dumps(about, indent=1), zipfile.ZIP_DEFLATED)
 
 
-def read_lesson(file: FilePath, plan: Trajectory) -> Lesson:
+def read_lesson(file: FilePath, plan: Trajectory) -> LearningResult:
     """Read a lesson that `write_lesson` wrote.
 
     Args:
@@ -79,16 +79,16 @@ def read_lesson(file: FilePath, plan: Trajectory) -> Lesson:
                 raise InvalidInput(
                     f"it is of version {about['version']} of such files, by armcontour "
                     f"{about['armcontour']}, and armcontour {__version__} reads version {VERSION}: "
-                    "learn with that one, or begin again with the taught data of the job."
+                    "learn with that one, or begin again with the set-points of the job."
                 )
             arrays: dict[str, Any] = {x: source[x] for x in source.files if x != ABOUT}
         runs = []
         for number, plain in enumerate(about["runs"], start=1):
             start = RUN.format(number, "")
             own = {x.removeprefix(start): y for x, y in arrays.items() if x.startswith(start)}
-            runs.append(LearnedRun(**plain, **own))
+            runs.append(LearningRun(**plain, **own))
         before, after = about["misfits"]
-        return Lesson(
+        return LearningResult(
             trajectory=plan,
             runs=tuple(runs),
             servo=ServoModel(**about["servo"]),
@@ -102,12 +102,12 @@ def read_lesson(file: FilePath, plan: Trajectory) -> Lesson:
         # A damaged zip file can raise almost anything.
         raise InvalidInput(
             f"{file} is no file of learning, or is damaged ({type(error).__name__}): begin again "
-            "with the taught data of the job."
+            "with the set-points of the job."
         ) from None
 
 
 def _split(
-    value: Lesson | LearnedRun, left_out: tuple[str, ...] = ()
+    value: LearningResult | LearningRun, left_out: tuple[str, ...] = ()
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """The fields of a dataclass that are arrays, and those that are numbers or text."""
     named = {

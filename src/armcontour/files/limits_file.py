@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
-from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.file_access import read_text
 from armcontour.core.quantities import Angle, Length
 from armcontour.core.yaml_layout import load
@@ -54,6 +54,6 @@ def read_limits(file: str | FilePath, arm: Arm) -> tuple[Limits, float | None, f
         )
     given = read_keys(Given(LimitsFile), data, place.name)
     deviations = [given.pop(name, None) for name in ("deviation", "orientation_deviation")]
-    with locate_errors(place.name):
+    with error_context(place.name):
         limits = resolve_limits(place.name, arm, Limits(**given))
     return limits, *deviations

@@ -178,7 +178,7 @@ def _staging_place(target: FilePath) -> FilePath:
     if target.is_dir():
         return staging.inside(target)
     above = next(x for x in target.parents if x.exists())
-    return staging.beside(above / "-".join(target.relative_to(above).parts))
+    return staging.hidden_sibling(above / "-".join(target.relative_to(above).parts))
 
 
 def _names_in(folder: FilePath) -> set[str]:

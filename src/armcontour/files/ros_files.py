@@ -31,7 +31,7 @@ GOALS = tuple(
         ("control_msgs", "FollowJointTrajectory"),
         ("moveit_msgs", "ExecuteTrajectory"),
     )
-    for end in ("ActionGoal", "Goal", "_Goal", "_SendGoal_Request", "_SendGoal_Event")
+    for end in ("ActionGoal", "CertificateGoal", "_Goal", "_SendGoal_Request", "_SendGoal_Event")
 )
 # Messages that have a trajectory, and the fields of goals and messages that lead to it.
 AROUND = ("moveit_msgs/msg/RobotTrajectory", "moveit_msgs/msg/DisplayTrajectory", *GOALS)

@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, Field
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.frames import Frame, exp, from_rpy, rotations
 from armcontour.core.quantities import Choice, Distance, Length, Turn
 from armcontour.core.text import list_some, show
@@ -54,13 +54,13 @@ def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
     """
     obstacles = []
     for where, x in _bodies(model, "scene", OF_LINKS, "shapes of links"):
-        with locate_errors(where):
+        with error_context(where):
             found = Obstacle(name=x.name, shape=_shape(x, folder), place=_place(x))
         obstacles.append(_stand(found, x, part))
     for given in model.files:
         file = SceneFileModel(file=given) if isinstance(given, str) else given
         _refuse_keys(f"scene.files: {file.file}", file, OF_LINKS, "shapes of links")
-        with locate_errors("scene.files"):
+        with error_context("scene.files"):
             from armcontour.files.scene_files import read_scene_file
 
             for found in read_scene_file(folder / file.file, unit=file.unit):
@@ -177,7 +177,7 @@ def _link_shape(
     where: str, model: BodyModel, folder: FilePath, link: int, *, tip: Frame | None = None
 ) -> LinkShape:
     """A shape of a link, or with `tip` of the tool, whose frame that is in the last link."""
-    with locate_errors(where):
+    with error_context(where):
         shape, place = _shape(model, folder), _place(model)
         if tip is not None:
             place = tip @ place
@@ -214,7 +214,7 @@ def _normal(model: HalfSpaceModel) -> FloatArray | None:
         return turned
     if turned is not None:
         raise InvalidInput("A half-space takes either normal, or rpy or quaternion, not both.")
-    out = checks.numbers("normal", model.normal)
+    out = checks.check_numbers("normal", model.normal)
     length = float(np.linalg.norm(out))
     if length == 0:
         raise InvalidInput("The normal of a half-space has the length 0: give it a direction.")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 
 from armcontour.core import file_access
-from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.files.robots.collision import Packages, collisions, shape_of
 from armcontour.files.robots.description import Description
 from armcontour.files.robots.tree import read_tree
@@ -41,7 +41,7 @@ def read_scene_file(
     found: list[Obstacle] = []
     for link, (_, frame) in Description(tree, (), (), {}, tree.root).carried().items():
         for k, x in enumerate(collisions(tree, link)):
-            with locate_errors(place.name):
+            with error_context(place.name):
                 shape = shape_of(tree, x, packages, unit)
                 name = link if k == 0 else f"{link} {k + 1}"
                 found.append(Obstacle(name=name, shape=shape, place=frame @ x.place))

@@ -21,7 +21,7 @@ LISTS = {
     "friction": "rad",
     "dead_time": "s",
     "acceleration_limit": "rad/s^2; none: it never saturates",
-    "unexplained": "rad, largest error on motion that was not fitted",
+    "model_error": "rad, largest error on motion that was not fitted",
     "logged_velocity": "rad/s, largest one of that motion",
     "logged_acceleration": "rad/s^2",
 }
@@ -29,7 +29,7 @@ LISTS = {
 SINGLE = {
     "contour_ratio": "contour error with compensation over without, on motion that was not fitted",
     "programs": "programs on which it was determined",
-    "cycle": "s",
+    "drive_cycle": "s",
 }
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
-from armcontour.core.quantities import Quantity, Some
+from armcontour.core.quantities import PartialFields, Quantity
 from armcontour.files.forms import FORMS, Form
 from armcontour.files.keys import Given, Keys, Methods
 from armcontour.files.units import read_quantity
@@ -96,7 +96,7 @@ def alternatives(hint: Any) -> Iterator[Kind]:
         mark = parts[1]
         if isinstance(mark, Quantity):
             yield mark
-        elif isinstance(mark, Given | Some | Keys):
+        elif isinstance(mark, Given | PartialFields | Keys):
             yield mark.of
         elif isinstance(mark, Methods):
             yield from mark.kinds

@@ -16,8 +16,8 @@ from armcontour.core.text import list_some
 from armcontour.files.exports.table import (
     Table,
     are_places,
+    check_export_cycle,
     differentiate,
-    refuse_long_period,
     regular_times,
     tabulate,
 )
@@ -26,7 +26,7 @@ from armcontour.files.results import SUMMARY, verify_file
 from armcontour.files.trajectory_file import read_trajectory
 from armcontour.motion import Samples, TimedEvent
 
-# Times this near to each other are the same, in command intervals: they are printed with 12 digits.
+# Times this near to each other are the same, in cycles: they are printed with 12 digits.
 SAME_TIME = 1e-6
 
 
@@ -39,7 +39,7 @@ class StoredRun:
         name: Name of the run.
         title: Name of the job.
         joint_names: Names of the joints.
-        period: Command interval, which is also the time between rows of the plan [s].
+        cycle: Cycle, which is also the time between rows of the plan [s].
         events: Events with their times from the start of the plan.
         analog: Names of analog outputs, whose values a result does not have.
         plain: Whether set-points are those of the plan, without compensation.
@@ -49,12 +49,12 @@ class StoredRun:
     name: str
     title: str
     joint_names: tuple[str, ...]
-    period: float
+    cycle: float
     events: tuple[TimedEvent, ...]
     analog: tuple[str, ...] = ()
     plain: bool = False
 
-    def taught(self, **options: Any) -> Table:
+    def set_points(self, **options: Any) -> Table:
         """The table of the set-points.
 
         Args:
@@ -63,36 +63,36 @@ class StoredRun:
         Raises:
             InvalidInput: The file is missing or was changed, or as in `make_table`.
         """
-        found = self._read("taught.csv")
+        found = self._read("set_points.csv")
         start = float(found.t[0])
         return tabulate(
             self._set_points(found, options.get("derivatives", 2)),
-            name=f"{self.title} taught",
-            period=self.period,
+            name=f"{self.title} set-points",
+            cycle=self.cycle,
             events=tuple(x.shifted(-start) for x in self.events),
             start_time=start,
             joint_names=self.joint_names,
             **options,
         )
 
-    def reference(self, period: float | None = None, **options: Any) -> Table:
-        """The table of the plan, every `period`.
+    def reference(self, cycle: float | None = None, **options: Any) -> Table:
+        """The table of the plan, every `cycle`.
 
         Args:
-            period: Time between samples [s], a whole multiple of the command interval, as the
-                result has no times between; the command interval by default.
-            options: As in `taught`.
+            cycle: Time between samples [s], a whole multiple of the cycle, as the
+                result has no times between; the cycle by default.
+            options: As in `set_points`.
 
         Raises:
             InvalidInput: The file is missing or was changed, the period is no multiple or longer
                 than the motion, or as in `make_table`.
         """
-        step = self.period if period is None else period
-        every = round(step / self.period)
-        if every < 1 or abs(step - every * self.period) > 1e-9 * step:
-            least = max(1, int(step / self.period)) * self.period
+        step = self.cycle if cycle is None else cycle
+        every = round(step / self.cycle)
+        if every < 1 or abs(step - every * self.cycle) > 1e-9 * step:
+            least = max(1, int(step / self.cycle)) * self.cycle
             raise InvalidInput(
-                f"The result in {self.folder} has the plan every {self.period * 1e3:g} ms, so the "
+                f"The result in {self.folder} has the plan every {self.cycle * 1e3:g} ms, so the "
                 f"period must be a multiple of that, such as {least * 1e3:g} ms, and not "
                 f"{step * 1e3:g} ms.",
                 needed=step,
@@ -101,29 +101,29 @@ class StoredRun:
         found = self._read("planned.csv")
         if found.dq is None or found.ddq is None:
             raise InvalidInput(f"{found.source} has no velocities and accelerations.")
-        refuse_long_period(step, float(found.t[-1]), f"{self.title} reference")
+        check_export_cycle(step, float(found.t[-1]), f"{self.title} reference")
         rows = np.unique(np.append(np.arange(0, len(found.t), every), len(found.t) - 1))
         return tabulate(
             Samples(t=found.t[rows], q=found.q[rows], dq=found.dq[rows], ddq=found.ddq[rows]),
             name=f"{self.title} reference",
-            period=step,
+            cycle=step,
             events=self.events,
             joint_names=self.joint_names,
             **options,
         )
 
-    def _set_points(self, taught: TrajectoryFile, derivatives: int) -> Samples:
+    def _set_points(self, set_points: TrajectoryFile, derivatives: int) -> Samples:
         """Set-points with their derivatives, as `make_table` gives them."""
         if not self.plain or derivatives < 2:
-            return differentiate(taught.q, self.period)
+            return differentiate(set_points.q, self.cycle)
         plan = self._read("planned.csv")
-        if plan.dq is None or plan.ddq is None or not are_places(taught.q, plan.q):
-            return differentiate(taught.q, self.period)
+        if plan.dq is None or plan.ddq is None or not are_places(set_points.q, plan.q):
+            return differentiate(set_points.q, self.cycle)
         dq, ddq = plan.dq.copy(), plan.ddq.copy()
-        if abs(plan.t[-1] - taught.t[-1]) > SAME_TIME * self.period:
+        if abs(plan.t[-1] - set_points.t[-1]) > SAME_TIME * self.cycle:
             # The plan ends between the last two set-points, and rests at the last one.
             dq[-1], ddq[-1] = 0.0, 0.0
-        return Samples(t=regular_times(len(dq), self.period), q=taught.q, dq=dq, ddq=ddq)
+        return Samples(t=regular_times(len(dq), self.cycle), q=set_points.q, dq=dq, ddq=ddq)
 
     def _read(self, name: str) -> TrajectoryFile:
         """Read a file of the run that did not change since it was written."""
@@ -151,7 +151,7 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
             name=run,
             title=data["job"],
             joint_names=tuple(data["arm"]["joints"]),
-            period=about["period"],
+            cycle=about["cycle"],
             events=tuple(_event(x) for x in about.get("events", ())),
             analog=tuple(about.get("analog", ())),
             plain=about.get("compensation") == "none",

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path as FilePath
 
 from armcontour.core import checks
-from armcontour.core.describing import several
+from armcontour.core.describing import count_noun
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.text import list_some, show
@@ -178,8 +178,8 @@ def _refuse_other_joints(
             f"'{joint_names[0]}={title}' or 'q#=NAME_#', or give its arm with --arm"
         )
     raise InvalidInput(
-        f"{where}: the file has positions of {several(len(joints), 'joint')} ({have}), but the arm "
-        f"has {len(joint_names)} ({arm}): {fix}.",
+        f"{where}: the file has positions of {count_noun(len(joints), 'joint')} ({have}), but the "
+        f"arm has {len(joint_names)} ({arm}): {fix}.",
         needed=len(joints),
         allowed=len(joint_names),
     )

@@ -7,7 +7,7 @@ _HOME = {
     "nearest": "Projection",
     "orientation": "Orientation",
     "path": "Path",
-    "primitives": "Arc Demand Line",
+    "primitives": "Arc Line SegmentLimits",
     "rounding": "Corners RoundedPath count_full_stops round_corners round_with_parabolas",
     "segments": "Segments",
     "shaped": "Outcome ShapedPath SmoothCurve",

@@ -4,8 +4,8 @@ from armcontour.geometry.nearest import Projection as Projection
 from armcontour.geometry.orientation import Orientation as Orientation
 from armcontour.geometry.path import Path as Path
 from armcontour.geometry.primitives import Arc as Arc
-from armcontour.geometry.primitives import Demand as Demand
 from armcontour.geometry.primitives import Line as Line
+from armcontour.geometry.primitives import SegmentLimits as SegmentLimits
 from armcontour.geometry.rounding import Corners as Corners
 from armcontour.geometry.rounding import RoundedPath as RoundedPath
 from armcontour.geometry.rounding import count_full_stops as count_full_stops

@@ -18,7 +18,7 @@ from armcontour.geometry.biarcs import biarcs, dot, length, unit
 from armcontour.geometry.connecting import around_vertices, connect, draw_connections
 from armcontour.geometry.corner_curves import Bounds, CornerKind, Drawn
 from armcontour.geometry.rounded_orientation import middle_of
-from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, share_demand
+from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, share_limits
 
 # A search for a tangent length may end this fraction below it; halving alone comes there from a
 # nanometre to a kilometre in fewer than a third of these steps.
@@ -178,7 +178,7 @@ class _Connection(_Blend):
         found = connect(bounds.before, bounds.after, tangent)
         nearest, bend = found.nearest, found.largest_bend
         rows, of, _ = draw_connections(found, bounds.after.starts, nearest)
-        rows = rows.replace(**share_demand(bounds.before[of], bounds.after[of]))
+        rows = rows.replace(**share_limits(bounds.before[of], bounds.after[of]))
         error = length(found.begin + found.at(EVERY, nearest))
         return _drawn(bounds, rows, of, bend, error, bend)
 
@@ -212,10 +212,10 @@ def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
         first, second = biarcs(p0, t0, p1, t1, share)
         error = _distance(first, second)
     bend = np.maximum(_inward(first, inward), _inward(second, inward))
-    demand = share_demand(before, after)
+    segment_limits = share_limits(before, after)
     return _Pairs(
-        first=first.replace(starts=first.starts + corner, **demand),
-        second=second.replace(starts=second.starts + corner, **demand),
+        first=first.replace(starts=first.starts + corner, **segment_limits),
+        second=second.replace(starts=second.starts + corner, **segment_limits),
         error=error,
         bend=bend,
     )

@@ -27,7 +27,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import biarcs, dot, join_up, unit
 from armcontour.geometry.rounded_orientation import middle_of
-from armcontour.geometry.segments import REPEATED_POINT, Segments, share_demand
+from armcontour.geometry.segments import REPEATED_POINT, Segments, share_limits
 
 # A parabola is drawn by two arcs for each step of asinh(tan(angle of its tangent)) up to this: from
 # one arc to the next the curvature changes by a factor of 1.7 at most, 1.34 at a turn of 90°, and
@@ -151,8 +151,8 @@ class LineCorner(CornerKind):
         shrunk = tangent < radius * stretch * (1 - 1e-12)
         radius = np.where(shrunk, tangent / stretch, radius)
         rows, of = self.lay(bounds, radius)
-        demand = share_demand(bounds.before, bounds.after)
-        rows = rows.replace(**{name: column[of] for name, column in demand.items()})
+        segment_limits = share_limits(bounds.before, bounds.after)
+        rows = rows.replace(**{name: column[of] for name, column in segment_limits.items()})
         error = radius * self.gap(bounds.half)
         return Drawn(rows=rows, of=of, radius=radius, error=error, shrunk=shrunk)
 

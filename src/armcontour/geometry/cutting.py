@@ -25,7 +25,7 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
         InvalidInput: An arc length is outside the path, or the part has no length.
     """
     for name, s in (("begin", begin), ("end", end)):
-        value = checks.number(name, s, "m")
+        value = checks.check_number(name, s, "m")
         if not -REPEATED_POINT <= value <= path.length + REPEATED_POINT:
             raise InvalidInput(
                 f"{name} of a part must lie within the path of {path.length:.9g} m, but is "

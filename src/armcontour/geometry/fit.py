@@ -91,7 +91,7 @@ def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
         InvalidInput: The breaks do not increase, the curve is not finite or has no length, or the
             tolerance is below a nanometre or far too small for the curve.
     """
-    at = checks.numbers("breaks of a curve", breaks)
+    at = checks.check_numbers("breaks of a curve", breaks)
     if at.ndim != 1 or len(at) < 2 or (np.diff(at) <= 0).any():
         raise InvalidInput("The breaks of a curve must be two or more increasing numbers.")
     _refuse_fine(tolerance)

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core._quintics import re_expand
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.describing import brief, several
+from armcontour.core.describing import count_noun, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.frames import angle_between, exp, log
@@ -30,7 +30,7 @@ RATE_FLOOR = 1e-9
 # Relative rounding error of an arc length.
 ROUNDING = 1e-15
 # Coefficients of f(u) = u.
-LINEAR = checks.lock_floats([0.0, 1.0, 0.0, 0.0])
+LINEAR = checks.frozen_array([0.0, 1.0, 0.0, 0.0])
 
 
 # Terms of fast rotations are large; only those that no float can have are refused.
@@ -80,9 +80,9 @@ class Orientation(Checked):
         if self.fixed:
             return f"{what} constant"
         how = "follows the tangent" if self.follows else "turns"
-        return f"{what} {how}, in {several(len(self.starts), 'piece')}"
+        return f"{what} {how}, in {count_noun(len(self.starts), 'piece')}"
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     def _check_together(self) -> None:
         n = len(self.starts)
@@ -178,7 +178,7 @@ class Orientation(Checked):
             side: "right" for the piece after a break, "left" for the piece before the break.
         """
         at = checks.floats("arc lengths", s, "m")
-        found = np.searchsorted(self.breaks, at, side=checks.side(side)) - 1
+        found = np.searchsorted(self.breaks, at, side=checks.check_side(side)) - 1
         return np.clip(found, 0, len(self) - 1)
 
     def on_piece(self, i: IntArray, u: FloatArray) -> FloatArray:
@@ -320,7 +320,7 @@ class Orientation(Checked):
 def _straight(n: int) -> Mapping[str, FloatArray]:
     """Columns of an orientation of n pieces that turn at constant rates; many paths share them."""
     columns = {"second": np.zeros((n, 3)), "f": np.tile(LINEAR, (n, 1)), "g": np.zeros((n, 4))}
-    return {name: checks.lock_floats(x) for name, x in columns.items()}
+    return {name: checks.frozen_array(x) for name, x in columns.items()}
 
 
 def shift(c: FloatArray, by: FloatArray) -> FloatArray:

@@ -26,7 +26,7 @@ NO_TURN = 1e-14
 # last, if the latter turn is this much smaller: then it bends to both sides.
 NO_AXIS = 1e-6
 # Tool in the frame of the path: its x axis along the path, its z axis (the tool axis) against `up`.
-POINTING_DOWN = checks.lock_floats(np.diag([1.0, -1.0, -1.0]))
+POINTING_DOWN = checks.frozen_array(np.diag([1.0, -1.0, -1.0]))
 
 
 def orient(
@@ -72,7 +72,7 @@ def point(
     Raises:
         InvalidInput: As in `orient`, or a direction has no length.
     """
-    given = checks.numbers("direction of the tool axis", values)
+    given = checks.check_numbers("direction of the tool axis", values)
     if given.shape[-1:] != (3,) or given.ndim > 2:
         raise InvalidInput("The direction of the tool axis is 3 numbers, once or per waypoint.")
     if given.ndim == 1 and given.any():
@@ -97,7 +97,7 @@ def _pointing(x: float, y: float, z: float) -> FloatArray:
     """The shortest rotation from the z axis to a direction; contours of a program share it."""
     direction = np.array([x, y, z])
     unit = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
-    return checks.lock_floats(exp(shortest([0.0, 0.0, 1.0], unit)))
+    return checks.frozen_array(exp(shortest([0.0, 0.0, 1.0], unit)))
 
 
 def follow(
@@ -125,7 +125,7 @@ def follow(
         raise InvalidInput(
             "A tool that follows the tangent has one rotation for the whole path: give one."
         )
-    upward, tangent = checks.numbers("up", up), segments.tangents[0]
+    upward, tangent = checks.check_numbers("up", up), segments.tangents[0]
     if upward.shape != (3,):
         raise InvalidInput("The direction up is 3 numbers.")
     z = upward - (upward @ tangent) * tangent

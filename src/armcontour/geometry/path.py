@@ -12,14 +12,14 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.describing import brief, digits, line_up, several
+from armcontour.core.describing import count_noun, digits, format_table, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.frames import Frame, Pose, angle_between
 from armcontour.core.quantities import Factor, Tolerance
 from armcontour.geometry.nearest import Projection, find_nearest
 from armcontour.geometry.orientation import Orientation
-from armcontour.geometry.primitives import NO_DEMAND, Arc, Demand, Line, tabulate
+from armcontour.geometry.primitives import NO_LIMITS, Arc, Line, SegmentLimits, tabulate
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments, close_up
 
 PLANE = "A tool is oriented in space: give the points of the path three coordinates."
@@ -70,18 +70,18 @@ class Path(Checked):
         else:
             at = _increasing(self.waypoints, n)
         object.__setattr__(self, "waypoints", at)
-        object.__setattr__(self, "breaks", checks.lock_floats(self.segments.breaks))
+        object.__setattr__(self, "breaks", checks.frozen_array(self.segments.breaks))
         if self.orientation is not None:
             object.__setattr__(self, "orientation", self._fitting(self.orientation))
 
     @classmethod
     @checked
-    def polyline(cls, points: npt.ArrayLike, *, demand: Demand = NO_DEMAND) -> Path:
+    def polyline(cls, points: npt.ArrayLike, *, segment_limits: SegmentLimits = NO_LIMITS) -> Path:
         """The path of straight lines through `points`.
 
         Args:
             points: The vertices [m], (n, 2) or (n, 3); repeated points are merged.
-            demand: Speed, corner error and tag of all segments.
+            segment_limits: Speed, corner error and tag of all segments.
 
         Raises:
             InvalidInput: The points have a wrong shape, or fewer than two of them differ.
@@ -95,7 +95,7 @@ class Path(Checked):
                 f"{' that are all the same' if len(given) > 1 else ''}."
             )
         return Path(
-            segments=Segments.lines(given[kept], **demand.columns(len(kept) - 1)),
+            segments=Segments.lines(given[kept], **segment_limits.columns(len(kept) - 1)),
             merged=_left_out(len(given), kept),
         )
 
@@ -119,7 +119,7 @@ class Path(Checked):
         *,
         tolerance: Tolerance = 1e-6,
         closed: bool = False,
-        demand: Demand = NO_DEMAND,
+        segment_limits: SegmentLimits = NO_LIMITS,
     ) -> Path:
         """The cubic spline through `points`, as transitions of continuous curvature.
 
@@ -127,7 +127,7 @@ class Path(Checked):
             points: Points of the spline [m], (n, 2) or (n, 3); repeated points are merged.
             tolerance: Largest distance between the spline and the path [m].
             closed: Whether the spline is periodic; its last point must then repeat the first.
-            demand: Speed, corner error and tag of all segments.
+            segment_limits: Speed, corner error and tag of all segments.
 
         Raises:
             InvalidInput: Fewer than two points differ, or the ends of a closed spline differ.
@@ -145,7 +145,7 @@ class Path(Checked):
             )
         segments, waypoints = fit_spline(given[kept], tolerance, closed)
         return Path(
-            segments=segments.replace(**demand.columns(len(segments))),
+            segments=segments.replace(**segment_limits.columns(len(segments))),
             merged=_left_out(len(given), kept),
             waypoints=waypoints,
         )
@@ -270,7 +270,7 @@ class Path(Checked):
             InvalidInput: There is a gap; some paths lie in the plane and others in space; or only
                 some have an orientation.
         """
-        paths: tuple[Path, ...] = checks.listed("joined", (self, *others), Path, "Paths")
+        paths: tuple[Path, ...] = checks.check_sequence("joined", (self, *others), Path, "Paths")
         if len(paths) == 1:
             return self
         if len({x.dimension for x in paths}) > 1:
@@ -374,7 +374,7 @@ class Path(Checked):
             side: "right" for the segment after a vertex, "left" for the segment before the vertex.
         """
         at = checks.floats("arc lengths", s, "m")
-        found = np.searchsorted(self.breaks, at, side=checks.side(side)) - 1
+        found = np.searchsorted(self.breaks, at, side=checks.check_side(side)) - 1
         return np.clip(found, 0, len(self) - 1)
 
     def on_segment(self, i: IntArray, u: FloatArray, order: int = 0) -> FloatArray:
@@ -403,14 +403,14 @@ class Path(Checked):
 
     def __str__(self) -> str:
         """Length, segments, corners, and what is asked of the tool."""
-        return line_up(self._title("Path"), self._rows)
+        return format_table(self._title("Path"), self._rows)
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     def _title(self, what: str) -> str:
         """What it is, with its length and the number of its segments."""
         where = "in the plane" if self.dimension == 2 else "in space"
-        return f"{what} {where}: {digits(self.length)} m, {several(len(self), 'segment')}"
+        return f"{what} {where}: {digits(self.length)} m, {count_noun(len(self), 'segment')}"
 
     @property
     def _rows(self) -> list[tuple[str, str]]:
@@ -502,7 +502,7 @@ def _range(values: FloatArray, unit: str) -> str:
     if not len(known):
         return ""
     low, high = digits(known.min()), digits(known.max())
-    of = "" if len(known) == len(values) else f", on {several(len(known), 'segment')}"
+    of = "" if len(known) == len(values) else f", on {count_noun(len(known), 'segment')}"
     return f"{low} {unit}{of}" if low == high else f"{low} to {high} {unit}{of}"
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, number, numbers
+from armcontour.core.checks import FloatArray, check_number, check_numbers
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.quantities import Distance, Speed
@@ -18,7 +18,7 @@ from armcontour.geometry.segments import Segments
 
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Demand(Checked):
+class SegmentLimits(Checked):
     """Process requirements of one segment; stricter limits of the job override them.
 
     Args:
@@ -46,7 +46,7 @@ class Demand(Checked):
         }
 
 
-NO_DEMAND = Demand()
+NO_LIMITS = SegmentLimits()
 
 
 @checks.explain_calls
@@ -57,12 +57,12 @@ class Line:
     Args:
         start: First point [m], 2 or 3 coordinates.
         end: Last point [m], same number of coordinates.
-        demand: Speed, corner error and tag of this segment.
+        segment_limits: Speed, corner error and tag of this segment.
     """
 
     start: Sequence[float] = field(kw_only=False)
     end: Sequence[float] = field(kw_only=False)
-    demand: Demand = NO_DEMAND
+    segment_limits: SegmentLimits = NO_LIMITS
 
 
 @checks.explain_calls
@@ -76,14 +76,14 @@ class Arc:
         angle: Swept angle [rad], not zero, up to a full circle. In the plane a positive angle is
             counter-clockwise; in space it is about `normal` by the right-hand rule.
         normal: Axis of the circle, in space only.
-        demand: Speed, corner error and tag of this segment.
+        segment_limits: Speed, corner error and tag of this segment.
     """
 
     start: Sequence[float] = field(kw_only=False)
     center: Sequence[float] = field(kw_only=False)
     angle: float = field(kw_only=False)
     normal: Sequence[float] | None = None
-    demand: Demand = NO_DEMAND
+    segment_limits: SegmentLimits = NO_LIMITS
 
     @classmethod
     def through(
@@ -92,7 +92,7 @@ class Arc:
         via: Sequence[float],
         end: Sequence[float],
         *,
-        demand: Demand = NO_DEMAND,
+        segment_limits: SegmentLimits = NO_LIMITS,
     ) -> Arc:
         """The arc from `start` through `via` to `end`, in the plane or in space.
 
@@ -103,23 +103,32 @@ class Arc:
             start: First point [m], 2 or 3 coordinates.
             via: A point of the arc between its ends [m].
             end: Last point [m].
-            demand: Speed, corner error and tag of this segment.
+            segment_limits: Speed, corner error and tag of this segment.
 
         Raises:
             InvalidInput: The points lie on one line, or do not determine a circle.
         """
         a, b, c = (
-            numbers(f"{name} of an arc", x, "m")
+            check_numbers(f"{name} of an arc", x, "m")
             for name, x in (("start", start), ("via point", via), ("end", end))
         )
         if len({x.shape for x in (a, b, c)}) > 1 or a.shape not in ((2,), (3,)):
             raise InvalidInput("The points of an arc must all have 2 or all have 3 coordinates.")
         if np.array_equal(a, c) and len(a) == 2 and not np.array_equal(a, b):
             return cls(
-                start=a.tolist(), center=((a + b) / 2).tolist(), angle=2 * np.pi, demand=demand
+                start=a.tolist(),
+                center=((a + b) / 2).tolist(),
+                angle=2 * np.pi,
+                segment_limits=segment_limits,
             )
         center, angle, normal = _circle_through(a, b, c)
-        return cls(start=a.tolist(), center=center, angle=angle, normal=normal, demand=demand)
+        return cls(
+            start=a.tolist(),
+            center=center,
+            angle=angle,
+            normal=normal,
+            segment_limits=segment_limits,
+        )
 
     @classmethod
     def circle(
@@ -128,7 +137,7 @@ class Arc:
         center: Sequence[float],
         *,
         normal: Sequence[float] | None = None,
-        demand: Demand = NO_DEMAND,
+        segment_limits: SegmentLimits = NO_LIMITS,
     ) -> Arc:
         """The full circle from `start` around `center`, counter-clockwise (about `normal`).
 
@@ -136,9 +145,15 @@ class Arc:
             start: Point where the circle starts and ends [m], 2 or 3 coordinates.
             center: Centre of the circle [m].
             normal: Axis of the circle, perpendicular to its radius, in space only.
-            demand: Speed, corner error and tag of this segment.
+            segment_limits: Speed, corner error and tag of this segment.
         """
-        return cls(start=start, center=center, angle=2 * np.pi, normal=normal, demand=demand)
+        return cls(
+            start=start,
+            center=center,
+            angle=2 * np.pi,
+            normal=normal,
+            segment_limits=segment_limits,
+        )
 
 
 def _circle_through(
@@ -178,20 +193,20 @@ def tabulate(segments: Iterable[Line | Arc]) -> Segments:
     Raises:
         InvalidInput: There is no segment, an item is not a Line or Arc, or one has no length.
     """
-    listed = list(checks.listed("segments of a path", segments, object, "Lines and Arcs"))
+    listed = list(checks.check_sequence("segments of a path", segments, object, "Lines and Arcs"))
     for i, x in enumerate(listed):
         if not isinstance(x, (Line, Arc)):
             raise InvalidInput(
                 f"Segment {i + 1} must be a Line or an Arc, not a {type(x).__name__}.", index=i
             )
-        checks.refuse_other(f"Segment {i + 1}", x.demand, Demand)
+        checks.check_type(f"Segment {i + 1}", x.segment_limits, SegmentLimits)
     rows = [_line(x, i) if isinstance(x, Line) else _arc(x, i) for i, x in enumerate(listed)]
     if not rows:
         raise InvalidInput("A path needs at least one segment.")
     if len({len(start) for start, *_ in rows}) > 1:
         raise InvalidInput("All segments of a path must have the same number of coordinates.")
     starts, tangents, normals, curvatures, lengths = (np.array(x) for x in zip(*rows, strict=True))
-    demands = [x.demand for x in listed]
+    demands = [x.segment_limits for x in listed]
     return Segments(
         starts=starts,
         tangents=tangents,
@@ -214,8 +229,8 @@ def _line(line: Line, index: int) -> Row:
     Raises:
         InvalidInput: The ends of the line coincide.
     """
-    start = numbers(f"start of segment {index + 1}", line.start, "m")
-    end = numbers(f"end of segment {index + 1}", line.end, "m")
+    start = check_numbers(f"start of segment {index + 1}", line.start, "m")
+    end = check_numbers(f"end of segment {index + 1}", line.end, "m")
     _check_dimensions(index, start, end)
     length = float(np.linalg.norm(end - start))
     if length == 0:
@@ -235,10 +250,10 @@ def _arc(arc: Arc, index: int) -> Row:
         InvalidInput: The radius or angle is zero, the angle is more than a full circle, or the
             normal is not perpendicular to the radius.
     """
-    start = numbers(f"start of segment {index + 1}", arc.start, "m")
-    center = numbers(f"centre of segment {index + 1}", arc.center, "m")
+    start = check_numbers(f"start of segment {index + 1}", arc.start, "m")
+    center = check_numbers(f"centre of segment {index + 1}", arc.center, "m")
     _check_dimensions(index, start, center)
-    angle = number(f"angle of segment {index + 1}", arc.angle, "rad")
+    angle = check_number(f"angle of segment {index + 1}", arc.angle, "rad")
     radius = float(np.linalg.norm(center - start))
     if radius == 0 or angle == 0 or abs(angle) > 2 * np.pi * (1 + 1e-12):
         raise InvalidInput(
@@ -263,7 +278,7 @@ def _counter_clockwise(
         raise InvalidInput(
             f"Segment {index + 1} is an arc in space and needs its normal.", index=index
         )
-    axis = numbers(f"normal of segment {index + 1}", normal)
+    axis = check_numbers(f"normal of segment {index + 1}", normal)
     size = float(np.linalg.norm(axis))
     if axis.shape != (3,) or size == 0 or abs(axis @ to_center) > 1e-9 * size:
         raise InvalidInput(

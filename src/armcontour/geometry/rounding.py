@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.describing import brief, line_up, several
+from armcontour.core.describing import count_noun, format_table, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.render import number
@@ -133,8 +133,8 @@ class RoundedPath(Path):
         """As of any path, and how the corners were rounded."""
         c = self.corners
         stops = int((c.radius == 0).sum())
-        rounded = several(len(c) - stops, "corner")
-        return line_up(
+        rounded = count_noun(len(c) - stops, "corner")
+        return format_table(
             self._title("Rounded path"),
             [
                 ("rounded", f"{rounded}, {stops} with a stop" if stops else rounded),
@@ -143,7 +143,7 @@ class RoundedPath(Path):
             ],
         )
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     def place(self, s: npt.ArrayLike) -> FloatArray:
         """Arc lengths on this path that correspond to arc lengths on the objective path [m].
@@ -210,7 +210,7 @@ def round_corners(
         InvalidInput: Neither case is given, a value is negative, the number of values is wrong, the
             continuity is neither of them, or the orientation needs an angular tolerance.
     """
-    checks.choice("continuity", continuity, CONTINUITIES)
+    checks.check_choice("continuity", continuity, CONTINUITIES)
     if tolerance is None and (speed is None or acceleration is None):
         raise InvalidInput(
             "Corners need a tolerance (case II), or a speed and an acceleration (case I): in "

@@ -28,8 +28,8 @@ VECTORS = ("starts", "tangents", "normals")
 NUMBERS = ("curvatures", "lengths", "speeds", "tolerances")
 COLUMNS = (*VECTORS, *NUMBERS, "tags", "quintics")
 # Control points of the second derivative of a quintic, over its coefficients from x² on.
-BENDS = checks.lock_floats([[2, 0, 0, 0], [2, 2, 0, 0], [2, 4, 4, 0], [2, 6, 12, 20]])
-NOT_GIVEN = checks.lock_floats([])
+BENDS = checks.frozen_array([[2, 0, 0, 0], [2, 2, 0, 0], [2, 4, 4, 0], [2, 6, 12, 20]])
+NOT_GIVEN = checks.frozen_array([])
 NO_TAGS = checks.lock_copy(np.empty(0, dtype=object))
 
 
@@ -150,7 +150,7 @@ class Segments(Value):
             InvalidInput: As in `check`.
         """
         self._refuse_values()
-        self.refuse_gaps(apart=bounds[1:-1])
+        self.check_gaps(apart=bounds[1:-1])
         whole = self.replace(checked=True)
         return [whole[a:b] for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
 
@@ -339,7 +339,7 @@ class Segments(Value):
         if self.checked:
             return self
         self._refuse_values()
-        self.refuse_gaps()
+        self.check_gaps()
         return self.replace(checked=True)
 
     def _refuse_values(self) -> None:
@@ -371,7 +371,7 @@ class Segments(Value):
         if found.size and not np.array_equal(np.isfinite(found).all(axis=(1, 2)), self.bent):
             raise InvalidInput("quintics of a path must be finite from 0 on, or NaN altogether.")
 
-    def refuse_gaps(self, apart: IntArray | None = None) -> None:
+    def check_gaps(self, apart: IntArray | None = None) -> None:
         """Refuse a table in which a segment does not start where the segment before it ends.
 
         Args:
@@ -417,7 +417,7 @@ def _unit_or_zero(v: FloatArray) -> FloatArray:
     return np.asarray(np.divide(v, size, out=np.zeros_like(v), where=size > 0))
 
 
-def share_demand(before: Segments, after: Segments) -> dict[str, Any]:
+def share_limits(before: Segments, after: Segments) -> dict[str, Any]:
     """Columns of segments that replace parts of two others: the lower speeds and tolerances.
 
     Args:

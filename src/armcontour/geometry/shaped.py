@@ -13,7 +13,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core._quintics import evaluate
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.describing import brief, line_up, several
+from armcontour.core.describing import count_noun, format_table, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.render import number
@@ -137,7 +137,7 @@ class ShapedPath(Path):
     def __str__(self) -> str:
         """As of any path, and what the shape gained."""
         durations = self.outcome.durations
-        return line_up(
+        return format_table(
             self._title("Shaped path"),
             [
                 ("tolerance", number(self.tolerance, "m")),
@@ -150,7 +150,7 @@ class ShapedPath(Path):
             ],
         )
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     def __call__(self, s: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
         """Point or derivative of the curve that the tool follows, as of any path."""
@@ -190,7 +190,7 @@ def doubt_search(paths: Iterable[Path]) -> list[str]:
     early = [x for x in found if x.outcome.unfinished]
     if not early:
         return []
-    which = f" of {several(len(early), 'contour')}" if len(found) > 1 else ""
+    which = f" of {count_noun(len(early), 'contour')}" if len(found) > 1 else ""
     return [
         f"the search for the shape{which} ended early, because a tolerance of "
         f"{number(early[0].tolerance, 'm')} needs too many nodes. The path is the fastest one so "
@@ -209,7 +209,7 @@ def check_places(places: npt.ArrayLike, objective: Path, path: Path) -> FloatArr
     Raises:
         InvalidInput: The places do not increase from start to end of both paths.
     """
-    found = checks.lock_floats(places)
+    found = checks.frozen_array(places)
     ends = np.array([[0.0, 0.0], [objective.length, path.length]])
     near = 1e-9 * (1 + ends[1])
     if found.ndim != 2 or not found.size or (np.abs(found[[0, -1]] - ends) > near).any():

@@ -37,7 +37,7 @@ def smooth_axes(points: npt.ArrayLike, axes: npt.ArrayLike, tolerance: float) ->
         InvalidInput: The tolerance is negative, neighbours are the same point, or a direction has
             no length.
     """
-    at, given = checks.numbers("points", points), checks.numbers("axes", axes)
+    at, given = checks.check_numbers("points", points), checks.check_numbers("axes", axes)
     checks.not_negative("tolerance of axes", tolerance, "rad")
     steps, size = np.linalg.norm(np.diff(at, axis=0), axis=1), np.linalg.norm(given, axis=1)
     if not (steps > 0).all() or not (size > 0).all():

@@ -29,7 +29,7 @@ from armcontour.geometry.path import Path
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
 
 SHAPES = ("sine", "zigzag")
-UP = checks.lock_floats([0.0, 0.0, 1.0])
+UP = checks.frozen_array([0.0, 0.0, 1.0])
 # Points of a sine per pitch at first, how often their number may double, and the most points.
 SAMPLES, MOST_DOUBLINGS, MOST_POINTS = 64, 6, 2_000_000
 # Smallest sine of the angle between the tool axis and the tangent: below it a seam has no sides.
@@ -124,7 +124,7 @@ def weave_seam(
     direction = None
     if up is not None:
         length = np.linalg.norm(up)
-        checks.refuse_if(length == 0, "up must be a direction in space.")
+        checks.raise_if(length == 0, "up must be a direction in space.")
         direction = np.asarray(up) / length
     if path.length / pitch * SAMPLES > MOST_POINTS:
         raise InvalidInput(

@@ -6,13 +6,13 @@ _HOME = {
     "advice": "advise",
     "analog": "analog_outputs",
     "experiment": "Experiment build_plant",
-    "goal": "Goal",
+    "goal": "CertificateGoal",
     "improvements": "Advice Improvement",
     "job": "Job Rounding Run",
     "place_search": "PlaceSearch",
     "planned": "Planned ShapingGain",
-    "planning": "plan_one programs_of",
-    "results": "ExperimentResult RunResult Study warnings_of",
+    "planning": "plan_one prepare_and_round",
+    "results": "ExperimentResult JobResult RunResult warnings_of",
     "study": "STEPS run steps_of",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -2,7 +2,7 @@ from armcontour.jobs.advice import advise as advise
 from armcontour.jobs.analog import analog_outputs as analog_outputs
 from armcontour.jobs.experiment import Experiment as Experiment
 from armcontour.jobs.experiment import build_plant as build_plant
-from armcontour.jobs.goal import Goal as Goal
+from armcontour.jobs.goal import CertificateGoal as CertificateGoal
 from armcontour.jobs.improvements import Advice as Advice
 from armcontour.jobs.improvements import Improvement as Improvement
 from armcontour.jobs.job import Job as Job
@@ -12,10 +12,10 @@ from armcontour.jobs.place_search import PlaceSearch as PlaceSearch
 from armcontour.jobs.planned import Planned as Planned
 from armcontour.jobs.planned import ShapingGain as ShapingGain
 from armcontour.jobs.planning import plan_one as plan_one
-from armcontour.jobs.planning import programs_of as programs_of
+from armcontour.jobs.planning import prepare_and_round as prepare_and_round
 from armcontour.jobs.results import ExperimentResult as ExperimentResult
+from armcontour.jobs.results import JobResult as JobResult
 from armcontour.jobs.results import RunResult as RunResult
-from armcontour.jobs.results import Study as Study
 from armcontour.jobs.results import warnings_of as warnings_of
 from armcontour.jobs.study import STEPS as STEPS
 from armcontour.jobs.study import run as run

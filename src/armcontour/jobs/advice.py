@@ -12,16 +12,16 @@ import numpy as np
 
 from armcontour.control.compensation.compensator import INVERSE
 from armcontour.core.errors import ArmContourError
-from armcontour.core.progress import Progress, Step, under
+from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import split
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.improvements import Advice, Improvement
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.planned import Planned
 from armcontour.jobs.planning import plan_one
-from armcontour.jobs.results import RunResult, Study
+from armcontour.jobs.results import JobResult, RunResult
 from armcontour.jobs.reuse import Reuse
-from armcontour.jobs.study import execute_run, teach_run
+from armcontour.jobs.study import compute_set_points, simulate_run
 from armcontour.jobs.verdict import farthest, judge, weave_speed
 from armcontour.motion import Method
 from armcontour.planning.explanation import DWELLS, NAMES, RAPIDS
@@ -79,7 +79,7 @@ def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Adv
         result: One of its runs, simulated.
         progress: Called before each change is planned, with the share that is done.
     """
-    tell, steps = under(progress), advising(job, result)
+    tell, steps = subprogress(progress), advising(job, result)
     while True:
         try:
             tell(Step((STEP,), done=next(steps)))
@@ -122,7 +122,7 @@ def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
     return Advice(improvements=found, note="" if found else none)
 
 
-def advised(study: Study, progress: Progress | None = None) -> Study:
+def advised(study: JobResult, progress: Progress | None = None) -> JobResult:
     """A study with the advice on each of its runs.
 
     Args:
@@ -130,7 +130,7 @@ def advised(study: Study, progress: Progress | None = None) -> Study:
         progress: As of `advise`, with the names of the runs before the step.
     """
     runs = {
-        name: replace(x, advice=advise(study.job, x, under(progress, name)))
+        name: replace(x, advice=advise(study.job, x, subprogress(progress, name)))
         for name, x in study.runs.items()
     }
     return replace(study, runs=MappingProxyType(runs))
@@ -169,11 +169,11 @@ def _try(x: _Candidate, result: RunResult, reuse: Reuse) -> Improvement | None:
 def _contour_errors(job: Job, planned: Planned) -> list[float]:
     """The largest contour error of each contour of a plan, executed by what judges its run [m]."""
     run = planned.run
-    taught = teach_run(job, run, planned.trajectory)
+    set_points = compute_set_points(job, run, planned.trajectory)
     plant = None
     if run.judge is not None:
         plant = build_plant(run.judge, job.arm, job.plant_servo, run.limits)
-    executed = execute_run(job, taught, plant)
+    executed = simulate_run(job, set_points, plant)
     return [x.max for x in evaluate(executed, planned.path, until=run.until).contours]
 
 

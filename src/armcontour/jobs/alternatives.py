@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ArmContourError, InvalidInput, locate_errors
+from armcontour.core.errors import ArmContourError, InvalidInput, error_context
 from armcontour.core.frames import exp
 from armcontour.core.progress import Progress, Step
 from armcontour.core.render import number
 from armcontour.geometry import Path
 from armcontour.jobs.job import Job, Run
-from armcontour.motion import JointPath, Span, Trajectory, stand_still
+from armcontour.motion import JointPath, Span, Trajectory, dwell_law
 from armcontour.planning import Tracing, trace_program
 from armcontour.planning.program_tracing import bound_duration, ends_of, find_starts
 from armcontour.planning.tracing import trace
@@ -77,7 +77,7 @@ def alternatives(
     if not _has_pairs(job):
         yield traced, ()
         return
-    notes = ((OTHER,) if traced.passed_over else ()) + _about_tool(job.arm)
+    notes = ((OTHER,) if traced.faster_rejected else ()) + _about_tool(job.arm)
     yield traced, notes
     cell, others = job.cell, list[str]()
     if (reached := _reach(traced, cell)) < np.inf:
@@ -160,7 +160,7 @@ def _about_tool(arm: Arm) -> tuple[str, ...]:
     )
 
 
-def refuse_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
+def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
     """Refuse the first contour that comes too near to something, else the first other move.
 
     Rapids might go around what is in their way, so that contours are what a user has to change.
@@ -184,7 +184,7 @@ def refuse_collision(job: Job, program: Program, trajectory: Trajectory) -> None
     for name, x in sorted(moves, key=lambda move: move[1].kind != "contour"):
         found = None if x.trajectory is None else job.cell.check(x.trajectory)
         if found is not None and not found.kept:
-            with locate_errors(name):
+            with error_context(name):
                 found.later(x.t[0]).refuse()
     job.cell.check(trajectory).refuse()
 
@@ -292,7 +292,7 @@ def _rapid_around(arm: Arm, this: Run, cell: Cell, path: JointPath) -> JointPath
 
 def _rest(q: FloatArray) -> Trajectory:
     """Rest at joint positions [rad], (dof,)."""
-    return Trajectory(laws=(stand_still(q, 1.0),), method=REST)
+    return Trajectory(laws=(dwell_law(q, 1.0),), method=REST)
 
 
 def _retract(arm: SerialArm, this: Run, q: FloatArray, height: float) -> FloatArray | None:

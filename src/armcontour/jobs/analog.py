@@ -38,7 +38,7 @@ def analog_outputs(
     Raises:
         InvalidInput: An output depends on the assigned velocity, and a contour has none.
     """
-    refuse_open_speeds(program, process, limits)
+    check_speeds(program, process, limits)
     states = _States(trajectory, process)
     found: dict[str, Values] = {}
     for name in process.analog_names:
@@ -54,7 +54,7 @@ def _output(process: Process, name: str) -> Analog | None:
     return next((x for x in process.analog if x.name == name), None)
 
 
-def refuse_open_speeds(program: Program, process: Process, limits: Limits) -> None:
+def check_speeds(program: Program, process: Process, limits: Limits) -> None:
     """Refuse analog outputs that depend on the assigned velocity of a contour that has none.
 
     Args:

@@ -96,7 +96,7 @@ def read_uncertainty(given: Mapping[str, float], dimension: int) -> dict[str, fl
     for name in given:
         _refuse_axis(name, known, "uncertainty")
     sizes = {
-        name: checks.between(
+        name: checks.check_range(
             f"uncertainty of {name}", given[name], 0, FARTHEST[UNITS[name]], UNITS[name]
         )
         for name in known
@@ -140,8 +140,8 @@ def _axis(name: str, given: Sequence[Any]) -> Axis:
         )
     unit = UNITS[name]
     far = FARTHEST[unit]
-    low, high = (checks.between(f"over {name}", x, -far, far, unit) for x in given[:2])
-    count = checks.whole(f"number of places along {name}", given[2], 1, MOST_PLACES)
+    low, high = (checks.check_range(f"over {name}", x, -far, far, unit) for x in given[:2])
+    count = checks.check_int(f"number of places along {name}", given[2], 1, MOST_PLACES)
     if low > high:
         raise InvalidInput(
             f"The range of {name} from {low:g} to {high:g} {unit} is empty: give the smaller value "
@@ -157,4 +157,4 @@ def _axis(name: str, given: Sequence[Any]) -> Axis:
     whole = unit == "rad" and abs(high - low - 2 * np.pi) < SAME_DIRECTION
     # Without the rounding errors of steps: 0 is 0.
     values = np.round(np.linspace(low, high, count, endpoint=not whole), DIGITS) + 0.0
-    return Axis(name=name, values=checks.lock_floats(values), whole_turn=whole)
+    return Axis(name=name, values=checks.frozen_array(values), whole_turn=whole)

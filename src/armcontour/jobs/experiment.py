@@ -26,7 +26,7 @@ from armcontour.simulation import RigidBodyPlant
 from armcontour.simulation.rigid_body_plant import (
     DriveCycle,
     PositionNoise,
-    refuse_undriven_damping,
+    check_damping,
 )
 
 # What a robot can have per joint, with its unit and its name in sentences.
@@ -86,7 +86,7 @@ class Experiment(Checked):
     joint_damping: JointDampings | None = None
 
     def _check_together(self) -> None:
-        refuse_undriven_damping(self.joint_stiffness, self.joint_damping)
+        check_damping(self.joint_stiffness, self.joint_damping)
         if not self.friction and (self.viscous is not None or self.coulomb is not None):
             raise InvalidInput(
                 "The experiment has friction (viscous or coulomb) and leaves it out (friction: "

@@ -1,4 +1,4 @@
-"""`Goal`: the requirements that a certified plan meets."""
+"""`CertificateGoal`: the requirements that a certified plan meets."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.quantities import About, AtLeast, Choice, PlainNumber, Tolerance
-from armcontour.simulation.robustness.box import Box
+from armcontour.simulation.robustness.box import Uncertainty
 
 SATURATION = ("refuse", "report")
 PLANTS = ("servo", "rigid_body")
@@ -17,13 +17,13 @@ PLANTS = ("servo", "rigid_body")
 
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Goal(Checked):
+class CertificateGoal(Checked):
     """Requirements that a certified plan meets.
 
     Args:
         tolerance: Largest distance of the tool from the objective path [m]. The part that servo and
-            command interval do not use goes to the corners. None keeps the corners of the run.
-        servo: Largest contour error from servo and command interval [m], over the whole box if
+            cycle do not use goes to the corners. None keeps the corners of the run.
+        servo: Largest contour error from servo and cycle [m], over the whole box if
             there is one. None sets no limit of its own; then a tolerance is needed.
         rms: Largest root mean square of the contour error over time, of the nominal robot [m].
         plant: Robots that must keep the goal: "servo" is an independent servo on each joint, and
@@ -52,7 +52,7 @@ class Goal(Checked):
     rms: Tolerance | None = None
     plant: Annotated[str, Choice(PLANTS), About("--plant")] = "servo"
     saturation: Annotated[str, Choice(SATURATION)] = "refuse"
-    box: Box | None = None
+    box: Uncertainty | None = None
     samples: Annotated[int, AtLeast(1, 10**7)] = 10_000
     bodies: Annotated[int, AtLeast(1, 10**6)] = 200
     corners: Annotated[int, AtLeast(1, 10**6)] = 256
@@ -73,7 +73,7 @@ class Goal(Checked):
                 f"servo is {self.servo:g} m, but must be below the tolerance of "
                 f"{self.tolerance:g} m: the corners need a part of the tolerance."
             )
-        checks.refuse_if(
+        checks.raise_if(
             self.plant == "rigid_body" and self.saturation == "report",
             "A certificate on rigid bodies does not allow drives to saturate: leave saturation "
             "out, or certify with plant: servo.",

@@ -11,8 +11,8 @@ from armcontour.control.compensation import CompensationOptions, InverseDynamics
 from armcontour.control.compensation.compensator import INVERSE
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import brief, digits, line_up, several
-from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.describing import count_noun, digits, format_table, short_repr
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.fields import Checked
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import (
@@ -31,16 +31,16 @@ from armcontour.core.quantities import (
 from armcontour.core.render import number
 from armcontour.geometry import Path
 from armcontour.geometry.rounding import CONTINUITIES, Continuity
-from armcontour.jobs.analog import refuse_open_speeds
+from armcontour.jobs.analog import check_speeds
 from armcontour.jobs.experiment import Experiment
-from armcontour.jobs.goal import Goal
+from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.place_search import PlaceSearch
-from armcontour.jobs.single_corners import refuse_no_corners
-from armcontour.motion import PERIOD, Method, check_interval
-from armcontour.planning import Optimal, PlanOptions, Shaped, refuse_endless
+from armcontour.jobs.single_corners import check_corners
+from armcontour.motion import DEFAULT_CYCLE, Method, check_cycle
+from armcontour.planning import Optimal, PlanOptions, Shaped, check_duration
 from armcontour.planning.options import FASTEST
 from armcontour.program import Process, Program
-from armcontour.program.preparing import refuse_unfit
+from armcontour.program.preparing import check_process
 from armcontour.robot import Arm, Limits
 from armcontour.robot.scene import Scene
 from armcontour.robot.servo import ServoModel
@@ -171,7 +171,7 @@ class Rounding(Checked):
                 f"{key}.tolerance is missing: the shape free needs it, the largest distance from "
                 "the objective, such as tolerance: 1 mm."
             )
-        with locate_errors(key):
+        with error_context(key):
             _ = self.options
 
     def _check_single(self, key: str) -> None:
@@ -210,9 +210,9 @@ class Rounding(Checked):
                 f"{key}.continuity is for the shape arc, but the shape is free: leave continuity "
                 "out, or write shape: arc."
             )
-        if self.continuity == CURVATURE and timing == Method.MAC:
+        if self.continuity == CURVATURE and timing == Method.PAPER:
             raise InvalidInput(
-                f"{key}.continuity is curvature, but the method mac has rules for lines and arcs "
+                f"{key}.continuity is curvature, but the method paper has rules for lines and arcs "
                 "only: write continuity: tangent, or timing: {method: optimal}."
             )
 
@@ -234,7 +234,7 @@ class Run(Checked):
         timing: Options of `plan`.
         compensation: Options of `compensate`.
         rounding: How corners are rounded; None keeps sharp corners.
-        period: Command interval [s].
+        cycle: Cycle [s].
         until: End of the time over which errors are evaluated [s]; None is when all joints rest.
         experiment: Options of a simulation on rigid bodies; None simulates none.
         accuracy: Largest distance of the tool from the drawing with which the run counts as kept
@@ -242,7 +242,7 @@ class Run(Checked):
             smallest one.
 
     Raises:
-        InvalidInput: A command interval out of range, a time that is not above zero, or a rounding
+        InvalidInput: A cycle out of range, a time that is not above zero, or a rounding
             that is not for the timing method.
     """
 
@@ -251,17 +251,17 @@ class Run(Checked):
     timing: PlanOptions = FASTEST
     compensation: CompensationOptions = INVERSE
     rounding: Rounding | None = None
-    period: float = PERIOD
+    cycle: float = DEFAULT_CYCLE
     until: Interval | None = None
     experiment: Experiment | None = None
     accuracy: Distance | None = None
 
     def _check_together(self) -> None:
-        check_interval(self.period)
+        check_cycle(self.cycle)
         if self.rounding is not None:
             self.rounding.check(self.timing.method)
 
-    def refuse_until(self, program: Program) -> None:
+    def check_end_time(self, program: Program) -> None:
         """Refuse an end of the evaluation for a program of several moves.
 
         Args:
@@ -327,7 +327,7 @@ class Job(Checked):
         arm: The arm.
         path: The objective path, or a program of several contours.
         process: Leads, overlaps and events that are added to the contours.
-        branch: Branch of the inverse kinematics of a planar arm; by default the fastest.
+        configuration: Branch of the inverse kinematics of a planar arm; by default the fastest.
         start: For an arm in space: joint positions near the start configuration [rad], (dof,); None
             takes the configuration that is fastest along the path.
         servo: The servo's nominal model, which compensation uses.
@@ -342,7 +342,7 @@ class Job(Checked):
 
     Raises:
         InvalidInput: No run, two runs of the same name, a name that is too long or not printable,
-            a start for another number of joints, gains too large for a command interval, a speed
+            a start for another number of joints, gains too large for a cycle, a speed
             so low that the motion is endless, an analog output that needs a speed, axes of a
             placement that the arm has not, or a process that the program cannot have.
     """
@@ -354,10 +354,10 @@ class Job(Checked):
     servo: ServoModel
     plant_servo: ServoModel = None  # type: ignore[assignment]
     runs: tuple[Run, ...]
-    branch: str | None = None
+    configuration: str | None = None
     start: FloatArray | None = None
     process: Process = field(default_factory=Process)
-    certificate: Goal | None = None
+    certificate: CertificateGoal | None = None
     placement: PlaceSearch | None = None
     scene: Scene | None = None
     ignore_collisions: bool = False
@@ -373,31 +373,31 @@ class Job(Checked):
         program = Program.of(self.path, "A job needs a Path or a Program")
         object.__setattr__(self, "program", program)
         for x in self.runs:
-            with locate_errors(f"Run {x.name}"):
-                self.servo.refuse_too_fast(x.period)
-                self.plant_servo.refuse_too_fast(x.period)
-                refuse_endless(program, x.limits)
-                x.refuse_until(program)
-                refuse_open_speeds(program, self.process, x.limits)
+            with error_context(f"Run {x.name}"):
+                self.servo.check_gains(x.cycle)
+                self.plant_servo.check_gains(x.cycle)
+                check_duration(program, x.limits)
+                x.check_end_time(program)
+                check_speeds(program, self.process, x.limits)
                 if x.rounding is not None and x.rounding.at:
-                    refuse_no_corners(program, self.process, list(x.rounding.at))
-        with locate_errors("process"):
-            refuse_unfit(program, self.process)
+                    check_corners(program, self.process, list(x.rounding.at))
+        with error_context("process"):
+            check_process(program, self.process)
         names = [x.name for x in self.runs]
         if not names or len(set(names)) < len(names):
             raise InvalidInput("A job needs at least one run, and every run its own name.")
         if self.placement is not None:
-            with locate_errors("placement"):
+            with error_context("placement"):
                 self.placement.check(self.arm.dimension)
         if self.start is not None:
             start = checks.per_joint("start", self.start, self.arm.dof, "rad")
-            object.__setattr__(self, "start", checks.lock_floats(start))
+            object.__setattr__(self, "start", checks.frozen_array(start))
 
     def __str__(self) -> str:
         """What is followed by what, and the runs."""
         x = self.program
-        what = f"{several(len(x.contours), 'contour')}, {digits(x.length)} m"
-        return line_up(
+        what = f"{count_noun(len(x.contours), 'contour')}, {digits(x.length)} m"
+        return format_table(
             f"Job {self.name}: {self.title}" if self.title != self.name else f"Job {self.name}",
             [
                 ("arm", str(self.arm)),
@@ -409,7 +409,7 @@ class Job(Checked):
             ],
         )
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     @staticmethod
     def _words(run: Run) -> str:
@@ -417,7 +417,7 @@ class Job(Checked):
         speed = run.limits.speed
         fast = "" if speed is None else f", {digits(speed * 1e3)} mm/s"
         methods = f"{run.timing.method}, {run.compensation.method}"
-        return f"{methods}, every {number(run.period, 's')}{fast}"
+        return f"{methods}, every {number(run.cycle, 's')}{fast}"
 
     @property
     def cell(self) -> Cell:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ArmContourError, locate_errors
+from armcontour.core.errors import ArmContourError, error_context
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.planned import Planned
 from armcontour.jobs.warnings import SAME_SPEED, assigned_speed
@@ -64,10 +64,12 @@ def automatic_leads(job: Job, this: Run, plan: PlanOne) -> list[Leads]:
     gain = LEAST_GAIN if this.limits.jerk_limits else SAME_SPEED
     found = []
     contours = prepare(arrange(job.program, process), plain).contours
-    if isinstance(job.arm, PlanarTwoLink) and job.branch is None:
+    if isinstance(job.arm, PlanarTwoLink) and job.configuration is None:
         # The first contour chooses the branch for all of them.
         first = plan(job, this, objective=Program(moves=contours[:1]))
-        job = dataclasses.replace(job, branch=job.arm.branch_of(first.trajectory(0.0)))
+        job = dataclasses.replace(
+            job, configuration=job.arm.configuration_of(first.trajectory(0.0))
+        )
     for x in contours:
         contour = dataclasses.replace(x, events=(), work=None)
         own = process.of_layer(x.layer)
@@ -78,7 +80,7 @@ def automatic_leads(job: Job, this: Run, plan: PlanOne) -> list[Leads]:
         ):
             automatic = lead is not None and lead.length is None
             speeds = partial(_lead_speeds, plan, job, this, contour, name)
-            with locate_errors("leads"):
+            with error_context("leads"):
                 assigned = assigned_speed(x, s, side, this)
                 lengths.append(_shortest_lead(speeds, assigned, gain) if automatic else 0.0)
         found.append(Leads(before=lengths[0], after=lengths[1]))

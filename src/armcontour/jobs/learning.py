@@ -9,25 +9,25 @@ from functools import cached_property
 import numpy as np
 
 from armcontour.control.compensation import InverseDynamics
-from armcontour.control.learning import LearnedRun, Lesson, Recording, judge_run, learn
+from armcontour.control.learning import LearningResult, LearningRun, Recording, judge_run, learn
 from armcontour.control.learning.aligning import fit_to
 from armcontour.control.learning.estimating import smooth_error
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
-from armcontour.core.progress import Progress, Step, under
+from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.render import number
 from armcontour.core.result import FILE, FIRST, TABLE, Data, Row, Table
 from armcontour.core.sampling import interpolate
 from armcontour.jobs.job import Job, Run, choose_run
-from armcontour.jobs.results import RunResult, Study
+from armcontour.jobs.results import JobResult, RunResult
 from armcontour.jobs.study import run
-from armcontour.motion import Execution, Log, TaughtData
+from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.command_limits import describe_excess
 from armcontour.program import contour_called
 from armcontour.verification import ErrorProfile
-from armcontour.verification.error_profile import Missed, error_rows
-from armcontour.verification.pieces import Piece, pieces_of
+from armcontour.verification.error_profile import Coverage, error_rows
+from armcontour.verification.pieces import ContourExecution, pieces_of
 
 # Smallest dead time [s] and clock error that are told to the user.
 TOLD_DELAY, TOLD_RATE = 1e-4, 1e-5
@@ -44,13 +44,13 @@ class LearningStudy:
 
     Args:
         job: The job.
-        plan: Plan and taught data before learning.
-        lesson: What was learned, and the taught data of the next run.
+        plan: Plan and set-points before learning.
+        lesson: What was learned, and the set-points of the next run.
     """
 
     job: Job
     plan: RunResult
-    lesson: Lesson
+    lesson: LearningResult
 
     @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
@@ -59,7 +59,7 @@ class LearningStudy:
         Args:
             files: The files of the result, relative to its folder.
         """
-        study = Study(job=self.job, runs={self.plan.run.name: self.plan})
+        study = JobResult(job=self.job, runs={self.plan.run.name: self.plan})
         return study.to_data(files, {"learning": self.result})
 
     @property
@@ -112,7 +112,7 @@ class LearningStudy:
                 f"Learning uses a servo from which it deviates by {after:.3g} mrad: {lesson.servo}."
             )
         found += _other_set_points(lesson.runs[-1]) + _corrections(lesson.runs[-1])
-        if describe_excess(self.plan.taught):
+        if describe_excess(self.plan.set_points):
             found.append(
                 "The set-points exceed limits of the joints already before learning, so learning "
                 "does not keep these limits either."
@@ -150,7 +150,7 @@ class JudgedStudy:
 
     Args:
         job: The job.
-        plan: Plan and taught data of the run.
+        plan: Plan and set-points of the run.
         judged: The run, as `judge_run` gives it.
         early: Time by which its plan begins earlier than that of the set-points, as the robot has
             more dead time than its model [s].
@@ -158,7 +158,7 @@ class JudgedStudy:
 
     job: Job
     plan: RunResult
-    judged: Lesson
+    judged: LearningResult
     early: float = 0.0
 
     @checked
@@ -168,7 +168,7 @@ class JudgedStudy:
         Args:
             files: The files of the result, relative to its folder.
         """
-        study = Study(job=self.job, runs={self.plan.run.name: self.plan})
+        study = JobResult(job=self.job, runs={self.plan.run.name: self.plan})
         return study.to_data(files, {"judged": self.result})
 
     @property
@@ -181,10 +181,10 @@ class JudgedStudy:
                 (
                     Row("name", name, "", "contour", level=FIRST),
                     *error_rows("", "contour error", error, FIRST, FIRST),
-                    *error_rows("missed", "path missed", missed, most=FIRST),
+                    *error_rows("coverage_error", "path missed", coverage_error, most=FIRST),
                 ),
             )
-            for name, error, missed in self.contours
+            for name, error, coverage_error in self.contours
         ]
         columns = ("joint", "", "joint"), ("rms", "rad", "RMS"), ("max", "rad", "largest")
         joints = Table(
@@ -217,11 +217,11 @@ class JudgedStudy:
         return ErrorProfile.join([x for _, x, _ in self.contours])
 
     @cached_property
-    def contours(self) -> list[tuple[str, ErrorProfile, Missed]]:
+    def contours(self) -> list[tuple[str, ErrorProfile, Coverage]]:
         """Names of the contours, their errors without noise, and what the tool left out of them."""
         names = [contour_called(x, k) for k, x in enumerate(self.plan.path.contours)]
         pairs = zip(names, self.pieces, strict=True)
-        return [(name, x.contour_error, x.missed) for name, x in pairs]
+        return [(name, x.contour_error, x.coverage_error) for name, x in pairs]
 
     @property
     def worst_times(self) -> list[float]:
@@ -229,7 +229,7 @@ class JudgedStudy:
         return [error.t_max + self.early for _, error, _ in self.contours]
 
     @cached_property
-    def pieces(self) -> Sequence[Piece]:
+    def pieces(self) -> Sequence[ContourExecution]:
         """The measured motion along each contour, without noise."""
         lifted, run = self.judged.lifted, self.judged.runs[0]
         assert lifted is not None
@@ -249,12 +249,14 @@ class JudgedStudy:
         return found
 
 
-def _measured_pieces(job: Job, plan: RunResult, t: FloatArray, q: FloatArray) -> Sequence[Piece]:
+def _measured_pieces(
+    job: Job, plan: RunResult, t: FloatArray, q: FloatArray
+) -> Sequence[ContourExecution]:
     """The contours of a measured motion, without demands, until the end of the plan."""
     still = np.zeros_like(q)
     executed = Execution(
         arm=job.arm,
-        taught=plan.taught,
+        set_points=plan.set_points,
         t=t,
         q=q,
         dq=still,
@@ -266,7 +268,7 @@ def _measured_pieces(job: Job, plan: RunResult, t: FloatArray, q: FloatArray) ->
     return pieces_of(executed, plan.path, None, plan.trajectory.duration)
 
 
-def _on_time(delay: float, run: LearnedRun) -> list[str]:
+def _on_time(delay: float, run: LearningRun) -> list[str]:
     """Clauses on dead time that the model lacks, and on the clock of the log."""
     found = []
     if delay >= TOLD_DELAY:
@@ -281,19 +283,19 @@ def _on_time(delay: float, run: LearnedRun) -> list[str]:
     return found
 
 
-def _other_set_points(run: LearnedRun) -> list[str]:
+def _other_set_points(run: LearningRun) -> list[str]:
     """A sentence on a log whose set-points are not those of the run."""
     off = float(np.sqrt(np.mean(run.error**2)))
     if run.set_points_off <= max(TOLD_BESIDE, BESIDE * off):
         return []
     return [
         f"The set-points in {run.source} are {number(run.set_points_off, 'rad')} RMS beside those "
-        f"of the taught data, where the joints are {number(off, 'rad')} RMS off the plan: if the "
-        "robot executed others, all figures of this run are wrong, so give these as --taught."
+        f"of the set-points, where the joints are {number(off, 'rad')} RMS off the plan: if the "
+        "robot executed others, all figures of this run are wrong, so give these as --set-points."
     ]
 
 
-def _corrections(run: LearnedRun) -> list[str]:
+def _corrections(run: LearningRun) -> list[str]:
     """Sentences on outliers and encoder offsets in the log of a run."""
     found = []
     if run.outliers:
@@ -314,7 +316,7 @@ def _corrections(run: LearnedRun) -> list[str]:
 
 
 def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> RunResult:
-    """Plan and taught data of one run of a job.
+    """Plan and set-points of one run of a job.
 
     Args:
         job: The job.
@@ -332,11 +334,11 @@ def plan_run(job: Job, name: str | None, progress: Progress | None = None) -> Ru
 def learn_run(
     job: Job,
     plan: RunResult,
-    taught: TaughtData,
+    set_points: SetPoints,
     executed: Execution | Log | Recording,
     *,
     tool: tuple[FloatArray, FloatArray] | None = None,
-) -> Lesson:
+) -> LearningResult:
     """What a run of a job teaches, by the job's arm and servo.
 
     The limits of the run hold for the set-points, unless those before learning exceed them.
@@ -344,7 +346,7 @@ def learn_run(
     Args:
         job: The job.
         plan: The plan of the run.
-        taught: The set-points that were executed: those of the plan, or a lesson.
+        set_points: The set-points that were executed: those of the plan, or a lesson.
         executed: What the joints did, as `learn` takes it.
         tool: Times [s] and measured positions of the tool [m], as `learn` takes them.
 
@@ -353,7 +355,7 @@ def learn_run(
     """
     try:
         lesson = learn(
-            taught,
+            set_points,
             executed,
             arm=job.arm,
             servo=job.servo,
@@ -363,10 +365,10 @@ def learn_run(
     except InvalidInput as error:
         # If the set-points are those of an earlier run, that run is named instead.
         if error.limit == "set_points" and isinstance(executed, Log):
-            refuse_earlier_run(taught, executed)
+            check_run(set_points, executed)
         raise
     if isinstance(executed, Log):
-        refuse_earlier_run(taught, executed)
+        check_run(set_points, executed)
     return lesson
 
 
@@ -386,7 +388,7 @@ def learn_logs(
     """
     plan = plan_run(job, run, progress)
     lesson = _learned(job, plan, logs, progress)
-    assert isinstance(lesson, Lesson)
+    assert isinstance(lesson, LearningResult)
     return LearningStudy(job=job, plan=plan, lesson=lesson)
 
 
@@ -395,26 +397,26 @@ def judge_last(
 ) -> JudgedStudy:
     """What the last of successive runs did; arguments and errors as of `learn_logs`."""
     plan = plan_run(job, run, progress)
-    taught = _learned(job, plan, logs[:-1], progress)
-    under(progress)(Step((f"judging {logs[-1].source}",)))
-    return judge_log(job, plan, taught, logs[-1])
+    set_points = _learned(job, plan, logs[:-1], progress)
+    subprogress(progress)(Step((f"judging {logs[-1].source}",)))
+    return judge_log(job, plan, set_points, logs[-1])
 
 
 def _learned(
     job: Job, plan: RunResult, logs: Sequence[Log | Recording], progress: Progress | None
-) -> TaughtData:
+) -> SetPoints:
     """The set-points after runs of a plan."""
-    taught = plan.taught
+    set_points = plan.set_points
     for log in logs:
-        under(progress)(Step((f"learning from {log.source}",)))
-        taught = learn_run(job, plan, taught, log)
-    return taught
+        subprogress(progress)(Step((f"learning from {log.source}",)))
+        set_points = learn_run(job, plan, set_points, log)
+    return set_points
 
 
 def judge_log(
     job: Job,
     plan: RunResult,
-    taught: TaughtData,
+    set_points: SetPoints,
     log: Log | Recording,
     *,
     tool: tuple[FloatArray, FloatArray] | None = None,
@@ -424,7 +426,7 @@ def judge_log(
     Args:
         job: The job.
         plan: The plan of the run.
-        taught: The set-points that were executed: those of the plan, or a lesson.
+        set_points: The set-points that were executed: those of the plan, or a lesson.
         log: What the joints did.
         tool: Times [s] and measured positions of the tool [m], as `learn` takes them.
 
@@ -432,7 +434,7 @@ def judge_log(
         InvalidInput: As `judge_run` raises it.
     """
     judged = judge_run(
-        taught,
+        set_points,
         log,
         arm=job.arm,
         servo=job.servo,
@@ -440,8 +442,8 @@ def judge_log(
         tool=tool,
     )
     if isinstance(log, Log):
-        refuse_earlier_run(taught, log)
-    early = taught.start_time - judged.start_time
+        check_run(set_points, log)
+    early = set_points.start_time - judged.start_time
     return JudgedStudy(job=job, plan=plan, judged=judged, early=early)
 
 
@@ -453,29 +455,29 @@ def feeds_gravity_forward(run: Run) -> bool:
     return run.experiment is None or run.experiment.gravity_feedforward
 
 
-def refuse_earlier_run(taught: TaughtData, log: Log) -> None:
+def check_run(set_points: SetPoints, log: Log) -> None:
     """Refuse the log of an earlier run, by the set-points in it.
 
     Args:
-        taught: The set-points that were to be executed: of a lesson, or the first ones.
+        set_points: The set-points that were to be executed: of a lesson, or the first ones.
         log: The log.
 
     Raises:
         InvalidInput: The set-points of an earlier run fit those of the log better.
     """
-    if not isinstance(taught, Lesson):
+    if not isinstance(set_points, LearningResult):
         return
-    times = taught.times(len(taught.q), taught.period)
+    times = set_points.times(len(set_points.q), set_points.cycle)
     misfits = []
-    for q in (*(x.q for x in taught.runs), taught.q):
+    for q in (*(x.q for x in set_points.runs), set_points.q):
         offset, rate = fit_to(log.t, log.command, times, q)
         told = interpolate(offset + rate * log.t, times, q)
         misfits.append(float(np.sqrt(np.mean((log.command - told) ** 2))))
     k = int(np.argmin(misfits))
     if misfits[k] < NEARER * misfits[-1]:
         raise InvalidInput(
-            f"{log.source} has the set-points of run {k + 1} ({taught.runs[k].source}), and not "
-            "those that were to be executed: give the log of the last run, or the taught data "
+            f"{log.source} has the set-points of run {k + 1} ({set_points.runs[k].source}), and "
+            f"not those that were to be executed: give the log of the last run, or the set-points "
             "that the robot executed.",
             index=k,
         )

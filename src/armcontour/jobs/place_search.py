@@ -13,8 +13,8 @@ from armcontour.core.quantities import About, Choice
 from armcontour.jobs.axes import FARTHEST, read_axes, read_uncertainty
 from armcontour.robot.scene.scene import BASE, PART
 
-CYCLE, MANIPULABILITY, CLEARANCE, TORQUE = "cycle", "manipulability", "clearance", "torque"
-OBJECTIVES = (CYCLE, MANIPULABILITY, CLEARANCE, TORQUE)
+DURATION, MANIPULABILITY, CLEARANCE, TORQUE = "duration", "manipulability", "clearance", "torque"
+OBJECTIVES = (DURATION, MANIPULABILITY, CLEARANCE, TORQUE)
 # What can be moved.
 WHAT = (PART, BASE)
 # Points that x, y, z and angles are of: the middle of the path, or the origin of its coordinates.
@@ -34,7 +34,7 @@ class PlaceSearch(Checked):
         over: The axes of the grid, each with its first value, its last value and the number of
             values: "x", "y" and "z" [m], "yaw" about z and "tilt" about y of the turned part [rad],
             along the coordinates of the job's path.
-        objective: What is best: "cycle", the shortest duration; "manipulability", the largest of
+        objective: What is best: "duration", the shortest duration; "manipulability", the largest of
             the least singular values along the path; "clearance", the largest of the least
             distances; or "torque", the largest share of the torque limits that is left free.
         uncertainty: Position error of the part, of some axes [m, rad]: each place is rated by the
@@ -58,7 +58,7 @@ class PlaceSearch(Checked):
         Mapping[str, Sequence[Any]],
         About("--over", help=OVER, read="to_axes", key="*"),
     ] = field(default_factory=dict)
-    objective: Annotated[str, Choice(OBJECTIVES), About("--objective")] = CYCLE
+    objective: Annotated[str, Choice(OBJECTIVES), About("--objective")] = DURATION
     uncertainty: Annotated[
         Mapping[str, float], About("--uncertainty", help=OFF, read="to_offsets", key="*")
     ] = field(default_factory=dict)
@@ -75,11 +75,11 @@ class PlaceSearch(Checked):
         self.check(SPACE)
         if isinstance(self.about, str):
             return
-        about = checks.numbers("about", self.about, "m")
+        about = checks.check_numbers("about", self.about, "m")
         if about.shape != (SPACE,):
             raise InvalidInput(f"about is a point of 3 coordinates in m, not {about.size}.")
         for x in about:
-            checks.between("about", x, -FARTHEST["m"], FARTHEST["m"], "m")
+            checks.check_range("about", x, -FARTHEST["m"], FARTHEST["m"], "m")
 
     def check(self, dimension: int) -> None:
         """Refuse axes that an arm has not.

@@ -11,19 +11,19 @@ from typing import Any
 
 import numpy.typing as npt
 
-from armcontour.core.errors import InvalidInput, Unreachable, locate_errors
-from armcontour.core.progress import Progress, Step, under
+from armcontour.core.errors import InvalidInput, Unreachable, error_context
+from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.geometry import Path
 from armcontour.jobs.alternatives import (
     alternatives,
+    check_collision,
     clearance_of,
     first_contour_clear,
-    refuse_collision,
 )
 from armcontour.jobs.job import TANGENT, Job, Rounding, Run
 from armcontour.jobs.planned import Planned
 from armcontour.jobs.reuse import Reuse, comparable
-from armcontour.jobs.single_corners import corner_tolerances, refuse_missing
+from armcontour.jobs.single_corners import check_found, corner_tolerances
 from armcontour.motion import Method, Trajectory
 from armcontour.planning import (
     Explanation,
@@ -49,7 +49,7 @@ def plan_one(
     *,
     objective: Program | None = None,
     clear: bool = True,
-    brief: bool = False,
+    first_only: bool = False,
 ) -> Planned:
     """Plan a run: prepare, round and trace its program, and time it along a clear joint path.
 
@@ -61,15 +61,15 @@ def plan_one(
         progress: Called with the steps of the run, and the share that is done.
         objective: The prepared program; by default that of the job.
         clear: Whether to check the clearance and to try other joint paths until one keeps clear.
-        brief: Whether `Unreachable` may name the first point that is out of reach, which is faster
-            than a search for the farthest one.
+        first_only: Whether `Unreachable` names the first point that is out of reach, not the
+            farthest one. This is faster.
 
     Raises:
         ArmContourError: The run cannot be planned.
     """
-    reuse, tell = Reuse() if reuse is None else reuse, under(progress)
+    reuse, tell = Reuse() if reuse is None else reuse, subprogress(progress)
     objective, traced = trace_one(
-        job, this, reuse, progress, objective=objective, clear=clear, brief=brief
+        job, this, reuse, progress, objective=objective, clear=clear, first_only=first_only
     )
     traced, trajectory, clearance, notes = reuse.get(
         "timing",
@@ -95,7 +95,7 @@ def trace_one(
     *,
     objective: Program | None = None,
     clear: bool = True,
-    brief: bool = False,
+    first_only: bool = False,
 ) -> tuple[Program, Tracing]:
     """The prepared program of a run, and the joint paths of the rounded one.
 
@@ -107,28 +107,28 @@ def trace_one(
         objective: As in `plan_one`.
         clear: Whether the plan must be clear; if not, joint paths with a given start stay the same
             for all limits but joint ranges.
-        brief: As in `plan_one`.
+        first_only: As in `plan_one`.
 
     Raises:
         ArmContourError: The program cannot be prepared, rounded or traced.
     """
-    tell = under(progress)
+    tell = subprogress(progress)
     try:
-        prepared, path = programs_of(job, this, reuse, progress, objective)
+        prepared, path = prepare_and_round(job, this, reuse, progress, objective)
         limits = comparable(this.limits)
         if job.start is not None and not clear:
             limits = comparable(this.limits.joint_range(job.arm.dof))
         made_of = path, _arm_inputs(job), limits
         return prepared, reuse.get("tracing", made_of, lambda: trace_run(job, this, path, tell))
     except Unreachable as error:
-        if brief:
+        if first_only:
             raise
         from armcontour.jobs import reachability
 
         raise reachability.explain(error, job) from None
 
 
-def programs_of(
+def prepare_and_round(
     job: Job,
     this: Run,
     reuse: Reuse | None = None,
@@ -147,7 +147,7 @@ def programs_of(
     Raises:
         ArmContourError: The process does not fit the program, or an automatic lead has no length.
     """
-    cache, tell = Reuse() if reuse is None else reuse, under(progress)
+    cache, tell = Reuse() if reuse is None else reuse, subprogress(progress)
     inputs = path_inputs(job, this)
 
     def make() -> tuple[Program, Program]:
@@ -156,9 +156,9 @@ def programs_of(
         if prepared is None:
             shared = inputs if job.process.automatic else inputs[:2]
             prepared = cache.get("preparing", shared, lambda: _prepare(job, this))
-            this.refuse_until(prepared)
+            this.check_end_time(prepared)
             if this.rounding is not None and this.rounding.at:
-                refuse_missing(job.program.path, prepared, list(this.rounding.at))
+                check_found(job.program.path, prepared, list(this.rounding.at))
         return prepared, round_program(job, this, prepared, tell)
 
     return cache.get(ROUNDING, (objective, *inputs), make)
@@ -189,7 +189,7 @@ def explain_plan(job: Job, trajectory: Trajectory, reuse: Reuse) -> Explanation 
 
 def _arm_inputs(job: Job) -> tuple[Any, ...]:
     """All of the arm and its cell that joint paths depend on, comparable."""
-    return job.arm, job.branch, comparable(job.start), job.scene, job.ignore_collisions
+    return job.arm, job.configuration, comparable(job.start), job.scene, job.ignore_collisions
 
 
 def _prepare(job: Job, this: Run) -> Program:
@@ -203,8 +203,8 @@ def _prepare(job: Job, this: Run) -> Program:
             )
         from armcontour.jobs.leads import automatic_leads
 
-        leads = automatic_leads(job, this, partial(plan_one, clear=False, brief=True))
-    with locate_errors("process"):
+        leads = automatic_leads(job, this, partial(plan_one, clear=False, first_only=True))
+    with error_context("process"):
         return prepare(job.program, job.process, leads)
 
 
@@ -218,12 +218,12 @@ def round_program(
     if rounding.free:
         from armcontour.planning import shape
 
-        with locate_errors("corners"):
+        with error_context("corners"):
             assert isinstance(this.timing, Optimal)
             options = dataclasses.replace(
                 rounding.options,
                 reserve=this.timing.reserve,
-                branch=job.branch,
+                configuration=job.configuration,
                 start=job.start,
                 intervals=this.timing.intervals or intervals_of(program),
             )
@@ -262,7 +262,7 @@ def trace_run(job: Job, this: Run, program: Program, progress: Progress) -> Trac
         program,
         job.arm,
         this.limits,
-        branch=job.branch,
+        configuration=job.configuration,
         start=job.start,
         fits=first_contour_clear(job),
         progress=progress,
@@ -318,5 +318,5 @@ def _time(
         if clearance is None or clearance.kept or job.ignore_collisions:
             break
     else:
-        refuse_collision(job, traced.program, trajectory)
+        check_collision(job, traced.program, trajectory)
     return traced, trajectory, clearance, notes

@@ -1,4 +1,4 @@
-"""`Study` and `RunResult`: what the runs of a job give."""
+"""`JobResult` and `RunResult`: what the runs of a job give."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from armcontour._version import __version__
 from armcontour.control.compensation import NoCompensation
-from armcontour.core.describing import brief, draw, several, to_html
+from armcontour.core.describing import count_noun, draw, short_repr, to_html
 from armcontour.core.errors import ExecutionError
 from armcontour.core.fields import checked
 from armcontour.core.render import Result, compare, lay_out, number, units
@@ -35,7 +35,7 @@ from armcontour.jobs.run_data import (
     warning_rows,
 )
 from armcontour.jobs.verdict import time_limit_row, verdict_rows
-from armcontour.motion import Execution, TaughtData
+from armcontour.motion import Execution, SetPoints
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import RigidBodyPlant
@@ -74,7 +74,7 @@ class ExperimentResult:
         """The evaluation."""
         return f"Experiment on rigid bodies. {self.evaluation}"
 
-    __repr__ = brief
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,7 +82,7 @@ class RunResult(Planned, Result):
     """Result of one run of a job: its plan, its set-points, their execution and its evaluation.
 
     Args:
-        taught: The taught data.
+        set_points: The set-points.
         servo: The servo for which it was made.
         execution: The executed motion; None without a simulation.
         evaluation: Errors of the executed motion; None without a simulation.
@@ -92,7 +92,7 @@ class RunResult(Planned, Result):
         advice: What to change; None if that was not computed.
     """
 
-    taught: TaughtData
+    set_points: SetPoints
     servo: ServoModel | None = None
     execution: Execution | None = None
     evaluation: Evaluation | None = None
@@ -105,7 +105,7 @@ class RunResult(Planned, Result):
         """The verdict on the run and its figures."""
         return run_data(self)
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     figure = draw
 
@@ -143,7 +143,7 @@ class RunResult(Planned, Result):
     def _warnings(self, executed: Clearance | None = None) -> Iterator[str | None]:
         run = self.run
         yield from super()._warnings(self.executed_clearance)
-        yield from warnings.changed_commands(self.taught)
+        yield from warnings.changed_commands(self.set_points)
         if self.servo is not None:
             yield warnings.beyond_logs(self.servo, self.trajectory)
             if not isinstance(run.compensation, NoCompensation):
@@ -159,15 +159,15 @@ class RunResult(Planned, Result):
         """Sentences on plan and execution, with the name of the run, which are no warnings."""
         found = [f"Run {self.run.name}: {x}" for x in self.path.remarks]
         found += [f"Run {self.run.name}: {x.sentence}" for x in self.weaves if not x.differs]
-        if used := self.taught.command_note:
+        if used := self.set_points.command_note:
             found.append(f"Run {self.run.name}: set-points / command limits: {used}.")
         clear = None if self._far_from_itself else self.clearance_note
         found += [x for x in (self.shape_note, self.stops_note, clear) if x is not None]
         if self.advice is not None and self.advice.note:
             found.append(f"Run {self.run.name}: {self.advice.note}")
         e = self.evaluation
-        if e is not None and e.unexplained is not None:
-            along, across = (number(x, "m") for x in e.unexplained)
+        if e is not None and e.model_error is not None:
+            along, across = (number(x, "m") for x in e.model_error)
             found.append(
                 f"Run {self.run.name}: contour error {number(e.contour_error.max, 'm')}, and at "
                 f"most {across} more across the path ({along} along it) that the servo model does "
@@ -185,7 +185,7 @@ class RunResult(Planned, Result):
         return self.evaluation if bodies is None else bodies.evaluation
 
 
-# Columns of `Study.to_dict`, and the figures of a run that they have.
+# Columns of `JobResult.to_dict`, and the figures of a run that they have.
 COLUMNS = {
     "motion": "duration",
     "settled": "settled",
@@ -196,7 +196,7 @@ COLUMNS = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Study:
+class JobResult:
     """A job and the results of its runs.
 
     Args:
@@ -248,7 +248,7 @@ class Study:
         """
         job, arm = self.job, self.job.arm
         found = warnings_of(self.runs.values())
-        more = f", {several(len(found), 'warning')}" if found else ""
+        more = f", {count_noun(len(found), 'warning')}" if found else ""
         runs = self.figures
         return Data(
             f"Study of {job.title}{more}",
@@ -275,7 +275,7 @@ class Study:
         data = self.to_data()
         return lay_out(data.title, compare(data.parts["runs"].parts))
 
-    __repr__ = brief
+    __repr__ = short_repr
 
 
 def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
@@ -449,7 +449,7 @@ def _tables(result: RunResult, job: Job | None) -> Iterator[Table]:
             [(x.contour, x.width, x.frequency, x.left_out) for x in result.weaves],
         )
     if path.single_path is None:
-        starts = resume_intervals(0.0 if job is None else job.process.from_s, result.objective)
+        starts = resume_intervals(0.0 if job is None else job.process.resume_at, result.objective)
         errors = () if result.evaluation is None else result.evaluation.contours
         yield move_table(trajectory, path, starts, errors)
         yield Table(
@@ -461,16 +461,16 @@ def _tables(result: RunResult, job: Job | None) -> Iterator[Table]:
 
 def _set_points(result: RunResult) -> Iterator[Row]:
     """How many set-points there are, and limits of commands with their cost."""
-    taught = result.taught
+    set_points = result.set_points
     if result.servo is None and result.execution is None:
         # The joints of a plan without a servo follow it exactly.
         return
-    every = f"every {number(taught.period, 's')}"
-    yield Row("set_points", len(taught.q), "", "set-points", every)
-    yield Row("cut_off", taught.cut_off, "rad")
-    if taught.command_limits is None:
+    every = f"every {number(set_points.cycle, 's')}"
+    yield Row("set_points", len(set_points.q), "", "set-points", every)
+    yield Row("truncated", set_points.truncated, "rad")
+    if set_points.command_limits is None:
         return
-    cost, use = taught.limit_cost, taught.command_use
+    cost, use = set_points.limit_cost, set_points.command_use
     name = max(use, key=lambda x: use[x].max())
     joint = result.arm.joint_names[int(use[name].argmax())]
     note = f"{joint}, {name.replace('_', ' ')}; " + (
@@ -493,7 +493,7 @@ def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
         yield Row("corner_error", result.rounding_error, "m")
     yield Row("timing", run.timing.method, "", "timing")
     yield Row("compensation", run.compensation.method, "", "compensation")
-    yield Row("period", run.period, "s")
+    yield Row("cycle", run.cycle, "s")
     yield Row("reserve", run.timing.reserve, "1")
     yield Row("continuity", run.continuity)
     if trajectory.arm is not None:
@@ -517,7 +517,7 @@ def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
     yield Row("shaping.wanted", None if run.rounding is None else run.rounding.wanted)
 
 
-def unknown_notes(study: Study) -> tuple[str, ...]:
+def unknown_notes(study: JobResult) -> tuple[str, ...]:
     """Sentences on what simulated robots have that their controllers do not know."""
     found: dict[str, list[str]] = {}
     for name, result in study.runs.items():

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import several
+from armcontour.core.describing import count_noun
 from armcontour.core.fields import quantities
 from armcontour.core.render import number, plain
 from armcontour.core.result import VERDICT, Row, Table
@@ -145,7 +145,7 @@ def move_table(
     Args:
         trajectory: The plan.
         path: The program.
-        starts: Start and end of every contour, in the arc length of `from_s` [m].
+        starts: Start and end of every contour, in the arc length of `resume_at` [m].
         errors: The contour error of every contour; empty without an execution.
     """
     contours = iter(zip(path.contours, starts, strict=True))
@@ -154,11 +154,11 @@ def move_table(
     for x in trajectory.spans:
         more: tuple[Any, ...] = (None,) * 7
         if x.kind == "contour":
-            contour, from_s = next(contours)
+            contour, resume_at = next(contours)
             error = next(known, None)
             own = contour.path
             more = (
-                *(contour.name, contour.layer, contour.closed, x.work, from_s),
+                *(contour.name, contour.layer, contour.closed, x.work, resume_at),
                 _outcome(own) if isinstance(own, ShapedPath) else None,
                 None if error is None else plain(error.to_data()),
             )
@@ -167,7 +167,7 @@ def move_table(
         "moves",
         columns(
             **{"kind": "", "t": "s", "s": "m", "name": "", "layer": "", "closed": ""},
-            **{"work": "s", "from_s": "m", "shaping": "", "contour_error": "m"},
+            **{"work": "s", "resume_at": "m", "shaping": "", "contour_error": "m"},
         ),
         rows,
     )
@@ -200,7 +200,7 @@ def program_rows(trajectory: Trajectory, path: Program, objective: Program) -> I
     pierces = sum(map(pierce_length, path.contours))
     leads = path.length - length - pierces
     closed = sum(x.closed for x in objective.contours)
-    layers = several(len({x.layer for x in path.contours}), "layer")
+    layers = count_noun(len({x.layer for x in path.contours}), "layer")
     ways = {"leads": leads if leads > 1e-9 else 0.0, "pierces": pierces}
     note = ", ".join(f"{name} {number(x, 'm')}" for name, x in ways.items() if x)
     mean = f"mean {number(length / time, 'm/s')}" if time else ""
@@ -229,7 +229,7 @@ def _outcome(path: ShapedPath) -> dict[str, Any]:
 
 
 def resume_intervals(begin: float, objective: Program) -> list[tuple[float, float]]:
-    """Start and end of every contour, in the arc length of `from_s` [m]."""
+    """Start and end of every contour, in the arc length of `resume_at` [m]."""
     lengths = [end - start for start, end in (x.at_work for x in objective.contours)]
     ends = begin + np.concatenate([[0.0], np.cumsum(lengths)])
     return list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))

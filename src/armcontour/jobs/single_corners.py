@@ -67,7 +67,7 @@ def corner_tolerances(
     return np.array([single.get(int(k), tolerance) for k in numbers])
 
 
-def refuse_no_corners(program: Program, process: Process, numbers: Sequence[int]) -> None:
+def check_corners(program: Program, process: Process, numbers: Sequence[int]) -> None:
     """Refuse numbers of waypoints at which a path has no corner.
 
     Args:
@@ -100,7 +100,7 @@ def refuse_no_corners(program: Program, process: Process, numbers: Sequence[int]
             raise InvalidInput(f"corners.at: {_why_not(number, count, path)}.")
 
 
-def refuse_missing(given: Path, program: Program, numbers: Sequence[int]) -> None:
+def check_found(given: Path, program: Program, numbers: Sequence[int]) -> None:
     """Refuse the start of a closed path as a corner, if the prepared path does start there.
 
     Args:

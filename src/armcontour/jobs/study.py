@@ -12,20 +12,20 @@ from typing import Any
 
 from armcontour.control.compensation import NoCompensation
 from armcontour.control.compensation.compensator import teach
-from armcontour.core.errors import ExecutionError, locate_errors
+from armcontour.core.errors import ExecutionError, error_context
 from armcontour.core.fields import checked
-from armcontour.core.progress import Progress, Step, under
+from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.planned import Planned
 from armcontour.jobs.planning import ROUNDING, SHAPING, explain_plan, plan_one
-from armcontour.jobs.results import ExperimentResult, RunResult, Study
+from armcontour.jobs.results import ExperimentResult, JobResult, RunResult
 from armcontour.jobs.reuse import Reuse
-from armcontour.motion import Execution, Method, TaughtData, Trajectory
-from armcontour.planning import refuse_unkept_jerk
+from armcontour.motion import Execution, Method, SetPoints, Trajectory
+from armcontour.planning import check_jerk_support
 from armcontour.program import Program
-from armcontour.simulation import RigidBodyPlant, ServoPlant, execute
-from armcontour.simulation.rigid_body_plant import refuse_without_mujoco
+from armcontour.simulation import RigidBodyPlant, ServoPlant, simulate
+from armcontour.simulation.rigid_body_plant import require_mujoco
 from armcontour.verification import Evaluation, evaluate
 from armcontour.verification.clearance import Clearance
 
@@ -37,7 +37,7 @@ RESOLUTION = 1e-3
 
 
 @checked
-def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) -> Study:
+def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) -> JobResult:
     """Do every run of a job, from the objective path to the evaluation.
 
     An experiment whose joints do not come to rest raises no error: it is the `failure` of its run.
@@ -54,17 +54,19 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
     plants = _plants(job, simulate)
     reuse, done = Reuse(len(job.runs)), dict[str, RunResult]()
     for this in job.runs:
-        tell = under(progress, this.name)
-        with locate_errors(f"Run {this.name}"):
+        tell = subprogress(progress, this.name)
+        with error_context(f"Run {this.name}"):
             planned = plan_one(job, this, reuse, tell)
             tell(Step(("compensation",)))
-            taught = teach_run(job, this, planned.trajectory)
+            set_points = compute_set_points(job, this, planned.trajectory)
             simulated: dict[str, Any] = {}
             if simulate:
-                simulated = _simulate(job, planned, taught, plants.get(this.name), tell)
+                simulated = _simulate(job, planned, set_points, plants.get(this.name), tell)
                 simulated["explanation"] = explain_plan(job, planned.trajectory, reuse)
-            done[this.name] = RunResult.of(planned, taught=taught, servo=job.servo, **simulated)
-    return Study(job=job, runs=MappingProxyType(done))
+            done[this.name] = RunResult.of(
+                planned, set_points=set_points, servo=job.servo, **simulated
+            )
+    return JobResult(job=job, runs=MappingProxyType(done))
 
 
 def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
@@ -78,11 +80,11 @@ def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
     """
     plants = {}
     for x in job.runs:
-        with locate_errors(f"Run {x.name}"):
-            refuse_unkept_jerk(Method.SHAPED if x.is_shaped else x.timing.method, x.limits)
+        with error_context(f"Run {x.name}"):
+            check_jerk_support(Method.SHAPED if x.is_shaped else x.timing.method, x.limits)
             if simulate and x.experiment is not None:
-                with locate_errors(EXPERIMENT):
-                    refuse_without_mujoco()
+                with error_context(EXPERIMENT):
+                    require_mujoco()
                     plants[x.name] = build_plant(x.experiment, job.arm, job.plant_servo, x.limits)
     return plants
 
@@ -90,14 +92,14 @@ def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
 def _simulate(
     job: Job,
     planned: Planned,
-    taught: TaughtData,
+    set_points: SetPoints,
     plant: RigidBodyPlant | None,
     progress: Progress,
 ) -> dict[str, Any]:
     """Fields of a `RunResult`: how the servo executes set-points, and rigid bodies if given."""
     this, path, objective = planned.run, planned.path, planned.objective
     progress(Step(("execution",)))
-    executed = execute_run(job, taught)
+    executed = simulate_run(job, set_points)
     progress(Step(("evaluation",)))
     found: dict[str, Any] = {
         "execution": executed,
@@ -108,32 +110,32 @@ def _simulate(
         return found
     progress(Step((EXPERIMENT,)))
     try:
-        with locate_errors(EXPERIMENT):
-            judged = on_bodies(job, this, taught, path, objective, plant)
+        with error_context(EXPERIMENT):
+            judged = simulate_rigid_bodies(job, this, set_points, path, objective, plant)
             return {**found, "experiment": judged}
     except ExecutionError as error:
         return {**found, "failure": error}
 
 
-def teach_run(job: Job, this: Run, trajectory: Trajectory) -> TaughtData:
+def compute_set_points(job: Job, this: Run, trajectory: Trajectory) -> SetPoints:
     """Compensate the plan of a run for the servo's delay.
 
     Raises:
         CompensationError: The method cannot compensate this delay.
     """
-    return teach(trajectory, job.servo, this.compensation, period=this.period, arm=job.arm)
+    return teach(trajectory, job.servo, this.compensation, cycle=this.cycle, arm=job.arm)
 
 
-def execute_run(job: Job, taught: TaughtData, plant: RigidBodyPlant | None = None) -> Execution:
+def simulate_run(job: Job, set_points: SetPoints, plant: RigidBodyPlant | None = None) -> Execution:
     """Simulate how a plant executes the set-points of a run, by default the servo of the job.
 
     Raises:
         ExecutionError: The joints do not come to rest.
     """
     if plant is None:
-        return execute(taught, ServoPlant(job.arm, job.plant_servo), resolution=RESOLUTION)
+        return simulate(set_points, ServoPlant(job.arm, job.plant_servo), resolution=RESOLUTION)
     # The plant has no results between two cycles of the drives.
-    return execute(taught, plant, resolution=max(RESOLUTION, plant.step))
+    return simulate(set_points, plant, resolution=max(RESOLUTION, plant.step))
 
 
 def evaluate_run(this: Run, executed: Execution, path: Program, objective: Program) -> Evaluation:
@@ -152,35 +154,35 @@ def _executed_clearance(job: Job, found: Planned, executed: Execution) -> Cleara
         return None
     near = job.cell.check(executed)
     if any(x.high <= 0 for x in near.too_near) and not job.ignore_collisions:
-        with locate_errors("as executed"):
+        with error_context("as executed"):
             near.refuse()
     return near
 
 
-def on_bodies(
+def simulate_rigid_bodies(
     job: Job,
     this: Run,
-    taught: TaughtData,
+    set_points: SetPoints,
     path: Program,
     objective: Program,
     plant: RigidBodyPlant,
 ) -> ExperimentResult:
-    """Execute taught data on the simulated rigid bodies of the arm.
+    """Execute set-points on the simulated rigid bodies of the arm.
 
     Args:
         job: The job.
         this: A run with an experiment.
-        taught: The set-points.
+        set_points: The set-points.
         path: The program that the tool follows.
         objective: The program with sharp corners.
         plant: The simulated robot of the run's experiment.
     """
-    executed = execute_run(job, taught, plant)
+    executed = simulate_run(job, set_points, plant)
     uncompensated = None
     if not isinstance(this.compensation, NoCompensation):
         plain = replace(this, compensation=NoCompensation())
         with suppress(ExecutionError):
-            done = execute_run(job, teach_run(job, plain, taught.trajectory), plant)
+            done = simulate_run(job, compute_set_points(job, plain, set_points.trajectory), plant)
             uncompensated = evaluate(done, path, until=this.until)
     return ExperimentResult(
         plant=plant,

@@ -8,14 +8,14 @@ import numpy as np
 
 from armcontour.control.compensation import InverseDynamics
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import several
+from armcontour.core.describing import count_noun
 from armcontour.core.render import figure, number
 from armcontour.core.text import list_some
 from armcontour.geometry import Path, count_full_stops
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.jobs.jerk_stops import JerkStop
 from armcontour.jobs.job import Run
-from armcontour.motion import Execution, TaughtData, Trajectory
+from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.motion.command_limits import describe_excess
 from armcontour.planning import Conventional
 from armcontour.program import Contour, Program, contour_called
@@ -31,7 +31,7 @@ MOST_NAMES = 4
 SAME = 1e-9
 # A joint whose demand exceeds this multiple of its acceleration limit saturates for long.
 FAR_ABOVE = 1.5
-# Share of the motion above which a command interval is too coarse.
+# Share of the motion above which a cycle is too coarse.
 COARSE = 0.1
 # Number of times at which a plan is compared with the motion of logs, in addition to its breaks.
 LOOKS = 1000
@@ -164,7 +164,7 @@ def stops(stops: tuple[JerkStop, ...]) -> Iterator[str]:
         point = ", ".join(number(x, "m") for x in first.point)
         contour = f" of {first.contour}" if first.contour else ""
         yield (
-            f"{several(count, 'full stop')}, the first at s = {number(first.s, 'm')} ({point})"
+            f"{count_noun(count, 'full stop')}, the first at s = {number(first.s, 'm')} ({point})"
             f"{contour}, where the curvature of the path jumps and limits of jerk allow no speed: "
             "corners: {continuity: curvature} with a larger tolerance or transition_tolerance, "
             "longer lines and arcs, or a tool orientation that does not turn leaves fewer."
@@ -194,38 +194,38 @@ def collisions(
 
 def coarse(trajectory: Trajectory, run: Run) -> Iterator[str]:
     """A warning for set-points that hardly represent the plan."""
-    if run.period > COARSE * trajectory.duration:
+    if run.cycle > COARSE * trajectory.duration:
         motion = figure(duration_row(trajectory.duration))
         yield (
-            f"the command interval of {number(run.period, 's')} is more than a tenth of the motion "
+            f"the cycle of {number(run.cycle, 's')} is more than a tenth of the motion "
             f"of {motion} (a number without a unit is in seconds: for "
-            "milliseconds write command_interval: 4 ms)."
+            "milliseconds write cycle: 4 ms)."
         )
 
 
-def changed_commands(taught: TaughtData) -> Iterator[str]:
+def changed_commands(set_points: SetPoints) -> Iterator[str]:
     """Warnings for set-points that are cut off, changed, or beyond the limits of the plan."""
-    if taught.cut_off is not None and taught.cut_off.max() >= UNFELT:
-        j = int(np.argmax(taught.cut_off))
+    if set_points.truncated is not None and set_points.truncated.max() >= UNFELT:
+        j = int(np.argmax(set_points.truncated))
         yield (
             "the servo's velocity feed-forward needs set-points long after the motion, which are "
-            f"cut off: this adds up to {number(taught.cut_off[j], 'rad')} to the error of joint "
-            f"{j + 1} after the end of the plan; a servo model with a larger kp or a "
+            f"cut off: this adds up to {number(set_points.truncated[j], 'rad')} to the error of "
+            f"joint {j + 1} after the end of the plan; a servo model with a larger kp or a "
             "velocity_feedforward nearer to 1 needs less."
         )
-    if taught.limit_cost is not None and taught.limit_cost.deviation.max() >= UNFELT:
+    if set_points.limit_cost is not None and set_points.limit_cost.deviation.max() >= UNFELT:
         yield (
-            f"command_limits change the set-points by {taught.limit_cost}; a plan with a larger "
-            "timing.reserve, or with limits of jerk, needs smaller changes."
+            f"command_limits change the set-points by {set_points.limit_cost}; a plan with a "
+            f"larger timing.reserve, or with limits of jerk, needs smaller changes."
         )
-    yield describe_excess(taught)
+    yield describe_excess(set_points)
 
 
 def unsettled(executed: Execution) -> Iterator[str]:
     """A warning for an execution that ends before the joints are at rest."""
     if executed.unsettled is not None:
         j = int(np.argmax(executed.unsettled))
-        waited = executed.t[-1] - executed.taught.t[-1]
+        waited = executed.t[-1] - executed.set_points.t[-1]
         yield (
             f"joint {j + 1} is not at rest {waited:.3g} s after its last set-point, but "
             f"{number(executed.unsettled[j], 'rad')} from it: raise its servo gains or limits, or "
@@ -296,7 +296,7 @@ def beyond_logs(servo: ServoModel, trajectory: Trajectory) -> str:
         servo: The servo.
         trajectory: The plan.
     """
-    if servo.unexplained is None or servo.logged_velocity is None:
+    if servo.model_error is None or servo.logged_velocity is None:
         return ""
     t = np.union1d(trajectory.breaks, np.linspace(0.0, trajectory.duration, LOOKS))
     return servo.describe_excess(trajectory(t, 1), trajectory(t, 2))

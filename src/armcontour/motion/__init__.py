@@ -1,15 +1,15 @@
-"""Motions as values: joint paths, trajectories, taught data, executions."""
+"""Motions as values: joint paths, trajectories, set-points, executions."""
 
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "_intervals": "interval_times",
     "bounding": "largest_shares",
-    "execution": "LONGEST_CLOCK Execution FineMotion LimitCost TaughtData check_interval",
+    "execution": "Execution FineMotion LONGEST_CLOCK LimitCost SetPoints check_cycle",
     "joint_path": "JointPath",
-    "laws": "LapLaw Law LawAlongPath LineLaw PathLaw Rates stand_still",
+    "laws": "LapLaw Law LawAlongPath LineLaw PathLaw Rates dwell_law",
     "log": "Log",
-    "trajectory": "PERIOD Method Samples Span Stretch TimedEvent Trajectory",
+    "trajectory": "DEFAULT_CYCLE LawPhase Method Samples Span TimedEvent Trajectory",
     "armcontour.core._quintics": "quintic",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

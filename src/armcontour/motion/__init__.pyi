@@ -5,8 +5,8 @@ from armcontour.motion.execution import Execution as Execution
 from armcontour.motion.execution import FineMotion as FineMotion
 from armcontour.motion.execution import LONGEST_CLOCK as LONGEST_CLOCK
 from armcontour.motion.execution import LimitCost as LimitCost
-from armcontour.motion.execution import TaughtData as TaughtData
-from armcontour.motion.execution import check_interval as check_interval
+from armcontour.motion.execution import SetPoints as SetPoints
+from armcontour.motion.execution import check_cycle as check_cycle
 from armcontour.motion.joint_path import JointPath as JointPath
 from armcontour.motion.laws import LapLaw as LapLaw
 from armcontour.motion.laws import Law as Law
@@ -14,12 +14,12 @@ from armcontour.motion.laws import LawAlongPath as LawAlongPath
 from armcontour.motion.laws import LineLaw as LineLaw
 from armcontour.motion.laws import PathLaw as PathLaw
 from armcontour.motion.laws import Rates as Rates
-from armcontour.motion.laws import stand_still as stand_still
+from armcontour.motion.laws import dwell_law as dwell_law
 from armcontour.motion.log import Log as Log
+from armcontour.motion.trajectory import DEFAULT_CYCLE as DEFAULT_CYCLE
+from armcontour.motion.trajectory import LawPhase as LawPhase
 from armcontour.motion.trajectory import Method as Method
-from armcontour.motion.trajectory import PERIOD as PERIOD
 from armcontour.motion.trajectory import Samples as Samples
 from armcontour.motion.trajectory import Span as Span
-from armcontour.motion.trajectory import Stretch as Stretch
 from armcontour.motion.trajectory import TimedEvent as TimedEvent
 from armcontour.motion.trajectory import Trajectory as Trajectory

@@ -6,38 +6,38 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import CompensationError
-from armcontour.motion.execution import TaughtData
+from armcontour.motion.execution import SetPoints
 from armcontour.motion.trajectory import COMMAND_SLACK
 from armcontour.robot import Limits
 from armcontour.robot.limit_use import use_of
 
 
-def refuse_commands(taught: TaughtData, limits: Limits | None = None) -> None:
+def check_commands(set_points: SetPoints, limits: Limits | None = None) -> None:
     """Refuse set-points outside a joint range, or that move faster than a velocity limit.
 
     A compensated command is ahead of the joint by about `dq / K_p`, and so can exceed the limits
     that the plan keeps. A controller that checks its set-points would then stop.
 
     Args:
-        taught: The set-points.
+        set_points: The set-points.
         limits: Limits in place of those of the plan; by default the limits of commands.
 
     Raises:
         CompensationError: A limit is exceeded; with the set-point of the largest excess.
     """
-    given = taught.command_limits if limits is None else limits
-    dof, limits = taught.q.shape[1], taught.trajectory.limits_for(given)
+    given = set_points.command_limits if limits is None else limits
+    dof, limits = set_points.q.shape[1], set_points.trajectory.limits_for(given)
     lower, upper = limits.joint_range(dof)
-    _refuse_beyond(taught, "joint_upper", taught.q, upper)
-    _refuse_beyond(taught, "joint_lower", -taught.q, -lower)
-    rate = np.diff(taught.q, axis=0) / taught.period
+    _refuse_beyond(set_points, "joint_upper", set_points.q, upper)
+    _refuse_beyond(set_points, "joint_lower", -set_points.q, -lower)
+    rate = np.diff(set_points.q, axis=0) / set_points.cycle
     found = use_of("joint_velocity", limits, rate)
     amounts, most = found.value, np.asarray(found.limit)
     at = _worst(amounts, most)
     if at is None:
         return
     k, j = at
-    allowed, t = float(np.broadcast_to(most, rate.shape)[k, j]), float(taught.t[k])
+    allowed, t = float(np.broadcast_to(most, rate.shape)[k, j]), float(set_points.t[k])
     needed = float(amounts[k, j])
     raise CompensationError(
         f"The set-points of joint {j + 1} move at {needed:.6g} rad/s from t = {t:.6g} s on, above "
@@ -51,20 +51,20 @@ def refuse_commands(taught: TaughtData, limits: Limits | None = None) -> None:
     )
 
 
-def describe_excess(taught: TaughtData) -> str:
-    """The sentence of `refuse_commands` for the limits of the plan; empty if it refuses nothing."""
+def describe_excess(set_points: SetPoints) -> str:
+    """The sentence of `check_commands` for the limits of the plan; empty if it refuses nothing."""
     try:
-        refuse_commands(taught)
+        check_commands(set_points)
     except CompensationError as error:
         return str(error)
     return ""
 
 
-def _refuse_beyond(taught: TaughtData, name: str, values: FloatArray, most: FloatArray) -> None:
+def _refuse_beyond(set_points: SetPoints, name: str, values: FloatArray, most: FloatArray) -> None:
     """Raise CompensationError if set-points exceed the end `name` of the joint range.
 
     Args:
-        taught: The set-points.
+        set_points: The set-points.
         name: "joint_upper" or "joint_lower".
         values: The set-points, with the opposite sign for "joint_lower" [rad], (n, dof).
         most: The end of the range, with the opposite sign for "joint_lower" [rad], (dof,).
@@ -74,7 +74,7 @@ def _refuse_beyond(taught: TaughtData, name: str, values: FloatArray, most: Floa
         return
     k, j = at
     sign = 1.0 if name == "joint_upper" else -1.0
-    needed, allowed, t = sign * float(values[k, j]), sign * float(most[j]), float(taught.t[k])
+    needed, allowed, t = sign * float(values[k, j]), sign * float(most[j]), float(set_points.t[k])
     raise CompensationError(
         f"The set-point of joint {j + 1} at t = {t:.6g} s is {needed:.6g} rad, beyond its {name} "
         f"of {allowed:.6g} rad: plan {abs(needed - allowed):.2g} rad from it, or slower there.",

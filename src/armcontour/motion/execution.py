@@ -11,11 +11,11 @@ from armcontour.core import checks
 from armcontour.core._quintics import evaluate, quintic
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.describing import (
-    brief,
+    count_noun,
     draw,
+    format_table,
     joint_rows,
-    line_up,
-    several,
+    short_repr,
     to_html,
 )
 from armcontour.core.errors import InvalidInput
@@ -30,9 +30,9 @@ SAME = 1e-9
 # Times are whole numbers of steps if they are so near to them [steps].
 WHOLE = 1e-3
 # The start of the plan counts as a set-point's time if they differ by less than this fraction of a
-# command interval.
+# cycle.
 WHOLE_CYCLES = 1e-9
-# Smallest and largest command interval [s]: shorter ones come near rounding errors of times; longer
+# Smallest and largest cycle [s]: shorter ones come near rounding errors of times; longer
 # ones say nothing about the motion between set-points.
 INTERVALS = (1e-6, 1.0)
 # Time between the samples of a plan in place of an execution [s], and their largest number.
@@ -55,7 +55,7 @@ class Execution(Checked):
 
     Args:
         arm: The arm that moved.
-        taught: The set-points that the plant executed.
+        set_points: The set-points that the plant executed.
         t: Regular times [s], (n,).
         q, dq, ddq: Joint positions, velocities and accelerations [rad, rad/s, rad/s²], (n, dof).
         demand: Accelerations that the servos demand, before saturation [rad/s²], (n, dof).
@@ -67,7 +67,7 @@ class Execution(Checked):
             are between motors and links; None where they are those of the links, q.
         unsettled: Distances of the joints from the last set-point at the end [rad], (dof,), where
             they are not at rest there; None where they are.
-        unexplained: Largest error of each joint that the servo model of the plant does not explain
+        model_error: Largest error of each joint that the servo model of the plant does not explain
             [rad], (dof,); None if it is not known.
         plant: What tells the motion between the times `t`, so that `evaluate` finds peaks there;
             None where only the results are known, as those of a log, or of changed arrays.
@@ -77,7 +77,7 @@ class Execution(Checked):
     """
 
     arm: Arm
-    taught: TaughtData
+    set_points: SetPoints
     t: FloatArray
     q: FloatArray
     dq: FloatArray
@@ -89,7 +89,7 @@ class Execution(Checked):
     torque_demand: FloatArray | None = None
     motor_q: FloatArray | None = None
     unsettled: FloatArray | None = None
-    unexplained: FloatArray | None = None
+    model_error: FloatArray | None = None
     plant: Between | None = None
 
     def _check_together(self) -> None:
@@ -116,9 +116,9 @@ class Execution(Checked):
             held = number(self.saturated_time[j], "s")
             reach = f"{low:z.4f} to {high:z.4f}"
             rows.append([name, reach, velocity, acceleration, held, *torque])
-        return line_up(title, rows, columns=">")
+        return format_table(title, rows, columns=">")
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     _repr_html_ = to_html
     figure = draw
@@ -139,12 +139,12 @@ class Execution(Checked):
             trajectory: The plan.
             arm: Its arm.
         """
-        period = max(PLANNED_STEP, trajectory.duration / MOST_PLANNED)
-        samples = trajectory.sample(period)
-        taught = TaughtData(period=period, q=samples.q, trajectory=trajectory, method="none")
+        cycle = max(PLANNED_STEP, trajectory.duration / MOST_PLANNED)
+        samples = trajectory.sample(cycle)
+        set_points = SetPoints(cycle=cycle, q=samples.q, trajectory=trajectory, method="none")
         return cls(
             arm=arm,
-            taught=taught,
+            set_points=set_points,
             t=samples.t,
             q=samples.q,
             dq=samples.dq,
@@ -172,12 +172,12 @@ class Execution(Checked):
         return found if off.max(initial=0.0) < SAME else None
 
     def _are_steps(self, which: IntArray) -> bool:
-        """Whether some results and the next ones are at whole steps of the command interval."""
+        """Whether some results and the next ones are at whole steps of the cycle."""
         step = float(self.t[1] - self.t[0])
-        if not 0 < step < self.taught.period * (1 + WHOLE):
+        if not 0 < step < self.set_points.cycle * (1 + WHOLE):
             return False
-        steps = self.taught.period / step
-        at = (self.t[np.stack([which, which + 1])] - self.taught.start_time) / step
+        steps = self.set_points.cycle / step
+        at = (self.t[np.stack([which, which + 1])] - self.set_points.start_time) / step
         whole = at.round()
         return bool(
             abs(steps - round(steps)) < WHOLE
@@ -267,22 +267,22 @@ class FineMotion:
         return cls(t=t[i], q=q[i], before=rate, after=rate, ddq=bend)
 
 
-def check_interval(period: float) -> float:
-    """A checked command interval [s].
+def check_cycle(cycle: float) -> float:
+    """A checked cycle [s].
 
     Raises:
         InvalidInput: The interval is not a number, or outside INTERVALS.
     """
-    interval = checks.number("command interval", period, "s")
+    interval = checks.check_number("cycle", cycle, "s")
     if INTERVALS[1] < interval <= 1e3 * INTERVALS[1]:
         raise InvalidInput(
-            f"command interval is {interval:g} s, but at most {INTERVALS[1]:g} s: a number without "
+            f"cycle is {interval:g} s, but at most {INTERVALS[1]:g} s: a number without "
             f"a unit is in s, so for {interval:g} ms give {interval:g} ms in a job, or "
             f"{interval / 1e3:g} in Python.",
             needed=interval,
             allowed=INTERVALS[1],
         )
-    return checks.between("command interval", interval, *INTERVALS, "s")
+    return checks.check_range("cycle", interval, *INTERVALS, "s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -310,18 +310,18 @@ class LimitCost(Checked):
 
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TaughtData(Checked):
+class SetPoints(Checked):
     """Joint set-points at regular times.
 
     Args:
-        period: Command interval [s].
+        cycle: Cycle [s].
         q: Set-points [rad], (n, dof); set-point k is due k periods after the first. Before the
             first and after the last set-point the command is constant.
         trajectory: The realizable trajectory that the joints should follow.
         method: Name of the compensation method that made the set-points.
         start_time: Time of the first set-point [s], not above 0. The planned motion starts at 0;
             set-points with a time advance start before.
-        cut_off: Bound of each joint's error after the planned motion because the transient of its
+        truncated: Bound of each joint's error after the planned motion because the transient of its
             set-points is cut off [rad], (dof,); None if it is not.
         command_limits: Limits of the set-points themselves, as in `compensate`; None without any.
         limit_cost: Cost of these limits; None if all set-points are as without them.
@@ -331,19 +331,19 @@ class TaughtData(Checked):
             INTERVALS, or the start time is above 0.
     """
 
-    period: float
+    cycle: float
     q: Annotated[FloatArray, Quantity("rad"), Axes("n", "joints")]
     trajectory: Trajectory
     method: str
     start_time: Time = 0.0
-    cut_off: FloatArray | None = None
+    truncated: FloatArray | None = None
     command_limits: Limits | None = None
     limit_cost: LimitCost | None = None
 
     def _check_together(self) -> None:
-        check_interval(self.period)
+        check_cycle(self.cycle)
         if not len(self.q):
-            raise InvalidInput("Taught data needs at least one row of set-points, one per joint.")
+            raise InvalidInput("Set-points needs at least one row of set-points, one per joint.")
         if self.start_time > 0:
             raise InvalidInput(
                 "start_time must not be above zero, when the plan starts, but is "
@@ -352,18 +352,18 @@ class TaughtData(Checked):
 
     def __str__(self) -> str:
         """Number and interval of the set-points, and where the joints are sent."""
-        return line_up(self._title("Taught data"), self._rows)
+        return format_table(self._title("Set-points"), self._rows)
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     def _title(self, what: str) -> str:
         """What it is, with the number of set-points."""
-        return f"{what}: {several(len(self.q), 'set-point')} every {number(self.period, 's')}"
+        return f"{what}: {count_noun(len(self.q), 'set-point')} every {number(self.cycle, 's')}"
 
     @property
     def _rows(self) -> list[tuple[str, str]]:
         """Method, times and joint positions as names and values."""
-        first, last = self.start_time, self.start_time + (len(self.q) - 1) * self.period
+        first, last = self.start_time, self.start_time + (len(self.q) - 1) * self.cycle
         return [
             ("compensation", self.method),
             ("times", f"{number(first, 's')} to {number(last, 's')}"),
@@ -384,7 +384,7 @@ class TaughtData(Checked):
 
         if self.command_limits is None:
             return {}
-        return command_use(self.q, self.period, self.command_limits)
+        return command_use(self.q, self.cycle, self.command_limits)
 
     @property
     def command_note(self) -> str:
@@ -394,7 +394,7 @@ class TaughtData(Checked):
     @property
     def t(self) -> FloatArray:
         """Times of the set-points [s], (n,); the planned motion starts at 0."""
-        return self.times(len(self.q), self.period)
+        return self.times(len(self.q), self.cycle)
 
     def times(self, count: int, step: float) -> FloatArray:
         """Regular times from the first set-point on [s], (count,).

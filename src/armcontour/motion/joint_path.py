@@ -11,7 +11,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core._quintics import evaluate, quintic
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.describing import brief, joint_rows, line_up, several
+from armcontour.core.describing import count_noun, format_table, joint_rows, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Axes, Choice
@@ -28,7 +28,7 @@ LARGEST_JUMP = 1e-6
 LARGEST_KINK = 1e-6
 # A dq_ds below this share of the sum of its terms is rounding: its direction means nothing.
 NO_DIRECTION = 1e-12
-NO_STOPS = checks.lock_floats([])
+NO_STOPS = checks.frozen_array([])
 
 
 @checks.explain_calls
@@ -66,21 +66,21 @@ class JointPath(Checked):
         if jump > LARGEST_JUMP:
             self._refuse_jump()
         if len(self.stops) or kinks.any():
-            object.__setattr__(self, "stops", checks.lock_floats(self._all_stops(kinks)))
+            object.__setattr__(self, "stops", checks.frozen_array(self._all_stops(kinks)))
 
     def __str__(self) -> str:
         """Length, intervals, stops, and where the joints are at breaks."""
         ends = np.concatenate([self.coefficients[:, 0], self.coefficients[-1:].sum(axis=1)])
-        return line_up(
-            f"Joint path: {number(self.length, 'm')}, {several(self.dof, 'joint')}, "
-            f"{several(len(self.breaks) - 1, 'interval')}",
+        return format_table(
+            f"Joint path: {number(self.length, 'm')}, {count_noun(self.dof, 'joint')}, "
+            f"{count_noun(len(self.breaks) - 1, 'interval')}",
             [
                 ("inner stops", f"{len(self.stops)}"),
                 *joint_rows(ends),
             ],
         )
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     def _refuse_jump(self) -> NoReturn:
         """Raise InvalidInput for the largest jump of a joint position at a break."""
@@ -132,7 +132,7 @@ class JointPath(Checked):
             InvalidInput: As of the class, or shapes differ.
         """
         at = checks.shaped("breaks of a joint path", breaks, (None,))
-        checks.refuse_if(len(at) < 2, "A joint path needs at least two breaks.")
+        checks.raise_if(len(at) < 2, "A joint path needs at least two breaks.")
         first = checks.shaped("begin", begin, (3, len(at) - 1, None))
         last = checks.shaped("end", end, first.shape)
         return cls(
@@ -164,13 +164,13 @@ class JointPath(Checked):
                 is none of these.
         """
         clamped = ends == "clamped"
-        knots = checks.numbers("joint positions", points, "rad")
+        knots = checks.check_numbers("joint positions", points, "rad")
         if knots.ndim != 2 or len(knots) < 2:
             raise InvalidInput("A spline needs at least two rows of joint positions.")
         if s is None:
             at = np.concatenate([[0], np.cumsum(np.linalg.norm(knots[1:] - knots[:-1], axis=1))])
         else:
-            at = checks.numbers("spline parameters", s)
+            at = checks.check_numbers("spline parameters", s)
         if at.shape != (len(knots),) or not (at[1:] > at[:-1]).all():
             raise InvalidInput(
                 "Spline parameters must be one per point and increase: leave repeated points out."
@@ -223,7 +223,7 @@ class JointPath(Checked):
             side: "right" for the interval after a break, "left" for the interval before the break.
         """
         at = checks.floats("arc lengths", s, "m")
-        found = np.searchsorted(self.breaks, at, side=checks.side(side)) - 1
+        found = np.searchsorted(self.breaks, at, side=checks.check_side(side)) - 1
         return np.clip(found, 0, len(self.breaks) - 2)
 
     def on_interval(self, i: IntArray, s: FloatArray, order: int = 0) -> FloatArray:

@@ -72,7 +72,7 @@ class LawAlongPath(Law):
         Returns:
             Indices of intervals, (n,), and times [s], (n,).
         """
-        found = np.searchsorted(self.s, s, side=checks.side(side)) - 1
+        found = np.searchsorted(self.s, s, side=checks.check_side(side)) - 1
         i = np.clip(found, 0, len(self.breaks) - 2)
         t = self.breaks[i]
         # At breaks the times are known exactly.
@@ -124,7 +124,7 @@ class LapLaw(Law):
 
 
 @checked
-def stand_still(q: FloatArray, duration: Interval) -> LapLaw:
+def dwell_law(q: FloatArray, duration: Interval) -> LapLaw:
     """The law of joints that stand still.
 
     Args:
@@ -134,7 +134,9 @@ def stand_still(q: FloatArray, duration: Interval) -> LapLaw:
     Raises:
         InvalidInput: No row of joint positions, or no duration above zero.
     """
-    at = checks.shaped("joint positions", checks.numbers("joint positions", q, "rad"), (None,))
+    at = checks.shaped(
+        "joint positions", checks.check_numbers("joint positions", q, "rad"), (None,)
+    )
     rest = np.zeros((1, len(at)))
     return LapLaw(breaks=np.array([0.0, duration]), q=np.tile(at, (2, 1)), dq=rest, ddq=rest)
 
@@ -165,7 +167,7 @@ class LineLaw(LapLaw, LawAlongPath):
         # The knots of a traced path are on the line, up to rounding errors.
         s = np.maximum.accumulate(np.clip(self._along(self.q), *self.ends))
         s[0], s[-1] = self.ends
-        object.__setattr__(self, "s", checks.lock_floats(s))
+        object.__setattr__(self, "s", checks.frozen_array(s))
 
     def path_position(self, i: IntArray, t: FloatArray, order: int = 0) -> FloatArray:
         """S or a derivative: the tool's position and its derivatives along the line."""
@@ -238,7 +240,7 @@ class PathLaw(LawAlongPath):
     def _check_together(self) -> None:
         _refuse_disorder(self.breaks)
         n = len(self.breaks) - 1
-        rates = [checks.lock_floats(x) for x in self.rates]
+        rates = [checks.frozen_array(x) for x in self.rates]
         if not isinstance(self.rates, Rates) or any(x.shape != (n,) for x in rates):
             raise InvalidInput(f"A path law of {n} intervals needs Rates of {n} values each.")
         object.__setattr__(self, "rates", Rates(*rates))
@@ -261,7 +263,7 @@ class PathLaw(LawAlongPath):
         """
         n = len(slope)
         breaks, ds, dds = np.empty(n + 1), np.empty(n), np.empty(n)
-        stuck = write_law(s, x, checks.for_kernel(slope), breaks, ds, dds)
+        stuck = write_law(s, x, checks.kernel_array(slope), breaks, ds, dds)
         if stuck >= 0:
             raise InvalidInput(
                 f"From s = {s[stuck]:g} to {s[stuck + 1]:g} m a law would be at rest.", index=stuck
@@ -341,7 +343,7 @@ def join_path(
     rows = np.array([0, len(joint_path.breaks)])
     tables = rows, joint_path.breaks, joint_path.coefficients
     joint_motions(along.reshape(4, count), flatten(end, shape), only, *tables, found)
-    # Not views of other arrays where none are needed, so that `lock_floats` makes no copies.
+    # Not views of other arrays where none are needed, so that `frozen_array` makes no copies.
     return tuple(found[k] if len(shape) == 1 else found[k].reshape((*shape, dof)) for k in orders)
 
 

@@ -12,12 +12,12 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.describing import brief, clock, joint_rows, line_up, several
+from armcontour.core.describing import clock, count_noun, format_table, joint_rows, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.quantities import Axes, Choice, Name, Quantity
 from armcontour.core.render import number
-from armcontour.core.sampling import GAP, LARGEST, describe_bursts, refuse_samples
+from armcontour.core.sampling import GAP, LARGEST, check_samples, describe_bursts
 from armcontour.core.text import show
 
 # What is known of a command between two samples of a log: not more.
@@ -78,14 +78,14 @@ class Log(Checked):
                 f"{self.source} needs {dof} different joint names, not {', '.join(names)}."
             )
         object.__setattr__(self, "joint_names", names)
-        refuse_samples(self.t, {x: getattr(self, x) for x in POSITIONS}, self._place)
+        check_samples(self.t, {x: getattr(self, x) for x in POSITIONS}, self._place)
         for j, name in product(range(dof), POSITIONS):
             self._check_turns(name, j)
 
     def __str__(self) -> str:
         """Where it comes from, its times, and where the joints were."""
-        return line_up(
-            f"Log of {several(self.dof, 'joint')}: {several(len(self.t), 'sample')}, "
+        return format_table(
+            f"Log of {count_noun(self.dof, 'joint')}: {count_noun(len(self.t), 'sample')}, "
             f"t = {number(self.t[0], 's')} to {number(self.t[-1], 's')}",
             [
                 ("source", self.source),
@@ -95,7 +95,7 @@ class Log(Checked):
             ],
         )
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     @property
     def dof(self) -> int:
@@ -112,7 +112,7 @@ class Log(Checked):
         """Indices of the samples after which there is a gap, (gaps,)."""
         return np.flatnonzero(np.diff(self.t) > GAP * self.interval)
 
-    def refuse_gaps(self) -> None:
+    def check_gaps(self) -> None:
         """Refuse a log with gaps.
 
         Raises:
@@ -154,7 +154,7 @@ class Log(Checked):
                 f"{self.source}: {name} has shape {values.shape}, but must have one row for "
                 f"each of the {len(self.t)} times and one column per joint."
             )
-        return checks.lock_floats(np.ascontiguousarray(values))
+        return checks.frozen_array(np.ascontiguousarray(values))
 
     def _place(self, name: str, i: int, j: int) -> str:
         """A time or a position, for messages."""

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import clock, several
+from armcontour.core.describing import clock, count_noun
 from armcontour.core.errors import InvalidInput
 from armcontour.core.sampling import white_noise
 from armcontour.core.text import list_some, show
@@ -111,7 +111,7 @@ def arrange(log: Log, joint_names: Sequence[str]) -> Log:
         own, other = (list_some(x, MOST_NAMED) for x in (names, joint_names))
         if len(names) != len(joint_names):
             raise InvalidInput(
-                f"{source} has {several(len(names), 'joint')} ({own}), but the arm has "
+                f"{source} has {count_noun(len(names), 'joint')} ({own}), but the arm has "
                 f"{len(joint_names)} ({other}): name its columns as the arm's joints, or give "
                 f"the arm of the log. {' '.join(log.notes)}".rstrip()
             )
@@ -163,8 +163,8 @@ def check_logs(logs: Sequence[Log], arm: Arm) -> None:
                 needed=log.interval,
                 allowed=COARSEST,
             )
-        refuse_far(log, arm)
-        refuse_unled(log)
+        check_distance(log, arm)
+        check_leading_rest(log)
     total = sum(float(x.t[-1] - x.t[0]) for x in logs)
     if total > LONGEST:
         raise InvalidInput(
@@ -175,7 +175,7 @@ def check_logs(logs: Sequence[Log], arm: Arm) -> None:
         )
 
 
-def refuse_far(log: Log, arm: Arm) -> None:
+def check_distance(log: Log, arm: Arm) -> None:
     """Refuse a log with positions that the arm cannot have.
 
     Args:
@@ -186,10 +186,10 @@ def refuse_far(log: Log, arm: Arm) -> None:
         InvalidInput: A joint is outside its range.
     """
     both = {"set-point": log.command, "measured position": log.measured}
-    refuse_beyond(log.source, log.t, both, log.joint_names, arm)
+    check_range_of_log(log.source, log.t, both, log.joint_names, arm)
 
 
-def refuse_beyond(
+def check_range_of_log(
     source: str,
     t: FloatArray,
     positions: Mapping[str, FloatArray],
@@ -236,7 +236,7 @@ def refuse_beyond(
         )
 
 
-def refuse_fast(log: Log) -> None:
+def check_speeds(log: Log) -> None:
     """Refuse a log in which a joint moves faster than any does.
 
     Raises:
@@ -260,7 +260,7 @@ def refuse_fast(log: Log) -> None:
             )
 
 
-def refuse_unled(log: Log) -> None:
+def check_leading_rest(log: Log) -> None:
     """Refuse a log that only another order, unit or direction of its columns explains.
 
     Raises:
@@ -273,10 +273,10 @@ def refuse_unled(log: Log) -> None:
         moves = max(np.ptp(command), np.ptp(measured)) >= MOVES
         if not moves or np.sum(left**2) < (1 - FOLLOWS) * np.sum((measured - measured.mean()) ** 2):
             continue
-        refuse_misread(log, LONGEST_DEAD_TIME, j, alone=False)
+        check_units(log, LONGEST_DEAD_TIME, j, alone=False)
 
 
-def refuse_misread(log: Log, longest: float, j: int, *, alone: bool = True) -> None:
+def check_units(log: Log, longest: float, j: int, *, alone: bool = True) -> None:
     """Refuse a log whose joint j does not follow its command, if another reading explains it.
 
     Args:
@@ -297,7 +297,7 @@ def refuse_misread(log: Log, longest: float, j: int, *, alone: bool = True) -> N
             )
 
 
-def refuse_part(source: str, t: FloatArray, duration: float, slack: float) -> None:
+def check_is_whole(source: str, t: FloatArray, duration: float, slack: float) -> None:
     """Refuse a recording that does not cover a whole motion.
 
     Args:

@@ -48,27 +48,27 @@ def command_bounds(limits: Limits, dof: int) -> FloatArray:
     return np.array([limits.joint_range(dof), *(limits.bounds(x, dof) for x in BY_ORDER[1:])])
 
 
-def command_use(q: FloatArray, period: float, limits: Limits) -> dict[str, FloatArray]:
+def command_use(q: FloatArray, cycle: float, limits: Limits) -> dict[str, FloatArray]:
     """Largest share of each limit that set-points use, per joint, by names of `BY_ORDER`.
 
     Args:
         q: Set-points [rad], (n, dof); constant before and after.
-        period: Command interval [s].
+        cycle: Cycle [s].
         limits: Limits of commands.
     """
     return {
-        name: use_of(name, limits, differences(q, order) / period**order).largest
+        name: use_of(name, limits, differences(q, order) / cycle**order).largest
         for order, name in enumerate(BY_ORDER)
         if name and getattr(limits, name) is not None
     }
 
 
-def excess(q: FloatArray, period: float, bounds: FloatArray) -> tuple[int, int, int, float] | None:
+def excess(q: FloatArray, cycle: float, bounds: FloatArray) -> tuple[int, int, int, float] | None:
     """Order, row and joint of the set-point farthest beyond its bound, and its value.
 
     Args:
         q: Set-points [rad], (n, dof).
-        period: Command interval [s].
+        cycle: Cycle [s].
         bounds: As of `command_bounds`; the first orders are enough.
 
     Returns:
@@ -78,7 +78,7 @@ def excess(q: FloatArray, period: float, bounds: FloatArray) -> tuple[int, int, 
     for order, (low, high) in enumerate(bounds):
         if not (np.isfinite(low).any() or np.isfinite(high).any()):
             continue
-        x = differences(q, order) / period**order if order else q
+        x = differences(q, order) / cycle**order if order else q
         upper, lower = (np.where(np.isfinite(y) & (order > 0), np.abs(y), 1.0) for y in (high, low))
         beyond = np.maximum((x - high) / upper, (low - x) / lower)
         k, j = (int(i) for i in np.unravel_index(int(np.argmax(beyond)), beyond.shape))
@@ -89,7 +89,7 @@ def excess(q: FloatArray, period: float, bounds: FloatArray) -> tuple[int, int, 
 
 
 def nearest_commands(
-    q: FloatArray, period: float, bounds: FloatArray, otherwise: FloatArray | None = None
+    q: FloatArray, cycle: float, bounds: FloatArray, otherwise: FloatArray | None = None
 ) -> tuple[FloatArray, int | None]:
     """The set-points nearest to given ones, in the mean square, within bounds.
 
@@ -98,7 +98,7 @@ def nearest_commands(
 
     Args:
         q: Set-points [rad], (n, dof), at rest before and after.
-        period: Command interval [s].
+        cycle: Cycle [s].
         bounds: As of `command_bounds`.
         otherwise: Set-points of the joints for which none satisfy the bounds.
 
@@ -108,9 +108,9 @@ def nearest_commands(
     found = q.copy()
     for j in range(q.shape[1]):
         own, one = bounds[:, :, j], q[:, j : j + 1]
-        if excess(one, period, own[:, :, None]) is None:
+        if excess(one, cycle, own[:, :, None]) is None:
             continue
-        steps, digit = period ** np.arange(len(own))[:, None], 10.0**-DECIMALS
+        steps, digit = cycle ** np.arange(len(own))[:, None], 10.0**-DECIMALS
         margin = digit * 2.0 ** np.arange(len(own))[:, None] + COMMAND_SLACK * np.abs(own * steps)
         inside = own * steps + np.where(np.isfinite(own), margin, 0.0) * (1.0, -1.0)
         nearest = nearest_within(one[:, 0], [(float(x), float(y)) for x, y in inside])

@@ -14,7 +14,14 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.describing import brief, count_kinds, draw, line_up, several, to_html
+from armcontour.core.describing import (
+    count_kinds,
+    count_noun,
+    draw,
+    format_table,
+    short_repr,
+    to_html,
+)
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Interval
@@ -24,8 +31,8 @@ from armcontour.motion._laws import Motion, joint_motions, path_motions
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
 from armcontour.robot import Arm, Limits
 
-# Command interval by default [s].
-PERIOD = 4e-3
+# Cycle by default [s].
+DEFAULT_CYCLE = 4e-3
 # Number of times that are computed together, to save memory.
 AT_ONCE = 50_000
 # Times of so many laws along joint paths are computed together.
@@ -46,13 +53,13 @@ class Method(StrEnum):
     """Names of the planning methods."""
 
     OPTIMAL = "optimal"
-    MAC = "mac"
+    PAPER = "paper"
     CONVENTIONAL = "conventional"
     SHAPED = "shaped"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stretch(Checked):
+class LawPhase(Checked):
     """A part of a trajectory that was planned by one rule.
 
     Args:
@@ -135,7 +142,7 @@ class Samples(Checked):
     dq: FloatArray
     ddq: FloatArray
 
-    __repr__ = brief
+    __repr__ = short_repr
 
 
 def to_columns(samples: Any) -> dict[str, FloatArray]:
@@ -174,7 +181,7 @@ class Trajectory(Checked):
     laws: tuple[Law, ...]
     method: str
     path: Path | None = None
-    stretches: tuple[Stretch, ...] = ()
+    stretches: tuple[LawPhase, ...] = ()
     spans: tuple[Span, ...] = ()
     events: tuple[TimedEvent, ...] = ()
     limits: Limits | None = None
@@ -189,10 +196,10 @@ class Trajectory(Checked):
         if not self.laws:
             raise InvalidInput("A trajectory needs at least one law of motion.")
         starts = [0.0, *accumulate(float(law.breaks[-1]) for law in self.laws)]
-        object.__setattr__(self, "starts", checks.lock_floats(starts))
+        object.__setattr__(self, "starts", checks.frozen_array(starts))
         parts = _parts(self.laws, self.spans)
         object.__setattr__(self, "_parts", parts)
-        object.__setattr__(self, "_ends", checks.lock_floats([x.s for x in parts]))
+        object.__setattr__(self, "_ends", checks.frozen_array([x.s for x in parts]))
 
     def __repr__(self) -> str:
         """Method, duration and number of joints, without arrays."""
@@ -201,12 +208,12 @@ class Trajectory(Checked):
     @property
     def _size(self) -> str:
         """Duration and number of joints."""
-        return f"{number(self.duration, 's')}, {several(self.dof, 'joint')}"
+        return f"{number(self.duration, 's')}, {count_noun(self.dof, 'joint')}"
 
     def __str__(self) -> str:
         """Method, duration, length, and what the motion consists of."""
         path, moves = self.path, Counter(x.kind for x in self.spans)
-        return line_up(
+        return format_table(
             f"Trajectory: {self._size}",
             [
                 ("method", str(self.method)),
@@ -220,13 +227,13 @@ class Trajectory(Checked):
     _repr_html_ = to_html
     figure = draw
 
-    def to_dict(self, period: float = PERIOD) -> dict[str, FloatArray]:
+    def to_dict(self, cycle: float = DEFAULT_CYCLE) -> dict[str, FloatArray]:
         """Samples as columns that `pandas.DataFrame` takes, by name.
 
             pandas.DataFrame(trajectory.to_dict(period=8e-3)).plot(x="t", y="dq1")
 
         Args:
-            period: Time between samples [s].
+            cycle: Time between samples [s].
 
         Returns:
             `t` [s], and of each joint `q1`, `dq1` and `ddq1` [rad, rad/s, rad/s²], (n,) each.
@@ -234,7 +241,7 @@ class Trajectory(Checked):
         Raises:
             InvalidInput: As for `sample`.
         """
-        return to_columns(self.sample(period))
+        return to_columns(self.sample(cycle))
 
     @checked
     def limited(self, limits: Limits, reserve: float = 0.0, arm: Arm | None = None) -> Trajectory:
@@ -308,7 +315,7 @@ class Trajectory(Checked):
         Raises:
             InvalidInput: The times are no numbers.
         """
-        t = np.atleast_1d(checks.numbers("t", t, "s"))
+        t = np.atleast_1d(checks.check_numbers("t", t, "s"))
         if not self.spans:
             return [] if self.path is None else [(self.path, np.arange(len(t)))]
         found: list[tuple[Path, IntArray]] = []
@@ -387,7 +394,7 @@ class Trajectory(Checked):
                 whole[of] = part
         if not found:
             found = tuple(np.empty((0, self.dof)) for _ in orders)
-        # Not views of other arrays where none are needed, so that `lock_floats` makes no copies.
+        # Not views of other arrays where none are needed, so that `frozen_array` makes no copies.
         return found if t.ndim == 1 else tuple(x.reshape((*t.shape, x.shape[1])) for x in found)
 
     def _values(
@@ -549,13 +556,13 @@ class Trajectory(Checked):
         return found.reshape(at.shape)
 
     @checked
-    def sample(self, period: Interval) -> Samples:
-        """The trajectory sampled every `period` [s], and at its end.
+    def sample(self, cycle: Interval) -> Samples:
+        """The trajectory sampled every `cycle` [s], and at its end.
 
         Args:
-            period: Time between two samples [s]; the last interval may be shorter.
+            cycle: Time between two samples [s]; the last interval may be shorter.
         """
-        t = np.append(np.arange(0, self.duration - 1e-9 * period, period), self.duration)
+        t = np.append(np.arange(0, self.duration - 1e-9 * cycle, cycle), self.duration)
         orders = self.motion(t)
         for values in orders:
             # No copies: a long motion has gigabytes of samples.
@@ -579,13 +586,13 @@ class Trajectory(Checked):
             start, own = self.starts[k], self.laws[k].breaks
             # A time less the start is rounded, to either side of the law's break. So times are
             # compared with the very sums that `breaks` has.
-            i = np.searchsorted(start + own, t[of], side=checks.side(side)) - 1
+            i = np.searchsorted(start + own, t[of], side=checks.check_side(side)) - 1
             i = np.clip(i, 0, len(own) - 2)
             yield k, of, i, np.clip(t[of] - start, own[i], own[i + 1])
 
     def _law_at(self, t: FloatArray, side: str) -> IntArray:
         """Index of the law at each time [s], (n,)."""
-        found = np.searchsorted(self.starts, t, side=checks.side(side)) - 1
+        found = np.searchsorted(self.starts, t, side=checks.check_side(side)) - 1
         return np.clip(found, 0, len(self.laws) - 1)
 
     def _clip_times(self, t: npt.ArrayLike, order: int) -> FloatArray:
@@ -615,7 +622,7 @@ class Trajectory(Checked):
             InvalidInput: An arc length is outside the motion, or the laws are not along one path.
         """
         self._refuse_no_arc_length()
-        at = checks.numbers("s", s, "m")
+        at = checks.check_numbers("s", s, "m")
         low, high = float(self._ends[0, 0]), float(self._ends[-1, 1])
         slack = SLACK * max(high - low, 1e-3)
         outside = ~((at >= low - slack) & (at <= high + slack))
@@ -639,7 +646,7 @@ class Trajectory(Checked):
             since the start of the law [s].
         """
         ends = self._ends
-        if checks.side(side) == "left":
+        if checks.check_side(side) == "left":
             which = np.searchsorted(ends[:, 1], s, side="left")
         else:
             which = np.searchsorted(ends[:, 0], s, side="right") - 1
@@ -793,7 +800,7 @@ class JoinedLaws:
             side: "right" or "left": the interval to which a break belongs.
             orders: The orders, from 0 to 3.
         """
-        row = np.searchsorted(self.times, t, side=checks.side(side)) - 1
+        row = np.searchsorted(self.times, t, side=checks.check_side(side)) - 1
         row = np.clip(row, self.rows[law], self.rows[law + 1] - 2)
         local = np.clip(t - self.starts[law], self.breaks[row], self.breaks[row + 1])
         for x in (row, local):

@@ -5,9 +5,9 @@ from armcontour.core.lazy import lazy_names
 _HOME = {
     "common": "RESERVED with_reserve",
     "explanation": "Binding Explanation Shortfall explain find_jerk_stops",
-    "options": "METHODS Conventional Optimal Paper PlanOptions Shaped",
-    "planner": "intervals_of plan refuse_endless",
-    "program_timing": "refuse_unkept_jerk",
+    "options": "Conventional METHODS Optimal Paper PlanOptions Shaped",
+    "planner": "check_duration intervals_of plan",
+    "program_timing": "check_jerk_support",
     "program_tracing": "Tracing trace_fastest trace_program turn_along",
     "shaping": "shape",
 }

@@ -11,10 +11,10 @@ from armcontour.planning.options import Optimal as Optimal
 from armcontour.planning.options import Paper as Paper
 from armcontour.planning.options import PlanOptions as PlanOptions
 from armcontour.planning.options import Shaped as Shaped
+from armcontour.planning.planner import check_duration as check_duration
 from armcontour.planning.planner import intervals_of as intervals_of
 from armcontour.planning.planner import plan as plan
-from armcontour.planning.planner import refuse_endless as refuse_endless
-from armcontour.planning.program_timing import refuse_unkept_jerk as refuse_unkept_jerk
+from armcontour.planning.program_timing import check_jerk_support as check_jerk_support
 from armcontour.planning.program_tracing import Tracing as Tracing
 from armcontour.planning.program_tracing import trace_fastest as trace_fastest
 from armcontour.planning.program_tracing import trace_program as trace_program

@@ -93,7 +93,7 @@ def path_law(joint_path: JointPath, s: FloatArray, start: FloatArray, end: Float
 
 
 def law_peaks(laws: Sequence[Law], arm: Arm) -> dict[str, Any]:
-    """Largest joint accelerations, (27), and tool speed along laws, as fields of `Stretch`."""
+    """Largest joint accelerations, (27), and tool speed along laws, as fields of `LawPhase`."""
     states = [law_states(x, arm) for x in laws]
     return {
         "demand": np.max([np.abs(x.ddq).max(axis=0) for x in states], axis=0),
@@ -122,7 +122,7 @@ def sample_times(law: Law) -> tuple[IntArray, FloatArray]:
     return np.broadcast_to(interval, grid.shape).ravel(), grid.ravel()
 
 
-def refuse_broken(
+def check_kept(
     laws: Sequence[LawAlongPath],
     arm: Arm,
     limits: Limits,

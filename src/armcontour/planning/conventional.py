@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from armcontour.motion import JointPath, Method, Stretch, Trajectory
+from armcontour.motion import JointPath, LawPhase, Method, Trajectory
 from armcontour.planning.common import (
+    check_kept,
     law_peaks,
     path_law,
-    refuse_broken,
     require_speed,
     segment_speeds,
     tool_path_of,
@@ -28,7 +28,7 @@ def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajec
     path = tool_path_of(joint_path, "conventional")
     speeds = segment_speeds(path, require_speed(limits, "conventional"))
     law = path_law(joint_path, path.breaks, speeds, speeds)
-    refuse_broken(
+    check_kept(
         [law],
         arm,
         limits,
@@ -37,7 +37,7 @@ def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajec
         t=0.0,
         mends="a lower assigned velocity or the method optimal helps",
     )
-    stretch = Stretch(
+    stretch = LawPhase(
         name="whole path",
         kind="uniform",
         t=(0.0, float(law.breaks[-1])),

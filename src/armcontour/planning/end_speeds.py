@@ -112,7 +112,7 @@ class Ends:
         )
 
 
-def refuse_speed(name: str, x: float, allowed: float, s: float) -> NoReturn:
+def raise_too_fast(name: str, x: float, allowed: float, s: float) -> NoReturn:
     """Refuse a start or end speed; `x` and `allowed` are squares of speeds [m²/s²].
 
     Raises:

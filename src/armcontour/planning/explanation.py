@@ -275,7 +275,7 @@ def explain(
     if reduced is not None:
         reduced = with_reserve(reduced, trajectory.reserve)
     bounds = resolve_limits("explain", arm, limits, reduced)
-    constraints = checks.listed("constraints", constraints, Constraint, "Constraints")
+    constraints = checks.check_sequence("constraints", constraints, Constraint, "Constraints")
     laws: list[tuple[float, float, PathLaw]] = []
     stops: list[float] = []
     for x in trajectory.contour_spans:

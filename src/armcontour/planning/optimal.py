@@ -32,7 +32,7 @@ from armcontour.planning.constraints import (
     ToolSpeed,
     limits_on,
 )
-from armcontour.planning.end_speeds import END, START, Ends, refuse_speed
+from armcontour.planning.end_speeds import END, START, Ends, raise_too_fast
 from armcontour.planning.grid import (
     DEFAULT_INTERVALS,
     Grid,
@@ -87,7 +87,7 @@ def plan_optimal(
     """
     points, intervals, constraints = options.grid, options.intervals, options.constraints
     if points is not None:
-        points = checks.for_kernel(points)
+        points = checks.kernel_array(points)
     suited, places = reparametrize(joint_path)
     at_rest = joint_path.breaks[:0]
     if constraints or limits.path_jerk is not None:
@@ -299,9 +299,9 @@ def _refuse(grid: Grid, found: Plan, arm: Arm, rules: Rules) -> NoReturn:
     """Raise the error of a plan that was not found, as in `time_optimal`."""
     i = found.place
     if found.outcome == _kernel.START:
-        refuse_speed("start", rules.start, found.allowed, float(grid.s[0]))
+        raise_too_fast("start", rules.start, found.allowed, float(grid.s[0]))
     if found.outcome == _kernel.END:
-        refuse_speed("end", rules.end, found.allowed, float(grid.s[-1]))
+        raise_too_fast("end", rules.end, found.allowed, float(grid.s[-1]))
     if found.outcome == _kernel.STUCK:
         _refuse_stuck(grid, i)
     if not OnGrid(grid).derivatives[0][0, i].any():

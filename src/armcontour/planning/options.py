@@ -24,7 +24,7 @@ from armcontour.core.quantities import (
     Tolerance,
 )
 from armcontour.core.render import number
-from armcontour.motion import PERIOD, JointPath, Method, check_interval
+from armcontour.motion import DEFAULT_CYCLE, JointPath, Method, check_cycle
 from armcontour.planning.constraints import Constraint
 from armcontour.planning.grid import FEWEST_PER_PIECE, MOST_INTERVALS
 from armcontour.robot import Arm, Limits
@@ -54,8 +54,8 @@ class PlanOptions(Options):
     Args:
         reserve: Share of the limits of joint acceleration and torque that the plan leaves to the
             servo. With a reserve of 0, a servo that lags cannot catch up.
-        branch: For an arm in the plane: the branch of its inverse kinematics; by default the one
-            that is fastest along the path.
+        configuration: For an arm in the plane: the branch of its inverse kinematics; by default the
+            one that is fastest along the path.
         start: For an arm in space: joint positions near the required start [rad], (dof,); by
             default the configuration that is fastest along the path.
         fits: Whether the arm may follow a joint path, such as `Cell(arm, scene).fits`: the fastest
@@ -68,7 +68,7 @@ class PlanOptions(Options):
 
     method: ClassVar[Method]
     reserve: Annotated[Reserve, About(usual=(0.0, 0.9))] = 0.0
-    branch: str | None = None
+    configuration: str | None = None
     start: Annotated[FloatArray, Quantity("rad", "10 deg")] | None = None
     fits: Callable[[JointPath], bool] | None = None
 
@@ -178,20 +178,20 @@ class Paper(PlanOptions):
 
     Args:
         knots: Laps of equal length per line. By default the knots are no farther apart than the
-            tool moves in one command interval at the assigned velocity. The lap next to a rest is
+            tool moves in one cycle at the assigned velocity. The lap next to a rest is
             divided further.
-        period: Command interval [s].
+        cycle: Cycle [s].
 
     Raises:
         InvalidInput: A value of the wrong type or out of range.
     """
 
-    method = Method.MAC
+    method = Method.PAPER
     knots: Annotated[Annotated[int, AtLeast(FEWEST_LAPS, MOST_LAPS)] | None, KEY] = None
-    period: Interval = PERIOD
+    cycle: Interval = DEFAULT_CYCLE
 
     def _check_together(self) -> None:
-        check_interval(self.period)
+        check_cycle(self.cycle)
 
 
 @checks.explain_calls

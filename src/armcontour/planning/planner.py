@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import several
+from armcontour.core.describing import count_noun
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
@@ -24,12 +24,12 @@ from armcontour.planning.grid import DEFAULT_INTERVALS
 from armcontour.planning.options import FASTEST, LONGEST_MOTION, Optimal, PlanOptions, Shaped
 from armcontour.planning.program_timing import (
     Timing,
-    refuse_unkept_jerk,
+    check_jerk_support,
     time_contour,
     time_program,
 )
 from armcontour.planning.program_tracing import TracedMove, Tracing, trace_program
-from armcontour.planning.tracing import refuse_out_of_range
+from armcontour.planning.tracing import check_joint_range
 from armcontour.program import Dwell, Program
 from armcontour.robot import Arm, Limits, compare_limits, resolve_limits
 
@@ -83,13 +83,13 @@ def plan(
     if not isinstance(path, Tracing) and (above := compare_limits(bounds, arm)):
         # Jobs plan tracings, and have warnings of their own.
         warnings.warn(capitalise(above), stacklevel=3)
-    refuse_unkept_jerk(options.method, bounds)
+    check_jerk_support(options.method, bounds)
     traced: Tracing | JointPath
     if isinstance(path, JointPath | Tracing):
         traced = _refuse_foreign(path, arm, bounds, options)
     else:
         program = Program.of(path, "plan needs a Path, a JointPath or a Program")
-        refuse_endless(program, bounds)
+        check_duration(program, bounds)
         if isinstance(options, Shaped):
             from armcontour.planning.shaping import Shaping
 
@@ -101,7 +101,7 @@ def plan(
             program,
             arm,
             bounds,
-            branch=options.branch,
+            configuration=options.configuration,
             start=options.start,
             fits=options.fits,
         )
@@ -136,7 +136,7 @@ def _warn_of_stops(traced: Tracing | JointPath, trajectory: Trajectory) -> None:
             stops += (x.s[0] + find_jerk_stops(joint_path, x.trajectory)).tolist()
     if stops:
         warnings.warn(
-            f"Limits of jerk add {several(len(stops), 'full stop')}, the first at s = "
+            f"Limits of jerk add {count_noun(len(stops), 'full stop')}, the first at s = "
             f"{stops[0]:.4g} m, because the curvature of the path or the angular acceleration of "
             'the tool jumps there: round_corners(..., continuity="curvature") and smooth_curvature '
             "make paths whose curvature does not jump; explain(...).jerk_stops lists the stops.",
@@ -212,7 +212,7 @@ def intervals_of(program: Program) -> int | None:
     return max(FEWEST_INTERVALS, MOST_BY_DEFAULT // count)
 
 
-def refuse_endless(program: Program, limits: Limits) -> None:
+def check_duration(program: Program, limits: Limits) -> None:
     """Refuse a program that takes longer than LONGEST_MOTION at its assigned velocities.
 
     Raises:
@@ -273,8 +273,8 @@ def _refuse_foreign(
             "The method shaped changes the tool path, but this path is traced already: give it "
             "the Path or Program."
         )
-    if not (options.branch is None and options.start is None):
-        given = "start" if options.branch is None else "branch"
+    if not (options.configuration is None and options.start is None):
+        given = "start" if options.configuration is None else "configuration"
         raise InvalidInput(f"A joint path is traced already: give {given} to trace instead.")
     steps = (TracedMove(move=None, joint_path=path),) if isinstance(path, JointPath) else path.steps
     for x in steps:
@@ -286,7 +286,7 @@ def _refuse_foreign(
                 f"{arm.dof}."
             )
         with x.named():
-            refuse_out_of_range(x.joint_path, limits)
+            check_joint_range(x.joint_path, limits)
     if isinstance(path, JointPath) and path.tool_path is not None:
         return Tracing.along(path, path.tool_path)
     return path

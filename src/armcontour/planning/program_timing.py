@@ -21,7 +21,7 @@ from armcontour.motion import (
     Span,
     TimedEvent,
     Trajectory,
-    stand_still,
+    dwell_law,
 )
 from armcontour.planning.constraints import RapidSpeed
 from armcontour.planning.optimal import plan_optimal
@@ -107,9 +107,9 @@ def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
 
         return plan_conventional(*how)
     if isinstance(options, Paper):
-        from armcontour.planning.mac import plan_mac
+        from armcontour.planning.paper import plan_paper
 
-        return plan_mac(*how, options)
+        return plan_paper(*how, options)
     if isinstance(options, Optimal):
         return plan_optimal(*how, options)
     assert isinstance(options, Shaped)
@@ -213,7 +213,7 @@ class JoinedMoves:
             move: Index of its dwell; None for a pause that the program does not have.
         """
         t, s = (self.t, self.t + duration), self.length
-        self.laws.append(stand_still(self._q, duration))
+        self.laws.append(dwell_law(self._q, duration))
         self.spans.append(Span(move=move, kind="dwell", t=t, s=(s, s)))
         self.t = t[1]
 
@@ -295,7 +295,7 @@ def _early_place(x: Event, length: float, called: str) -> float:
     return early
 
 
-def refuse_unkept_jerk(method: Method, limits: Limits) -> None:
+def check_jerk_support(method: Method, limits: Limits) -> None:
     """Refuse limits of jerk for the methods that keep none.
 
     Args:

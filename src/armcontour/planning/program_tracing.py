@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ArmContourError, Unreachable, locate_errors
+from armcontour.core.errors import ArmContourError, Unreachable, error_context
 from armcontour.core.frames import exp, log, shortest
 from armcontour.core.progress import Progress, Step
 from armcontour.geometry import Path, ShapedPath
@@ -65,7 +65,7 @@ class TracedMove:
 
     def named(self) -> AbstractContextManager[None]:
         """A context in which error messages start with the name of the move."""
-        return locate_errors(self.called) if self.called else nullcontext()
+        return error_context(self.called) if self.called else nullcontext()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,12 +75,13 @@ class Tracing:
     Args:
         program: The program.
         steps: The joint paths in order.
-        passed_over: Whether a configuration was taken that is not the fastest, as that did not fit.
+        faster_rejected: Whether a configuration was taken that is not the fastest, as that did not
+            fit.
     """
 
     program: Program
     steps: tuple[TracedMove, ...]
-    passed_over: bool = False
+    faster_rejected: bool = False
 
     @classmethod
     def along(cls, joint_path: JointPath, path: Path) -> Tracing:
@@ -102,7 +103,7 @@ def trace_program(
     arm: Arm,
     limits: Limits | None = None,
     *,
-    branch: str | None = None,
+    configuration: str | None = None,
     start: npt.ArrayLike | None = None,
     fits: Callable[[JointPath], bool] | None = None,
     progress: Progress | None = None,
@@ -120,7 +121,7 @@ def trace_program(
         arm: The arm.
         limits: Limits with the joint ranges; they also decide which configuration is the fastest.
             By default the arm's own.
-        branch: As in `plan`.
+        configuration: As in `plan`.
         start: As in `plan`; by default where the contours were shaped, if they were.
         fits: Whether a contour may be followed along a joint path, asked where a configuration is
             chosen: one that does not fit is only taken if none does.
@@ -140,7 +141,7 @@ def trace_program(
         arm,
         arm.with_limits(bounds),
         bounds,
-        branch,
+        configuration,
         start,
         fits,
     )
@@ -148,7 +149,9 @@ def trace_program(
         tracer.follow(i, move)
         if isinstance(move, Contour) and progress is not None:
             progress(Step(("tracing",), tracer.done / len(tracer.contours)))
-    return Tracing(program=program, steps=tuple(tracer.steps), passed_over=tracer.passed_over)
+    return Tracing(
+        program=program, steps=tuple(tracer.steps), faster_rejected=tracer.faster_rejected
+    )
 
 
 @dataclass(slots=True)
@@ -161,14 +164,14 @@ class _Tracer:
     arm: Arm
     limited: Arm
     limits: Limits
-    branch: str | None
+    configuration: str | None
     start: npt.ArrayLike | None
     fits: Callable[[JointPath], bool] | None
     steps: list[TracedMove] = field(default_factory=list)
     last: JointPath | None = None
     done: int = 0
     looks_ahead: bool = True
-    passed_over: bool = False
+    faster_rejected: bool = False
 
     def follow(self, i: int, move: Move) -> None:
         """Add the steps of a move; a rapid without a path is the gap before the next move."""
@@ -193,7 +196,7 @@ class _Tracer:
         else:
             called = f"rapid away from {contour_called(before[0], self.done - 1)}"
         turned = turn_along(path, before, after)
-        with locate_errors(called):
+        with error_context(called):
             first = self.last is None and self.start is None
             found = self._trace_to(after[0], turned, i) if first else self._trace(turned, i)
             self._append(i, found, called)
@@ -210,18 +213,18 @@ class _Tracer:
     def _trace(self, path: Path, i: int) -> JointPath:
         """Trace the path of a move from the present configuration, else from the fastest one."""
         if self.last is None:
-            return self._fastest(path, i, branch=self.branch, start=self.start)
+            return self._fastest(path, i, configuration=self.configuration, start=self.start)
         try:
             return trace(path, self.limited, **configuration_of(self.arm, ends_of(self.last)[1]))
         except Unreachable:
-            return self._fastest(path, i, branch=self.branch)
+            return self._fastest(path, i, configuration=self.configuration)
 
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
         """Trace a rapid to the first contour, in the configuration that is fastest for it."""
         arm, limited = self.arm, self.limited
         try:
             at = next(k for k in range(i, len(self.moves)) if self.moves[k] is contour)
-            fastest = self._fastest(contour.path, at, branch=self.branch)
+            fastest = self._fastest(contour.path, at, configuration=self.configuration)
             back = trace(path.reversed(), limited, **configuration_of(arm, fastest(0.0)))
             return trace(path, limited, **configuration_of(arm, back(back.length)))
         except ArmContourError:
@@ -229,22 +232,28 @@ class _Tracer:
             return self._trace(path, i)
 
     def _fastest(
-        self, path: Path, i: int, branch: str | None = None, start: npt.ArrayLike | None = None
+        self,
+        path: Path,
+        i: int,
+        configuration: str | None = None,
+        start: npt.ArrayLike | None = None,
     ) -> JointPath:
         """Trace the path of a move in its fastest configuration; of equals that for what follows.
 
         Args:
             path: The path.
             i: Index of the move.
-            branch: As in `trace_fastest`.
+            configuration: As in `trace_fastest`.
             start: As in `trace_fastest`.
         """
         fits = self.fits if self.looks_ahead else None
         first: JointPath | None = None
-        for group in trace_by_duration(path, self.limited, branch=branch, start=start):
+        for group in trace_by_duration(
+            path, self.limited, configuration=configuration, start=start
+        ):
             for x in self._in_order(group, i):
                 if fits is None or np.all(fits(x)):
-                    self.passed_over |= first is not None
+                    self.faster_rejected |= first is not None
                     return x
                 first = x if first is None else first
         assert first is not None
@@ -302,7 +311,11 @@ def ends_of(joint_path: JointPath) -> tuple[FloatArray, FloatArray]:
 
 def configuration_of(arm: Arm, q: FloatArray) -> dict[str, Any]:
     """Arguments of `trace` for the configuration of joint positions [rad], (dof,)."""
-    return {"branch": arm.branch_of(q)} if isinstance(arm, PlanarTwoLink) else {"start": q}
+    return (
+        {"configuration": arm.configuration_of(q)}
+        if isinstance(arm, PlanarTwoLink)
+        else {"start": q}
+    )
 
 
 def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) -> Path:
@@ -340,7 +353,7 @@ def trace_fastest(
     arm: Arm,
     limits: Limits | None = None,
     *,
-    branch: str | None = None,
+    configuration: str | None = None,
     start: npt.ArrayLike | None = None,
 ) -> JointPath:
     """Trace a path in the configuration whose optimal plan takes the least time.
@@ -351,14 +364,14 @@ def trace_fastest(
         path: A tool path.
         arm: The arm.
         limits: Limits, including the joint ranges, without those of jerk; by default the arm's own.
-        branch: For an arm in the plane: the branch, as in `trace`, which leaves no choice.
+        configuration: For an arm in the plane: the branch, as in `trace`, which leaves no choice.
         start: For an arm in space: joint positions near the required start [rad], (dof,).
 
     Raises:
         Unreachable: No configuration completes the path.
         InvalidInput: The path does not fit the arm.
     """
-    return next(trace_by_duration(path, arm, limits, branch=branch, start=start))[0]
+    return next(trace_by_duration(path, arm, limits, configuration=configuration, start=start))[0]
 
 
 def trace_by_duration(
@@ -366,7 +379,7 @@ def trace_by_duration(
     arm: Arm,
     limits: Limits | None = None,
     *,
-    branch: str | None = None,
+    configuration: str | None = None,
     start: npt.ArrayLike | None = None,
 ) -> Iterator[list[JointPath]]:
     """Trace a path in all configurations, those with the fastest optimal plans first.
@@ -375,7 +388,7 @@ def trace_by_duration(
         path: As in `trace_fastest`, as the others.
         arm: See above.
         limits: See above.
-        branch: See above.
+        configuration: See above.
         start: See above.
 
     Yields:
@@ -390,11 +403,11 @@ def trace_by_duration(
     # Limits of jerk cost much time here, and favour no configuration.
     rough = bounds.without_jerk
     if isinstance(path, Path) and len(path) > LONG and isinstance(arm, SerialArm):
-        long = _trace_long(path, arm, bounds) if branch is None and start is None else None
+        long = _trace_long(path, arm, bounds) if configuration is None and start is None else None
         if long is not None:
             yield [long]
             return
-    found = trace_all(path, arm, limits=bounds, branch=branch, start=start)
+    found = trace_all(path, arm, limits=bounds, configuration=configuration, start=start)
     if len(found) == 1:
         yield found
     else:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from armcontour.core.checks import LONGEST_NAME, BoolArray, FloatArray, IntArray
-from armcontour.core.describing import several
+from armcontour.core.describing import count_noun
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import exp
 from armcontour.geometry import Path
@@ -437,7 +437,7 @@ class LeadPlacement:
         """A sentence on leads that are shorter than the tool needs to reach its speed, if any."""
         if not self._shortened:
             return ()
-        count = several(len(self._shortened), "lead")
+        count = count_noun(len(self._shortened), "lead")
         return (
             "Leads are shorter than the tool needs to reach its speed, because longer ones cross a "
             f"contour or leave the scrap: {count}, most {min(self._shortened)[1]}.",

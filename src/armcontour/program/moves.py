@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import count_kinds, digits, line_up, several
+from armcontour.core.describing import count_kinds, count_noun, digits, format_table
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.frames import Frame, Pose
@@ -187,7 +187,7 @@ def _checked_spacing(name: str, spacing: float | None, copies: int) -> float:
     Raises:
         InvalidInput: Several copies without a distance, or with the distance 0.
     """
-    distance = 0.0 if spacing is None else checks.number(name, spacing, "m")
+    distance = 0.0 if spacing is None else checks.check_number(name, spacing, "m")
     if copies > 1 and abs(distance) <= REPEATED_POINT:
         raise InvalidInput(
             f"{name} must be the distance from one copy to the next, for {copies} copies, and not "
@@ -346,7 +346,7 @@ class Program(Checked):
         for x in self.moves:
             if isinstance(x, Contour):
                 path = change(x.path)
-                checks.refuse_other("Program.mapped", path, Path, role="result")
+                checks.check_type("Program.mapped", path, Path, role="result")
                 factor = path.length / x.path.length
                 events = tuple(
                     dataclasses.replace(e, s=min(e.s * factor, path.length)) for e in x.events
@@ -396,8 +396,8 @@ class Program(Checked):
         moves = Counter(type(x).__name__.lower() for x in self.moves)
         named = [f"{name or 'none'} {n}" for name, n in layers.most_common()]
         where = "in the plane" if self.dimension == 2 else "in space"
-        return line_up(
-            f"Program {where}: {several(len(contours), 'contour')}, {digits(self.length)} m",
+        return format_table(
+            f"Program {where}: {count_noun(len(contours), 'contour')}, {digits(self.length)} m",
             [
                 ("source", self.source),
                 ("closed", f"{sum(x.closed for x in contours)}"),
@@ -450,7 +450,7 @@ class Program(Checked):
                 segments.
         """
         columns, rows = (
-            checks.whole(name, value, 1, MOST_MOVES)
+            checks.check_int(name, value, 1, MOST_MOVES)
             for name, value in (("columns", columns), ("rows", rows))
         )
         dx = _checked_spacing("column_spacing", column_spacing, columns)

@@ -252,8 +252,8 @@ class _Choices:
         owners = np.repeat(np.arange(n), np.diff(self.first) * 2)
         points = self.ends.reshape(-1, 3)
         centers = np.array([points[owners == i].mean(axis=0) for i in range(n)])
-        several = int(np.diff(self.first).max()) * 2
-        near = owners[nearest_points(centers, points, min(len(points), several * (k + 1)))]
+        most_places = int(np.diff(self.first).max()) * 2
+        near = owners[nearest_points(centers, points, min(len(points), most_places * (k + 1)))]
         # Where too few contours are near, the first ones of all.
         found = (dict.fromkeys([*row, *range(k + 1)]) for row in near.tolist())
         return np.array([[x for x in row if x != i][:k] for i, row in enumerate(found)])

@@ -11,11 +11,11 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import LONGEST_NAME, FloatArray
-from armcontour.core.describing import several
-from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.describing import count_noun
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.fields import checked
 from armcontour.core.text import shorten
-from armcontour.geometry import Demand, Path
+from armcontour.geometry import Path, SegmentLimits
 from armcontour.geometry.cutting import cut_path, join_paths
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.weaving import weave_seam
@@ -56,17 +56,17 @@ def prepare(
     Args:
         program: The program as it is drawn, or a path.
         process: Requirements of the process.
-        lengths: Lengths of leads without a given length, one item per contour after `from_s`.
+        lengths: Lengths of leads without a given length, one item per contour after `resume_at`.
 
     Raises:
-        InvalidInput: `from_s` is past the end of the program, a layer does not exist, a lead has no
-            side, lengths of leads are missing, or a program in the plane has an approach, a retract
-            or the height of a pierce.
+        InvalidInput: `resume_at` is past the end of the program, a layer does not exist, a lead has
+            no side, lengths of leads are missing, or a program in the plane has an approach, a
+            retract or the height of a pierce.
     """
     program = Program.of(program, "prepare needs a Path or a Program")
     if lengths is not None:
-        lengths = checks.listed("lengths", lengths, Leads, "Leads")
-    refuse_unfit(program, process)
+        lengths = checks.check_sequence("lengths", lengths, Leads, "Leads")
+    check_process(program, process)
     program = arrange(program, process)
     rapids_away = leading_away(program.moves)
     switching = Switching(program.moves, process)
@@ -93,7 +93,7 @@ def prepare(
 
         placement = LeadPlacement(drawn, process)
     program = dataclasses.replace(program, moves=tuple(moves))
-    program, run_in = resume(program, process.from_s, keeps_lead=partial(_keeps_lead, process))
+    program, run_in = resume(program, process.resume_at, keeps_lead=partial(_keeps_lead, process))
     given = 0 if lengths is None else len(lengths)
     if given != len(program.contours) and (process.automatic or lengths is not None):
         raise InvalidInput(
@@ -118,18 +118,18 @@ def prepare(
 def _untimed(changes: int) -> str:
     """A note on tool changes that take no time."""
     return (
-        f"no time is stated for {several(changes, 'tool change')}, so the program goes on at once: "
-        "give process.tool_change, such as 5 s."
+        f"no time is stated for {count_noun(changes, 'tool change')}, so the program goes on "
+        "at once: give process.tool_change, such as 5 s."
     )
 
 
 def _slow(rapid: Rapid, speed: float) -> Rapid:
     """A rapid whose path has a largest speed, where it has none [m/s]."""
     path = rapid.path
-    return rapid if path is None else Rapid(path=_with_demand(path, Demand(speed=speed)))
+    return rapid if path is None else Rapid(path=_with_limits(path, SegmentLimits(speed=speed)))
 
 
-def refuse_unfit(program: Program, process: Process) -> None:
+def check_process(program: Program, process: Process) -> None:
     """Refuse a process that the program as it is drawn cannot have.
 
     Args:
@@ -260,23 +260,23 @@ def _refuse_plane(program: Program) -> None:
         )
 
 
-def _add_demand(contour: Contour, demand: Demand | None) -> Contour:
+def _add_limits(contour: Contour, segment_limits: SegmentLimits | None) -> Contour:
     """The contour with speed and tolerance of its layer on segments that have none."""
-    if demand is None:
+    if segment_limits is None:
         return contour
-    return dataclasses.replace(contour, path=_with_demand(contour.path, demand))
+    return dataclasses.replace(contour, path=_with_limits(contour.path, segment_limits))
 
 
-def _with_demand(path: Path, demand: Demand) -> Path:
+def _with_limits(path: Path, segment_limits: SegmentLimits) -> Path:
     """A path with speed and tolerance on segments that have none."""
     speeds, tolerances = (
         values if given is None else np.where(np.isnan(values), given, values)
         for values, given in (
-            (path.speeds, demand.speed),
-            (path.tolerances, demand.tolerance),
+            (path.speeds, segment_limits.speed),
+            (path.tolerances, segment_limits.tolerance),
         )
     )
-    # A Demand has checked its values, so the segments stay checked.
+    # `SegmentLimits` have checked its values, so the segments stay checked.
     segments = path.segments.replace(speeds=speeds, tolerances=tolerances, checked=True)
     return dataclasses.replace(path, segments=segments)
 
@@ -296,7 +296,7 @@ def _start_contour(
     Raises:
         InvalidInput: An event is past the end of the contour, or as in `close_contour`.
     """
-    contour = _add_demand(contour, process.layers.get(contour.layer))
+    contour = _add_limits(contour, process.layers.get(contour.layer))
     closed, lap = contour.closed, contour.path.length
     if closed:
         contour = close_contour(contour, process, led=led)
@@ -321,7 +321,7 @@ def _weave(contour: Contour, weave: Weave, up: FloatArray) -> Contour:
     Raises:
         InvalidInput: The contour is too tight for the weave, or goes straight up.
     """
-    with locate_errors(f"weave of {contour_called(contour, 0) if contour.name else 'a contour'}"):
+    with error_context(f"weave of {contour_called(contour, 0) if contour.name else 'a contour'}"):
         wishes = dataclasses.asdict(weave)
         path, woven = weave_seam(
             contour.path, up=up if wishes.pop("plane") == "frame" else None, **wishes
@@ -345,7 +345,8 @@ def _add_leads(
         contour: The contour.
         process: Requirements of the process.
         leads: Lengths of the leads.
-        run_in: Part of the contour before `from_s`, which serves as lead-in if it is long enough.
+        run_in: Part of the contour before `resume_at`, which serves as lead-in if it is long
+            enough.
         placement: Where leads are laid; None without leads.
         number: Number of the contour there.
     """
@@ -365,7 +366,7 @@ def _add_leads(
     if process.pierce is not None and process.pierce.height > REPEATED_POINT:
         # Rounding the corner at its end would cut the start of the contour off.
         speed = None if np.isnan(path.speeds[0]) else float(path.speeds[0])
-        drop = Demand(speed=speed, tolerance=0.0, tag=PIERCE)
+        drop = SegmentLimits(speed=speed, tolerance=0.0, tag=PIERCE)
         down = _axial_line(parts[0], 0.0, process.pierce.height, process.up, drop)
         parts.insert(0, down)
         before += parts[0].length
@@ -406,18 +407,20 @@ def _add_heights(contour: Contour, process: Process, *, linked: bool, followed: 
     """
     path, pierce = contour.path, process.of_layer(contour.layer).pierce
     result: list[Move] = [contour]
-    demand = Demand(speed=process.approach_speed)
+    segment_limits = SegmentLimits(speed=process.approach_speed)
     height = process.approach - (0.0 if pierce is None else pierce.height)
     if height > REPEATED_POINT and not linked:
-        line = _axial_line(path, 0.0, height, process.up, demand)
+        line = _axial_line(path, 0.0, height, process.up, segment_limits)
         result.insert(0, Rapid(path=line))
     if process.retract and not followed:
-        line = _axial_line(path, path.length, process.retract, process.up, demand)
+        line = _axial_line(path, path.length, process.retract, process.up, segment_limits)
         result.append(Rapid(path=line.reversed()))
     return result
 
 
-def _axial_line(path: Path, s: float, height: float, up: FloatArray, demand: Demand) -> Path:
+def _axial_line(
+    path: Path, s: float, height: float, up: FloatArray, segment_limits: SegmentLimits
+) -> Path:
     """The line along the tool axis to arc length s of a path, with the orientation there.
 
     Without a required tool axis it is along `up`.
@@ -427,18 +430,18 @@ def _axial_line(path: Path, s: float, height: float, up: FloatArray, demand: Dem
         s: The arc length, 0 or the length of the path [m].
         height: Length of the line [m].
         up: Upward direction, (3,).
-        demand: Speed and tolerance of the line.
+        segment_limits: Speed and tolerance of the line.
     """
     end, given = path(s), path.orientation
     if given is None:
-        return Path.polyline([end + height * up, end], demand=demand)
+        return Path.polyline([end + height * up, end], segment_limits=segment_limits)
     rotation = given(s, side="right" if s == 0 else "left")
-    line = Path.polyline([end - height * rotation[:, 2], end], demand=demand)
+    line = Path.polyline([end - height * rotation[:, 2], end], segment_limits=segment_limits)
     return line.oriented(rotation, axis_only=given.axis_only)
 
 
 def resume(
-    program: Program, from_s: float, *, keeps_lead: Callable[[Contour, Event], bool]
+    program: Program, resume_at: float, *, keeps_lead: Callable[[Contour, Event], bool]
 ) -> tuple[Program, Contour | None]:
     """The rest of a program, and the part of the resumed contour before the arc length.
 
@@ -447,7 +450,7 @@ def resume(
 
     Args:
         program: The program.
-        from_s: Arc length at which to resume, over all contours [m].
+        resume_at: Arc length at which to resume, over all contours [m].
         keeps_lead: Whether an event of a contour keeps its time advance when it is switched again.
 
     Returns:
@@ -457,18 +460,18 @@ def resume(
     Raises:
         InvalidInput: The arc length is not below the length of all contours.
     """
-    if from_s == 0:
+    if resume_at == 0:
         return program, None
-    if from_s >= program.length - REPEATED_POINT:
+    if resume_at >= program.length - REPEATED_POINT:
         raise InvalidInput(
-            f"The program is to be resumed at {from_s:g} m, but its contours are "
+            f"The program is to be resumed at {resume_at:g} m, but its contours are "
             f"{program.length:.9g} m long together.",
-            s=from_s,
+            s=resume_at,
             allowed=program.length,
         )
     # The end of a contour counts as the start of the next one.
-    which = int(np.searchsorted(program.breaks, from_s + REPEATED_POINT, side="right")) - 1
-    s = max(from_s - float(program.breaks[which]), 0.0)
+    which = int(np.searchsorted(program.breaks, resume_at + REPEATED_POINT, side="right")) - 1
+    s = max(resume_at - float(program.breaks[which]), 0.0)
     number = -1
     switched: dict[str, Event] = {}
     for i, move in enumerate(program.moves):

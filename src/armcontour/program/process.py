@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core.errors import InvalidInput, locate_errors
+from armcontour.core.errors import InvalidInput, error_context
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import (
     About,
@@ -24,14 +24,14 @@ from armcontour.core.quantities import (
     Interval,
     Name,
     NeededName,
+    PartialFields,
     Ratio,
     Size,
-    Some,
     Speed,
     Time,
     Tolerance,
 )
-from armcontour.geometry import Demand
+from armcontour.geometry import SegmentLimits
 from armcontour.geometry.weaving import SHAPES as WEAVES
 from armcontour.program.moves import Event, Value
 
@@ -39,8 +39,8 @@ SHAPES = ("line", "arc")
 SIDES = ("left", "right")
 # The scrap side: the side on which the material is thrown away.
 WASTE = "waste"
-UP = checks.lock_floats([0.0, 0.0, 1.0])
-NO_LAYERS: Mapping[str, Demand] = MappingProxyType({})
+UP = checks.frozen_array([0.0, 0.0, 1.0])
+NO_LAYERS: Mapping[str, SegmentLimits] = MappingProxyType({})
 # Values of a layer for null, where the process has no None.
 NONE: Mapping[str, Any] = {"overlap": 0.0, "dwell": 0.0, "events": (), "analog": ()}
 # Start point of a closed contour: "auto" moves it away from a corner, "drawn" keeps it.
@@ -278,7 +278,7 @@ class Process(Checked):
         tool_change: Time for which the tool rests at a tool change of a program [s], after the
             event `tool`. None for a change that takes no time, with a note. The first tool is
             mounted already.
-        from_s: Arc length at which to resume the program, over all contours from their start
+        resume_at: Arc length at which to resume the program, over all contours from their start
             points, with overlaps and without leads or rounding [m].
 
     Raises:
@@ -301,10 +301,10 @@ class Process(Checked):
     passes: Annotated[int, AtLeast(1, MOST_PASSES)] = 1
     tabs: Tabs | None = None
     weave: Weave | None = None
-    by_layer: Mapping[str, Annotated[Mapping[str, Any], Some(LayerProcess)]] = field(
+    by_layer: Mapping[str, Annotated[Mapping[str, Any], PartialFields(LayerProcess)]] = field(
         default_factory=dict
     )
-    layers: Mapping[str, Demand] = field(default_factory=lambda: NO_LAYERS)
+    layers: Mapping[str, SegmentLimits] = field(default_factory=lambda: NO_LAYERS)
     order: Annotated[str, Choice(ORDERS)] = "auto"
     reverse_open: bool = False
     kerf: Distance | None = None
@@ -313,7 +313,7 @@ class Process(Checked):
     rapid_speed: Speed | None = None
     approach_speed: Speed | None = None
     tool_change: Interval | None = None
-    from_s: Annotated[Distance, About("--from-s")] = 0.0
+    resume_at: Annotated[Distance, About("--resume-at")] = 0.0
     _of_layers: Mapping[str, Process] = field(init=False, repr=False)
 
     def _check_together(self) -> None:
@@ -328,8 +328,8 @@ class Process(Checked):
         if len(set(names)) < len(names):
             raise InvalidInput("Two analog outputs have the same name.")
         length = np.linalg.norm(self.up)
-        checks.refuse_if(length == 0, "up must be a direction in space.")
-        object.__setattr__(self, "up", checks.lock_floats(self.up / length))
+        checks.raise_if(length == 0, "up must be a direction in space.")
+        object.__setattr__(self, "up", checks.frozen_array(self.up / length))
         self._refuse_unswitched()
         self._make_layers()
 
@@ -360,9 +360,9 @@ class Process(Checked):
         known = tuple(x.name for x in fields(LayerProcess))
         made: dict[str, Process] = {}
         for layer, given in self.by_layer.items():
-            with locate_errors(f"by_layer.{layer}"):
+            with error_context(f"by_layer.{layer}"):
                 for name in given:
-                    checks.choice("name of a value", name, known)
+                    checks.check_choice("name of a value", name, known)
                 own: dict[str, Any] = {
                     name: NONE.get(name) if x is None else x for name, x in given.items()
                 }
@@ -444,9 +444,9 @@ def _checked_begin(begin: str | float | Sequence[float]) -> str | float | tuple[
         InvalidInput: Something else.
     """
     if isinstance(begin, str):
-        checks.choice("begin", begin, (AUTO, DRAWN))
+        checks.check_choice("begin", begin, (AUTO, DRAWN))
         return begin
-    found = checks.numbers("begin", begin, "m")
+    found = checks.check_numbers("begin", begin, "m")
     if found.ndim > 1:
         raise InvalidInput("begin must be one arc length or one point in m.")
     return tuple(found.tolist()) if found.ndim else float(found)

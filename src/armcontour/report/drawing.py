@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import several
+from armcontour.core.describing import count_noun
 from armcontour.core.palette import LIMITS, LINES
 from armcontour.core.render import number, number_range
 from armcontour.geometry import RoundedPath
@@ -119,7 +119,7 @@ def draw_plan(result: RunResult, job: Job) -> Drawing:
             known.append((symbol, f"{words} ({len(places)})"))
     parts += [*_numbers(result, sheet), *sheet.scale()]
     legend = legend_of(result)
-    what = f"Path of the tool, {several(len(outline), 'contour')}; what takes the time: "
+    what = f"Path of the tool, {count_noun(len(outline), 'contour')}; what takes the time: "
     what += ", ".join(f"{x.word} {number(x.share, '1')}" for x in legend) or "unknown"
     return Drawing(
         svg=(

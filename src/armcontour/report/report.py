@@ -8,10 +8,10 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
 from armcontour.core import checks, staging
-from armcontour.core.describing import several
+from armcontour.core.describing import count_noun
 from armcontour.core.fields import checked
 from armcontour.core.render import number
-from armcontour.jobs import Job, RunResult, Study
+from armcontour.jobs import Job, JobResult, RunResult
 from armcontour.motion import Execution, Trajectory
 from armcontour.report import sections
 from armcontour.report.figure import render_page
@@ -31,7 +31,7 @@ OF_PLAN = "Everything on this page was computed from the job and its plan."
 OF_LOGS = "Everything on this page was computed from the job and from logs of its robot."
 
 
-def render_report(study: Study, *, certificate: Certificate | None = None) -> str:
+def render_report(study: JobResult, *, certificate: Certificate | None = None) -> str:
     """Render the report of a study as one HTML page without other files.
 
     Args:
@@ -48,7 +48,7 @@ def render_report(study: Study, *, certificate: Certificate | None = None) -> st
     return _page(study.job, front, [sections.certificate(certificate), *others], source=source)
 
 
-def render_demo(studies: Sequence[Study]) -> str:
+def render_demo(studies: Sequence[JobResult]) -> str:
     """Render several studies as one HTML page without other files.
 
     Args:
@@ -65,7 +65,7 @@ def render_demo(studies: Sequence[Study]) -> str:
     )
 
 
-def sections_of(study: Study, warnings: Sequence[str] = ()) -> list[Section]:
+def sections_of(study: JobResult, warnings: Sequence[str] = ()) -> list[Section]:
     """The folded sections that have content for a study; of a certificate with its warnings."""
     found = [
         sections.notes(study, warnings),
@@ -123,7 +123,7 @@ def describe(job: Job) -> str:
     count, servo = len(job.program.contours), job.servo
     parts = [
         job.arm.name,
-        f"{several(count, 'contour')}",
+        f"{count_noun(count, 'contour')}",
         f"{number(job.program.length, 'm')} as drawn",
     ]
     if servo.order != "unknown":
@@ -133,7 +133,7 @@ def describe(job: Job) -> str:
 
 @checked
 def write_report(
-    study: Study | RunResult | Evaluation | Execution | Trajectory, file: str | FilePath
+    study: JobResult | RunResult | Evaluation | Execution | Trajectory, file: str | FilePath
 ) -> None:
     """Write the report of a result to an HTML file, completely or not at all.
 
@@ -151,6 +151,6 @@ def write_report(
     place = checks.read_place("write_report", file)
     page = render_report(study_of(study))
     try:
-        staging.put_in_place(place, lambda x: x.write_text(page, encoding="utf-8"))
+        staging.write_atomically(place, lambda x: x.write_text(page, encoding="utf-8"))
     except OSError as error:
         raise staging.unwritable(f"the report {place}", error) from None

@@ -12,8 +12,8 @@ from armcontour.control import compensation
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Path
-from armcontour.jobs import Job, Planned, Run, RunResult, Study
-from armcontour.motion import PERIOD, Execution, Method, Span, Trajectory
+from armcontour.jobs import Job, JobResult, Planned, Run, RunResult
+from armcontour.motion import DEFAULT_CYCLE, Execution, Method, Span, Trajectory
 from armcontour.planning import explain
 from armcontour.program import Contour, Dwell, Move, Program, Rapid
 from armcontour.report.figure import Figure
@@ -24,37 +24,37 @@ from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation, evaluate
 
-Result = Study | RunResult | Evaluation | Execution | Trajectory
+Result = JobResult | RunResult | Evaluation | Execution | Trajectory
 # Points of the path that the tool follows by a plan that was given in joints.
 PLACES = 2000
 
 
-def study_of(result: Result) -> Study:
+def study_of(result: Result) -> JobResult:
     """A result as the only run of a study, for the sections of a report.
 
     Raises:
         InvalidInput: The result does not know its arm, its path or its execution.
     """
-    if isinstance(result, Study):
+    if isinstance(result, JobResult):
         return result
     if isinstance(result, RunResult):
         return _study(result)
     if isinstance(result, Trajectory):
         plan = _planned(result)
-        return _study(RunResult.of(plan, taught=Execution.of_plan(result, plan.arm).taught))
+        return _study(RunResult.of(plan, set_points=Execution.of_plan(result, plan.arm).set_points))
     if isinstance(result, Execution):
-        result = evaluate(result, _planned(result.taught.trajectory, result.arm).path)
+        result = evaluate(result, _planned(result.set_points.trajectory, result.arm).path)
     if result.judged is None:
         raise InvalidInput("This evaluation does not know its execution: evaluate it anew.")
     done = result.judged
-    limits, taught = done.limits, done.executed.taught
-    plan = _planned(taught.trajectory, done.executed.arm, done.path, limits)
+    limits, set_points = done.limits, done.executed.set_points
+    plan = _planned(set_points.trajectory, done.executed.arm, done.path, limits)
     servo = getattr(done.executed.plant, "servo", None)
     found = RunResult.of(
         plan,
-        run=_run("run", plan.trajectory, taught.method, limits, taught.period),
+        run=_run("run", plan.trajectory, set_points.method, limits, set_points.cycle),
         objective=plan.objective if done.objective is None else done.objective,
-        taught=taught,
+        set_points=set_points,
         servo=servo if isinstance(servo, ServoModel) else None,
         execution=done.executed,
         evaluation=result,
@@ -64,7 +64,7 @@ def study_of(result: Result) -> Study:
 
 def draw_result(result: Result, kind: str) -> Any:
     """As `armcontour.core.describing.draw`."""
-    checks.choice("kind", kind, tuple(KINDS))
+    checks.check_choice("kind", kind, tuple(KINDS))
     drawn = KINDS[kind](study_of(result))
     from plotly.graph_objects import Figure as Plotly
 
@@ -72,14 +72,14 @@ def draw_result(result: Result, kind: str) -> Any:
     return figure.update_layout(template="plotly_white", margin={"t": 60}, width=None)
 
 
-def _draw_error(study: Study) -> Figure:
+def _draw_error(study: JobResult) -> Figure:
     if not study.simulated:
         raise InvalidInput("A plan has no contour error: execute and evaluate it first.")
     drawn: Figure = draw_over_time(study, error)
     return drawn
 
 
-KINDS: dict[str, Callable[[Study], Figure]] = {
+KINDS: dict[str, Callable[[JobResult], Figure]] = {
     "path": draw_path,
     "joints": lambda study: draw_joints(*next(iter(study.runs.items()))),
     "speed": lambda study: draw_over_time(study, speed),
@@ -87,7 +87,7 @@ KINDS: dict[str, Callable[[Study], Figure]] = {
 }
 
 
-def _study(result: RunResult) -> Study:
+def _study(result: RunResult) -> JobResult:
     """The study of one run."""
     # A servo of this order follows its set-points exactly.
     servo = ServoModel(order="unknown") if result.servo is None else result.servo
@@ -99,7 +99,7 @@ def _study(result: RunResult) -> Study:
         servo=servo,
         runs=(result.run,),
     )
-    return Study(job=job, runs={result.run.name: result})
+    return JobResult(job=job, runs={result.run.name: result})
 
 
 def _planned(
@@ -117,7 +117,7 @@ def _planned(
     explanation = explain(plan, arm) if known else None
     sharp = getattr(program.single_path, "objective", None)
     return Planned(
-        run=_run("plan", plan, "none", limits, PERIOD),
+        run=_run("plan", plan, "none", limits, DEFAULT_CYCLE),
         objective=program if sharp is None else Program.of(sharp, "A plan needs a path"),
         path=program,
         trajectory=plan,
@@ -125,13 +125,13 @@ def _planned(
     )
 
 
-def _run(name: str, plan: Trajectory, method: str, limits: Limits, period: float) -> Run:
+def _run(name: str, plan: Trajectory, method: str, limits: Limits, cycle: float) -> Run:
     return Run(
         name=name,
         timing=planning.METHODS.get(plan.method, planning.Optimal)(),
         compensation=compensation.METHODS.get(method, compensation.Inverse)(),
         limits=limits,
-        period=period,
+        cycle=cycle,
     )
 
 

@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, Locked
-from armcontour.core.describing import several
+from armcontour.core.checks import FloatArray, Immutable
+from armcontour.core.describing import count_noun
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.robot.chain import Chain, Payload
@@ -61,7 +61,7 @@ def resolve_limits(
     # To time a joint path, an arm needs a number of joints and limits only.
     # A trajectory has both, too, and can be called.
     if callable(arm) or not (hasattr(arm, "dof") and hasattr(arm, "limits")):
-        checks.refuse_other(user, arm, Arm)
+        checks.check_type(user, arm, Arm)
     if limits is not None and not isinstance(limits, Limits):
         raise InvalidInput(
             f"{user} needs Limits, such as arm.limits.replace(speed=0.1), not "
@@ -130,7 +130,7 @@ def _as_ceilings(name: str, values: npt.ArrayLike, dof: int) -> FloatArray:
     return sign * np.broadcast_to(array, (rows, dof))
 
 
-class Arm(Locked, ABC):
+class Arm(Immutable, ABC):
     """An arm with its kinematics and limits.
 
     Arrays have one row per state: (n, dof) for the joints, (n, dimension) for the tool.
@@ -164,7 +164,10 @@ class Arm(Locked, ABC):
 
     def __str__(self) -> str:
         """Name and number of joints."""
-        what = [several(self.dof, "joint"), "in the plane" if self.dimension == 2 else "in space"]
+        what = [
+            count_noun(self.dof, "joint"),
+            "in the plane" if self.dimension == 2 else "in space",
+        ]
         if self.has_bodies:
             what.append("with masses")
         if self._read_shapes is not None:
@@ -246,7 +249,7 @@ class Arm(Locked, ABC):
         if shapes is not None:
             from armcontour.robot.scene import ArmShapes
 
-            checks.refuse_other("with_shapes", shapes, ArmShapes)
+            checks.check_type("with_shapes", shapes, ArmShapes)
         for x in () if shapes is None else shapes.shapes:
             if not 0 <= x.link <= self.dof:
                 raise InvalidInput(
@@ -322,7 +325,7 @@ class Arm(Locked, ABC):
             shape = self._common_shape(arrays)
             arrays = [np.broadcast_to(x, shape) for x in arrays]
         # Numba would compile the kernels a second time for read-only arrays.
-        rows = [checks.for_kernel(x.reshape(-1, self.dof)) for x in arrays]
+        rows = [checks.kernel_array(x.reshape(-1, self.dof)) for x in arrays]
         return shape[:-1], rows
 
     def _common_shape(self, states: list[FloatArray]) -> tuple[int, ...]:

@@ -28,7 +28,7 @@ from armcontour.core.quantities import (
 
 # What is changed in a chain again and again, and checks itself.
 FRAMES = frozenset(("base", "tip", "tool", "payload"))
-GRAVITY = checks.lock_floats([0.0, 0.0, -9.81])
+GRAVITY = checks.frozen_array([0.0, 0.0, -9.81])
 LENGTH, INERTIA = Quantity("m"), Quantity("kg m^2")
 
 
@@ -56,7 +56,7 @@ class Payload(Checked):
     )
 
     def _check_together(self) -> None:
-        refuse_inertia("the payload", self.inertia)
+        check_inertia("the payload", self.inertia)
 
 
 @checks.explain_calls
@@ -120,7 +120,7 @@ class Chain(Checked):
             raise InvalidInput("A chain with masses needs centres of mass and inertias too.")
         for name in ("armature", "viscous", "coulomb"):
             if getattr(self, name) is None:
-                object.__setattr__(self, name, checks.lock_floats(np.zeros(n)))
+                object.__setattr__(self, name, checks.frozen_array(np.zeros(n)))
         # They are kept as given: only what is no rotation is refused.
         rotations("rotations of a chain", self.rotations)
         if (np.abs(np.linalg.norm(self.axes, axis=1) - 1) > 1e-9).any():
@@ -136,7 +136,7 @@ class Chain(Checked):
                 raise InvalidInput(
                     f"The link after {name} has the mass {mass:g} kg: it must not be negative."
                 )
-            refuse_inertia(f"the link after {name}", inertia)
+            check_inertia(f"the link after {name}", inertia)
 
     def __len__(self) -> int:
         """Number of joints."""
@@ -162,7 +162,7 @@ def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
     """
     from armcontour.robot._kinematics import frames_of
 
-    joints = frames_of(link_table(chain), checks.for_kernel(np.asarray(q, dtype=np.float64)))
+    joints = frames_of(link_table(chain), checks.kernel_array(np.asarray(q, dtype=np.float64)))
     found = np.empty_like(joints)
     found[:, 0] = chain.base.matrix
     found[:, 1:, :, :3] = joints[:, :-1, :, :3] @ np.swapaxes(joint_frames(chain), 1, 2)
@@ -188,7 +188,7 @@ def link_table(chain: Chain) -> FloatArray:
         own[:9] = (before @ rotation @ turn).ravel()
         own[9:] = place + before @ position
         before, place = turn.T, np.zeros(3)
-    return checks.lock_floats(found)
+    return checks.frozen_array(found)
 
 
 def joint_frames(chain: Chain) -> FloatArray:
@@ -221,7 +221,7 @@ def join_bodies(
     return mass, center, (inertia + inertia.T) / 2
 
 
-def refuse_inertia(who: str, inertia: npt.ArrayLike) -> None:
+def check_inertia(who: str, inertia: npt.ArrayLike) -> None:
     """Refuse an inertia matrix that no body can have.
 
     Args:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import brief, digits, line_up, to_html
+from armcontour.core.describing import digits, format_table, short_repr, to_html
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked, quantities
 from armcontour.core.quantities import (
@@ -104,7 +104,7 @@ class Limits(Checked):
             values = getattr(self, name)
             if values is not None and np.isinf(values).any():
                 array = np.where(np.isinf(values), end, values)
-                object.__setattr__(self, name, checks.lock_floats(array))
+                object.__setattr__(self, name, checks.frozen_array(array))
         self._refuse_empty_range()
 
     def __str__(self) -> str:
@@ -115,9 +115,9 @@ class Limits(Checked):
             for x, values in given.items()
             if values is not None or x in self.lifted
         ]
-        return line_up("Limits" if rows else "Limits: none", rows)
+        return format_table("Limits" if rows else "Limits: none", rows)
 
-    __repr__ = brief
+    __repr__ = short_repr
     _repr_html_ = to_html
 
     def _refuse_empty_range(self) -> None:
@@ -230,14 +230,14 @@ class Limits(Checked):
         Raises:
             InvalidInput: A wrong number of values.
         """
-        dof = checks.whole("dof", dof, 1, checks.MOST_JOINTS)
+        dof = checks.check_int("dof", dof, 1, checks.MOST_JOINTS)
         changes: dict[str, FloatArray | None] = {}
         for name, unit in JOINT_VALUES.items():
             values = getattr(self, name)
             if values is None or values.shape in ((dof,), (dof, 2)):
                 continue
             if values.shape == (1, 2):
-                changes[name] = checks.lock_floats(np.repeat(values, dof, axis=0))
+                changes[name] = checks.frozen_array(np.repeat(values, dof, axis=0))
                 continue
             if values.ndim == 2:
                 raise InvalidInput(

@@ -125,19 +125,19 @@ class PlanarTwoLink(ChainArm):
         """Length of all links together [m]."""
         return self.reach[1]
 
-    def joint_position(self, points: npt.ArrayLike, branch: str | None = None) -> FloatArray:
+    def joint_position(self, points: npt.ArrayLike, configuration: str | None = None) -> FloatArray:
         """Joint positions [rad] that put the tool at the points, (..., 2), eq. (3)-(4).
 
         The quadrant of (3) is corrected; theta1 is within (-2 pi, 2 pi).
 
         Args:
             points: Tool points [m], (..., 2).
-            branch: Solution of the inverse kinematics, by default the first of `branches`.
+            configuration: Solution of the inverse kinematics, by default the first of `branches`.
 
         Raises:
             Unreachable: A point is out of reach or singular; `index` is the first such point.
         """
-        sign = 1.0 if self._branch(branch) == "positive" else -1.0
+        sign = 1.0 if self._branch(configuration) == "positive" else -1.0
         at = checks.floats("tool points", points, "m")
         if at.shape[-1:] != (2,):
             raise InvalidInput(f"Tool points of an arm in the plane are x and y, not {at.shape}.")
@@ -154,7 +154,7 @@ class PlanarTwoLink(ChainArm):
         )
         return np.stack([q1, q2], axis=-1)
 
-    def branch_of(self, q: npt.ArrayLike) -> str:
+    def configuration_of(self, q: npt.ArrayLike) -> str:
         """The one of `branches` to which joint positions belong.
 
         Args:
@@ -235,19 +235,20 @@ class PlanarTwoLink(ChainArm):
             **bodies,  # type: ignore[arg-type]
         )
 
-    def _branch(self, branch: str | None) -> str:
+    def _branch(self, configuration: str | None) -> str:
         """Name of a solution, the default one for None.
 
         Raises:
             InvalidInput: The arm has no solution of this name.
         """
-        if branch is None:
+        if configuration is None:
             return self.branches[0]
-        if not isinstance(branch, str) or branch not in self.branches:
+        if not isinstance(configuration, str) or configuration not in self.branches:
             raise InvalidInput(
-                f"The arm {self.name} has the branches {', '.join(self.branches)}, not {branch!r}."
+                f"The arm {self.name} has the branches {', '.join(self.branches)}, not "
+                f"{configuration!r}."
             )
-        return branch
+        return configuration
 
     def _refuse_out_of_reach(self, points: FloatArray, distance: FloatArray) -> None:
         """Refuse points that are out of reach or singular.

@@ -1,4 +1,4 @@
-"""`execute`: plants that run set-points, and the independent servo of each joint."""
+"""`simulate`: plants that run set-points, and the independent servo of each joint."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, IntArray, Locked
+from armcontour.core.checks import FloatArray, Immutable, IntArray
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Interval
-from armcontour.motion import Execution, FineMotion, TaughtData
+from armcontour.motion import Execution, FineMotion, SetPoints
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.limits import or_unlimited
 from armcontour.robot.servo import ServoModel
@@ -45,11 +45,11 @@ class Plant(ABC):
     """A simulated robot: an arm with its drives."""
 
     @abstractmethod
-    def run(self, taught: TaughtData, resolution: float) -> Execution:
-        """Execute taught data from rest at the first set-point until rest at the last one.
+    def run(self, set_points: SetPoints, resolution: float) -> Execution:
+        """Execute set-points from rest at the first set-point until rest at the last one.
 
         Args:
-            taught: The set-points.
+            set_points: The set-points.
             resolution: Largest time between two results [s].
         """
 
@@ -71,7 +71,7 @@ class Plant(ABC):
         return f"{type(self).__name__}({'' if arm is None else repr(arm)})"
 
 
-class LimitedPlant(Locked, Plant):
+class LimitedPlant(Immutable, Plant):
     """A plant whose drives saturate at limits: the given ones, else those of the plan.
 
     Once made, a plant does not change; the plant of an `Execution` has the limits of its plan.
@@ -84,13 +84,13 @@ class LimitedPlant(Locked, Plant):
         """What saturates, by the names of the attributes, with the limits of a plan."""
 
     @checked
-    def for_plan(self, taught: TaughtData) -> Self:
+    def for_plan(self, set_points: SetPoints) -> Self:
         """The plant with the limits of a plan, where it was given none.
 
         Args:
-            taught: Taught data for the plan.
+            set_points: Set-points for the plan.
         """
-        planned = taught.trajectory.limits
+        planned = set_points.trajectory.limits
         if planned is None:
             return self
         other = copy(self)
@@ -99,50 +99,50 @@ class LimitedPlant(Locked, Plant):
 
 
 @checked
-def execute(
-    taught: TaughtData,
+def simulate(
+    set_points: SetPoints,
     plant: Plant,
     *,
     resolution: Interval = 1e-3,
 ) -> Execution:
-    """Execute taught data on a plant.
+    """Execute set-points on a plant.
 
     Args:
-        taught: The set-points.
-        plant: The plant, which must not be the model by which the taught data was compensated.
+        set_points: The set-points.
+        plant: The plant, which must not be the model by which the set-points were compensated.
         resolution: Largest time between two results [s]; it does not change the motion.
 
     Raises:
-        InvalidInput: The taught data is for another number of joints, the gains are too large for
-            the command interval, or there would be too many results.
+        InvalidInput: The set-points are for another number of joints, the gains are too large for
+            the cycle, or there would be too many results.
         ExecutionError: Rigid bodies do not come to rest, or a drive is too weak to hold the arm.
     """
     fine = resolution
-    span = (len(taught.q) - 1) * taught.period
-    checks.refuse_too_many(
+    span = (len(set_points.q) - 1) * set_points.cycle
+    checks.check_count(
         f"The simulation of {span:.4g} s of set-points with results every {fine:g} s",
-        (span / taught.period + 1) * max(taught.period / fine, 1.0) * taught.q.shape[1],
+        (span / set_points.cycle + 1) * max(set_points.cycle / fine, 1.0) * set_points.q.shape[1],
         "take a coarser resolution or a higher speed, or leave the simulation out "
         "(--no-simulation)",
     )
-    return plant.run(taught, fine)
+    return plant.run(set_points, fine)
 
 
-def refuse_other_joints(taught: TaughtData, arm: Arm) -> None:
-    """Refuse taught data whose number of joints is not that of the arm.
+def check_joints(set_points: SetPoints, arm: Arm) -> None:
+    """Refuse set-points whose number of joints is not that of the arm.
 
     Raises:
-        InvalidInput: The numbers differ, or it is no taught data.
+        InvalidInput: The numbers differ, or it is no set-points.
     """
-    checks.refuse_other("A plant", taught, TaughtData)
-    if taught.q.shape[1] != arm.dof:
+    checks.check_type("A plant", set_points, SetPoints)
+    if set_points.q.shape[1] != arm.dof:
         raise InvalidInput(
-            f"The taught data is for {taught.q.shape[1]} joints, but the arm {arm.name} has "
+            f"The set-points are for {set_points.q.shape[1]} joints, but the arm {arm.name} has "
             f"{arm.dof}."
         )
 
 
-def refuse_too_heavy(weight: FloatArray, limit: FloatArray, where: str, t: float) -> None:
+def check_weight(weight: FloatArray, limit: FloatArray, where: str, t: float) -> None:
     """Refuse an arm whose drives are too weak to hold it against gravity.
 
     Args:
@@ -169,10 +169,10 @@ def refuse_too_heavy(weight: FloatArray, limit: FloatArray, where: str, t: float
         )
 
 
-def count_intervals(taught: TaughtData, servo: ServoModel) -> int:
-    """Number of command intervals until the last set-point has reached all joints."""
-    late = int(np.ceil(servo.dead_time.max() / taught.period * (1 - 1e-12)))
-    return len(taught.q) - 1 + late
+def count_intervals(set_points: SetPoints, servo: ServoModel) -> int:
+    """Number of cycles until the last set-point has reached all joints."""
+    late = int(np.ceil(servo.dead_time.max() / set_points.cycle * (1 - 1e-12)))
+    return len(set_points.q) - 1 + late
 
 
 def patience(duration: float) -> float:
@@ -181,7 +181,7 @@ def patience(duration: float) -> float:
 
 
 class Part(NamedTuple):
-    """The motion of all joints over some command intervals.
+    """The motion of all joints over some cycles.
 
     Attributes:
         q, dq: Positions [rad] and velocities [rad/s] at the results, (n, dof).
@@ -219,18 +219,18 @@ class TorqueBounds:
     Args:
         arm: An arm with masses.
         limit: Torque limits, (dof,) [N m].
-        taught: The set-points.
+        set_points: The set-points.
 
     Raises:
         ExecutionError: Gravity alone exceeds a limit at the first or the last set-point.
     """
 
-    def __init__(self, arm: Arm, limit: FloatArray, taught: TaughtData) -> None:
-        self.arm, self.limit, self.taught = arm, limit, taught
+    def __init__(self, arm: Arm, limit: FloatArray, set_points: SetPoints) -> None:
+        self.arm, self.limit, self.set_points = arm, limit, set_points
         for which, k in (("first", 0), ("last", -1)):
-            q, still = taught.q[k], np.zeros(arm.dof)
+            q, still = set_points.q[k], np.zeros(arm.dof)
             weight = np.abs(arm.torque(q, still, still))
-            refuse_too_heavy(weight, limit, f"the {which} set-point", float(taught.t[k]))
+            check_weight(weight, limit, f"the {which} set-point", float(set_points.t[k]))
 
     def at(self, k: int, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Acceleration bounds `(-T - b) / M_jj` and `(T - b) / M_jj` in interval k [rad/s²].
@@ -238,7 +238,7 @@ class TorqueBounds:
         If b alone exceeds T, both bounds have the same sign: the joint brakes or falls.
 
         Args:
-            k: Index of the command interval.
+            k: Index of the cycle.
             q: Joint positions at the start of the interval [rad], (dof,).
             dq: Joint velocities at the start of the interval [rad/s], (dof,).
 
@@ -248,7 +248,7 @@ class TorqueBounds:
         fast = ~(np.abs(dq) < RUNAWAY)
         if fast.any():
             j = int(np.argmax(fast))
-            t = self.taught.start_time + k * self.taught.period
+            t = self.set_points.start_time + k * self.set_points.cycle
             raise ExecutionError(
                 f"Joint {j + 1} runs away at t = {t:.4g} s, at {abs(dq[j]):.3g} rad/s: its drive "
                 f"gives at most {self.limit[j]:.4g} N m; raise its torque limit or lighten its "
@@ -265,8 +265,8 @@ class ServoRun:
     """The servos of all joints, with acceleration bounds that may change in every interval.
 
     Args:
-        taught: The set-points.
-        steps: Number of results per command interval.
+        set_points: The set-points.
+        steps: Number of results per cycle.
         servo: A servo with values per joint.
         accelerations: Lower and upper bounds, (dof,) each [rad/s²].
         torque: Torque limits that give the bounds of each interval instead, if any.
@@ -277,7 +277,7 @@ class ServoRun:
 
     def __init__(
         self,
-        taught: TaughtData,
+        set_points: SetPoints,
         steps: int,
         servo: ServoModel,
         accelerations: tuple[FloatArray, FloatArray],
@@ -286,11 +286,13 @@ class ServoRun:
         # Copies that can be written to: for locked ones the kernels would be compiled once more.
         lower, upper = (np.array(x) for x in accelerations)
         self.bounds, self.torque = (lower, upper), torque
-        self.simulation = Simulation(taught.q, taught.period, servo, *accelerations, steps=steps)
+        self.simulation = Simulation(
+            set_points.q, set_points.cycle, servo, *accelerations, steps=steps
+        )
         self.held: FloatArray | None = None
 
     def advance(self, begin: int, count: int, q: FloatArray, dq: FloatArray) -> Part:
-        """Simulate some command intervals.
+        """Simulate some cycles.
 
         Args:
             begin: Index of the first interval.
@@ -317,7 +319,7 @@ class ServoRun:
         dq: FloatArray,
         bounds: tuple[FloatArray, FloatArray],
     ) -> Part:
-        """Simulate some command intervals with constant acceleration bounds."""
+        """Simulate some cycles with constant acceleration bounds."""
         run = self.simulation.run(begin, begin + count, q, dq, bounds, self.held)
         self.held = run.held
         position, velocity, demand = (run.states[:, :, i].T.copy() for i in range(3))
@@ -331,14 +333,14 @@ class ServoPlant(LimitedPlant):
 
     Args:
         arm: The arm.
-        servo: The servo of the simulated robot; it may differ from the model by which the taught
-            data was compensated.
+        servo: The servo of the simulated robot; it may differ from the model by which the
+            set-points data was compensated.
         limits: Limits with the joint accelerations or torques that saturate, in place of those of
             the plan that is executed; where a plan has none, the arm's own.
         saturation: Which limit saturates a servo of second order. "acceleration" is (7):
             acceleration_limit of the servo, or without one joint_acceleration.
             "torque" bounds the acceleration by `-T <= M_jj(q) ddq_j + b_j(q, dq) <= T` with the
-            state at the start of each command interval, where T is joint_torque and b is the torque
+            state at the start of each cycle, where T is joint_torque and b is the torque
             of gravity, centrifugal and Coriolis effects and friction; accelerations of other joints
             are neglected. "none" never saturates. The default is "acceleration" if there are such
             limits; else "torque" if there are such limits and the arm has masses; else "none". A
@@ -394,37 +396,37 @@ class ServoPlant(LimitedPlant):
                     "the plant saturate in acceleration.",
                     limit="joint_torque",
                 )
-            torque_limit = checks.lock_floats(or_unlimited(own.joint_torque, arm.dof))
+            torque_limit = checks.frozen_array(or_unlimited(own.joint_torque, arm.dof))
             # This property refuses an arm without masses.
             _ = arm.dynamics
         return {
             "saturation": saturation,
-            "lower": checks.lock_floats(lower),
-            "acceleration": checks.lock_floats(upper),
+            "lower": checks.frozen_array(lower),
+            "acceleration": checks.frozen_array(upper),
             "torque_limit": torque_limit,
         }
 
-    def run(self, taught: TaughtData, resolution: float) -> Execution:
-        """Execute taught data; the motion is exact between the starts and ends of saturation.
+    def run(self, set_points: SetPoints, resolution: float) -> Execution:
+        """Execute set-points; the motion is exact between the starts and ends of saturation.
 
         Raises:
-            InvalidInput: The taught data is for another number of joints, or the gains are too
-                large for the command interval.
+            InvalidInput: The set-points are for another number of joints, or the gains are too
+                large for the cycle.
             ExecutionError: A drive is too weak to hold the arm.
         """
-        refuse_other_joints(taught, self.arm)
-        self.servo.refuse_too_fast(taught.period)
-        return self.for_plan(taught)._execute(taught, resolution)
+        check_joints(set_points, self.arm)
+        self.servo.check_gains(set_points.cycle)
+        return self.for_plan(set_points)._execute(set_points, resolution)
 
-    def _execute(self, taught: TaughtData, resolution: float) -> Execution:
+    def _execute(self, set_points: SetPoints, resolution: float) -> Execution:
         """As `run`, with the limits of this plant."""
-        steps = int(np.ceil(taught.period / resolution * (1 - 1e-12)))
-        parts, unsettled = self._until_rest(taught, steps)
+        steps = int(np.ceil(set_points.cycle / resolution * (1 - 1e-12)))
+        parts, unsettled = self._until_rest(set_points, steps)
         whole = join_parts(parts)
         return Execution(
             arm=self.arm,
-            taught=taught,
-            t=taught.times(len(whole.q), taught.period / steps),
+            set_points=set_points,
+            t=set_points.times(len(whole.q), set_points.cycle / steps),
             q=whole.q,
             dq=whole.dq,
             ddq=whole.ddq,
@@ -432,7 +434,7 @@ class ServoPlant(LimitedPlant):
             demand_range=whole.demand_range,
             saturated_time=whole.saturated,
             unsettled=unsettled,
-            unexplained=self.servo.unexplained,
+            model_error=self.servo.model_error,
             plant=self,
         )
 
@@ -447,31 +449,31 @@ class ServoPlant(LimitedPlant):
             which: Indices of the results before, increasing, (m,).
 
         Returns:
-            The motion; None if the torque limits of its command interval follow from a result that
+            The motion; None if the torque limits of its cycle follow from a result that
             the execution does not have.
         """
-        x, taught = executed, executed.taught
-        steps = round(taught.period / float(x.t[1] - x.t[0]))
-        width = taught.period / steps
+        x, set_points = executed, executed.set_points
+        steps = round(set_points.cycle / float(x.t[1] - x.t[0]))
+        width = set_points.cycle / steps
         demand = np.stack([x.demand[which], x.demand[which + 1]])
         if self._smooth_between(demand, width):
             return FineMotion.through(x.t, x.q, x.dq, x.ddq, which)
         parts = []
         for i in which.tolist():
-            k, phase = divmod(round(float(x.t[i] - taught.start_time) / width), steps)
+            k, phase = divmod(round(float(x.t[i] - set_points.start_time) / width), steps)
             bounds = self.lower, self.acceleration
             if self.torque_limit is not None:
-                # The bounds of a command interval follow from the state at its start.
+                # The bounds of a cycle follow from the state at its start.
                 if i < phase:
                     return None
-                limits = TorqueBounds(self.arm, self.torque_limit, taught)
+                limits = TorqueBounds(self.arm, self.torque_limit, set_points)
                 bounds = limits.at(k, x.q[i - phase], x.dq[i - phase])
             at = (phase + np.arange(PARTS + 1) / PARTS) * width
             held = np.where(self.servo.ki > 0, x.demand[i], np.clip(x.demand[i], *bounds))
-            if self.servo.cycle and self.servo.kv is None:
+            if self.servo.drive_cycle and self.servo.kv is None:
                 held = x.dq[i]
             own = self.servo, bounds, k, at, (x.q[i], x.dq[i], held)
-            t, *states = respond_within(taught.q, taught.period, *own)
+            t, *states = respond_within(set_points.q, set_points.cycle, *own)
             parts.append((t - at[0] + x.t[i], *states))
         columns = (np.concatenate(each) for each in zip(*parts, strict=True))
         t, q, before, after = columns
@@ -486,7 +488,13 @@ class ServoPlant(LimitedPlant):
         """
         servo = self.servo
         jumps = servo.interpolation == "step" or servo.has_feedforward or servo.friction.any()
-        if servo.order != "second" or servo.kv is None or jumps or servo.cycle or servo.ki.any():
+        if (
+            servo.order != "second"
+            or servo.kv is None
+            or jumps
+            or servo.drive_cycle
+            or servo.ki.any()
+        ):
             return False
         if self.torque_limit is not None:
             return False
@@ -496,16 +504,18 @@ class ServoPlant(LimitedPlant):
         slow = max(servo.kv.max(), servo.kp.max()) * width <= SMOOTH
         return bool(slow and (abs(late - np.round(late)) < REACHED).all())
 
-    def _until_rest(self, taught: TaughtData, steps: int) -> tuple[list[Part], FloatArray | None]:
+    def _until_rest(
+        self, set_points: SetPoints, steps: int
+    ) -> tuple[list[Part], FloatArray | None]:
         """The run in parts, from the state at the start on, and `Execution.unsettled`."""
-        run = self._begin(taught, steps)
-        first, last = taught.q[0], taught.q[-1]
+        run = self._begin(set_points, steps)
+        first, last = set_points.q[0], set_points.q[-1]
         still = np.zeros((1, len(first)))
         begin = Part(first[None], still, still, still, still[0], np.zeros((2, len(first))))
-        done = count_intervals(taught, self.servo)
+        done = count_intervals(set_points, self.servo)
         parts = [begin, run.advance(0, done, first, np.zeros_like(first))]
-        more = int(np.ceil(CHUNK / taught.period))
-        last_one = done + int(np.ceil(PATIENCE / taught.period))
+        more = int(np.ceil(CHUNK / set_points.cycle))
+        last_one = done + int(np.ceil(PATIENCE / set_points.cycle))
         q, dq = (
             x[-1] if len(x) else y for x, y in zip(parts[1][:2], (first, 0 * first), strict=True)
         )
@@ -517,12 +527,12 @@ class ServoPlant(LimitedPlant):
             done += more
         return parts, None
 
-    def _begin(self, taught: TaughtData, steps: int) -> ServoRun:
-        """A run of the servos, with `steps` results per command interval."""
+    def _begin(self, set_points: SetPoints, steps: int) -> ServoRun:
+        """A run of the servos, with `steps` results per cycle."""
         bounds = None
         if self.torque_limit is not None:
-            bounds = TorqueBounds(self.arm, self.torque_limit, taught)
-        return ServoRun(taught, steps, self.servo, (self.lower, self.acceleration), bounds)
+            bounds = TorqueBounds(self.arm, self.torque_limit, set_points)
+        return ServoRun(set_points, steps, self.servo, (self.lower, self.acceleration), bounds)
 
 
 def _saturation(asked: str | None, servo: ServoModel, limits: Limits, arm: Arm) -> str:
@@ -540,7 +550,7 @@ def _saturation(asked: str | None, servo: ServoModel, limits: Limits, arm: Arm) 
             return "acceleration"
         torque = second and limits.joint_torque is not None and arm.has_bodies
         return "torque" if torque else "none"
-    checks.choice("saturation", asked, SATURATIONS)
+    checks.check_choice("saturation", asked, SATURATIONS)
     if not second and asked != "none":
         raise InvalidInput(
             f"A servo of order {servo.order} has no acceleration that its {asked} could limit: "

@@ -15,7 +15,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.quantities import DAMPING, STIFFNESS, AtLeast, Quantity
-from armcontour.motion import Execution, FineMotion, TaughtData
+from armcontour.motion import Execution, FineMotion, SetPoints
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.chain import Chain
 from armcontour.robot.servo import ServoModel
@@ -27,14 +27,14 @@ from armcontour.simulation.plant import (
     PATIENCE,
     RUNAWAY,
     LimitedPlant,
+    check_joints,
+    check_weight,
     count_intervals,
     patience,
-    refuse_other_joints,
-    refuse_too_heavy,
 )
 from armcontour.simulation.stability import count_parts
 
-# Cycle time of a drive's velocity loop [s]: 4 kHz is usual, divides every usual command interval,
+# Cycle time of a drive's velocity loop [s]: 4 kHz is usual, divides every usual cycle,
 # and delays the loop by 2 % of the time constant 1 / K_v of the paper's servo.
 STEP = 2.5e-4
 # Shortest and longest cycle time [s]: each cycle is a step of the simulation, which takes some
@@ -60,7 +60,7 @@ ITERATIONS = 200
 DAMPING_TIME = 1e-4
 # Number of random poses in which a drive must be able to give the acceleration limits.
 RATED_POSES = 200
-# Duration of the command intervals that are simulated at a time [s].
+# Duration of the cycles that are simulated at a time [s].
 BLOCK = 1.0
 # Number of integration steps in one compiled call, which take up to 0.1 s.
 STEPS_AT_ONCE = 1000
@@ -93,7 +93,7 @@ class RigidBodyPlant(LimitedPlant):
         limits: Limits with the joint torques that saturate, in place of those of the plan that is
             executed; where a plan has none, the arm's own. Without torque limits, the drives are
             just strong enough for the joint accelerations of all joints at once in the worst pose.
-        step: Cycle time of the drives [s]; it is shortened to a fraction of the command interval.
+        step: Cycle time of the drives [s]; it is shortened to a fraction of the cycle.
         gravity_feedforward: Whether the controller adds the torque against gravity, including that
             of the payload that it knows.
         friction: Whether the chain's viscous and Coulomb friction act.
@@ -151,7 +151,7 @@ class RigidBodyPlant(LimitedPlant):
                 f"has {len(self.known_chain)}."
             )
         self.servo = servo.for_joints(arm.dof)
-        self.servo.refuse_mixed("A rigid-body plant", integrator=True)
+        self.servo.check_orders("A rigid-body plant", integrator=True)
         if self.servo.acceleration_limit is not None:
             least = float(self.servo.acceleration_limit.min())
             raise InvalidInput(
@@ -181,7 +181,7 @@ class RigidBodyPlant(LimitedPlant):
         # A limit that stands for accelerations bounds the torque for motion alone; a torque limit
         # bounds the sum of the torques for motion and against gravity.
         return {
-            "torque_limit": checks.lock_floats(torques),
+            "torque_limit": checks.frozen_array(torques),
             "_on_top": own.joint_torque is None,
         }
 
@@ -195,90 +195,92 @@ class RigidBodyPlant(LimitedPlant):
         """Damping between each drive and its link [N m s/rad], (dof,); None for rigid joints."""
         return None if self._springs is None else self._springs.damping
 
-    def run(self, taught: TaughtData, resolution: float) -> Execution:
-        """Execute taught data from the equilibrium at the first set-point.
+    def run(self, set_points: SetPoints, resolution: float) -> Execution:
+        """Execute set-points from the equilibrium at the first set-point.
 
         With an integrator, with gravity feed-forward of all weight, or without gravity, the
         equilibrium of a drive is the set-point itself; otherwise it is the position to which the
         arm sags without friction.
 
         Raises:
-            InvalidInput: The taught data is for another number of joints, or the resolution is
+            InvalidInput: The set-points are for another number of joints, or the resolution is
                 finer than the step.
             ExecutionError: The drives are unstable, too weak to hold the arm, or do not settle.
         """
-        refuse_other_joints(taught, self.arm)
-        return self.for_plan(taught)._execute(taught, resolution)
+        check_joints(set_points, self.arm)
+        return self.for_plan(set_points)._execute(set_points, resolution)
 
-    def _execute(self, taught: TaughtData, resolution: float) -> Execution:
+    def _execute(self, set_points: SetPoints, resolution: float) -> Execution:
         """As `run`, with the limits of this plant."""
-        steps = int(np.ceil(taught.period / self.step * (1 - 1e-12)))
-        span = taught.period / steps
+        steps = int(np.ceil(set_points.cycle / self.step * (1 - 1e-12)))
+        span = set_points.cycle / steps
         every = _every(steps, span, resolution)
-        robot = _Robot(self, span, taught)
+        robot = _Robot(self, span, set_points)
         loop, viscous = self.nominal_inertia * self.kv, np.asarray(self.chain.viscous)
-        parts = count_parts(robot.model, taught, span, loop, viscous * self.friction, self._springs)
+        parts = count_parts(
+            robot.model, set_points, span, loop, viscous * self.friction, self._springs
+        )
         robot.refine(parts)
-        rows = max(1, round(BLOCK / taught.period))
+        rows = max(1, round(BLOCK / set_points.cycle))
         logs = []
-        command = self._command(taught, steps, self.servo)
+        command = self._command(set_points, steps, self.servo)
         integrated = command
         if self.servo.ki.any() and self.servo.acceleration_feedforward.any():
             integrated = self._command(
-                taught, steps, self.servo.replace(acceleration_feedforward=0.0)
+                set_points, steps, self.servo.replace(acceleration_feedforward=0.0)
             )
-        count = count_intervals(taught, self.servo)
+        count = count_intervals(set_points, self.servo)
         for k in range(0, count, rows):
             both = (x(k, min(rows, count - k)) for x in (command, integrated))
             logs.append(robot.advance(*both).thinned(every))
-        logs += self._come_to_rest(robot, taught, steps, every)
-        return self._execution(taught, logs, span * every)
+        logs += self._come_to_rest(robot, set_points, steps, every)
+        return self._execution(set_points, logs, span * every)
 
     def _command(
-        self, taught: TaughtData, steps: int, servo: ServoModel
+        self, set_points: SetPoints, steps: int, servo: ServoModel
     ) -> Callable[[int, int], FloatArray]:
         """A function of k and count: commands in every step of `count` intervals from k on."""
-        q, period = taught.q, taught.period
+        q, cycle = set_points.q, set_points.cycle
         plain = servo.interpolation != "cubic" and not servo.has_feedforward
         if plain and not servo.dead_time.any():
             return lambda k, count: _straight(q[k : k + count + 1], steps, servo.interpolation)
-        pieces = polynomials(q, period, servo)
+        pieces = polynomials(q, cycle, servo)
         return lambda k, count: sample_command(
             pieces,
-            period,
+            cycle,
             servo.dead_time,
-            (k + np.arange(count * steps) / steps) * period,
+            (k + np.arange(count * steps) / steps) * cycle,
         )
 
     def _come_to_rest(
-        self, robot: _Robot, taught: TaughtData, steps: int, every: int
+        self, robot: _Robot, set_points: SetPoints, steps: int, every: int
     ) -> list[_Log]:
         """Simulate after the last set-point until all joints are at rest.
 
         Args:
             robot: The run.
-            taught: The set-points.
-            steps: Number of steps per command interval.
+            set_points: The set-points.
+            steps: Number of steps per cycle.
             every: Number of steps between two results.
 
         Raises:
             ExecutionError: A joint does not come to rest, or rests at its torque limit.
         """
         window = rest_window(self.servo)
-        commands = np.tile(taught.q[-1], (int(np.ceil(window / taught.period)) * steps, 1))
+        commands = np.tile(set_points.q[-1], (int(np.ceil(window / set_points.cycle)) * steps, 1))
         begin = robot.now
-        longest = patience(begin - taught.start_time)
+        longest = patience(begin - set_points.start_time)
         logs = []
         while robot.now - begin <= longest:
             log = robot.advance(commands, commands)
             logs.append(log.thinned(every))
             moved = log.moved(robot.step)
             if (moved <= REST_RANGE + REST_NOISE * self.noise).all():
-                self._refuse_weak(log, taught.q[-1], robot.now)
+                self._refuse_weak(log, set_points.q[-1], robot.now)
                 return logs
         worst = int(np.argmax(moved))
         j = worst % self.arm.dof
-        off = abs(float(log.q[-1, worst] - taught.q[-1, j]))
+        off = abs(float(log.q[-1, worst] - set_points.q[-1, j]))
         missing = (
             "; the inertia of its drive, armature, is missing"
             if np.asarray(self.chain.armature)[j] == 0
@@ -320,7 +322,7 @@ class RigidBodyPlant(LimitedPlant):
             allowed=allowed,
         )
 
-    def _execution(self, taught: TaughtData, logs: list[_Log], span: float) -> Execution:
+    def _execution(self, set_points: SetPoints, logs: list[_Log], span: float) -> Execution:
         """The execution of consecutive logs with a time `span` between results [s]."""
         q, dq, ddq, demand, wanted, torque = (
             np.concatenate([getattr(x, name) for x in logs])
@@ -329,8 +331,8 @@ class RigidBodyPlant(LimitedPlant):
         dof = self.arm.dof
         return Execution(
             arm=self.arm,
-            taught=taught,
-            t=taught.times(len(q), span),
+            set_points=set_points,
+            t=set_points.times(len(q), span),
             q=q[:, :dof],
             dq=dq[:, :dof],
             ddq=ddq[:, :dof],
@@ -423,10 +425,10 @@ class _Log:
 class _Robot:
     """One run of a plant: the state of the bodies, and the drives."""
 
-    def __init__(self, plant: RigidBodyPlant, step: float, taught: TaughtData) -> None:
+    def __init__(self, plant: RigidBodyPlant, step: float, set_points: SetPoints) -> None:
         self.plant = plant
         self.step = step
-        self.start = taught.start_time
+        self.start = set_points.start_time
         self.steps = 0
         self.mujoco = _mujoco.load()
         springs = plant._springs
@@ -441,7 +443,7 @@ class _Robot:
         )
         self.still = self.mujoco.MjData(self.known_model)
         self.rng = np.random.default_rng(plant.seed)
-        motors, links, torque = self._equilibrium(np.array(taught.q[0]))
+        motors, links, torque = self._equilibrium(np.array(set_points.q[0]))
         # Without springs both are the same.
         self.data.qpos[-len(motors) :] = motors
         self.data.qpos[: len(links)] = links
@@ -543,7 +545,7 @@ class _Robot:
         where, torque = "the first set-point", weight - fed
         if plant._on_top and plant.gravity_feedforward:
             weight, where = torque, f"{where}, beside gravity feed-forward"
-        refuse_too_heavy(np.abs(weight), plant.torque_limit, where, self.start)
+        check_weight(np.abs(weight), plant.torque_limit, where, self.start)
         return motors, links, torque
 
     def _fed_forward(self, q: FloatArray) -> FloatArray:
@@ -575,7 +577,7 @@ def can_simulate() -> bool:
     return importlib.util.find_spec("mujoco") is not None
 
 
-def refuse_without_mujoco() -> None:
+def require_mujoco() -> None:
     """Refuse what needs a rigid-body plant where there can be none.
 
     Raises:
@@ -591,7 +593,7 @@ def rest_window(servo: ServoModel) -> float:
     return min(max(REST_TIME, float(slowest.max())), PATIENCE)
 
 
-def refuse_undriven_damping(stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None) -> None:
+def check_damping(stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None) -> None:
     """Refuse damping of joints without their stiffness.
 
     Raises:
@@ -641,7 +643,7 @@ def _springs(
         InvalidInput: Damping without stiffness, values out of range or for another number of
             joints, or a drive without inertia.
     """
-    refuse_undriven_damping(stiffness, damping)
+    check_damping(stiffness, damping)
     if stiffness is None:
         return None
     dof = len(chain)
@@ -657,7 +659,7 @@ def _springs(
             "its drive has no inertia: give the arm the inertias of its drives (armature), or "
             "leave joint_stiffness out."
         )
-    return Springs(checks.lock_floats(k), checks.lock_floats(d))
+    return Springs(checks.frozen_array(k), checks.frozen_array(d))
 
 
 def _nominal(chain: Chain, reference: FloatArray) -> FloatArray:
@@ -698,10 +700,10 @@ def _torques(limits: Limits, own: Limits, chain: Chain) -> FloatArray:
 
 
 def _every(steps: int, span: float, resolution: float) -> int:
-    """Largest number of steps between two results that divides the steps of a command interval.
+    """Largest number of steps between two results that divides the steps of a cycle.
 
     Args:
-        steps: Number of steps in a command interval.
+        steps: Number of steps in a cycle.
         span: Duration of a step [s].
         resolution: Largest time between two results [s].
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ExecutionError
-from armcontour.motion import TaughtData
+from armcontour.motion import SetPoints
 from armcontour.simulation._mujoco import Springs, mass_matrices
 
 # Number of set-points at which a run is checked before the simulation.
@@ -21,7 +21,7 @@ MOST_PARTS = 50
 
 def count_parts(
     model: Any,
-    taught: TaughtData,
+    set_points: SetPoints,
     step: float,
     loop: FloatArray,
     viscous: FloatArray,
@@ -35,7 +35,7 @@ def count_parts(
 
     Args:
         model: MuJoCo's model of the arm.
-        taught: The set-points, some of which are checked.
+        set_points: The set-points, some of which are checked.
         step: Step of the drives [s].
         loop: J K_v [N m s/rad], (dof,).
         viscous: Viscous friction of the drives [N m s/rad], (dof,).
@@ -49,9 +49,9 @@ def count_parts(
     stiffness, damping = np.kron(pulls, np.diag(k)), np.kron(pulls, np.diag(d))
     damping[-len(loop) :, -len(loop) :] += np.diag(viscous)
     most, n = 1, len(damping)
-    looks = np.unique(np.linspace(0, len(taught.q) - 1, LOOKS).astype(int))
-    for i, mass in zip(looks, mass_matrices(model, taught.q[looks]), strict=True):
-        t = float(taught.start_time + i * taught.period)
+    looks = np.unique(np.linspace(0, len(set_points.q) - 1, LOOKS).astype(int))
+    for i, mass in zip(looks, mass_matrices(model, set_points.q[looks]), strict=True):
+        t = float(set_points.start_time + i * set_points.cycle)
         state = np.eye(2 * n, k=n)
         state[n:] = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
         parts = int(np.ceil(np.abs(np.linalg.eigvals(state)).max() * step / PHASE))

@@ -206,7 +206,7 @@ class Acts:
 
     def _detail(self, tab: Tab, said: Said) -> None:
         """Draw what a page sees as finely as it sees it."""
-        box = checks.numbers("box", said.get("box") or [], "m")
+        box = checks.check_numbers("box", said.get("box") or [], "m")
         if box.shape != (4,):
             raise InvalidInput("box has four numbers: least u and v, largest u and v.")
         px = max(

@@ -13,7 +13,7 @@ from pathlib import Path as FilePath
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import read_bytes
-from armcontour.core.staging import put_in_place, unwritable
+from armcontour.core.staging import unwritable, write_atomically
 
 BOM = "\ufeff"
 # Key of the document of a Studio that is started without a file.
@@ -64,7 +64,7 @@ class Draft:
         content = json.dumps(asdict(self)).encode()
         try:
             make_private(state_folder() / "drafts")
-            put_in_place(place_of(self.key), lambda fresh: fresh.write_bytes(content))
+            write_atomically(place_of(self.key), lambda fresh: fresh.write_bytes(content))
         except (InvalidInput, OSError):
             return False
         return True
@@ -155,6 +155,6 @@ def write_whole(file: FilePath, content: bytes) -> None:
             shutil.copymode(place, fresh)
 
     try:
-        put_in_place(place, write)
+        write_atomically(place, write)
     except OSError as error:
         raise unwritable(file, error) from None

@@ -20,8 +20,8 @@ from armcontour.studio.disk import Draft, all_drafts, drop_draft
 from armcontour.studio.document import Document
 from armcontour.studio.edits import EditState, changes_of
 from armcontour.studio.handles import blank_handles, handles_of, is_blank
-from armcontour.studio.preview import Previewer
-from armcontour.studio.trust import refuse_new_xacro
+from armcontour.studio.preview import CoarsePlanner
+from armcontour.studio.trust import check_trusted_xacro
 from armcontour.studio.uploads import Uploads
 
 # The timing of the run that is shown first, if a job has such a run.
@@ -63,7 +63,7 @@ class Editor:
     """
 
     def __init__(
-        self, document: Document, previewer: Previewer, trusted: Iterable[FilePath]
+        self, document: Document, previewer: CoarsePlanner, trusted: Iterable[FilePath]
     ) -> None:
         self.document, self.previewer = document, previewer
         self.uploads = Uploads()
@@ -289,7 +289,7 @@ class Editor:
 
     def _checked(self, made: Made) -> Made:
         """The same, if it names no program that the user has not named."""
-        refuse_new_xacro(made.data, self.folder, self._trusted)
+        check_trusted_xacro(made.data, self.folder, self._trusted)
         return made
 
     def _see(self, data: Mapping[str, Any]) -> Seen:
@@ -311,5 +311,5 @@ class Editor:
         Raises:
             InvalidInput: They make none.
         """
-        refuse_new_xacro(data, self.folder, self._trusted)
+        check_trusted_xacro(data, self.folder, self._trusted)
         return self.previewer.job(data, self.run_of(data) or None)

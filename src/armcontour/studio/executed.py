@@ -29,7 +29,7 @@ from armcontour.verification.evaluation import (
     saturated_shares,
     settled_row,
 )
-from armcontour.verification.pieces import Piece
+from armcontour.verification.pieces import ContourExecution
 
 # About the largest number of samples of an execution.
 MOST_SAMPLES = 4_000
@@ -70,7 +70,10 @@ def executed_lines(executed: Executed, view: View, detail: Detail | None = None)
 
 
 def tool_lines(
-    pieces: Sequence[Piece], view: View, detail: Detail | None = None, **columns: FloatArray
+    pieces: Sequence[ContourExecution],
+    view: View,
+    detail: Detail | None = None,
+    **columns: FloatArray,
 ) -> dict[str, Any]:
     """Arrays of the deviation of the tool from the visible part of the path.
 

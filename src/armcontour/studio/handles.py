@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from armcontour.core.checks import FloatArray, lock_floats
+from armcontour.core.checks import FloatArray, frozen_array
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import Quantity
 from armcontour.files.cell import OWN_PATH
@@ -29,7 +29,7 @@ LENGTH, ANGLE = Quantity("m", "1 mm"), Quantity("rad", "90 deg")
 FLAT = 1e-9
 # Cosine of the angle within which a plane's normal points along an axis.
 STEEP = 0.9
-AXES = lock_floats(np.eye(3))
+AXES = frozen_array(np.eye(3))
 # Keys of lists of obstacles.
 BODIES = tuple(x.name for x in fields(BodiesModel))
 # Coordinates are written with the fewest digits that are this exact [m].

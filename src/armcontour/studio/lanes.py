@@ -14,7 +14,7 @@ from typing import Any, Protocol, TypeAlias
 from armcontour.core.errors import ArmContourError
 from armcontour.core.pool import ProcessPool
 from armcontour.core.process import ProcessEnded
-from armcontour.studio.tasks.working import WARM, Given, work
+from armcontour.studio.tasks.working import WARM, TaskInput, work
 from armcontour.studio.wire import Frame
 
 # Niceness of the other process, so that previews come first.
@@ -95,8 +95,8 @@ class SlowLane:
     def __init__(self, deliver: Callable[[Frame], None]) -> None:
         self._deliver = deliver
         self._news = Condition()
-        self._waiting: deque[Given] = deque()
-        self._running: Given | None = None
+        self._waiting: deque[TaskInput] = deque()
+        self._running: TaskInput | None = None
         self._doing: Future[bytes] | None = None
         self._pool: ProcessPool | None = None
         self._open = True
@@ -115,7 +115,7 @@ class SlowLane:
             request: What it is done with, as `do` takes it.
         """
         with self._news:
-            self._waiting.append(Given(id, task, request))
+            self._waiting.append(TaskInput(id, task, request))
             self._news.notify()
 
     def cancel(self, id: str) -> None:

@@ -60,7 +60,7 @@ def open_session(
     tell = Starting(say)
     tell(Step(("loading armcontour",)))
     from armcontour.studio.lanes import SlowLane
-    from armcontour.studio.preview import Previewer
+    from armcontour.studio.preview import CoarsePlanner
     from armcontour.studio.session import Session
     from armcontour.studio.trust import arm_file_of
 
@@ -69,7 +69,7 @@ def open_session(
     with hear_reading(lambda place, content: named.append(place)):
         document = _document(file, cell)
     folder = document.folder or FilePath.cwd()
-    previewer = Previewer(folder, trust_xacro=trust_xacro)
+    previewer = CoarsePlanner(folder, trust_xacro=trust_xacro)
     tell(Step(("reading the job",)))
     named_arm = arm_file_of(document.data)
     with hear_reading(lambda place, content: named.append(place)):

@@ -27,7 +27,7 @@ from armcontour.robot.scene import Scene
 from armcontour.studio.executed import executed_frame
 from armcontour.studio.lanes import FastLane, SlowLane, Stale
 from armcontour.studio.picture import detail_frame, drawing_frame, picture_frame
-from armcontour.studio.preview import CONFIGURATION, Executed, Preview, Previewer, Tier
+from armcontour.studio.preview import CONFIGURATION, CoarsePlanner, Executed, Preview, Tier
 from armcontour.studio.refusals import refusal_header
 from armcontour.studio.robot import arm_frame
 from armcontour.studio.tasks import working
@@ -144,7 +144,7 @@ class Planner:
 
     def __init__(
         self,
-        previewer: Previewer,
+        previewer: CoarsePlanner,
         deliver: Callable[[Frame, State | None], bool],
         fast: Callable[[Callable[[Frame], None]], FastLane],
         slow: MakeLane,

@@ -15,7 +15,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput, Unreachable, locate_errors
+from armcontour.core.errors import InvalidInput, Unreachable, error_context
 from armcontour.core.progress import Progress
 from armcontour.files.job_arm import arm_of, equipped
 from armcontour.files.job_file import job_on, model_of
@@ -29,14 +29,14 @@ from armcontour.jobs.experiment import build_plant
 from armcontour.jobs.planned import Planned
 from armcontour.jobs.planning import explain_plan, plan_one
 from armcontour.jobs.reuse import LARGE_RESULTS, Reuse, comparable
-from armcontour.jobs.study import execute_run, teach_run
-from armcontour.motion import Execution, TaughtData
+from armcontour.jobs.study import compute_set_points, simulate_run
+from armcontour.motion import Execution, SetPoints
 from armcontour.planning import Optimal, intervals_of
 from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.scene import Scene
 from armcontour.verification import ErrorProfile
-from armcontour.verification.pieces import Piece, pieces_of, settling_time
+from armcontour.verification.pieces import ContourExecution, pieces_of, settling_time
 
 # Most set-points of an exact preview.
 MOST_SET_POINTS = 200_000
@@ -45,8 +45,8 @@ MOST_SET_POINTS = 200_000
 LONGEST = 2400.0
 # A program of more segments is drawn without a plan first.
 LONG = 5_000
-# Smallest command interval of a preview [s].
-PERIOD = 4e-3
+# Smallest cycle of a preview [s].
+DEFAULT_CYCLE = 4e-3
 # Grid intervals of each contour while a handle moves; in a run they are 4000 or more. Durations
 # differ by less than a thousandth, and nothing needs half as long.
 MOVING_INTERVALS = 600
@@ -99,7 +99,7 @@ class Executed:
 
     Args:
         planned: The plan.
-        taught: The set-points.
+        set_points: The set-points.
         execution: The executed motion.
         pieces: The execution along each contour.
         errors: The contour error.
@@ -107,14 +107,14 @@ class Executed:
     """
 
     planned: Preview
-    taught: TaughtData
+    set_points: SetPoints
     execution: Execution
-    pieces: tuple[Piece, ...]
+    pieces: tuple[ContourExecution, ...]
     errors: ErrorProfile
     settled: float
 
 
-class Previewer:
+class CoarsePlanner:
     """Plans and executes runs of a document that changes; one per document, used by one thread.
 
     The data that it gets must not be changed afterwards: it knows by them what is done already.
@@ -146,7 +146,7 @@ class Previewer:
         job = planned.job
         (own,) = job.runs
         searches = isinstance(job.arm, SerialArm) and job.start is None
-        few = planned.trajectory.duration <= MOST_SET_POINTS * own.period
+        few = planned.trajectory.duration <= MOST_SET_POINTS * own.cycle
         return bool(planned.differs) and not searches and few and self.may_execute(planned)
 
     def may_execute(self, planned: Preview) -> bool:
@@ -212,7 +212,7 @@ class Previewer:
         """
         job = self.job(data, run)
         (own,) = job.runs
-        with locate_errors(f"Run {own.name}"):
+        with error_context(f"Run {own.name}"):
             this, differs = (own, ()) if tier == Tier.EXACT else coarser_run(job, own, tier)
             found, kept = self._plan(job, this, tier, progress)
             explanation = explain_plan(job, found.trajectory, self._reuse)
@@ -235,19 +235,19 @@ class Previewer:
         job, this, get = planned.job, planned.run, self._reuse.get
         moving = planned.tier == Tier.MOVING
         servos = [comparable(x) for x in (job.servo, job.plant_servo)]
-        with locate_errors(f"Run {this.name}"):
-            how = (comparable(this.compensation), this.period, servos[0])
-            taught = get(
+        with error_context(f"Run {this.name}"):
+            how = (comparable(this.compensation), this.cycle, servos[0])
+            set_points = get(
                 "compensation",
                 (planned.trajectory, *how),
-                lambda: teach_run(job, this, planned.trajectory),
+                lambda: compute_set_points(job, this, planned.trajectory),
                 samples=lambda x: len(x.q),
             )
             bodies = _experiment_of(this, moving)
             execution = get(
                 "execution",
-                (taught, servos[1], comparable(this.limits), comparable(bodies)),
-                lambda: _execute_judged(job, this, taught, bodies),
+                (set_points, servos[1], comparable(this.limits), comparable(bodies)),
+                lambda: _execute_judged(job, this, set_points, bodies),
                 most=LARGE_RESULTS,
                 samples=lambda x: len(x.t),
             )
@@ -262,7 +262,7 @@ class Previewer:
             )
         return Executed(
             planned=planned,
-            taught=taught,
+            set_points=set_points,
             execution=execution,
             pieces=pieces,
             errors=errors,
@@ -319,13 +319,15 @@ class Previewer:
         if searches and isinstance(job.arm, SerialArm) and self._arm is job.arm:
             here = dataclasses.replace(job, start=self._start)
             try:
-                found = plan_one(here, this, self._reuse, progress, clear=False, brief=True)
+                found = plan_one(here, this, self._reuse, progress, clear=False, first_only=True)
                 return found, (CONFIGURATION,)
             except Unreachable:
                 # Another configuration may reach it; else its error is the one to tell.
                 pass
         # While a handle moves, the first place that is out of reach is enough.
-        found = plan_one(job, this, self._reuse, progress, clear=False, brief=tier == Tier.MOVING)
+        found = plan_one(
+            job, this, self._reuse, progress, clear=False, first_only=tier == Tier.MOVING
+        )
         if searches:
             self.keep_start(job, found.trajectory(0.0))
         return found, ()
@@ -340,7 +342,7 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
 
 def _contour_errors(
     execution: Execution, path: Program, until: float | None
-) -> tuple[tuple[Piece, ...], ErrorProfile, float]:
+) -> tuple[tuple[ContourExecution, ...], ErrorProfile, float]:
     """The execution along each contour, the contour error, and when the tool is at rest [s]."""
     settled = settling_time(execution, execution.tool_speed)
     pieces = tuple(pieces_of(execution, path, None, until))
@@ -383,18 +385,17 @@ def coarser_run(job: Job, own: Run, tier: Tier) -> tuple[Run, tuple[str, ...]]:
         own: The run as the job has it.
         tier: How exact the plan is.
     """
-    this, differs, period = own, [], max(own.period, PERIOD)
+    this, differs, cycle = own, [], max(own.cycle, DEFAULT_CYCLE)
     try:
         for x in (job.servo, job.plant_servo):
-            x.refuse_too_fast(period)
+            x.check_gains(cycle)
     except InvalidInput:
         # Gains as large as these need short intervals.
-        period = own.period
-    if period != own.period:
-        this = dataclasses.replace(this, period=period)
+        cycle = own.cycle
+    if cycle != own.cycle:
+        this = dataclasses.replace(this, cycle=cycle)
         differs.append(
-            f"set-points come every {period * 1e3:g} ms, and in a run every "
-            f"{own.period * 1e3:g} ms."
+            f"set-points come every {cycle * 1e3:g} ms, and in a run every {own.cycle * 1e3:g} ms."
         )
     if this.rounding is not None and this.rounding.free:
         this = dataclasses.replace(this, rounding=this.rounding.with_arcs)
@@ -416,11 +417,11 @@ def _experiment_of(this: Run, moving: bool) -> Experiment | None:
 
 
 def _execute_judged(
-    job: Job, this: Run, taught: TaughtData, bodies: Experiment | None
+    job: Job, this: Run, set_points: SetPoints, bodies: Experiment | None
 ) -> Execution:
     """The execution that judges a run: on rigid bodies, or on the servo model."""
     plant = None if bodies is None else build_plant(bodies, job.arm, job.plant_servo, this.limits)
-    return execute_run(job, taught, plant)
+    return simulate_run(job, set_points, plant)
 
 
 def _with_fewer_samples(execution: Execution) -> Execution:

@@ -23,7 +23,7 @@ from armcontour.studio.document import Document
 from armcontour.studio.editor import Editor
 from armcontour.studio.lanes import FastLane, SlowLane
 from armcontour.studio.planner import MakeLane
-from armcontour.studio.preview import Previewer
+from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.tabs import Said, Tab
 from armcontour.studio.wire import Frame
 
@@ -51,7 +51,7 @@ class Session:
     def __init__(
         self,
         document: Document,
-        previewer: Previewer,
+        previewer: CoarsePlanner,
         *,
         trusted: Iterable[FilePath] = (),
         fast: Callable[[Callable[[Frame], None]], FastLane] = FastLane,

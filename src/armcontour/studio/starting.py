@@ -16,7 +16,7 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame as Place
-from armcontour.core.staging import put_in_place
+from armcontour.core.staging import write_atomically
 from armcontour.files.cell import cell_names, cell_text, read_cell_arm
 from armcontour.files.job_edits import Change, change_text
 from armcontour.robot import SerialArm
@@ -48,7 +48,7 @@ def new_document(card: str, arm: str, uploads: Uploads, before: Document) -> Doc
     Raises:
         InvalidInput: No such card or cell.
     """
-    checks.choice("card", card, (*DRAWINGS, PAPER, EMPTY))
+    checks.check_choice("card", card, (*DRAWINGS, PAPER, EMPTY))
     folder, library = before.folder or FilePath.cwd(), resources.files("armcontour.jobs.library")
     if card == PAPER:
         text = (library / "paper.yaml").read_text(encoding="utf-8")
@@ -142,7 +142,7 @@ def remember(file: FilePath, cell: str | None) -> None:
     content = json.dumps([known, *(x for x in _remembered() if x != known)][:MOST_RECENT]).encode()
     with suppress(InvalidInput, OSError):
         make_private(state_folder())
-        put_in_place(state_folder() / "recent.json", lambda fresh: fresh.write_bytes(content))
+        write_atomically(state_folder() / "recent.json", lambda fresh: fresh.write_bytes(content))
 
 
 def _remembered() -> list[dict[str, Any]]:

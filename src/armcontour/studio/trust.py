@@ -10,7 +10,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.files.cell import YAML
 
 
-def refuse_new_xacro(
+def check_trusted_xacro(
     data: Mapping[str, Any], folder: FilePath, trusted: Collection[FilePath]
 ) -> None:
     """Refuse an arm from a file of xacro, unless the user has named the file.

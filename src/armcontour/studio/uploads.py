@@ -63,7 +63,7 @@ class Uploads:
         Raises:
             InvalidInput: A file of another kind, or one that is no text.
         """
-        refuse_name(name)
+        check_file_name(name)
         key = f"upload {name} on {cell} {unknown} {hashlib.sha256(content).hexdigest()}"
         ending, folder = FilePath(name).suffix.lower(), document.folder or FilePath.cwd()
         if ending in YAML:
@@ -105,7 +105,7 @@ class Uploads:
         Raises:
             InvalidInput: A file of another kind, or an empty one.
         """
-        refuse_name(name)
+        check_file_name(name)
         if FilePath(name).suffix.lower() not in LOGS or not content:
             kinds = ", ".join(LOGS)
             raise InvalidInput(f"{name} is empty, or no log of joint positions ({kinds}).")
@@ -155,7 +155,7 @@ class Uploads:
         return str(place)
 
 
-def refuse_name(name: str) -> None:
+def check_file_name(name: str) -> None:
     """Refuse what is no plain name of a file.
 
     Raises:

@@ -4,7 +4,7 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "checking": "Check PathDeviation check",
-    "error_profile": "ErrorProfile Missed",
+    "error_profile": "Coverage ErrorProfile",
     "evaluation": "Evaluation evaluate",
     "pieces": "CornerDeviation",
     "tally": "LimitUse",

@@ -1,8 +1,8 @@
 from armcontour.verification.checking import Check as Check
 from armcontour.verification.checking import PathDeviation as PathDeviation
 from armcontour.verification.checking import check as check
+from armcontour.verification.error_profile import Coverage as Coverage
 from armcontour.verification.error_profile import ErrorProfile as ErrorProfile
-from armcontour.verification.error_profile import Missed as Missed
 from armcontour.verification.evaluation import Evaluation as Evaluation
 from armcontour.verification.evaluation import evaluate as evaluate
 from armcontour.verification.pieces import CornerDeviation as CornerDeviation

@@ -310,7 +310,7 @@ def _measure_parts(
                 count += 2
 
 
-def measure_missed(
+def measure_coverage(
     way: Way, rows: FloatArray, begin: float, end: float
 ) -> tuple[FloatArray, FloatArray]:
     """Largest distance from the path to the tool, of the places passed from each point to the next.

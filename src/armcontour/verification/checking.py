@@ -20,7 +20,7 @@ from armcontour.core.fields import checked
 from armcontour.core.quantities import AngularRate, AtLeast, NotNegative, Quantity, Seed, Tolerance
 from armcontour.core.render import Result, number
 from armcontour.core.result import VERDICT, Data, Row, Table
-from armcontour.core.sampling import refuse_samples
+from armcontour.core.sampling import check_samples
 from armcontour.geometry import Path
 from armcontour.motion import Trajectory
 from armcontour.program import Program
@@ -38,7 +38,7 @@ from armcontour.verification.tally import (
     VIOLATED,
     Law,
     LimitUse,
-    Tally,
+    LimitUseAccumulator,
     judge_law,
     merge_uses,
     shift_use,
@@ -196,7 +196,7 @@ def check(
     path: Path | Program | None = None,
     *,
     deviation: Tolerance | None = None,
-    missed: Tolerance | None = None,
+    coverage_error: Tolerance | None = None,
     orientation_deviation: Annotated[float, Quantity("rad", sign="positive")] | None = None,
     resolution: Mapping[str, npt.ArrayLike] | None = None,
     tolerance: NotNegative = 1e-9,
@@ -228,8 +228,8 @@ def check(
         path: The path that the tool was to follow, or the program that was planned. With the
             objective path in its place, rounded and shaped motions are judged against that.
         deviation: Largest distance of the tool from the path [m].
-        missed: Largest distance from any place of the path, such as a corner, to the tool's way
-            [m]: the other direction.
+        coverage_error: Largest distance from any place of the path, such as a corner, to the tool's
+            way [m]: the other direction.
         orientation_deviation: Largest angle between the tool and the required tool orientation
             nearby [rad]; between the axes if only the axis is required.
         resolution: Last printed digit of "t", "q", "dq", "ddq", one or one per joint [SI]; by
@@ -244,13 +244,13 @@ def check(
     """
     program = None if path is None else Program.of(path, "check compares with a Path or a Program")
     for on in [None] if program is None else [x.path for x in program.contours]:
-        _refuse_path(arm, on, deviation, missed, orientation_deviation)
+        _refuse_path(arm, on, deviation, coverage_error, orientation_deviation)
     uses: dict[str, LimitUse] = {}
     left: dict[str, None] = {}
     farthest: PathDeviation | None = None
     whole: dict[str, Any] | None = None
     for part in _split(samples, arm, program, limits):
-        tally = Tally(arm, part.limits, part.path, deviation, orientation_deviation)
+        tally = LimitUseAccumulator(arm, part.limits, part.path, deviation, orientation_deviation)
         motion = part.motion
         if _is_law(motion):
             judged = _judge_law(motion, tally, points, seed, velocity_step)
@@ -258,8 +258,8 @@ def check(
             motion = _check_samples(motion, arm.dof, resolution)
             judged = _judge_log(motion, tally)
         whole = whole or judged
-        if missed is not None and part.path is not None:
-            judge_missed(motion, tally, missed)
+        if coverage_error is not None and part.path is not None:
+            judge_coverage(motion, tally, coverage_error)
         found = {x.name: shift_use(x, part.t, part.s) for x in tally.uses(tolerance)}
         left |= dict.fromkeys(_not_judged(part.limits, part.path, set(found)))
         uses |= {x: merge_uses(uses[x], y) if x in uses else y for x, y in found.items()}
@@ -309,8 +309,11 @@ def _split(samples: Any, arm: Arm, program: Program | None, limits: Limits | Non
     """
     planned = samples.limits if isinstance(samples, Trajectory) else None
     bounds = resolve_limits("check", arm, limits, planned)
-    spans, several = getattr(samples, "spans", ()), program is not None and len(program.moves) > 1
-    if not several and (program is not None or all(x.kind == "contour" for x in spans)):
+    spans, plural = (
+        getattr(samples, "spans", ()),
+        program is not None and len(program.moves) > 1,
+    )
+    if not plural and (program is not None or all(x.kind == "contour" for x in spans)):
         on = None if program is None else program.path
         return [_Part(motion=samples, limits=bounds, path=on)]
     tool = bounds.of_tool
@@ -343,7 +346,7 @@ def _split(samples: Any, arm: Arm, program: Program | None, limits: Limits | Non
 
 
 def _judge_law(
-    law: Law, tally: Tally, points: int, seed: int, velocity_step: float
+    law: Law, tally: LimitUseAccumulator, points: int, seed: int, velocity_step: float
 ) -> dict[str, Any]:
     """Judge a law; returns the fields of `Check` that do not come from the tally."""
     count = judge_law(law, tally, points=points, seed=seed, velocity_step=velocity_step)
@@ -362,7 +365,7 @@ def _judge_law(
     }
 
 
-def _judge_log(log: Log, tally: Tally) -> dict[str, Any]:
+def _judge_log(log: Log, tally: LimitUseAccumulator) -> dict[str, Any]:
     """Judge samples; returns the fields of `Check` that do not come from the tally."""
     judge_samples(log, tally)
     known = None if log.dq is None else np.abs(log.dq).max(axis=1)
@@ -385,7 +388,7 @@ def _refuse_path(
     arm: Arm,
     path: Path | None,
     deviation: float | None,
-    missed: float | None,
+    coverage_error: float | None,
     orientation_deviation: float | None,
 ) -> None:
     """Refuse a path that does not fit the arm, and deviations without a path for them.
@@ -398,7 +401,7 @@ def _refuse_path(
             f"The path has {path.dimension} coordinates, but the arm {arm.name} moves its tool in "
             f"{arm.dimension}."
         )
-    for name, value in (("deviation", deviation), ("missed", missed)):
+    for name, value in (("deviation", deviation), ("coverage_error", coverage_error)):
         if value is not None and path is None:
             raise InvalidInput(f"A largest {name} needs the path that the tool was to follow.")
     oriented = path is not None and path.orientation is not None and isinstance(arm, SerialArm)
@@ -460,7 +463,7 @@ def _check_samples(samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLik
             f"A trajectory {'with' if least == 2 else 'without'} velocities needs at least {least} "
             f"samples, but has {len(times)}."
         )
-    refuse_samples(
+    check_samples(
         times,
         columns,
         lambda name, i, j: f"{name}{f' of joint {j + 1}' * (name != 't')} in row {i + 1}",
@@ -540,7 +543,7 @@ def _column(name: str, values: Any, dof: int | None) -> FloatArray:
     return array
 
 
-def judge_missed(motion: Any, tally: Tally, allowed: float) -> None:
+def judge_coverage(motion: Any, tally: LimitUseAccumulator, allowed: float) -> None:
     """Offer the distances from the path to the tool to the tally.
 
     The tool's way is straight between two places that are looked at, less certain by as much as the
@@ -566,7 +569,7 @@ def judge_missed(motion: Any, tally: Tally, allowed: float) -> None:
     middle = (points[2:] + points[:-2]) / 2
     bent[1:-1] = np.linalg.norm(points[1:-1] - middle, axis=1)
     around = np.maximum(bent, np.maximum(np.append(bent[1:], 0.0), np.append(0.0, bent[:-1])))
-    tally.offer(Use("path_missed", found.missed, allowed, around + off), t, q)
+    tally.offer(Use("coverage_error", found.coverage_error, allowed, around + off), t, q)
     if tally.deviation is not None:
         # From its own place, where the nearest one may be on another line.
         tally.offer(Use("path_deviation", found.distance, tally.deviation, off), t, q)

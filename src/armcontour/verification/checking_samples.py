@@ -22,7 +22,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.robot import Limits, SerialArm
 from armcontour.robot.limit_use import SLOWEST, States, across, angular
-from armcontour.verification.tally import Tally
+from armcontour.verification.tally import LimitUseAccumulator
 
 # Windows are not widened further once rounding is at most this share of every limit.
 NEGLIGIBLE = 1e-7
@@ -85,7 +85,7 @@ class Log:
         return y, off
 
 
-def judge_samples(log: Log, tally: Tally) -> None:
+def judge_samples(log: Log, tally: LimitUseAccumulator) -> None:
     """Offer to the tally the values at the samples, and lower bounds of the peaks between them."""
     rates = () if log.dq is None else (log.dq,) if log.ddq is None else (log.dq, log.ddq)
     states = States(tally.arm, (log.q, *rates), log.errors)
@@ -166,7 +166,7 @@ def _mean_rows(
     return [x for x in rows if getattr(limits, x[0]) is not None], tool
 
 
-def _offer_angular_speed(log: Log, tally: Tally, frames: FloatArray, k: int) -> float:
+def _offer_angular_speed(log: Log, tally: LimitUseAccumulator, frames: FloatArray, k: int) -> float:
     """Offer the mean angular speed over windows of `k` samples, from the tool's axes, (n, 3, 3).
 
     Returns:
@@ -182,7 +182,7 @@ def _offer_angular_speed(log: Log, tally: Tally, frames: FloatArray, k: int) -> 
     return tally.rates("angular_speed", t, (angle / span)[:, None], q, error)
 
 
-def _offer_centripetal(log: Log, tally: Tally, tool: list[Column], k: int) -> float:
+def _offer_centripetal(log: Log, tally: LimitUseAccumulator, tool: list[Column], k: int) -> float:
     """Offer the part of mean tool accelerations normal to the motion.
 
     Args:
@@ -226,7 +226,7 @@ def _offer_centripetal(log: Log, tally: Tally, tool: list[Column], k: int) -> fl
     return float(error.max()) / limit
 
 
-def _offer_both(log: Log, dq: FloatArray, tally: Tally, k: int) -> None:
+def _offer_both(log: Log, dq: FloatArray, tally: LimitUseAccumulator, k: int) -> None:
     """Offer mean accelerations and jerks from positions and velocities at the ends of windows."""
     (span, late), (t, q) = log.spans(k), log.middles(k)
     step, total = log.q[k:] - log.q[:-k], dq[k:] + dq[:-k]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.core.describing import brief, place_and_time
+from armcontour.core.describing import place_and_time, short_repr
 from armcontour.core.fields import Checked
 from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row
@@ -40,7 +40,7 @@ FIRST = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Missed:
+class Coverage:
     """The largest distance from a place of the path to the tool.
 
     Args:
@@ -55,7 +55,11 @@ class Missed:
 
 
 def error_rows(
-    name: str, label: str, error: ErrorProfile | Missed | None, rms: int = TABLE, most: int = TABLE
+    name: str,
+    label: str,
+    error: ErrorProfile | Coverage | None,
+    rms: int = TABLE,
+    most: int = TABLE,
 ) -> tuple[Row, ...]:
     """RMS and largest value of an error, with time and place.
 
@@ -76,7 +80,7 @@ def error_rows(
         Row(f"{key}t_max", error.t_max, "s"),
         Row(f"{key}s_max", error.s_max, "m"),
     )
-    if isinstance(error, Missed):
+    if isinstance(error, Coverage):
         return largest
     return (Row(f"{key}rms", error.rms, unit, f"{label}, RMS", level=rms), *largest)
 
@@ -114,7 +118,7 @@ class ErrorProfile(Result, Checked):
         """RMS and largest value, with time and place."""
         return Data("Error", error_rows("", "error", self))
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     @classmethod
     def over_time(

@@ -12,21 +12,21 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.checks import FloatArray, Value
-from armcontour.core.describing import brief, draw
+from armcontour.core.describing import draw, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Interval
 from armcontour.core.render import Result, number
 from armcontour.core.result import FILE, FIRST, Data, Row, Table
 from armcontour.geometry import Path
-from armcontour.motion import Execution, TaughtData
+from armcontour.motion import Execution, SetPoints
 from armcontour.program import Program
 from armcontour.robot import Limits, resolve_limits
 from armcontour.robot.limit_use import use_of
-from armcontour.verification.error_profile import ErrorProfile, Missed, error_rows
+from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
 from armcontour.verification.pieces import (
+    ContourExecution,
     CornerDeviation,
-    Piece,
     common_delay,
     evaluated_times,
     pieces_of,
@@ -48,18 +48,18 @@ class Evaluation(Result, Checked):
         until: End of the time over which root mean squares are taken [s]; largest errors cover the
             time until all joints are at rest, unless `evaluate` was given an end.
         contour_error: Distance from the tool to its place on the path [m].
-        missed: Largest distance from a place of the path to the tool: a part of the path that the
-            tool does not reach counts.
+        coverage_error: Largest distance from a place of the path to the tool: a part of the path
+            that the tool does not reach counts.
         tracking_error: Distance from the tool to its planned position at the same time [m].
         common_delay: Delay of the plan at which the RMS tracking error is smallest, which all
             joints share [s].
-        undelayed_error: Tracking error without this delay: distance from the tool to its planned
-            position at a time earlier by `common_delay` [m].
-        unexplained: Bounds of the tool's error along and across the path that the servo model does
-            not explain, to first order [m]; None if its `unexplained` is not known.
+        error_without_delay: Tracking error without this delay: distance from the tool to its
+            planned position at a time earlier by `common_delay` [m].
+        model_error: Bounds of the tool's error along and across the path that the servo model does
+            not explain, to first order [m]; None if its `model_error` is not known.
         objective_error: Distance from the tool to the objective path [m]; None without one.
-        objective_missed: Largest distance from a place of the objective path to the tool [m]; None
-            without one.
+        objective_coverage_error: Largest distance from a place of the objective path to the tool
+            [m]; None without one.
         orientation_error: Angle between the tool orientation (or its axis, where only the axis is
             required) and the required one at its place on the path [rad]; None if no orientation is
             required.
@@ -71,16 +71,16 @@ class Evaluation(Result, Checked):
             [m/s]; 0 without one.
         path_velocity: Mean tool speed over the planned time of the motion; of a program, over the
             time at work [m/s].
-        utilisation: Share of the planned time in which some joint was within 1 % of a limit of its
-            acceleration, velocity or torque; None unless `evaluate` was asked for the use of limits
-            by `limit_use=True`.
+        time_at_limit: Share of the planned time in which some joint was within 1 % of a limit of
+            its acceleration, velocity or torque; None unless `evaluate` was asked for the use of
+            limits by `limit_use=True`.
         limit_ratios: Largest used share of every limit in the planned motion, on both sides of its
             breaks and at the peaks between them. None unless `evaluate` was asked for the use of
             limits by `limit_use=True`.
         demand: Largest acceleration that each joint would have needed [rad/s²], (dof,).
         demand_ratio: Largest share of the limit in its direction that each joint would have
             needed, (dof,); 0 for a joint without a limit.
-        jerk: Largest jerk of each joint as executed, as a mean over one command interval [rad/s³],
+        jerk: Largest jerk of each joint as executed, as a mean over one cycle [rad/s³],
             (dof,).
         jerk_ratio: Largest share of each joint's limit of jerk in `jerk`, (dof,); 0 without a
             limit.
@@ -95,20 +95,20 @@ class Evaluation(Result, Checked):
     settled: float
     until: float
     contour_error: ErrorProfile
-    missed: Missed
+    coverage_error: Coverage
     tracking_error: ErrorProfile
     common_delay: float
-    undelayed_error: ErrorProfile
-    unexplained: tuple[float, float] | None
+    error_without_delay: ErrorProfile
+    model_error: tuple[float, float] | None
     objective_error: ErrorProfile | None
-    objective_missed: Missed | None
+    objective_coverage_error: Coverage | None
     orientation_error: ErrorProfile | None
     corners: tuple[CornerDeviation, ...]
     speed: float
     speed_ratio: float
     speed_overshoot: float
     path_velocity: float
-    utilisation: float | None
+    time_at_limit: float | None
     limit_ratios: Mapping[str, float] | None
     demand: FloatArray
     demand_ratio: FloatArray
@@ -117,7 +117,7 @@ class Evaluation(Result, Checked):
     command_jerk: FloatArray
     saturated: FloatArray
     contours: tuple[ErrorProfile, ...] = ()
-    judged: Judged | None = field(default=None, repr=False)
+    judged: ContourJudgement | None = field(default=None, repr=False)
 
     def to_data(self) -> Data:
         """The figures, errors first."""
@@ -126,10 +126,10 @@ class Evaluation(Result, Checked):
     @property
     def _errors(self) -> tuple[Row, ...]:
         """Errors of the tool, with the duration."""
-        unexplained: tuple[Row, ...] = (Row("unexplained", None),)
-        if self.unexplained is not None:
-            along, across = self.unexplained
-            unexplained = (
+        model_error: tuple[Row, ...] = (Row("model_error", None),)
+        if self.model_error is not None:
+            along, across = self.model_error
+            model_error = (
                 Row("unexplained.along", along, "m"),
                 Row("unexplained.across", across, "m", "at most more across, unexplained"),
             )
@@ -139,13 +139,15 @@ class Evaluation(Result, Checked):
             settled_row(self.settled),
             Row("until", self.until, "s"),
             *error_rows("contour_error", "contour error", self.contour_error, FIRST, FIRST),
-            *error_rows("missed", "path missed", self.missed),
+            *error_rows("coverage_error", "path missed", self.coverage_error),
             *error_rows("tracking_error", "tracking error", self.tracking_error, most=FILE),
             Row("common_delay", self.common_delay, "s", "delay of all joints"),
-            *error_rows("undelayed_error", "without this delay", self.undelayed_error, most=FILE),
-            *unexplained,
+            *error_rows(
+                "error_without_delay", "without this delay", self.error_without_delay, most=FILE
+            ),
+            *model_error,
             *error_rows("objective_error", "", self.objective_error, FILE, FILE),
-            *error_rows("objective_missed", "", self.objective_missed, FILE, FILE),
+            *error_rows("objective_coverage_error", "", self.objective_coverage_error, FILE, FILE),
             *(error_rows("orientation_error", "orientation error", turned) if turned else ()),
         )
 
@@ -160,7 +162,7 @@ class Evaluation(Result, Checked):
             Row("speed_ratio", self.speed_ratio, "1", "tool speed of the assigned"),
             Row("speed_overshoot", self.speed_overshoot, "m/s"),
             Row("path_velocity", self.path_velocity, "m/s", "tool speed, mean"),
-            Row("utilisation", self.utilisation, "1", "some joint at a limit", self._reserved),
+            Row("time_at_limit", self.time_at_limit, "1", "some joint at a limit", self._reserved),
             Row("limit_ratios", self.limit_ratios, "1", "limit use, planned", largest),
             Row("demand", self.demand, "rad/s^2"),
             demand_row(self.demand_ratio),
@@ -172,8 +174,8 @@ class Evaluation(Result, Checked):
 
     @property
     def _reserved(self) -> str:
-        """The condition of `utilisation`, with the reserve of the plan."""
-        plan = None if self.judged is None else self.judged.executed.taught.trajectory
+        """The condition of `time_at_limit`, with the reserve of the plan."""
+        plan = None if self.judged is None else self.judged.executed.set_points.trajectory
         if plan is None or not plan.reserve:
             return "of the motion"
         left = number(1 - plan.reserve, "1")
@@ -187,7 +189,7 @@ class Evaluation(Result, Checked):
         rows = [(c.vertex, c.contour, c.point, c.rounding, c.overshoot) for c in self.corners]
         return Table("cornering", columns, rows)
 
-    __repr__ = brief
+    __repr__ = short_repr
     figure = draw
 
     def to_dict(self) -> dict[str, FloatArray]:
@@ -239,7 +241,7 @@ def _of_joints(name: str, shares: FloatArray, unit: str, label: str) -> Row:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Judged(Value):
+class ContourJudgement(Value):
     """Inputs of an evaluation.
 
     Args:
@@ -276,12 +278,12 @@ def evaluate(
         executed: The execution.
         path: The path that the tool was to follow, or the program that was planned.
         objective: The path or program before rounding or shaping; needed for `objective_error`,
-            `objective_missed` and `corners`.
+            `objective_coverage_error` and `corners`.
         limits: Limits in place of those of the plan.
         until: End of the time that errors cover [s]. By default largest errors cover the whole
             execution, and root mean squares the time until the planned motion has ended and the
             tool stays below 1 mm/s. Not allowed for a program of more than one path.
-        limit_use: Whether `utilisation` and `limit_ratios` are computed, which takes longer than
+        limit_use: Whether `time_at_limit` and `limit_ratios` are computed, which takes longer than
             all errors together; without it they are None.
 
     Raises:
@@ -295,7 +297,7 @@ def evaluate(
         raise InvalidInput(
             "until is for one path: the contours of a program are judged while they are worked on."
         )
-    trajectory = executed.taught.trajectory
+    trajectory = executed.set_points.trajectory
     bounds = resolve_limits("evaluate", executed.arm, limits, trajectory.limits)
     t, speed, duration = executed.t, executed.tool_speed, trajectory.duration
     moved = (t >= 0) & (t <= duration)
@@ -314,14 +316,14 @@ def evaluate(
         settled=settled,
         until=end,
         contour_error=ErrorProfile.join(contours),
-        missed=max((x.missed for x in pieces), key=lambda x: x.max),
+        coverage_error=max((x.coverage_error for x in pieces), key=lambda x: x.max),
         tracking_error=ErrorProfile.join([x.tracking_error() for x in pieces]),
         common_delay=delay,
-        undelayed_error=ErrorProfile.join([x.tracking_error(delay) for x in pieces]),
-        unexplained=_most_of_each([x.unexplained for x in pieces]),
+        error_without_delay=ErrorProfile.join([x.tracking_error(delay) for x in pieces]),
+        model_error=_most_of_each([x.model_error for x in pieces]),
         objective_error=_join_known([x.objective_error for x in pieces]),
-        objective_missed=max(
-            (x for piece in pieces if (x := piece.objective_missed)),
+        objective_coverage_error=max(
+            (x for piece in pieces if (x := piece.objective_coverage_error)),
             key=lambda x: x.max,
             default=None,
         ),
@@ -339,9 +341,9 @@ def evaluate(
             / (duration if program.single_path else sum(x[-1] - x[0] for x, _ in times))
         ),
         **_compute_demands(executed, bounds, end),
-        utilisation=_utilisation(executed, bounds, duration) if limit_use else None,
+        time_at_limit=_utilisation(executed, bounds, duration) if limit_use else None,
         limit_ratios=measure_limit_ratios(trajectory, executed.arm, bounds) if limit_use else None,
-        judged=Judged(executed=executed, path=program, objective=before, limits=bounds),
+        judged=ContourJudgement(executed=executed, path=program, objective=before, limits=bounds),
     )
 
 
@@ -353,7 +355,7 @@ def _compute_demands(executed: Execution, limits: Limits, end: float) -> dict[st
         "demand_ratio": demand_ratio(executed, limits),
         "jerk": jerk,
         "jerk_ratio": use_of("joint_jerk", limits, jerk).ratio,
-        "command_jerk": commanded_jerk(executed.taught),
+        "command_jerk": commanded_jerk(executed.set_points),
         "saturated": saturated_shares(executed, end),
     }
 
@@ -381,7 +383,7 @@ def _most_of_each(found: Sequence[tuple[float, float] | None]) -> tuple[float, f
     return None if along < 0 else (along, across)
 
 
-def _number_corners(pieces: Sequence[Piece]) -> tuple[CornerDeviation, ...]:
+def _number_corners(pieces: Sequence[ContourExecution]) -> tuple[CornerDeviation, ...]:
     """Cornering deviations of all contours, with the numbers of these."""
     numbered = enumerate(pieces, start=1)
     return tuple(replace(x, contour=number) for number, y in numbered for x in y.corners)
@@ -400,26 +402,26 @@ def _utilisation(executed: Execution, limits: Limits, duration: float) -> float:
 
 
 def executed_jerk(executed: Execution) -> FloatArray:
-    """Largest mean jerk of each joint over any command interval [rad/s³], (dof,)."""
+    """Largest mean jerk of each joint over any cycle [rad/s³], (dof,)."""
     return np.asarray(np.abs(mean_jerk(executed)).max(axis=0))
 
 
 def mean_jerk(executed: Execution) -> FloatArray:
-    """Mean jerk over the command interval that ends at each time [rad/s³], (n, dof)."""
+    """Mean jerk over the cycle that ends at each time [rad/s³], (n, dof)."""
     t, ddq = executed.t, executed.ddq
     if len(t) < 2:
         return np.zeros_like(ddq)
     step = float(t[-1] - t[0]) / (len(t) - 1)
-    k = max(1, round(executed.taught.period / step))
+    k = max(1, round(executed.set_points.cycle / step))
     # The arm stands still before the first result.
     before = np.concatenate([np.zeros((k, ddq.shape[1])), ddq])[: len(ddq)]
     return np.asarray((ddq - before) / (k * step))
 
 
-def commanded_jerk(taught: TaughtData) -> FloatArray:
+def commanded_jerk(set_points: SetPoints) -> FloatArray:
     """Largest third difference of the set-points over time, of each joint [rad/s³], (dof,).
 
     Before the first and after the last set-point the command is constant.
     """
-    third = np.diff(np.pad(taught.q, ((3, 3), (0, 0)), mode="edge"), n=3, axis=0)
-    return np.asarray(np.abs(third).max(axis=0) / taught.period**3)
+    third = np.diff(np.pad(set_points.q, ((3, 3), (0, 0)), mode="edge"), n=3, axis=0)
+    return np.asarray(np.abs(third).max(axis=0) / set_points.cycle**3)

@@ -30,16 +30,16 @@ class Followed:
     Args:
         distance: Distance from the tool to its place on the path [m], (n,).
         s: Place of the tool on the path [m], (n,).
-        missed: Largest distance from the path to the tool, of the places that are passed from each
-            point to the next [m], (n,); -1 where it cannot be the largest one.
-        missed_s: Where these distances are [m], (n,).
+        coverage_error: Largest distance from the path to the tool, of the places that are passed
+            from each point to the next [m], (n,); -1 where it cannot be the largest one.
+        coverage_error_s: Where these distances are [m], (n,).
         geometry: The path from `geometry.nearest.pack`, (rows, 15).
     """
 
     distance: FloatArray
     s: FloatArray
-    missed: FloatArray
-    missed_s: FloatArray
+    coverage_error: FloatArray
+    coverage_error_s: FloatArray
     geometry: FloatArray
 
     def turns(self, least: float) -> FloatArray:
@@ -106,7 +106,7 @@ def follow_path(
         judged: The points for which places are found. Those before them, and those after them as
             long as the tool is on the path, only count for what is left out. By default all.
     """
-    from armcontour.verification._following import Way, follow, measure_missed
+    from armcontour.verification._following import Way, follow, measure_coverage
 
     first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)
     begin, end = (0.0, path.length) if work is None else work
@@ -127,16 +127,16 @@ def follow_path(
     chords = length(np.diff(padded[of], axis=0))
     later = np.minimum.accumulate(s[of][::-1])[::-1].copy()
     way = Way(padded[of], distance[of], s[of], chords, later)
-    missed, where = measure_missed(way, geometry, begin, min(end, path.length))
+    coverage_error, where = measure_coverage(way, geometry, begin, min(end, path.length))
     own = slice(first, last)
     for at, others in ((first, slice(0, first)), (last - 1, slice(last, None))):
-        if len(missed[others]) and missed[others].max() > missed[at]:
-            worst = int(np.argmax(missed[others])) + others.start
-            missed[at], where[at] = missed[worst], where[worst]
+        if len(coverage_error[others]) and coverage_error[others].max() > coverage_error[at]:
+            worst = int(np.argmax(coverage_error[others])) + others.start
+            coverage_error[at], where[at] = coverage_error[worst], where[worst]
     return Followed(
         distance=distance[own],
         s=s[own],
-        missed=missed[own],
-        missed_s=where[own],
+        coverage_error=coverage_error[own],
+        coverage_error_s=where[own],
         geometry=geometry,
     )

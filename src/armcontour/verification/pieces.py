@@ -21,10 +21,10 @@ from armcontour.verification.error_profile import (
     CLOSE,
     ROUNDING,
     SHARP,
+    Coverage,
     ErrorProfile,
     Hidden,
     Measure,
-    Missed,
     angle_off,
     climb_smooth,
     find_peak,
@@ -43,7 +43,7 @@ TINY = 1e-300
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Piece:
+class ContourExecution:
     """An execution along one path.
 
     Args:
@@ -131,7 +131,7 @@ class Piece:
         return self._off_path(self.found, side)
 
     @property
-    def missed(self) -> Missed:
+    def coverage_error(self) -> Coverage:
         """Largest distance from the path to the tool [m]."""
         return self._most_missed(self.path, self.work, self.found, self.contour_error)
 
@@ -141,19 +141,19 @@ class Piece:
 
     def tracking_error(self, delay: float = 0.0) -> ErrorProfile:
         """Distance from the tool to its planned position at a time `delay` earlier [m]."""
-        trajectory = self.executed.taught.trajectory
+        trajectory = self.executed.set_points.trajectory
         planned = trajectory(np.clip(self.t - delay, 0.0, trajectory.duration))
         off = length(self.tool - self.executed.arm.tool_position(planned))
         return self._over_time(off, self.found.s)
 
     @property
-    def unexplained(self) -> tuple[float, float] | None:
+    def model_error(self) -> tuple[float, float] | None:
         """Largest `unexplained_errors` along and across the path [m]; None if not known."""
-        unexplained = self.executed.unexplained
-        if unexplained is None:
+        model_error = self.executed.model_error
+        if model_error is None:
             return None
         tangent = self.path(self.found.s, 1)
-        both = unexplained_errors(self.executed.arm, self.q, tangent, unexplained)
+        both = unexplained_errors(self.executed.arm, self.q, tangent, model_error)
         along, across = (float(x.max()) for x in both)
         return along, across
 
@@ -164,7 +164,7 @@ class Piece:
         return None if found is None else self._off_path(found)
 
     @property
-    def objective_missed(self) -> Missed | None:
+    def objective_coverage_error(self) -> Coverage | None:
         """Largest distance from the objective path to the tool [m]; None if unknown."""
         found, error = self.off_objective, self.objective_error
         if self.objective is None or found is None or error is None:
@@ -231,7 +231,7 @@ class Piece:
 
     def _most_missed(
         self, path: Path, work: tuple[float, float], found: Followed, error: ErrorProfile
-    ) -> Missed:
+    ) -> Coverage:
         """The place of a path that is the farthest from the tool, of all that it passes.
 
         Args:
@@ -240,14 +240,14 @@ class Piece:
             found: How the tool follows it.
             error: Distance from the tool to the path.
         """
-        far, where = found.missed, found.missed_s
+        far, where = found.coverage_error, found.coverage_error_s
         guessed = np.zeros(len(far), dtype=bool)
         if self._is_told:
             # Elsewhere than at a sample's own place the tool's way was taken for straight.
             guessed = (np.abs(where - found.s) > ROUNDING) & (far >= 0)
         given = np.where(guessed, -1.0, far)
         i = int(np.argmax(given))
-        most = Missed(
+        most = Coverage(
             max=max(0.0, float(given[i])),
             t_max=float(self.t[i]),
             s_max=float(where[i]) + self.offset,
@@ -274,7 +274,7 @@ class Piece:
                 inside = self.t[0] < t < self.t[-1]
                 value = min(value, bound if inside else max(float(far[k]), 0.0))
                 if value > most.max:
-                    most = Missed(max=value, t_max=t, s_max=s + self.offset)
+                    most = Coverage(max=value, t_max=t, s_max=s + self.offset)
         return most
 
     @property
@@ -372,7 +372,7 @@ def settling_time(executed: Execution, speed: FloatArray) -> float:
     """
     moving = np.flatnonzero(speed > REST_SPEED)
     last = float(executed.t[moving[-1]]) if len(moving) else 0.0
-    return max(last, executed.taught.trajectory.duration)
+    return max(last, executed.set_points.trajectory.duration)
 
 
 def common_delay(executed: Execution) -> float:
@@ -381,7 +381,7 @@ def common_delay(executed: Execution) -> float:
     Args:
         executed: The execution.
     """
-    trajectory, t, tool = executed.taught.trajectory, executed.t, executed.tool
+    trajectory, t, tool = executed.set_points.trajectory, executed.t, executed.tool
     q, dq = (trajectory(np.clip(t, 0.0, trajectory.duration), order) for order in (0, 1))
     planned, velocity = executed.arm.tool_position(q), executed.arm.tool_velocity(q, dq)
     best, delay = (np.inf, 0.0), 0.0
@@ -410,7 +410,7 @@ def evaluated_times(executed: Execution, until: float | None) -> tuple[float, fl
 
 def pieces_of(
     executed: Execution, path: Program, objective: Program | None, until: float | None
-) -> list[Piece]:
+) -> list[ContourExecution]:
     """Split an execution into its contours, each while the process is at work on it.
 
     A single path is one piece, from the first set-point to `until`.
@@ -425,7 +425,7 @@ def pieces_of(
     Raises:
         InvalidInput: The execution or the objective has another number of contours than the path.
     """
-    spans = executed.taught.trajectory.contour_spans
+    spans = executed.set_points.trajectory.contour_spans
     last, rms_until = evaluated_times(executed, until)
     count = len(spans)
     if len(path.contours) != count:
@@ -445,7 +445,7 @@ def pieces_of(
     beyond = [*starts, len(executed.t)]
     before = [None] * count if objective is None else objective.contours
     return [
-        Piece(
+        ContourExecution(
             executed=executed,
             path=contour.path,
             objective=None if first is None else first.path,
@@ -683,7 +683,7 @@ def _bound_between(speed: FloatArray) -> FloatArray:
 
 
 def unexplained_errors(
-    arm: Arm, q: FloatArray, tangent: FloatArray, unexplained: FloatArray
+    arm: Arm, q: FloatArray, tangent: FloatArray, model_error: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Bounds of the tool error due to errors of the joints, to first order.
 
@@ -693,12 +693,12 @@ def unexplained_errors(
         arm: The arm.
         q: Joint positions [rad], (n, dof).
         tangent: Unit tangents of the path, (n, dimension).
-        unexplained: Largest error of each joint [rad], (dof,).
+        model_error: Largest error of each joint [rad], (dof,).
 
     Returns:
         Bounds along and across the path [m], (n,) each.
     """
-    moved = arm.tool_jacobian(q) * unexplained
+    moved = arm.tool_jacobian(q) * model_error
     along = (tangent[:, None] @ moved)[:, 0]
     across = moved - tangent[:, :, None] * along[:, None]
     return abs(along).sum(axis=1), length(across.swapaxes(1, 2)).sum(axis=1)

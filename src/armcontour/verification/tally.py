@@ -35,7 +35,7 @@ UNSEEN = 1e-3
 
 # Units of the limits by their names.
 UNITS = LIMIT_UNITS | {
-    **{"path_deviation": "m", "path_missed": "m", "orientation_deviation": "rad"},
+    **{"path_deviation": "m", "coverage_error": "m", "orientation_deviation": "rad"},
     **{"position_step": "rad", "velocity_step": "rad/s", "acceleration_step": "rad/s²"},
     **{"tool_acceleration_step": "m/s²", "path_acceleration_step": "m/s²"},
 }
@@ -169,7 +169,7 @@ def merge_uses(first: LimitUse, second: LimitUse) -> LimitUse:
     )
 
 
-class Tally:
+class LimitUseAccumulator:
     """Accumulator of the largest use of every limit.
 
     Args:
@@ -317,7 +317,9 @@ class Law(Protocol):
         """
 
 
-def judge_law(law: Law, tally: Tally, *, points: int, seed: int, velocity_step: float) -> int:
+def judge_law(
+    law: Law, tally: LimitUseAccumulator, *, points: int, seed: int, velocity_step: float
+) -> int:
     """Offer the law's states to the tally; returns how many.
 
     Args:
@@ -411,7 +413,7 @@ def uses_of_law(
     return t, columns[0], uses
 
 
-def _steps(law: Law, t: FloatArray, tally: Tally, velocity_step: float) -> None:
+def _steps(law: Law, t: FloatArray, tally: LimitUseAccumulator, velocity_step: float) -> None:
     """Offer the jumps at breaks, which no acceleration at either side would show."""
     if not len(t):
         return
@@ -426,7 +428,11 @@ def _steps(law: Law, t: FloatArray, tally: Tally, velocity_step: float) -> None:
 
 
 def _acceleration_steps(
-    law: Law, t: FloatArray, tally: Tally, names: Collection[str], ends: tuple[float, float]
+    law: Law,
+    t: FloatArray,
+    tally: LimitUseAccumulator,
+    names: Collection[str],
+    ends: tuple[float, float],
 ) -> None:
     """Offer the jumps of accelerations at breaks, which no jerk at either side would show.
 
@@ -452,7 +458,9 @@ def _acceleration_steps(
         tally.offer(Use(JUMPS[name], size, AT_ONCE * getattr(tally.limits, name)), t, q)
 
 
-def _accelerations(law: Law, t: FloatArray, tally: Tally, name: str, side: str) -> FloatArray:
+def _accelerations(
+    law: Law, t: FloatArray, tally: LimitUseAccumulator, name: str, side: str
+) -> FloatArray:
     """The accelerations whose rate a limit of jerk bounds, at one side of times, (n, columns)."""
     if name == "path_jerk":
         return np.array(cast("Any", law).s(t, 2, side=side))[:, None]

@@ -21,23 +21,23 @@ LIBFRANKA = ac.Limits(
     joint_acceleration=10 - 1e-3,
     joint_jerk=5000 - 1e-3,
 )
-PERIOD = 1e-3
+CYCLE = 1e-3
 # Gains of franky-sim: kp / kv = 10 1/s at every joint.
 SERVO = ac.ServoModel(kp=10.0, order="first")
 
 
-def largest_shares(q, period, limits):
+def largest_shares(q, cycle, limits):
     """Largest differences of set-points between rests, over their limits."""
     q = np.pad(q, ((3, 3), (0, 0)), mode="edge")
     given = (limits.joint_velocity, limits.joint_acceleration, limits.joint_jerk)
     return [
-        float((np.abs(np.diff(q, k, axis=0)) / period**k / limit).max())
+        float((np.abs(np.diff(q, k, axis=0)) / cycle**k / limit).max())
         for k, limit in enumerate(given, start=1)
         if limit is not None
     ]
 
 
-def nearest(q, period, limits):
+def nearest(q, cycle, limits):
     """The nearest set-points by Clarabel, one joint after the other."""
     count, found = len(q), q.copy()
     rows = np.clip(np.arange(-3, count + 3), 0, count - 1)
@@ -47,7 +47,7 @@ def nearest(q, period, limits):
         parts, sides, now = [], [], repeated
         for k, name in enumerate(("velocity", "acceleration", "jerk"), start=1):
             now = now[1:] - now[:-1]
-            limit = np.broadcast_to(getattr(limits, f"joint_{name}"), q.shape[1])[j] * period**k
+            limit = np.broadcast_to(getattr(limits, f"joint_{name}"), q.shape[1])[j] * cycle**k
             for sign in (1.0, -1.0):
                 parts.append(sign * now[:, 1:-1] / (limit * scale))
                 sides.append(1 - sign * now @ q[:, j] / limit)
@@ -89,21 +89,21 @@ def square(arm):
 
 @pytest.fixture(scope="module")
 def free(square):
-    return ac.compensate(square[1], SERVO, period=PERIOD, limits=ac.Limits(joint_velocity=9.0))
+    return ac.compensate(square[1], SERVO, cycle=CYCLE, limits=ac.Limits(joint_velocity=9.0))
 
 
 @pytest.fixture(scope="module")
 def limited(square):
-    return ac.compensate(square[1], SERVO, ac.Inverse(command_limits=LIBFRANKA), period=PERIOD)
+    return ac.compensate(square[1], SERVO, ac.Inverse(command_limits=LIBFRANKA), cycle=CYCLE)
 
 
 def test_set_points_for_franky_sim_are_within_libfrankas_limits(square, free, limited):
     """Without these limits 44 times the acceleration and 59 times the jerk are needed."""
     plan = square[1]
-    assert min(largest_shares(free.q, PERIOD, LIBFRANKA)[1:]) > 30
-    assert max(largest_shares(limited.q, PERIOD, LIBFRANKA)) <= 1
+    assert min(largest_shares(free.q, CYCLE, LIBFRANKA)[1:]) > 30
+    assert max(largest_shares(limited.q, CYCLE, LIBFRANKA)) <= 1
     used = [x.max() for x in limited.command_use.values()]
-    assert used == pytest.approx(largest_shares(limited.q, PERIOD, LIBFRANKA), rel=1e-9)
+    assert used == pytest.approx(largest_shares(limited.q, CYCLE, LIBFRANKA), rel=1e-9)
     # At rest at both ends of the plan.
     ends = plan([0.0, plan.duration])
     np.testing.assert_allclose(limited.q[[0, -1]], ends, atol=1e-9)
@@ -119,33 +119,31 @@ def test_the_stated_error_is_that_of_the_execution(arm, reserve, duration, rms, 
     path, plan = planned(arm, reserve)
     plant = ac.ServoPlant(arm, SERVO, saturation="none")
     fast = ac.Limits(joint_velocity=9.0)
-    taught = [
-        ac.compensate(
-            plan, SERVO, METHODS[method](command_limits=limits), period=PERIOD, limits=fast
-        )
+    set_points = [
+        ac.compensate(plan, SERVO, METHODS[method](command_limits=limits), cycle=CYCLE, limits=fast)
         for method, limits in (("inverse", LIBFRANKA), ("inverse", None), ("none", None))
     ]
     error, exact, plain = (
-        ac.evaluate(ac.execute(x, plant, resolution=PERIOD), path).contour_error for x in taught
+        ac.evaluate(ac.simulate(x, plant, resolution=CYCLE), path).contour_error for x in set_points
     )
     assert plan.duration == pytest.approx(duration, abs=6e-4)
     assert (error.rms * 1e3, error.max * 1e3) == pytest.approx((rms, largest), rel=0.01)
-    cost = taught[0].limit_cost
+    cost = set_points[0].limit_cost
     assert (cost.contour_rms, cost.contour_max) == pytest.approx((error.rms, error.max), rel=0.03)
     assert exact.max < 1e-6
     if reserve == 0.05:
         assert (plain.rms * 1e3, plain.max * 1e3) == pytest.approx((2.18, 7.67), rel=0.01)
-        used = largest_shares(taught[1].q, PERIOD, LIBFRANKA)[1:]
+        used = largest_shares(set_points[1].q, CYCLE, LIBFRANKA)[1:]
         assert used == pytest.approx([44, 59], rel=0.01)
-        assert largest_shares(taught[2].q, PERIOD, LIBFRANKA)[1:] == pytest.approx(
+        assert largest_shares(set_points[2].q, CYCLE, LIBFRANKA)[1:] == pytest.approx(
             [0.95, 0.86], rel=0.01
         )
 
 
 def test_set_points_are_the_nearest_ones(free, limited):
-    more = round((free.start_time - limited.start_time) / PERIOD)
+    more = round((free.start_time - limited.start_time) / CYCLE)
     q = np.pad(free.q, ((more, more), (0, 0)), mode="edge")
-    np.testing.assert_allclose(limited.q, nearest(q, PERIOD, LIBFRANKA), atol=2e-7)
+    np.testing.assert_allclose(limited.q, nearest(q, CYCLE, LIBFRANKA), atol=2e-7)
     deviation = np.abs(limited.q - q).max(axis=0)
     np.testing.assert_allclose(limited.limit_cost.deviation, deviation, atol=1e-12)
     # Joint 7 stands still, and no limit binds.
@@ -168,8 +166,8 @@ def test_set_points_beyond_a_range_alone_are_moved_to_its_end(square, free):
     upper = np.full(7, 3.0)
     upper[5] = (free.q[:, 5].max() + square[1](np.linspace(0, 1.75, 999))[:, 5].max()) / 2
     limits = ac.Limits(joint_upper=upper, joint_velocity=9.0)
-    found = ac.compensate(square[1], SERVO, ac.Inverse(command_limits=limits), period=PERIOD)
-    more = round((free.start_time - found.start_time) / PERIOD)
+    found = ac.compensate(square[1], SERVO, ac.Inverse(command_limits=limits), cycle=CYCLE)
+    more = round((free.start_time - found.start_time) / CYCLE)
     q = np.pad(free.q, ((more, more), (0, 0)), mode="edge")
     assert (q > upper).any() and (found.q <= upper).all()
     np.testing.assert_allclose(found.q, np.minimum(q, upper), atol=1e-8)
@@ -184,7 +182,7 @@ def test_a_motion_at_its_limits_all_the_time_gets_set_points_that_take_longer():
     tight = limits.replace(joint_jerk=500.0)
     servo = ac.ServoModel(order="delay", dead_time=3e-3)
     for method in ("none", "inverse"):
-        found = ac.compensate(plan, servo, METHODS[method](command_limits=tight), period=2e-3)
+        found = ac.compensate(plan, servo, METHODS[method](command_limits=tight), cycle=2e-3)
         assert max(largest_shares(found.q, 2e-3, tight)) <= 1
         assert found.start_time < 0 and found.t[-1] > plan.duration
         assert found.limit_cost.contour_rms is None
@@ -202,7 +200,7 @@ def test_a_motion_at_its_limits_all_the_time_gets_set_points_that_take_longer():
 )
 def test_a_plan_above_the_limits_is_refused(square, limits, name, allowed):
     with pytest.raises(ac.CompensationError, match="command_limits") as refusal:
-        ac.compensate(square[1], SERVO, ac.Inverse(command_limits=limits), period=PERIOD)
+        ac.compensate(square[1], SERVO, ac.Inverse(command_limits=limits), cycle=CYCLE)
     error = refusal.value
     assert error.limit == name and error.allowed == allowed < error.needed
     orders = {"joint_upper": 0, "joint_velocity": 1, "joint_acceleration": 2}
@@ -217,13 +215,13 @@ def test_only_limits_of_joints_limit_commands(square):
 
 
 def test_written_set_points_are_within_the_limits(limited, arm, tmp_path):
-    for name, form in (("taught.csv", ac.CsvFormat), ("taught.npz", ac.NpzFormat)):
+    for name, form in (("set_points.csv", ac.CsvFormat), ("set_points.npz", ac.NpzFormat)):
         export(limited, tmp_path / name, form(derivatives=0), arm=arm)
-    table = np.genfromtxt(tmp_path / "taught.csv", delimiter=",", skip_header=1)
-    with np.load(tmp_path / "taught.npz") as arrays:
+    table = np.genfromtxt(tmp_path / "set_points.csv", delimiter=",", skip_header=1)
+    with np.load(tmp_path / "set_points.npz") as arrays:
         exact = arrays["q"]
     for q in (table[:, 1:8], exact):
-        assert max(largest_shares(q, PERIOD, LIBFRANKA)) <= 1
+        assert max(largest_shares(q, CYCLE, LIBFRANKA)) <= 1
 
 
 def test_programs_with_fewer_digits_say_what_rounding_needs(tmp_path):
@@ -233,26 +231,26 @@ def test_programs_with_fewer_digits_say_what_rounding_needs(tmp_path):
     plan = ac.plan(ac.JointPath.spline([start, end]), arm, arm.limits.replace(joint_jerk=400.0))
     servo = ac.ServoModel(kp=25.0, order="first")
     limits = ac.Limits(joint_jerk=1000.0)
-    taught = ac.compensate(plan, servo, ac.Inverse(command_limits=limits), period=2e-3)
+    set_points = ac.compensate(plan, servo, ac.Inverse(command_limits=limits), cycle=2e-3)
     with pytest.warns(UserWarning, match="joint_jerk"):
-        export(taught, tmp_path / "taught.script", arm=arm)
-    lines = (tmp_path / "taught.script").read_text(encoding="utf-8").splitlines()
+        export(set_points, tmp_path / "set_points.script", arm=arm)
+    lines = (tmp_path / "set_points.script").read_text(encoding="utf-8").splitlines()
     rows = [x.split("[")[1].split("]")[0].split(",") for x in lines if "servoj([" in x]
     jerk = np.abs(np.diff(np.array(rows, dtype=float), 3, axis=0)).max() / 2e-3**3
     assert 1000 < jerk < 1500
-    export(taught, tmp_path / "taught.csv", arm=arm)
+    export(set_points, tmp_path / "set_points.csv", arm=arm)
 
 
 def test_learning_keeps_the_limits(square, arm, limited):
     """Of a robot with other gains than its model; lessons without limits exceed them."""
     robot = ac.ServoPlant(arm, SERVO.replace(kp=9.0), saturation="none")
-    taught, errors = limited, []
+    set_points, errors = limited, []
     for _ in range(3):
-        done = ac.execute(taught, robot, resolution=PERIOD)
+        done = ac.simulate(set_points, robot, resolution=CYCLE)
         errors.append(ac.evaluate(done, square[0]).contour_error.rms)
-        taught = ac.learn(taught, done, arm=arm, servo=SERVO)
-        assert taught.command_limits is not None
-        assert max(largest_shares(taught.q, PERIOD, LIBFRANKA)) <= 1 + 1e-9
+        set_points = ac.learn(set_points, done, arm=arm, servo=SERVO)
+        assert set_points.command_limits is not None
+        assert max(largest_shares(set_points.q, CYCLE, LIBFRANKA)) <= 1 + 1e-9
     assert errors[-1] < errors[0]
 
 
@@ -265,7 +263,7 @@ path:
 limits: {speed: 250 mm/s, joint_velocity: 9 rad/s, joint_jerk: 4500 rad/s^3}
 corners: {tolerance: 0.5 mm}
 servo: {kp: 10 1/s, order: first}
-command_interval: 1 ms
+cycle: 1 ms
 command_limits: {joint_acceleration: 9.999 rad/s^2, joint_jerk: 4999 rad/s^3}
 runs:
   strict: {timing: {reserve: 5 %}}
@@ -281,18 +279,18 @@ def test_a_job_has_command_limits_and_its_results_state_use_and_cost(tmp_path):
     study = ac.jobs.run(job)
     strict, wide = study.runs.values()
     limits = ac.Limits(joint_acceleration=9.999, joint_jerk=4999.0)
-    assert max(largest_shares(strict.taught.q, PERIOD, limits)) <= 1
+    assert max(largest_shares(strict.set_points.q, CYCLE, limits)) <= 1
     error = strict.evaluation.contour_error
-    assert strict.taught.limit_cost.contour_max == pytest.approx(error.max, rel=0.02)
+    assert strict.set_points.limit_cost.contour_max == pytest.approx(error.max, rel=0.02)
     assert any("command_limits" in x and "contour error" in x for x in strict.warnings)
     assert any("command limits" in x for x in strict.remarks)
-    assert wide.taught.limit_cost is None and wide.evaluation.contour_error.max < 1e-6
+    assert wide.set_points.limit_cost is None and wide.evaluation.contour_error.max < 1e-6
     found = json.loads(data_json(study.to_data()))["runs"]
-    assert found["strict"]["limit_contour_max"] == strict.taught.limit_cost.contour_max
+    assert found["strict"]["limit_contour_max"] == strict.set_points.limit_cost.contour_max
     assert max(found["strict"]["command_use"]["joint_jerk"]) == pytest.approx(1, abs=1e-5)
     assert found["wide"]["limit_contour_max"] == 0
     page = render_report(study)
-    assert "command limit" in page and number(strict.taught.limit_cost.contour_max, "m") in page
+    assert "command limit" in page and number(strict.set_points.limit_cost.contour_max, "m") in page
 
 
 def test_other_keys_of_command_limits_are_refused(tmp_path):

@@ -32,17 +32,17 @@ def smooth(duration=1.0, size=(0.4, -0.3)):
 
 def test_a_ramp_in_closed_form():
     ramp = laps([0.0, 1.0], [(0.5, -1.0)], [(0.0, 0.0)])
-    taught = ac.compensate(ramp, UNEVEN, ac.Inverse(), period=0.01)
-    t = taught.t
+    set_points = ac.compensate(ramp, UNEVEN, ac.Inverse(), cycle=0.01)
+    t = set_points.t
     lead = np.array([0.5, -1.0]) / KP  # the velocity error of the servo
     expected = np.array([0.3, -0.2]) + np.outer(t, [0.5, -1.0]) + lead
     inside = (t > 0.125) & (t < 0.875)  # away from the jumps of velocity at both ends
-    np.testing.assert_allclose(taught.q[inside], expected[inside], atol=1e-14)
+    np.testing.assert_allclose(set_points.q[inside], expected[inside], atol=1e-14)
     # Before it the arm stands at the start of the plan.
-    np.testing.assert_array_equal(taught.q[0], (0.3, -0.2))
-    np.testing.assert_allclose(taught.q[-1], (0.8, -1.2), atol=1e-14)
-    assert taught.start_time == -0.01
-    assert len(taught.q) == 103 and taught.period == 0.01 and taught.method == "inverse"
+    np.testing.assert_array_equal(set_points.q[0], (0.3, -0.2))
+    np.testing.assert_allclose(set_points.q[-1], (0.8, -1.2), atol=1e-14)
+    assert set_points.start_time == -0.01
+    assert len(set_points.q) == 103 and set_points.cycle == 0.01 and set_points.method == "inverse"
 
 
 @pytest.mark.parametrize(("interpolation", "gain"), [("linear", 1 / 12), ("cubic", 0.0)])
@@ -50,14 +50,14 @@ def test_a_parabola_in_closed_form(interpolation, gain):
     a, h = np.array([0.7, -0.4]), 0.01
     curve = laps([0.0, 1.0], [(0.1, 0.0)], [a])
     servo = UNEVEN.replace(interpolation=interpolation)
-    taught = ac.compensate(curve, servo, ac.Inverse(), period=h)
-    inside = (taught.t > 0.125) & (taught.t < 0.875)
-    t = taught.t[inside, None]
+    set_points = ac.compensate(curve, servo, ac.Inverse(), cycle=h)
+    inside = (set_points.t > 0.125) & (set_points.t < 0.875)
+    t = set_points.t[inside, None]
     dq = np.array([0.1, 0.0]) + a * t
     q = np.array([0.3, -0.2]) + np.array([0.1, 0.0]) * t + a * t**2 / 2
     # Between points of a parabola lines are above it by a h² / 12 on average, cubics are on it.
     expected = q + dq / KP + a / (KP * KV) - gain * a * h**2
-    np.testing.assert_allclose(taught.q[inside], expected, atol=1e-14)
+    np.testing.assert_allclose(set_points.q[inside], expected, atol=1e-14)
 
 
 @pytest.mark.parametrize(("interpolation", "most"), [("linear", 1.02), ("cubic", 1.17)])
@@ -68,8 +68,8 @@ def test_jumps_of_acceleration_ask_for_little_more_wherever_they_are(arm, interp
     for phase in np.linspace(0, 1, 8, endpoint=False):
         half = 0.3 + phase * 4e-3
         plan = laps([0, half, 2 * half], [(0.0, 0.0), half * a], [a, -a])
-        taught = ac.compensate(plan, servo, ac.Inverse(), period=4e-3)
-        done = ac.execute(taught, plant, resolution=4e-3 / 16)
+        set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=4e-3)
+        done = ac.simulate(set_points, plant, resolution=4e-3 / 16)
         assert (np.abs(done.demand_range) < most * np.abs(a)).all()
         # Values of the exact command would ask for up to 1.31 and 1.44, and leave up to 8e-6 rad.
         assert np.abs(done.q - plan.with_rests(done.t)).max() < 2e-6
@@ -80,33 +80,35 @@ def test_rests_and_ends_are_the_plans():
     plan = laps([0.0, 0.5, 1.0], [(0.0, 0.0), (0.5, -0.5)], [(1.0, -1.0), (-1.0, 1.0)])
     still = laps([0.0, 1.0], np.zeros((1, 2)), np.zeros((1, 2)))
     for method in NAMES:
-        taught = ac.compensate(plan, UNEVEN, METHODS[method](), period=0.01)
-        np.testing.assert_array_equal(taught.q[0], plan(0.0), err_msg=method)
-        q = ac.compensate(still, UNEVEN, METHODS[method](), period=0.05).q
+        set_points = ac.compensate(plan, UNEVEN, METHODS[method](), cycle=0.01)
+        np.testing.assert_array_equal(set_points.q[0], plan(0.0), err_msg=method)
+        q = ac.compensate(still, UNEVEN, METHODS[method](), cycle=0.05).q
         np.testing.assert_allclose(q, np.tile((0.3, -0.2), (len(q), 1)), atol=1e-14)
     trajectory = smooth()
-    taught = ac.compensate(trajectory, UNEVEN, ac.NoCompensation(), period=0.1)
-    np.testing.assert_allclose(taught.q, trajectory(taught.t.clip(0, 1)), atol=1e-14)
-    assert taught.trajectory is trajectory
+    set_points = ac.compensate(trajectory, UNEVEN, ac.NoCompensation(), cycle=0.1)
+    np.testing.assert_allclose(set_points.q, trajectory(set_points.t.clip(0, 1)), atol=1e-14)
+    assert set_points.trajectory is trajectory
 
 
-@pytest.mark.filterwarnings("ignore:The command interval")
+@pytest.mark.filterwarnings("ignore:The cycle")
 def test_the_last_set_point_is_the_end():
     trajectory = smooth()
-    for method, period in product(NAMES, (0.1, 0.3, 4e-3, 1.0)):
-        taught = ac.compensate(trajectory, UNEVEN, METHODS[method](), period=period)
-        np.testing.assert_array_equal(taught.q[-1], trajectory(1.0), err_msg=f"{method}, {period}")
+    for method, cycle in product(NAMES, (0.1, 0.3, 4e-3, 1.0)):
+        set_points = ac.compensate(trajectory, UNEVEN, METHODS[method](), cycle=cycle)
+        np.testing.assert_array_equal(
+            set_points.q[-1], trajectory(1.0), err_msg=f"{method}, {cycle}"
+        )
         # The first set-point that may be the end is the first at or after it; of means, half an
         # interval after it.
-        least = 1.0 - 1e-9 + (period / 2 if method == "inverse" else 0.0)
-        assert taught.t[-1] >= least, (method, period)
-        assert method == "pole_placement" or taught.t[-1] < least + period, (method, period)
+        least = 1.0 - 1e-9 + (cycle / 2 if method == "inverse" else 0.0)
+        assert set_points.t[-1] >= least, (method, cycle)
+        assert method == "pole_placement" or set_points.t[-1] < least + cycle, (method, cycle)
     # Durations are sums of many laps: a little more or less than 0.3 s is 0.3 s.
     for method, more in (("none", 0), ("inverse", 2)):  # the inverse has one before and one after
         for duration in (0.3 * (1 - 1e-11), 0.3, 0.3 * (1 + 1e-11)):
-            for period, count in ((0.1, 4), (0.01, 31), (0.3, 2)):
-                taught = ac.compensate(smooth(duration), UNEVEN, METHODS[method](), period=period)
-                assert len(taught.q) == count + more, (method, duration, period)
+            for cycle, count in ((0.1, 4), (0.01, 31), (0.3, 2)):
+                set_points = ac.compensate(smooth(duration), UNEVEN, METHODS[method](), cycle=cycle)
+                assert len(set_points.q) == count + more, (method, duration, cycle)
 
 
 @pytest.mark.parametrize("method", NAMES)
@@ -116,20 +118,22 @@ def test_compensation_is_linear(method):
     given = rng.normal(size=(2, 3, 2)), rng.normal(size=(2, 3, 2)), rng.normal(size=(2, 2))
     a, b = 0.7, -2.5
 
-    def taught(*k):
+    def set_points(*k):
         trajectory = laps(times, *(np.tensordot(k, x, 1) for x in given))
-        return ac.compensate(trajectory, UNEVEN, METHODS[method](), period=0.01).q
+        return ac.compensate(trajectory, UNEVEN, METHODS[method](), cycle=0.01).q
 
-    np.testing.assert_allclose(taught(a, b), a * taught(1, 0) + b * taught(0, 1), atol=1e-11)
+    np.testing.assert_allclose(
+        set_points(a, b), a * set_points(1, 0) + b * set_points(0, 1), atol=1e-11
+    )
 
 
 def test_the_inverse_undoes_the_servo(arm):
     trajectory = smooth()
     plant = ac.ServoPlant(arm, UNEVEN, ac.Limits.only())
     errors = []
-    for period in (8e-3, 4e-3, 2e-3):
-        taught = ac.compensate(trajectory, UNEVEN, ac.Inverse(), period=period)
-        done = ac.execute(taught, plant, resolution=period)
+    for cycle in (8e-3, 4e-3, 2e-3):
+        set_points = ac.compensate(trajectory, UNEVEN, ac.Inverse(), cycle=cycle)
+        done = ac.simulate(set_points, plant, resolution=cycle)
         errors.append(np.abs(done.q - trajectory(done.t.clip(0, 1.0))).max())
     # Means over intervals, and lines between them, leave errors of second order in the period. They
     # are made up for but next to both ends.
@@ -141,9 +145,9 @@ def test_refused_options(refuses):
     three = ac.ServoModel(kp=[1.0, 2.0, 3.0], kv=150.0)
     for servo, options, words in (
         (UNEVEN, {"options": "inverse"}, "CompensationOptions"),
-        (UNEVEN, {"period": 0.0}, "above zero"),
-        (UNEVEN, {"period": -1e-3}, "-0.001 s"),
-        (UNEVEN, {"period": np.nan}, "finite"),
+        (UNEVEN, {"cycle": 0.0}, "above zero"),
+        (UNEVEN, {"cycle": -1e-3}, "-0.001 s"),
+        (UNEVEN, {"cycle": np.nan}, "finite"),
         (three, {}, "kp has 3 values"),
     ):
         refuses(partial(ac.compensate, smooth(), servo, **options), ac.InvalidInput, words)
@@ -158,11 +162,11 @@ def test_joints_of_several_orders_are_compensated_by_the_inverse(refuses):
     )
     arm = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=ac.Limits())
     plan = smooth()
-    taught = ac.compensate(plan, servo)
-    assert taught.method == "inverse"
+    set_points = ac.compensate(plan, servo)
+    assert set_points.method == "inverse"
     off = {}
     for method in ("inverse", "none"):
-        done = ac.execute(ac.compensate(plan, servo, METHODS[method]()), ac.ServoPlant(arm, servo))
+        done = ac.simulate(ac.compensate(plan, servo, METHODS[method]()), ac.ServoPlant(arm, servo))
         off[method] = np.abs(done.q - plan(np.clip(done.t, 0, plan.duration))).max(axis=0)
     assert (off["inverse"] < 0.02 * off["none"]).all()
     call = partial(ac.compensate, plan, servo, ac.PolePlacement())

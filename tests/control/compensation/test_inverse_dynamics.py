@@ -15,7 +15,7 @@ from armcontour.robot.drives import Drives
 from armcontour.robot.servo.simulation import polynomials, sample_command
 
 pytest.importorskip("mujoco")
-DURATION, PERIOD = 0.4, 4e-3
+DURATION, CYCLE = 0.4, 4e-3
 START = np.array([0.3, -1.5, 1.5, -1.2, -1.5, 0.0])
 SIZE = np.array([0.2, -0.1, 0.15, 0.2, 0.0, -0.3])
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
@@ -51,8 +51,8 @@ def with_chain(arm, **changes):
     return ac.SerialArm(name=arm.name, chain=arm.chain.replace(**changes), limits=arm.limits)
 
 
-def compensate(plan, arm, servo=SERVO, period=PERIOD, limits=None, **options):
-    how = {"arm": arm, "period": period, "limits": limits}
+def compensate(plan, arm, servo=SERVO, cycle=CYCLE, limits=None, **options):
+    how = {"arm": arm, "cycle": cycle, "limits": limits}
     return ac.compensate(plan, servo, ac.InverseDynamics(**options), **how)
 
 
@@ -64,14 +64,14 @@ def strong(arm, servo=SERVO, **options):
 def off(arm, servo=SERVO, plan=SWING, plant=None, **options):
     """Largest distance of a joint from the plan, at any time until rest."""
     plant = plant or strong(arm, servo)
-    done = ac.execute(compensate(plan, arm, servo, **options), plant)
+    done = ac.simulate(compensate(plan, arm, servo, **options), plant)
     return np.abs(done.q - plan(done.t.clip(0, plan.duration))).max()
 
 
-def contour_error(arm, rounded, plan, period=PERIOD):
+def contour_error(arm, rounded, plan, cycle=CYCLE):
     """RMS and largest contour error on rigid bodies [mm]."""
     plant = ac.RigidBodyPlant(arm, SERVO)
-    done = ac.execute(compensate(plan, arm, period=period), plant, resolution=1e-3)
+    done = ac.simulate(compensate(plan, arm, cycle=cycle), plant, resolution=1e-3)
     found = ac.evaluate(done, rounded).contour_error
     return found.rms * 1e3, found.max * 1e3
 
@@ -92,13 +92,13 @@ def fast(light, corners):
 # Without inertias of drives set-points move faster than joints may, for which nobody asks here.
 @pytest.mark.filterwarnings("ignore:The set-points of joint")
 @pytest.mark.parametrize(
-    ("armature", "period", "rms", "largest"),
+    ("armature", "cycle", "rms", "largest"),
     [(0.1, 4e-3, 6e-4, 0.003), (0.0, 4e-3, 1e-3, 0.005), (0.0, 1e-3, 8e-4, 0.003)],
 )
-def test_a_square_at_full_speed(light, corners, fast, armature, period, rms, largest):
+def test_a_square_at_full_speed(light, corners, fast, armature, cycle, rms, largest):
     """The servo's own inverse has 0.138 / 0.410 mm with inertias of drives, and more without."""
     arm = with_chain(light, armature=np.full(6, armature))
-    found = contour_error(arm, corners, fast, period)
+    found = contour_error(arm, corners, fast, cycle)
     assert found[0] < rms and found[1] < largest
 
 
@@ -132,33 +132,35 @@ def test_means_of_the_command_are_those_of_the_exact_one(heavy):
     weight = (1 - np.abs(x)) / (1 - np.abs(x)).sum()
     for interpolation, left in (("linear", 0.05), ("cubic", 0.25)):
         servo = SERVO.replace(interpolation=interpolation).for_joints(6)
-        taught = compensate(SWING, heavy, servo, period=0.02)
+        set_points = compensate(SWING, heavy, servo, cycle=0.02)
         drives = Drives(arm=heavy, servo=servo)
-        pieces = polynomials(taught.q, 0.02, servo)
-        for k in range(2, len(taught.q) - 2):
-            t = taught.t[k] + 0.02 * x
+        pieces = polynomials(set_points.q, 0.02, servo)
+        for k in range(2, len(set_points.q) - 2):
+            t = set_points.t[k] + 0.02 * x
             exact = drives.command(SWING(t), SWING(t, 1), SWING(t, 2))
-            given = sample_command(pieces, 0.02, np.zeros(6), t - taught.start_time)
-            points = drives.command(*(SWING([taught.t[k]], order) for order in range(3)))
+            given = sample_command(pieces, 0.02, np.zeros(6), t - set_points.start_time)
+            points = drives.command(*(SWING([set_points.t[k]], order) for order in range(3)))
             gap = np.abs(weight @ (given - exact)).max()
             assert gap < 2e-5
             # Which set-points at the exact command's values do not have.
-            assert k != 5 or gap < left * np.abs(points - taught.q[k]).max()
+            assert k != 5 or gap < left * np.abs(points - set_points.q[k]).max()
     servo = SERVO.replace(interpolation="step").for_joints(6)
-    taught = compensate(SWING, heavy, servo, period=0.02)
+    set_points = compensate(SWING, heavy, servo, cycle=0.02)
     drives = Drives(arm=heavy, servo=servo)
     for k in (4, 8, 13):
-        t = taught.t[k] + np.linspace(0, 0.02, 401)
+        t = set_points.t[k] + np.linspace(0, 0.02, 401)
         exact = drives.command(SWING(t), SWING(t, 1), SWING(t, 2))
-        np.testing.assert_allclose(taught.q[k], exact.mean(axis=0), atol=1e-5)
+        np.testing.assert_allclose(set_points.q[k], exact.mean(axis=0), atol=1e-5)
 
 
 def test_the_arm_stands_at_both_ends_although_it_sags(heavy):
     loaded = with_chain(heavy, payload=ac.Payload(mass=3.0, center=(0.02, 0.0, 0.1)))
     plant = strong(loaded, gravity_feedforward=False)
-    taught = compensate(SWING, loaded, gravity_feedforward=False)
-    assert np.abs(taught.q[0] - START).max() > 1e-3 < np.abs(taught.q[-1] - START - SIZE).max()
-    done = ac.execute(taught, plant)
+    set_points = compensate(SWING, loaded, gravity_feedforward=False)
+    assert (
+        np.abs(set_points.q[0] - START).max() > 1e-3 < np.abs(set_points.q[-1] - START - SIZE).max()
+    )
+    done = ac.simulate(set_points, plant)
     np.testing.assert_allclose(done.q[0], START, atol=1e-9)
     np.testing.assert_allclose(done.q[-1], START + SIZE, atol=1e-6)
     assert np.abs(done.q - SWING(done.t.clip(0, DURATION))).max() < 3e-5
@@ -183,14 +185,14 @@ def test_integrators_are_compensated_as_exactly_as_drives_without(
         servo = SERVO.replace(
             ki=ki, interpolation=interpolation, velocity_feedforward=feed, dead_time=2.5e-3
         )
-        taught = compensate(SWING, rough, servo, gravity_feedforward=gravity)
-        done = ac.execute(taught, strong(rough, servo, gravity_feedforward=gravity))
+        set_points = compensate(SWING, rough, servo, gravity_feedforward=gravity)
+        done = ac.simulate(set_points, strong(rough, servo, gravity_feedforward=gravity))
         error = np.abs(done.q - SWING(done.t.clip(0, DURATION)))
         found.append(error[done.t < DURATION].max())
     assert found[1] < share * found[0]
-    np.testing.assert_allclose(taught.q[[0, -1]], [START, START + SIZE], atol=1e-12)
-    assert 1e-4 < taught.cut_off.max()
-    assert (error[done.t >= DURATION].max(axis=0) < taught.cut_off + 2 * found[0]).all()
+    np.testing.assert_allclose(set_points.q[[0, -1]], [START, START + SIZE], atol=1e-12)
+    assert 1e-4 < set_points.truncated.max()
+    assert (error[done.t >= DURATION].max(axis=0) < set_points.truncated + 2 * found[0]).all()
 
 
 def test_every_joint_stands_still_first(heavy):
@@ -198,11 +200,11 @@ def test_every_joint_stands_still_first(heavy):
     plan = ac.plan(ac.JointPath.spline([START, START + 0.1]), heavy)
     for dead in (0.0, 4e-3, 6e-3, [0.0, 0.0, 0.0, 0.0, 0.0, 0.012]):
         for method in ("inverse", "inverse_dynamics"):
-            taught = ac.compensate(
+            set_points = ac.compensate(
                 plan, SERVO.replace(dead_time=dead), METHODS[method](), arm=heavy
             )
-            np.testing.assert_array_equal(taught.q[0], plan(0.0))
-            assert (taught.q[1] != taught.q[0]).any(), (dead, method)
+            np.testing.assert_array_equal(set_points.q[0], plan(0.0))
+            assert (set_points.q[1] != set_points.q[0]).any(), (dead, method)
 
 
 def test_a_load_that_the_controller_does_not_know_can_be_known_to_the_set_points(heavy):
@@ -216,10 +218,10 @@ def test_friction_is_compensated_but_not_at_rest(heavy):
     rough = with_chain(heavy, coulomb=coulomb, viscous=viscous)
     plant = strong(rough)
     assert off(rough) < 3e-5 < 5e-4 < off(heavy, plant=plant)
-    taught, smooth_one = compensate(SWING, rough), compensate(SWING, heavy)
+    set_points, smooth_one = compensate(SWING, rough), compensate(SWING, heavy)
     # Joint 5 stays at rest in the plan: no term of friction pushes it.
-    np.testing.assert_allclose(taught.q[:, 4], smooth_one.q[:, 4], atol=1e-15)
-    np.testing.assert_array_equal(taught.q[[0, -1]], smooth_one.q[[0, -1]])
+    np.testing.assert_allclose(set_points.q[:, 4], smooth_one.q[:, 4], atol=1e-15)
+    np.testing.assert_array_equal(set_points.q[[0, -1]], smooth_one.q[[0, -1]])
 
 
 def test_where_joints_turn_round_friction_changes_its_sign_without_chatter(heavy):

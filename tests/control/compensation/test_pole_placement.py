@@ -50,24 +50,24 @@ def test_set_points_are_26_applied_to_the_trajectory():
     velocities = np.random.default_rng(1).normal(size=(3, 2))
     start = np.array([0.4, -1.1])
     motion = laps([0.0, 0.04, 0.1, 0.2], velocities, np.zeros((3, 2)), start)
-    for poles, period in product(POLES, (4e-3, 1e-3)):
-        taught = place(motion, UNEVEN, period=period, poles=poles)
-        at = taught.t[:-1]  # the last one is the end itself
+    for poles, cycle in product(POLES, (4e-3, 1e-3)):
+        set_points = place(motion, UNEVEN, cycle=cycle, poles=poles)
+        at = set_points.t[:-1]  # the last one is the end itself
         for j in range(2):
             system = compensator_26(UNEVEN.kp[j], UNEVEN.kv[j], *poles)
             source = motion(at.clip(0, 0.2))[:, j] - start[j]
             _, expected, _ = signal.lsim(system, source, at)
             near = 1e-9 * max(np.abs(expected).max(), 1.0)
-            q = taught.q[:-1, j] - start[j]
-            np.testing.assert_allclose(q, expected, atol=near, err_msg=f"{poles}, {period}")
+            q = set_points.q[:-1, j] - start[j]
+            np.testing.assert_allclose(q, expected, atol=near, err_msg=f"{poles}, {cycle}")
     # Parabolas: SciPy converges to the set-points as its grid gets finer.
     motion = laps([0.0, 0.1, 0.2], [(0.0, 0.2), (0.3, 0.0)], [(3.0, -2.0), (-3.0, 1.0)], (0.0, 0.0))
-    taught = place(motion, UNEVEN, period=0.01, poles=[-75] * 3)
+    set_points = place(motion, UNEVEN, cycle=0.01, poles=[-75] * 3)
     system, errors = compensator_26(25.0, 150.0, -75, -75, -75), []
     for parts in (10, 100):
         t = np.arange(20 * parts + 1) * (0.01 / parts)
         _, expected, _ = signal.lsim(system, motion(t.clip(0, 0.2))[:, 0], t)
-        errors.append(np.abs(expected[::parts] - taught.q[:21, 0])[:20].max())
+        errors.append(np.abs(expected[::parts] - set_points.q[:21, 0])[:20].max())
     assert errors[0] / errors[1] == pytest.approx(100, rel=0.2)
     assert errors[1] < 1e-6
 
@@ -75,21 +75,21 @@ def test_set_points_are_26_applied_to_the_trajectory():
 def test_poles_per_joint_and_nothing_lost_between_set_points():
     motion = laps([0.0, 0.2], [(1.0, 1.0)], [(0.0, 0.0)], (0.0, 0.0))
     poles = [POLES[0], POLES[2]]
-    both = place(motion, UNEVEN, period=0.01, poles=poles)
+    both = place(motion, UNEVEN, cycle=0.01, poles=poles)
     for j in range(2):
-        one = place(motion, UNEVEN, period=0.01, poles=poles[j])
+        one = place(motion, UNEVEN, cycle=0.01, poles=poles[j])
         n = min(len(one.q), len(both.q)) - 1
         np.testing.assert_allclose(both.q[:n, j], one.q[:n, j], atol=1e-12)
     times, dq = [0.0, 0.0137, 0.1011, 0.2], [(0.0, 0.2), (0.3, 0.0), (1.0, 1.0)]
     motion = laps(times, dq, np.ones((3, 2)), (0, 0))
-    coarse, fine = (place(motion, UNEVEN, period=x) for x in (0.05, 0.001))
+    coarse, fine = (place(motion, UNEVEN, cycle=x) for x in (0.05, 0.001))
     n = len(coarse.q) - 1
     np.testing.assert_allclose(coarse.q[:n], fine.q[: 50 * n : 50], atol=1e-12)
     # DC gain 1: before the last set-point is put there, it is there already.
     motion = laps([0.0, 0.2], [(1.0, -2.0)], [(0.0, 0.0)], (0.5, 0.5))
-    taught = place(motion, UNEVEN, period=0.01)
-    np.testing.assert_allclose(taught.q[-2], motion(0.2), atol=1e-12)
-    np.testing.assert_array_equal(taught.q[-1], motion(0.2))
+    set_points = place(motion, UNEVEN, cycle=0.01)
+    np.testing.assert_allclose(set_points.q[-2], motion(0.2), atol=1e-12)
+    np.testing.assert_array_equal(set_points.q[-1], motion(0.2))
 
 
 def test_default_poles_cancel_the_zero_and_all_joints_trail_alike(arm):
@@ -105,8 +105,8 @@ def test_default_poles_cancel_the_zero_and_all_joints_trail_alike(arm):
     plant = ac.ServoPlant(arm, UNEVEN, ac.Limits.only())
     gap = {}
     for method in ("pole_placement", "none"):
-        taught = ac.compensate(alike, UNEVEN, METHODS[method](), period=2e-4)
-        done = ac.execute(taught, plant, resolution=2e-4)
+        set_points = ac.compensate(alike, UNEVEN, METHODS[method](), cycle=2e-4)
+        done = ac.simulate(set_points, plant, resolution=2e-4)
         gap[method] = np.abs(np.diff(done.q, axis=1)).max()
     assert gap["pole_placement"] < 1e-4 < 1e-2 < gap["none"]
 
@@ -119,11 +119,11 @@ def demand_over_acceleration(arm, poles, accelerations, times, kv=150.0):
     dq = np.concatenate([[0.0], np.cumsum(a * h)[:-1]])
     both = np.stack([dq, dq], axis=1), np.stack([a, a], axis=1)
     motion = laps(times, *both, (0.0, 0.0))
-    taught = place(motion, servo, period=2e-4, poles=poles)
+    set_points = place(motion, servo, cycle=2e-4, poles=poles)
     # Up to the end of the motion only: there the velocity jumps to zero.
     kept = round(times[-1] / 2e-4) + 1
-    cut = ac.TaughtData(period=2e-4, q=taught.q[:kept], trajectory=motion, method="cut")
-    done = ac.execute(cut, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=2e-4)
+    cut = ac.SetPoints(cycle=2e-4, q=set_points.q[:kept], trajectory=motion, method="cut")
+    done = ac.simulate(cut, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=2e-4)
     return np.abs(done.demand[:kept]).max() / np.abs(a).max()
 
 
@@ -160,8 +160,8 @@ def test_no_headroom_is_needed_for_triple_poles_from_half_kv_to_kv(arm):
 def test_velocity_error_vanishes_when_the_poles_sum_to_minus_kv(arm, servo):
     ramp = laps([0.0, 1.0], [(1.0, 1.0)], [(0.0, 0.0)], (0.0, 0.0))
     for poles, vanishes in (([-50] * 3, True), ([-30, -50, -70], True), ([-75] * 3, False)):
-        taught = place(ramp, servo, period=1e-3, poles=poles)
-        done = ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-3)
+        set_points = place(ramp, servo, cycle=1e-3, poles=poles)
+        done = ac.simulate(set_points, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-3)
         lag = 0.99 - done.q[990, 0]
         m1, m2, g = poles
         # Coefficient with which velocity enters the error, from F G at low frequency.
@@ -235,8 +235,8 @@ def test_demands_are_those_of_the_plant(arm):
     for interpolation in ("linear", "step", "cubic"):
         servo = ac.ServoModel(kp=[25.0, 60.0], kv=[150.0, 40.0], interpolation=interpolation)
         low, high = extreme_demands(servo.for_joints(2), q, 0.01)
-        taught = ac.TaughtData(period=0.01, q=q, trajectory=still, method="x")
-        done = ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-5)
+        set_points = ac.SetPoints(cycle=0.01, q=q, trajectory=still, method="x")
+        done = ac.simulate(set_points, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-5)
         n = np.searchsorted(done.t, 0.39 - 1e-9)
         # A held command jumps, and so does the demand: the plant lists what is before, the other
         # both.
@@ -254,26 +254,26 @@ def test_the_fastest_poles_just_do_not_saturate(arm, plan, interpolation):
     assert p > {"linear": 300, "cubic": 100}[interpolation]
     for share, saturates in ((1.0, False), (1.03, True)):
         placed = np.column_stack([share * poles[:, :2], poles[:, 2]])
-        taught = ac.compensate(plan, servo, ac.PolePlacement(poles=placed))
-        done = ac.execute(taught, ac.ServoPlant(arm, servo, arm.limits))
+        set_points = ac.compensate(plan, servo, ac.PolePlacement(poles=placed))
+        done = ac.simulate(set_points, ac.ServoPlant(arm, servo, arm.limits))
         assert (done.peak_demand > 0.72).any() == saturates
 
 
 def test_the_fastest_poles_follow_better_and_stop_at_the_interval(arm, plan, rounded, limits):
     rms = []
     for poles in (None, fastest_poles(SERVO, plan, limits)):
-        taught = ac.compensate(plan, SERVO, ac.PolePlacement(poles=poles))
-        done = ac.execute(taught, ac.ServoPlant(arm, SERVO, arm.limits))
+        set_points = ac.compensate(plan, SERVO, ac.PolePlacement(poles=poles))
+        done = ac.simulate(set_points, ac.ServoPlant(arm, SERVO, arm.limits))
         rms.append(ac.evaluate(done, rounded, limits=limits).contour_error.rms)
     assert rms[1] < rms[0] / 5
     loose = ac.Limits.only(joint_acceleration=100.0)
-    poles = fastest_poles(SERVO, plan, loose, period=0.02)
+    poles = fastest_poles(SERVO, plan, loose, cycle=0.02)
     np.testing.assert_allclose(poles[:, 0], -20 / 0.02)
 
 
 def test_refused(mac, arm, refuses):
     # A plan at the limit leaves nothing for the corners of the interpolated command.
-    call = partial(fastest_poles, SERVO, mac, arm.limits, period=4e-3)
+    call = partial(fastest_poles, SERVO, mac, arm.limits, cycle=4e-3)
     data = {"limit": "joint_acceleration", "allowed": 0.72}
     refuses(call, ac.CompensationError, "saturates with any poles", **data)
     call = partial(fastest_poles, SERVO, mac, ac.Limits.only())
@@ -310,11 +310,13 @@ def gains(order):
     return {"kp": [25.0, 40.0], "kv": [150.0, 90.0] if order == "second" else None, "order": order}
 
 
-def off(arm, servo, period, method="inverse", plant=None, **options):
+def off(arm, servo, cycle, method="inverse", plant=None, **options):
     """Largest distance of a joint from the plan that it shall follow, at any time."""
-    taught = ac.compensate(SWING, servo, METHODS[method](**options), period=period)
-    done = ac.execute(taught, ac.ServoPlant(arm, plant or servo, ac.Limits.only()), resolution=1e-3)
-    assert done.t[0] == taught.start_time == taught.t[0]
+    set_points = ac.compensate(SWING, servo, METHODS[method](**options), cycle=cycle)
+    done = ac.simulate(
+        set_points, ac.ServoPlant(arm, plant or servo, ac.Limits.only()), resolution=1e-3
+    )
+    assert done.t[0] == set_points.start_time == set_points.t[0]
     return np.abs(done.q - SWING(done.t.clip(0, DURATION))).max()
 
 
@@ -322,7 +324,7 @@ def test_the_joint_does_at_t_what_the_plan_says_at_t(arm):
     left = {"linear": 3e-5, "cubic": 2e-5, "step": 2e-4}
     for order, interpolation, dead in product(("second", "first"), left, DEAD_TIMES):
         servo = ac.ServoModel(**gains(order), interpolation=interpolation, dead_time=dead)
-        errors = [off(arm, servo, period) for period in (4e-3, 2e-3)]
+        errors = [off(arm, servo, cycle) for cycle in (4e-3, 2e-3)]
         # What is left is interpolation: of second order in the period or better, but for the ripple
         # of held set-points, which a servo of first order passes on.
         assert errors[0] < left[interpolation], servo
@@ -344,26 +346,26 @@ def test_without_the_lead_a_joint_is_late(arm):
 
 def test_it_holds_before_and_after_and_none_leads_nothing():
     servo = ac.ServoModel(**gains("second"), dead_time=[0.01, 0.035])
-    taught = ac.compensate(SWING, servo, ac.Inverse(), period=0.01)
-    assert taught.start_time == pytest.approx(-0.04)
-    assert 0.0 in taught.t  # the plan begins at a set-point
-    t = taught.t[:, None] + servo.dead_time
+    set_points = ac.compensate(SWING, servo, ac.Inverse(), cycle=0.01)
+    assert set_points.start_time == pytest.approx(-0.04)
+    assert 0.0 in set_points.t  # the plan begins at a set-point
+    t = set_points.t[:, None] + servo.dead_time
     # A set-point is a mean over the interval about its time.
     before, after = t <= -0.005, t >= DURATION + 0.005
-    np.testing.assert_array_equal(taught.q[before[:, 0], 0], 0.3)
-    np.testing.assert_array_equal(taught.q[before[:, 1], 1], -0.2)
+    np.testing.assert_array_equal(set_points.q[before[:, 0], 0], 0.3)
+    np.testing.assert_array_equal(set_points.q[before[:, 1], 1], -0.2)
     for j in range(2):
-        np.testing.assert_array_equal(taught.q[after[:, j], j], SWING(DURATION)[j])
+        np.testing.assert_array_equal(set_points.q[after[:, j], j], SWING(DURATION)[j])
     at = t.clip(0, DURATION)
     for j in range(2):
         q, dq, ddq = (SWING(at[:, j], order)[:, j] for order in (0, 1, 2))
         u = q + dq / servo.kp[j] + ddq / (servo.kp[j] * servo.kv[j])
-        np.testing.assert_allclose(taught.q[:, j], u, atol=3e-4)
-    assert taught.t[-2] < DURATION + 0.005 - servo.dead_time.min() <= taught.t[-1] + 1e-12
+        np.testing.assert_allclose(set_points.q[:, j], u, atol=3e-4)
+    assert set_points.t[-2] < DURATION + 0.005 - servo.dead_time.min() <= set_points.t[-1] + 1e-12
     servo = ac.ServoModel(**gains("second"), dead_time=0.05, interpolation="step")
-    taught = ac.compensate(SWING, servo, ac.NoCompensation(), period=0.01)
-    assert taught.start_time == 0.0
-    np.testing.assert_allclose(taught.q, SWING(taught.t.clip(0, DURATION)), atol=1e-14)
+    set_points = ac.compensate(SWING, servo, ac.NoCompensation(), cycle=0.01)
+    assert set_points.start_time == 0.0
+    np.testing.assert_allclose(set_points.q, SWING(set_points.t.clip(0, DURATION)), atol=1e-14)
 
 
 def test_pole_placement_leads_too(arm):
@@ -371,9 +373,11 @@ def test_pole_placement_leads_too(arm):
     for dead, poles in product((0.04, 0.0345, [0.0115, 0.087]), (None, [-75.0, -75.0, -75.0])):
         done = []
         for servo in (prompt, prompt.replace(dead_time=dead)):
-            taught = ac.compensate(SWING, servo, ac.PolePlacement(poles=poles), period=1e-3)
+            set_points = ac.compensate(SWING, servo, ac.PolePlacement(poles=poles), cycle=1e-3)
             done.append(
-                ac.execute(taught, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-3)
+                ac.simulate(
+                    set_points, ac.ServoPlant(arm, servo, ac.Limits.only()), resolution=1e-3
+                )
             )
         first, second = (x.q[np.searchsorted(x.t, 0.0) :][:600] for x in done)
         np.testing.assert_allclose(first, second, atol=1e-6)
@@ -381,22 +385,22 @@ def test_pole_placement_leads_too(arm):
 
 def test_first_order_in_closed_form():
     servo = ac.ServoModel(kp=[25.0, 40.0], order="first")
-    taught = ac.compensate(SWING, servo, ac.Inverse(), period=2.5e-3)
-    inside = (taught.t > 0.035) & (taught.t < DURATION - 0.035)
-    t = taught.t[inside]
+    set_points = ac.compensate(SWING, servo, ac.Inverse(), cycle=2.5e-3)
+    inside = (set_points.t > 0.035) & (set_points.t < DURATION - 0.035)
+    t = set_points.t[inside]
     u, bend = (SWING(t, k) + SWING(t, k + 1) / servo.kp for k in (0, 2))
     # Lines between points of a curve are beside it by u'' T² / 12 on average.
     expected = u - bend * 2.5e-3**2 / 12
-    np.testing.assert_allclose(taught.q[inside], expected, atol=3e-7)
-    assert np.abs(taught.q[inside] - u).max() > 5e-6
+    np.testing.assert_allclose(set_points.q[inside], expected, atol=3e-7)
+    assert np.abs(set_points.q[inside] - u).max() > 5e-6
 
 
 def test_a_command_beyond_the_limits_is_refused(refuses):
     # The plan itself is within them: it ends at 0.8 and -1.0, and moves at 1.82 and 2.92 rad/s.
     servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=0.02)
     loose = {"joint_lower": [-2.0, -2.0], "joint_upper": [2.0, 2.0], "joint_velocity": [20.0, 20.0]}
-    taught = ac.compensate(SWING, servo, ac.Inverse(), limits=ac.Limits.only(**loose))
-    rates = np.abs(np.diff(taught.q, axis=0)) / 4e-3
+    set_points = ac.compensate(SWING, servo, ac.Inverse(), limits=ac.Limits.only(**loose))
+    rates = np.abs(np.diff(set_points.q, axis=0)) / 4e-3
     for limit, values, j in (
         ("joint_upper", [0.8, 2.0], 0),
         ("joint_lower", [-2.0, -1.0], 1),
@@ -405,8 +409,8 @@ def test_a_command_beyond_the_limits_is_refused(refuses):
     ):
         limits = ac.Limits.only(**(loose | {limit: values}))
         fast = limit == "joint_velocity"
-        k = int(np.argmax(rates[:, j] if fast else np.abs(taught.q[:, j])))
-        data = {"t": taught.t[k], "needed": rates[k, j] if fast else taught.q[k, j]}
+        k = int(np.argmax(rates[:, j] if fast else np.abs(set_points.q[:, j])))
+        data = {"t": set_points.t[k], "needed": rates[k, j] if fast else set_points.q[k, j]}
         data |= {"joint": j, "limit": limit, "allowed": values[j]}
         call = partial(ac.compensate, SWING, servo, ac.Inverse(), limits=limits)
         refuses(call, ac.CompensationError, f"joint {j + 1}", limit, **data)

@@ -184,7 +184,7 @@ def test_the_servo_file_is_the_servo_that_was_judged(found, tmp_path):
     np.testing.assert_allclose(read.kp, [25, 40], rtol=0.01)
     np.testing.assert_allclose(read.dead_time, [12.3e-3, 4e-3], atol=3e-4)
     assert read.acceleration_limit[1] == pytest.approx(20, rel=0.01)
-    assert all(x.unexplained <= y for x, y in zip(found.joints, read.unexplained, strict=True))
+    assert all(x.model_error <= y for x, y in zip(found.joints, read.model_error, strict=True))
 
 
 def test_the_json_and_the_report(found):
@@ -217,7 +217,7 @@ def test_the_command(log, tmp_path, capsys):
     # The same program again is one program.
     assert identify_files([file, file], part) == 9
     data = json.loads(capsys.readouterr().out)
-    assert data["samples"] == 2 * 1001 and data["cycle"] == 2e-3
+    assert data["samples"] == 2 * 1001 and data["drive_cycle"] == 2e-3
     (prediction,) = data["predictions"]
     assert prediction["log"] == "log.csv"
     assert prediction["rms"][0] < 0.1 * prediction["tracking_rms"][0]

@@ -109,8 +109,8 @@ def test_the_delay_that_joints_share_is_compensated_for_a_joint_without_a_model(
     ):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)
-            taught = ac.compensate(planned, x, METHODS[method]())
-        executed = ac.execute(taught, ac.ServoPlant(arm, truth))
+            set_points = ac.compensate(planned, x, METHODS[method]())
+        executed = ac.simulate(set_points, ac.ServoPlant(arm, truth))
         errors.append(ac.evaluate(executed, path).contour_error.rms)
     # Compensation of one joint turns the delay of the other one into contour error.
     assert errors[0] < errors[1] < errors[2]

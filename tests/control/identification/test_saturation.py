@@ -86,22 +86,22 @@ def hal():
     path = ac.round_corners(ac.Path.polyline(points), tolerance=5e-3)
     limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
     plan = ac.plan(path, arm, limits, ac.Optimal(reserve=0.02))
-    robot = ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0, cycle=CYCLE))
-    first = ac.compensate(plan, ac.ServoModel(kp=20.0, kv=120.0), period=4e-3)
-    done = ac.execute(first, robot, resolution=CYCLE)
-    times = first.start_time + np.arange(len(first.q)) * first.period
+    robot = ac.ServoPlant(arm, ac.ServoModel(kp=25.0, kv=150.0, drive_cycle=CYCLE))
+    first = ac.compensate(plan, ac.ServoModel(kp=20.0, kv=120.0), cycle=4e-3)
+    done = ac.simulate(first, robot, resolution=CYCLE)
+    times = first.start_time + np.arange(len(first.q)) * first.cycle
     u = np.stack([np.interp(done.t, times, x) for x in first.q.T], axis=1)
     return path, plan, robot, log_of(done.t, u, done.q)
 
 
 def test_a_log_of_a_first_run_that_saturates_compensates_the_next_one(hal):
     path, plan, robot, log = hal
-    for cycle, most in ((None, 5e-7), (CYCLE, 1e-7)):
-        found = identify(log, ac.ServoFit(drive_cycle=cycle))
+    for drive_cycle, most in ((None, 5e-7), (CYCLE, 1e-7)):
+        found = identify(log, ac.ServoFit(drive_cycle=drive_cycle))
         assert all("0.72 rad/s²" in x.saturation for x in found.joints)
         with pytest.warns(UserWarning, match="one program"):
-            taught = ac.compensate(plan, found.servo_model(), period=4e-3)
-        assert ac.evaluate(ac.execute(taught, robot), path).contour_error.rms <= most
+            set_points = ac.compensate(plan, found.servo_model(), cycle=4e-3)
+        assert ac.evaluate(ac.simulate(set_points, robot), path).contour_error.rms <= most
 
 
 def test_a_joint_that_saturates_most_of_the_time_can_be_judged():
@@ -130,12 +130,12 @@ def shaken(seed):
     return t, sum(waves) * np.clip(np.minimum(t, t[-1] - t) / 0.5, 0.0, 1.0)
 
 
-def logs_of(servo, seed, cycle=0.0, noise=1e-5, step=0.0, change=lambda t, y: y):
+def logs_of(servo, seed, drive_cycle=0.0, noise=1e-5, step=0.0, change=lambda t, y: y):
     """Two logs of a simulated joint, with the resolution `step` of its encoder."""
     found = []
     for k in (0, 1):
         t, u = shaken(10 * seed + k)
-        y = change(t, follow(LoggedCommand(t, u), servo, float(u[0]), 0.0, cycle))
+        y = change(t, follow(LoggedCommand(t, u), servo, float(u[0]), 0.0, drive_cycle))
         y = y + noise * np.random.default_rng([seed, k]).normal(size=len(t))
         y = np.round(y / step) * step if step else y
         found.append(Log(t=t, command=u, measured=y, source=f"{k}.csv"))
@@ -174,10 +174,10 @@ def test_parameters_are_effective_where_an_effect_is_missing():
     assert identify(logs_of(integrated, 2), ac.ServoFit(model="first")).joints[0].effective
 
 
-@pytest.mark.parametrize("cycle", [1e-3, 2e-3, 4e-3])
+@pytest.mark.parametrize("drive_cycle", [1e-3, 2e-3, 4e-3])
 @pytest.mark.parametrize("servo", SERVOS)
-def test_intervals_contain_the_truth_although_the_cycle_is_not_given(servo, cycle):
-    joint = identify(logs_of(servo, 3, cycle)).joints[0]
+def test_intervals_contain_the_truth_although_the_cycle_is_not_given(servo, drive_cycle):
+    joint = identify(logs_of(servo, 3, drive_cycle)).joints[0]
     assert joint.parameters
     for x in joint.estimates:
         assert x.low <= getattr(servo, x.name) <= x.high, x.name

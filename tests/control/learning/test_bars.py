@@ -15,14 +15,14 @@ pytest.importorskip("mujoco")
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 
 
-def teach(taught, arm, robot, path, objective, runs):
+def teach(set_points, arm, robot, path, objective, runs):
     """RMS contour errors of the runs [m]: the first one before learning."""
     found = []
     for k in range(runs + 1):
-        executed = ac.execute(taught, robot(k))
+        executed = ac.simulate(set_points, robot(k))
         found.append(ac.evaluate(executed, path, objective=objective).contour_error.rms)
         if k < runs:
-            taught = ac.learn(taught, executed, arm=arm, servo=SERVO)
+            set_points = ac.learn(set_points, executed, arm=arm, servo=SERVO)
     return found
 
 
@@ -32,13 +32,13 @@ def test_the_papers_job_with_a_gain_that_is_not_known():
     path = ac.round_corners(objective, tolerance=5e-3)
     plan = ac.plan(path, job.arm, job.runs[-1].limits)
     assert plan.duration <= 5.335
-    taught = ac.compensate(plan, SERVO, ac.InverseDynamics(), arm=job.arm)
+    set_points = ac.compensate(plan, SERVO, ac.InverseDynamics(), arm=job.arm)
 
     def robot(seed):
         real = SERVO.replace(kp=[25.0, 24.0])
         return ac.RigidBodyPlant(job.arm, real, noise=1e-5, seed=seed)
 
-    before, after = teach(taught, job.arm, robot, path, objective, runs=1)
+    before, after = teach(set_points, job.arm, robot, path, objective, runs=1)
     assert before > 7e-5
     assert after <= 1.5e-6
 
@@ -59,13 +59,13 @@ def in_space(runs):
         joint_velocity=3.14, joint_acceleration=6.4, joint_jerk=320.0, speed=0.25
     )
     plan = ac.plan(path, arm, limits)
-    taught = ac.compensate(plan, SERVO, ac.InverseDynamics(), arm=arm)
+    set_points = ac.compensate(plan, SERVO, ac.InverseDynamics(), arm=arm)
 
     def robot(seed):
         real = SERVO.replace(kp=[25.0, 24.0, 26.0, 23.0, 25.0, 25.5])
         return ac.RigidBodyPlant(true, real, arm.limits, noise=1e-5, seed=seed, known=arm)
 
-    return teach(taught, arm, robot, path, objective, runs)
+    return teach(set_points, arm, robot, path, objective, runs)
 
 
 def test_a_loaded_arm_in_space():

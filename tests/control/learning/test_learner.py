@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.motion import TaughtData
+from armcontour.motion import SetPoints
 
 from .robots import SERVO, gentle_plan, loaded, rods, rounded, with_inertias
 
@@ -25,7 +25,7 @@ def path():
 
 
 @pytest.fixture(scope="module")
-def taught(arm, path):
+def set_points(arm, path):
     limits = ac.Limits.only(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0)
     plan = gentle_plan(path, arm, limits.for_joints(2))
     return ac.compensate(plan, SERVO, ac.Inverse())
@@ -35,20 +35,20 @@ def plant(arm, run, *, dead_time=0.0, noise=1e-6):
     return loaded(arm, seed=run, dead_time=dead_time, noise=noise)
 
 
-def teach(arm, taught, runs, **options):
+def teach(arm, set_points, runs, **options):
     """Executions and lessons, in turn."""
     done, lessons = [], []
     for run in range(runs):
-        done.append(ac.execute(taught, plant(arm, run, **options)))
-        taught = ac.learn(taught, done[-1], arm=arm, servo=SERVO)
-        lessons.append(taught)
+        done.append(ac.simulate(set_points, plant(arm, run, **options)))
+        set_points = ac.learn(set_points, done[-1], arm=arm, servo=SERVO)
+        lessons.append(set_points)
     return done, lessons
 
 
 @pytest.fixture(scope="module")
-def late(arm, taught):
+def late(arm, set_points):
     """Runs of a robot that is 9 ms later than its model."""
-    return teach(arm, taught, 4, dead_time=9e-3)
+    return teach(arm, set_points, 4, dead_time=9e-3)
 
 
 def test_runs_get_better(late, path):
@@ -68,65 +68,65 @@ def test_a_lesson_comes_back_from_its_numbers(arm, late):
     assert found.predicted == pytest.approx(lessons[2].predicted, rel=1e-6)
 
 
-def test_it_never_goes_on_from_a_worse_run(arm, taught, late):
+def test_it_never_goes_on_from_a_worse_run(arm, set_points, late):
     """Set-points that are worse than their forerunners count as a setback, and are left again."""
     done, lessons = late
-    wave = 0.05 * np.sin(0.2 * np.arange(len(taught.q)))[:, None]
+    wave = 0.05 * np.sin(0.2 * np.arange(len(set_points.q)))[:, None]
     spoiled = replace(lessons[0], q=lessons[0].q + wave)
-    bad = ac.execute(spoiled, plant(arm, 1, dead_time=9e-3))
+    bad = ac.simulate(spoiled, plant(arm, 1, dead_time=9e-3))
     after = ac.learn(spoiled, bad, arm=arm, servo=SERVO)
     good = ac.learn(lessons[0], done[1], arm=arm, servo=SERVO)
     assert after.runs[1].rms > after.runs[0].rms
     assert (after.best, after.setbacks, good.best, good.setbacks) == (0, 1, 1, 0)
 
 
-def test_it_ends_with_the_best_run_after_setbacks(arm, taught, late):
+def test_it_ends_with_the_best_run_after_setbacks(arm, set_points, late):
     done, lessons = late
     lesson = replace(lessons[0], setbacks=2, q=lessons[0].q * 1.02)
-    bad = ac.execute(lesson, plant(arm, 1, dead_time=9e-3))
+    bad = ac.simulate(lesson, plant(arm, 1, dead_time=9e-3))
     last = ac.learn(lesson, bad, arm=arm, servo=SERVO)
     assert last.finished
     assert "larger" in last.reason
-    np.testing.assert_array_equal(last.q, taught.q)
+    np.testing.assert_array_equal(last.q, set_points.q)
 
 
 @pytest.mark.parametrize("noise", [1e-6, 1e-4])
-def test_a_recording_with_the_noise_of_encoders_is_learned_from(taught, path, noise):
+def test_a_recording_with_the_noise_of_encoders_is_learned_from(set_points, path, noise):
     arm, robot = ac.load_arm("pmk3s"), SERVO.replace(kp=[22.0, 27.0])
     robot = ac.ServoPlant(arm, robot, ac.Limits.only(joint_acceleration=30.0).for_joints(2))
     errors, rng = [], np.random.default_rng(5)
     for _ in range(2):
-        done = ac.execute(taught, robot)
+        done = ac.simulate(set_points, robot)
         q = done.q + rng.normal(scale=noise, size=done.q.shape)
         run = ac.Recording(t=done.t, q=q, in_plan_time=True)
-        taught = ac.learn(taught, run, arm=arm, servo=SERVO)
+        set_points = ac.learn(set_points, run, arm=arm, servo=SERVO)
         errors.append(ac.evaluate(done, path).contour_error.rms)
         # The noise of encoders moves the tool by less than it does the joints.
-        assert taught.noise < noise
+        assert set_points.noise < noise
     assert errors[1] < 0.1 * errors[0]
 
 
-def test_it_stops_when_only_noise_is_left(arm, taught):
+def test_it_stops_when_only_noise_is_left(arm, set_points):
     """A robot like its model, but with noise: two runs leave nothing."""
     loud = ac.RigidBodyPlant(
         arm, SERVO, ac.Limits.only(joint_torque=1e3).for_joints(2), noise=1e-4, seed=1
     )
-    lesson = taught
+    lesson = set_points
     for _ in range(3):
-        lesson = ac.learn(lesson, ac.execute(lesson, loud), arm=arm, servo=SERVO)
+        lesson = ac.learn(lesson, ac.simulate(lesson, loud), arm=arm, servo=SERVO)
     assert lesson.finished
     assert lesson.reason == "what remains is noise"
     assert lesson.noise_share > 0.5
     np.testing.assert_array_equal(lesson.q, lesson.runs[lesson.best].q)
 
 
-def test_limits_of_commands_are_kept(arm, taught, late, refuses):
+def test_limits_of_commands_are_kept(arm, set_points, late, refuses):
     done, _ = late
-    teach_again = partial(ac.learn, taught, done[0], arm=arm, servo=SERVO)
-    rate = np.abs(np.diff(taught.q, axis=0)).max(axis=0) / taught.period
+    teach_again = partial(ac.learn, set_points, done[0], arm=arm, servo=SERVO)
+    rate = np.abs(np.diff(set_points.q, axis=0)).max(axis=0) / set_points.cycle
     close = ac.Limits.only(joint_velocity=1.0005 * rate)
     free, held = teach_again(), teach_again(limits=close)
-    fastest = [np.abs(np.diff(x.q, axis=0)).max(axis=0) / taught.period for x in (free, held)]
+    fastest = [np.abs(np.diff(x.q, axis=0)).max(axis=0) / set_points.cycle for x in (free, held)]
     assert (fastest[0] > close.joint_velocity).any()
     assert (fastest[1] <= close.joint_velocity * (1 + 1e-8)).all()
     assert "joint_velocity" in held.reason
@@ -162,12 +162,12 @@ def test_one_joint_at_its_limit_does_not_end_learning(ki, bars):
         true, servo.replace(kp=[26.0, 24.0, 25.0, 24.0, 26.0, 25.0]), nominal.limits, noise=1e-5,
         seed=3,
     )  # fmt: skip
-    taught = ac.compensate(plan, servo, ac.InverseDynamics(), arm=nominal, period=4e-3)
+    set_points = ac.compensate(plan, servo, ac.InverseDynamics(), arm=nominal, cycle=4e-3)
     errors = []
     for _ in range(3):
-        done = ac.execute(taught, robot)
+        done = ac.simulate(set_points, robot)
         errors.append(ac.evaluate(done, path).contour_error.rms)
-        taught = ac.learn(taught, done, arm=nominal, servo=servo)
+        set_points = ac.learn(set_points, done, arm=nominal, servo=servo)
     # Measured: 0.40, 0.08 and 0.03 mm; with integrators, 0.40, 0.11 and 0.06 mm.
     assert errors[0] > 3.5e-4 and errors[1] <= bars[0] and errors[2] <= bars[1]
 
@@ -177,13 +177,13 @@ def test_a_lesson_that_learned_nothing_says_so():
     arm, servo = rods(), ac.ServoModel(kp=25.0, order="first")
     plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm, arm.limits)
     q = np.linspace(*plan([0.0, plan.duration]), int(plan.duration / 4e-3) + 2)
-    taught = TaughtData(period=4e-3, q=q, trajectory=plan, method="none")
-    done = ac.execute(taught, ac.ServoPlant(arm, servo.replace(kp=22.0), saturation="none"))
-    rate = np.abs(q[1] - q[0]) / taught.period
+    set_points = SetPoints(cycle=4e-3, q=q, trajectory=plan, method="none")
+    done = ac.simulate(set_points, ac.ServoPlant(arm, servo.replace(kp=22.0), saturation="none"))
+    rate = np.abs(q[1] - q[0]) / set_points.cycle
     none = ac.Limits(joint_velocity=(1 + 1e-7) * rate)
-    lesson = ac.learn(taught, done, arm=arm, servo=servo, limits=none)
+    lesson = ac.learn(set_points, done, arm=arm, servo=servo, limits=none)
     assert lesson.finished and "joint_velocity" in lesson.reason
-    np.testing.assert_array_equal(lesson.q, taught.q)
+    np.testing.assert_array_equal(lesson.q, set_points.q)
 
 
 def test_the_first_order_servo_learns_without_masses():
@@ -191,29 +191,29 @@ def test_the_first_order_servo_learns_without_masses():
     arm = rods()
     servo = ac.ServoModel(kp=25.0, order="first")
     plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm, arm.limits)
-    taught = ac.compensate(plan, servo, ac.Inverse())
+    set_points = ac.compensate(plan, servo, ac.Inverse())
     robot = ac.ServoPlant(arm, servo.replace(kp=[23.0, 27.0]))
-    first = ac.execute(taught, robot)
-    lesson = ac.learn(taught, first, arm=arm, servo=servo)
-    second = ac.execute(lesson, robot)
+    first = ac.simulate(set_points, robot)
+    lesson = ac.learn(set_points, first, arm=arm, servo=servo)
+    second = ac.simulate(lesson, robot)
     off = [np.abs(x.q - plan(np.clip(x.t, 0, plan.duration))).max() for x in (first, second)]
     assert off[1] < 0.1 * off[0]
     assert lesson.runs[0].contour_rms is None
     assert lesson.runs[0].rms == lesson.runs[0].tool_rms
 
 
-def test_the_controller_may_know_another_arm(arm, taught):
+def test_the_controller_may_know_another_arm(arm, set_points):
     """A load that the model has and the controller does not: nothing is left to learn."""
     loaded = arm._copy(
         chain=arm.chain.replace(payload=ac.Payload(mass=0.3), gravity=(0.0, -9.81, 0.0))
     )
     bare = loaded._copy(chain=loaded.chain.replace(payload=None))
-    plan = taught.trajectory
+    plan = set_points.trajectory
     right = ac.compensate(plan, SERVO, ac.InverseDynamics(known=bare), arm=loaded)
     robot = ac.RigidBodyPlant(
         loaded, SERVO, ac.Limits.only(joint_torque=1e3).for_joints(2), known=bare
     )
-    done = ac.execute(right, robot)
+    done = ac.simulate(right, robot)
     found = {}
     for known in (bare, None):
         lesson = ac.learn(right, done, arm=loaded, servo=SERVO, known=known)

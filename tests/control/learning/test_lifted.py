@@ -7,7 +7,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.control.learning.lifted import Lifted, Nominal
-from armcontour.motion import TaughtData
+from armcontour.motion import SetPoints
 
 
 def rods():
@@ -16,13 +16,13 @@ def rods():
     return ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=limits)
 
 
-CYCLE = {"cycle": 4e-3, "velocity_feedforward": 0.6}
+CYCLE = {"drive_cycle": 4e-3, "velocity_feedforward": 0.6}
 SERVOS = {
     "linear": {},
     "step": {"interpolation": "step"},
     "cubic": {"interpolation": "cubic"},
     "cascade": {"ki": [9.0, 0.0], "velocity_feedforward": 0.6, "acceleration_feedforward": 0.4},
-    "cycle": {**CYCLE, "acceleration_feedforward": 0.4},
+    "drive_cycle": {**CYCLE, "acceleration_feedforward": 0.4},
     "first order, cycle": {**CYCLE, "order": ("second", "first"), "kv": [150.0, np.inf]},
     "cascade, cycle": {**CYCLE, "ki": [9.0, 0.0], "acceleration_feedforward": 0.4},
 }
@@ -41,8 +41,8 @@ def lifted(request):
     ).for_joints(2)
     count = int(np.ceil(plan.duration / 8e-3)) + 1
     q = np.zeros((count, 2))
-    taught = TaughtData(period=8e-3, q=q, trajectory=plan, method="none", start_time=-8e-3)
-    return Lifted(taught, Nominal(arm=arm, servo=servo))
+    set_points = SetPoints(cycle=8e-3, q=q, trajectory=plan, method="none", start_time=-8e-3)
+    return Lifted(set_points, Nominal(arm=arm, servo=servo))
 
 
 @pytest.fixture(scope="module")
@@ -91,17 +91,19 @@ def test_what_is_expected_is_what_the_plant_does(lifted):
     arm, servo = rods(), lifted.nominal.servo
     rng = np.random.default_rng(3)
     q = lifted.plan(0.0) + 1e-3 * rng.normal(size=(lifted.count, 2)).cumsum(axis=0)
-    taught = TaughtData(
-        period=lifted.period, q=q, trajectory=lifted.plan, method="x", start_time=lifted.start
+    set_points = SetPoints(
+        cycle=lifted.cycle, q=q, trajectory=lifted.plan, method="x", start_time=lifted.start
     )
-    done = ac.execute(taught, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3)
+    done = ac.simulate(set_points, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3)
     found = lifted.at_times(done.t, done.q, lifted.expected(q))
     assert np.abs(found - lifted.expected(q)).max() < 3e-3 * np.ptp(q)
     # Differences of two motions are exact at the times of the drives' cycles.
-    near = 1e-9 if servo.cycle else 2e-2
+    near = 1e-9 if servo.drive_cycle else 2e-2
     more = 1e-3 * rng.normal(size=q.shape).cumsum(axis=0)
-    moved = ac.execute(
-        replace(taught, q=q + more), ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3
+    moved = ac.simulate(
+        replace(set_points, q=q + more),
+        ac.ServoPlant(arm, servo, saturation="none"),
+        resolution=1e-3,
     )
     n = min(len(done.t), len(moved.t))
     rows = np.searchsorted(done.t[:n] + 1e-9, lifted.t)
@@ -123,15 +125,15 @@ def test_expected_motion_is_that_of_a_plant_with_feed_forward(kind):
         kp=[25.0, 20.0], kv=150.0, dead_time=3.3e-3, interpolation=kind, velocity_feedforward=0.8,
         **more,
     ).for_joints(2)  # fmt: skip
-    taught = ac.compensate(plan, servo, ac.NoCompensation(), period=4e-3)
-    done = ac.execute(taught, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3)
-    lifted = Lifted(taught, Nominal(arm=arm, servo=servo))
+    set_points = ac.compensate(plan, servo, ac.NoCompensation(), cycle=4e-3)
+    done = ac.simulate(set_points, ac.ServoPlant(arm, servo, saturation="none"), resolution=1e-3)
+    lifted = Lifted(set_points, Nominal(arm=arm, servo=servo))
     inside = (lifted.t >= done.t[0]) & (lifted.t <= done.t[-1])
     expected = np.stack([np.interp(lifted.t[inside], done.t, x) for x in done.q.T], axis=1)
     lag = np.abs(done.q - plan.with_rests(done.t)).max()
     # Steps are sampled once per millisecond.
     near = 0.015 if kind == "step" else 3e-3
-    assert np.abs(lifted.expected(taught.q)[inside] - expected).max() < near * lag
+    assert np.abs(lifted.expected(set_points.q)[inside] - expected).max() < near * lag
 
 
 def test_the_rest_after_the_last_set_point_takes_no_more_memory_per_time(lifted):
@@ -139,9 +141,9 @@ def test_the_rest_after_the_last_set_point_takes_no_more_memory_per_time(lifted)
     per_time = []
     for kp in (20.0, 2.0):
         servo = lifted.nominal.servo.replace(kp=kp)
-        taught = TaughtData(
-            period=lifted.period, q=np.zeros((lifted.count, 2)), trajectory=lifted.plan, method="x"
+        set_points = SetPoints(
+            cycle=lifted.cycle, q=np.zeros((lifted.count, 2)), trajectory=lifted.plan, method="x"
         )
-        model = Lifted(taught, lifted.nominal._replace(servo=servo))
+        model = Lifted(set_points, lifted.nominal._replace(servo=servo))
         per_time.append(model._factored(1e-3)[0].L.nnz / len(model.t))
     assert per_time[1] < 1.1 * per_time[0]

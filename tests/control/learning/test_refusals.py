@@ -1,4 +1,4 @@
-"""Logs that are not of the taught data are refused, with what they are instead."""
+"""Logs that are not of the set-points are refused, with what they are instead."""
 
 from dataclasses import replace
 from functools import partial
@@ -12,15 +12,15 @@ from .robots import SERVO, rods
 
 
 def executed(arm, path):
-    taught = ac.compensate(ac.plan(ac.JointPath.spline(path), arm), SERVO, ac.NoCompensation())
-    return taught, log_of(arm, taught)
+    set_points = ac.compensate(ac.plan(ac.JointPath.spline(path), arm), SERVO, ac.NoCompensation())
+    return set_points, log_of(arm, set_points)
 
 
-def log_of(arm, taught):
-    done = ac.execute(taught, ac.ServoPlant(arm, SERVO.replace(kp=24.0), saturation="none"))
+def log_of(arm, set_points):
+    done = ac.simulate(set_points, ac.ServoPlant(arm, SERVO.replace(kp=24.0), saturation="none"))
     t = np.arange(-0.1, done.t[-1], 5e-3)
     q = np.stack([np.interp(t, done.t, x) for x in done.q.T], axis=1)
-    command = np.stack([np.interp(t, taught.t, x) for x in taught.q.T], axis=1)
+    command = np.stack([np.interp(t, set_points.t, x) for x in set_points.q.T], axis=1)
     return ac.Log(t=t + 7.0, command=command, measured=q, source="run1.csv")
 
 
@@ -40,21 +40,21 @@ def of_both(log, change):
 
 
 def test_the_log_of_this_run_is_taken(run):
-    arm, taught, log = run
-    lesson = ac.learn(taught, log, arm=arm, servo=SERVO)
+    arm, set_points, log = run
+    lesson = ac.learn(set_points, log, arm=arm, servo=SERVO)
     assert lesson.runs[0].offset == pytest.approx(-7.0, abs=2e-4)
     assert lesson.runs[0].rate == pytest.approx(1.0, abs=1e-4)
 
 
 def test_other_logs_are_refused(run, refuses):
-    arm, taught, log = run
+    arm, set_points, log = run
     _, another = executed(arm, [(0.7, 0.4), (0.2, 1.1), (0.6, 0.5), (0.0, 0.4)])
     t = np.arange(log.t[0], log.t[-1], 25e-3)
     rows = [
         np.stack([np.interp(t, log.t, x) for x in y.T], axis=1) for y in (log.command, log.measured)
     ]
     coarse = ac.Recording(t=t, command=rows[0], q=rows[1], source="run1.csv")
-    plain = ac.compensate(taught.trajectory, SERVO, ac.Inverse())
+    plain = ac.compensate(set_points.trajectory, SERVO, ac.Inverse())
     for wrong, words in (
         (other(log, measured=np.degrees(log.measured)), "look like degrees"),
         (of_both(log, np.degrees), "degrees"),
@@ -64,27 +64,27 @@ def test_other_logs_are_refused(run, refuses):
         (another, "another job"),
         (log.between(7.0, 7.3), "whole run"),
         (log.between(7.05), "whole run"),
-        (log.between(0.0, 7.0 + 0.96 * taught.trajectory.duration), "whole run"),
+        (log.between(0.0, 7.0 + 0.96 * set_points.trajectory.duration), "whole run"),
         (coarse, "every 20.5 ms"),
         (other(log, t=log.t * 1.05), "clock"),
         (of_both(log, lambda x: x[:, :1]), "1 joints"),
-        (ac.execute(plain, ac.ServoPlant(arm, SERVO)), "other set-points"),
+        (ac.simulate(plain, ac.ServoPlant(arm, SERVO)), "other set-points"),
         (1.0, "float"),
     ):
-        refuses(partial(ac.learn, taught, wrong, arm=arm, servo=SERVO), ac.InvalidInput, words)
+        refuses(partial(ac.learn, set_points, wrong, arm=arm, servo=SERVO), ac.InvalidInput, words)
 
 
 @pytest.mark.parametrize("amplitude", [0.4e-3, 1e-2])
 def test_the_log_of_another_run(run, amplitude):
     """Its set-points are other ones, by 30 times the noise of the log and more."""
-    arm, taught, _ = run
-    taught = ac.compensate(taught.trajectory, SERVO, ac.Inverse())
-    wave = amplitude * np.sin(0.02 * np.arange(len(taught.q)))[:, None]
-    other_run = replace(taught, q=taught.q + wave)
+    arm, set_points, _ = run
+    set_points = ac.compensate(set_points.trajectory, SERVO, ac.Inverse())
+    wave = amplitude * np.sin(0.02 * np.arange(len(set_points.q)))[:, None]
+    other_run = replace(set_points, q=set_points.q + wave)
     log = log_of(arm, other_run)
     noise = np.random.default_rng(3).normal(scale=1e-5, size=log.measured.shape)
     log = other(log, measured=log.measured + noise)
     with pytest.raises(ac.InvalidInput, match="another run") as caught:
-        ac.learn(taught, log, arm=arm, servo=SERVO)
+        ac.learn(set_points, log, arm=arm, servo=SERVO)
     assert caught.value.limit == "set_points" and 0.4 < caught.value.needed / amplitude < 1
     assert ac.learn(other_run, log, arm=arm, servo=SERVO).runs[0].set_points_off < 2e-5

@@ -22,17 +22,17 @@ class Robot:
             2
         )
         self.plan = gentle_plan(rounded(), self.arm, limits)
-        self.taught = ac.compensate(self.plan, SERVO, ac.Inverse())
+        self.set_points = ac.compensate(self.plan, SERVO, ac.Inverse())
         self.plant = ac.ServoPlant(self.arm, SERVO.replace(kp=GAINS), saturation="none")
 
-    def run(self, taught):
+    def run(self, set_points):
         """A log, and the RMS error that repeats [rad]."""
-        done = ac.execute(taught, self.plant)
+        done = ac.simulate(set_points, self.plant)
         phase = np.pi * done.t[:, None] / self.plan.duration * np.arange(TERMS)
         q = done.q + SIZE / np.sqrt((TERMS + 1) / 2) * np.cos(phase) @ self.random.normal(
             size=(TERMS, 2)
         )
-        command = np.stack([np.interp(done.t, taught.t, x) for x in taught.q.T], axis=1)
+        command = np.stack([np.interp(done.t, set_points.t, x) for x in set_points.q.T], axis=1)
         t = np.sort(done.t + self.random.normal(scale=2e-4, size=len(q)))
         kept = np.append(True, np.diff(t) > 0)
         inside = (done.t >= 0) & (done.t <= self.plan.duration)
@@ -40,8 +40,8 @@ class Robot:
         log = ac.Log(t=t[kept] + 5.0, command=command[kept], measured=q[kept])
         return log, float(np.sqrt(np.mean(error**2)))
 
-    def learn(self, taught, logs):
-        return ac.learn(taught, logs, arm=self.arm, servo=SERVO)
+    def learn(self, set_points, logs):
+        return ac.learn(set_points, logs, arm=self.arm, servo=SERVO)
 
     def tool(self, rms):
         """RMS of the tool for independent errors of the joints [m], about, along and across."""
@@ -54,13 +54,13 @@ def test_what_differs_is_not_chased():
     left, stated = [], []
     for seed in range(4):
         robot = Robot(seed)
-        taught = robot.taught
+        set_points = robot.set_points
         for _ in range(5):
-            taught = robot.learn(taught, robot.run(taught)[0])
-            if taught.finished:
+            set_points = robot.learn(set_points, robot.run(set_points)[0])
+            if set_points.finished:
                 break
-        left.append(robot.run(taught)[1] / SIZE)
-        stated.append(taught.noise / robot.tool(SIZE))
+        left.append(robot.run(set_points)[1] / SIZE)
+        stated.append(set_points.noise / robot.tool(SIZE))
     assert np.sqrt(np.mean(np.square(left))) < 0.8
     # The contour error is about 0.7 of the tool's.
     assert np.mean(stated) == pytest.approx(0.7, abs=0.25)
@@ -69,28 +69,28 @@ def test_what_differs_is_not_chased():
 def test_several_logs_of_the_same_set_points():
     """Their mean repeats, and what differs is stated before anything is learned."""
     robot = Robot(4)
-    logs = [robot.run(robot.taught)[0] for _ in range(5)]
-    judged = judge_run(robot.taught, logs, arm=robot.arm, servo=SERVO)
-    np.testing.assert_array_equal(judged.q, robot.taught.q)
-    lesson = robot.learn(robot.taught, logs)
+    logs = [robot.run(robot.set_points)[0] for _ in range(5)]
+    judged = judge_run(robot.set_points, logs, arm=robot.arm, servo=SERVO)
+    np.testing.assert_array_equal(judged.q, robot.set_points.q)
+    lesson = robot.learn(robot.set_points, logs)
     assert lesson.noise == pytest.approx(judged.noise) and len(lesson.runs) == 5
     assert judged.noise / robot.tool(SIZE) == pytest.approx(0.7, abs=0.25)
     assert judged.repeats > 3 * judged.noise
-    one = robot.learn(robot.taught, logs[0])
+    one = robot.learn(robot.set_points, logs[0])
     assert one.noise < 0.1 * judged.noise
     assert robot.run(lesson)[1] < 0.8 * SIZE
 
 
 def test_no_log_is_refused(refuses):
     robot = Robot(0)
-    refuses(lambda: robot.learn(robot.taught, []), ac.InvalidInput, "0 are given")
+    refuses(lambda: robot.learn(robot.set_points, []), ac.InvalidInput, "0 are given")
 
 
 class BadLogs(Robot):
     """A robot whose logs of runs after the second one are bad; none of its errors differ."""
 
-    def log(self, taught, k, kind):
-        done = ac.execute(taught, self.plant)
+    def log(self, set_points, k, kind):
+        done = ac.simulate(set_points, self.plant)
         q = done.q + self.random.normal(scale=1e-5, size=done.q.shape)
         kept = np.ones(len(q), dtype=bool)
         if kind == "outliers":
@@ -101,18 +101,20 @@ class BadLogs(Robot):
             kept = ~((done.t > 0.3) & (done.t < 0.36))
         elif k >= 2 and kind == "offset":
             q += [1e-3, -1e-3]
-        command = np.stack([np.interp(done.t, taught.t, x) for x in taught.q.T], axis=1)
+        command = np.stack([np.interp(done.t, set_points.t, x) for x in set_points.q.T], axis=1)
         error = ac.evaluate(done, self.plan.path).contour_error.rms
         return ac.Log(t=done.t[kept] + 5.0, command=command[kept], measured=q[kept]), error
 
     def best(self, kind):
         """Least RMS contour error that learning ends with after four runs, and the last lesson."""
-        taught, errors = self.taught, []
+        set_points, errors = self.set_points, []
         for k in range(4):
-            log, error = self.log(taught, k, kind)
+            log, error = self.log(set_points, k, kind)
             errors.append(error)
-            taught = self.learn(taught, log)
-        return ac.evaluate(ac.execute(taught, self.plant), self.plan.path).contour_error.rms, taught
+            set_points = self.learn(set_points, log)
+        return ac.evaluate(
+            ac.simulate(set_points, self.plant), self.plan.path
+        ).contour_error.rms, set_points
 
 
 @pytest.mark.parametrize("kind", ["outliers", "lost", "gap", "offset"])
@@ -132,7 +134,7 @@ def test_what_is_wrong_with_a_log_is_known():
 
 def test_a_log_that_misses_much_is_refused(refuses):
     robot = BadLogs(2)
-    log, _ = robot.log(robot.taught, 0, "none")
+    log, _ = robot.log(robot.set_points, 0, "none")
     kept = (log.t < 5.2) | (log.t > 5.8)
     cut = ac.Log(t=log.t[kept], command=log.command[kept], measured=log.measured[kept])
-    refuses(lambda: robot.learn(robot.taught, cut), ac.InvalidInput, "gaps")
+    refuses(lambda: robot.learn(robot.set_points, cut), ac.InvalidInput, "gaps")

@@ -13,23 +13,23 @@ pytest.importorskip("mujoco")
 
 def log_of(done, noise, seed=0):
     """Log of an execution, with a sample of set-points and noisy positions per millisecond."""
-    taught = done.taught
-    command = np.stack([np.interp(done.t, taught.t, x) for x in taught.q.T], axis=1)
+    set_points = done.set_points
+    command = np.stack([np.interp(done.t, set_points.t, x) for x in set_points.q.T], axis=1)
     measured = done.q + np.random.default_rng(seed).normal(scale=noise, size=done.q.shape)
     return ac.Log(t=done.t - done.t[0], command=command, measured=measured)
 
 
-def runs_of(taught, robot, noise, count, servo=SERVO):
+def runs_of(set_points, robot, noise, count, servo=SERVO):
     """Lessons, and true RMS contour errors of the runs [mm], that of the last lesson included."""
-    arm, path, lessons, errors = robot.arm, taught.trajectory.path, [], []
+    arm, path, lessons, errors = robot.arm, set_points.trajectory.path, [], []
     for k in range(count):
-        done = ac.execute(taught, robot)
+        done = ac.simulate(set_points, robot)
         errors.append(1e3 * ac.evaluate(done, path).contour_error.rms)
-        taught = ac.learn(taught, log_of(done, noise, k), arm=arm, servo=servo)
-        lessons.append(taught)
-        if taught.finished:
+        set_points = ac.learn(set_points, log_of(done, noise, k), arm=arm, servo=servo)
+        lessons.append(set_points)
+        if set_points.finished:
             break
-    errors.append(1e3 * ac.evaluate(ac.execute(taught, robot), path).contour_error.rms)
+    errors.append(1e3 * ac.evaluate(ac.simulate(set_points, robot), path).contour_error.rms)
     return lessons, errors
 
 
@@ -44,14 +44,14 @@ def test_feed_forward_that_the_model_lacks_is_found():
     own = task("pmk3s")
     true = {"kp": [28.0, 24.0], "kv": [160.0, 130.0], "velocity_feedforward": 0.9}
     robot = ac.ServoPlant(own.arm, SERVO.replace(**true, dead_time=6e-3), saturation="none")
-    lessons, errors = runs_of(own.taught, robot, 1e-5, 4)
+    lessons, errors = runs_of(own.set_points, robot, 1e-5, 4)
     found = lessons[0].servo
     # The fit trades feed-forward for gains where the plan is as gentle as this one.
     np.testing.assert_allclose(found.velocity_feedforward, 0.9, atol=0.15)
     assert lessons[0].misfits[1] < 0.2 * lessons[0].misfits[0]
     assert errors[0] > 0.04 and min(errors[:4]) < 0.005 and errors[-1] < 0.005
     assert all(after < before + 1e-3 for before, after in zip(errors, errors[1:], strict=False))
-    fastest = [np.abs(np.diff(x.q, 2, axis=0)).max(axis=0) for x in (own.taught, *lessons)]
+    fastest = [np.abs(np.diff(x.q, 2, axis=0)).max(axis=0) for x in (own.set_points, *lessons)]
     assert all((x <= 2 * fastest[0] * (1 + 1e-9)).all() for x in fastest)
     assert all(x.servo is found for x in lessons)
 
@@ -65,46 +65,50 @@ def test_random_wrong_models_are_learned_from(seed):
 
 
 def test_a_right_model_is_kept():
-    arm, taught = with_set_points()
+    arm, set_points = with_set_points()
     strong = ac.Limits.only(joint_torque=1e3).for_joints(2)
     for noise in (0.0, 1e-6, 1e-4):
-        done = ac.execute(taught, ac.RigidBodyPlant(arm, SERVO, strong, known=arm, noise=noise))
-        lesson = ac.learn(taught, done, arm=arm, servo=SERVO)
+        done = ac.simulate(
+            set_points, ac.RigidBodyPlant(arm, SERVO, strong, known=arm, noise=noise)
+        )
+        lesson = ac.learn(set_points, done, arm=arm, servo=SERVO)
         assert lesson.misfits == (0.0, 0.0) and lesson.delay == 0.0
         np.testing.assert_array_equal(lesson.servo.kp, [25.0, 25.0])
 
 
 def test_dead_time_is_found_beside_load_and_friction():
     """A load delays joints, too: dead time is that of the servo that explains both best."""
-    arm, taught = with_set_points()
+    arm, set_points = with_set_points()
     robot = loaded(arm, dead_time=9e-3, noise=1e-5)
-    lesson = ac.learn(taught, ac.execute(taught, robot), arm=arm, servo=SERVO)
+    lesson = ac.learn(set_points, ac.simulate(set_points, robot), arm=arm, servo=SERVO)
     assert lesson.delay == pytest.approx(9e-3, abs=3e-3)
-    assert lesson.start_time == pytest.approx(taught.start_time - 8e-3)
+    assert lesson.start_time == pytest.approx(set_points.start_time - 8e-3)
 
 
 def test_learning_ends_with_the_best_run_where_no_servo_can_be_fitted():
     """Positions alone do not show dead time, so the servo of the job is used, right or wrong."""
     own, random = task("pmk3s"), np.random.default_rng(0)
     robot = ac.ServoPlant(own.arm, SERVO.replace(velocity_feedforward=0.95), saturation="none")
-    taught = own.taught
+    set_points = own.set_points
     for _ in range(6):
-        log = record(ac.execute(taught, robot), 1e-6, 1.0, random)
-        taught = ac.learn(taught, ac.Recording(t=log.t, q=log.measured), arm=own.arm, servo=SERVO)
-        assert taught.misfits == (0.0, 0.0)
-        if taught.finished:
+        log = record(ac.simulate(set_points, robot), 1e-6, 1.0, random)
+        set_points = ac.learn(
+            set_points, ac.Recording(t=log.t, q=log.measured), arm=own.arm, servo=SERVO
+        )
+        assert set_points.misfits == (0.0, 0.0)
+        if set_points.finished:
             break
-    assert taught.finished and taught.reason
-    np.testing.assert_array_equal(taught.q, taught.runs[taught.best].q)
+    assert set_points.finished and set_points.reason
+    np.testing.assert_array_equal(set_points.q, set_points.runs[set_points.best].q)
 
 
 def one_moves(servo, true, noise=1e-5):
     """A lesson of a planar arm whose second joint stands still."""
     arm = rods()
     plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 0.9)]), arm, arm.limits)
-    taught = ac.compensate(plan, servo, ac.Inverse())
-    done = ac.execute(taught, ac.ServoPlant(arm, true, saturation="none"))
-    return ac.learn(taught, log_of(done, noise), arm=arm, servo=servo)
+    set_points = ac.compensate(plan, servo, ac.Inverse())
+    done = ac.simulate(set_points, ac.ServoPlant(arm, true, saturation="none"))
+    return ac.learn(set_points, log_of(done, noise), arm=arm, servo=servo)
 
 
 def test_a_joint_that_stands_still_keeps_its_servo():
@@ -134,19 +138,19 @@ LOOPS = {"kp": (22.0, 24.0), "kv": (140.0, 130.0), "dead_time": 3e-3}
         ac.ServoModel(order="delay", dead_time=8e-3),
         ac.ServoModel(order="unknown"),
         SERVO.replace(friction=1e-4),
-        SERVO.replace(cycle=4e-3),
+        SERVO.replace(drive_cycle=4e-3),
     ],
-    ids=lambda x: f"{x.order} {x.friction} {x.cycle}",
+    ids=lambda x: f"{x.order} {x.friction} {x.drive_cycle}",
 )
 def test_learning_starts_from_any_servo(servo):
     """The second run shows an error that is 30 times smaller; a third one the noise."""
     arm = rods()
     limits = ac.Limits(speed=0.15, joint_acceleration=3.0, joint_velocity=2.0).for_joints(2)
-    taught = ac.compensate(gentle_plan(rounded(), arm, limits), servo, ac.Inverse())
+    set_points = ac.compensate(gentle_plan(rounded(), arm, limits), servo, ac.Inverse())
     robot = ac.ServoPlant(arm, ac.ServoModel(**LOOPS), saturation="none")
     errors = []
     for k in range(2):
-        done = ac.execute(taught, robot)
-        errors.append(ac.evaluate(done, taught.trajectory.path).contour_error.rms)
-        taught = ac.learn(taught, log_of(done, 1e-5, k), arm=arm, servo=servo)
+        done = ac.simulate(set_points, robot)
+        errors.append(ac.evaluate(done, set_points.trajectory.path).contour_error.rms)
+        set_points = ac.learn(set_points, log_of(done, 1e-5, k), arm=arm, servo=servo)
     assert errors[1] < max(errors[0] / 30, 2e-6)

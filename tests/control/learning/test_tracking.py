@@ -16,7 +16,7 @@ def arm():
 
 
 @pytest.fixture(scope="module")
-def taught(arm):
+def set_points(arm):
     plan = gentle_plan(ac.JointPath.spline([(0.1, 0.9), (0.5, 1.3)]), arm, arm.limits, 0.1)
     return ac.compensate(plan, SERVO, ac.Inverse())
 
@@ -27,13 +27,13 @@ def give_way(executed):
     return executed.t, executed.arm.tool_position(bent)
 
 
-def test_the_tool_counts_where_encoders_see_nothing(arm, taught):
+def test_the_tool_counts_where_encoders_see_nothing(arm, set_points):
     plant = ac.ServoPlant(arm, SERVO)
     errors = {"encoders": [], "tracker": []}
     for name, found in errors.items():
-        lesson = taught
+        lesson = set_points
         for _ in range(4):
-            done = ac.execute(lesson, plant)
+            done = ac.simulate(lesson, plant)
             t, points = give_way(done)
             plan = lesson.trajectory
             due = arm.tool_position(plan(np.clip(t, 0, plan.duration)))
@@ -44,19 +44,19 @@ def test_the_tool_counts_where_encoders_see_nothing(arm, taught):
     assert errors["encoders"][-1] > 0.7 * errors["encoders"][0]
 
 
-def test_a_tracker_may_have_a_clock_of_its_own(arm, taught):
+def test_a_tracker_may_have_a_clock_of_its_own(arm, set_points):
     """Its offset and rate are found from the motion; a lag of the tool is part of the offset."""
-    done = ac.execute(taught, ac.ServoPlant(arm, SERVO))
+    done = ac.simulate(set_points, ac.ServoPlant(arm, SERVO))
     log = ac.Recording(t=done.t + 2.0, q=done.q)
     tool = 1.002 * done.t - 5.0, arm.tool_position(done.q)
     with_tool, alone = (
-        ac.learn(taught, log, arm=arm, servo=SERVO, tool=x).runs[0].error for x in (tool, None)
+        ac.learn(set_points, log, arm=arm, servo=SERVO, tool=x).runs[0].error for x in (tool, None)
     )
     np.testing.assert_allclose(with_tool, alone, atol=1e-6)
 
 
-def test_refusals(arm, taught, refuses):
-    done = ac.execute(taught, ac.ServoPlant(arm, SERVO))
+def test_refusals(arm, set_points, refuses):
+    done = ac.simulate(set_points, ac.ServoPlant(arm, SERVO))
     t, x = give_way(done)
     half = len(t) // 2
     for tool, words in (
@@ -65,5 +65,5 @@ def test_refusals(arm, taught, refuses):
         ((t[::-1], x), "must increase"),
         ((t[:half], x[:half]), "tool positions covers the plan"),
     ):
-        call = partial(ac.learn, taught, done, arm=arm, servo=SERVO, tool=tool)
+        call = partial(ac.learn, set_points, done, arm=arm, servo=SERVO, tool=tool)
         refuses(call, ac.InvalidInput, words)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import armcontour as ac
-from armcontour.files.drawings.chaining import Piece, chain_pieces
+from armcontour.files.drawings.chaining import DrawnEntity, chain_pieces
 from armcontour.geometry.cutting import cut_path
 
 TOLERANCE = 1e-5
@@ -16,7 +16,7 @@ SQUARE = [(0, 0), (1, 0), (1, 1), (0, 1)]
 
 
 def piece(path, name="", layer="0"):
-    return Piece(path=path, name=name, layer=layer)
+    return DrawnEntity(path=path, name=name, layer=layer)
 
 
 def line(start, end, name="", layer="0"):
@@ -227,7 +227,10 @@ def test_short_contours_are_left_out_and_segments_keep_their_demands():
 
     # Demands and tags go with their segments.
     def asked(start, end, speed, tag):
-        return piece(ac.Path.polyline([start, end], demand=ac.Demand(speed=speed, tag=tag)), tag)
+        return piece(
+            ac.Path.polyline([start, end], segment_limits=ac.SegmentLimits(speed=speed, tag=tag)),
+            tag,
+        )
 
     path = chained([asked((0, 0), (1, 0), 0.1, "a"), asked((2, 0), (1, 3e-6), 0.2, "b")]).path
     assert path.tags == ("a", "b") and path.speeds.tolist() == [0.1, 0.2]

@@ -149,9 +149,9 @@ def test_tolerances_of_the_file_and_of_the_layer_bound_it(read, refuses):
     draw = ellipse(2).replace("<path", '<path id="cut"')
     (name,) = {x.layer for x in read(draw, ".svg").contours}
     free = read(draw, ".svg").notes[0]
-    tight = read(draw, ".svg", layers={name: ac.Demand(tolerance=1e-8)}).notes[0]
+    tight = read(draw, ".svg", layers={name: ac.SegmentLimits(tolerance=1e-8)}).notes[0]
     assert "1e-05 mm" in tight and "1e-05 mm" not in free
-    assert not read(draw, ".svg", layers={name: ac.Demand(tolerance=0.0)}).notes
+    assert not read(draw, ".svg", layers={name: ac.SegmentLimits(tolerance=0.0)}).notes
     refuses(lambda: read(arcs(3), mend_vertices=-1e-6), ac.InvalidInput, "mend_vertices")
 
 

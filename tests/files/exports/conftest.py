@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from armcontour import TaughtData
+from armcontour import SetPoints
 from armcontour.files.exports import Table
 from armcontour.motion import TimedEvent
 
-PERIOD = 0.004
+CYCLE = 0.004
 
 
 def event(name, value, t):
@@ -31,17 +31,17 @@ def table():
     def make(dof=6, count=9, *, events=EVENTS):
         arrays = np.random.default_rng(dof).normal(scale=2.0, size=(3, count, dof))
         names = tuple(f"axis_{i}" for i in range(1, dof + 1))
-        arrays = dict(zip(("q", "dq", "ddq"), arrays, strict=True), t=np.arange(count) * PERIOD)
-        return Table(name="part 7", joint_names=names, period=PERIOD, events=events, **arrays)
+        arrays = dict(zip(("q", "dq", "ddq"), arrays, strict=True), t=np.arange(count) * CYCLE)
+        return Table(name="part 7", joint_names=names, cycle=CYCLE, events=events, **arrays)
 
     return make
 
 
 @pytest.fixture
-def taught(conventional):
+def set_points(conventional):
     def make(q, *, start_time=0.0, events=EVENTS):
         plan = dataclasses.replace(conventional, events=events)
-        given = {"period": PERIOD, "method": "none", "start_time": start_time}
-        return TaughtData(q=q, trajectory=plan, **given)
+        given = {"cycle": CYCLE, "method": "none", "start_time": start_time}
+        return SetPoints(q=q, trajectory=plan, **given)
 
     return make

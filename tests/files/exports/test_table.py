@@ -30,7 +30,7 @@ from armcontour.files.exports.formats import FORMATS
 from armcontour.files.exports.table import csv_pieces, event_data
 from armcontour.motion import TimedEvent
 
-PERIOD = 0.004
+CYCLE = 0.004
 JERK = 7.2  # rad/s³
 
 
@@ -44,19 +44,19 @@ def rest_to_rest(t):
     return np.stack([np.cos(3 * t), 2 * np.cos(6 * t)], axis=1)
 
 
-def test_time_counts_from_the_first_set_point_and_that_of_events_too(taught):
-    data = taught(np.zeros((30, 2)), start_time=-3 * PERIOD)
+def test_time_counts_from_the_first_set_point_and_that_of_events_too(set_points):
+    data = set_points(np.zeros((30, 2)), start_time=-3 * CYCLE)
     found = make_table(data, name="x")
-    assert found.t[0] == 0 and found.start_time == -3 * PERIOD
+    assert found.t[0] == 0 and found.start_time == -3 * CYCLE
     np.testing.assert_allclose(found.t + found.start_time, data.t, rtol=0, atol=1e-15)
     for before, after in zip(data.trajectory.events, found.events, strict=True):
-        assert after.t == pytest.approx(before.t + 3 * PERIOD, abs=1e-15)
-        assert after.due == pytest.approx(before.due + 3 * PERIOD, abs=1e-15)
+        assert after.t == pytest.approx(before.t + 3 * CYCLE, abs=1e-15)
+        assert after.due == pytest.approx(before.due + 3 * CYCLE, abs=1e-15)
         assert (after.name, after.value, after.s) == (before.name, before.value, before.s)
 
 
 def test_a_trajectory_is_sampled_with_its_own_derivatives(conventional, arm):
-    found = make_table(conventional, name="x", arm=arm, period=0.05)
+    found = make_table(conventional, name="x", arm=arm, cycle=0.05)
     np.testing.assert_array_equal(found.q, conventional(found.t))
     np.testing.assert_array_equal(found.dq, conventional(found.t, 1))
     np.testing.assert_array_equal(found.ddq, conventional(found.t, 2))
@@ -69,7 +69,7 @@ def test_cubic_and_quintic_controllers_run_the_same_curve_through_all_set_points
     conventional, seed, count
 ):
     q = np.random.default_rng(seed).normal(size=(count, 2))
-    data = ac.TaughtData(period=PERIOD, q=q, trajectory=conventional, method="none")
+    data = ac.SetPoints(cycle=CYCLE, q=q, trajectory=conventional, method="none")
     found = make_table(data, name="x")
     t = np.linspace(0, found.t[-1], 501)
     np.testing.assert_allclose(joined(found, 2)(t), joined(found, 3)(t), atol=1e-11)
@@ -77,11 +77,11 @@ def test_cubic_and_quintic_controllers_run_the_same_curve_through_all_set_points
     assert not found.dq[[0, -1]].any()
 
 
-def test_the_curve_through_set_points_is_of_fourth_order(taught):
+def test_the_curve_through_set_points_is_of_fourth_order(set_points):
     errors = []
     for count in (101, 201):
         t = np.linspace(0, np.pi / 3, count)
-        data = dataclasses.replace(taught(rest_to_rest(t)), period=t[1])
+        data = dataclasses.replace(set_points(rest_to_rest(t)), cycle=t[1])
         dense = np.linspace(0, t[-1], 5000)
         curve = joined(make_table(data, name="x"), 3)
         errors.append(np.abs(curve(dense) - rest_to_rest(dense)).max())
@@ -97,9 +97,9 @@ def smooth():
 
 def test_a_plan_with_a_limit_of_jerk_keeps_it_from_point_to_point(smooth, tmp_path):
     servo = ac.ServoModel(kp=25.0, kv=150.0)
-    taught = ac.compensate(smooth, servo, ac.NoCompensation(), period=PERIOD)
-    for data, period in ((smooth, PERIOD), (taught, None)):
-        found = make_table(data, name="x", period=period)
+    set_points = ac.compensate(smooth, servo, ac.NoCompensation(), cycle=CYCLE)
+    for data, cycle in ((smooth, CYCLE), (set_points, None)):
+        found = make_table(data, name="x", cycle=cycle)
         at = np.minimum(found.t, smooth.duration)
         np.testing.assert_allclose(found.dq, smooth(at, 1), atol=1e-12)
         np.testing.assert_allclose(found.ddq, smooth(at, 2), atol=1e-12)
@@ -113,17 +113,17 @@ def test_a_plan_with_a_limit_of_jerk_keeps_it_from_point_to_point(smooth, tmp_pa
         again = read_trajectory(tmp_path / "a.yaml", found.joint_names)
         np.testing.assert_allclose(again.ddq, found.ddq, atol=1e-11)
     # Where it is to join points by cubics, velocities are those of the spline, as before.
-    found = make_table(taught, name="x", derivatives=1)
-    spline = CubicSpline(taught.t, taught.q, bc_type="clamped")
-    np.testing.assert_allclose(found.dq, spline(taught.t, 1), atol=1e-12)
+    found = make_table(set_points, name="x", derivatives=1)
+    spline = CubicSpline(set_points.t, set_points.q, bc_type="clamped")
+    np.testing.assert_allclose(found.dq, spline(set_points.t, 1), atol=1e-12)
 
 
-def test_an_event_belongs_to_the_last_point_at_or_before_it(table, taught):
+def test_an_event_belongs_to_the_last_point_at_or_before_it(table, set_points):
     found = table(count=9)
     assert found.point_of_events == [0, 1, 1, 3, 8]
     assert found.events[3].t < found.t[3]  # by rounding only, so that it is on the point
     # An event before the plan is kept where the command leads.
-    data = taught(np.zeros((9, 2)), start_time=-0.008, events=early(-0.005))
+    data = set_points(np.zeros((9, 2)), start_time=-0.008, events=early(-0.005))
     assert make_table(data, name="x").events[0].t == pytest.approx(0.003, abs=1e-15)
 
 
@@ -131,11 +131,11 @@ def early(t):
     return (TimedEvent(name="gas", value=True, t=t, due=0.0, s=0.0, point=(0.0, 0.0)),)
 
 
-def test_refuses_what_cannot_be_a_table(taught, conventional, arm):
-    data, three = taught(np.zeros((3, 2))), taught(np.zeros((3, 3)))
-    late = taught(np.zeros((3, 2)), events=early(-0.05))
+def test_refuses_what_cannot_be_a_table(set_points, conventional, arm):
+    data, three = set_points(np.zeros((3, 2))), set_points(np.zeros((3, 3)))
+    late = set_points(np.zeros((3, 2)), events=early(-0.05))
     table = [
-        ((data, {"period": 0.008}), "its own interval of 0.004 s"),
+        ((data, {"cycle": 0.008}), "its own interval of 0.004 s"),
         ((three, {"arm": arm}), "has 2 joints, but 'x' has 3"),
         ((data, {"joint_names": ["a", "b" * 81]}), "81 characters, more than 80"),
         (([1, 2], {}), "not list"),
@@ -211,7 +211,7 @@ def test_npz_comes_back_to_the_last_bit_and_without_pickles(table, tmp_path):
         values = [json.loads(x) for x in found["event_value"].tolist()]
         assert values == [x.value for x in given.events]
         assert [type(x) for x in values] == [type(x.value) for x in given.events]
-        assert float(found["period"]) == given.period and str(found["name"]) == "part 7"
+        assert float(found["cycle"]) == given.cycle and str(found["name"]) == "part 7"
 
 
 def csv_text(header, columns):
@@ -341,9 +341,9 @@ PLAIN = [x for x in FORMATS.values() if x is not ac.TemplateFormat]
 
 
 @pytest.fixture
-def six(taught):
-    events = taught(np.zeros((1, 1))).trajectory.events
-    return taught(
+def six(set_points):
+    events = set_points(np.zeros((1, 1))).trajectory.events
+    return set_points(
         np.random.default_rng(0).normal(size=(20, 6)),
         events=tuple(x for x in events if x.name != "label"),
     )
@@ -369,15 +369,15 @@ def test_the_ending_or_the_class_says_the_format_and_bytes_are_the_same_twice(si
         assert [x.name for x in first.parent.iterdir()] == [first.name]
 
 
-def test_events_without_an_output_are_warned_of_once(taught, six, tmp_path):
+def test_events_without_an_output_are_warned_of_once(set_points, six, tmp_path):
     kuka = ac.TemplateFormat(template="kuka", outputs={"tool": 17})
     abb = ac.TemplateFormat(template="abb", outputs={"tool": "doTool"})
     with pytest.warns(UserWarning, match="switched for gas,"):
         export(six, tmp_path / "part.src", kuka)
     assert "DEF part( )" in (tmp_path / "part.src").read_text()
     q = np.zeros((20, 6))
-    switches = tuple(x for x in taught(q).trajectory.events if x.name == "tool")
-    given, place = taught(q, events=switches), tmp_path / "part.txt"
+    switches = tuple(x for x in set_points(q).trajectory.events if x.name == "tool")
+    given, place = set_points(q, events=switches), tmp_path / "part.txt"
     bare = (ac.TemplateFormat(template=x) for x in ("kuka", "abb"))
     for form in (*bare, ac.URScriptFormat()):
         with pytest.warns(UserWarning, match="nothing is switched for tool,") as told:
@@ -385,7 +385,7 @@ def test_events_without_an_output_are_warned_of_once(taught, six, tmp_path):
         assert len(told) == 1 and told[0].filename == __file__
     # Values that these programs cannot switch.
     with pytest.warns(UserWarning, match="gas, label, whose values are not on or off"):
-        export(taught(q), place, abb)
+        export(set_points(q), place, abb)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         export(given, place, abb)
@@ -393,8 +393,8 @@ def test_events_without_an_output_are_warned_of_once(taught, six, tmp_path):
 
 
 @pytest.mark.parametrize("ending", [".src", ".script"])
-def test_programs_that_do_not_set_an_analog_output_warn(taught, tmp_path, ending):
-    given = taught(np.zeros((20, 6)), events=())
+def test_programs_that_do_not_set_an_analog_output_warn(set_points, tmp_path, ending):
+    given = set_points(np.zeros((20, 6)), events=())
     form = ac.URScriptFormat() if ending == ".script" else ac.TemplateFormat(template="kuka")
     form = dataclasses.replace(form, analog={"power": lambda t: 0 * t})
     with pytest.warns(UserWarning, match="does not set power"):
@@ -407,9 +407,9 @@ def test_programs_that_do_not_set_an_analog_output_warn(taught, tmp_path, ending
 def test_a_period_beyond_the_motion_is_refused(conventional, tmp_path, refuses):
     place, duration = tmp_path / "a.csv", conventional.duration
     # Somebody who means milliseconds.
-    refuses(lambda: export(conventional, place, period=20), InvalidInput, allowed=duration)
-    refusals(lambda x: export(conventional, place, period=x), [(1e-12, "longer period")])
-    export(conventional, place, period=duration)
+    refuses(lambda: export(conventional, place, cycle=20), InvalidInput, allowed=duration)
+    refusals(lambda x: export(conventional, place, cycle=x), [(1e-12, "longer period")])
+    export(conventional, place, cycle=duration)
 
 
 def test_refuses_what_does_not_fit_together(six, tmp_path):

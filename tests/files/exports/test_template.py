@@ -105,7 +105,7 @@ def test_analog_outputs_are_set_where_they_change(table, tmp_path):
 
 
 def test_programs_of_many_points_are_named(table):
-    for name, way in (("urscript", "RTDE"), ("kuka", "--period"), ("abb", "--period")):
+    for name, way in (("urscript", "RTDE"), ("kuka", "--cycle"), ("abb", "--cycle")):
         assert describe_program(table(6, count=10_000, events=()), name, None, str) == []
         (said,) = describe_program(table(6, count=12_345, events=()), name, None, str)
         assert "12345 points" in said and way in said
@@ -293,7 +293,7 @@ def test_events_come_within_half_an_interval_and_the_set_points_stay_in_order(ta
     names = [(3, True), "gas=2.5", "label=plain words", (3, False), (3, True)]
     assert [what for _, what in events] == names
     for (at, _), event in zip(events, given.events, strict=True):
-        assert abs(at - event.t) <= given.period / 2 + 1e-12
+        assert abs(at - event.t) <= given.cycle / 2 + 1e-12
     np.testing.assert_allclose([q for _, q in points[:9]], given.q, rtol=0, atol=0.5000001e-6)
     exact = [float(x) for x in re.findall(r"# .* at ([\d.]+) s", text)]
     np.testing.assert_allclose(exact, [x.t for x in given.events], rtol=0, atol=0.5000001e-6)
@@ -304,14 +304,14 @@ def test_events_come_within_half_an_interval_and_the_set_points_stay_in_order(ta
     st.lists(st.floats(0.0, 0.08), max_size=8),
     st.sampled_from([0.002, 0.004, 0.008]),
 )
-def test_any_events_come_in_order_within_half_an_interval(tmp_path_factory, count, times, period):
-    q, t = np.arange(6.0 * count).reshape(count, 6), np.arange(count) * period
+def test_any_events_come_in_order_within_half_an_interval(tmp_path_factory, count, times, cycle):
+    q, t = np.arange(6.0 * count).reshape(count, 6), np.arange(count) * cycle
     events = tuple(x for at in times for x in said("tool", True, at))
-    table = Table(name="any", joint_names=tuple("abcdef"), period=period, t=t, q=q, events=events)
+    table = Table(name="any", joint_names=tuple("abcdef"), cycle=cycle, t=t, q=q, events=events)
     points, found, _ = run(program(table, tmp_path_factory.mktemp("any"), outputs={"tool": 0}))
     at = [x for x, _ in found]
     assert len(at) == len(times)
-    np.testing.assert_allclose(at, sorted(times), rtol=0, atol=period / 2 + 1e-9)
+    np.testing.assert_allclose(at, sorted(times), rtol=0, atol=cycle / 2 + 1e-9)
     np.testing.assert_array_equal([x for _, x in points[:count]], q)
     np.testing.assert_allclose([x for x, _ in points[:count]], t, atol=1e-12)
     assert all(x == q[-1].tolist() for _, x in points[count:])
@@ -342,7 +342,7 @@ def said(name, value, t=0.0):
 def test_refuses_what_it_cannot_say(table, tmp_path):
     cases = [
         ((table(2), {}), "6 joints, but 'part 7' has 2"),
-        ((dataclasses.replace(table(), period=0.001), {}), "whole cycles of 2 ms"),
+        ((dataclasses.replace(table(), cycle=0.001), {}), "whole cycles of 2 ms"),
         ((table(), {"outputs": {"tool": 8}}), "from 0 to 7"),
         ((table(), {"outputs": {"tool": "doTool"}}), "must be a number"),
         ((table(), {"outputs": {"gas": 1}}), "only on or off"),

@@ -114,7 +114,7 @@ def test_speeds_at_the_ends(refuses):
 def test_even_motion_leaves_room_for_margins(ur5e):
     points = [(0.3, -0.3, 0.2), (0.4, 0.0, 0.2), (0.42, 0.06, 0.2), (0.5, 0.3, 0.2)]
     lines = [
-        ac.Line(start=points[k], end=points[k + 1], demand=ac.Demand(speed=v))
+        ac.Line(start=points[k], end=points[k + 1], segment_limits=ac.SegmentLimits(speed=v))
         for k, v in enumerate((1.0, 0.003, 1.0))
     ]
     path = ac.Path.from_segments(lines).pointing((0, 0, -1))

@@ -17,7 +17,7 @@ def near(name):
     s = np.array([0.01, 0.05, 0.1])
     if arm.dimension == 2:
         path = ac.Path.polyline([(0.30, 0.15), (0.42, 0.15), (0.42, 0.25)])
-        q = ac.trace(path, arm, branch="positive")(s)
+        q = ac.trace(path, arm, configuration="positive")(s)
         return NearPath.along(q, arm, "positive", path, s), path, s
     path = ac.Path.polyline(IN_SPACE)
     path = path.pointing((0.0, 0.0, -1.0)) if name == "axis" else path.oriented(DOWN)

@@ -74,8 +74,8 @@ def test_starts_use_all_of_the_tolerance():
         for off in (path.project(LINES.vertices[1:3]).distance, path.corners.error):
             np.testing.assert_allclose(off, 5e-3, rtol=1e-9)
     # A share of the tolerance is one of each vertex' own.
-    points, own = [(0, 0), (0.1, 0), (0.1, 0.1), (0.2, 0.1)], ac.Demand(tolerance=1e-3)
-    path = ac.Path.polyline(points, demand=own)
+    points, own = [(0, 0), (0.1, 0), (0.1, 0.1), (0.2, 0.1)], ac.SegmentLimits(tolerance=1e-3)
+    path = ac.Path.polyline(points, segment_limits=own)
     found, _ = make_starts(path, tube_of(path, options), options, 0.7)[ARCS]
     np.testing.assert_allclose(found.corners.error, 0.7e-3, rtol=1e-9)
 
@@ -129,18 +129,18 @@ def case(request):
     if arm.dimension == 3:
         corners = np.column_stack([corners + (0.15, -0.1), [0.30, 0.31, 0.30, 0.32]])
     lines = [
-        ac.Line(start=corners[k], end=corners[k + 1], demand=ac.Demand(speed=v))
+        ac.Line(start=corners[k], end=corners[k + 1], segment_limits=ac.SegmentLimits(speed=v))
         for k, v in enumerate((0.3, 0.1, None))
     ]
-    objective, branch, start = ac.Path.from_segments(lines), "positive", None
+    objective, configuration, start = ac.Path.from_segments(lines), "positive", None
     if arm.dimension == 3:
         objective = objective.oriented(DOWN)
-        branch, start = None, ac.trace(objective, arm)(0.0)
+        configuration, start = None, ac.trace(objective, arm)(0.0)
     tube, options = Tube.of(objective, TOLERANCE), ac.Shaped(tolerance=TOLERANCE)
-    timer = Timer(arm, arm.limits.for_joints(arm.dof), branch, start)
+    timer = Timer(arm, arm.limits.for_joints(arm.dof), configuration, start)
     path, places = make_starts(objective, tube, options, 0.7)[PARABOLAS]
     candidate = timer.candidate(PARABOLAS, path, places)
-    return arm, objective, tube, place_nodes(candidate, tube, arm, branch)
+    return arm, objective, tube, place_nodes(candidate, tube, arm, configuration)
 
 
 @pytest.fixture(scope="module")

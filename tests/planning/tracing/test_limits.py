@@ -7,7 +7,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.planning import METHODS
-from armcontour.planning.tracing import refuse_out_of_range, trace_all
+from armcontour.planning.tracing import check_joint_range, trace_all
 from armcontour.robot import Chain, SerialArm
 
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -76,7 +76,7 @@ def test_an_arm_in_the_plane_keeps_its_ranges(arm, refuses):
     tight = ac.Limits.only(joint_lower=-3.0, joint_upper=[3.0, top])
     data = {"joint": 1, "limit": "joint_upper", "needed": high[1], "allowed": top}
     for own, limits in ((arm, tight), (arm.with_limits(tight), None)):
-        trace = partial(ac.trace, FLAT, own, limits=limits, branch="positive")
+        trace = partial(ac.trace, FLAT, own, limits=limits, configuration="positive")
         refuses(trace, ac.Unreachable, **data)
         # The other branch is inside, and taken where none is named.
         other = ac.trace(FLAT, own, limits=limits)
@@ -127,7 +127,7 @@ def bump(height):
 
 def test_the_top_between_samples_counts(refuses):
     limits = ac.Limits.only(joint_upper=[2.0, 0.5], joint_lower=[-0.1, -0.1])
-    refuse_out_of_range(bump(0.5), limits)
+    check_joint_range(bump(0.5), limits)
     upper = {"limit": "joint_upper", "needed": 0.500001, "allowed": 0.5}
     lower = {"limit": "joint_lower", "needed": -0.3, "allowed": -0.1}
     for height, words, data in (
@@ -136,27 +136,27 @@ def test_the_top_between_samples_counts(refuses):
     ):
         found = bump(height)
         refuses(
-            lambda x=found: refuse_out_of_range(x, limits), ac.Unreachable, words,
+            lambda x=found: check_joint_range(x, limits), ac.Unreachable, words,
             joint=1, s=1.0, **data,
         )  # fmt: skip
     # Ranges may be missing or endless.
-    refuse_out_of_range(bump(5.0), ac.Limits.only())
-    refuse_out_of_range(bump(5.0), ac.Limits.only(joint_upper=[np.inf, np.inf]))
+    check_joint_range(bump(5.0), ac.Limits.only())
+    check_joint_range(bump(5.0), ac.Limits.only(joint_upper=[np.inf, np.inf]))
     for seed in range(20):
         rng = np.random.default_rng(seed)
         path = ac.JointPath(breaks=np.array([0.0, 1.5]), coefficients=rng.uniform(-1, 1, (1, 6, 3)))
         q = path(np.linspace(0, 1.5, 20_001))
-        refuse_out_of_range(
+        check_joint_range(
             path, ac.Limits.only(joint_lower=q.min() - 1e-6, joint_upper=q.max() + 1e-6)
         )
         with pytest.raises(ac.Unreachable) as caught:
-            refuse_out_of_range(path, ac.Limits.only(joint_upper=q.max() - 0.01))
+            check_joint_range(path, ac.Limits.only(joint_upper=q.max() - 0.01))
         assert caught.value.needed == pytest.approx(q.max(), abs=1e-6), seed
         assert caught.value.joint == int(np.argmax(q.max(axis=0))), seed
 
 
 def test_every_method_refuses(traced, arm, limits):
     narrow = limits.replace(joint_upper=traced(0.0) + 0.01)
-    for method in ("optimal", "mac", "conventional"):
+    for method in ("optimal", "paper", "conventional"):
         with pytest.raises(ac.Unreachable, match="beyond its upper limit"):
             ac.plan(traced, arm, narrow, METHODS[method]())

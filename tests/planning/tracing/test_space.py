@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 import armcontour as ac
 from armcontour.core.frames import Frame, exp, log
 from armcontour.planning.tracing import trace_all
-from armcontour.planning.tracing.configurations import follow_ways
+from armcontour.planning.tracing.configurations import follow_branches
 from armcontour.planning.tracing.knots import first_knots
 from armcontour.planning.tracing.poses import row_of_poses
 from armcontour.planning.tracing.redundancy import smooth
@@ -358,7 +358,7 @@ def test_refusals(ur5e, refuses):
         (ac.Path.polyline([(0.4, 0), (0.5, 0)]), ur5e, {}, "2 coordinates", {}),
         (sharp, ur5e, {}, "round the corner", {"s": sharp.breaks[1], "point": POINTS[1]}),
         (lifted, ur5e, {}, "do not lie in one plane", {}),
-        (path.oriented(DOWN), ur5e, {"branch": "up"}, "no named branches", {}),
+        (path.oriented(DOWN), ur5e, {"configuration": "up"}, "no named branches", {}),
         (level, two, {}, "2 joints", {}),
         (level, scara, {}, "parallel", {}),
     ):
@@ -430,7 +430,7 @@ def test_smoothing_leaves_the_tool_where_it_is_and_costs_less(panda):
     knots = first_knots(path, panda.span)
     poses, s = row_of_poses(path, knots), np.append(knots.s0, path.length)
     starts = configurations(panda, poses[0], 5)
-    ways, reached = follow_ways(panda, poses, 5, starts)
+    ways, reached = follow_branches(panda, poses, 5, starts)
     first = ways[np.argmax(reached == len(poses))]
     costs = []
     for rounds in (0, 1, 3, 25):

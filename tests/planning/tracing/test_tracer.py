@@ -30,15 +30,15 @@ def off_path(arm, path, traced):
     return np.linalg.norm(arm.tool_position(traced(s)) - path(s), axis=1).max()
 
 
-@pytest.mark.parametrize("branch", BRANCHES)
-def test_the_tool_stays_on_the_path(arm, rounded, branch):
+@pytest.mark.parametrize("configuration", BRANCHES)
+def test_the_tool_stays_on_the_path(arm, rounded, configuration):
     for name, path in (PATHS | {"paper": rounded}).items():
-        traced = ac.trace(path, arm, branch=branch)
+        traced = ac.trace(path, arm, configuration=configuration)
         assert off_path(arm, path, traced) <= 1e-8, name
         assert traced.length == pytest.approx(path.length, rel=1e-14), name
         np.testing.assert_array_equal(traced.stops, path.stops)
         assert traced.tool_path is path
-    assert (BRANCHES[branch] * traced(traced.breaks)[:, 1] > 0).all()
+    assert (BRANCHES[configuration] * traced(traced.breaks)[:, 1] > 0).all()
 
 
 def test_the_tolerance_is_kept_and_not_overdone(arm):
@@ -80,12 +80,12 @@ def test_corners_are_two_sided_and_the_turn_of_an_arc_jumps_in_the_second_deriva
             np.testing.assert_allclose(tool, objective(at, 1, side=side), atol=1e-9)
 
 
-@pytest.mark.parametrize("branch", BRANCHES)
-def test_full_turns_are_unwrapped(arm, branch):
+@pytest.mark.parametrize("configuration", BRANCHES)
+def test_full_turns_are_unwrapped(arm, configuration):
     for turns in (1, -1, 3):
         angle, start = np.sign(turns) * 2 * np.pi, np.add(BASE, (0.3, 0.0))
         path = ac.Path.from_segments([ac.Arc(start=start, center=BASE, angle=angle)] * abs(turns))
-        traced = ac.trace(path, arm, branch=branch)
+        traced = ac.trace(path, arm, configuration=configuration)
         # Joint angles count clockwise: one circle about the base turns joint 1, leaves joint 2.
         moved = traced(path.length) - traced(0.0)
         np.testing.assert_allclose(moved, (-2 * np.pi * turns, 0), atol=1e-9)
@@ -125,7 +125,7 @@ def test_refused(arm, refuses):
         (ac.Path.polyline([(0.3, 0.2, 0.0), (0.4, 0.2, 0.0)]), {}),
         (line, {"tolerance": 0.0}),
         (line, {"tolerance": np.nan}),
-        (line, {"branch": "up"}),
+        (line, {"configuration": "up"}),
     ):
         refuses(lambda x=path, y=options: ac.trace(x, arm, **y), ac.InvalidInput)
 

@@ -5,13 +5,13 @@ import pytest
 from scipy.sparse.linalg import spsolve
 
 import armcontour as ac
-from armcontour.motion import TaughtData
+from armcontour.motion import SetPoints
 from armcontour.robot.drives import Drives, regular_times, respond_along
 from armcontour.robot.servo.simulation import command_weights, polynomials, sample_command
 
 pytest.importorskip("mujoco")
-PERIOD = 4e-3
-T = np.arange(0, 1.0, PERIOD)
+CYCLE = 4e-3
+T = np.arange(0, 1.0, CYCLE)
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 CASCADE = SERVO.replace(ki=[9.0, 0.0, 4.0, 20.0, 9.0, 9.0])
 STRONG = ac.Limits(joint_torque=np.full(6, 1e4))
@@ -36,15 +36,15 @@ def swing(t, order):
     return begin * (order == 0) + 0.1 * np.arange(1, 7) * shape[order]
 
 
-def execute(q, plant, arm):
+def simulate(q, plant, arm):
     plan = ac.plan(ac.JointPath.spline([swing(np.zeros(1), 0)[0], swing(np.ones(1), 0)[0]]), arm)
-    taught = TaughtData(period=PERIOD, q=q, trajectory=plan, method="none")
-    return ac.execute(taught, plant)
+    set_points = SetPoints(cycle=CYCLE, q=q, trajectory=plan, method="none")
+    return ac.simulate(set_points, plant)
 
 
 def command_at(q, t, servo=SERVO):
     """The command that set-points give, by weights."""
-    index, weight = command_weights(len(q), PERIOD, servo.interpolation, t)
+    index, weight = command_weights(len(q), CYCLE, servo.interpolation, t)
     return np.einsum("nk,nkj->nj", weight, q[index])
 
 
@@ -66,9 +66,9 @@ def test_nominal_inertia_is_that_of_the_plant():
 def test_the_command_makes_the_plant_move_as_asked(arm, gravity, servo):
     """All errors left come from the set-points' lines and the drives' cycle: quadratic, linear."""
     drives = Drives(arm=arm, servo=servo, gravity_feedforward=gravity)
-    q = drives.command(*(swing(T, order) for order in range(3)), PERIOD)
+    q = drives.command(*(swing(T, order) for order in range(3)), CYCLE)
     plant = ac.RigidBodyPlant(arm, servo, STRONG, gravity_feedforward=gravity, step=5e-5)
-    done, plain = execute(q, plant, arm), execute(swing(T, 0), plant, arm)
+    done, plain = simulate(q, plant, arm), simulate(swing(T, 0), plant, arm)
     # Integrators are not empty after the last set-point.
     error, most = (np.abs(x.q - swing(x.t, 0))[x.t < T[-1]].max() for x in (done, plain))
     assert error < 3e-5 and error < 1e-3 * most
@@ -78,8 +78,8 @@ def test_the_command_makes_the_plant_move_as_asked(arm, gravity, servo):
 def test_the_response_of_a_cascade_is_that_of_the_plant(arm, gravity):
     drives = Drives(arm=arm, servo=CASCADE, gravity_feedforward=gravity)
     plant = ac.RigidBodyPlant(arm, CASCADE, STRONG, gravity_feedforward=gravity)
-    q = drives.command(*(swing(T, order) for order in range(3)), PERIOD)
-    first, second = (execute(x, plant, arm) for x in (q, q + CHANGE))
+    q = drives.command(*(swing(T, order) for order in range(3)), CYCLE)
+    first, second = (simulate(x, plant, arm) for x in (q, q + CHANGE))
     n = min(len(first.t), len(second.t))
     found = second.q[:n] - first.q[:n]
     at = regular_times(0.0, first.t[n - 1], 1e-3)
@@ -95,7 +95,7 @@ def test_the_response_is_that_of_the_plant(arm, gravity):
     plant = ac.RigidBodyPlant(arm, SERVO, STRONG, gravity_feedforward=gravity)
     drives = Drives(arm=arm, servo=SERVO, gravity_feedforward=gravity)
     q = drives.command(*(swing(T, order) for order in range(3)))
-    first, second = (execute(x, plant, arm) for x in (q, q + CHANGE))
+    first, second = (simulate(x, plant, arm) for x in (q, q + CHANGE))
     n = min(len(first.t), len(second.t))
     found = second.q[:n] - first.q[:n]
     at = regular_times(0.0, first.t[n - 1], 1e-3)
@@ -115,7 +115,7 @@ def test_a_payload_that_the_controller_does_not_know(arm):
     assert (drives.inertia == Drives(arm=arm, servo=SERVO).inertia).all()
     q = drives.command(*(swing(T, order) for order in range(3)))
     plant = ac.RigidBodyPlant(loaded, SERVO, STRONG, known=arm, step=1e-4)
-    done, moved = (execute(x, plant, arm) for x in (q, q + CHANGE))
+    done, moved = (simulate(x, plant, arm) for x in (q, q + CHANGE))
     assert np.abs(done.q - swing(done.t, 0)).max() < 5e-5
     n = min(len(done.t), len(moved.t))
     found = moved.q[:n] - done.q[:n]
@@ -139,8 +139,8 @@ def test_without_masses_the_response_is_that_of_the_servo(options):
     arm, servo = rods(), ac.ServoModel(**options)
     change = 0.1 * np.sin(np.outer(T, [6.0, 9.0])) * np.sin(np.pi * T)[:, None]
     plan = ac.plan(ac.JointPath.spline([(0.1, 0.2), (0.4, 0.6)]), arm)
-    data = TaughtData(period=PERIOD, q=change, trajectory=plan, method="none")
-    done = ac.execute(data, ac.ServoPlant(arm, servo))
+    data = SetPoints(cycle=CYCLE, q=change, trajectory=plan, method="none")
+    done = ac.simulate(data, ac.ServoPlant(arm, servo))
     at = regular_times(0.0, done.t[-1], 1e-3)
     response = respond_along(lambda t, order: 0 * t, at, arm, servo)
     found = response.to_torque(command_at(change, at, servo) * response.gain)
@@ -153,10 +153,10 @@ def test_weights_of_set_points_give_the_command():
         for count in (2, 3, 8):
             rng = np.random.default_rng(count)
             q = rng.normal(size=(count, 1))
-            t = np.concatenate([rng.uniform(-0.01, 0.05, 200), np.arange(count) * PERIOD])
-            index, weight = command_weights(count, PERIOD, kind, t)
-            pieces = polynomials(q, PERIOD, servo)
-            expected = sample_command(pieces, PERIOD, np.zeros(1), t)[:, 0]
+            t = np.concatenate([rng.uniform(-0.01, 0.05, 200), np.arange(count) * CYCLE])
+            index, weight = command_weights(count, CYCLE, kind, t)
+            pieces = polynomials(q, CYCLE, servo)
+            expected = sample_command(pieces, CYCLE, np.zeros(1), t)[:, 0]
             found = (q[index, 0] * weight).sum(axis=1)
             np.testing.assert_allclose(found, expected, atol=1e-12, err_msg=f"{kind} {count}")
 
@@ -165,7 +165,7 @@ def test_drives_need_a_velocity_loop_and_masses(arm):
     for servo in (
         ac.ServoModel(kp=25.0, order="first"),
         SERVO.replace(friction=1e-3),
-        SERVO.replace(cycle=1e-3),
+        SERVO.replace(drive_cycle=1e-3),
     ):
         with pytest.raises(ac.InvalidInput, match="order second"):
             Drives(arm=arm, servo=servo)

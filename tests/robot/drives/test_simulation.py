@@ -5,11 +5,11 @@ import pytest
 
 import armcontour as ac
 from armcontour.core.errors import ExecutionError
-from armcontour.motion import TaughtData
+from armcontour.motion import SetPoints
 from armcontour.robot.drives import Drives, simulate
 
 pytest.importorskip("mujoco")
-PERIOD = 4e-3
+CYCLE = 4e-3
 COULOMB = np.array([6.0, 6.0, 4.0, 1.5, 1.5, 1.5])
 VISCOUS = np.array([8.0, 8.0, 5.0, 2.0, 2.0, 2.0])
 SERVO = ac.ServoModel(kp=[25.0, 24.0, 26.0, 23.0, 25.0, 25.5], kv=150.0)
@@ -30,25 +30,25 @@ def arm(known):
 @pytest.fixture(scope="module")
 def set_points():
     """Joints that swing, turn round several times, and stand still in between."""
-    t = np.arange(0, 2.0, PERIOD)
+    t = np.arange(0, 2.0, CYCLE)
     wave = np.sin(np.outer(t, 2 * np.pi * np.array([0.5, 0.7, 0.9, 1.1, 1.3, 1.5])))
     still = np.where(np.abs(t - 1.2) < 0.2, 0.0, 1.0)[:, None]
-    path = np.cumsum(0.2 * wave * still * np.clip(t / 0.2, 0, 1)[:, None], axis=0) * PERIOD * 5
+    path = np.cumsum(0.2 * wave * still * np.clip(t / 0.2, 0, 1)[:, None], axis=0) * CYCLE * 5
     return HOME + path
 
 
 def commands(set_points, t):
     """The set-points, interpolated linearly."""
-    at = np.arange(len(set_points)) * PERIOD
+    at = np.arange(len(set_points)) * CYCLE
     return np.stack([np.interp(t, at, x) for x in set_points.T], axis=1)
 
 
 def executed(arm, set_points, **options):
     rest = np.stack([HOME, set_points[-1]])
     plan = ac.plan(ac.JointPath.spline(rest), arm)
-    data = TaughtData(period=PERIOD, q=set_points, trajectory=plan, method="none")
+    data = SetPoints(cycle=CYCLE, q=set_points, trajectory=plan, method="none")
     limits = ac.Limits(joint_torque=np.full(6, 1e4))
-    return ac.execute(data, ac.RigidBodyPlant(arm, SERVO, limits, **options))
+    return ac.simulate(data, ac.RigidBodyPlant(arm, SERVO, limits, **options))
 
 
 @pytest.mark.parametrize("controller", ["true load", "nominal load", "no feed-forward"])

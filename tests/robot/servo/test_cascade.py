@@ -8,11 +8,11 @@ from scipy.integrate import solve_ivp
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
-from armcontour.motion import TaughtData
+from armcontour.motion import SetPoints
 
-PERIOD, SLIDING = 8e-3, 5e-3
+CYCLE, SLIDING = 8e-3, 5e-3
 ARM = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=ac.Limits())
-T = np.arange(40) * PERIOD
+T = np.arange(40) * CYCLE
 Q = np.stack([0.3 + 0.05 * np.sin(20 * T) * T / T[-1], 0.2 - 0.3 * T**2], axis=1)
 # Usual, without integrator in one joint, and hardly damped with a large integral gain.
 GAINS = (((12.0, 15.0), (80.0, 60.0), (6.0, 0.0)), ((9.0, 9.0), (25.0, 25.0), (20.0, 2.0)))
@@ -28,13 +28,13 @@ def plan():
 
 def command(q, interpolation, t):
     """Position, velocity and acceleration of the command at a time, from their definition."""
-    k = int(np.clip(np.floor(t / PERIOD + 1e-9), -1, len(q) - 1))
+    k = int(np.clip(np.floor(t / CYCLE + 1e-9), -1, len(q) - 1))
     if k < 0 or k == len(q) - 1:
         return q[k if k > 0 else 0], 0.0, 0.0
-    rate, before = (q[k + 1] - q[k]) / PERIOD, (q[k] - q[k - 1]) / PERIOD if k else 0.0
+    rate, before = (q[k + 1] - q[k]) / CYCLE, (q[k] - q[k - 1]) / CYCLE if k else 0.0
     if interpolation == "step":
         return q[k], before, 0.0
-    return q[k] + rate * (t - k * PERIOD), rate, (rate - before) / PERIOD
+    return q[k] + rate * (t - k * CYCLE), rate, (rate - before) / CYCLE
 
 
 @pytest.mark.parametrize("gains", GAINS)
@@ -47,13 +47,13 @@ def test_against_an_integrator(plan, gains, interpolation, limit):
         kp=kp, kv=kv, ki=ki, dead_time=late, velocity_feedforward=f, acceleration_feedforward=g,
         friction=c, interpolation=interpolation, acceleration_limit=limit,
     )  # fmt: skip
-    taught = TaughtData(period=PERIOD, q=Q, trajectory=plan, method="none")
-    done = ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=PERIOD)
+    set_points = SetPoints(cycle=CYCLE, q=Q, trajectory=plan, method="none")
+    done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE)
     for j in range(2):
 
         def law(t, s, j=j, middle=0.0):
             # The command is continued over an edge, so that no step sees a jump.
-            k = np.floor((middle - late[j]) / PERIOD + 1e-9) * PERIOD
+            k = np.floor((middle - late[j]) / CYCLE + 1e-9) * CYCLE
             u, du, ddu = command(Q[:, j], interpolation, k)
             u += du * (t - late[j] - k) * (interpolation == "linear")
             error = kp[j] * (u - s[0]) + f[j] * du - s[1]
@@ -63,7 +63,7 @@ def test_against_an_integrator(plan, gains, interpolation, limit):
             return [s[1], ddq, error - (demand - ddq) / kv[j]]
 
         state, found = np.array([Q[0, j], 0.0, 0.0]), [Q[0, j]]
-        edges = np.union1d(T, np.arange(len(T)) * PERIOD + late[j])
+        edges = np.union1d(T, np.arange(len(T)) * CYCLE + late[j])
         step = 2e-4 if np.isfinite(limit) else np.inf
         for a, b in zip(edges[:-1], edges[1:], strict=True):
             if b - a > 1e-9:
@@ -80,60 +80,62 @@ def test_against_an_integrator(plan, gains, interpolation, limit):
 @pytest.mark.parametrize("limit", [math.inf, 1.5])
 def test_a_drive_with_a_cycle_is_its_program(plan, limit):
     """As a controller computes it: once per cycle, with sums in place of integrals."""
-    cycle, late = 3e-3, 5e-3
+    drive_cycle, late = 3e-3, 5e-3
     servo = ac.ServoModel(
         kp=12.0, kv=80.0, ki=6.0, dead_time=late, velocity_feedforward=0.4, friction=3e-4,
-        acceleration_feedforward=0.3, cycle=cycle, acceleration_limit=limit,
+        acceleration_feedforward=0.3, drive_cycle=drive_cycle, acceleration_limit=limit,
     )  # fmt: skip
-    taught = TaughtData(period=PERIOD, q=Q, trajectory=plan, method="none")
+    set_points = SetPoints(cycle=CYCLE, q=Q, trajectory=plan, method="none")
     # Results that fall in the middle of cycles.
-    done = ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=PERIOD / 2)
+    done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE / 2)
     for j in range(2):
-        times = (np.arange(-2, 100)) * cycle
+        times = (np.arange(-2, 100)) * drive_cycle
         u = np.interp(times - late, T, Q[:, j])
-        du, ddu = np.diff(u)[1:] / cycle, np.diff(u, 2) / cycle**2
+        du, ddu = np.diff(u)[1:] / drive_cycle, np.diff(u, 2) / drive_cycle**2
         q, w, x, found = Q[0, j], 0.0, 0.0, []
         for k in range(100):
             error = 12.0 * (u[k + 2] - q) + 0.4 * du[k] - w
-            x += cycle * error
+            x += drive_cycle * error
             rub = 12.0 * 80.0 * 3e-4 * du[k] / np.hypot(du[k], SLIDING)
             z = 80.0 * (error + 6.0 * x) + 0.3 * ddu[k] - rub
             a = np.clip(z, -limit, limit)
-            x -= cycle * (z - a) / 80.0
-            for t in np.arange(len(done.t)) * PERIOD / 2 - k * cycle:
-                if -1e-9 < t < cycle - 1e-9:
+            x -= drive_cycle * (z - a) / 80.0
+            for t in np.arange(len(done.t)) * CYCLE / 2 - k * drive_cycle:
+                if -1e-9 < t < drive_cycle - 1e-9:
                     found.append(q + w * t + a * t * t / 2)
-            q, w = q + w * cycle + a * cycle**2 / 2, w + a * cycle
+            q, w = q + w * drive_cycle + a * drive_cycle**2 / 2, w + a * drive_cycle
         n = min(len(found), 2 * len(Q))
         np.testing.assert_allclose(done.q[:n, j], found[:n], atol=1e-12)
         assert (done.saturated_time[j] > 0.02) == np.isfinite(limit)
 
 
-@pytest.mark.parametrize("cycle", [0.0, 4e-3])
-def test_the_integrator_does_not_wind_up(plan, cycle):
+@pytest.mark.parametrize("drive_cycle", [0.0, 4e-3])
+def test_the_integrator_does_not_wind_up(plan, drive_cycle):
     """A step of 1 rad overshoots as without an integrator; an integral that goes on adds 2 rad."""
     q = np.vstack([np.zeros((1, 2)), np.ones((200, 2))])
-    taught = TaughtData(period=PERIOD, q=q, trajectory=plan, method="none")
+    set_points = SetPoints(cycle=CYCLE, q=q, trajectory=plan, method="none")
     for limit, overshoot in ((2.0, 0.225), (8.0, 0.0)):
         for ki in (0.0, 10.0):
-            servo = ac.ServoModel(kp=4.0, kv=80.0, ki=ki, cycle=cycle, acceleration_limit=limit)
-            done = ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=PERIOD)
+            servo = ac.ServoModel(
+                kp=4.0, kv=80.0, ki=ki, drive_cycle=drive_cycle, acceleration_limit=limit
+            )
+            done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE)
             assert (done.saturated_time > 0.2).all()
             assert done.q.max() - 1 == pytest.approx(overshoot, abs=0.01)
 
 
 def test_results_between_samples_are_those_of_a_finer_run(plan):
-    for cycle in (0.0, 5e-3):
-        check_between(plan, cycle)
+    for drive_cycle in (0.0, 5e-3):
+        check_between(plan, drive_cycle)
 
 
-def check_between(plan, cycle):
+def check_between(plan, drive_cycle):
     servo = ac.ServoModel(
-        kp=12.0, kv=80.0, ki=9.0, velocity_feedforward=0.5, dead_time=3e-3, cycle=cycle
+        kp=12.0, kv=80.0, ki=9.0, velocity_feedforward=0.5, dead_time=3e-3, drive_cycle=drive_cycle
     )
-    taught = TaughtData(period=PERIOD, q=Q, trajectory=plan, method="none")
+    set_points = SetPoints(cycle=CYCLE, q=Q, trajectory=plan, method="none")
     plant = ac.ServoPlant(ARM, servo, ac.Limits(joint_acceleration=[1.0, 1.0]))
-    coarse, fine = (ac.execute(taught, plant, resolution=x) for x in (PERIOD, PERIOD / 8))
+    coarse, fine = (ac.simulate(set_points, plant, resolution=x) for x in (CYCLE, CYCLE / 8))
     n = min(len(coarse.t), len(fine.t[::8]))
     np.testing.assert_allclose(coarse.q[:n], fine.q[::8][:n], atol=1e-12)
     between = plant.motion_between(coarse, np.arange(20, 30))
@@ -149,37 +151,42 @@ def test_set_points_compensate_the_cascade(plan, interpolation, feed):
     if feed[1] and interpolation != "linear":
         return
     off = []
-    for ki, period in ((0.0, 4e-3), (8.0, 4e-3), (8.0, 1e-3)):
+    for ki, cycle in ((0.0, 4e-3), (8.0, 4e-3), (8.0, 1e-3)):
         servo = ac.ServoModel(
             kp=(12.0, 9.0), kv=80.0, ki=(ki, ki / 2), interpolation=interpolation,
             velocity_feedforward=feed[0], acceleration_feedforward=feed[1], dead_time=6e-3,
         )  # fmt: skip
-        taught = ac.compensate(plan, servo, ac.Inverse(), period=period)
-        done = ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=1e-3)
+        set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=cycle)
+        done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=1e-3)
         inside = (done.t > 0) & (done.t < plan.duration)
         off.append(np.abs(done.q[inside] - plan(done.t[inside])).max())
-        if taught.cut_off is not None:
+        if set_points.truncated is not None:
             after = done.t > plan.duration
-            error = np.abs(done.q[after] - taught.q[-1]).max(axis=0)
-            assert (error < taught.cut_off).all() and (error > taught.cut_off / 3).any()
+            error = np.abs(done.q[after] - set_points.q[-1]).max(axis=0)
+            assert (error < set_points.truncated).all() and (error > set_points.truncated / 3).any()
     assert off[1] < 1.2 * off[0] + 1e-9
     assert off[2] < off[1] / 3
 
 
-@pytest.mark.parametrize("cycle", [1e-3, 8e-3])
+@pytest.mark.parametrize("drive_cycle", [1e-3, 8e-3])
 @pytest.mark.parametrize("feed", [0.0, 0.9])
-def test_set_points_compensate_drives_with_a_cycle(plan, cycle, feed):
+def test_set_points_compensate_drives_with_a_cycle(plan, drive_cycle, feed):
     off = []
     for ki in (0.0, 8.0):
         servo = ac.ServoModel(
-            kp=12.0, kv=80.0, ki=ki, velocity_feedforward=feed, dead_time=6e-3, cycle=cycle
+            kp=12.0,
+            kv=80.0,
+            ki=ki,
+            velocity_feedforward=feed,
+            dead_time=6e-3,
+            drive_cycle=drive_cycle,
         )
-        taught = ac.compensate(plan, servo, ac.Inverse(), period=1e-3)
-        done = ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=1e-3)
+        set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=1e-3)
+        done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=1e-3)
         inside = (done.t > 0) & (done.t < plan.duration)
         off.append(np.abs(done.q[inside] - plan(done.t[inside])).max())
     # Accelerations that are held for 8 ms are 20 µrad off between the cycles.
-    assert off[1] < 1.2 * off[0] < (1e-4 if feed else 3e-5) * cycle / 8e-3 + 1e-5 * (feed > 0)
+    assert off[1] < 1.2 * off[0] < (1e-4 if feed else 3e-5) * drive_cycle / 8e-3 + 1e-5 * (feed > 0)
 
 
 def test_response_is_that_of_a_sine():
@@ -190,9 +197,9 @@ def test_response_is_that_of_a_sine():
     w, t = 15.0, np.arange(2000) * 1e-3
     ramp = np.clip(t / 0.5, 0, 1) ** 2
     q = 0.01 * (np.sin(w * t) * ramp)[:, None] * [1.0, 0.5]
-    rest = ac.Trajectory(laws=(ac.stand_still(q[0], t[-1]),), method="rest")
-    taught = ac.TaughtData(period=1e-3, q=q, trajectory=rest, method="none")
-    done = ac.execute(taught, ac.ServoPlant(ARM, servo, ac.Limits()), resolution=1e-3)
+    rest = ac.Trajectory(laws=(ac.dwell_law(q[0], t[-1]),), method="rest")
+    set_points = ac.SetPoints(cycle=1e-3, q=q, trajectory=rest, method="none")
+    done = ac.simulate(set_points, ac.ServoPlant(ARM, servo, ac.Limits()), resolution=1e-3)
     late = t > 1.9
     gain = servo.response([1j * w])[0, 0] * np.exp(1j * w * t[late])
     # Acceleration feed-forward of lines is half an interval late, 1e-4 of the amplitude.

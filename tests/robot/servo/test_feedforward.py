@@ -8,9 +8,9 @@ from scipy.interpolate import CubicHermiteSpline
 
 import armcontour as ac
 from armcontour.control.compensation import METHODS
-from armcontour.motion import TaughtData
+from armcontour.motion import SetPoints
 
-PERIOD, LATE = 4e-3, 5.3e-3
+CYCLE, LATE = 4e-3, 5.3e-3
 FEED = ("velocity_feedforward", "acceleration_feedforward")
 KINDS = {
     "linear": {"velocity_feedforward": 1.01, "acceleration_feedforward": 0.6},
@@ -34,7 +34,7 @@ def plan(arm):
         ac.round_corners(path, tolerance=2e-3),
         arm,
         limits,
-        ac.Optimal(intervals=400, reserve=0.5, branch="positive"),
+        ac.Optimal(intervals=400, reserve=0.5, configuration="positive"),
     )
 
 
@@ -45,20 +45,20 @@ def servo_of(kind, **more):
 def cubic_of(q):
     """Coefficients of the cubics through set-points, highest power first, (4, intervals)."""
     slope = np.zeros_like(q)
-    slope[1:-1] = (q[2:] - q[:-2]) / (2 * PERIOD)
-    return CubicHermiteSpline(np.arange(len(q)) * PERIOD, q, slope).c
+    slope[1:-1] = (q[2:] - q[:-2]) / (2 * CYCLE)
+    return CubicHermiteSpline(np.arange(len(q)) * CYCLE, q, slope).c
 
 
 def rates(q, k, x, kind, cubic):
     """Command of one joint in its interval k after x seconds, and its two rates."""
     if k < 0 or k >= len(q) - 1:
         return q[0 if k < 0 else -1], 0.0, 0.0
-    before = (q[k] - q[k - 1]) / PERIOD if k else 0.0
-    chord = (q[k + 1] - q[k]) / PERIOD
+    before = (q[k] - q[k - 1]) / CYCLE if k else 0.0
+    chord = (q[k + 1] - q[k]) / CYCLE
     if kind == "step":
         return q[k], before, 0.0
     if kind != "cubic":
-        return q[k] + x * chord, chord, (chord - before) / PERIOD
+        return q[k] + x * chord, chord, (chord - before) / CYCLE
     a, b, c, d = cubic[:, k]
     return ((a * x + b) * x + c) * x + d, (3 * a * x + 2 * b) * x + c, 6 * a * x + 2 * b
 
@@ -70,23 +70,23 @@ def test_the_response_is_that_of_the_differential_equation(kind, limit, arm, pla
     first = kind == "first order"
     if first and limit < 100:
         return
-    t = np.arange(25) * PERIOD
+    t = np.arange(25) * CYCLE
     q = np.stack([0.3 + 0.05 * np.sin(40 * t) * t / t[-1], 0.2 - 0.3 * t**2], axis=1)
     servo = servo_of(kind)
-    taught = TaughtData(period=PERIOD, q=q, trajectory=plan, method="none")
+    set_points = SetPoints(cycle=CYCLE, q=q, trajectory=plan, method="none")
     limits = None if first else ac.Limits(joint_acceleration=[limit, limit])
-    done = ac.execute(taught, ac.ServoPlant(arm, servo, limits), resolution=PERIOD)
+    done = ac.simulate(set_points, ac.ServoPlant(arm, servo, limits), resolution=CYCLE)
     f, g = (float(getattr(servo, name)) for name in FEED)
     kp, kv = 20.0, 90.0
-    edges = np.union1d(np.arange(30) * PERIOD, np.arange(30) * PERIOD + LATE)
+    edges = np.union1d(np.arange(30) * CYCLE, np.arange(30) * CYCLE + LATE)
     for j in range(2):
         own, state, found = q[:, j], np.array([q[0, j], 0.0]), [q[0, j]]
         cubic = cubic_of(own)
         for begin, end in zip(edges[:-1], edges[1:], strict=True):
-            k = int(np.floor(((begin + end) / 2 - LATE) / PERIOD))
+            k = int(np.floor(((begin + end) / 2 - LATE) / CYCLE))
 
             def law(now, x, k=k, own=own, cubic=cubic):
-                u, du, ddu = rates(own, k, now - LATE - k * PERIOD, kind, cubic)
+                u, du, ddu = rates(own, k, now - LATE - k * CYCLE, kind, cubic)
                 if first:
                     return [kp * (u - x[0]) + f * du, 0.0]
                 ask = kv * (kp * (u - x[0]) + f * du - x[1]) + g * ddu
@@ -94,7 +94,7 @@ def test_the_response_is_that_of_the_differential_equation(kind, limit, arm, pla
 
             step = solve_ivp(law, (begin, end), state, rtol=1e-9, atol=1e-11, max_step=2e-4)
             state = step.y[:, -1]
-            if np.abs(end / PERIOD - np.round(end / PERIOD)) < 1e-6:
+            if np.abs(end / CYCLE - np.round(end / CYCLE)) < 1e-6:
                 found.append(state[0])
         n = min(len(found), len(done.q))
         assert n > 25
@@ -115,8 +115,8 @@ def test_the_transfer_function():
 
 
 def follow(plan, arm, servo, limits, method):
-    taught = ac.compensate(plan, servo, METHODS[method](), period=PERIOD)
-    return taught, ac.execute(taught, ac.ServoPlant(arm, servo, limits))
+    set_points = ac.compensate(plan, servo, METHODS[method](), cycle=CYCLE)
+    return set_points, ac.simulate(set_points, ac.ServoPlant(arm, servo, limits))
 
 
 @pytest.mark.parametrize("method", ["inverse", "pole_placement"])
@@ -128,11 +128,13 @@ def test_compensated_joints_follow_the_plan_as_well_as_without_feedforward(kind,
     plain = servo.replace(**dict.fromkeys(FEED, 0.0))
     off, alone = [], []
     for own in (plain, servo):
-        taught, done = follow(plan, arm, own, arm.limits, method)
+        set_points, done = follow(plan, arm, own, arm.limits, method)
         inside = (done.t > 0) & (done.t < plan.duration)
         off.append(np.abs(done.q[inside] - plan(done.t[inside])).max())
         # The motion starts and ends at rest, where the plan does.
-        assert (taught.q[0] == plan(0.0)).all() and (taught.q[-1] == plan(plan.duration)).all()
+        assert (set_points.q[0] == plan(0.0)).all() and (
+            set_points.q[-1] == plan(plan.duration)
+        ).all()
         np.testing.assert_allclose(done.q[-1], plan(plan.duration), atol=1e-7)
         _, done = follow(plan, arm, own.replace(dead_time=0.0), arm.limits, "none")
         alone.append(np.abs(done.q - plan(np.clip(done.t, 0, plan.duration))).max())
@@ -144,12 +146,12 @@ def test_compensated_joints_follow_the_plan_as_well_as_without_feedforward(kind,
 
 def test_held_set_points_cancel_feedforward_exactly(arm, plan):
     servos = servo_of("step", velocity_feedforward=0.0), servo_of("step")
-    (_, one), (taught, other) = (follow(plan, arm, x, None, "inverse") for x in servos)
+    (_, one), (set_points, other) = (follow(plan, arm, x, None, "inverse") for x in servos)
     n = min(len(one.t), len(other.t))
     off = np.abs(one.q[:n] - other.q[:n])
     # After the motion, the transient of feed-forward is cut off.
-    assert off[one.t[:n] < plan.duration - PERIOD].max() < 1e-9
-    assert (off.max(axis=0) < taught.cut_off + 1e-9).all()
+    assert off[one.t[:n] < plan.duration - CYCLE].max() < 1e-9
+    assert (off.max(axis=0) < set_points.truncated + 1e-9).all()
 
 
 def test_rigid_bodies_follow_with_feedforward_and_its_compensation():
@@ -158,8 +160,8 @@ def test_rigid_bodies_follow_with_feedforward_and_its_compensation():
     plan = ac.plan(path, arm, arm.limits.replace(speed=0.25, joint_jerk=100.0))
     servo, errors = ac.ServoModel(kp=25.0, kv=150.0, velocity_feedforward=1.0), []
     for method in ("inverse_dynamics", "none"):
-        taught = ac.compensate(plan, servo, METHODS[method](), arm=arm)
-        done = ac.execute(taught, ac.RigidBodyPlant(arm, servo))
+        set_points = ac.compensate(plan, servo, METHODS[method](), arm=arm)
+        done = ac.simulate(set_points, ac.RigidBodyPlant(arm, servo))
         errors.append(ac.evaluate(done, path).contour_error.rms)
     assert errors[0] < min(1e-6, 0.1 * errors[1])
 
@@ -223,7 +225,7 @@ def test_refusals(refuses):
             "kp is missing",
         ),
         (both | {"friction": -1e-3}, "friction"),
-        (both | {"cycle": 1.0}, "cycle"),
+        (both | {"drive_cycle": 1.0}, "drive_cycle"),
         (both | {"acceleration_limit": [1.0, 0.0]}, "acceleration_limit"),
         (both | {"interpolation": "step", "acceleration_feedforward": 1.0}, "held set-points"),
         (both | {"interpolation": "quintic"}, "interpolation"),
@@ -231,10 +233,10 @@ def test_refusals(refuses):
         refuses(lambda x=values: ac.ServoModel(**x), ac.InvalidInput, *words)
     servo = ac.ServoModel(kp=[25.0, 25.0], kv=150.0)
     refuses(lambda: servo.for_joints(3), ac.InvalidInput, "2 values", "3 joints")
-    # Gains fit the command interval.
+    # Gains fit the cycle.
     servo = ac.ServoModel(kp=25.0, kv=1e6)
-    servo.refuse_too_fast(1e-3)
-    refuses(lambda: servo.refuse_too_fast(4e-3), ac.InvalidInput, "0.004 s", "250000 1/s")
+    servo.check_gains(1e-3)
+    refuses(lambda: servo.check_gains(4e-3), ac.InvalidInput, "0.004 s", "250000 1/s")
 
 
 @pytest.mark.parametrize("kp", [5.0, 20.0, 60.0, 200.0])
@@ -245,8 +247,8 @@ def test_the_inverse_of_a_lag_with_feedforward_is_never_worse_than_none(kp, arm,
         servo = ac.ServoModel(kp=kp, order="first", velocity_feedforward=f, dead_time=[4e-3, 7e-3])
         errors = []
         for method in ("inverse", "none"):
-            taught = ac.compensate(plan, servo, METHODS[method](), arm=arm)
-            done = ac.execute(taught, ac.ServoPlant(arm, servo))
+            set_points = ac.compensate(plan, servo, METHODS[method](), arm=arm)
+            done = ac.simulate(set_points, ac.ServoPlant(arm, servo))
             errors.append(ac.evaluate(done, path).contour_error)
         assert errors[0].rms < 0.1 * errors[1].rms
         assert errors[0].max < 0.5 * errors[1].max
@@ -266,21 +268,23 @@ SLOW = {
 @pytest.mark.parametrize("kind", SLOW)
 def test_a_slow_transient_is_cut_off_with_a_bound_of_the_error_that_remains(kind, arm, plan):
     servo = ac.ServoModel(**SLOW[kind], velocity_feedforward=[0.8, 1.2], acceleration_limit=np.inf)
-    taught = ac.compensate(plan, servo, ac.Inverse())
+    set_points = ac.compensate(plan, servo, ac.Inverse())
     end = plan(plan.duration, side="left")
     # A fifth of the motion, in the end at rest at the end of the plan.
-    assert taught.t[-1] < 1.2 * plan.duration + 2 * PERIOD
-    np.testing.assert_array_equal(taught.q[-1], end)
-    assert (np.abs(np.diff(taught.q, axis=0)[-3:]) < 1e-2 * np.ptp(taught.q, axis=0)).all()
-    done = ac.execute(taught, ac.ServoPlant(arm, servo), resolution=1e-3)
-    error = np.abs(done.q - end)[done.t > plan.duration + PERIOD].max(axis=0)
+    assert set_points.t[-1] < 1.2 * plan.duration + 2 * CYCLE
+    np.testing.assert_array_equal(set_points.q[-1], end)
+    assert (np.abs(np.diff(set_points.q, axis=0)[-3:]) < 1e-2 * np.ptp(set_points.q, axis=0)).all()
+    done = ac.simulate(set_points, ac.ServoPlant(arm, servo), resolution=1e-3)
+    error = np.abs(done.q - end)[done.t > plan.duration + CYCLE].max(axis=0)
     assert (error > 1e-5).all()
     # The inverse has errors of its own, of interpolation.
     own = 1e-5 if kind != "held" else 2e-4
-    assert (error < taught.cut_off + own).all() and (error > 0.5 * taught.cut_off - own).all()
+    assert (error < set_points.truncated + own).all() and (
+        error > 0.5 * set_points.truncated - own
+    ).all()
 
 
 def test_short_transients_are_not_cut_off(arm, plan):
     servo = servo_of("first order", kp=200.0)
-    assert ac.compensate(plan, servo, ac.Inverse()).cut_off is None
-    assert ac.compensate(plan, servo, ac.NoCompensation()).cut_off is None
+    assert ac.compensate(plan, servo, ac.Inverse()).truncated is None
+    assert ac.compensate(plan, servo, ac.NoCompensation()).truncated is None

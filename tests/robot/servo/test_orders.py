@@ -5,27 +5,27 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armcontour as ac
-from armcontour.motion import TaughtData
+from armcontour.motion import SetPoints
 from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 
-PERIOD, SLIDING = 4e-3, 5e-3
+CYCLE, SLIDING = 4e-3, 5e-3
 ARM = ac.PlanarTwoLink(name="rods", links=(0.25, 0.25), base=0.0, limits=ac.Limits())
-T = np.arange(60) * PERIOD
+T = np.arange(60) * CYCLE
 Q = np.stack([0.3 + 0.05 * np.sin(20 * T) * T / T[-1], 0.2 - 0.3 * T**2], axis=1)
 
 
 @pytest.fixture(scope="module")
-def execute():
+def simulate():
     path = ac.Path.polyline([(0.30, 0.20), (0.36, 0.20)])
     limits = ac.Limits(joint_acceleration=[20.0, 20.0], speed=0.2)
     plan = ac.plan(path, ARM, limits, ac.Optimal(intervals=20))
-    taught = TaughtData(period=PERIOD, q=Q, trajectory=plan, method="none")
-    return lambda servo: ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=PERIOD)
+    set_points = SetPoints(cycle=CYCLE, q=Q, trajectory=plan, method="none")
+    return lambda servo: ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=CYCLE)
 
 
 def slope(q, k):
     """Slope of the line from set-point k to the next one."""
-    return (q[k + 1] - q[k]) / PERIOD if 0 <= k < len(q) - 1 else 0.0
+    return (q[k + 1] - q[k]) / CYCLE if 0 <= k < len(q) - 1 else 0.0
 
 
 def test_each_joint_has_its_own_order(execute):
@@ -38,24 +38,24 @@ def test_each_joint_has_its_own_order(execute):
         acceleration_feedforward=(4e-3, 0.0),
         friction=(2e-4, 0.0),
     )
-    done = execute(servo)
+    done = simulate(servo)
     n = len(Q)
     delayed = np.interp(done.t[:n] - late[1], T, Q[:, 1])
     np.testing.assert_allclose(done.q[:n, 1], delayed, atol=1e-12)
     state, found = Q[0, 0], [Q[0, 0]]
-    edges = np.union1d(T, np.arange(-2, n) * PERIOD + late[0])
+    edges = np.union1d(T, np.arange(-2, n) * CYCLE + late[0])
     for begin, end in zip(edges[2:-1], edges[3:], strict=True):
-        k = int(np.floor(((begin + end) / 2 - late[0]) / PERIOD))
+        k = int(np.floor(((begin + end) / 2 - late[0]) / CYCLE))
         rate = slope(Q[:, 0], k)
-        bend = (rate - slope(Q[:, 0], k - 1)) / PERIOD if k >= 0 else 0.0
+        bend = (rate - slope(Q[:, 0], k - 1)) / CYCLE if k >= 0 else 0.0
         rub = 2e-4 * rate / np.hypot(rate, SLIDING)
 
         def law(t, q, k=k, rate=rate, bend=bend, rub=rub):
-            u = Q[max(k, 0), 0] + (rate * (t - late[0] - k * PERIOD) if k >= 0 else 0.0)
+            u = Q[max(k, 0), 0] + (rate * (t - late[0] - k * CYCLE) if k >= 0 else 0.0)
             return 20.0 * (u - rub - q) + 0.9 * rate + 4e-3 * bend
 
         state = solve_ivp(law, (begin, end), [state], rtol=1e-10, atol=1e-13).y[0, -1]
-        if abs(end / PERIOD - round(end / PERIOD)) < 1e-6:
+        if abs(end / CYCLE - round(end / CYCLE)) < 1e-6:
             found.append(state)
     np.testing.assert_allclose(done.q[: len(found), 0], found, atol=1e-10)
     assert len(found) > 50
@@ -63,31 +63,36 @@ def test_each_joint_has_its_own_order(execute):
 
 def test_joints_without_a_model_do_as_they_are_told(execute):
     servo = ac.ServoModel(order=("second", "unknown"), kp=(20.0, np.inf), kv=(90.0, np.inf))
-    done = execute(servo)
+    done = simulate(servo)
     np.testing.assert_allclose(done.q[: len(Q), 1], Q[:, 1], atol=1e-12)
 
 
-@pytest.mark.parametrize("cycle", [1e-3, 8e-3])
-def test_drives_hold_their_acceleration_for_a_cycle(cycle, execute):
+@pytest.mark.parametrize("drive_cycle", [1e-3, 8e-3])
+def test_drives_hold_their_acceleration_for_a_cycle(drive_cycle, execute):
     late, limit = 2.3e-3, 2.0
     servo = ac.ServoModel(
         kp=20.0,
         kv=90.0,
         dead_time=late,
         velocity_feedforward=0.5,
-        cycle=cycle,
+        drive_cycle=drive_cycle,
         acceleration_limit=(np.inf, limit),
     )
-    done = execute(servo)
+    done = simulate(servo)
     for j, most in enumerate((np.inf, limit)):
         q, w, found = Q[0, j], 0.0, []
-        for m in range(int(T[-1] / cycle)):
-            u, before = (np.interp(m * cycle - late - x, T, Q[:, j]) for x in (0.0, cycle))
-            ask = 90.0 * (20.0 * (u - q) + 0.5 * (u - before) / cycle - w)
+        for m in range(int(T[-1] / drive_cycle)):
+            u, before = (
+                np.interp(m * drive_cycle - late - x, T, Q[:, j]) for x in (0.0, drive_cycle)
+            )
+            ask = 90.0 * (20.0 * (u - q) + 0.5 * (u - before) / drive_cycle - w)
             a = min(max(ask, -most), most)
-            for t in T[(T >= m * cycle - 1e-9) & (T < (m + 1) * cycle - 1e-9)] - m * cycle:
+            for t in (
+                T[(T >= m * drive_cycle - 1e-9) & (T < (m + 1) * drive_cycle - 1e-9)]
+                - m * drive_cycle
+            ):
                 found.append(q + t * w + t * t * a / 2)
-            q, w = q + cycle * w + cycle**2 * a / 2, w + cycle * a
+            q, w = q + drive_cycle * w + drive_cycle**2 * a / 2, w + drive_cycle * a
         np.testing.assert_allclose(done.q[: len(found), j], found, atol=1e-12)
         assert (done.saturated_time[j] > 0) == np.isfinite(most)
 
@@ -95,9 +100,9 @@ def test_drives_hold_their_acceleration_for_a_cycle(cycle, execute):
 def test_a_cycle_does_not_hold_back_joints_that_only_delay(execute):
     late = 5e-3
     servo = ac.ServoModel(
-        order=("delay", "first"), kp=(np.inf, 20.0), dead_time=(late, 0.0), cycle=1e-3
+        order=("delay", "first"), kp=(np.inf, 20.0), dead_time=(late, 0.0), drive_cycle=1e-3
     )
-    done = execute(servo)
+    done = simulate(servo)
     n = len(Q)
     np.testing.assert_allclose(done.q[:n, 0], np.interp(T - late, T, Q[:, 0]), atol=1e-12)
     q, found = Q[0, 1], []
@@ -109,8 +114,8 @@ def test_a_cycle_does_not_hold_back_joints_that_only_delay(execute):
 
 def test_a_log_of_uneven_times_is_followed_as_by_the_plant(execute):
     servo = ac.ServoModel(kp=20.0, kv=90.0, dead_time=5.3e-3, velocity_feedforward=0.9)
-    done = execute(servo)
-    more = np.sort(np.concatenate([T, T[:-1] + np.random.default_rng(0).uniform(0, PERIOD, 59)]))
+    done = simulate(servo)
+    more = np.sort(np.concatenate([T, T[:-1] + np.random.default_rng(0).uniform(0, CYCLE, 59)]))
     every = JointServo(
         kp=np.array([20.0, 5.0]), kv=90.0, velocity_feedforward=0.9, dead_time=5.3e-3
     )
@@ -126,13 +131,15 @@ def test_set_points_compensate_the_cycle_of_drives(kind, feed):
     path = ac.round_corners(ac.Path.polyline([(0.30, 0.20), (0.36, 0.20)]), tolerance=2e-3)
     limits = ac.Limits(joint_acceleration=[5.0, 5.0], joint_jerk=[50.0, 50.0], speed=0.1)
     plan = ac.plan(path, ARM, limits, ac.Optimal(intervals=200))
-    for period in (PERIOD, 2e-4):
+    for cycle in (CYCLE, 2e-4):
         off = []
-        for cycle in (0.0, 2e-3):
-            servo = ac.ServoModel(kp=20.0, velocity_feedforward=feed, cycle=cycle, **kind)
-            taught = ac.compensate(plan, servo, ac.Inverse(), period=period)
+        for drive_cycle in (0.0, 2e-3):
+            servo = ac.ServoModel(
+                kp=20.0, velocity_feedforward=feed, drive_cycle=drive_cycle, **kind
+            )
+            set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=cycle)
             # What the joints do between cycles is not compensated.
-            done = ac.execute(taught, ac.ServoPlant(ARM, servo), resolution=period)
+            done = ac.simulate(set_points, ac.ServoPlant(ARM, servo), resolution=cycle)
             inside = (done.t > 0) & (done.t < plan.duration)
             inside &= np.abs(done.t / 2e-3 - np.round(done.t / 2e-3)) < 1e-6
             off.append(np.abs(done.q - plan(np.clip(done.t, 0, plan.duration)))[inside].max())
@@ -145,9 +152,9 @@ def test_jumps_of_acceleration_do_not_saturate_a_drive_with_a_cycle():
     arm = ac.load_arm("pmk3s")
     limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
     plan = ac.plan(path, arm, limits, ac.Optimal(reserve=0.02))
-    servo = ac.ServoModel(kp=25.0, kv=150.0, cycle=1e-3)
-    taught = ac.compensate(plan, servo, ac.Inverse(), period=PERIOD)
-    done = ac.execute(taught, ac.ServoPlant(arm, servo))
+    servo = ac.ServoModel(kp=25.0, kv=150.0, drive_cycle=1e-3)
+    set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=CYCLE)
+    done = ac.simulate(set_points, ac.ServoPlant(arm, servo))
     assert np.all(np.abs(done.demand) < limits.joint_acceleration)
     assert ac.evaluate(done, path).contour_error.rms < 2e-8
 
@@ -162,8 +169,8 @@ def test_set_points_compensate_dry_dry_friction(kind, feed):
     off = []
     for friction in (0.0, 1e-4):
         servo = ac.ServoModel(kp=20.0, velocity_feedforward=feed, friction=friction, **kind)
-        taught = ac.compensate(plan, servo, ac.Inverse(), period=PERIOD)
-        done = ac.execute(taught, ac.ServoPlant(ARM, servo))
+        set_points = ac.compensate(plan, servo, ac.Inverse(), cycle=CYCLE)
+        done = ac.simulate(set_points, ac.ServoPlant(ARM, servo))
         inside = (done.t > 0.1) & (done.t < plan.duration - 0.1)
         off.append(np.abs((done.q - plan(np.clip(done.t, 0, plan.duration)))[inside]).mean())
     assert off[1] < off[0] + 0.1 * 1e-4

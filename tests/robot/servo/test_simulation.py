@@ -22,22 +22,22 @@ def test_a_joint_that_cannot_be_simulated_is_named():
                 has_feedforward=False,
                 friction=np.zeros(2),
                 ki=np.zeros(2),
-                cycle=0.0,
+                drive_cycle=0.0,
             )
             run = Simulation(q, 4e-3, servo)
             with pytest.raises(ac.ExecutionError, match=r"Joint 2 .* kp = 1e\+"):
                 run.run(0, 3, q[0], np.zeros(2))
 
 
-PERIOD, BOUND = 1e-3, 3.0
+CYCLE, BOUND = 1e-3, 3.0
 
 
 def integrate(q, servo, every):
     """Lowest and highest demand of a joint under held set-points, integrated in small steps."""
     kp, kv, late = float(servo.kp), float(servo.kv), float(servo.dead_time)
     x, v, seen = q[0], 0.0, [0.0, 0.0]
-    for i in range(round(60 * PERIOD / every)):
-        k = int((i * every - late) / PERIOD + 1e-6) if i * every >= late - 1e-12 else 0
+    for i in range(round(60 * CYCLE / every)):
+        k = int((i * every - late) / CYCLE + 1e-6) if i * every >= late - 1e-12 else 0
         u = q[min(k, len(q) - 1)]
         demand = kv * (kp * (u - x) - v)
         seen = [min(seen[0], demand), max(seen[1], demand)]
@@ -55,7 +55,7 @@ def test_held_set_points_while_the_joint_saturates():
         servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=late, interpolation="step")
         true = integrate(q, servo, 1e-5)
         for steps in (1, 3):
-            own = Simulation(q[:, None], PERIOD, servo.for_joints(1), -bound, bound, steps=steps)
+            own = Simulation(q[:, None], CYCLE, servo.for_joints(1), -bound, bound, steps=steps)
             found = own.run(0, 60, q[:1], np.zeros(1))
-            assert found.saturated[0] > 5 * PERIOD
+            assert found.saturated[0] > 5 * CYCLE
             np.testing.assert_allclose([found.lowest[0], found.highest[0]], true, rtol=2e-3)

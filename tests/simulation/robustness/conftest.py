@@ -10,7 +10,7 @@ LIMITS = ac.Limits.only(joint_acceleration=[2.0, 2.0], joint_torque=[40.0, 40.0]
 
 @pytest.fixture(scope="package")
 def planar():
-    """Arm, servo, path, taught data."""
+    """Arm, servo, path, set-points."""
     arm = ac.load_arm("pmk3s").with_dynamics(
         armature=0.05, payload=ac.Payload(mass=0.5, center=np.array([0.215, 0.0, 0.0]))
     )
@@ -18,5 +18,5 @@ def planar():
     path = ac.Path.polyline([(0.30, 0.20), (0.34, 0.20), (0.34, 0.23)])
     rounded = ac.round_corners(path, tolerance=1e-3)
     plan = ac.plan(rounded, arm, LIMITS, ac.Optimal(intervals=400, branch="positive"))
-    taught = ac.compensate(plan, servo, ac.InverseDynamics(), arm=arm, period=8e-3)
-    return arm, servo, rounded, taught
+    set_points = ac.compensate(plan, servo, ac.InverseDynamics(), arm=arm, cycle=8e-3)
+    return arm, servo, rounded, set_points

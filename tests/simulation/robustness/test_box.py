@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.simulation.robustness import Box
+from armcontour.simulation.robustness import Uncertainty
 from armcontour.simulation.robustness.bodies import (
     BodyRuns,
     describe,
@@ -17,7 +17,7 @@ from armcontour.simulation.robustness.bodies import (
 from armcontour.simulation.robustness.unknowns import Unknowns
 
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
-ALL = Box(
+ALL = Uncertainty(
     gains=[[0.1], [0.05]],
     payload=[-0.2, 0.6],
     viscous=[2.0, 1.0],
@@ -29,11 +29,11 @@ ALL = Box(
 
 
 def test_a_box_its_columns_and_their_ranges(planar):
-    np.testing.assert_array_equal(Box(payload=0.4).payload, [-0.4, 0.4])
-    np.testing.assert_array_equal(Box(payload=[0.0, 2.0]).payload, [0.0, 2.0])
-    np.testing.assert_array_equal(Box().friction, [0.0, 1.0])
-    assert Box().of_bodies == ()
-    box = Box(viscous=1.0, armature=0.1, payload_known=True)
+    np.testing.assert_array_equal(Uncertainty(payload=0.4).payload, [-0.4, 0.4])
+    np.testing.assert_array_equal(Uncertainty(payload=[0.0, 2.0]).payload, [0.0, 2.0])
+    np.testing.assert_array_equal(Uncertainty().friction, [0.0, 1.0])
+    assert Uncertainty().of_bodies == ()
+    box = Uncertainty(viscous=1.0, armature=0.1, payload_known=True)
     assert box.of_bodies == ("viscous", "armature", "payload_known")
     arm, servo, _, _ = planar
     u = Unknowns.of(ALL, arm, servo)
@@ -45,9 +45,9 @@ def test_a_box_its_columns_and_their_ranges(planar):
     drawn = u.draw(500, 1)
     assert ((u.low <= drawn) & (drawn <= u.high)).all()
     assert (np.ptp(drawn, axis=0) > 0.95 * (u.high - u.low)).all()
-    shared = Unknowns.of(Box(viscous=1.0, friction_shared=True), arm, servo)
+    shared = Unknowns.of(Uncertainty(viscous=1.0, friction_shared=True), arm, servo)
     assert shared.names == ("friction",)
-    assert len(Unknowns.of(Box(), arm, servo)) == 0
+    assert len(Unknowns.of(Uncertainty(), arm, servo)) == 0
 
 
 def test_refusals(planar, refuses):
@@ -61,18 +61,18 @@ def test_refusals(planar, refuses):
         {"dead_time": -1e-3},
     ):
         with pytest.raises(ac.InvalidInput):
-            Box(**wrong)
+            Uncertainty(**wrong)
     # Boxes that do not fit the arm or the servo.
     arm, servo, _, _ = planar
     first = ac.ServoModel(kp=25.0, order="first")
     for box, own, model, *words in (
-        (Box(jitter=1e-3), arm, servo),
-        (Box(gains=[0.1] * 3), arm, servo, "2 joints"),
-        (Box(dead_time=3e-3), arm, servo, "cannot be negative"),
-        (Box(payload=1.0), arm, servo, "0.5 kg"),
-        (Box(viscous=1.0, friction=0.5), arm, servo),
-        (Box(armature=0.1), ac.load_arm("pmk3s"), servo),
-        (Box(), arm, first),
+        (Uncertainty(jitter=1e-3), arm, servo),
+        (Uncertainty(gains=[0.1] * 3), arm, servo, "2 joints"),
+        (Uncertainty(dead_time=3e-3), arm, servo, "cannot be negative"),
+        (Uncertainty(payload=1.0), arm, servo, "0.5 kg"),
+        (Uncertainty(viscous=1.0, friction=0.5), arm, servo),
+        (Uncertainty(armature=0.1), ac.load_arm("pmk3s"), servo),
+        (Uncertainty(), arm, first),
     ):
         refuses(lambda x=(box, own, model): Unknowns.of(*x), ac.InvalidInput, *words)
 
@@ -93,10 +93,10 @@ def test_a_robot_has_its_errors(planar):
         np.testing.assert_allclose(found, expected)
     # The controller knows none of it, unless it weighs its payload.
     assert known is u.arm
-    weighed = Unknowns.of(Box(payload=[0.0, 1.0], payload_known=True), arm, servo)
+    weighed = Unknowns.of(Uncertainty(payload=[0.0, 1.0], payload_known=True), arm, servo)
     assert weighed.robot(np.ones(1))[1].chain.payload.mass == pytest.approx(1.5)
     arm = ac.load_arm("ur5e").with_tool(ac.Frame(position=[0.0, 0.0, 0.12]))
-    u = Unknowns.of(Box(payload=[0.0, 2.0]), arm, SERVO)
+    u = Unknowns.of(Uncertainty(payload=[0.0, 2.0]), arm, SERVO)
     load = u.robot(np.array([2.0]))[0].chain.payload
     assert load.mass == 2.0 and load.center[2] == 0.12
     assert u.robot(np.zeros(1))[0].chain.payload is None
@@ -109,22 +109,26 @@ COARSE = {"step": 1e-3}
 
 @pytest.fixture(scope="module")
 def runs(planar):
-    arm, servo, path, taught = planar
-    u = Unknowns.of(Box(gains=[[0.05], [0.0]], payload=[0.0, 0.4], payload_known=True), arm, servo)
-    return BodyRuns(taught=taught, path=path, unknowns=u, limits=LIMITS, options=COARSE)
+    arm, servo, path, set_points = planar
+    u = Unknowns.of(
+        Uncertainty(gains=[[0.05], [0.0]], payload=[0.0, 0.4], payload_known=True), arm, servo
+    )
+    return BodyRuns(set_points=set_points, path=path, unknowns=u, limits=LIMITS, options=COARSE)
 
 
 def test_a_spread_is_what_the_plant_does(planar, runs):
-    arm, servo, path, taught = planar
+    arm, servo, path, set_points = planar
     errors = np.array([[0.4, 0.05, -0.05]])
     found = spread_on_bodies(runs, errors)
     load = ac.Payload(mass=0.9, center=arm.chain.payload.center)
     known = arm.with_dynamics(payload=load)
     plant = ac.RigidBodyPlant(known, servo.replace(kp=[26.25, 23.75]), LIMITS, **COARSE)
-    done = ac.execute(taught, plant, resolution=1e-3)
+    done = ac.simulate(set_points, plant, resolution=1e-3)
     # A spread is of samples.
     result = ac.evaluate(dataclasses.replace(done, plant=None), path)
-    assert found.max[0] == pytest.approx(max(result.contour_error.max, result.missed.max), rel=1e-9)
+    assert found.max[0] == pytest.approx(
+        max(result.contour_error.max, result.coverage_error.max), rel=1e-9
+    )
     off = path.project(done.tool).distance
     assert found.rms[0] == pytest.approx(np.sqrt(np.mean(off**2)), rel=1e-9)
     assert found.worst_deviations == {"payload": 0.4, "kp of joint 1": 0.05, "kp of joint 2": -0.05}
@@ -149,9 +153,9 @@ def test_other_processes_find_the_same(runs, monkeypatch):
 
 
 def test_a_robot_that_cannot_be_controlled_is_named(planar, runs):
-    arm, servo, path, taught = planar
+    arm, servo, path, set_points = planar
     wild = Unknowns.of(runs.unknowns.box, arm, servo.replace(kv=9e3))
-    wrong = BodyRuns(taught=taught, path=path, unknowns=wild, limits=LIMITS, options={})
+    wrong = BodyRuns(set_points=set_points, path=path, unknowns=wild, limits=LIMITS, options={})
     with pytest.raises(ac.ExecutionError, match="The robot with no errors: .*unstable"):
         spread_on_bodies(wrong, wild.high[None])
     assert describe(wild, wild.high) == "payload +0.4 kg; kp +0.05"

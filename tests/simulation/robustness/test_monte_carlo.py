@@ -13,34 +13,39 @@ from armcontour.geometry.nearest import pack
 from armcontour.motion import LapLaw
 from armcontour.robot.planar import Tube
 from armcontour.simulation.robustness import monte_carlo as robustness
-from armcontour.simulation.robustness.monte_carlo import Box, jitter_of, spread, worst_corner
+from armcontour.simulation.robustness.monte_carlo import (
+    Uncertainty,
+    jitter_of,
+    spread,
+    worst_corner,
+)
 
-PERIOD = 4e-3
+CYCLE = 4e-3
 SERVO = ac.ServoModel(kp=25.0, kv=150.0)
 
 
 @pytest.fixture(scope="module")
 def job(mac, rounded, arm, limits):
-    """Taught data without compensation, path, arm, servo, limits."""
-    taught = ac.compensate(mac, SERVO, ac.NoCompensation(), period=PERIOD)
-    return taught, rounded, arm, SERVO, limits
+    """Set-points without compensation, path, arm, servo, limits."""
+    set_points = ac.compensate(mac, SERVO, ac.NoCompensation(), cycle=CYCLE)
+    return set_points, rounded, arm, SERVO, limits
 
 
 @pytest.fixture(scope="module")
 def leading(mac, job):
-    """The same with taught data that saturates most robots of a box."""
-    return ac.compensate(mac, SERVO, ac.Inverse(), period=PERIOD), *job[1:]
+    """The same with set-points that saturates most robots of a box."""
+    return ac.compensate(mac, SERVO, ac.Inverse(), cycle=CYCLE), *job[1:]
 
 
-def reference(taught, path, arm, servo, limits, until=None, resolution=1e-3):
-    executed = ac.execute(taught, ac.ServoPlant(arm, servo, limits), resolution=resolution)
+def reference(set_points, path, arm, servo, limits, until=None, resolution=1e-3):
+    executed = ac.execute(set_points, ac.ServoPlant(arm, servo, limits), resolution=resolution)
     return executed, ac.evaluate(executed, path, until=until)
 
 
-def agrees(found, taught, path, arm, servo, limits, until=None, resolution=1e-3):
+def agrees(found, set_points, path, arm, servo, limits, until=None, resolution=1e-3):
     for i in range(len(found)):
         own = found.servo(i, servo)
-        executed, judged = reference(taught, path, arm, own, limits, until, resolution)
+        executed, judged = reference(set_points, path, arm, own, limits, until, resolution)
         error = judged.contour_error
         assert (found.rms[i], found.max[i]) == pytest.approx((error.rms, error.max), rel=1e-3)
         assert found.until[i] == pytest.approx(judged.until, abs=3e-3)
@@ -70,27 +75,29 @@ SERVOS = {
 
 @pytest.mark.parametrize("kind", SERVOS)
 def test_executions_are_those_of_the_servo_plant(kind, job):
-    taught, path, arm, _, limits = job
+    set_points, path, arm, _, limits = job
     servo = ac.ServoModel(**{"kp": 25.0, "kv": 150.0, **SERVOS[kind]})
-    own = taught, path, arm, servo, limits
-    box = Box(gains=0.1, dead_time=1.5e-3 if kind == "late" else 0.0, dead_time_shared=False)
+    own = set_points, path, arm, servo, limits
+    box = Uncertainty(
+        gains=0.1, dead_time=1.5e-3 if kind == "late" else 0.0, dead_time_shared=False
+    )
     agrees(spread(*own, box, samples=6, seed=3), *own)
     if "fed forward" not in kind:
         # Next to no jitter is none.
-        found = spread(*own, Box(jitter=1e-9), samples=1)
+        found = spread(*own, Uncertainty(jitter=1e-9), samples=1)
         nominal = found.nominal_rms, found.nominal_max
         assert (found.rms[0], found.max[0]) == pytest.approx(nominal, rel=1e-4)
 
 
 @pytest.mark.parametrize(("since", "until"), [(0.5, 1.7), (0.1234, 0.8765), (2.0, 2.1)])
 def test_errors_between_two_times(job, since, until):
-    """As on a contour of a program, whose taught data starts with what leads to it."""
-    taught, path, arm, servo, limits = job
-    found = spread(*job, Box(gains=0.1), samples=4, seed=3, since=since, until=until)
+    """As on a contour of a program, whose set-points starts with what leads to it."""
+    set_points, path, arm, servo, limits = job
+    found = spread(*job, Uncertainty(gains=0.1), samples=4, seed=3, since=since, until=until)
     for i in range(4):
         plant = ac.ServoPlant(arm, found.servo(i, servo), limits)
         # Looked at as often as the spread is: between that, errors of micrometres differ by more.
-        executed = ac.execute(taught, plant, resolution=2e-3)
+        executed = ac.execute(set_points, plant, resolution=2e-3)
         off = path.project(executed.tool).distance
         inside = executed.t[(executed.t > since) & (executed.t < until)]
         t = np.concatenate([[since], inside, [until]])
@@ -102,25 +109,25 @@ def test_errors_between_two_times(job, since, until):
 def test_saturated_executions_and_other_limits_and_periods(mac, job):
     _, path, arm, servo, limits = job
     uneven = limits.replace(joint_acceleration=limits.joint_acceleration[:, None] * (-0.8, 1.0))
-    for method, period, own in (
-        ("inverse", PERIOD, limits),
-        ("pole_placement", PERIOD, limits),
+    for method, cycle, own in (
+        ("inverse", CYCLE, limits),
+        ("pole_placement", CYCLE, limits),
         ("inverse", 0.011, uneven),
     ):
-        taught = ac.compensate(mac, servo, METHODS[method](), period=period)
-        setting = taught, path, arm, servo, own
-        found = spread(*setting, Box(gains=0.1), samples=6)
+        set_points = ac.compensate(mac, servo, METHODS[method](), cycle=cycle)
+        setting = set_points, path, arm, servo, own
+        found = spread(*setting, Uncertainty(gains=0.1), samples=6)
         assert found.saturated.max() > 0.3
         agrees(found, *setting)
 
 
 def test_errors_cover_the_time_asked_for_and_all_between_results(leading):
     for until in (5.0, 7.0):
-        agrees(spread(*leading, Box(gains=0.1), samples=4, until=until), *leading, until)
-    taught, path, arm, servo, limits = leading
-    found = spread(*leading, Box(gains=0.2), samples=3)
+        agrees(spread(*leading, Uncertainty(gains=0.1), samples=4, until=until), *leading, until)
+    set_points, path, arm, servo, limits = leading
+    found = spread(*leading, Uncertainty(gains=0.2), samples=3)
     for i in range(3):
-        own = taught, path, arm, found.servo(i, servo), limits
+        own = set_points, path, arm, found.servo(i, servo), limits
         error = reference(*own, resolution=1e-4)[1].contour_error
         assert (found.rms[i], found.max[i]) == pytest.approx((error.rms, error.max), rel=1e-3)
 
@@ -131,10 +138,12 @@ def test_the_largest_error_of_a_short_motion_is_found_between_results():
     path = ac.round_corners(ac.Path.polyline(points), tolerance=0.15e-3)
     limits = ac.Limits(joint_acceleration=4.1, speed=0.17)
     plan = ac.plan(path, arm, limits, ac.Optimal(reserve=0.1))
-    taught = ac.compensate(plan, servo, period=8e-3)
-    found = worst_corner(taught, path, arm, servo, plan.limits, Box(gains=0.05, dead_time=1e-3))
+    set_points = ac.compensate(plan, servo, cycle=8e-3)
+    found = worst_corner(
+        set_points, path, arm, servo, plan.limits, Uncertainty(gains=0.05, dead_time=1e-3)
+    )
     for i in range(0, len(found), 3):
-        own = taught, path, arm, found.servo(i, servo), plan.limits
+        own = set_points, path, arm, found.servo(i, servo), plan.limits
         largest = reference(*own, resolution=1e-4)[1].contour_error.max
         assert (1 - 1e-4) * largest <= found.max[i] <= (1 + 1e-3) * largest
 
@@ -142,8 +151,8 @@ def test_the_largest_error_of_a_short_motion_is_found_between_results():
 def test_a_tool_slower_than_a_millimetre_per_second_still_leaves_its_path():
     job = replace(random_job(16), branch="positive")
     plan = ac.certify(job)
-    setting = plan.taught, plan.path.path, job.arm, job.plant_servo, plan.run.limits
-    found = spread(*setting, Box(), samples=1)
+    setting = plan.set_points, plan.path.path, job.arm, job.plant_servo, plan.run.limits
+    found = spread(*setting, Uncertainty(), samples=1)
     result = reference(*setting, resolution=1e-4)[1]
     error = result.contour_error
     assert error.t_max > result.settled
@@ -151,24 +160,24 @@ def test_a_tool_slower_than_a_millimetre_per_second_still_leaves_its_path():
 
 
 def test_a_box_of_nothing_is_the_nominal_robot(leading):
-    found = spread(*leading, Box(), samples=3)
+    found = spread(*leading, Uncertainty(), samples=3)
     assert found.names == () and found.worst_deviations == {}
     assert (found.max == found.nominal_max).all() and (found.rms == found.nominal_rms).all()
     np.testing.assert_array_equal(found.kp, 25.0)
     error = reference(*leading)[1].contour_error
     assert found.nominal_rms == pytest.approx(error.rms, rel=1e-3)
-    corner = worst_corner(*leading, Box())
+    corner = worst_corner(*leading, Uncertainty())
     assert len(corner) == 1 and corner.max[0] == found.nominal_max
 
 
 def test_seeds(job):
-    box = Box(gains=[[0.1], [0.05]], jitter=5e-4)
+    box = Uncertainty(gains=[[0.1], [0.05]], jitter=5e-4)
     one, two = (spread(*job, box, samples=40, threads=x) for x in (1, 3))
     np.testing.assert_array_equal(one.max, two.max)
     np.testing.assert_array_equal(spread(*job, box, samples=9).max, one.max[:9])
     assert (spread(*job, box, samples=9, seed=1).max != one.max[:9]).all()
     # What does not vary changes nothing of what does.
-    still = spread(*job, Box(gains=[0.1, 0.0]), samples=9)
+    still = spread(*job, Uncertainty(gains=[0.1, 0.0]), samples=9)
     np.testing.assert_array_equal(still.kp[:, 0], one.kp[:9, 0])
     assert (still.kp[:, 1] == 25.0).all()
     assert (np.abs(one.kp / 25 - 1) <= 0.1).all() and (np.abs(one.kv / 150 - 1) <= 0.05).all()
@@ -176,19 +185,19 @@ def test_seeds(job):
 
 
 def test_a_dead_time_that_joints_share_draws_the_same_contour(job):
-    taught, path, arm, _, limits = job
-    own = taught, path, arm, SERVO.replace(dead_time=4e-3), limits
-    shared = spread(*own, Box(dead_time=2e-3), samples=8, until=6.0)
+    set_points, path, arm, _, limits = job
+    own = set_points, path, arm, SERVO.replace(dead_time=4e-3), limits
+    shared = spread(*own, Uncertainty(dead_time=2e-3), samples=8, until=6.0)
     assert shared.names == ("dead time",)
     assert (shared.dead_time[:, 0] == shared.dead_time[:, 1]).all()
     np.testing.assert_allclose(shared.max, shared.nominal_max, rtol=1e-4)
-    apart = spread(*own, Box(dead_time=2e-3, dead_time_shared=False), samples=8)
+    apart = spread(*own, Uncertainty(dead_time=2e-3, dead_time_shared=False), samples=8)
     assert apart.names == ("dead time of joint 1", "dead time of joint 2")
     assert np.ptp(apart.max) > 0.1 * apart.nominal_max
 
 
 def test_the_worst_of_a_monotone_box_is_a_corner(job):
-    box = Box(gains=[[0.1], [0.0]])
+    box = Uncertainty(gains=[[0.1], [0.0]])
     corners, drawn = worst_corner(*job, box), spread(*job, box, samples=300)
     assert len(corners) == 4 and corners.seed is None
     assert drawn.max.max() <= corners.max.max()
@@ -199,9 +208,11 @@ def test_the_worst_of_a_monotone_box_is_a_corner(job):
 
 
 def test_robots_that_do_not_settle_have_errors_too(job):
-    taught, path, arm, servo, limits = job
+    set_points, path, arm, servo, limits = job
     slow = servo.replace(kp=0.02)
-    usual, found = (spread(taught, path, arm, x, limits, Box(), samples=1) for x in (servo, slow))
+    usual, found = (
+        spread(set_points, path, arm, x, limits, Uncertainty(), samples=1) for x in (servo, slow)
+    )
     assert 10 * usual.nominal_max < found.nominal_max < path.length
 
 
@@ -214,13 +225,13 @@ def test_too_many_corners_are_searched():
 
 def test_jitter_is_a_command_that_comes_unevenly(job):
     """Against set-points every 0.1 ms on the same uneven polyline."""
-    taught, jitter = job[0], 1.5e-3
-    found = spread(*job, Box(jitter=jitter), samples=2, seed=5)
+    set_points, jitter = job[0], 1.5e-3
+    found = spread(*job, Uncertainty(jitter=jitter), samples=2, seed=5)
     for i in range(2):
-        due = np.arange(len(taught.q)) * PERIOD + jitter_of(5, i, len(taught.q), jitter)
+        due = np.arange(len(set_points.q)) * CYCLE + jitter_of(5, i, len(set_points.q), jitter)
         fine = np.arange(0, due[-1] + 1e-4, 1e-4)
-        q = np.column_stack([np.interp(fine, due, taught.q[:, j]) for j in range(2)])
-        dense = ac.TaughtData(period=1e-4, q=q, trajectory=taught.trajectory, method="x")
+        q = np.column_stack([np.interp(fine, due, set_points.q[:, j]) for j in range(2)])
+        dense = ac.SetPoints(cycle=1e-4, q=q, trajectory=set_points.trajectory, method="x")
         error = reference(dense, *job[1:])[1].contour_error
         assert found.rms[i] == pytest.approx(error.rms, rel=3e-3)
         assert found.max[i] == pytest.approx(error.max, rel=1e-2)
@@ -229,7 +240,7 @@ def test_jitter_is_a_command_that_comes_unevenly(job):
 
 def test_a_payload_takes_gain_and_limit_away(job):
     """At the joint behind which nothing turns: its inertia is the same in every pose."""
-    taught, path, arm, servo, limits = job
+    set_points, path, arm, servo, limits = job
     tube = Tube(outer_diameter=0.05, wall=0.005, density=2700.0)
     loaded = ac.PlanarTwoLink(
         name="loaded",
@@ -239,20 +250,22 @@ def test_a_payload_takes_gain_and_limit_away(job):
         tubes=(tube, tube),
         payload=ac.Payload(mass=0.5),
     )
-    found = spread(taught, path, loaded, servo, limits, Box(payload=0.4), samples=4)
+    found = spread(set_points, path, loaded, servo, limits, Uncertainty(payload=0.4), samples=4)
     assert found.names == ("payload",) and (np.abs(found.payload) <= 0.4).all()
-    own = loaded.dynamics.mass_matrix(taught.q)
+    own = loaded.dynamics.mass_matrix(set_points.q)
     for i in range(4):
         chain = loaded.chain.replace(payload=ac.Payload(mass=0.5 + found.payload[i]))
-        more = type(loaded.dynamics)(chain).mass_matrix(taught.q)
-        ratio = 1 + found.payload[i] * robustness._inertia(loaded, taught, Box(payload=0.4))
+        more = type(loaded.dynamics)(chain).mass_matrix(set_points.q)
+        ratio = 1 + found.payload[i] * robustness._inertia(
+            loaded, set_points, Uncertainty(payload=0.4)
+        )
         for j in (0, 1):
             np.testing.assert_allclose(ratio[j], (more / own)[:, j, j], rtol=1e-9)
         # A constant share would be another servo; along this path it hardly changes.
         kv = 150 / ratio.mean(axis=1)
         bounds = limits.replace(joint_acceleration=limits.joint_acceleration * kv / 150)
         like = ac.ServoModel(kp=25.0, kv=kv)
-        error = reference(taught, path, loaded, like, bounds, resolution=4e-3)[1].contour_error
+        error = reference(set_points, path, loaded, like, bounds, resolution=4e-3)[1].contour_error
         assert found.max[i] == pytest.approx(error.max, rel=0.05)
     assert np.ptp(found.max) > 0.02 * found.nominal_max
 
@@ -267,13 +280,13 @@ def test_a_serial_arm_in_space():
     dq = np.diff(q, axis=0) / 8e-3
     law = LapLaw(breaks=t, q=q, dq=dq, ddq=np.zeros_like(dq))
     trajectory = ac.Trajectory(laws=(law,), method="hand")
-    taught = ac.TaughtData(period=8e-3, q=q, trajectory=trajectory, method="x")
+    set_points = ac.SetPoints(cycle=8e-3, q=q, trajectory=trajectory, method="x")
     servo, limits = ac.ServoModel(kp=20.0, kv=100.0), ac.Limits.only(joint_acceleration=2.0)
-    own = taught, ac.Path.polyline(arm.tool_position(q[::8])), arm, servo, limits
-    found = spread(*own, Box(gains=0.1), samples=4)
+    own = set_points, ac.Path.polyline(arm.tool_position(q[::8])), arm, servo, limits
+    found = spread(*own, Uncertainty(gains=0.1), samples=4)
     # The error comes to a point at every corner of the path.
     agrees(found, *own, resolution=1e-4)
-    corners = worst_corner(*own, Box(gains=[[0.1], [0.0]]))
+    corners = worst_corner(*own, Uncertainty(gains=[[0.1], [0.0]]))
     assert len(corners) == 64 and corners.max.max() >= found.nominal_max
 
 
@@ -301,21 +314,21 @@ def test_another_branch_is_not_the_nearest_and_closed_paths_are_closed():
 
 
 def test_refusals(job, refuses):
-    taught, path, arm, servo, limits = job
+    set_points, path, arm, servo, limits = job
     lag, flat = ac.ServoModel(kp=25.0, order="first"), ac.Path.polyline([(0, 0, 0), (1, 0, 0)])
     for box, own, way, more in (
-        (Box(gains=[0.1, 0.1, 0.1]), servo, path, {}),
-        (Box(dead_time=1e-3), servo, path, {}),
-        (Box(jitter=2e-3), servo, path, {}),
-        (Box(payload=1.0), servo, path, {}),
-        (Box(payload=1.0), lag, path, {}),
-        (Box(), servo, flat, {}),
-        *((Box(), servo, path, x) for x in ({"samples": 0}, {"threads": 0})),
-        (Box(), servo, path, {"since": 1.0, "until": 0.5}),
-        (Box(), lambda: ac.ServoModel(kp=1e9, kv=1e300), path, {}),
+        (Uncertainty(gains=[0.1, 0.1, 0.1]), servo, path, {}),
+        (Uncertainty(dead_time=1e-3), servo, path, {}),
+        (Uncertainty(jitter=2e-3), servo, path, {}),
+        (Uncertainty(payload=1.0), servo, path, {}),
+        (Uncertainty(payload=1.0), lag, path, {}),
+        (Uncertainty(), servo, flat, {}),
+        *((Uncertainty(), servo, path, x) for x in ({"samples": 0}, {"threads": 0})),
+        (Uncertainty(), servo, path, {"since": 1.0, "until": 0.5}),
+        (Uncertainty(), lambda: ac.ServoModel(kp=1e9, kv=1e300), path, {}),
     ):
 
         def call(box=box, own=own, way=way, more=more):
-            spread(taught, way, arm, own() if callable(own) else own, limits, box, **more)
+            spread(set_points, way, arm, own() if callable(own) else own, limits, box, **more)
 
         refuses(call, ac.InvalidInput)

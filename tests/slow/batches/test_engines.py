@@ -19,7 +19,7 @@ path: {points: [[0.30, 0.20], [0.33, 0.20], [0.33, 0.23]]}
 limits: {speed: 0.1 m/s, centripetal_acceleration: 0.09 m/s^2}
 corners: {tolerance: 1 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
-command_interval: 10 ms
+cycle: 10 ms
 runs: {only: {compensation: {method: none}}}
 """
 PLACED = "placement: {over: {x: {from: -30 mm, to: 30 mm, places: 3}}, refine: false}\n"

@@ -13,7 +13,7 @@ from tests.corner_job import CORNER_JOB
 import armcontour as ac
 from armcontour.files import parse_job
 from armcontour.files.cell import read_cell
-from armcontour.jobs import Goal
+from armcontour.jobs import CertificateGoal
 from armcontour.report import (
     render_batch,
     render_demo,
@@ -37,9 +37,9 @@ path: {points: [[0, 0, 0], [0.02, 0, 0]], orientation: {axis: [0, 0, -1]}}
 limits: {speed: 0.25, centripetal_acceleration: 1}
 corners: {tolerance: 0.5 mm}
 servo: {kp: 25, kv: 150}
-command_interval: 4 ms
+cycle: 4 ms
 runs:
-  taught: {compensation: {method: inverse}}
+  set_points: {compensation: {method: inverse}}
   slower: {limits: {speed: 0.1}}
 scene: {halfspaces: [{name: table, at: [0, 0, -0.1]}]}
 """
@@ -90,9 +90,9 @@ def identified():
         u *= 5e-3 / np.abs(u).max()
         u[:, 3] = 0.0
         u += [0.0, -1.2, 1.4, -1.0, -1.5, 0.2]
-        rest = ac.Trajectory(laws=(ac.stand_still(u[0], t[-1]),), method="rest")
-        taught = ac.TaughtData(period=4e-3, q=u, trajectory=rest, method="shaking")
-        done = ac.execute(taught, robot)
+        rest = ac.Trajectory(laws=(ac.dwell_law(u[0], t[-1]),), method="rest")
+        set_points = ac.SetPoints(cycle=4e-3, q=u, trajectory=rest, method="shaking")
+        done = ac.simulate(set_points, robot)
         q = np.stack([np.interp(t, done.t, x) for x in done.q.T], axis=1)
         q += 1e-5 * random.standard_normal(q.shape)
         logs.append(ac.Log(t=t, command=u, measured=q, interpolation="linear"))
@@ -105,7 +105,7 @@ def placed():
 
 
 def certified():
-    found = ac.certify(gasket(), goal=Goal(servo=0.02e-3))
+    found = ac.certify(gasket(), goal=CertificateGoal(servo=0.02e-3))
     return render_report(found.study, certificate=found)
 
 

@@ -26,7 +26,7 @@ runs:
 # By command, its further options and the file that is compared.
 COMMANDS = {
     "place": (("--over", "x: -30 mm .. 30 mm, 3", "--no-refine"), "placement.csv"),
-    "certify": ((), "only/taught.csv"),
+    "certify": ((), "only/set_points.csv"),
 }
 
 

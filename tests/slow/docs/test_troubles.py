@@ -85,7 +85,7 @@ def changed(job=BEND, command=RUN, files=None, **keys):
 
 RANGE = {"joint_lower": -0.4, "joint_upper": 0.4}
 EARLY = {"switch": {"name": "laser", "on_lead": "200 ms"}}
-PAPER = {"paper": {"timing": {"method": "mac"}}}
+PAPER = {"paper": {"timing": {"method": "paper"}}}
 TROUBLES = {
     "Out of reach": drawn("", "--at '1.2 m, 0 m, 100 mm'", "ur5e"),
     "Out of reach by hundreds of metres": changed(path={"points": [[300, 200], [400, 200]]}),
@@ -108,7 +108,7 @@ TROUBLES = {
     "An event before the motion": changed(process=EARLY),
     "Demand above the limit: the servo saturates": changed(
         command=SIMULATED, limits={"speed": "0.2 m/s", "centripetal_acceleration": "0.3 m/s^2"},
-        command_interval="20 ms", runs={"only": {"compensation": {"method": "inverse"}}},
+        cycle="20 ms", runs={"only": {"compensation": {"method": "inverse"}}},
     ),
     "The certificate fails": changed(
         command="armcontour certify job.yaml --servo '0.01 um'",

@@ -25,7 +25,7 @@ def rename(a, b, inner=os.rename):
     inner(a, b)
 
 with ResultFolder(Path(sys.argv[1]), force=True) as folder:
-    for name in ("new/taught.csv", "report.html", "summary.json"):
+    for name in ("new/set_points.csv", "report.html", "summary.json"):
         folder.write(name, f"newer {name}")
     os.rename = rename
 print("not killed")
@@ -35,13 +35,13 @@ print("not killed")
 @pytest.mark.parametrize("moves", range(9))
 def test_a_killed_replacement_never_looks_whole_and_loses_nothing(tmp_path, moves):
     out = tmp_path / "out"
-    write(out, ["old/taught.csv", "report.html"])
+    write(out, ["old/set_points.csv", "report.html"])
     old = {x: (out / x).read_text() for x in contents(out)}
     command = [sys.executable, "-c", KILLED, str(out), str(moves)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert ("not killed" in done.stdout) == (moves == 8), done.stderr
     if moves == 8:
-        assert contents(out) == {"new/taught.csv", "report.html", "summary.json"}
+        assert contents(out) == {"new/set_points.csv", "report.html", "summary.json"}
         return
     assert (out / "summary.json").exists() == (moves == 0)
     hidden = out / ".armcontour-next" / ".old"

@@ -13,11 +13,11 @@ from armcontour.files import certificate_json, parse_job
 JOB = """
 name: own
 arm: pmk3s
-branch: positive
+configuration: positive
 path: {{points: [[0.30, 0.20], [0.33, 0.20], [0.30, 0.20]]}}
 limits: {{speed: 0.2 m/s, joint_acceleration: 3 rad/s^2}}
 servo: {{kp: 25 1/s, kv: 150 1/s}}
-command_interval: 4 ms
+cycle: 4 ms
 runs:
   only: {{compensation: {{method: {method}}}}}
 certificate: {{servo: {servo}}}
@@ -27,7 +27,7 @@ ENDS, SPEEDS = [0.300, 0.312, 0.318, 0.330], [0.15, 0.02, 0.10]
 
 def job_of_own_speeds(method):
     path = ac.Path.from_segments(
-        ac.Line(start=(a, 0.2), end=(b, 0.2), demand=ac.Demand(speed=v))
+        ac.Line(start=(a, 0.2), end=(b, 0.2), segment_limits=ac.SegmentLimits(speed=v))
         for a, b, v in zip(ENDS[:-1], ENDS[1:], SPEEDS, strict=True)
     )
     return replace(parse_job(JOB.format(method=method, servo="2 mm")), path=path)
@@ -35,7 +35,7 @@ def job_of_own_speeds(method):
 
 def executed(found):
     plant = ac.ServoPlant(found.job.arm, found.job.plant_servo, found.run.limits)
-    return ac.execute(found.taught, plant, resolution=2e-5)
+    return ac.simulate(found.set_points, plant, resolution=2e-5)
 
 
 def written(found):
@@ -58,10 +58,10 @@ def test_the_tool_keeps_the_speed_of_every_segment(method):
     contour = written(found)
     assert contour["speed_ratio"] == found.contours[0].speed_ratio <= 1.001
     # The uncertified plan was not.
-    taught = ac.compensate(
-        ac.plan(job.path, job.arm, found.run.limits), job.servo, METHODS[method](), period=4e-3
+    set_points = ac.compensate(
+        ac.plan(job.path, job.arm, found.run.limits), job.servo, METHODS[method](), cycle=4e-3
     )
-    fast = executed(replace(found, taught=taught))
+    fast = executed(replace(found, set_points=set_points))
     fast = ac.evaluate(fast, job.path, limits=found.run.limits)
     assert fast.speed_ratio > 1.05
 
@@ -79,8 +79,8 @@ def test_the_tip_of_a_turn_back_is_reached_within_the_budget():
     tip = np.linalg.norm(executed(found).tool - [0.33, 0.2], axis=1).min()
     assert 0.045e-3 < tip <= 0.05e-3
     contour = found.contours[0]
-    assert contour.missed.max == pytest.approx(tip, rel=1e-3)
-    assert contour.missed.s_max == pytest.approx(0.03)
-    assert contour.error.max < contour.missed.max == pytest.approx(found.budget.executed)
-    assert written(found)["missed"]["max"] == contour.missed.max
+    assert contour.coverage_error.max == pytest.approx(tip, rel=1e-3)
+    assert contour.coverage_error.s_max == pytest.approx(0.03)
+    assert contour.error.max < contour.coverage_error.max == pytest.approx(found.budget.executed)
+    assert written(found)["coverage_error"]["max"] == contour.coverage_error.max
     assert found.uncertified.contour_error[0] > 0.2e-3

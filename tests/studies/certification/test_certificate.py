@@ -11,9 +11,9 @@ from soak.certificates import until_rest
 import armcontour as ac
 from armcontour.control.compensation import METHODS
 from armcontour.files import certificate_json, derating_csv, parse_job
-from armcontour.jobs import Goal
-from armcontour.motion.command_limits import refuse_commands
-from armcontour.simulation.robustness.monte_carlo import Box, spread
+from armcontour.jobs import CertificateGoal
+from armcontour.motion.command_limits import check_commands
+from armcontour.simulation.robustness.monte_carlo import Uncertainty, spread
 from armcontour.studies.certification._derating import Derating, plan_derated
 
 OPTIMUM = 5.3262  # the paper's job with the method optimal, from tests/golden
@@ -22,12 +22,12 @@ SHORT = ("[0.350, 0.100], [0.380, 0.125], [0.350, 0.160]", "2 mm")
 JOB = """
 name: paper
 arm: pmk3s
-branch: positive
+configuration: positive
 path: {{points: [{points}]}}
 limits: {{speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}}
 corners: {{tolerance: {tolerance}}}
 servo: {{kp: 25 1/s, kv: 150 1/s{servo}}}
-command_interval: {period}
+cycle: {period}
 runs:
   certified: {{compensation: {{method: {method}}}}}
 {more}
@@ -35,7 +35,7 @@ runs:
 LINE = """
 name: line
 arm: pmk3s
-branch: positive
+configuration: positive
 path: {points: [[0.30, 0.20], [0.40, 0.20]]}
 limits: {speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2}
 servo: {kp: 25 1/s, kv: 150 1/s}
@@ -45,20 +45,20 @@ runs:
 LAG = """
 name: lag
 arm: pmk3s
-branch: positive
+configuration: positive
 path: {points: [[0.35, 0.2], [0.4216768, 0.1589672], [0.3311563, 0.1382437]]}
 limits: {speed: 0.2914771, joint_acceleration: 5.5179714}
 corners: {tolerance: 0.13197796 mm}
 servo: {kp: 20.8143967, kv: 181.493, dead_time: 4 ms, interpolation: cubic}
-command_interval: 4 ms
+cycle: 4 ms
 certificate: {servo: 0.6866 mm}
 runs:
   only: {compensation: {method: none}}
 """
 
 
-def job(kind, period="4 ms", method="inverse", servo="", more=""):
-    keys = {"points": kind[0], "tolerance": kind[1], "period": period, "method": method}
+def job(kind, cycle="4 ms", method="inverse", servo="", more=""):
+    keys = {"points": kind[0], "tolerance": kind[1], "cycle": cycle, "method": method}
     return parse_job(JOB.format(**keys, servo=servo, more=more))
 
 
@@ -69,10 +69,10 @@ def certified():
 
 
 def judged(found, loaded=False):
-    """The certificate's taught data, executed and checked again by nothing of the search."""
+    """The certificate's set-points, executed and checked again by nothing of the search."""
     arm, limits = found.job.arm, found.run.limits
     plant = ac.ServoPlant(arm, found.job.plant_servo, limits)
-    executed = ac.execute(found.taught, plant, resolution=1e-4)
+    executed = ac.simulate(found.set_points, plant, resolution=1e-4)
     result = ac.evaluate(executed, found.path.path, objective=found.job.path, limits=limits)
     assert not ac.check(found.trajectory, arm, limits, points=20, seed=1).violated
     assert result.contour_error.max <= found.goal.servo
@@ -91,13 +91,13 @@ def test_the_papers_job_every_four_milliseconds_and_the_parts_of_its_budget(cert
     assert certified.uncertified.contour_error[0] > 1e-4
     budget, found = certified.budget, certified
     assert budget.rounding == pytest.approx(5e-3)
-    worst = max(found.evaluation.contour_error.max, found.contours[0].missed.max)
+    worst = max(found.evaluation.contour_error.max, found.contours[0].coverage_error.max)
     assert budget.executed == pytest.approx(worst, rel=1e-12)
     assert budget.left == pytest.approx(2e-6 - worst, rel=1e-9)
     # With set-points twenty times as often only the servo's part is left.
-    often = ac.compensate(found.trajectory, found.job.servo, ac.Inverse(), period=2e-4)
+    often = ac.compensate(found.trajectory, found.job.servo, ac.Inverse(), cycle=2e-4)
     ideal = ac.ServoPlant(found.job.arm, found.job.servo, saturation="none")
-    tool = ac.execute(often, ideal, resolution=2e-4).tool
+    tool = ac.simulate(often, ideal, resolution=2e-4).tool
     # A third of a nanometre, up to rounding.
     distance = found.path.path.project(tool).distance.max()
     assert budget.servo == pytest.approx(distance, abs=1e-11)
@@ -113,20 +113,21 @@ def test_without_compensation_a_tool_is_slowed_until_it_keeps_its_budget():
 
 def test_the_papers_job_with_pole_placement_and_every_ten_milliseconds():
     found = ac.certify(
-        job(PAPER, method="pole_placement"), goal=ac.Goal(servo=5e-6, saturation="report")
+        job(PAPER, method="pole_placement"),
+        goal=ac.CertificateGoal(servo=5e-6, saturation="report"),
     )
     result = judged(found, loaded=True)
     assert found.duration <= 5.33 and result.settled <= 5.40 and found.trials == 1
     assert result.saturated.max() > 0.1  # and that is said
     assert found.evaluation.saturated.max() == pytest.approx(result.saturated.max(), rel=1e-9)
-    found = ac.certify(job(PAPER, period="10 ms"), goal=ac.Goal(servo=5e-6))
+    found = ac.certify(job(PAPER, cycle="10 ms"), goal=ac.CertificateGoal(servo=5e-6))
     assert found.duration <= 5.40 and judged(found).speed <= 0.15 * (1 + 1e-3)
 
 
-@pytest.mark.parametrize("more", ["ki: 6 1/s", "ki: 6 1/s, cycle: 4 ms"])
+@pytest.mark.parametrize("more", ["ki: 6 1/s", "ki: 6 1/s, drive_cycle: 4 ms"])
 def test_a_cascade_keeps_its_budget(more):
     line = LINE.replace("kv: 150 1/s", f"kv: 150 1/s, {more}")
-    found = ac.certify(parse_job(line), goal=ac.Goal(servo=2e-5))
+    found = ac.certify(parse_job(line), goal=ac.CertificateGoal(servo=2e-5))
     assert 0 < judged(found).contour_error.max <= 2e-5
 
 
@@ -134,13 +135,14 @@ def test_limits_of_jerk_are_kept():
     base = job(SHORT)
     limits = base.runs[0].limits.replace(joint_jerk=36.0)
     found = ac.certify(
-        replace(base, runs=(replace(base.runs[0], limits=limits),)), goal=ac.Goal(servo=2e-6)
+        replace(base, runs=(replace(base.runs[0], limits=limits),)),
+        goal=ac.CertificateGoal(servo=2e-6),
     )
     result = judged(found)
     # Slower by what linear interpolation adds to a uniform acceleration, 0.25 % at 4 ms.
     assert 0 < found.cost < 6e-3 and (found.largest_headroom < 0.01).all()
     assert result.contour_error.max <= 2e-7
-    # The taught data of the plan itself, by differences.
+    # The set-points of the plan itself, by differences.
     q = found.trajectory(np.arange(0.0, found.duration, 1e-3))
     for order, limit in ((2, 0.72), (3, 36.0)):
         assert np.abs(np.diff(q, order, axis=0)).max() / 1e-3**order <= limit * (1 + 1e-4)
@@ -148,18 +150,24 @@ def test_limits_of_jerk_are_kept():
 
 # tests/slow has boxes and held set-points of the paper's job.
 def test_held_set_points():
-    held = job(SHORT, period="1 ms", servo=", interpolation: step")
-    found = ac.certify(held, goal=ac.Goal(servo=1e-5, saturation="report"))
+    held = job(SHORT, cycle="1 ms", servo=", interpolation: step")
+    found = ac.certify(held, goal=ac.CertificateGoal(servo=1e-5, saturation="report"))
     assert judged(found, loaded=True).saturated.max() > 0
     assert found.duration <= 1.03 * found.uncertified.duration
     assert found.budget.sampling > 50 * found.budget.servo
 
 
 def test_gains_ten_percent_off():
-    box = Box(gains=0.1)
-    found = ac.certify(job(SHORT), goal=ac.Goal(servo=0.5e-3, box=box, samples=300))
+    box = Uncertainty(gains=0.1)
+    found = ac.certify(job(SHORT), goal=ac.CertificateGoal(servo=0.5e-3, box=box, samples=300))
     assert found.uncertified.box > 2e-3 and found.duration <= 1.02 * found.uncertified.duration
-    shared = (found.taught, found.path.path, found.job.arm, found.job.plant_servo, found.run.limits)
+    shared = (
+        found.set_points,
+        found.path.path,
+        found.job.arm,
+        found.job.plant_servo,
+        found.run.limits,
+    )
     # Other robots of the box than those that the certificate was made with.
     assert spread(*shared, box, samples=500, seed=7).max.max() <= 0.5e-3
     assert len(found.spread) == 300 and found.spread.within(0.5e-3) == 1.0
@@ -169,14 +177,16 @@ def test_gains_ten_percent_off():
 def test_dead_times_that_err():
     late = job(SHORT, servo=", dead_time: 40 ms")
     # Shared by all joints, it costs nothing.
-    found = ac.certify(late, goal=ac.Goal(servo=2e-6, box=Box(dead_time=2e-3), samples=200))
+    found = ac.certify(
+        late, goal=ac.CertificateGoal(servo=2e-6, box=Uncertainty(dead_time=2e-3), samples=200)
+    )
     assert found.duration <= 1.002 * found.uncertified.duration
     assert found.spread.within(2e-6) == 1.0
-    box = Box(dead_time=2e-3, dead_time_shared=False)
-    found = ac.certify(late, goal=ac.Goal(servo=0.06e-3, box=box, samples=200))
+    box = Uncertainty(dead_time=2e-3, dead_time_shared=False)
+    found = ac.certify(late, goal=ac.CertificateGoal(servo=0.06e-3, box=box, samples=200))
     assert found.spread.within(0.06e-3) == 1.0 and found.uncertified.box > 0.06e-3
     with pytest.raises(ac.NotRealizable) as caught:
-        ac.certify(late, goal=ac.Goal(servo=0.03e-3, box=box, slowest=1.2))
+        ac.certify(late, goal=ac.CertificateGoal(servo=0.03e-3, box=box, slowest=1.2))
     error = caught.value
     assert error.limit == "contour error" and error.allowed == 0.03e-3
     # What can be reached in that time is between the two.
@@ -185,7 +195,7 @@ def test_dead_times_that_err():
 
 
 def test_a_total_tolerance_is_split_and_given_back():
-    found = ac.certify(job(SHORT), goal=ac.Goal(tolerance=2e-3))
+    found = ac.certify(job(SHORT), goal=ac.CertificateGoal(tolerance=2e-3))
     budget, result = found.budget, found.evaluation
     assert budget.total <= 2e-3 and result.objective_error.max <= 2e-3
     # Hardly anything is left: the corners got what the servo did not need.
@@ -202,23 +212,23 @@ def test_a_command_keeps_to_joint_velocities(refuses):
     # The plan may just be run, but the command that leads it exceeds the limit.
     limits = run.limits.replace(joint_velocity=fastest)
     slow = replace(slow, runs=(replace(run, limits=limits),))
-    taught = ac.compensate(plan, slow.servo, ac.Inverse())
-    refuses(lambda: refuse_commands(taught, limits), ac.CompensationError, "joint_velocity")
-    found = ac.certify(slow, goal=ac.Goal(servo=2e-6))
-    refuse_commands(found.taught, limits)
+    set_points = ac.compensate(plan, slow.servo, ac.Inverse())
+    refuses(lambda: check_commands(set_points, limits), ac.CompensationError, "joint_velocity")
+    found = ac.certify(slow, goal=ac.CertificateGoal(servo=2e-6))
+    check_commands(found.set_points, limits)
     assert found.duration > plan.duration
     assert found.evaluation.contour_error.max <= 2e-6
 
 
 def test_stops_at_sharp_corners_stay():
     sharp = parse_job(LINE.replace("[0.40, 0.20]]", "[0.40, 0.20], [0.40, 0.25]]"))
-    found = ac.certify(sharp, goal=ac.Goal(servo=2e-6))
+    found = ac.certify(sharp, goal=ac.CertificateGoal(servo=2e-6))
     assert found.trajectory.speed_at([0.1]) < 1e-8
     assert found.budget.rounding == 0.0
     assert found.evaluation.contour_error.max <= 2e-6
     assert found.evaluation.demand_ratio.max() <= 1 + 1e-6
     slot = ac.Path.polyline([(0.30, 0.15), (0.40, 0.15), (0.40, 0.25), (0.30, 0.25)])
-    found = ac.certify(replace(job(PAPER), path=slot), goal=ac.Goal(servo=1e-5))
+    found = ac.certify(replace(job(PAPER), path=slot), goal=ac.CertificateGoal(servo=1e-5))
     assert (judged(found).demand_ratio <= 1 + 1e-6).all()
     assert found.cost < 0.03
 
@@ -228,33 +238,33 @@ def test_what_binds_is_said(refuses):
     acceleration, error = {"limit": "joint_acceleration"}, {"limit": "contour error"}
     for this, servo, slowest, words, data in (
         (held, 1e-3, 1.05, ("are held", "saturation: report"), acceleration),
-        (job(SHORT), 1e-9, 1.05, ("comes down to", "shorter command interval"), error),
+        (job(SHORT), 1e-9, 1.05, ("comes down to", "shorter cycle"), error),
         (parse_job(lags), 1e-6, 1.05, ("compensate the lag of the servo",), error),
         (job(SHORT), 1e-3, 1.0001, ("larger slowest",), acceleration),
     ):
-        call = partial(ac.certify, this, goal=Goal(servo=servo, slowest=slowest))
+        call = partial(ac.certify, this, goal=CertificateGoal(servo=servo, slowest=slowest))
         refuses(call, ac.NotRealizable, *words, **data)
 
 
 def test_a_budget_has_room_for_what_the_servo_model_does_not_explain(refuses):
-    this = job(SHORT, servo=", unexplained: 0.1 mrad")
-    found = ac.certify(this, goal=Goal(servo=0.2e-3))
+    this = job(SHORT, servo=", model_error: 0.1 mrad")
+    found = ac.certify(this, goal=CertificateGoal(servo=0.2e-3))
     budget, result = found.budget, judged(found)
-    expected = ac.evaluate(found.execution, found.path.path).unexplained[1]
-    assert budget.unexplained == pytest.approx(expected, rel=1e-4) and expected > 3e-5
-    assert result.contour_error.max + budget.unexplained <= 0.2e-3
-    assert budget.executed == budget.servo + budget.sampling + budget.unexplained
+    expected = ac.evaluate(found.execution, found.path.path).model_error[1]
+    assert budget.model_error == pytest.approx(expected, rel=1e-4) and expected > 3e-5
+    assert result.contour_error.max + budget.model_error <= 0.2e-3
+    assert budget.executed == budget.servo + budget.sampling + budget.model_error
     assert budget.left == 0.2e-3 - budget.executed >= 0
-    more = ac.certify(job(SHORT), goal=Goal(servo=0.2e-3 - budget.unexplained))
+    more = ac.certify(job(SHORT), goal=CertificateGoal(servo=0.2e-3 - budget.model_error))
     assert more.duration == pytest.approx(found.duration, rel=1e-3)
     # The condition is stated, and the joint that exceeds the motion of the logs is named.
     assert "bounded for motion" in found.condition and "joint" not in found.condition
     assert not more.condition
     logged = "logged_velocity: [9, 1e-3], logged_acceleration: 9"
-    beyond = ac.certify(job(SHORT, servo=f", unexplained: 0.1 mrad, {logged}"), goal=found.goal)
+    beyond = ac.certify(job(SHORT, servo=f", model_error: 0.1 mrad, {logged}"), goal=found.goal)
     fastest = np.abs(beyond.trajectory(beyond.trajectory.breaks, 1)[:, 1]).max()
     assert f"joint 2 has {fastest / 1e-3:.3g} times" in beyond.condition
-    call = partial(ac.certify, this, goal=Goal(servo=2e-5))
+    call = partial(ac.certify, this, goal=CertificateGoal(servo=2e-5))
     words = "The servo model does not explain errors of up to", "allow more"
     refuses(call, ac.NotRealizable, *words, limit="contour error", allowed=2e-5)
 
@@ -264,18 +274,21 @@ def test_what_cannot_be_asked_is_refused_before_the_search(refuses):
     two = replace(this, runs=(this.runs[0], replace(this.runs[0], name="second")))
 
     def certify(*given, **of_goal):
-        ac.certify(*given, goal=Goal(servo=2e-6, **of_goal), progress=pytest.fail)
+        ac.certify(*given, goal=CertificateGoal(servo=2e-6, **of_goal), progress=pytest.fail)
 
     for call, words in (
         (partial(ac.certify, this), "tolerance"),
         (partial(certify, this, "other"), "'other'"),
         (partial(certify, two), "only, second"),
-        (partial(Goal, servo=1e-3, tolerance=1e-3), "must be below the tolerance"),
-        (partial(Goal, servo=1e-3, slowest=1.0), "slowest must be above 1"),
-        (partial(Goal, servo=1e-3, saturation="maybe"), "refuse, report"),
-        (partial(certify, job(SHORT), box=Box(payload=0.5)), "carries only 0 kg"),
-        (partial(certify, job(SHORT), box=Box(jitter=2e-3)), "jitter of 0.002 s"),
-        (partial(certify, job(SHORT), box=Box(dead_time=1e-3)), "dead time cannot be negative"),
+        (partial(CertificateGoal, servo=1e-3, tolerance=1e-3), "must be below the tolerance"),
+        (partial(CertificateGoal, servo=1e-3, slowest=1.0), "slowest must be above 1"),
+        (partial(CertificateGoal, servo=1e-3, saturation="maybe"), "refuse, report"),
+        (partial(certify, job(SHORT), box=Uncertainty(payload=0.5)), "carries only 0 kg"),
+        (partial(certify, job(SHORT), box=Uncertainty(jitter=2e-3)), "jitter of 0.002 s"),
+        (
+            partial(certify, job(SHORT), box=Uncertainty(dead_time=1e-3)),
+            "dead time cannot be negative",
+        ),
     ):
         refuses(call, ac.InvalidInput, words)
 
@@ -296,15 +309,17 @@ def test_the_summary_repeats_it(certified):
     arm = ac.load_arm("pmk3s")
     again = plan_derated(ac.trace(path, arm), arm, limits, derating)
     servo = ac.ServoModel(**{k: v for k, v in repeat["servo"].items() if v is not None})
-    taught = ac.compensate(again, servo, METHODS[repeat["compensation"]](), period=repeat["period"])
-    np.testing.assert_array_equal(taught.q, certified.taught.q)
+    set_points = ac.compensate(
+        again, servo, METHODS[repeat["compensation"]](), cycle=repeat["cycle"]
+    )
+    np.testing.assert_array_equal(set_points.q, certified.set_points.q)
     assert data["goal"]["servo"] == 2e-6 and "kp 25 1/s, kv 150 1/s" in data["model"]
     assert data["duration"] == certified.duration == again.duration
 
 
 def test_it_comes_out_the_same_again():
-    one, again = (ac.certify(job(SHORT), goal=ac.Goal(servo=2e-6)) for _ in range(2))
-    np.testing.assert_array_equal(again.taught.q, one.taught.q)
+    one, again = (ac.certify(job(SHORT), goal=ac.CertificateGoal(servo=2e-6)) for _ in range(2))
+    np.testing.assert_array_equal(again.set_points.q, one.set_points.q)
     assert again.trials < 30
 
 
@@ -331,7 +346,7 @@ def test_goals_of_job_files(refuses):
 def test_errors_of_one_path_count_until_the_tool_rests():
     # A late drive is still on its way when the plan has ended.
     late = job(SHORT, servo=", dead_time: 4 ms", method="pole_placement")
-    found = ac.certify(late, goal=ac.Goal(servo=1e-4))
+    found = ac.certify(late, goal=ac.CertificateGoal(servo=1e-4))
     of_contour, of_all = found.contours[0].error, found.evaluation.contour_error
     assert (of_contour.max, of_contour.rms) == (of_all.max, of_all.rms)
     # No error exceeds the certified one until all joints rest, although the tool leaves the path

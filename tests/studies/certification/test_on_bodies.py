@@ -18,7 +18,7 @@ from armcontour.simulation.robustness.unknowns import Unknowns
 JOB = """
 name: corner
 arm: pmk3s
-branch: positive
+configuration: positive
 path: {points: [[0.30, 0.20], [0.32, 0.20], [0.32, 0.21]]}
 limits: {speed: 0.15 m/s, joint_acceleration: 2, joint_torque: 40}
 corners: {tolerance: 1 mm}
@@ -45,7 +45,7 @@ def certified():
 def runs_of(certified):
     job = certified.job
     return BodyRuns(
-        taught=certified.taught,
+        set_points=certified.set_points,
         path=certified.path.path,
         unknowns=Unknowns.of(certified.goal.box, job.arm, job.plant_servo),
         limits=certified.run.limits.for_joints(2),
@@ -110,7 +110,7 @@ def test_what_the_budget_cannot_hold_is_refused_with_its_parts():
 OVERSHOOT = """
 name: overshoot
 arm: pmk3s
-branch: positive
+configuration: positive
 path: {points: [[0.30, 0.20], [0.34, 0.20], [0.34, 0.24]]}
 limits: {speed: 0.05 m/s, joint_acceleration: 2}
 corners: {tolerance: 0.25 mm}
@@ -164,7 +164,7 @@ def overshooting():
 
 
 def test_a_dwell_changes_little_but_the_time(overshooting):
-    # Bodies rest before the contour, at the same phase of the command interval; rounding changes
+    # Bodies rest before the contour, at the same phase of the cycle; rounding changes
     # which plans the search tries.
     waiting = ac.certify(parse_job(OVERSHOOT + "process: {dwell: 100 ms}\n"))
     assert [x.kind for x in waiting.trajectory.spans] == ["dwell", "contour"]
@@ -191,18 +191,21 @@ def test_an_overshoot_at_one_place_lowers_the_speed_there_only(overshooting):
     assert number(tool.s, "m") in lowered
     data = json.loads(certificate_json(found))["certificate"]
     causes = {x["cause"] for x in data["contours"][0]["lowered"]}
-    assert causes == {"tool"} and data["on_bodies"] is None
+    assert causes == {"tool"} and data["simulate_rigid_bodies"] is None
     assert "Reduced: speed by up to " in render_report(found.study, certificate=found)
 
 
 def test_a_certificate_for_servos_says_that_it_is_not_for_bodies():
     job = OVERSHOOT.replace(", plant: rigid_body", "").replace("inverse_dynamics", "inverse")
     found = ac.certify(parse_job(job))
-    assert found.on_bodies.startswith("Valid for independent joint servos only: ")
+    assert found.simulate_rigid_bodies.startswith("Valid for independent joint servos only: ")
     page = render_report(found.study, certificate=found)
-    assert f"{len(found.warnings)} warnings," in page and found.warnings[-1] == found.on_bodies
+    assert (
+        f"{len(found.warnings)} warnings," in page
+        and found.warnings[-1] == found.simulate_rigid_bodies
+    )
     assert "Valid for independent joint servos only" in page
     tried = ac.certify(parse_job(job + "experiment: {}\n"))
     e = tried.experiment.evaluation
-    off = max(e.contour_error.max, e.missed.max) * 1e3
-    assert f"the contour error is {off:.4g} mm" in tried.on_bodies
+    off = max(e.contour_error.max, e.coverage_error.max) * 1e3
+    assert f"the contour error is {off:.4g} mm" in tried.simulate_rigid_bodies

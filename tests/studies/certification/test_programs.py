@@ -9,10 +9,10 @@ import pytest
 
 import armcontour as ac
 from armcontour.files import certificate_json, derating_csv, parse_job
-from armcontour.jobs import Goal
+from armcontour.jobs import CertificateGoal
 from armcontour.program import Contour, Dwell, Event, Lead, Process, Program
 from armcontour.report import render_report
-from armcontour.simulation.robustness.monte_carlo import Box, spread
+from armcontour.simulation.robustness.monte_carlo import Uncertainty, spread
 
 JOB = """
 name: parts
@@ -41,20 +41,20 @@ def job(method="inverse", moves=MOVES, process=LEADS):
 
 def quick(process=LEADS):
     """A job that is certified without a search: the plan at the full limit holds 0.1 mm."""
-    goal = Goal(servo=0.1e-3, saturation="report")
+    goal = CertificateGoal(servo=0.1e-3, saturation="report")
     return replace(job("pole_placement", process=process), certificate=goal)
 
 
 @pytest.fixture(scope="module")
 def certified():
-    return ac.certify(job(), goal=ac.Goal(servo=2e-6))
+    return ac.certify(job(), goal=ac.CertificateGoal(servo=2e-6))
 
 
 def executed(found, servo=None):
     """The whole, executed and judged by nothing of the search."""
     arm, limits = found.job.arm, found.run.limits
     plant = ac.ServoPlant(arm, servo or found.job.plant_servo, limits)
-    execution = ac.execute(found.taught, plant, resolution=1e-4)
+    execution = ac.simulate(found.set_points, plant, resolution=1e-4)
     evaluation = ac.evaluate(execution, found.path, objective=found.objective, limits=limits)
     return execution, evaluation
 
@@ -81,15 +81,15 @@ def test_every_contour_holds_its_goal_in_the_whole_without_its_leads(certified):
 
 
 def test_a_contour_was_searched_for_with_the_set_points_that_it_gets(certified):
-    """Contours start at no multiple of the command interval, and after a rapid."""
+    """Contours start at no multiple of the cycle, and after a rapid."""
     for x in certified.contours:
-        ahead = (x.t[0] + x.taught.t[0] - certified.taught.t[0]) / x.taught.period
+        ahead = (x.t[0] + x.set_points.t[0] - certified.set_points.t[0]) / x.set_points.cycle
         first = round(ahead)
         assert abs(ahead - first) < 1e-6
         # A set-point next to the end is a mean that has a part of the next move.
-        upto = int(np.searchsorted(x.taught.t, x.duration - x.taught.period / 2))
-        same = certified.taught.q[max(first, 0) : first + upto]
-        own = x.taught.q[max(-first, 0) : upto]
+        upto = int(np.searchsorted(x.set_points.t, x.duration - x.set_points.cycle / 2))
+        same = certified.set_points.q[max(first, 0) : first + upto]
+        own = x.set_points.q[max(-first, 0) : upto]
         np.testing.assert_allclose(own, same, rtol=0, atol=1e-9)
     # The phases differ, so that a contour by itself would be executed otherwise.
     phase = certified.contours[1].t[0] / 4e-3 % 1
@@ -101,7 +101,7 @@ def test_a_servo_that_lags_gets_a_pause_before_the_next_contour():
     slow = job("none", process=Process())
     limits = slow.runs[0].limits.replace(speed=0.01)
     slow = replace(slow, runs=(replace(slow.runs[0], limits=limits),))
-    found = ac.certify(slow, goal=ac.Goal(servo=0.1e-3, slowest=4.0))
+    found = ac.certify(slow, goal=ac.CertificateGoal(servo=0.1e-3, slowest=4.0))
     _, result = executed(found)
     assert max(x.max for x in result.contours) <= 0.1e-3
     assert 0.02 < found.pauses < 0.5
@@ -109,13 +109,15 @@ def test_a_servo_that_lags_gets_a_pause_before_the_next_contour():
     (pause,) = (x for x in found.trajectory.spans if x.kind == "dwell" and x.move is None)
     assert pause.t[1] == pytest.approx(found.contours[1].t[0])
     arm = found.job.arm
-    execution = ac.execute(found.taught, ac.ServoPlant(arm, found.job.servo, limits))
+    execution = ac.simulate(found.set_points, ac.ServoPlant(arm, found.job.servo, limits))
     at = np.searchsorted(execution.t, pause.t[0])
     assert np.linalg.norm(execution.tool[at] - found.contours[1].path(0.0)) > 0.1e-3
 
 
 def test_contours_that_saturate_do_not_stop_the_rapid_after_them():
-    found = ac.certify(job(process=Process()), goal=ac.Goal(servo=3e-3, saturation="report"))
+    found = ac.certify(
+        job(process=Process()), goal=ac.CertificateGoal(servo=3e-3, saturation="report")
+    )
     _, result = executed(found)
     assert result.saturated.max() > 0.1
     assert max(x.max for x in result.contours) <= 3e-3
@@ -125,8 +127,8 @@ def test_contours_that_saturate_do_not_stop_the_rapid_after_them():
 
 
 def test_robots_of_a_box_hold_the_goal_on_every_contour():
-    box = Box(gains=0.05)
-    found = ac.certify(job(), goal=ac.Goal(servo=0.5e-3, box=box, samples=100))
+    box = Uncertainty(gains=0.05)
+    found = ac.certify(job(), goal=ac.CertificateGoal(servo=0.5e-3, box=box, samples=100))
     servo, limits = found.job.plant_servo, found.run.limits
     for k, x in enumerate(found.contours):
         assert x.spread.within(0.5e-3) == 1.0 and x.corners.max.max() <= 0.5e-3
@@ -137,19 +139,21 @@ def test_robots_of_a_box_hold_the_goal_on_every_contour():
         assert x.budget.executed == max(worst, x.spread.max.max())
         # Other robots than those of the certificate.
         times = {"since": x.work[0] - x.t[0], "until": x.work[1] - x.t[0]}
-        shared = (x.taught, x.path, found.job.arm, servo, limits, box)
+        shared = (x.set_points, x.path, found.job.arm, servo, limits, box)
         assert spread(*shared, samples=100, seed=7, **times).max.max() <= 0.5e-3
 
 
 def test_a_refusal_names_the_contour(certified, refuses):
-    call = partial(ac.certify, job(), goal=ac.Goal(servo=1e-10, slowest=1.05))
+    call = partial(ac.certify, job(), goal=ac.CertificateGoal(servo=1e-10, slowest=1.05))
     data = {"limit": "contour error", "allowed": 1e-10}
     refuses(call, ac.NotRealizable, "contour bend", "contour error comes down to", **data)
     refuses(lambda: certified.derating, ac.InvalidInput, "2 contours")
 
 
 def test_a_total_tolerance_holds_for_all_contours_alike():
-    found = ac.certify(quick(process=Process()), goal=ac.Goal(tolerance=1e-3, servo=0.1e-3))
+    found = ac.certify(
+        quick(process=Process()), goal=ac.CertificateGoal(tolerance=1e-3, servo=0.1e-3)
+    )
     _, result = executed(found)
     assert result.objective_error.max <= 1e-3
     bend, line = found.contours
@@ -174,8 +178,8 @@ def test_the_stated_sum_bounds_the_distance_from_the_drawing(certified):
     data = certified.to_data()
     row, parts = data["off_drawing"], [x.budget for x in certified.contours]
     _, result = executed(certified)
-    missed = ac.evaluate(certified.execution, certified.path, objective=certified.objective)
-    off = max(result.objective_error.max, missed.objective_missed.max)
+    coverage_error = ac.evaluate(certified.execution, certified.path, objective=certified.objective)
+    off = max(result.objective_error.max, coverage_error.objective_coverage_error.max)
     assert 0.99 * row.value < off <= row.value == max(x.total for x in parts)
     assert row.value == pytest.approx(max(x.rounding for x in parts) + parts[0].executed)
     assert data["kept"].value is certified.kept is True

@@ -35,7 +35,7 @@ def job():
 
 @pytest.fixture(scope="module")
 def certified(job):
-    return ac.certify(job, goal=ac.Goal(tolerance=TOLERANCE))
+    return ac.certify(job, goal=ac.CertificateGoal(tolerance=TOLERANCE))
 
 
 def test_shape_and_servo_share_the_tolerance(certified):
@@ -43,13 +43,13 @@ def test_shape_and_servo_share_the_tolerance(certified):
     found = certified
     arm, limits = found.job.arm, found.run.limits
     plant = ac.ServoPlant(arm, found.job.plant_servo, limits)
-    executed = ac.execute(found.taught, plant, resolution=1e-4)
+    executed = ac.simulate(found.set_points, plant, resolution=1e-4)
     result = ac.evaluate(executed, found.path, objective=found.job.path, limits=limits)
-    assert max(result.objective_error.max, result.objective_missed.max) <= TOLERANCE
+    assert max(result.objective_error.max, result.objective_coverage_error.max) <= TOLERANCE
     assert result.contour_error.max <= found.budget.servo_allowed
     assert (result.demand_ratio <= 1 + 1e-6).all()
     planned = ac.check(
-        found.trajectory, arm, limits, found.job.path, deviation=TOLERANCE, missed=TOLERANCE
+        found.trajectory, arm, limits, found.job.path, deviation=TOLERANCE, coverage_error=TOLERANCE
     )
     assert planned.verdict == "kept"
     # Hardly anything is left: the shape got what the servo did not need.
@@ -58,7 +58,7 @@ def test_shape_and_servo_share_the_tolerance(certified):
 
 
 def test_arcs_are_not_faster_and_that_is_said(job, certified):
-    arcs = ac.certify(with_arcs(job), goal=ac.Goal(tolerance=TOLERANCE))
+    arcs = ac.certify(with_arcs(job), goal=ac.CertificateGoal(tolerance=TOLERANCE))
     assert arcs.shapes == {} and arcs.contours[0].shape == "arc"
     assert certified.duration <= arcs.duration
     shape = certified.contours[0].shape
@@ -76,7 +76,8 @@ def test_the_servo_takes_its_part_of_lines_too(job):
     run = job.runs[0]
     tight = replace(run.rounding, line_tolerance=0.1e-3, zone=10e-3)
     found = ac.certify(
-        replace(job, runs=(replace(run, rounding=tight),)), goal=ac.Goal(tolerance=TOLERANCE)
+        replace(job, runs=(replace(run, rounding=tight),)),
+        goal=ac.CertificateGoal(tolerance=TOLERANCE),
     )
     allowed = found.budget.servo_allowed
     assert found.contours[0].shape == "free"

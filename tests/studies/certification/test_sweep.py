@@ -27,9 +27,9 @@ def test_a_point_is_what_certify_finds_or_says_why_not():
     assert (wide.tolerance, wide.speed, slow.tolerance, slow.speed) == (4e-3, None, None, 0.05)
     assert slow.duration > 1.2 * wide.duration
     job = parse_job(JOB.replace("pole_placement", "none"))
-    (fast,) = ac.sweep(job, speeds=[0.15], goal=ac.Goal(servo=2e-5, slowest=1.05))
+    (fast,) = ac.sweep(job, speeds=[0.15], goal=ac.CertificateGoal(servo=2e-5, slowest=1.05))
     assert fast.duration is None and "contour error comes down to" in fast.refusal
-    goal = ac.Goal(tolerance=2e-3)
+    goal = ac.CertificateGoal(tolerance=2e-3)
     narrow, wide = ac.sweep(parse_job(JOB), tolerances=[1e-3, 3e-3], goal=goal)
     assert wide.duration < narrow.duration
 
@@ -40,5 +40,7 @@ def test_wrong_values_are_refused(refuses):
     refuses(partial(ac.sweep, sharp, tolerances=[1e-3]), InvalidInput, "rounds no corners")
     refuses(partial(ac.sweep, job), InvalidInput, "needs values of tolerances or speeds")
     refuses(partial(ac.sweep, job, speeds=[-1.0]), InvalidInput, "above zero")
-    refuses(partial(ac.certify, "job", goal=ac.Goal(servo=1e-5)), InvalidInput, "needs a Job")
+    refuses(
+        partial(ac.certify, "job", goal=ac.CertificateGoal(servo=1e-5)), InvalidInput, "needs a Job"
+    )
     refuses(partial(ac.certify, job, goal={"servo": 1e-5}), InvalidInput, "needs a Goal")

@@ -15,7 +15,7 @@ path:
 limits: {speed: 0.25 m/s}
 corners: {tolerance: 0.25 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
-runs: {taught: {compensation: {method: inverse}}}
+runs: {compensated: {compensation: {method: inverse}}}
 """
 PLANE = """
 name: corner

@@ -250,7 +250,7 @@ def test_wrong_wishes_are_refused(square):
     for job, wrong, words in (
         (square, {"objective": "beauty"}, "must be one of cycle, manipulability"),
         (square, {"objective": "clearance"}, "shapes of the arm UR5e are not known"),
-        (square, {"run": "first"}, "no run 'first': its runs are taught"),
+        (square, {"run": "first"}, "no run 'first': its runs are compensated"),
         (square, {"what": "base", "about": "origin"}, "A base turns about its own origin"),
         (square, {"what": "base", "over": {"tilt": (0, 1, 2)}}, "A base is not tilted"),
         (square, {"processes": 0}, "processes"),
@@ -355,7 +355,7 @@ class Known:
     bounds: tuple[float, ...]
     durations: tuple[float, ...]
     screen: Any = True
-    objective: str = "cycle"
+    objective: str = "duration"
 
     def look_all(self, places):
         return [
@@ -399,7 +399,7 @@ def test_the_order_of_answers_changes_nothing(given, every, seed):
     assert str(found) == str(alone)
     if all(more >= 0.5 for _, more in given):
         # With bounds that hold the best is that of all.
-        best = best_of(alone, "cycle")
+        best = best_of(alone, "duration")
         finite = [x for x in judge.durations if np.isfinite(x)]
         assert (best is None) == (not finite)
         assert best is None or judge.durations[best] == min(finite)

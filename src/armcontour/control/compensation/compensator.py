@@ -1,4 +1,4 @@
-"""Public function `compensate`: taught data for a realizable trajectory."""
+"""Public function `compensate`: set-points for a realizable trajectory."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Options, checked
 from armcontour.core.quantities import About
-from armcontour.motion import LONGEST_CLOCK, PERIOD, TaughtData, Trajectory, check_interval
-from armcontour.motion.command_limits import describe_excess, refuse_commands
+from armcontour.motion import DEFAULT_CYCLE, LONGEST_CLOCK, SetPoints, Trajectory, check_cycle
+from armcontour.motion.command_limits import check_commands, describe_excess
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 
@@ -31,11 +31,11 @@ class CompensationOptions(Options):
 
     Args:
         command_limits: Limits of the set-points themselves, as controllers check them by
-            differences over the command interval: joint_velocity [rad/s], joint_acceleration
+            differences over the cycle: joint_velocity [rad/s], joint_acceleration
             [rad/s²], joint_jerk [rad/s³], joint_lower and joint_upper [rad], each one value or one
             per joint. Set-points of a joint that exceeds one are the nearest ones within them (mean
             square), at rest at both ends of the plan; they begin earlier and end later by up to
-            1 s. `TaughtData.limit_cost` is the error that this causes.
+            1 s. `SetPoints.limit_cost` is the error that this causes.
 
     Raises:
         InvalidInput: A value of the wrong type.
@@ -56,7 +56,7 @@ class CompensationOptions(Options):
 class Inverse(CompensationOptions):
     """The exact inverse of the unsaturated servo; options are those of `CompensationOptions`.
 
-    It inverts the mean of the trajectory over a command interval about each set-point; where
+    It inverts the mean of the trajectory over a cycle about each set-point; where
     accelerations jump, the servo demands are about 1 % larger than that. The first set-point, one
     interval before time 0, is the start of the plan.
     """
@@ -125,18 +125,18 @@ def compensate(
     servo: ServoModel,
     options: CompensationOptions = INVERSE,
     *,
-    period: float = PERIOD,
+    cycle: float = DEFAULT_CYCLE,
     arm: Arm | None = None,
     limits: Limits | None = None,
-) -> TaughtData:
-    """Taught data whose set-points make the servos follow a trajectory.
+) -> SetPoints:
+    """Set-points whose set-points make the servos follow a trajectory.
 
-    Set-points have a time advance of the servo's dead time, plus half a command interval for
-    interpolation "step". The taught data then starts before time 0, at the start of the plan.
+    Set-points have a time advance of the servo's dead time, plus half a cycle for
+    interpolation "step". The set-points then starts before time 0, at the start of the plan.
 
     Velocity feed-forward f leaves a transient of the set-points after the plan, with the time
     constant `f / kp`, and an integrator one with `1 / ki`. After 1 s or 20 % of the motion it is
-    cut off: set-points fade to the end of the plan, and `TaughtData.cut_off` bounds the errors of
+    cut off: set-points fade to the end of the plan, and `SetPoints.truncated` bounds the errors of
     the joints after it.
 
     Args:
@@ -144,7 +144,7 @@ def compensate(
         servo: Servo model whose delay is compensated.
         options: The method and its options: `Inverse`, `PolePlacement`, `InverseDynamics` or
             `NoCompensation`.
-        period: Command interval [s].
+        cycle: Cycle [s].
         arm: The nominal arm whose bodies the drives move, for `InverseDynamics`; other methods do
             not use it.
         limits: Limits of the controller, in place of those of the plan: set-points must be within
@@ -164,14 +164,14 @@ def compensate(
         UserWarning: No limits are given, and set-points exceed those of the plan; or compensation
             with this servo may be worse than none (`ServoModel.doubt`).
     """
-    taught = teach(trajectory, servo, options, period=period, arm=arm)
+    set_points = teach(trajectory, servo, options, cycle=cycle, arm=arm)
     if limits is not None:
-        refuse_commands(taught, limits)
-    elif excess := describe_excess(taught):
+        check_commands(set_points, limits)
+    elif excess := describe_excess(set_points):
         warnings.warn(excess, stacklevel=3)
     if not isinstance(options, NoCompensation) and servo.doubt:
         warnings.warn(servo.doubt, stacklevel=3)
-    return taught
+    return set_points
 
 
 def teach(
@@ -179,95 +179,95 @@ def teach(
     servo: ServoModel,
     options: CompensationOptions,
     *,
-    period: float,
+    cycle: float,
     arm: Arm | None,
-) -> TaughtData:
-    """Taught data as of `compensate`, without a check of limits.
+) -> SetPoints:
+    """Set-points as of `compensate`, without a check of limits.
 
     Args:
         trajectory: As in `compensate`, like the others.
         servo: See above.
         options: See above.
-        period: See above.
+        cycle: See above.
         arm: See above.
 
     Raises:
         ArmContourError: As `compensate`.
     """
-    interval = check_interval(period)
+    interval = check_cycle(cycle)
     model, duration = servo.for_joints(trajectory.dof), trajectory.duration
     if interval > max(duration * (1 + SAME), LONGEST_CLOCK):
         raise InvalidInput(
-            f"The command interval of {interval:g} s is longer than the motion of {duration:.6g} "
+            f"The cycle of {interval:g} s is longer than the motion of {duration:.6g} "
             f"s, so that no set-point lies within it; it is in seconds: for {interval:g} ms give "
-            f"{interval / 1e3:g}, in a job `command_interval: {interval:g} ms`.",
+            f"{interval / 1e3:g}, in a job `cycle: {interval:g} ms`.",
             needed=interval,
             allowed=max(duration, LONGEST_CLOCK),
         )
-    model.refuse_too_fast(interval)
+    model.check_gains(interval)
     count = set_point_count(duration, model, interval, options)
-    checks.refuse_too_many(
-        f"{count * interval:.4g} s of motion at a command interval of {interval:g} s",
+    checks.check_count(
+        f"{count * interval:.4g} s of motion at a cycle of {interval:g} s",
         count * trajectory.dof,
-        "take a longer command interval or a higher speed",
+        "take a longer cycle or a higher speed",
     )
-    start, q, cut_off = _set_points(trajectory, model, interval, options, arm)
-    taught = TaughtData(
-        period=interval,
+    start, q, truncated = _set_points(trajectory, model, interval, options, arm)
+    set_points = SetPoints(
+        cycle=interval,
         q=q,
         trajectory=trajectory,
         method=options.method,
         start_time=start,
-        cut_off=cut_off,
+        truncated=truncated,
     )
     if options.command_limits is None:
-        return taught
+        return set_points
     from armcontour.control.compensation.nearest import within_limits
 
-    return within_limits(taught, model, options.command_limits, arm)
+    return within_limits(set_points, model, options.command_limits, arm)
 
 
 def _set_points(
     trajectory: Trajectory,
     servo: ServoModel,
-    period: float,
+    cycle: float,
     options: CompensationOptions,
     arm: Arm | None,
 ) -> tuple[float, FloatArray, FloatArray | None]:
-    """Time of the first set-point [s], set-points, (n, dof) [rad], and `TaughtData.cut_off`."""
+    """Time of the first set-point [s], set-points, (n, dof) [rad], and `SetPoints.truncated`."""
     if isinstance(options, NoCompensation):
-        t = set_point_times(trajectory, period).inside
+        t = set_point_times(trajectory, cycle).inside
         end = trajectory([trajectory.duration], side="left")
         return 0.0, np.concatenate([trajectory(t), end]), None
     if isinstance(options, PolePlacement):
         from armcontour.control.compensation.pole_placement import pole_placement
 
-        start, q = pole_placement(trajectory, servo, period, options.poles)
+        start, q = pole_placement(trajectory, servo, cycle, options.poles)
     elif isinstance(options, InverseDynamics):
         from armcontour.control.compensation.inverse_dynamics import inverse_dynamics
 
         fed = options.gravity_feedforward is not False
-        start, q = inverse_dynamics(trajectory, servo, period, arm, fed, options.known)
+        start, q = inverse_dynamics(trajectory, servo, cycle, arm, fed, options.known)
     else:
         from armcontour.control.compensation.set_points import inverse
 
-        start, q = inverse(trajectory, servo, period)
+        start, q = inverse(trajectory, servo, cycle)
     if not servo.has_feedforward and not servo.ki.any():
         return start, q, None
     from armcontour.control.compensation.feedforward import for_feedforward
 
-    return start, *for_feedforward(q, period, servo, trajectory.duration)
+    return start, *for_feedforward(q, cycle, servo, trajectory.duration)
 
 
 def set_point_count(
-    duration: float, servo: ServoModel, period: float, options: CompensationOptions
+    duration: float, servo: ServoModel, cycle: float, options: CompensationOptions
 ) -> float:
     """Approximate number of set-points of a motion.
 
     Args:
         duration: Duration of the motion [s].
         servo: Servo model whose delay is compensated, with values per joint.
-        period: Command interval [s].
+        cycle: Cycle [s].
         options: As in `compensate`.
 
     Raises:
@@ -276,7 +276,7 @@ def set_point_count(
     """
     total = duration
     if not isinstance(options, NoCompensation):
-        total += float(servo.dead_time.max()) + period
+        total += float(servo.dead_time.max()) + cycle
         if servo.has_feedforward or servo.ki.any():
             from armcontour.control.compensation.feedforward import tail_duration
 
@@ -288,4 +288,4 @@ def set_point_count(
         if options.poles is not None:
             slowest = float(np.abs(check_poles(options.poles, len(servo.kv)).real).min())
         total += SETTLING / slowest
-    return total / period + 1
+    return total / cycle + 1

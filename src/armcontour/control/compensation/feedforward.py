@@ -24,11 +24,11 @@ EXACT = 1e-13
 
 
 def for_feedforward(
-    plain: FloatArray, period: float, servo: ServoModel, duration: float
+    plain: FloatArray, cycle: float, servo: ServoModel, duration: float
 ) -> tuple[FloatArray, FloatArray | None]:
     """Set-points to which a servo responds as one without feed-forward responds to others.
 
-    In every command interval the mean of the command with what feed-forward adds is that of the
+    In every cycle the mean of the command with what feed-forward adds is that of the
     command without feed-forward. These equations are solved forward from rest, which is stable for
     any feed-forward. The transient that remains after the motion is cut off if it is too long:
     set-points then fade to the end of the plan.
@@ -36,7 +36,7 @@ def for_feedforward(
     Args:
         plain: Set-points for the servo without feed-forward [rad], (n, dof); at rest before the
             first and after the last one.
-        period: Command interval [s].
+        cycle: Cycle [s].
         servo: Servo model with values per joint.
         duration: Duration of the motion [s].
 
@@ -45,26 +45,26 @@ def for_feedforward(
         time constant `velocity_feedforward / kp`. And the largest error of each joint because the
         transient is cut off [rad], (dof,); None if it is not.
     """
-    allowed = max(int(longest_tail(duration) / period), 1)
-    done = len(plain) - integrator_tail(servo, duration, period)
-    rows = int(np.ceil(min(tail_duration(servo, duration) / period, allowed) + SETTLING))
+    allowed = max(int(longest_tail(duration) / cycle), 1)
+    done = len(plain) - integrator_tail(servo, duration, cycle)
+    rows = int(np.ceil(min(tail_duration(servo, duration) / cycle, allowed) + SETTLING))
     # What compensates friction is a part of the set-points.
     frictionless = servo.replace(friction=0.0)
     prompt = frictionless.without_feedforward().for_joints(plain.shape[1])
-    want = _means(np.concatenate([plain, np.tile(plain[-1], (rows, 1))]), period, prompt)
+    want = _means(np.concatenate([plain, np.tile(plain[-1], (rows, 1))]), cycle, prompt)
     start = plain[0]
-    found = _solved(want - start, period, servo) + start
+    found = _solved(want - start, cycle, servo) + start
     if servo.interpolation == "cubic":
         for _ in range(MOST_CORRECTIONS):
-            error = want - _means(found, period, frictionless)
-            found += _solved(error, period, servo)
+            error = want - _means(found, cycle, frictionless)
+            found += _solved(error, cycle, servo)
             if np.abs(error).max() <= EXACT:
                 break
     moves = np.flatnonzero((np.abs(found - plain[-1]) > SETTLED).any(axis=1))
     length = max(done, moves[-1] + 2 if len(moves) else 0)
     if length > done + allowed:
         found = found[: done + allowed]
-        return found, _fade(found[done:], plain[-1], period, servo)
+        return found, _fade(found[done:], plain[-1], cycle, servo)
     found = found[:length]
     found[-1] = plain[-1]
     return np.asarray(found), None
@@ -81,7 +81,7 @@ def tail_duration(servo: ServoModel, duration: float) -> float:
     return longest if servo.ki.any() else min(SETTLING * float(servo.lead[0].max()), longest)
 
 
-def _fade(tail: FloatArray, last: FloatArray, period: float, servo: ServoModel) -> FloatArray:
+def _fade(tail: FloatArray, last: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
     """Fade set-points to the last one, in place; bounds of the errors of the joints [rad].
 
     The exact tail moves no joint, so the error is the response to what is left out of it. After it
@@ -92,31 +92,31 @@ def _fade(tail: FloatArray, last: FloatArray, period: float, servo: ServoModel) 
     tail += left_out[1:]
     if servo.ki.any():
         # An integrator overshoots afterwards.
-        more = int(np.ceil(SETTLING_OF_INTEGRATORS / (servo.slowest * period)))
+        more = int(np.ceil(SETTLING_OF_INTEGRATORS / (servo.slowest * cycle)))
         left_out = np.pad(left_out, ((0, more), (0, 0)), mode="edge")
     still = np.zeros(tail.shape[1])
     prompt = servo.replace(dead_time=still, friction=still)
-    run = Simulation(left_out, period, prompt).run(0, len(left_out) - 1, still, still)
+    run = Simulation(left_out, cycle, prompt).run(0, len(left_out) - 1, still, still)
     q, dq, _ = np.abs(run.states).T
     change = np.abs(np.diff(left_out, axis=0)).max(axis=0)
     # Between results, after the last one, and as friction changes its sign.
-    between = dq.max(axis=0) * period / 2 + servo.velocity_feedforward * change
+    between = dq.max(axis=0) * cycle / 2 + servo.velocity_feedforward * change
     after = 0.0 if servo.kv is None else dq[-1] / servo.kv
     return np.asarray(q.max(axis=0) + between + after + 2 * servo.friction)
 
 
-def _means(q: FloatArray, period: float, servo: ServoModel) -> FloatArray:
+def _means(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
     """Means of the command over the intervals that end at each set-point [rad], (n, dof)."""
-    pieces = polynomials(q, period, servo)[:, :-1]
-    return np.asarray((pieces @ (period ** np.arange(4) / np.arange(1, 5))).T)
+    pieces = polynomials(q, cycle, servo)[:, :-1]
+    return np.asarray((pieces @ (cycle ** np.arange(4) / np.arange(1, 5))).T)
 
 
-def _solved(means: FloatArray, period: float, servo: ServoModel) -> FloatArray:
+def _solved(means: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
     """Set-points of which the command has given means over the intervals that end there.
 
     Args:
         means: Means less the position before the first set-point [rad], (n, dof).
-        period: Command interval [s].
+        cycle: Cycle [s].
         servo: Servo model with values per joint; cubics count as lines.
     """
     from scipy.signal import lfilter
@@ -125,7 +125,7 @@ def _solved(means: FloatArray, period: float, servo: ServoModel) -> FloatArray:
     held = servo.interpolation == "step"
     for j, (a, b) in enumerate(zip(*servo.lead, strict=True)):
         # Shares of the velocity and acceleration of the command, in differences of set-points.
-        first, second = a / period, b / period**2
+        first, second = a / cycle, b / cycle**2
         if held:
             # The interval that ends at a set-point holds the one before it.
             found[:-1, j] = lfilter([1.0], [1 + first, -first], means[1:, j])
@@ -135,7 +135,7 @@ def _solved(means: FloatArray, period: float, servo: ServoModel) -> FloatArray:
         shares = np.ones(1)
         if servo.ki[j]:
             # The integrator acts against acceleration feed-forward.
-            share, shares = integrator_filter(servo.ki[j], period, servo.cycle)
+            share, shares = integrator_filter(servo.ki[j], cycle, servo.drive_cycle)
             line, bend = np.convolve(line, shares), np.convolve(bend, share)
         found[:, j] = lfilter(shares, np.polynomial.polynomial.polyadd(line, bend), means[:, j])
     return found

@@ -31,7 +31,7 @@ MEANS = {"linear": (4 / 6, 1 / 6), "cubic": (34 / 48, 8 / 48, -1 / 48)}
 def inverse_dynamics(
     trajectory: Trajectory,
     servo: ServoModel,
-    period: float,
+    cycle: float,
     arm: Arm | None,
     gravity_feedforward: bool = True,
     known: Arm | None = None,
@@ -41,7 +41,7 @@ def inverse_dynamics(
     Args:
         trajectory: Trajectory that the joints should follow.
         servo: Servo model with values per joint.
-        period: Command interval [s].
+        cycle: Cycle [s].
         arm: The nominal arm, with masses.
         gravity_feedforward: Whether the controller adds the gravity torque.
         known: The arm as its controller knows it, as in `Drives`.
@@ -66,7 +66,7 @@ def inverse_dynamics(
     still = np.zeros((1, arm.dof))
     # At rest friction is not known, and none is assumed: the drives hold the arm against gravity.
     hold, final = (drives.command(x, still, still) for x in ends)
-    tail = np.arange(integrator_tail(servo, trajectory.duration, period)) * period
+    tail = np.arange(integrator_tail(servo, trajectory.duration, cycle)) * cycle
 
     def at(t: FloatArray) -> FloatArray:
         """The command that the drives should get, every half interval from rest on."""
@@ -74,19 +74,19 @@ def inverse_dynamics(
         q = np.where((t < 0)[:, None], *ends)
         dq, ddq = np.zeros((2, *q.shape))
         q[moving], dq[moving], ddq[moving] = trajectory.motion(t[moving])
-        return drives.command(q, dq, ddq, period / 2)
+        return drives.command(q, dq, ddq, cycle / 2)
 
     def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
         t = np.append(times.inside, trajectory.duration + times.after_end + tail)
         found = final
         if len(t):
-            exact = at(np.append(t[0] - [period, period / 2], np.stack([t, t + period / 2], 1)))
+            exact = at(np.append(t[0] - [cycle, cycle / 2], np.stack([t, t + cycle / 2], 1)))
             set_points = _nearest(exact[2::2], exact[1::2], hold, final, servo.interpolation)
             found = np.concatenate([set_points, final])
         return found[:, joints]
 
     return advance_set_points(
-        trajectory, time_advances(servo, period), period, command, hold=hold[0], from_rest=True
+        trajectory, time_advances(servo, cycle), cycle, command, hold=hold[0], from_rest=True
     )
 
 

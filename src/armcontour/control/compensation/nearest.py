@@ -9,7 +9,7 @@ import numpy as np
 from armcontour.control.compensation.set_points import LONGEST_TAIL
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import CompensationError
-from armcontour.motion import LimitCost, TaughtData
+from armcontour.motion import LimitCost, SetPoints
 from armcontour.motion.nearest_commands import (
     BY_ORDER,
     check_command_limits,
@@ -32,15 +32,15 @@ UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
 
 
 def within_limits(
-    taught: TaughtData, servo: ServoModel, limits: Limits, arm: Arm | None = None
-) -> TaughtData:
-    """Taught data with the nearest set-points within limits of commands.
+    set_points: SetPoints, servo: ServoModel, limits: Limits, arm: Arm | None = None
+) -> SetPoints:
+    """Set-points with the nearest set-points within limits of commands.
 
     If the limits bind, set-points begin earlier and end later, because a compensated command leaves
     and reaches rest faster than its joint.
 
     Args:
-        taught: Taught data without these limits.
+        set_points: Set-points without these limits.
         servo: Servo model with values per joint.
         limits: Limits of commands.
         arm: The arm, for the contour error; by default that of the plan.
@@ -49,24 +49,24 @@ def within_limits(
         InvalidInput: A limit that is none of commands.
         CompensationError: The plan exceeds limits, or no set-points satisfy them.
     """
-    dof, period = taught.q.shape[1], taught.period
+    dof, cycle = set_points.q.shape[1], set_points.cycle
     limits = check_command_limits(limits, dof)
     bounds = command_bounds(limits, dof)
-    if excess(taught.q, period, bounds) is None:
-        return replace(taught, command_limits=limits)
-    _refuse_plan(taught, bounds[:3], SMOOTHED)
+    if excess(set_points.q, cycle, bounds) is None:
+        return replace(set_points, command_limits=limits)
+    _refuse_plan(set_points, bounds[:3], SMOOTHED)
     jerky = np.isfinite(bounds[2, 1])
     ramp = float((bounds[2, 1, jerky] / bounds[3, 1, jerky]).max(initial=0.0))
     usual = min(TIME_CONSTANTS / servo.slowest + RAMPS * ramp, LONGEST_TAIL)
     for longer_by in (usual, LONGEST_TAIL):
-        more = int(np.ceil(longer_by / period))
-        q = np.pad(taught.q, ((more, more), (0, 0)), mode="edge")
-        found, joint = nearest_commands(q, period, bounds)
+        more = int(np.ceil(longer_by / cycle))
+        q = np.pad(set_points.q, ((more, more), (0, 0)), mode="edge")
+        found, joint = nearest_commands(q, cycle, bounds)
         if joint is None:
             break
     else:
         assert joint is not None
-        _refuse_plan(taught, np.where(np.arange(dof) == joint, bounds, UNLIMITED))
+        _refuse_plan(set_points, np.where(np.arange(dof) == joint, bounds, UNLIMITED))
         raise CompensationError(
             f"No set-points of joint {joint + 1} satisfy command_limits between the ends of the "
             f"plan, even {LONGEST_TAIL:g} s longer at both: raise command_limits, or plan a slower "
@@ -74,27 +74,27 @@ def within_limits(
             joint=joint,
         )
     longer = replace(
-        taught, q=found, start_time=taught.start_time - more * period, command_limits=limits
+        set_points, q=found, start_time=set_points.start_time - more * cycle, command_limits=limits
     )
     return replace(longer, limit_cost=_cost(longer, found - q, servo, arm))
 
 
-def _refuse_plan(taught: TaughtData, bounds: FloatArray, share: float = 0.0) -> None:
+def _refuse_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -> None:
     """Refuse a plan that exceeds bounds, because set-points within them would leave its path.
 
     Args:
-        taught: The taught data.
+        set_points: The set-points.
         bounds: Bounds of the set-points, of some or all orders.
         share: Allowed excess of velocities and accelerations, relative to the bounds.
 
     Raises:
         CompensationError: The plan exceeds a bound.
     """
-    plan, period = taught.trajectory, taught.period
+    plan, cycle = set_points.trajectory, set_points.cycle
     # Set-points with a time advance end before the plan.
-    t = taught.times(int((plan.duration - taught.start_time) / period) + 3, period)
+    t = set_points.times(int((plan.duration - set_points.start_time) / cycle) + 3, cycle)
     allowed = np.concatenate([bounds[:1], bounds[1:] * (1 + share)])
-    worst = excess(plan.with_rests(t), period, allowed)
+    worst = excess(plan.with_rests(t), cycle, allowed)
     if worst is None:
         return
     order, k, j, value = worst
@@ -115,17 +115,19 @@ def _refuse_plan(taught: TaughtData, bounds: FloatArray, share: float = 0.0) -> 
     )
 
 
-def _cost(taught: TaughtData, change: FloatArray, servo: ServoModel, arm: Arm | None) -> LimitCost:
+def _cost(
+    set_points: SetPoints, change: FloatArray, servo: ServoModel, arm: Arm | None
+) -> LimitCost:
     """Cost of a change of set-points [rad], (n, dof), by the linear response of the servos."""
-    deviation, plan = np.abs(change).max(axis=0), taught.trajectory
+    deviation, plan = np.abs(change).max(axis=0), set_points.trajectory
     arm = plan.arm if arm is None else arm
-    times = taught.t
+    times = set_points.t
     paths = plan.paths_at(times)
     if arm is None or not paths:
         return LimitCost(deviation=deviation)
     still = np.zeros(change.shape[1])
-    linear = servo.replace(friction=0.0, cycle=0.0)
-    run = Simulation(change, taught.period, linear).run(0, len(change) - 1, still, still)
+    linear = servo.replace(friction=0.0, drive_cycle=0.0)
+    run = Simulation(change, set_points.cycle, linear).run(0, len(change) - 1, still, still)
     moved = np.pad(run.states.T[0], ((1, 0), (0, 0)))
     tool = arm.tool_position(plan.with_rests(times) + moved)
     off = np.concatenate([path.project(tool[which]).distance for path, which in paths])

@@ -56,14 +56,14 @@ def pole_family(kv: FloatArray, p: float) -> ComplexArray:
 
 
 def pole_placement(
-    trajectory: Trajectory, servo: ServoModel, period: float, poles: npt.ArrayLike | None = None
+    trajectory: Trajectory, servo: ServoModel, cycle: float, poles: npt.ArrayLike | None = None
 ) -> tuple[float, FloatArray]:
     """Set-points by pole placement, (26).
 
     Args:
         trajectory: Trajectory that the joints should follow.
         servo: Servo model with values per joint.
-        period: Command interval [s].
+        cycle: Cycle [s].
         poles: m1, m2 (real, or complex conjugates) and g [1/s], one triple or one per joint; by
             default those of `default_poles`.
 
@@ -73,38 +73,38 @@ def pole_placement(
     Raises:
         CompensationError: The poles are not stable.
         InvalidInput: The poles have a wrong shape, are not conjugate, or are too fast for the
-            command interval; or a joint is not of order "second", or has friction or a cycle.
+            cycle; or a joint is not of order "second", or has friction or a cycle.
     """
-    servo.refuse_mixed("Pole placement, (26),")
+    servo.check_orders("Pole placement, (26),")
     placed = default_poles(servo) if poles is None else check_poles(poles, trajectory.dof)
     fastest = float(np.abs(placed).max())
-    checks.refuse_if(
-        fastest * period > MOST_TIME_CONSTANTS,
-        f"A pole of {fastest:g} 1/s is {fastest * period:.3g} time constants in a command "
-        f"interval of {period:g} s, but at most {MOST_TIME_CONSTANTS:g} are computed: take poles "
-        f"up to {MOST_TIME_CONSTANTS / period:g} 1/s, or a shorter command interval.",
+    checks.raise_if(
+        fastest * cycle > MOST_TIME_CONSTANTS,
+        f"A pole of {fastest:g} 1/s is {fastest * cycle:.3g} time constants in a command "
+        f"interval of {cycle:g} s, but at most {MOST_TIME_CONSTANTS:g} are computed: take poles "
+        f"up to {MOST_TIME_CONSTANTS / cycle:g} 1/s, or a shorter cycle.",
     )
     return advance_set_points(
         trajectory,
-        time_advances(servo, period),
-        period,
-        lambda times, joints: _set_points(trajectory, servo, period, placed, times)[:, joints],
+        time_advances(servo, cycle),
+        cycle,
+        lambda times, joints: _set_points(trajectory, servo, cycle, placed, times)[:, joints],
     )
 
 
 def _set_points(
     trajectory: Trajectory,
     servo: ServoModel,
-    period: float,
+    cycle: float,
     placed: ComplexArray,
     times: SetPointTimes,
 ) -> FloatArray:
     """The compensator's output at the times, and on until the end of its own tail."""
     assert servo.kv is not None
     knots = np.union1d(trajectory.breaks, times.inside)
-    tail = int(np.ceil(SETTLING / float(np.abs(placed.real).min()) / period))
+    tail = int(np.ceil(SETTLING / float(np.abs(placed.real).min()) / cycle))
     # From the end of the motion to the next set-point, then from set-point to set-point.
-    after = np.append(times.after_end, np.full(tail, period))
+    after = np.append(times.after_end, np.full(tail, cycle))
     q, dq, ddq = trajectory.motion(knots[:-1])
     end, dend, ddend = trajectory.motion(knots[1:], side="left")
     moving = quintic(np.diff(knots), (q, dq, ddq), (end, dend, ddend))
@@ -191,7 +191,7 @@ def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
     m1, m2, g = placed.T
     size = float(np.abs(placed).max())
     pairs = ((m1 + m2, size), (g, size), (m1 * m2, size * size))
-    checks.refuse_if(
+    checks.raise_if(
         any((np.abs(x.imag) > 1e-9 * y).any() for x, y in pairs),
         "The regulator poles must be real or complex conjugates, and the observer pole real.",
     )

@@ -17,13 +17,13 @@ from armcontour.control.compensation.pole_placement import (
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import CompensationError, InvalidInput
 from armcontour.core.fields import Checked, checked
-from armcontour.motion import PERIOD, Trajectory, check_interval
+from armcontour.motion import DEFAULT_CYCLE, Trajectory, check_cycle
 from armcontour.robot import Limits
 from armcontour.robot.limit_use import use_of
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import Simulation
 
-# Fastest poles in units of 1 / T: their lag is a tenth of the command interval T, so that faster
+# Fastest poles in units of 1 / T: their lag is a tenth of the cycle T, so that faster
 # poles have no benefit.
 FASTEST = 20.0
 # Relative precision of the fastest poles.
@@ -82,9 +82,12 @@ def pole_behaviour(servo: ServoModel, poles: npt.ArrayLike) -> PoleBehaviour:
 
 @checked
 def fastest_poles(
-    servo: ServoModel, trajectory: Trajectory, limits: Limits | None = None, period: float = PERIOD
+    servo: ServoModel,
+    trajectory: Trajectory,
+    limits: Limits | None = None,
+    cycle: float = DEFAULT_CYCLE,
 ) -> FloatArray:
-    """The fastest poles whose taught data does not saturate the servo.
+    """The fastest poles whose set-points does not saturate the servo.
 
     The poles are `m1 = m2 = -p, g = -K_v`, for which `F G = p² / (s + p)²` on every joint: all
     joints have the lag 2 / p, and the demand exceeds the plan's only at the corners of the
@@ -95,7 +98,7 @@ def fastest_poles(
         servo: Servo model of order "second".
         trajectory: Trajectory that the joints should follow.
         limits: Limits with the joint accelerations of the servo, in place of those of the plan.
-        period: Command interval [s].
+        cycle: Cycle [s].
 
     Returns:
         m1, m2 and g of each joint [1/s], (dof, 3), for `PolePlacement(poles=...)`; p is at most
@@ -107,7 +110,7 @@ def fastest_poles(
         InvalidInput: There is no limit of joint acceleration, or the servo is not of order
             "second".
     """
-    interval = check_interval(period)
+    interval = check_cycle(cycle)
     limits = trajectory.limits_for(limits)
     if limits.joint_acceleration is None:
         raise InvalidInput(
@@ -136,7 +139,7 @@ def fastest_poles(
             f"Joint {j + 1} saturates with any poles: even with the regulator poles at -{low:.4g} "
             f"1/s, which lag as the servo does by itself, its demand is {needed:.6g} rad/s², above "
             f"its limit of {allowed:.6g} rad/s²; plan with a joint_acceleration lower by at least "
-            f"{needed - allowed:.1g} rad/s², or take a shorter command interval.",
+            f"{needed - allowed:.1g} rad/s², or take a shorter cycle.",
             joint=j,
             limit="joint_acceleration",
             needed=needed,
@@ -149,21 +152,21 @@ def fastest_poles(
 
 
 def extreme_demands(
-    servo: ServoModel, q: FloatArray, period: float
+    servo: ServoModel, q: FloatArray, cycle: float
 ) -> tuple[FloatArray, FloatArray]:
     """Lowest and highest demand of each joint for set-points, without saturation.
 
     Args:
         servo: Servo model of order "second" with values per joint; dead time has no effect.
         q: Set-points from rest [rad], (n, dof).
-        period: Command interval [s].
+        cycle: Cycle [s].
 
     Returns:
         Lowest and highest demand until the last set-point [rad/s²], (dof,) each.
     """
     kv = _second_order(servo)
     prompt = ServoModel(kp=servo.kp, kv=kv, interpolation=servo.interpolation, dead_time=0 * kv)
-    run = Simulation(q, period, prompt).run(0, len(q) - 1, q[0].copy(), np.zeros(len(kv)))
+    run = Simulation(q, cycle, prompt).run(0, len(q) - 1, q[0].copy(), np.zeros(len(kv)))
     return run.lowest, run.highest
 
 
@@ -173,6 +176,6 @@ def _second_order(servo: ServoModel) -> FloatArray:
     Raises:
         InvalidInput: A joint is of another order, or has friction or a cycle.
     """
-    servo.refuse_mixed("Pole placement, (26),")
+    servo.check_orders("Pole placement, (26),")
     assert servo.kv is not None
     return servo.kv

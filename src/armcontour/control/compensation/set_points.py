@@ -12,17 +12,17 @@ from armcontour.motion import Trajectory
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import without_integral
 
-# Set-points closer than this to a break of the trajectory, in command intervals, are at the break.
+# Set-points closer than this to a break of the trajectory, in cycles, are at the break.
 SNAP = 1e-9
 # Set-points continue after the motion for this many time constants, until the rest has decayed.
 SETTLING = 36.0
 # Longest tail of set-points after a motion [s], and as a share of it; longer ones are cut off.
 LONGEST_TAIL = 1.0
 TAIL_SHARE = 0.2
-# A mean over a command interval T differs from the value by T² / 24 of the second derivative,
+# A mean over a cycle T differs from the value by T² / 24 of the second derivative,
 # interpolation by lines by T² / 12 more, and held set-points, which are means again, by T² / 24.
 BIAS = {"linear": 1 / 8, "step": 1 / 12, "cubic": 1 / 24}
-# Second derivatives that make up for it are those over so many command intervals to either side:
+# Second derivatives that make up for it are those over so many cycles to either side:
 # over fewer, they would add more to what is asked for at a jump of acceleration.
 REACH = 12
 
@@ -43,42 +43,42 @@ class SetPointTimes:
     after_end: float
 
 
-def set_point_times(trajectory: Trajectory, period: float, offset: float = 0.0) -> SetPointTimes:
+def set_point_times(trajectory: Trajectory, cycle: float, offset: float = 0.0) -> SetPointTimes:
     """Times of set-points from `offset` to the end of the motion.
 
     Args:
         trajectory: The planned trajectory.
-        period: Command interval [s].
+        cycle: Cycle [s].
         offset: Time of the first set-point, not above 0 [s].
     """
     duration = trajectory.duration
-    count = int(np.ceil((duration - offset) / period * (1 - 1e-15) - SNAP))
-    grid = offset + np.arange(max(count, 1), dtype=np.float64) * period
+    count = int(np.ceil((duration - offset) / cycle * (1 - 1e-15) - SNAP))
+    grid = offset + np.arange(max(count, 1), dtype=np.float64) * cycle
     breaks = trajectory.breaks
     near = np.clip(np.searchsorted(breaks, grid), 1, len(breaks) - 1)
     near -= grid - breaks[near - 1] < breaks[near] - grid
-    close = np.abs(breaks[near] - grid) < SNAP * period
+    close = np.abs(breaks[near] - grid) < SNAP * cycle
     grid[close] = breaks[near][close]
     return SetPointTimes(
         before=int((grid < 0).sum()),
         inside=grid[grid >= 0],
-        after_end=max(offset + len(grid) * period - duration, SNAP * period),
+        after_end=max(offset + len(grid) * cycle - duration, SNAP * cycle),
     )
 
 
-def time_advances(servo: ServoModel, period: float) -> FloatArray:
+def time_advances(servo: ServoModel, cycle: float) -> FloatArray:
     """Time advance of each joint's set-points [s], (dof,).
 
-    The time advance is the dead time, plus half a command interval for interpolation "step", which
+    The time advance is the dead time, plus half a cycle for interpolation "step", which
     delays the command by that on average.
     """
-    return servo.dead_time + (period / 2 if servo.interpolation == "step" else 0.0)
+    return servo.dead_time + (cycle / 2 if servo.interpolation == "step" else 0.0)
 
 
 def advance_set_points(
     trajectory: Trajectory,
     lead: FloatArray,
-    period: float,
+    cycle: float,
     command: Callable[[SetPointTimes, IntArray], FloatArray],
     *,
     hold: FloatArray | None = None,
@@ -93,7 +93,7 @@ def advance_set_points(
     Args:
         trajectory: Trajectory that the joints should follow.
         lead: Time advance of each joint [s], (dof,).
-        period: Command interval [s].
+        cycle: Cycle [s].
         command: Function that computes the set-points of the joints with given indices, (k,), at
             given times and after the end [rad], (n, k).
         hold: Set-point that holds the arm at the start of the plan [rad], (dof,); by default the
@@ -103,13 +103,13 @@ def advance_set_points(
     Returns:
         Time of the first set-point, not above 0 [s], and set-points [rad], (n, dof).
     """
-    whole = lead.max() / period
+    whole = lead.max() / cycle
     early = int(np.floor(whole + SNAP)) + 1 if from_rest else int(np.ceil(whole - SNAP))
     start = trajectory(0.0) if hold is None else hold
     columns: dict[int, FloatArray] = {}
     for own in np.unique(lead):
         joints = np.flatnonzero(lead == own)
-        times = set_point_times(trajectory, period, min(float(own) - early * period, 0.0))
+        times = set_point_times(trajectory, cycle, min(float(own) - early * cycle, 0.0))
         still = np.tile(start[joints], (times.before, 1))
         found = np.concatenate([still, command(times, joints)])
         columns |= dict(zip(joints.tolist(), found.T, strict=True))
@@ -118,13 +118,13 @@ def advance_set_points(
     padded = [
         np.pad(columns[j], (0, length - len(columns[j])), mode="edge") for j in range(len(lead))
     ]
-    return -early * period + 0.0, np.stack(padded, axis=1)
+    return -early * cycle + 0.0, np.stack(padded, axis=1)
 
 
-def inverse(trajectory: Trajectory, servo: ServoModel, period: float) -> tuple[float, FloatArray]:
+def inverse(trajectory: Trajectory, servo: ServoModel, cycle: float) -> tuple[float, FloatArray]:
     """Set-points by the inverse of the servo.
 
-    A set-point is the mean of the exact command over the command interval about its time. That is
+    A set-point is the mean of the exact command over the cycle about its time. That is
     the command of the plan's mean: the means of velocity and acceleration are differences of
     position and velocity, so that a jump of acceleration has its part in the set-points on both
     sides, wherever it is between them.
@@ -132,43 +132,43 @@ def inverse(trajectory: Trajectory, servo: ServoModel, period: float) -> tuple[f
     Args:
         trajectory: Trajectory that the joints should follow.
         servo: Servo model with values per joint.
-        period: Command interval [s].
+        cycle: Cycle [s].
 
     Returns:
         Time of the first set-point, which is the start of the plan [s], and set-points [rad],
         (n, dof).
     """
     final = trajectory([trajectory.duration], side="left")
-    tail = np.zeros((integrator_tail(servo, trajectory.duration, period), trajectory.dof))
+    tail = np.zeros((integrator_tail(servo, trajectory.duration, cycle), trajectory.dof))
 
     def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
         t = times.inside
-        if len(t) and times.after_end < period / 2:
+        if len(t) and times.after_end < cycle / 2:
             # The interval about the next set-point still has a part of the motion.
             t = np.append(t, trajectory.duration + times.after_end)
         # An acceleration that is held for a cycle is that of its middle.
-        q, dq, ddq = _means(trajectory, t, period, servo.cycle / 2)
+        q, dq, ddq = _means(trajectory, t, cycle, servo.drive_cycle / 2)
         q, ends = np.concatenate([q, tail + final]), np.concatenate([dq, tail])
-        ddq = without_integral(ends, np.concatenate([ddq, tail]), servo, period)
+        ddq = without_integral(ends, np.concatenate([ddq, tail]), servo, cycle)
         found = servo.command(q, ends, ddq)
         inside = found[: len(t)]
-        inside -= BIAS[servo.interpolation] * _bends(inside, trajectory, t, period)
+        inside -= BIAS[servo.interpolation] * _bends(inside, trajectory, t, cycle)
         return np.concatenate([found, final])[:, joints]
 
     return advance_set_points(
-        trajectory, time_advances(servo, period), period, command, from_rest=True
+        trajectory, time_advances(servo, cycle), cycle, command, from_rest=True
     )
 
 
-def integrator_tail(servo: ServoModel, duration: float, period: float) -> int:
+def integrator_tail(servo: ServoModel, duration: float, cycle: float) -> int:
     """Number of set-points after a motion that empty the integrators of the servo.
 
     Args:
         servo: Servo model with values per joint.
         duration: Duration of the motion [s].
-        period: Command interval [s].
+        cycle: Cycle [s].
     """
-    return int(longest_tail(duration) / period) + 2 if servo.ki.any() else 0
+    return int(longest_tail(duration) / cycle) + 2 if servo.ki.any() else 0
 
 
 def longest_tail(duration: float) -> float:
@@ -177,14 +177,14 @@ def longest_tail(duration: float) -> float:
 
 
 def _means(
-    trajectory: Trajectory, t: FloatArray, period: float, ahead: float
+    trajectory: Trajectory, t: FloatArray, cycle: float, ahead: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Means of q, dq and ddq over the intervals about times, also of the rest around the motion.
 
     Those of q are by Simpson's rule, which is exact up to third order. Those of ddq are for
     intervals that are `ahead` later [s].
     """
-    shifts = period / 2 * np.arange(-1, 2)
+    shifts = cycle / 2 * np.arange(-1, 2)
     if ahead:
         shifts = np.append(shifts, ahead + shifts[::2])
     # At all times at once, nearly in their order: a program has thousands of laws to look up.
@@ -192,17 +192,17 @@ def _means(
     count = len(shifts)
     first, middle, last = (q[k::count] for k in range(3))
     before, after = dq[count // 4 * 3 :: count], dq[count - 1 :: count]
-    return (first + 4 * middle + last) / 6, (last - first) / period, (after - before) / period
+    return (first + 4 * middle + last) / 6, (last - first) / cycle, (after - before) / cycle
 
 
-def _bends(u: FloatArray, trajectory: Trajectory, t: FloatArray, period: float) -> FloatArray:
+def _bends(u: FloatArray, trajectory: Trajectory, t: FloatArray, cycle: float) -> FloatArray:
     """Second differences of set-points, over up to REACH intervals of the same move, (n, dof).
 
     From the start of a move, and to its end, they fade: an arm at rest is where the plan is.
     """
     ends = trajectory.starts
     k = np.clip(np.searchsorted(ends, t, side="right"), 1, len(ends) - 1)
-    inside = np.minimum(t - ends[k - 1], ends[k] - t) / period
+    inside = np.minimum(t - ends[k - 1], ends[k] - t) / cycle
     reach = np.clip(np.floor(inside + SNAP), 0, REACH).astype(np.intp)
     i = np.arange(len(t))
     weight = np.clip(inside / REACH, 0, 1) / np.maximum(reach, 1) ** 2

@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour.control.identification.fit import allowed_deviation
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import brief
+from armcontour.core.describing import short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.render import Result, number_range
@@ -145,7 +145,7 @@ class Estimates(Result, Checked):
         """
         return Table.of_rows(name, [x.to_data().rows for x in self.estimates])
 
-    __repr__ = brief
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

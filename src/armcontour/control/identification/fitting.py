@@ -68,13 +68,13 @@ class Search(NamedTuple):
     """Longest dead time, cycle of the drives [s], 0 for none, and orders that may be selected."""
 
     longest: float
-    cycle: float
+    drive_cycle: float
     orders: tuple[str, ...] = ()
 
     @property
     def fastest(self) -> float:
         """Largest gain of the search [1/s]."""
-        return min(FASTEST, 2 / self.cycle) if self.cycle else FASTEST
+        return min(FASTEST, 2 / self.drive_cycle) if self.drive_cycle else FASTEST
 
     def bounds(self, model: Model) -> tuple[FloatArray, FloatArray]:
         """Bounds of the parameters of a model, logarithms for LOGARITHMIC, (m,) each."""
@@ -91,7 +91,7 @@ class Search(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Stretch:
+class LogSegment:
     """One joint in one log, or between two gaps of it; arrays are (n,).
 
     Args:
@@ -112,7 +112,7 @@ class Stretch:
     weight: FloatArray
     part: IntArray
 
-    def after(self, lag: float) -> Stretch:
+    def after(self, lag: float) -> LogSegment:
         """The stretch in which samples count after SKIPPED and a lag of the joint [s]."""
         t = self.command.t
         return replace(self, use=t >= min(max(SKIPPED, lag, t[5]), t[-1] / 4))
@@ -123,7 +123,7 @@ class Stretch:
         n = min(STARTING, len(self.y))
         return float(np.polyfit(self.command.t[:n], self.y[:n], 1)[0])
 
-    def cut(self, a: int, b: int, every: int = 1) -> Stretch:
+    def cut(self, a: int, b: int, every: int = 1) -> LogSegment:
         """Samples from a to b, or every so many of them, with set-points only there and before."""
         c, before = self.command, len(self.command.knots) - len(self.command.t)
         a += -(before + a) % every
@@ -137,7 +137,9 @@ class Stretch:
         )
 
 
-def split_logs(logs: Sequence[Log], j: int, interpolation: str, lag: float = 0.0) -> list[Stretch]:
+def split_logs(
+    logs: Sequence[Log], j: int, interpolation: str, lag: float = 0.0
+) -> list[LogSegment]:
     """Split logs at long gaps, weigh the samples of joint j by motion, and divide them into parts.
 
     Args:
@@ -168,7 +170,7 @@ def split_logs(logs: Sequence[Log], j: int, interpolation: str, lag: float = 0.0
         done += float(weight.sum())
         part = np.minimum((share * PARTS).astype(np.intp), PARTS - 1)
         found.append(
-            Stretch(
+            LogSegment(
                 log=i,
                 start=a,
                 command=LoggedCommand(t, logs[i].command[a:b, j], interpolation),
@@ -189,7 +191,7 @@ class Problem:
     the motion is linear are solved for in every step; only the others are searched.
     """
 
-    def __init__(self, model: Model, stretches: Sequence[Stretch], search: Search) -> None:
+    def __init__(self, model: Model, stretches: Sequence[LogSegment], search: Search) -> None:
         self.model, self.stretches, self.search = model, stretches, search
         self.m, self.b = len(model.free), BEGINS[model.order] + ("ki" in model.free)
         self.logarithmic = np.array([x in LOGARITHMIC for x in model.free], dtype=bool)
@@ -247,7 +249,7 @@ class Problem:
             begin[:, :b] = x[at : at + b]
             begin[np.arange(after, rows), later] += self.steps[m + later]
             _, q0, dq0, ddq0 = begin.T
-            q = follow(s.command, servo, q0, dq0, self.search.cycle, ddq0).take(used, axis=1)
+            q = follow(s.command, servo, q0, dq0, self.search.drive_cycle, ddq0).take(used, axis=1)
             block, end = every[:, end : end + len(used)], end + len(used)
             block[place[own]] = (q[1:after] - q[0]) / self.steps[own, None]
             block[place[at + later]] = (q[after:] - q[0]) / self.steps[m + later, None]
@@ -366,7 +368,7 @@ def fit(problem: Problem, starts: Sequence[FloatArray], most: int = 60) -> Fit:
     return Fit(problem=problem, x=found.x, cost=float(found.cost))
 
 
-def predict(stretch: Stretch, servo: JointServo, order: str, cycle: float) -> FloatArray:
+def predict(stretch: LogSegment, servo: JointServo, order: str, drive_cycle: float) -> FloatArray:
     """Positions of a servo over a stretch [rad], (n,).
 
     Offset, position and velocity at the begin are fitted: they are no parameters of the servo.
@@ -379,7 +381,7 @@ def predict(stretch: Stretch, servo: JointServo, order: str, cycle: float) -> Fl
 
     def simulate(begins: FloatArray) -> FloatArray:
         offset, q0, dq0, ddq0 = begins.T
-        return np.asarray(follow(s.command, servo, q0, dq0, cycle, ddq0) + offset[:, None])
+        return np.asarray(follow(s.command, servo, q0, dq0, drive_cycle, ddq0) + offset[:, None])
 
     x = np.array([0.0, s.y[0], s.velocity, 0.0])
     q = simulate(x + steps)
@@ -446,13 +448,13 @@ def estimate_parameters(
     return estimates
 
 
-def cycled_servo(servo: JointServo, cycle: float) -> JointServo:
+def cycled_servo(servo: JointServo, drive_cycle: float) -> JointServo:
     """The servo with a cycle [s] that moves as a continuous one, to first order in the cycle.
 
     What a drive holds for a cycle, and differences of commands over a cycle, are late by half of
     it.
     """
-    half = HIGHER * cycle / 2
+    half = HIGHER * drive_cycle / 2
     kp, ki = servo.kp / (1 + servo.kp * half), servo.ki / (1 + servo.ki * half)
     slow = 1 - (kp + ki) * half
     return servo._replace(

@@ -93,8 +93,8 @@ def list_logs(logs: Log | Sequence[Log]) -> tuple[Log, ...]:
     Raises:
         InvalidInput: No log, or an interval is too short or too long.
     """
-    every = checks.listed("logs", (logs,) if isinstance(logs, Log) else logs, Log, "Logs")
-    checks.refuse_if(not every, "There is no log to identify from: give at least one.")
+    every = checks.check_sequence("logs", (logs,) if isinstance(logs, Log) else logs, Log, "Logs")
+    checks.raise_if(not every, "There is no log to identify from: give at least one.")
     low, high = INTERVALS
     for x in every:
         # Times are rounded.
@@ -117,7 +117,7 @@ def choose_interpolation(logs: Sequence[Log], required: str | None) -> str:
         InvalidInput: The logs differ, or a log states another one.
     """
     for x in logs:
-        checks.refuse_if(
+        checks.raise_if(
             required is not None and x.interpolation not in (None, required),
             f"{x.source} says that its interpolation is {x.interpolation}, but {required} is "
             "required: leave one of them out.",

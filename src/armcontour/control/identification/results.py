@@ -11,11 +11,11 @@ import numpy as np
 
 from armcontour._version import __version__
 from armcontour.control.identification.estimates import IdentifiedJoints, JointEstimates
-from armcontour.control.identification.fitting import Stretch, predict, split_logs
+from armcontour.control.identification.fitting import LogSegment, predict, split_logs
 from armcontour.control.identification.residuals import fastest_motion
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray
-from armcontour.core.describing import brief, several
+from armcontour.core.describing import count_noun, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.render import Result, number
@@ -46,7 +46,7 @@ class JointIdentification(JointEstimates):
         unseen_rms: RMS error on parts that were not fitted [rad]: with several logs that of the
             worst log, with one log weighted by motion.
         share: `unseen_rms`, divided by the tracking error of the same kind.
-        unexplained: Largest error, also on parts that were not fitted [rad].
+        model_error: Largest error, also on parts that were not fitted [rad].
         scaling: The RMS error where it was not fitted is the root of the sum of squares of three
             parts: at rest [rad], per velocity [s] and per acceleration [s²], (3,).
         noise: Noise of the encoder [rad].
@@ -66,7 +66,7 @@ class JointIdentification(JointEstimates):
     largest: float = math.nan
     unseen_rms: float = math.nan
     share: float = math.nan
-    unexplained: float = math.nan
+    model_error: float = math.nan
     scaling: FloatArray = field(default_factory=lambda: np.full(3, np.nan))
     noise: float = math.nan
     note: str = ""
@@ -86,7 +86,7 @@ class JointIdentification(JointEstimates):
                 Row("share", self.share, "1", "tracking error left"),
                 Row("contour_ratio", self.contour_ratio, "1", "contour error left"),
                 Row("unseen_rms", self.unseen_rms, "rad", "error, RMS"),
-                Row("unexplained", self.unexplained, "rad", "largest"),
+                Row("model_error", self.model_error, "rad", "largest"),
                 Row("order", self.order, "", "model", ", ".join(filter(None, words))),
                 *(Row(x, getattr(self, x), "rad") for x in ("tracking_rms", "rms", "largest")),
                 *(Row(x, getattr(self, x)) for x in ("determined", "effective", "written")),
@@ -155,18 +155,18 @@ class Identification(IdentifiedJoints):
     """The identified servos of all joints.
 
     Args:
-        cycle: Cycle of the drives [s], 0 for continuous loops.
+        drive_cycle: Cycle of the drives [s], 0 for continuous loops.
         judgement: Contour errors with and without compensation where the servo was not fitted.
     """
 
     joints: tuple[JointIdentification, ...] = field(repr=False)
-    cycle: float
+    drive_cycle: float
     judgement: Judgement
 
     def to_data(self) -> Data:
         """Whether the servo can be trusted, then every joint and its parameters."""
         said = self.judgement
-        count = f"{sum(x.written for x in self.joints)} of {several(len(self.joints), 'joint')}"
+        count = f"{sum(x.written for x in self.joints)} of {count_noun(len(self.joints), 'joint')}"
         doubt = "" if said.trusted else "compensation may be worse than none"
         sole = "judged on one program only, provisional: record a different one"
         return Data(
@@ -183,7 +183,7 @@ class Identification(IdentifiedJoints):
                 Row("logs", [x.source for x in self.logs]),
                 Row("samples", sum(len(x.t) for x in self.logs)),
                 Row("interpolation", self.interpolation),
-                Row("cycle", self.cycle, "s"),
+                Row("drive_cycle", self.drive_cycle, "s"),
                 Row("determined", self.determined),
             ),
             self._tables(),
@@ -224,8 +224,8 @@ class Identification(IdentifiedJoints):
         return ServoModel(
             interpolation=self.interpolation,
             order=tuple(x.order for x in self.joints),
-            cycle=self.cycle,
-            unexplained=[rounded(min(x.unexplained * UP, math.pi)) for x in self.joints],
+            drive_cycle=self.drive_cycle,
+            model_error=[rounded(min(x.model_error * UP, math.pi)) for x in self.joints],
             logged_velocity=[rounded(x) for x in fastest[0]],
             logged_acceleration=[rounded(x) for x in fastest[1]],
             contour_ratio=float(f"{self.judgement.ratio:.3g}"),
@@ -256,17 +256,17 @@ class Identification(IdentifiedJoints):
             late = float(x.servo.dead_time)
             for s in split_logs([log], j, self.interpolation, late):
                 rows = slice(s.start, s.start + len(s.y))
-                positions[rows, j] = predict(s, x.servo, x.order, self.cycle)
+                positions[rows, j] = predict(s, x.servo, x.order, self.drive_cycle)
                 used[rows, j] = s.use
         return Prediction(log=log, positions=positions, used=used)
 
 
 def write_servo(
     joint: JointIdentification,
-    stretches: Sequence[Stretch],
+    stretches: Sequence[LogSegment],
     servo: JointServo,
     order: str = "unknown",
-    cycle: float = 0.0,
+    drive_cycle: float = 0.0,
     unseen: float = 0.0,
 ) -> JointIdentification:
     """The joint with a servo that is written, and the errors of this servo on the logs.
@@ -276,16 +276,18 @@ def write_servo(
         stretches: The joint in the logs.
         servo: The servo that is written.
         order: Its order.
-        cycle: Cycle of the drives [s].
+        drive_cycle: Cycle of the drives [s].
         unseen: Largest error on parts that were not fitted [rad].
     """
     rms, largest = math.nan, math.pi
     if stretches:
-        off = np.concatenate([(s.y - predict(s, servo, order, cycle))[s.use] for s in stretches])
+        off = np.concatenate(
+            [(s.y - predict(s, servo, order, drive_cycle))[s.use] for s in stretches]
+        )
         rms, largest = float(np.sqrt(np.mean(off**2))), float(np.abs(off).max())
-    unexplained = max(unseen, largest)
+    model_error = max(unseen, largest)
     return replace(
-        joint, order=order, servo=servo, rms=rms, largest=largest, unexplained=unexplained
+        joint, order=order, servo=servo, rms=rms, largest=largest, model_error=model_error
     )
 
 
@@ -342,7 +344,7 @@ class Prediction(Result):
         Raises:
             InvalidInput: The arm has another number of joints.
         """
-        checks.refuse_other("tool_errors", arm, Arm)
+        checks.check_type("tool_errors", arm, Arm)
         if arm.dof != self.log.dof:
             raise InvalidInput(
                 f"{self.log.source} has {self.log.dof} joints, but the arm {arm.name} has "
@@ -375,7 +377,7 @@ class Prediction(Result):
             rows.append(Row("tool.largest", float(off.max()), "m", "at the tool, largest"))
         return Data(f"Prediction of {self.log.source}", tuple(rows))
 
-    __repr__ = brief
+    __repr__ = short_repr
 
 
 def _rms(values: FloatArray, used: BoolArray) -> FloatArray:

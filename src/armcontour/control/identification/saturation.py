@@ -11,10 +11,10 @@ from armcontour.control.identification.estimates import UNITS, Estimate
 from armcontour.control.identification.fit import allowed_deviation
 from armcontour.control.identification.fitting import (
     REACH,
+    LogSegment,
     Model,
     Problem,
     Search,
-    Stretch,
     estimate_parameters,
     fit,
     predict,
@@ -89,7 +89,7 @@ class Saturation:
         return f"{name} saturates at {limit} for {self.time:.2g} s of {self.duration:.3g} s"
 
 
-def find_saturation(stretches: Sequence[Stretch]) -> Saturation | None:
+def find_saturation(stretches: Sequence[LogSegment]) -> Saturation | None:
     """Find plateaus of acceleration or velocity at which the loop demands more.
 
     The demand is linear in position, velocity and command, and is fitted to the other samples.
@@ -132,7 +132,7 @@ def find_saturation(stretches: Sequence[Stretch]) -> Saturation | None:
 
 
 def select_between(
-    stretches: Sequence[Stretch], saturation: Saturation, search: Search
+    stretches: Sequence[LogSegment], saturation: Saturation, search: Search
 ) -> Selected | None:
     """Select the model of a joint from the samples that its limit does not affect.
 
@@ -157,7 +157,7 @@ def select_between(
     problem = Problem(Model(order, (*names, LIMIT)), stretches, search)
     start = {**free.fit.servo._asdict(), LIMIT: saturation.limit}
     whole = fit(problem, [problem.guess(start, free.fit.servo.dead_time)])
-    squares = _error(between, whole.servo._replace(acceleration_limit=np.inf), search.cycle)
+    squares = _error(between, whole.servo._replace(acceleration_limit=np.inf), search.drive_cycle)
     rms = (squares / sum(float(np.sum(s.weight)) for s in between)) ** 0.5
     certain = [estimate_parameters(x)[KP].sd for x in (whole, free.fit)]
     if not is_implausible(whole) and rms * GAIN < free.rms and certain[0] < certain[1]:
@@ -166,7 +166,7 @@ def select_between(
     measured, servo = saturation.limit, free.fit.servo
     value = min(
         (measured, *measured * np.linspace(*REFINED)),
-        key=lambda x: _error(stretches, servo._replace(acceleration_limit=x), search.cycle),
+        key=lambda x: _error(stretches, servo._replace(acceleration_limit=x), search.drive_cycle),
     )
     sd = max(saturation.sd, abs(value - measured) / 2)
     limit = Estimate(
@@ -176,16 +176,16 @@ def select_between(
     return replace(predict_parts(free.fit, stretches, limit), rivals=free.rivals)
 
 
-def _error(stretches: Sequence[Stretch], servo: JointServo, cycle: float) -> float:
+def _error(stretches: Sequence[LogSegment], servo: JointServo, drive_cycle: float) -> float:
     """Sum of the squared errors of a servo of second order, weighted by motion [rad²]."""
-    off = [s.y - predict(s, servo, "second", cycle) for s in stretches]
+    off = [s.y - predict(s, servo, "second", drive_cycle) for s in stretches]
     return sum(float(s.weight @ x**2) for s, x in zip(stretches, off, strict=True))
 
 
 class _Motion:
     """Motion of a joint at even times, and its derivatives without `k` samples at both ends."""
 
-    def __init__(self, stretches: Sequence[Stretch]) -> None:
+    def __init__(self, stretches: Sequence[LogSegment]) -> None:
         self.stretches = stretches
         self.interval = float(np.median(np.diff(stretches[0].command.t)))
         self.sigma = max(float(white_noise(s.y)) for s in stretches)

@@ -11,10 +11,10 @@ from armcontour.control.identification.estimates import Estimate
 from armcontour.control.identification.fitting import (
     ROUNDING,
     Fit,
+    LogSegment,
     Model,
     Problem,
     Search,
-    Stretch,
     fit,
     predict,
 )
@@ -89,7 +89,7 @@ class Selected:
     """
 
     fit: Fit
-    stretches: Sequence[Stretch]
+    stretches: Sequence[LogSegment]
     unseen: list[FloatArray]
     errors: FloatArray
     motions: FloatArray
@@ -120,7 +120,7 @@ class Selected:
         return ratio < (LIMIT_GAIN if limited else GAIN) and some >= MOST_PARTS
 
 
-def find_lag(stretches: Sequence[Stretch], longest: float) -> float:
+def find_lag(stretches: Sequence[LogSegment], longest: float) -> float:
     """The pure delay with the smallest tracking error [s], on a grid of about 1 ms."""
 
     def left(lag: float) -> float:
@@ -133,7 +133,7 @@ def find_lag(stretches: Sequence[Stretch], longest: float) -> float:
 
 
 def select(
-    stretches: Sequence[Stretch], search: Search, *, limited: bool = True
+    stretches: Sequence[LogSegment], search: Search, *, limited: bool = True
 ) -> Selected | None:
     """Select the model of a joint; None if none can be judged or all are at their bounds.
 
@@ -173,7 +173,7 @@ def select(
 class _Trials:
     """The models that were fitted to a joint, and the best one so far."""
 
-    def __init__(self, stretches: Sequence[Stretch], search: Search) -> None:
+    def __init__(self, stretches: Sequence[LogSegment], search: Search) -> None:
         self.stretches, self.search = stretches, search
         self.lag = find_lag(stretches, search.longest)
         self.fits: dict[Model, Fit] = {}
@@ -259,7 +259,7 @@ def is_implausible(found: Fit) -> bool:
     return bool(ringing or at)
 
 
-def _thin(stretches: Sequence[Stretch]) -> Sequence[Stretch]:
+def _thin(stretches: Sequence[LogSegment]) -> Sequence[LogSegment]:
     """The stretches with fewer samples, if their set-points give the same command."""
     interval = float(np.median(np.diff(stretches[0].command.t)))
     every = int(COARSE / interval * (1 + 1e-6))
@@ -274,13 +274,13 @@ def _thin(stretches: Sequence[Stretch]) -> Sequence[Stretch]:
     return found
 
 
-def _moving_parts(stretches: Sequence[Stretch]) -> IntArray:
+def _moving_parts(stretches: Sequence[LogSegment]) -> IntArray:
     """The parts in which the command moves."""
     every = [s.part[s.use & (s.weight > 0)] for s in stretches]
     return np.unique(np.concatenate(every))
 
 
-def _acceleration(s: Stretch, time: float) -> float:
+def _acceleration(s: LogSegment, time: float) -> float:
     """Largest measured acceleration over some time but for outliers [rad/s²]."""
     t = s.command.t
     interval = float(np.median(np.diff(t)))
@@ -295,7 +295,7 @@ def limited_servo(servo: JointServo, limit: Estimate | None) -> JointServo:
 
 
 def predict_parts(
-    found: Fit, judged: Sequence[Stretch] | None = None, limit: Estimate | None = None
+    found: Fit, judged: Sequence[LogSegment] | None = None, limit: Estimate | None = None
 ) -> Selected:
     """Predict each part by a fit of the others.
 
@@ -306,8 +306,8 @@ def predict_parts(
     """
     p, stretches = found.problem, judged or found.problem.stretches
 
-    def predict_by(servo: JointServo, s: Stretch) -> FloatArray:
-        return predict(s, limited_servo(servo, limit), p.model.order, p.search.cycle)
+    def predict_by(servo: JointServo, s: LogSegment) -> FloatArray:
+        return predict(s, limited_servo(servo, limit), p.model.order, p.search.drive_cycle)
 
     # Parts without motion are predicted by the fit of all.
     unseen = [predict_by(found.servo, s) for s in stretches]

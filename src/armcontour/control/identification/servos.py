@@ -11,8 +11,8 @@ import numpy as np
 
 from armcontour.control.identification.fitting import (
     MRAD,
+    LogSegment,
     Search,
-    Stretch,
     estimate_parameters,
     predict,
     split_logs,
@@ -43,11 +43,11 @@ from armcontour.control.identification.selection import Selected, find_lag, sele
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
-from armcontour.core.progress import Progress, Step, under
+from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.sampling import white_noise
 from armcontour.core.text import show
 from armcontour.motion.log import FEWEST, Log
-from armcontour.motion.log_checks import refuse_far, refuse_fast, refuse_misread
+from armcontour.motion.log_checks import check_distance, check_speeds, check_units
 from armcontour.robot.servo.simulation import JointServo
 
 SERVO_FIT = ServoFit()
@@ -63,7 +63,7 @@ STILL, LEAST_MOTION = 1.5, 1e-9
 LEAST_LAG = 1e-12
 # Nor is this [rad] a change of velocity: logs have nine digits at most.
 LEAST_BEND = 1e-8
-# Longest cycle of a drive whose cycle is not given [s], or the command interval, if it is longer.
+# Longest cycle of a drive whose cycle is not given [s], or the cycle, if it is longer.
 USUAL_CYCLE = 2e-3
 
 
@@ -109,9 +109,9 @@ def identify(
     interpolation = choose_interpolation(every, options.interpolation)
     for x in every:
         if arm is not None:
-            refuse_far(x, arm)
-        refuse_fast(x)
-    tell, joints = under(progress), []
+            check_distance(x, arm)
+        check_speeds(x)
+    tell, joints = subprogress(progress), []
     longest, orders = dead_times(every, options.longest_dead_time)[1], MODELS[options.model]
     search = Search(longest, options.drive_cycle or 0.0, orders)
     for j, name in enumerate(first.joint_names):
@@ -122,7 +122,7 @@ def identify(
         logs=every,
         interpolation=interpolation,
         joints=found,
-        cycle=search.cycle,
+        drive_cycle=search.drive_cycle,
         judgement=judgement,
     )
 
@@ -153,7 +153,7 @@ def identify_joint(
     motion = _rms([s.y for s in stretches], stretches)[0]
     if found is None or found.rms > MISREAD * motion:
         for log in logs:
-            refuse_misread(log, search.longest, j)
+            check_units(log, search.longest, j)
     if found is None:
         left = [find_residuals(x, j) for x in logs]
         note = (
@@ -163,12 +163,12 @@ def identify_joint(
         return _without_model(joint, stretches, note)
     servo = JointServo(*(rounded(x) for x in found.servo))
     order, noise = found.fit.problem.model.order, found.fit.noise
-    file = [s.y - predict(s, servo, order, search.cycle) for s in stretches]
+    file = [s.y - predict(s, servo, order, search.drive_cycle) for s in stretches]
     unseen = [s.y - q for s, q in zip(found.stretches, found.unseen, strict=True)]
     error, of = _judge(unseen, found.stretches)
     worst = max((error, of), _judge(file, stretches), key=lambda x: x[0] / x[1])
     interval = max(float(np.median(np.diff(s.command.t))) for s in stretches)
-    unknown_cycle = 0.0 if search.cycle else max(interval, USUAL_CYCLE)
+    unknown_cycle = 0.0 if search.drive_cycle else max(interval, USUAL_CYCLE)
     limit = {} if found.limit is None else {found.limit.name: found.limit}
     step = max(resolution(s.y) for s in stretches)
     effective = not is_white(found.fit.problem.residuals(found.fit.x) / MRAD, step)
@@ -209,24 +209,28 @@ def identify_joint(
     note = f"The model of {name} is weak: {note}, more than {SHARE:.0%}.{more}" if note else ""
     joint = replace(joint, note=note, tracking_rms=_rms(_lags(stretches), stretches)[0])
     used = np.concatenate([x[s.use] for x, s in zip(unseen, found.stretches, strict=True)])
-    return write_servo(joint, stretches, servo, order, search.cycle, float(np.abs(used).max()))
+    return write_servo(
+        joint, stretches, servo, order, search.drive_cycle, float(np.abs(used).max())
+    )
 
 
 def _without_model(
-    joint: JointIdentification, stretches: Sequence[Stretch], note: str
+    joint: JointIdentification, stretches: Sequence[LogSegment], note: str
 ) -> JointIdentification:
     """The joint of order "unknown", whose error is its tracking error about the mean."""
     found = write_servo(joint, stretches, JointServo(math.inf))
     return replace(found, note=note, tracking_rms=found.rms)
 
 
-def _error(stretches: Sequence[Stretch], found: Selected) -> float:
+def _error(stretches: Sequence[LogSegment], found: Selected) -> float:
     """RMS error of a model over all samples [rad]."""
-    order, cycle = found.fit.problem.model.order, found.fit.problem.search.cycle
-    return _rms([s.y - predict(s, found.servo, order, cycle) for s in stretches], stretches)[0]
+    order, drive_cycle = found.fit.problem.model.order, found.fit.problem.search.drive_cycle
+    return _rms([s.y - predict(s, found.servo, order, drive_cycle) for s in stretches], stretches)[
+        0
+    ]
 
 
-def _judge(off: Sequence[FloatArray], stretches: Sequence[Stretch]) -> tuple[float, float]:
+def _judge(off: Sequence[FloatArray], stretches: Sequence[LogSegment]) -> tuple[float, float]:
     """Error and tracking error of the log with the largest share, RMS [rad].
 
     Those of a single log are weighted by motion, because some of its parts may stand.
@@ -241,13 +245,13 @@ def _judge(off: Sequence[FloatArray], stretches: Sequence[Stretch]) -> tuple[flo
     return max(found, key=lambda x: x[0] / x[1])
 
 
-def _lags(stretches: Sequence[Stretch]) -> list[FloatArray]:
+def _lags(stretches: Sequence[LogSegment]) -> list[FloatArray]:
     """Measured positions less commands [rad]."""
     return [s.y - s.command.u for s in stretches]
 
 
 def _rms(
-    values: Sequence[FloatArray], stretches: Sequence[Stretch], *, centred: bool = True
+    values: Sequence[FloatArray], stretches: Sequence[LogSegment], *, centred: bool = True
 ) -> tuple[float, float]:
     """RMS of values over the samples that count, about their means, and weighted by motion."""
     sums = np.zeros(4)
@@ -258,7 +262,7 @@ def _rms(
     return float(np.sqrt(sums[0] / sums[1])), float(np.sqrt(sums[2] / max(sums[3], 1e-300)))
 
 
-def _why_none(stretches: Sequence[Stretch]) -> str:
+def _why_none(stretches: Sequence[LogSegment]) -> str:
     """Why nothing can be identified: no motion, or only a uniform velocity; else empty."""
     if not stretches:
         return f"there are no {FEWEST} samples without a gap: record more."

@@ -1,6 +1,6 @@
 """Learning from run to run: set-points from what the joints did with those before."""
 
 from armcontour.control.learning.learner import judge_run, learn
-from armcontour.control.learning.lesson import LearnedRun, Lesson, Recording
+from armcontour.control.learning.lesson import LearningResult, LearningRun, Recording
 
-__all__ = ["LearnedRun", "Lesson", "Recording", "judge_run", "learn"]
+__all__ = ["LearningRun", "LearningResult", "Recording", "judge_run", "learn"]

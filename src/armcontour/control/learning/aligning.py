@@ -10,18 +10,18 @@ import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import maximum_filter1d
 
-from armcontour.control.learning.lesson import LearnedRun, Recording
+from armcontour.control.learning.lesson import LearningRun, Recording
 from armcontour.control.learning.lifted import Lifted, rms
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.sampling import OF_MEDIAN, interpolate, white_noise
-from armcontour.motion import TaughtData
-from armcontour.motion.log_checks import find_misreading, refuse_part
+from armcontour.motion import SetPoints
+from armcontour.motion.log_checks import check_is_whole, find_misreading
 
 # Largest difference between two clocks; more is another job, or another unit of time.
 WORST_RATE = 0.03
-# Command intervals over which differences of set-points are averaged.
+# Cycles over which differences of set-points are averaged.
 AVERAGED = 10
 # Steps of Newton's method, which ends below this time [s].
 STEPS, NEAR = 30, 1e-9
@@ -32,7 +32,7 @@ UNLIKE = 0.3
 SAMPLES = 5.0
 # Two intervals that differ by less than this share are the same: clocks drift.
 SAME = 0.01
-# Logged set-points are those of another run if they differ from the taught ones by more than this
+# Logged set-points are those of another run if they differ from the exported ones by more than this
 # RMS [rad], by more than this share of the errors, and by more than so many times the noise.
 OTHERS, SHARE, NOISES = 1e-4, 0.05, 10.0
 # A tracker is in another frame, or tracks another point, if the tool is this far away [m]: no
@@ -100,7 +100,7 @@ class Aligned(NamedTuple):
 
 
 def align(
-    recording: Recording, lifted: Lifted, taught: TaughtData, expected: FloatArray | None = None
+    recording: Recording, lifted: Lifted, set_points: SetPoints, expected: FloatArray | None = None
 ) -> Aligned:
     """The clock of a recording, and the motion that the model expects in it.
 
@@ -110,7 +110,7 @@ def align(
     Args:
         recording: What was measured.
         lifted: The model.
-        taught: Set-points of the run.
+        set_points: Set-points of the run.
         expected: Joint positions that the run before lets expect at the model's times [rad],
             (n, dof); those of the model by default, which do not show offsets of encoders.
 
@@ -122,8 +122,8 @@ def align(
     servo = lifted.nominal.servo
     loops = servo.kp if servo.kv is None else np.where(np.isinf(servo.kv), servo.kp, servo.kv)
     allowed = 2 * math.pi / float(np.sqrt(servo.kp * loops).max()) / SAMPLES
-    # Set-points correct no faster disturbances than a log of the command interval shows.
-    allowed = max(allowed, taught.period)
+    # Set-points correct no faster disturbances than a log of the cycle shows.
+    allowed = max(allowed, set_points.cycle)
     if recording.interval > allowed * (1 + SAME):
         raise InvalidInput(
             f"{source} has a sample every {1e3 * recording.interval:.4g} ms, but the joints' loops "
@@ -133,7 +133,7 @@ def align(
             allowed=allowed,
         )
     has_forerunner = expected is not None
-    expected = lifted.expected(taught.q) if expected is None else expected
+    expected = lifted.expected(set_points.q) if expected is None else expected
     offset, rate = 0.0, 1.0
     if not recording.in_plan_time:
         lasts = float(np.ptp(recording.t))
@@ -144,7 +144,7 @@ def align(
             )
         values, times, reference = recording.q, lifted.t, expected
         if recording.command is not None:
-            values, times, reference = recording.command, taught.t, taught.q
+            values, times, reference = recording.command, set_points.t, set_points.q
         offset, rate = fit_to(recording.t, values, times, reference)
     t = offset + rate * recording.t
     moved = rms(expected - expected.mean(axis=0))
@@ -168,7 +168,7 @@ def align(
             f"and more than {100 * WORST_RATE:g} % is not a clock: it is a log of another job or "
             "another speed, or its times need their unit."
         )
-    refuse_part(source, t, duration, 2 * recording.interval)
+    check_is_whole(source, t, duration, 2 * recording.interval)
     apart = recording.q - lifted.between(t, expected)
     noise = white_noise(apart, order=4)
     shift, outliers = np.zeros(lifted.dof), 0
@@ -183,19 +183,19 @@ def align(
     return Aligned(offset, rate, expected, measured, noise, shift, outliers)
 
 
-def refuse_other_set_points(run: LearnedRun) -> None:
+def check_set_points(run: LearningRun) -> None:
     """Refuse the log of another run by its set-points.
 
     Raises:
-        InvalidInput: They differ from those of the taught data by more than noise explains.
+        InvalidInput: They differ from those of the set-points by more than noise explains.
     """
     error, noise = rms(run.error), rms(run.noise)
     allowed = max(OTHERS, SHARE * error, NOISES * noise)
     if run.set_points_off > allowed:
         raise InvalidInput(
-            f"{run.source} is the log of another run: its set-points differ from the taught data "
+            f"{run.source} is the log of another run: its set-points differ from the set-points "
             f"by {run.set_points_off * 1e3:.3g} mrad RMS, and at most {allowed * 1e3:.3g} mrad is "
-            f"allowed for noise of {noise * 1e3:.2g} mrad. Give the taught data that the robot "
+            f"allowed for noise of {noise * 1e3:.2g} mrad. Give the set-points that the robot "
             "executed; if the controller logs filtered set-points, give a log without them.",
             limit="set_points",
             needed=run.set_points_off,
@@ -203,8 +203,8 @@ def refuse_other_set_points(run: LearnedRun) -> None:
         )
 
 
-def set_points_off(t: FloatArray, command: FloatArray | None, taught: TaughtData) -> float:
-    """RMS by which recorded set-points are beside those of the taught data [rad]; 0 without any.
+def set_points_off(t: FloatArray, command: FloatArray | None, set_points: SetPoints) -> float:
+    """RMS by which recorded set-points are beside those of the set-points [rad]; 0 without any.
 
     Controllers record them held or interpolated, and stamp them a little early or late. That makes
     differences which go to and fro within an interval, so differences are averaged over several.
@@ -212,12 +212,12 @@ def set_points_off(t: FloatArray, command: FloatArray | None, taught: TaughtData
     Args:
         t: Times of the recording, in time of the plan [s], (m,).
         command: Recorded set-points [rad], (m, dof).
-        taught: The set-points that the robot should have executed.
+        set_points: The set-points that the robot should have executed.
     """
     if command is None:
         return 0.0
-    off = command - interpolate(t, taught.t, taught.q)
-    part = np.floor((t - t[0]) / (AVERAGED * taught.period)).astype(np.intp)
+    off = command - interpolate(t, set_points.t, set_points.q)
+    part = np.floor((t - t[0]) / (AVERAGED * set_points.cycle)).astype(np.intp)
     count = np.bincount(part)
     means = [np.bincount(part, weights=x)[count > 0] / count[count > 0] for x in off.T]
     return float(np.sqrt(np.average(np.square(means).mean(axis=0), weights=count[count > 0])))
@@ -316,7 +316,7 @@ def add_tool(
         InvalidInput: The positions are not those of this tool along this motion.
     """
     arm = lifted.nominal.arm
-    t, points = checks.numbers("tool times", tool[0], "s"), checks.points("tool", tool[1])
+    t, points = checks.check_numbers("tool times", tool[0], "s"), checks.points("tool", tool[1])
     form = t.ndim == 1 and len(t) >= 5 and points.shape == (len(t), arm.dimension)
     if not form or (np.diff(t) <= 0).any():
         raise InvalidInput(
@@ -327,7 +327,7 @@ def add_tool(
     seen = arm.tool_position(lifted.planned + error)
     offset, rate = clock or fit_to(t, points, lifted.t, seen)
     at = offset + rate * t
-    refuse_part("The file of tool positions", at, lifted.plan.duration, 2 * np.diff(at).max())
+    check_is_whole("The file of tool positions", at, lifted.plan.duration, 2 * np.diff(at).max())
     off = lifted.at_times(at, points, seen) - seen
     largest = float(np.linalg.norm(off, axis=1).max())
     if largest > FAR:

@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import nnls
 
-from armcontour.control.learning.lesson import LearnedRun
+from armcontour.control.learning.lesson import LearningRun
 from armcontour.control.learning.lifted import Lifted
 from armcontour.core.checks import FloatArray
 
@@ -25,7 +25,7 @@ SLOWER = 100.0
 WORTH = 1.05
 
 
-def unexplained(noise: FloatArray, error: FloatArray) -> FloatArray:
+def model_error(noise: FloatArray, error: FloatArray) -> FloatArray:
     """Variance of what the model need not explain in an error [rad²], (dof,).
 
     Args:
@@ -50,7 +50,7 @@ def smooth_error(
         moved: Response to the change of the set-points since the first run [rad], (n, dof).
     """
     rest = error - moved
-    variance = float(np.mean(unexplained(noise, rest)))
+    variance = float(np.mean(model_error(noise, rest)))
     return np.asarray(lifted.smooth(rest, lifted.choose_penalty(rest, variance)) + moved)
 
 
@@ -77,7 +77,7 @@ class Estimate:
         resolution: Standard deviation of a run's RMS error by noise [m].
     """
 
-    def __init__(self, lifted: Lifted, runs: tuple[LearnedRun, ...]) -> None:
+    def __init__(self, lifted: Lifted, runs: tuple[LearningRun, ...]) -> None:
         self.lifted, self.runs = lifted, runs
         self._moves = np.array([lifted.respond(x.q - runs[0].q) for x in runs])
         self._errors = np.array([x.error for x in runs])
@@ -219,7 +219,7 @@ class Estimate:
         gain = np.where(unmoved > 0, power / np.maximum(power + unmoved, 1e-300), 1.0)
         apart = gain[:, None] * (errors - errors[best])
         squares, count = (apart**2).sum(axis=1), len(errors[0])
-        noise = np.array([unexplained(x.noise, x.error) for x in self.runs])
+        noise = np.array([model_error(x.noise, x.error) for x in self.runs])
         weights = np.zeros_like(noise)
         others = np.arange(len(noise)) != best
         for j in range(self.lifted.dof if others.any() else 0):

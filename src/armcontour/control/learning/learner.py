@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.control.learning import aligning
-from armcontour.control.learning.estimating import UNTESTED, Estimate, smooth_error, unexplained
-from armcontour.control.learning.lesson import LearnedRun, Lesson, Recording, record
+from armcontour.control.learning.estimating import UNTESTED, Estimate, model_error, smooth_error
+from armcontour.control.learning.lesson import LearningResult, LearningRun, Recording, record
 from armcontour.control.learning.lifted import Lifted, Nominal, rms
 from armcontour.control.learning.servo_fit import fit_servo
 from armcontour.core import checks
@@ -20,8 +20,8 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.sampling import white_noise
-from armcontour.motion import Execution, Log, TaughtData
-from armcontour.motion.command_limits import describe_excess, refuse_commands
+from armcontour.motion import Execution, Log, SetPoints
+from armcontour.motion.command_limits import check_commands, describe_excess
 from armcontour.motion.nearest_commands import BY_ORDER, command_bounds, excess, nearest_commands
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
@@ -34,7 +34,7 @@ Runs: TypeAlias = Executed | Sequence[Executed]
 Tool: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike] | None
 
 # Usual cycle time of a drive [s], where the recording does not tell.
-CYCLE = 2.5e-4
+DRIVE_CYCLE = 2.5e-4
 # Position loop gain of a joint whose servo has none [1/s]: that of many industrial drives.
 TYPICAL_GAIN = 25.0
 # Learning ends after this many setbacks; each halves the step.
@@ -56,7 +56,7 @@ SURE = 3.0
 
 @checked
 def learn(
-    taught: TaughtData,
+    set_points: SetPoints,
     executed: Runs,
     *,
     arm: Arm,
@@ -65,7 +65,7 @@ def learn(
     gravity_feedforward: bool = True,
     known: Arm | None = None,
     tool: Tool = None,
-) -> Lesson:
+) -> LearningResult:
     """Set-points for the next run, from those of the last run and what the joints did.
 
     Give the lesson that this returns, and the log of its run, for the run after it. Logs of several
@@ -73,8 +73,8 @@ def learn(
     these are known, too.
 
     Args:
-        taught: The set-points of the last run: a `Lesson` with the runs before it, or other taught
-            data for the first run.
+        set_points: The set-points of the last run: a `LearningResult` with the runs before it, or
+            other set-points for the first run.
         executed: What the joints did: an execution, a log with set-points, from which the clock is
             found, or a recording of joint positions alone; or several of these.
         arm: The nominal arm. If it has masses, and the servo is of second order, the model is one
@@ -91,17 +91,19 @@ def learn(
             none.
 
     Raises:
-        InvalidInput: The log is not of this taught data, or not fit to learn from.
+        InvalidInput: The log is not of this set-points, or not fit to learn from.
         CompensationError: The set-points of the last run exceed the limits.
     """
-    seen, lifted = _see(taught, executed, Nominal(arm, servo, gravity_feedforward, known), tool)
+    seen, lifted = _see(set_points, executed, Nominal(arm, servo, gravity_feedforward, known), tool)
     for run in seen.runs:
-        aligning.refuse_other_set_points(run)
-    return _next_lesson(seen, lifted, taught if isinstance(taught, Lesson) else None, limits)
+        aligning.check_set_points(run)
+    return _next_lesson(
+        seen, lifted, set_points if isinstance(set_points, LearningResult) else None, limits
+    )
 
 
 def judge_run(
-    taught: TaughtData,
+    set_points: SetPoints,
     executed: Runs,
     *,
     arm: Arm,
@@ -109,11 +111,11 @@ def judge_run(
     gravity_feedforward: bool = True,
     known: Arm | None = None,
     tool: Tool = None,
-) -> Lesson:
+) -> LearningResult:
     """Judge runs by their logs as `learn` does, and learn nothing from them.
 
     Args:
-        taught: The set-points of the runs.
+        set_points: The set-points of the runs.
         executed: What the joints did.
         arm: The nominal arm.
         servo: The nominal servo.
@@ -122,26 +124,28 @@ def judge_run(
         tool: Measured positions of the tool, as `learn` takes them.
 
     Returns:
-        A finished lesson of these runs alone, with the set-points of `taught`.
+        A finished lesson of these runs alone, with the set-points of `set_points`.
 
     Raises:
-        InvalidInput: The log is not of this taught data, or not fit to be judged.
+        InvalidInput: The log is not of this set-points, or not fit to be judged.
     """
-    seen, lifted = _see(taught, executed, Nominal(arm, servo, gravity_feedforward, known), tool)
+    seen, lifted = _see(set_points, executed, Nominal(arm, servo, gravity_feedforward, known), tool)
     found = Estimate(lifted, seen.runs)
     return replace(
         seen, predicted=found.expected, noise=found.noise, best=found.best, repeats=found.repeats
     )
 
 
-def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tuple[Lesson, Lifted]:
+def _see(
+    set_points: SetPoints, executed: Runs, nominal: Nominal, tool: Tool
+) -> tuple[LearningResult, Lifted]:
     """Runs as learning sees them, with times as the robot has them, before any estimate.
 
     Raises:
         InvalidInput: There is no log, or positions of a tool with several.
     """
     if tool is not None:
-        tool = checks.listed("tool", tool, object, "times and positions of the tool", 2)
+        tool = checks.check_sequence("tool", tool, object, "times and positions of the tool", 2)
     logs = executed if isinstance(executed, (list, tuple)) else (executed,)
     if not logs or (tool is not None and len(logs) > 1):
         raise InvalidInput(
@@ -150,17 +154,17 @@ def _see(taught: TaughtData, executed: Runs, nominal: Nominal, tool: Tool) -> tu
         )
     servo = _linear(nominal.servo.for_joints(nominal.arm.dof), nominal.arm)
     nominal = nominal._replace(servo=servo)
-    if isinstance(taught, Lesson):
-        nominal, misfits = nominal._replace(servo=taught.servo), taught.misfits
-        lifted = taught.lifted or Lifted(taught, nominal)
+    if isinstance(set_points, LearningResult):
+        nominal, misfits = nominal._replace(servo=set_points.servo), set_points.misfits
+        lifted = set_points.lifted or Lifted(set_points, nominal)
     else:
-        taught, lifted, misfits = _fit_model(taught, logs, nominal)
+        set_points, lifted, misfits = _fit_model(set_points, logs, nominal)
     fitted = lifted.nominal.servo
-    seen = Lesson(
-        period=taught.period, q=taught.q, trajectory=taught.trajectory, method=taught.method,
-        start_time=taught.start_time, command_limits=taught.command_limits, servo=fitted,
-        misfits=misfits, lifted=lifted,
-        runs=tuple(_judge_run(lifted, taught, record(x, taught), tool) for x in logs),
+    seen = LearningResult(
+        cycle=set_points.cycle, q=set_points.q, trajectory=set_points.trajectory,
+        method=set_points.method, start_time=set_points.start_time,
+        command_limits=set_points.command_limits, servo=fitted, misfits=misfits, lifted=lifted,
+        runs=tuple(_judge_run(lifted, set_points, record(x, set_points), tool) for x in logs),
         delay=float((fitted.dead_time - servo.dead_time).max()),
         predicted=0.0, noise=0.0, best=0, repeats=0.0, finished=True, reason="learned nothing",
     )  # fmt: skip
@@ -174,9 +178,9 @@ def _linear(servo: ServoModel, arm: Arm) -> ServoModel:
     feed-forward 1. On rigid bodies a cycle delays by half of it.
     """
     servo = servo.replace(friction=0.0).for_joints(arm.dof)
-    if servo.cycle and arm.has_bodies and servo.replace(cycle=0.0).is_plain("second"):
-        late = np.minimum(servo.dead_time + servo.cycle / 2, LONGEST_DEAD_TIME)
-        servo = servo.replace(cycle=0.0, dead_time=late)
+    if servo.drive_cycle and arm.has_bodies and servo.replace(drive_cycle=0.0).is_plain("second"):
+        late = np.minimum(servo.dead_time + servo.drive_cycle / 2, LONGEST_DEAD_TIME)
+        servo = servo.replace(drive_cycle=0.0, dead_time=late)
     loop = np.isfinite(servo.kp)
     orders = np.broadcast_to(servo.order, loop.shape)
     return servo.replace(
@@ -188,48 +192,54 @@ def _linear(servo: ServoModel, arm: Arm) -> ServoModel:
 
 
 def _fit_model(
-    taught: TaughtData, logs: Sequence[Executed], nominal: Nominal
-) -> tuple[TaughtData, Lifted, tuple[float, float]]:
-    """Taught data with times as the robot has them, the model, and misfits, by the first logs.
+    set_points: SetPoints, logs: Sequence[Executed], nominal: Nominal
+) -> tuple[SetPoints, Lifted, tuple[float, float]]:
+    """Set-points with times as the robot has them, the model, and misfits, by the first logs.
 
     The servo is fitted to the mean of the logs. A robot with more dead time than its model,
-    by whole command intervals, gets its set-points earlier by these: only their times in the plan
+    by whole cycles, gets its set-points earlier by these: only their times in the plan
     change.
     """
-    lifted = Lifted(taught, nominal)
+    lifted = Lifted(set_points, nominal)
     errors, noises, interval = [], [], np.inf
     for log in logs:
-        recording = record(log, taught)
-        seen = aligning.align(recording, lifted, taught)
+        recording = record(log, set_points)
+        seen = aligning.align(recording, lifted, set_points)
         if not recording.in_plan_time and recording.command is None:
-            return taught, lifted, (0.0, 0.0)
+            return set_points, lifted, (0.0, 0.0)
         noises.append(seen.noise)
         interval = min(interval, recording.interval)
         errors.append(seen.measured - seen.expected)
-    lead = lifted.reaching(taught.q) - lifted.planned
+    lead = lifted.reaching(set_points.q) - lifted.planned
     noise = np.mean(noises, axis=0)
-    variance = float(np.mean(unexplained(noise, lead)))
-    servo, misfits = fit_servo(taught, lifted, np.mean(errors, axis=0), variance, noise, interval)
+    variance = float(np.mean(model_error(noise, lead)))
+    servo, misfits = fit_servo(
+        set_points, lifted, np.mean(errors, axis=0), variance, noise, interval
+    )
     delay = float((servo.dead_time - nominal.servo.dead_time).max())
-    early = max(int(delay / taught.period), 0) * taught.period
-    taught = replace(taught, start_time=taught.start_time - early)
-    return taught, Lifted(taught, nominal._replace(servo=servo)), misfits
+    early = max(int(delay / set_points.cycle), 0) * set_points.cycle
+    set_points = replace(set_points, start_time=set_points.start_time - early)
+    return set_points, Lifted(set_points, nominal._replace(servo=servo)), misfits
 
 
-def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: Tool) -> LearnedRun:
+def _judge_run(
+    lifted: Lifted, set_points: SetPoints, recording: Recording, tool: Tool
+) -> LearningRun:
     """Errors of a run."""
     expected = None
-    if isinstance(taught, Lesson) and not recording.exact:
-        before = taught.runs[taught.best]
-        before_moved, more = (lifted.respond(x - taught.runs[0].q) for x in (before.q, taught.q))
+    if isinstance(set_points, LearningResult) and not recording.exact:
+        before = set_points.runs[set_points.best]
+        before_moved, more = (
+            lifted.respond(x - set_points.runs[0].q) for x in (before.q, set_points.q)
+        )
         error = smooth_error(lifted, before.error, before.noise, before_moved)
         expected = lifted.planned + error + more - before_moved
-    aligned = aligning.align(recording, lifted, taught, expected)
+    aligned = aligning.align(recording, lifted, set_points, expected)
     offset, rate, expected, measured, noise, shift, outliers = aligned
     error = measured - lifted.planned
     # Noise of positions in the joints' loops: exact positions show it in the command that explains
     # them; the encoders' noise hides it, but the loops have the same noise in every cycle.
-    in_loop = noise * np.sqrt(min(CYCLE, recording.interval) / lifted.step)
+    in_loop = noise * np.sqrt(min(DRIVE_CYCLE, recording.interval) / lifted.step)
     if recording.exact:
         command = lifted.equivalent_command(measured - expected)
         in_loop = white_noise(command, smoothed=True, order=4)
@@ -240,25 +250,25 @@ def _judge_run(lifted: Lifted, taught: TaughtData, recording: Recording, tool: T
         error, more = aligning.add_tool(tool, lifted, error, clock)
         noise = np.hypot(noise, more)
     moved: FloatArray | float = 0.0
-    if isinstance(taught, Lesson):
-        moved = lifted.respond(taught.q - taught.runs[0].q)
+    if isinstance(set_points, LearningResult):
+        moved = lifted.respond(set_points.q - set_points.runs[0].q)
     smooth, at = smooth_error(lifted, error, noise, moved), offset + rate * recording.t
-    return LearnedRun(
-        q=taught.q, error=error, noise=noise, loop_noise=in_loop,
+    return LearningRun(
+        q=set_points.q, error=error, noise=noise, loop_noise=in_loop,
         joint_rms=np.sqrt((smooth**2).mean(axis=0)), joint_max=np.abs(smooth).max(axis=0),
         offset=offset, rate=rate, source=recording.source,
-        predicted=taught.predicted if isinstance(taught, Lesson) else None,
-        set_points_off=aligning.set_points_off(at, recording.command, taught),
+        predicted=set_points.predicted if isinstance(set_points, LearningResult) else None,
+        set_points_off=aligning.set_points_off(at, recording.command, set_points),
         encoder_shift=shift, outliers=outliers,
         **lifted.judge(smooth)._asdict(),
     )  # fmt: skip
 
 
 def _next_lesson(
-    seen: Lesson, lifted: Lifted, last: Lesson | None, limits: Limits | None
-) -> Lesson:
+    seen: LearningResult, lifted: Lifted, last: LearningResult | None, limits: Limits | None
+) -> LearningResult:
     """The lesson after the runs that were seen and those of the last lesson."""
-    none: tuple[tuple[LearnedRun, ...], int, bool] = ((), 0, False)
+    none: tuple[tuple[LearningRun, ...], int, bool] = ((), 0, False)
     earlier, setbacks, done = (last.runs, last.setbacks, last.finished) if last else none
     runs = (*earlier, *seen.runs)
     known = Estimate(lifted, runs)
@@ -269,8 +279,8 @@ def _next_lesson(
     setbacks += is_setback
     step = HALF**setbacks * (known.step if earlier else 1.0)
     own = _limits_to_keep(seen, limits)
-    refuse_commands(replace(seen, q=best.q), own)
-    first = _accelerations(runs[0].q, seen.period)
+    check_commands(replace(seen, q=best.q), own)
+    first = _accelerations(runs[0].q, seen.cycle)
     fastest = ROUGHER * np.maximum(first, RESTING * first.max())
     if own.joint_acceleration is not None:
         slowest = np.minimum(*np.abs(own.acceleration_bounds(lifted.dof)))
@@ -285,7 +295,7 @@ def _next_lesson(
     left += lifted.judge(lost).rms + (1 - step) * known.repeats
     predicted = float(np.linalg.norm([left, known.differs / np.sqrt(len(runs)), known.noise]))
     end = _reason_to_finish(known, setbacks, is_setback)
-    early = last is None and seen.delay >= seen.period
+    early = last is None and seen.delay >= seen.cycle
     if reason and not (end or early) and rms(q - best.q) < NO_GAIN * rms(wanted - best.q):
         end = f"nothing was learned, because {reason}"
     finished, averaged = bool(end), known.is_noise and known.differs > 0
@@ -298,7 +308,7 @@ def _next_lesson(
     )  # fmt: skip
 
 
-def _limits_to_keep(seen: Lesson, limits: Limits | None) -> Limits:
+def _limits_to_keep(seen: LearningResult, limits: Limits | None) -> Limits:
     """The limits that lessons keep; of the plan's those only that its set-points kept."""
     own = seen.trajectory.limits_for(seen.command_limits if limits is None else limits)
     return own.of_tool if limits is None and describe_excess(seen) else own
@@ -320,13 +330,13 @@ def _reason_to_finish(known: Estimate, setbacks: int, is_setback: bool) -> str:
     return ""
 
 
-def _accelerations(q: FloatArray, period: float) -> FloatArray:
+def _accelerations(q: FloatArray, cycle: float) -> FloatArray:
     """Largest acceleration of set-points of each joint [rad/s²], (dof,)."""
-    return np.asarray(np.abs(differences(q, 2)).max(axis=0) / period**2)
+    return np.asarray(np.abs(differences(q, 2)).max(axis=0) / cycle**2)
 
 
 def _keep_limits(
-    seen: Lesson, wanted: FloatArray, best: FloatArray, limits: Limits, fastest: FloatArray
+    seen: LearningResult, wanted: FloatArray, best: FloatArray, limits: Limits, fastest: FloatArray
 ) -> tuple[FloatArray, str]:
     """The set-points within limits nearest to wanted ones, (n, dof), and the limit that binds most.
 
@@ -349,9 +359,9 @@ def _keep_limits(
         bounds = np.stack(
             [np.maximum(bounds[:, 0], others[:, 0]), np.minimum(bounds[:, 1], others[:, 1])], axis=1
         )
-    worst = excess(wanted, seen.period, bounds)
+    worst = excess(wanted, seen.cycle, bounds)
     if worst is None:
         return wanted, ""
     name, j = BY_ORDER[worst[0]] or "range", worst[2]
-    q = nearest_commands(wanted, seen.period, bounds, best)[0]
+    q = nearest_commands(wanted, seen.cycle, bounds, best)[0]
     return q, f"the {name} of the set-points of joint {j + 1} limits the step"

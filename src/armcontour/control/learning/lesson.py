@@ -1,4 +1,4 @@
-"""`Recording`, `LearnedRun` and `Lesson`: what runs did, and taught data for the next run."""
+"""`Recording`, `LearningRun` and `LearningResult`: earlier runs, and the next set-points."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import numpy as np
 from armcontour.control.learning.lifted import Lifted
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import brief, clock, joint_rows, line_up, several
+from armcontour.core.describing import clock, count_noun, format_table, joint_rows, short_repr
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.quantities import Axes, Quantity
 from armcontour.core.render import Result, number
 from armcontour.core.result import FIRST, TABLE, VERDICT, Data, Row, Table
 from armcontour.core.sampling import GAP, describe_bursts
-from armcontour.motion import Execution, Log, TaughtData
+from armcontour.motion import Execution, Log, SetPoints
 from armcontour.robot.servo import ServoModel
 
 # Largest number of runs whose errors are printed.
 MOST_LISTED = 10
-# Set-points of an execution differ from the taught ones by less than this [rad].
+# Set-points of an execution differ from the exported ones by less than this [rad].
 SAME = 1e-9
 # Largest share of a recording that may be gaps.
 MOST_MISSED = 0.1
@@ -62,8 +62,8 @@ class Recording(Checked):
     def __str__(self) -> str:
         """Where it comes from, its times, and where the joints were."""
         times = f"t = {self.t[0]:.4f} to {self.t[-1]:.4f} s"
-        return line_up(
-            f"Recording: {several(len(self.t), 'sample')}, {times}",
+        return format_table(
+            f"Recording: {count_noun(len(self.t), 'sample')}, {times}",
             [
                 ("source", self.source),
                 ("clock", "that of the plan" if self.in_plan_time else "its own"),
@@ -72,7 +72,7 @@ class Recording(Checked):
             ],
         )
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     @property
     def interval(self) -> float:
@@ -80,25 +80,25 @@ class Recording(Checked):
         return float(np.median(np.diff(self.t)))
 
 
-def record(executed: Execution | Log | Recording, taught: TaughtData) -> Recording:
+def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Recording:
     """What the joints did.
 
     Args:
         executed: An execution of the set-points, a log of the robot, or a recording.
-        taught: The set-points.
+        set_points: The set-points.
 
     Raises:
         InvalidInput: It is something else, of another number of joints, or of other set-points.
     """
     if isinstance(executed, Execution):
-        own = executed.taught
-        same = own.q.shape == taught.q.shape and own.period == taught.period
-        if not same or np.abs(own.q - taught.q).max() > SAME:
+        own = executed.set_points
+        same = own.q.shape == set_points.q.shape and own.cycle == set_points.cycle
+        if not same or np.abs(own.q - set_points.q).max() > SAME:
             raise InvalidInput(
-                "The execution is one of other set-points: give the taught data that was executed."
+                "The execution is one of other set-points: give the set-points that were executed."
             )
         found = Recording(
-            t=executed.t + taught.start_time - own.start_time,
+            t=executed.t + set_points.start_time - own.start_time,
             # Encoders of drives see the motors.
             q=executed.q if executed.motor_q is None else executed.motor_q,
             in_plan_time=True,
@@ -116,10 +116,10 @@ def record(executed: Execution | Log | Recording, taught: TaughtData) -> Recordi
             f"learn needs an Execution, a Log or a Recording, not {type(executed).__name__}."
         )
     _refuse_many_gaps(found)
-    if found.q.shape[1] != taught.q.shape[1]:
+    if found.q.shape[1] != set_points.q.shape[1]:
         raise InvalidInput(
-            f"{found.source} has {found.q.shape[1]} joints, but the taught data has "
-            f"{taught.q.shape[1]}: give the log of this job."
+            f"{found.source} has {found.q.shape[1]} joints, but the set-points have "
+            f"{set_points.q.shape[1]}: give the log of this job."
         )
     return found
 
@@ -150,7 +150,7 @@ def _refuse_many_gaps(recording: Recording) -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LearnedRun(Result, Checked):
+class LearningRun(Result, Checked):
     """One run, as learning saw it.
 
     Errors are those that a disturbance of the drives explains; white noise is taken out.
@@ -158,7 +158,7 @@ class LearnedRun(Result, Checked):
     Args:
         q: Set-points that were executed [rad], (n, dof).
         error: Measured deviations of the joints from the plan, with noise, at the times
-            `Lesson.lifted.t` [rad], (m, dof).
+            `LearningResult.lifted.t` [rad], (m, dof).
         noise: Standard deviation of the white noise in `error` [rad], (dof,).
         loop_noise: Standard deviation of the noise of positions in the joints' loops, one value at
             each of these times [rad], (dof,).
@@ -225,7 +225,7 @@ class LearnedRun(Result, Checked):
             ),
         )
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     @property
     def rms(self) -> float:
@@ -234,8 +234,8 @@ class LearnedRun(Result, Checked):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Lesson(Result, TaughtData):
-    """Taught data for the next run, and what the runs before it have taught.
+class LearningResult(Result, SetPoints):
+    """Set-points for the next run, and what was learned from the runs before it.
 
     Args:
         runs: The runs so far, in order.
@@ -244,7 +244,7 @@ class Lesson(Result, TaughtData):
         misfits: RMS deviation of the joints in that log from the motion with the nominal servo,
             and with `servo` [rad]; both 0 if no servo was fitted.
         delay: Dead time of the robot beyond that of the servo model [s].
-        predicted: Expected RMS error of the next run [m], comparable to `LearnedRun.rms`.
+        predicted: Expected RMS error of the next run [m], comparable to `LearningRun.rms`.
         noise: RMS error that does not repeat from run to run [m], as far as it is known.
         best: Index of the run whose set-points have the smallest error, as far as it repeats.
         repeats: RMS error of these set-points that repeats [m], by all runs.
@@ -256,10 +256,10 @@ class Lesson(Result, TaughtData):
             again.
 
     Raises:
-        InvalidInput: There are no runs, or as `TaughtData` raises it.
+        InvalidInput: There are no runs, or as `SetPoints` raises it.
     """
 
-    runs: tuple[LearnedRun, ...]
+    runs: tuple[LearningRun, ...]
     servo: ServoModel
     misfits: tuple[float, float] = (0.0, 0.0)
     delay: float = 0.0
@@ -273,7 +273,7 @@ class Lesson(Result, TaughtData):
     lifted: Lifted | None = field(default=None, repr=False)
 
     def _check_together(self) -> None:
-        TaughtData._check_together(self)
+        SetPoints._check_together(self)
         if not self.runs:
             raise InvalidInput("A lesson needs at least one run from which it was learned.")
 
@@ -282,7 +282,7 @@ class Lesson(Result, TaughtData):
         best = f"run {self.best + 1}"
         share = f"{number(self.noise_share, '1')} of the square"
         return Data(
-            self._title(f"Lesson of {several(len(self.runs), 'run')}"),
+            self._title(f"Lesson of {count_noun(len(self.runs), 'run')}"),
             (
                 Row("finished", self.finished, "", "finished", self.reason, VERDICT),
                 Row("first", self.runs[0].rms, "m", "before learning, RMS", level=FIRST),
@@ -299,7 +299,7 @@ class Lesson(Result, TaughtData):
             (Table.of("runs", [x.to_data() for x in self.runs]),),
         )
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     @property
     def remaining(self) -> float:

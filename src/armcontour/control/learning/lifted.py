@@ -17,7 +17,7 @@ from scipy.sparse.linalg import splu
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.sampling import GAP, interpolate
-from armcontour.motion import TaughtData
+from armcontour.motion import SetPoints
 from armcontour.robot import Arm
 from armcontour.robot.drives import Drives, respond_along
 from armcontour.robot.servo import ServoModel
@@ -39,7 +39,7 @@ MOST_FACTORS = 3
 
 
 class ToolError(NamedTuple):
-    """Errors of the tool over a run, as in `LearnedRun`."""
+    """Errors of the tool over a run, as in `LearningRun`."""
 
     tool_rms: float
     tool_max: float
@@ -88,7 +88,7 @@ class Lifted:
     The joints rest in equilibrium at the first set-point.
 
     Args:
-        taught: Set-points; their times and plan count, not their values.
+        set_points: Set-points; their times and plan count, not their values.
         nominal: The nominal robot.
         t: Regular times of the plan [s], (n,); by default at most 1 ms apart.
         near: A model of the same set-points and robot with another servo and these times, or
@@ -106,25 +106,25 @@ class Lifted:
 
     def __init__(
         self,
-        taught: TaughtData,
+        set_points: SetPoints,
         nominal: Nominal,
         t: FloatArray | None = None,
         *,
         near: Lifted | None = None,
     ) -> None:
-        self.plan = taught.trajectory
-        self.period, self.start = taught.period, taught.start_time
-        self.count, self.dof = taught.q.shape
+        self.plan = set_points.trajectory
+        self.cycle, self.start = set_points.cycle, set_points.start_time
+        self.count, self.dof = set_points.q.shape
         if t is None:
-            parts = int(np.ceil(self.period / LONGEST_STEP * (1 - 1e-9)))
+            parts = int(np.ceil(self.cycle / LONGEST_STEP * (1 - 1e-9)))
             rest = float(nominal.servo.dead_time.max()) + AFTER / float(nominal.servo.kp.min())
-            intervals = self.count - 1 + int(np.ceil(rest / self.period))
-            step, cycle = self.period / parts, nominal.servo.cycle
+            intervals = self.count - 1 + int(np.ceil(rest / self.cycle))
+            step, drive_cycle = self.cycle / parts, nominal.servo.drive_cycle
             # At the times at which the drives compute their loops, where these are not far apart.
-            step = cycle if cycle > LONGEST_STEP / 2 else step
-            t = taught.times(int(np.ceil(intervals * self.period / step - 1e-9)) + 1, step)
+            step = drive_cycle if drive_cycle > LONGEST_STEP / 2 else step
+            t = set_points.times(int(np.ceil(intervals * self.cycle / step - 1e-9)) + 1, step)
         self.t, self.step = t, float(t[1] - t[0])
-        checks.refuse_too_many(
+        checks.check_count(
             f"Learning {t[-1] - t[0]:.4g} s of motion, {len(t)} times,",
             len(t) * self.dof**2,
             "learn contour by contour or at a higher speed",
@@ -133,8 +133,8 @@ class Lifted:
         every = 1 if near is None else round(self.step / near.step)
         if near is None:
             q, dq, ddq = self.plan.motion_with_rests(t)
-            if nominal.servo.cycle:
-                ddq = self.plan.motion_with_rests(t + nominal.servo.cycle / 2)[2]
+            if nominal.servo.drive_cycle:
+                ddq = self.plan.motion_with_rests(t + nominal.servo.drive_cycle / 2)[2]
             dq[0] = ddq[0] = 0.0
             self._motion = q, dq, ddq
         else:
@@ -167,8 +167,8 @@ class Lifted:
             found += self._rate_terms(a, 0.0)
         if b.any():
             linear = servo.interpolation == "linear"
-            late, span = (0.0, self.period) if linear else (self.step / 2, self.step)
-            late, span = (0.0, servo.cycle) if servo.cycle else (late, span)
+            late, span = (0.0, self.cycle) if linear else (self.step / 2, self.step)
+            late, span = (0.0, servo.drive_cycle) if servo.drive_cycle else (late, span)
             bends = self._rate_terms(b / span, late)
             bends += self._rate_terms(-b / span, late - span)
             found += [x._replace(seen=False) for x in bends]
@@ -180,18 +180,20 @@ class Lifted:
         For interpolation "step" it is the velocity of the line one interval before. Drives with a
         cycle take the difference to the command of the cycle before.
         """
-        kind, cycle = self.nominal.servo.interpolation, self.nominal.servo.cycle
-        if kind == "step" and not cycle:
-            kind, shift = "linear", shift - self.period
-        span = cycle or self.step
-        return [_Term(x * factor / span, kind, shift - cycle / 2 + x * span / 2) for x in (1, -1)]
+        kind, drive_cycle = self.nominal.servo.interpolation, self.nominal.servo.drive_cycle
+        if kind == "step" and not drive_cycle:
+            kind, shift = "linear", shift - self.cycle
+        span = drive_cycle or self.step
+        return [
+            _Term(x * factor / span, kind, shift - drive_cycle / 2 + x * span / 2) for x in (1, -1)
+        ]
 
     def _interpolated(self, term: _Term) -> tuple[IntArray, FloatArray]:
         """Indices of set-points, in the order of `q.ravel()`, and weights, (n dof, 2 or 4) each."""
         key = term.interpolation, term.shift
         if key not in self._weights:
             at = (self.t[:, None] - self.start - self.nominal.servo.dead_time + term.shift).ravel()
-            index, weight = command_weights(self.count, self.period, term.interpolation, at)
+            index, weight = command_weights(self.count, self.cycle, term.interpolation, at)
             joint = np.arange(at.size)[:, None] % self.dof
             self._weights[key] = index * self.dof + joint, weight
         index, weight = self._weights[key]
@@ -331,8 +333,8 @@ class Lifted:
                 where = np.repeat(np.arange(n), index.shape[1]), index.ravel()
                 right += means @ csc_array(coo_array((weight.ravel(), where), shape=(n, size)))
         blocks: Any = [[self._left @ self._left.T, right], [right.T, None]]
-        taught = self.start + np.arange(self.count)[:, None] * self.period
-        reached = taught + self.nominal.servo.dead_time
+        set_points = self.start + np.arange(self.count)[:, None] * self.cycle
+        reached = set_points + self.nominal.servo.dead_time
         # The last set-point holds until the end: eliminated earlier, it would couple all of it.
         reached[-1] = np.inf
         order = np.argsort(np.append(np.repeat(self.t, self.dof), reached.ravel()), kind="stable")
@@ -391,7 +393,7 @@ class Lifted:
 
         found = (self._left @ error.ravel()).reshape(error.shape)
         for j in np.flatnonzero(self._prompt.ki):
-            rest = integrator_filter(self._prompt.ki[j], self.step, self._prompt.cycle)[1]
+            rest = integrator_filter(self._prompt.ki[j], self.step, self._prompt.drive_cycle)[1]
             found[:, j] = lfilter([1.0], rest, found[:, j])
         return np.asarray(found)
 

@@ -7,7 +7,7 @@ from scipy.optimize import lsq_linear
 
 from armcontour.control.learning.lifted import Lifted
 from armcontour.core.checks import BoolArray, FloatArray
-from armcontour.motion import TaughtData
+from armcontour.motion import SetPoints
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import GAINS, LONGEST_DEAD_TIME
 
@@ -39,7 +39,7 @@ LEAST_GAIN = 20.0
 
 
 def fit_servo(
-    taught: TaughtData,
+    set_points: SetPoints,
     lifted: Lifted,
     error: FloatArray,
     variance: float,
@@ -53,7 +53,7 @@ def fit_servo(
     penalty that stands for the size of the disturbance is estimated together with the servo.
 
     Args:
-        taught: Set-points of the run.
+        set_points: Set-points of the run.
         lifted: Response with the nominal servo.
         error: Measured deviation from the expected motion at these times [rad], (n, dof).
         variance: Variance of the white noise in them [rad²].
@@ -71,8 +71,8 @@ def fit_servo(
     still = np.ptp(lifted.planned, axis=0) < np.maximum(MOVES * noise, STILL)
     fits = {
         k: _Fit(
-            taught,
-            lifted if k == 1 else Lifted(taught, lifted.nominal, lifted.t[::k], near=lifted),
+            set_points,
+            lifted if k == 1 else Lifted(set_points, lifted.nominal, lifted.t[::k], near=lifted),
             error[::k],
             variance,
             still,
@@ -113,14 +113,14 @@ class _Fit:
 
     def __init__(
         self,
-        taught: TaughtData,
+        set_points: SetPoints,
         lifted: Lifted,
         error: FloatArray,
         variance: float,
         still: BoolArray,
     ) -> None:
-        self.taught, self.lifted = taught, lifted
-        self.measured = lifted.expected(taught.q) + error
+        self.set_points, self.lifted = set_points, lifted
+        self.measured = lifted.expected(set_points.q) + error
         self.deviation, self.penalty = float(np.sqrt(variance)), NO_DISTURBANCE
         self.nominal, self.dof = lifted.nominal.servo, lifted.dof
         spread = [PRIOR, PRIOR, np.inf, PRIOR][: 3 if self.nominal.kv is None else 4]
@@ -137,7 +137,7 @@ class _Fit:
         # A servo with acceleration feed-forward has velocity feed-forward, too.
         least = np.where(nominal.acceleration_feedforward > 0, LEAST_F, 0.0)
         # Loops with a cycle are unstable with larger gains.
-        low, high = GAINS[0], 1 / nominal.cycle if nominal.cycle else GAINS[1]
+        low, high = GAINS[0], 1 / nominal.drive_cycle if nominal.drive_cycle else GAINS[1]
         kv = nominal.kv
         if kv is not None:
             changed = np.clip(kv * (1 + b) / (1 + c[0]), low, np.maximum(kv, high))
@@ -157,8 +157,8 @@ class _Fit:
             response = self.lifted
             if x.any():
                 nominal = response.nominal._replace(servo=self.servo(x))
-                response = Lifted(self.taught, nominal, response.t, near=response)
-            expected = response.expected(self.taught.q)
+                response = Lifted(self.set_points, nominal, response.t, near=response)
+            expected = response.expected(self.set_points.q)
             self._last = x.copy(), response, expected, self._friction(expected)
         return self._last[1:]
 
@@ -188,7 +188,7 @@ class _Fit:
         """Derivatives of `residuals` by the parameters."""
         nominal, dof = self.nominal, self.dof
         lifted, expected, friction = self.response(x)
-        rate, with_feedforward = lifted.rates(self.taught.q)
+        rate, with_feedforward = lifted.rates(self.set_points.q)
         dq = np.gradient(expected, lifted.step, axis=0)
         causes = [-dq / nominal.kp, rate / nominal.kp]
         if nominal.kv is not None:

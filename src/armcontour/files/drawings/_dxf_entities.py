@@ -282,7 +282,7 @@ NO_CONTOUR = frozenset(
 )
 
 
-def refuse_missing(entity: Any) -> None:
+def check_found(entity: Any) -> None:
     """Refuse an entity that lacks a required attribute.
 
     Raises:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armcontour.core.checks import lock_floats
+from armcontour.core.checks import frozen_array
 from armcontour.files.drawings._svg_tree import Element
 from armcontour.files.drawings.chain import Affine
 
@@ -61,7 +61,7 @@ COUNTS = {
 SHARES = {"Min": 0.0, "Mid": 0.5, "Max": 1.0}
 
 
-IDENTITY = Affine(lock_floats(np.eye(2)), lock_floats(np.zeros(2)))
+IDENTITY = Affine(frozen_array(np.eye(2)), frozen_array(np.zeros(2)))
 
 
 def affine(a: float, b: float, c: float, d: float, e: float, f: float) -> Affine:
@@ -143,7 +143,7 @@ def number_of(element: Element, key: str) -> float:
     return length_of(element, key) or 0.0
 
 
-def make_absolute(element: Element, view: Box | None, font: float) -> Element:
+def make_absolute(element: Element, view: ViewBox | None, font: float) -> Element:
     """The element with its lengths in % and em as numbers.
 
     Args:
@@ -244,7 +244,7 @@ def _cos_sin(degrees: float) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, slots=True)
-class Box:
+class ViewBox:
     """A rectangle with sides along the axes."""
 
     x: float
@@ -253,7 +253,7 @@ class Box:
     height: float
 
 
-def view_box(element: Element) -> Box | None:
+def view_box(element: Element) -> ViewBox | None:
     """The viewBox of an element; None if it has none.
 
     Raises:
@@ -267,10 +267,10 @@ def view_box(element: Element) -> Box | None:
         element.refuse(
             f"viewBox={text[:60]!r} must be x, y, width and height, the last two above zero"
         )
-    return Box(*values)
+    return ViewBox(*values)
 
 
-def viewbox_transform(element: Element, inner: Box, outer: Box) -> Affine:
+def viewbox_transform(element: Element, inner: ViewBox, outer: ViewBox) -> Affine:
     """The map from the viewBox of an element into its viewport, by its preserveAspectRatio.
 
     Args:

@@ -32,7 +32,7 @@ LAYERS_APART = 1e9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Piece:
+class DrawnEntity:
     """One entity of a drawing.
 
     Args:
@@ -48,7 +48,9 @@ class Piece:
     apart: int = 0
 
 
-def chain_pieces(pieces: Sequence[Piece], tolerance: float) -> tuple[list[Contour], list[str]]:
+def chain_pieces(
+    pieces: Sequence[DrawnEntity], tolerance: float
+) -> tuple[list[Contour], list[str]]:
     """Contours made of pieces of the same layer whose ends are closer than a tolerance.
 
     A piece may be reversed. The first piece of a contour gives its direction, its name and its
@@ -89,7 +91,7 @@ def chain_pieces(pieces: Sequence[Piece], tolerance: float) -> tuple[list[Contou
     return contours, _notes(pieces, repeated, short, tolerance)
 
 
-def _layer_numbers(pieces: Sequence[Piece]) -> IntArray:
+def _layer_numbers(pieces: Sequence[DrawnEntity]) -> IntArray:
     """A number for each piece, equal for pieces that may be chained, (n,)."""
     # A dictionary and not numpy, which stores every text with the length of the longest one.
     numbers: dict[tuple[str, int], int] = {}
@@ -138,7 +140,7 @@ def _chains(partner: IntArray, left_out: BoolArray) -> list[tuple[list[int], boo
     return chains
 
 
-def _find_repeated(pieces: Sequence[Piece], table: Pieces, layers: IntArray) -> BoolArray:
+def _find_repeated(pieces: Sequence[DrawnEntity], table: Pieces, layers: IntArray) -> BoolArray:
     """Which pieces lie exactly on an earlier piece of their layer, (n,).
 
     Args:
@@ -169,7 +171,7 @@ def _same(a: Path, b: Path) -> bool:
 
 
 def _notes(
-    pieces: Sequence[Piece], repeated: BoolArray, short: Sequence[str], tolerance: float
+    pieces: Sequence[DrawnEntity], repeated: BoolArray, short: Sequence[str], tolerance: float
 ) -> list[str]:
     """Sentences on the pieces and the short contours that were left out."""
     notes = []

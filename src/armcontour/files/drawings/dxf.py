@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, refuse_if
-from armcontour.core.describing import several
+from armcontour.core.checks import FloatArray, raise_if
+from armcontour.core.describing import count_noun
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.core.text import list_some
@@ -24,10 +24,10 @@ from armcontour.files.drawings._dxf_entities import (
     NO_CONTOUR,
     SHAPES,
     Unreadable,
+    check_found,
     clip_of,
     grid,
     insertions,
-    refuse_missing,
 )
 from armcontour.files.drawings.chain import WITHOUT_Z, Affine
 from armcontour.files.drawings.options import ReadOptions
@@ -293,7 +293,7 @@ class DxfWalk(Walk):
         """
         if not self.wants_color(self._color(entity, layer, block)):
             return
-        refuse_missing(entity)
+        check_found(entity)
         shape = SHAPES[entity.dxftype()](entity)
         outlines = []
         if shape is not None:
@@ -335,7 +335,7 @@ class DxfWalk(Walk):
         if self.wants_layer(layer):
             for _ in getattr(entity, "attribs", ()):
                 self.leave_out(NOT_READ, "ATTRIB")
-        refuse_missing(entity)
+        check_found(entity)
         called = str(_attribute(entity, "name", ""))
         content = self.document.blocks.get(called)
         if content is None:
@@ -464,10 +464,10 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
             "Reading DXF files needs ezdxf: pip install 'armcontour[drawings]'."
         ) from None
     dwg = f"{source} is a DWG file, which is not read: save it as DXF."
-    refuse_if(data.startswith(DRAWING_DATABASE), dwg)
-    refuse_if(not data.strip(), f"{source} is empty.")
+    raise_if(data.startswith(DRAWING_DATABASE), dwg)
+    raise_if(not data.strip(), f"{source} is empty.")
     sections = data.startswith(BINARY) or b"SECTION" in data
-    refuse_if(not sections, f"{source} is no DXF file: it has no section.")
+    raise_if(not sections, f"{source} is no DXF file: it has no section.")
     # A broken file makes ezdxf raise exceptions of any class.
     notes = [] if _has_end(data) else [CUT_OFF]
     try:
@@ -479,7 +479,7 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
         if notes and not changes:
             # What is left of a file that is cut off is intact.
             return document, notes
-        mended = f" and was mended in {several(changes, 'place')}" if changes else ""
+        mended = f" and was mended in {count_noun(changes, 'place')}" if changes else ""
         why = ADDRESS.sub("", said(first))
         damage = f"The file is damaged ({why}){mended}; damaged parts may be missing."
         return document, [*notes, damage]

@@ -12,7 +12,7 @@ from armcontour.program import Contour, Program
 from armcontour.program.moves import Move
 
 
-def mend(program: Program, options: ReadOptions) -> Program:
+def repair(program: Program, options: ReadOptions) -> Program:
     """The program with vertices made tangent that rounded coordinates can have bent.
 
     Contours with a tool orientation stay.

@@ -21,7 +21,7 @@ from armcontour.core.quantities import (
 )
 from armcontour.core.text import show
 from armcontour.files.units import parse
-from armcontour.geometry import Demand
+from armcontour.geometry import SegmentLimits
 from armcontour.geometry.rounding import Continuity
 
 # Largest coordinate [m]: beyond it floating point does not resolve the smallest distance between
@@ -80,7 +80,7 @@ class ReadOptions(Checked):
 
     units: Annotated[str | float | None, About("--units")] = None
     scale: Annotated[Factor, About("--scale")] = 1.0
-    layers: Annotated[Sequence[str] | Mapping[str, Demand] | None, About("--layer")] = None
+    layers: Annotated[Sequence[str] | Mapping[str, SegmentLimits] | None, About("--layer")] = None
     names: Annotated[Sequence[str] | None, About("--contour")] = None
     colors: Annotated[Sequence[str | int] | None, About("--color")] = None
     flat: Annotated[bool, About("--flat")] = False
@@ -138,7 +138,7 @@ class ReadOptions(Checked):
                 'unknown must be "refuse", "skip", or {"skip": [...]} with the words of G-code to '
                 f"leave out, such as M6 or T, not {show(self.unknown)}."
             )
-        words = checks.listed("unknown: skip", self.unknown["skip"], str, "words of G-code")
+        words = checks.check_sequence("unknown: skip", self.unknown["skip"], str, "words of G-code")
         plain = {x.strip().upper() for x in words}
         wrong = next((x for x in sorted(plain) if WORD.fullmatch(x) is None), None)
         if wrong is not None:
@@ -178,6 +178,6 @@ class ReadOptions(Checked):
     def unscaled_tools(self) -> dict[int, float]:
         """Diameters of tools by their numbers, in metres of the file before it is scaled."""
         return {
-            checks.whole("number of a tool", number, 0, MOST_TOOLS): diameter / self.scale
+            checks.check_int("number of a tool", number, 0, MOST_TOOLS): diameter / self.scale
             for number, diameter in (self.tools or {}).items()
         }

@@ -64,7 +64,7 @@ def read_path(
     location, suffix = find_reader(file)
     module, name = READERS[suffix]
     for option, (modules, purpose) in ONLY.items():
-        checks.refuse_if(
+        checks.raise_if(
             bool(getattr(options, option)) and module not in modules,
             f"{purpose}, and {location.name} is none: leave it out.",
         )
@@ -77,7 +77,7 @@ def read_path(
     factor, unit = options.scale, options.unit
     program = _select(program, options)
     far = _farthest(program) * factor
-    checks.refuse_if(
+    checks.raise_if(
         far > LARGEST_PART and unit is not None,
         f"With the unit {options.units}, {program.source} reaches {far:.4g} m from its origin, "
         f"more than {LARGEST_PART:g} m: check the unit.",

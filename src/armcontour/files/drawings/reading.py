@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from armcontour.core.checks import LONGEST_NAME
 from armcontour.core.file_access import SMALL
-from armcontour.core.progress import Progress, Step, under
+from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.text import make_printable, show
 
 # Largest file that is read [bytes]: the data structures made from it take many times its size.
@@ -55,7 +55,7 @@ def tell_share(progress: Progress | None, source: str) -> Tell:
     """
     if progress is None:
         return lambda share: None
-    say, shown = under(progress, source), -1
+    say, shown = subprogress(progress, source), -1
 
     def tell(share: float) -> None:
         nonlocal shown

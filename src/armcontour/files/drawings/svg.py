@@ -18,7 +18,7 @@ from armcontour.files.drawings._svg_units import (
     IDENTITY,
     INCH,
     PIXEL,
-    Box,
+    ViewBox,
     affine,
     font_size,
     is_flat,
@@ -130,7 +130,9 @@ def _program_pixel(root: Element, data: bytes) -> tuple[float, str]:
     return (INCH / 72, "Adobe Illustrator") if illustrator else (PIXEL, "")
 
 
-def _page(root: Element, options: ReadOptions, data: bytes) -> tuple[Affine, Box | None, list[str]]:
+def _page(
+    root: Element, options: ReadOptions, data: bytes
+) -> tuple[Affine, ViewBox | None, list[str]]:
     """The coordinates of the page.
 
     Returns:
@@ -163,7 +165,7 @@ def _page(root: Element, options: ReadOptions, data: bytes) -> tuple[Affine, Box
             width, height = box.width, box.height
         wide = width if width is not None else (height or 0.0) * box.width / box.height
         high = height if height is not None else wide * box.height / box.width
-        inner = viewbox_transform(root, box, Box(0.0, 0.0, wide, high))
+        inner = viewbox_transform(root, box, ViewBox(0.0, 0.0, wide, high))
         return _up(high, unit) @ inner, box, notes
     if height is None:
         notes.append(
@@ -171,7 +173,7 @@ def _page(root: Element, options: ReadOptions, data: bytes) -> tuple[Affine, Box
             "below."
         )
         return _up(0.0, unit), None, notes
-    view = Box(0.0, 0.0, width, height) if width is not None else None
+    view = ViewBox(0.0, 0.0, width, height) if width is not None else None
     return _up(height, unit), view, notes
 
 
@@ -200,7 +202,7 @@ class _Place(Place):
         font: Size of the font in user units.
     """
 
-    view: Box | None
+    view: ViewBox | None
     inkscape: bool = False
     hidden: bool = False
     used_by: Element | None = None
@@ -232,7 +234,7 @@ class SvgWalk(Walk):
             return ""
         return "is a font, whose glyphs are no drawing: give one whose text is converted to paths"
 
-    def shapes(self, to: Affine, view: Box | None) -> Iterator[Drawn]:
+    def shapes(self, to: Affine, view: ViewBox | None) -> Iterator[Drawn]:
         """Yield the shapes in the order in which they are drawn.
 
         Args:
@@ -470,8 +472,8 @@ class SvgWalk(Walk):
             self.leave_out(NO_SIZE, element.name)
             return None
         if box is None:
-            box = Box(0.0, 0.0, width, height)
-        inner = place.to @ viewbox_transform(element, box, Box(x, y, width, height))
+            box = ViewBox(0.0, 0.0, width, height)
+        inner = place.to @ viewbox_transform(element, box, ViewBox(x, y, width, height))
         if not inner.finite or is_flat(inner):
             element.refuse("its viewBox does not fit its width and height")
         return dataclasses.replace(place, to=inner, view=box)

@@ -13,9 +13,9 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.core.text import list_some
 from armcontour.files.drawings.chain import Affine
-from armcontour.files.drawings.chaining import Piece, chain_pieces
+from armcontour.files.drawings.chaining import DrawnEntity, chain_pieces
 from armcontour.files.drawings.clipping import Clip, clip_path
-from armcontour.files.drawings.mending import mend
+from armcontour.files.drawings.mending import repair
 from armcontour.files.drawings.options import FARTHEST, ReadOptions
 from armcontour.files.drawings.reading import Labels, tell_share
 from armcontour.files.drawings.shapes import Outline, paths_of
@@ -144,9 +144,9 @@ class Walk:
             remarks=describe_not_run(self.elsewhere),
             other_layers=tuple(self.elsewhere),
         )
-        return mend(program, self.options)
+        return repair(program, self.options)
 
-    def _pieces(self, found: Sequence[Drawn]) -> list[Piece]:
+    def _pieces(self, found: Sequence[Drawn]) -> list[DrawnEntity]:
         """The paths of all outlines, clipped.
 
         Raises:
@@ -165,7 +165,7 @@ class Walk:
             assert error.index is not None
             where = [x.where for x in found for _ in x.outlines][error.index]
             raise InvalidInput(f"{self.source}: {where}: {error}") from None
-        pieces: list[Piece] = []
+        pieces: list[DrawnEntity] = []
         drawn = iter(paths)
         for x in found:
             whole = [path for path in islice(drawn, len(x.outlines)) if path is not None]
@@ -174,10 +174,10 @@ class Walk:
             parts = [part for path in whole for part in clip_path(path, *x.clips)]
             first = len(pieces) + 1
             for k, path in enumerate(parts):
-                several = len(parts) > 1
-                name = f"{x.name}[{k + 1}]" if several and not self.apart else x.name
-                apart = first + k if several and self.apart else 0
-                pieces.append(Piece(path=path, name=name, layer=x.layer, apart=apart))
+                is_split = len(parts) > 1
+                name = f"{x.name}[{k + 1}]" if is_split and not self.apart else x.name
+                apart = first + k if is_split and self.apart else 0
+                pieces.append(DrawnEntity(path=path, name=name, layer=x.layer, apart=apart))
         return pieces
 
 

@@ -17,7 +17,7 @@ from armcontour.files.exports.ros import write_mcap, write_ros_yaml
 from armcontour.files.exports.table import Table, make_table, write_csv, write_npz
 from armcontour.files.exports.template import describe_program, write_template
 from armcontour.files.exports.urscript import JOINTS, write_urscript
-from armcontour.motion import TaughtData, Trajectory
+from armcontour.motion import SetPoints, Trajectory
 from armcontour.robot import Arm
 
 # Extensions of the files in the folder of a bag; a folder with other files is not replaced.
@@ -78,7 +78,7 @@ class TableFormat(TrajectoryFormat):
 
     Args:
         tool_motion: Whether the file gets the tool's point, orientation (quaternion) and speed. For
-            taught data they are those of the set-points.
+            set-points they are those of the set-points.
         analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
             values, as `armcontour.jobs.analog_outputs` gives them.
     """
@@ -224,27 +224,27 @@ def outputs_of(format: ExportFormat) -> Mapping[str, int | str]:
 
 @checked
 def export(
-    data: TaughtData | Trajectory,
+    data: SetPoints | Trajectory,
     file: str | FilePath,
     format: ExportFormat | None = None,
     *,
     arm: Arm | None = None,
     joint_names: Sequence[str] | None = None,
-    period: float | None = None,
+    cycle: float | None = None,
 ) -> None:
-    """Write taught data or a trajectory to a file.
+    """Write set-points or a trajectory to a file.
 
     Times, also those of events, count from the first set-point. An earlier file is replaced; if
     writing fails, it stays.
 
     Args:
-        data: Taught data, or a trajectory for a controller that needs no compensation.
+        data: Set-points, or a trajectory for a controller that needs no compensation.
         file: The destination; for a bag a folder like those of `ros2 bag record`.
         format: The format with its options, such as URScriptFormat(outputs={"tool": 0}); by default
             that of the file's extension.
         arm: The arm; gives joint names, and tool points if the format contains them.
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
-        period: Sampling period of a trajectory [s], 4 ms by default; taught data have their own.
+        cycle: Sampling period of a trajectory [s], 4 ms by default; set-points have their own.
 
     Warns:
         UserWarning: A program of URScript or of the template kuka or abb does not switch an event,
@@ -262,7 +262,7 @@ def export(
         name=destination.stem if chosen.name is None else chosen.name,
         arm=arm,
         joint_names=joint_names,
-        period=period,
+        cycle=cycle,
         # A format has these or not.
         derivatives=getattr(chosen, "derivatives", 0),
         tool_motion=getattr(chosen, "tool_motion", False),
@@ -270,7 +270,7 @@ def export(
     )
     outputs = outputs_of(chosen)
     names = (*(x.name for x in table.events), *table.analog)
-    refuse_unknown_outputs(outputs, names, option="outputs", owner=repr(table.name))
+    check_outputs(outputs, names, option="outputs", owner=repr(table.name))
     # Where warnings are errors, nothing is written.
     for said in describe_program(
         table,
@@ -287,7 +287,7 @@ def export(
     )
 
 
-def refuse_unknown_outputs(
+def check_outputs(
     outputs: Mapping[str, int | str], events: Iterable[str], *, option: str, owner: str
 ) -> None:
     """Refuse outputs for events that do not exist.
@@ -323,7 +323,7 @@ def put(file: FilePath, write: Callable[[FilePath], None], *, folder: bool = Fal
     """
     try:
         _refuse_destination(file, folder)
-        staging.put_in_place(file, write)
+        staging.write_atomically(file, write)
     except OSError as error:
         raise staging.unwritable(file, error) from None
 

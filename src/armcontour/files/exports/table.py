@@ -21,7 +21,14 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.frames import quaternions
 from armcontour.core.quantities import Axes, Interval, Quantity
-from armcontour.motion import LONGEST_CLOCK, PERIOD, Samples, TaughtData, TimedEvent, Trajectory
+from armcontour.motion import (
+    DEFAULT_CYCLE,
+    LONGEST_CLOCK,
+    Samples,
+    SetPoints,
+    TimedEvent,
+    Trajectory,
+)
 from armcontour.robot import Arm, Limits, SerialArm
 
 # An event that is earlier than a point by less than this fraction of an interval belongs to the
@@ -48,7 +55,7 @@ class Table(Checked):
     Args:
         name: Name of the program, one line of text.
         joint_names: Names of the joints.
-        period: Time between points [s]; the last interval may be shorter.
+        cycle: Time between points [s]; the last interval may be shorter.
         t: Times of the points [s], (n,); the first one is 0.
         q: Joint positions [rad], (n, dof).
         dq, ddq: Joint velocities [rad/s] and accelerations [rad/s²]; None if they are not written.
@@ -68,7 +75,7 @@ class Table(Checked):
 
     name: str
     joint_names: Annotated[tuple[str, ...], Axes("joints")]
-    period: Interval
+    cycle: Interval
     t: Annotated[FloatArray, Quantity(""), Axes("n")]
     q: Annotated[FloatArray, Quantity(""), Axes("n", "joints")]
     dq: Annotated[FloatArray, Quantity(""), Axes("n", "joints")] | None = None
@@ -92,7 +99,7 @@ class Table(Checked):
         self._check_names()
         events = tuple(sorted((_clean(x) for x in self.events), key=lambda x: x.t))
         object.__setattr__(self, "events", events)
-        if events and events[0].t < -ON_THE_POINT * self.period:
+        if events and events[0].t < -ON_THE_POINT * self.cycle:
             raise InvalidInput(
                 f"The event {events[0].name} comes {-events[0].t:g} s before the first "
                 "set-point: shorten its time advance, or let the program start with a dwell.",
@@ -151,23 +158,23 @@ class Table(Checked):
     @property
     def point_of_events(self) -> list[int]:
         """Index of the last point at or before each event."""
-        times = np.array([x.t for x in self.events]) + ON_THE_POINT * self.period
+        times = np.array([x.t for x in self.events]) + ON_THE_POINT * self.cycle
         found = np.searchsorted(self.t, times, side="right") - 1
         return [int(i) for i in found]
 
 
 def make_table(
-    data: TaughtData | Trajectory,
+    data: SetPoints | Trajectory,
     *,
     name: str,
     arm: Arm | None = None,
     joint_names: Sequence[str] | None = None,
-    period: float | None = None,
+    cycle: float | None = None,
     derivatives: int = 2,
     tool_motion: bool = False,
     analog: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
 ) -> Table:
-    """The table of taught data or of a sampled trajectory; time counts from the first point.
+    """The table of set-points or of a sampled trajectory; time counts from the first point.
 
     Velocities and accelerations of a trajectory are its own; where they jump, the values after the
     jump. So are those of set-points that are places of their plan, where accelerations are written.
@@ -176,37 +183,37 @@ def make_table(
     by cubics (positions, velocities) or by quintics (accelerations too).
 
     Args:
-        data: The taught data or the trajectory.
+        data: The set-points or the trajectory.
         name: Name of the program.
         arm: The arm; gives joint names and tool points.
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
-        period: Sampling period of a trajectory [s], by default PERIOD; taught data have their own.
+        cycle: Sampling period of a trajectory [s], by default PERIOD; set-points have their own.
         derivatives: 2, 1 for positions and velocities only, or 0 for positions only.
         tool_motion: Whether the table has orientation and speed of the tool too.
         analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
             values, as `armcontour.jobs.analog_outputs` gives them.
 
     Raises:
-        InvalidInput: The period differs from that of taught data; the number of joints or names is
+        InvalidInput: The period differs from that of set-points; the number of joints or names is
             wrong; the motion of the tool is wanted, but no arm is given; or as for `Table`.
     """
-    if not isinstance(data, TaughtData | Trajectory):
+    if not isinstance(data, SetPoints | Trajectory):
         raise InvalidInput(
-            f"Only taught data and trajectories can be exported, not {type(data).__name__}."
+            f"Only set-points and trajectories can be exported, not {type(data).__name__}."
         )
-    derivatives = checks.whole("derivatives", derivatives, 0, 2)
-    if isinstance(data, TaughtData):
-        samples, step = _set_points(data, period, derivatives), data.period
+    derivatives = checks.check_int("derivatives", derivatives, 0, 2)
+    if isinstance(data, SetPoints):
+        samples, step = _set_points(data, cycle, derivatives), data.cycle
         start, plan = data.start_time, data.trajectory
     else:
-        step = _sampling_period(data, name, period)
+        step = _sampling_cycle(data, name, cycle)
         samples, start, plan = data.sample(step), 0.0, data
     functions = analog or {}
-    checks.listed("analog", functions.values(), Callable, "functions")
+    checks.check_sequence("analog", functions.values(), Callable, "functions")
     return tabulate(
         samples,
         name=name,
-        period=step,
+        cycle=step,
         events=tuple(x.shifted(-start) for x in plan.events),
         start_time=start,
         arm=arm,
@@ -215,7 +222,7 @@ def make_table(
         tool_motion=tool_motion,
         analog={key: values(samples.t + start) for key, values in functions.items()},
         contours=tuple((x.t[0] - start, x.name) for x in plan.contour_spans),
-        command_limits=data.command_limits if isinstance(data, TaughtData) else None,
+        command_limits=data.command_limits if isinstance(data, SetPoints) else None,
     )
 
 
@@ -234,10 +241,10 @@ def tabulate(
         InvalidInput: As in `make_table`.
     """
     name, dof = about["name"], samples.q.shape[1]
-    checks.whole("derivatives", derivatives, 0, 2)
+    checks.check_int("derivatives", derivatives, 0, 2)
     tool: dict[str, Any] = {}
     if arm is not None:
-        checks.refuse_other("export", arm, Arm)
+        checks.check_type("export", arm, Arm)
         if arm.dof != dof:
             raise InvalidInput(f"The arm {arm.name} has {arm.dof} joints, but {name!r} has {dof}.")
         tool = _tool(arm, samples, tool_motion)
@@ -280,36 +287,36 @@ def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
     return whole
 
 
-def refuse_long_period(period: float, duration: float, name: str) -> None:
+def check_export_cycle(cycle: float, duration: float, name: str) -> None:
     """Refuse a period that leaves nothing of a motion but its ends.
 
     Args:
-        period: The period [s].
+        cycle: The period [s].
         duration: The duration of the motion [s].
         name: Name of the program, for the message.
 
     Raises:
-        InvalidInput: The period is longer than the motion, and than any command interval.
+        InvalidInput: The period is longer than the motion, and than any cycle.
     """
-    # A command interval may be longer than a tiny motion.
-    if period > max(duration, LONGEST_CLOCK):
+    # A cycle may be longer than a tiny motion.
+    if cycle > max(duration, LONGEST_CLOCK):
         raise InvalidInput(
-            f"The period of {period:g} s is longer than the motion of {duration:.6g} s: nothing of "
+            f"The period of {cycle:g} s is longer than the motion of {duration:.6g} s: nothing of "
             f"{name!r} would be left but its ends; give a shorter period.",
-            needed=period,
+            needed=cycle,
             allowed=duration,
         )
 
 
-def _sampling_period(trajectory: Trajectory, name: str, period: float | None) -> float:
+def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> float:
     """The period at which a trajectory is sampled [s].
 
     Raises:
         InvalidInput: The period is not above zero, longer than the motion, or too short
             for its duration.
     """
-    step = PERIOD if period is None else checks.positive("period", period, "s")
-    refuse_long_period(step, trajectory.duration, name)
+    step = DEFAULT_CYCLE if cycle is None else checks.positive("cycle", cycle, "s")
+    check_export_cycle(step, trajectory.duration, name)
     if trajectory.duration > MOST_SAMPLES * step:
         raise InvalidInput(
             f"{name!r} takes {trajectory.duration:.6g} s, which every {step:g} s are more than the "
@@ -320,27 +327,27 @@ def _sampling_period(trajectory: Trajectory, name: str, period: float | None) ->
     return step
 
 
-def _set_points(taught: TaughtData, period: float | None, derivatives: int) -> Samples:
-    """The set-points of taught data with their derivatives, as `make_table` says.
+def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) -> Samples:
+    """The set-points of set-points with their derivatives, as `make_table` says.
 
     Raises:
-        InvalidInput: The given period is not that of the taught data.
+        InvalidInput: The given period is not that of the set-points.
     """
-    wanted = taught.period if period is None else checks.positive("period", period, "s")
-    if not math.isclose(wanted, taught.period, rel_tol=1e-9):
+    wanted = set_points.cycle if cycle is None else checks.positive("cycle", cycle, "s")
+    if not math.isclose(wanted, set_points.cycle, rel_tol=1e-9):
         raise InvalidInput(
-            f"Taught data has its own interval of {taught.period:g} s and cannot be exported every "
-            f"{wanted:g} s: leave the period out, or compensate for that interval.",
+            f"Set-points have their own cycle of {set_points.cycle:g} s and cannot be exported "
+            f"every {wanted:g} s: leave the period out, or compensate for that interval.",
             needed=wanted,
-            allowed=taught.period,
+            allowed=set_points.cycle,
         )
-    plan, t = taught.trajectory, taught.t
-    if derivatives > 1 and are_places(taught.q, plan.with_rests(t)):
+    plan, t = set_points.trajectory, set_points.t
+    if derivatives > 1 and are_places(set_points.q, plan.with_rests(t)):
         dq, ddq = plan.with_rests(t, 1), plan.with_rests(t, 2)
         for values in (dq, ddq):
             values.setflags(write=False)
-        return Samples(t=regular_times(len(t), taught.period), q=taught.q, dq=dq, ddq=ddq)
-    return differentiate(taught.q, taught.period)
+        return Samples(t=regular_times(len(t), set_points.cycle), q=set_points.q, dq=dq, ddq=ddq)
+    return differentiate(set_points.q, set_points.cycle)
 
 
 def are_places(q: FloatArray, plan: FloatArray) -> bool:
@@ -348,19 +355,19 @@ def are_places(q: FloatArray, plan: FloatArray) -> bool:
     return q.shape == plan.shape and bool((np.abs(q - plan) <= SAME_PLACE).all())
 
 
-def regular_times(count: int, period: float) -> FloatArray:
-    """Times every `period` from 0 on [s], (count,)."""
-    return np.asarray(np.arange(count) * period, dtype=np.float64)
+def regular_times(count: int, cycle: float) -> FloatArray:
+    """Times every `cycle` from 0 on [s], (count,)."""
+    return np.asarray(np.arange(count) * cycle, dtype=np.float64)
 
 
-def differentiate(q: FloatArray, period: float) -> Samples:
+def differentiate(q: FloatArray, cycle: float) -> Samples:
     """Set-points with the derivatives of the clamped cubic spline through them.
 
     Args:
         q: Set-points [rad], (n, dof).
-        period: Time between set-points [s].
+        cycle: Time between set-points [s].
     """
-    t = regular_times(len(q), period)
+    t = regular_times(len(q), cycle)
     if len(q) == 1:
         return Samples(t=t, q=q, dq=np.zeros_like(q), ddq=np.zeros_like(q))
     dq, ddq = np.zeros_like(q), np.zeros_like(q)
@@ -369,12 +376,12 @@ def differentiate(q: FloatArray, period: float) -> Samples:
     for j in range(q.shape[1]):
         x, v = np.ascontiguousarray(q[:, j]), dq[:, j]
         if len(q) > 2:
-            right = (3 / period * (x[2:] - x[:-2]))[:, None]
+            right = (3 / cycle * (x[2:] - x[:-2]))[:, None]
             solve_banded(np.tile([4.0, 1.0], (len(right), 1)), right)
             v[1:-1] = right[:, 0]
-        slope = np.diff(x) / period
-        ddq[:-1, j] = (6 * slope - 4 * v[:-1] - 2 * v[1:]) / period
-        ddq[-1, j] = (2 * v[-2] + 4 * v[-1] - 6 * slope[-1]) / period
+        slope = np.diff(x) / cycle
+        ddq[:-1, j] = (6 * slope - 4 * v[:-1] - 2 * v[1:]) / cycle
+        ddq[-1, j] = (2 * v[-2] + 4 * v[-1] - 6 * slope[-1]) / cycle
     for values in (dq, ddq):
         # No copies: a long motion has gigabytes of set-points.
         values.setflags(write=False)
@@ -395,7 +402,7 @@ def _clean(event: TimedEvent) -> TimedEvent:
     return TimedEvent(
         name=str(event.name),
         value=value,
-        t=checks.number(f"time of the event {event.name}", event.t, "s"),
+        t=checks.check_number(f"time of the event {event.name}", event.t, "s"),
         due=float(event.due),
         s=float(event.s),
         point=tuple(float(x) for x in event.point),
@@ -521,7 +528,7 @@ def write_npz(table: Table, file: FilePath) -> None:
     arrays: dict[str, Any] = {
         "name": np.array(table.name),
         "joint_names": np.array(table.joint_names),
-        "period": np.array(table.period),
+        "cycle": np.array(table.cycle),
         "start_time": np.array(table.start_time),
         "event_name": np.array([x.name for x in events], dtype=np.str_),
         "event_value": np.array([json.dumps(x.value) for x in events], dtype=np.str_),
@@ -569,14 +576,14 @@ def _event_cells(table: Table) -> dict[int, str]:
     return cells
 
 
-def write_taught(file: FilePath, taught: TaughtData, joint_names: Sequence[str]) -> None:
-    """Write taught data as CSV: t, then q of every joint."""
-    write_pieces(file, taught_pieces(taught, joint_names))
+def write_taught(file: FilePath, set_points: SetPoints, joint_names: Sequence[str]) -> None:
+    """Write set-points as CSV: t, then q of every joint."""
+    write_pieces(file, taught_pieces(set_points, joint_names))
 
 
-def taught_pieces(taught: TaughtData, joint_names: Sequence[str]) -> Iterator[str]:
+def taught_pieces(set_points: SetPoints, joint_names: Sequence[str]) -> Iterator[str]:
     """The pieces of text that `write_taught` writes."""
-    return csv_pieces(*joint_columns(taught.t, joint_names, q=taught.q))
+    return csv_pieces(*joint_columns(set_points.t, joint_names, q=set_points.q))
 
 
 def write_planned(file: FilePath, x: Samples, joint_names: Sequence[str] = ()) -> None:

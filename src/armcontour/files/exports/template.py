@@ -183,7 +183,7 @@ def _describe_rounding(table: Table, name: str | FilePath) -> list[str]:
     if table.command_limits is None or digit is None:
         return []
     rounded = np.round(table.q / digit) * digit
-    uses = command_use(rounded, table.period, table.command_limits)
+    uses = command_use(rounded, table.cycle, table.command_limits)
     most, worst = max(((float(x.max()), name) for name, x in uses.items()), default=(0.0, ""))
     if most <= 1 + COMMAND_SLACK:
         return []
@@ -275,7 +275,7 @@ def _variables(table: Table, outputs: Mapping[str, int | str], file: str) -> dic
         "file": file,
         "joint_names": table.joint_names,
         "dof": table.dof,
-        "period": table.period,
+        "cycle": table.cycle,
         "duration": table.duration,
         "start_time": table.start_time,
         "points": points,

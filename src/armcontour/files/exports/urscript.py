@@ -18,7 +18,7 @@ from armcontour.motion import TimedEvent
 
 JOINTS = 6
 # Cycle time of the controllers [s]; older controllers use every fourth cycle.
-CYCLE = 0.002
+CONTROLLER_CYCLE = 0.002
 # Number of standard digital outputs of the control boxes.
 OUTPUTS = 8
 # Duration for which the last set-point is repeated, until the servo has reached it [s].
@@ -77,22 +77,22 @@ def write_urscript(
     given = outputs or {}
     analog = {x: n for x, n in given.items() if x in table.analog}
     digital = _digital_outputs(table, {x: n for x, n in given.items() if x not in analog})
-    period = f"{table.period:.12g}"
-    point = f"  servoj([{', '.join([ANGLE] * JOINTS)}], 0, 0, {period}, lookahead, gain)\n"
+    cycle = f"{table.cycle:.12g}"
+    point = f"  servoj([{', '.join([ANGLE] * JOINTS)}], 0, 0, {cycle}, lookahead, gain)\n"
     numbers = [", ".join(ANGLE % x for x in q) for q in (table.q[0], table.q[-1])]
     program = "armcontour_" + re.sub(r"[^0-9A-Za-z]", "_", table.name)
     head = HEAD.format(
         program=program,
         title=table.name,
         count=len(table.q),
-        period=period,
+        cycle=cycle,
         duration=f"{table.duration:.12g}",
         joints=", ".join(table.joint_names),
         first=numbers[0],
     )
     # Before anything is written, as an event may be refused.
-    lines = [(t / table.period, f"  # contour {name}\n") for t, name in table.contours if name]
-    lines += [(x.t / table.period, _set_output(x, digital)) for x in table.events]
+    lines = [(t / table.cycle, f"  # contour {name}\n") for t, name in table.contours if name]
+    lines += [(x.t / table.cycle, _set_output(x, digital)) for x in table.events]
     for name, number in analog.items():
         lines += _set_levels(name, _analog_number(name, number), table.analog[name])
     lines.sort(key=lambda x: round(x[0]))
@@ -119,7 +119,7 @@ def _commands(
         before = round(at)
         yield from filled(point, table.q[done : min(before, count)])
         if before > max(done, count):
-            yield _repeat_last(last, (before - max(done, count)) * table.period)
+            yield _repeat_last(last, (before - max(done, count)) * table.cycle)
         yield command
         done = max(done, before)
     yield from filled(point, table.q[done:])
@@ -199,14 +199,14 @@ def _check(table: Table) -> None:
             needed=float(table.dof),
             allowed=float(JOINTS),
         )
-    cycles = table.period / CYCLE
+    cycles = table.cycle / CONTROLLER_CYCLE
     if round(cycles) < 1 or not math.isclose(cycles, round(cycles), rel_tol=1e-9):
         raise InvalidInput(
-            f"URScript runs a servoj for whole cycles of {CYCLE * 1e3:g} ms, but the set-points of "
-            f"{table.name!r} come every {table.period * 1e3:g} ms: choose another "
-            "command interval.",
-            needed=table.period,
-            allowed=CYCLE,
+            f"URScript runs a servoj for whole cycles of {CONTROLLER_CYCLE * 1e3:g} ms, but the "
+            f"set-points of {table.name!r} come every {table.cycle * 1e3:g} ms: choose another "
+            "cycle.",
+            needed=table.cycle,
+            allowed=CONTROLLER_CYCLE,
         )
 
 

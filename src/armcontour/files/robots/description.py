@@ -14,7 +14,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, exp, from_rpy
 from armcontour.core.text import list_some, plain_number, show
 from armcontour.files.robots.tree import Joint, Tree
-from armcontour.robot.chain import Chain, join_bodies, refuse_inertia
+from armcontour.robot.chain import Chain, check_inertia, join_bodies
 
 # Longest sequence of joints of which each mimics the next; grippers have about 3.
 MOST_MIMICS = 50
@@ -134,7 +134,7 @@ class Description:
             return 0.0
         if joint.master is not None and given is None:
             return self._mimicking_position(joint, (*mimics, joint.name))
-        value = 0.0 if given is None else checks.number(f"position of {joint.name}", given)
+        value = 0.0 if given is None else checks.check_number(f"position of {joint.name}", given)
         lower, upper = (joint.number("limit", key, file) for key in ("lower", "upper"))
         if joint.kind != "continuous" and lower is not None and upper is not None:
             if given is None and lower <= upper:
@@ -221,7 +221,7 @@ class Description:
                 if mass < 0:
                     faults.append(f"the link {joint.child} has the mass {mass:g} kg")
                 try:
-                    refuse_inertia(f"the link {joint.child}", body[2])
+                    check_inertia(f"the link {joint.child}", body[2])
                 except InvalidInput as error:
                     text = str(error).rstrip(".")
                     faults.append(text[0].lower() + text[1:])

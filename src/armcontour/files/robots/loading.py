@@ -25,9 +25,9 @@ from armcontour.files.robots.options import (
     MODEL,
     MOST_CHARACTERS,
     ArmOptions,
+    check_options,
     is_description,
     is_model,
-    refuse_others,
 )
 from armcontour.robot.arm import Arm
 from armcontour.robot.chain import Chain, Payload
@@ -132,14 +132,14 @@ def _load(
     if is_description(file):
         from armcontour.files.robots.urdf import arm_of_tree, read_description
 
-        refuse_others(options, DESCRIPTION, str(file))
+        check_options(options, DESCRIPTION, str(file))
         return arm_of_tree(read_description(file, options, trust_xacro=trust_xacro), options)
     if is_model(name) or file.suffix.lower() in MJCF:
         from armcontour.files.robots.models import arm_of_mjcf, arm_of_model
 
-        refuse_others(options, MODEL, "the model" if is_model(name) else str(file))
+        check_options(options, MODEL, "the model" if is_model(name) else str(file))
         return arm_of_model(name, options) if is_model(name) else arm_of_mjcf(file, options)
-    refuse_others(options, ANY, f"The arm {name}")
+    check_options(options, ANY, f"The arm {name}")
     derive = partial(_load, payload=payload, trust_xacro=trust_xacro, depth=depth + 1)
     arm = _read(str(name), payload, derive if depth < MOST_DERIVED else None)
     if options.limits_file is None:
@@ -419,7 +419,7 @@ def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
 
 def _array(file: str, key: str, data: Mapping[str, Any], shape: tuple[int, ...]) -> FloatArray:
     """The numbers of a key as an array of a given shape."""
-    array = checks.numbers(f"{key} in {file}", _value(file, key, data), UNITS[key])
+    array = checks.check_numbers(f"{key} in {file}", _value(file, key, data), UNITS[key])
     if array.shape != shape:
         raise InvalidInput(
             f"{file}: {key} must be {' by '.join(str(x) for x in shape)} numbers, but is "

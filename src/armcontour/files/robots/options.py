@@ -71,7 +71,7 @@ def locked_position(options: ArmOptions, name: str, *, slides: bool) -> float:
     """
     value, unit = (options.locked or {})[name], "m" if slides else "rad"
     if not isinstance(value, str):
-        return checks.number(f"arm.locked.{name}", value, unit)
+        return checks.check_number(f"arm.locked.{name}", value, unit)
     from armcontour.files.units import read_quantity
 
     try:
@@ -80,7 +80,7 @@ def locked_position(options: ArmOptions, name: str, *, slides: bool) -> float:
         raise InvalidInput(f"arm.locked.{name} {error}.") from None
 
 
-def refuse_others(options: ArmOptions, known: tuple[str, ...], arm: str) -> None:
+def check_options(options: ArmOptions, known: tuple[str, ...], arm: str) -> None:
     """Refuse options that an arm does not have.
 
     Args:

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, for_kernel
+from armcontour.core.checks import FloatArray, kernel_array
 from armcontour.planning.constraints.base import Constraint
-from armcontour.planning.constraints.second_order import refuse_excess_at_rest
+from armcontour.planning.constraints.second_order import check_rest
 from armcontour.planning.grid import Grid
 from armcontour.planning.topp._forms import ROUNDING
 from armcontour.planning.topp.limits import (
@@ -44,7 +44,7 @@ class JointMotion(Constraint):
     ) -> None:
         none = np.empty((2, 0))
         self.velocity = none if velocity is None else np.stack(velocity)
-        self.low, self.high = none if acceleration is None else map(for_kernel, acceleration)
+        self.low, self.high = none if acceleration is None else map(kernel_array, acceleration)
 
     def bounds(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds of accelerations on every interval, (n, joints) each."""
@@ -113,7 +113,7 @@ class JointTorque(Constraint):
         terms, bounds = self.dynamics.path_terms(*path.motion), (-self.limit, self.limit)
         rows = path.rows(terms, *bounds)
         weight = path.at_ends(terms[2])
-        refuse_excess_at_rest(path.grid, self, weight, bounds)
+        check_rest(path.grid, self, weight, bounds)
         if not (self.curved or self.coulomb.any()):
             return (rows,)
         (first, _), (third, _) = path.derivatives
@@ -127,7 +127,7 @@ class JointTorque(Constraint):
         above, below = np.where(one_way, sign, 1.0) * dry, np.where(one_way, sign, -1.0) * dry
         creeping = weight + np.where(weight > 0, above[:, None], below[:, None])
         when = "in the slowest motion, with friction"
-        refuse_excess_at_rest(path.grid, self, creeping, bounds, when=when, cannot="move")
+        check_rest(path.grid, self, creeping, bounds, when=when, cannot="move")
         rows.ends[..., LOW] -= below[:, None]
         rows.ends[..., HIGH] -= above[:, None]
         if not self.curved:

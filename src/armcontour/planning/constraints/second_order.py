@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core import checks
-from armcontour.core.checks import FloatArray, for_kernel
+from armcontour.core.checks import FloatArray, kernel_array
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.core.fields import checked
 from armcontour.planning.constraints.base import Constraint
@@ -49,7 +49,7 @@ class SecondOrder(Constraint):
         self.name = name
         self.coefficients = coefficients
         bounds = (checks.shaped(f"bounds of {name}", x, (None,)) for x in (low, high))
-        self.low, self.high = map(checks.lock_floats, bounds)
+        self.low, self.high = map(checks.frozen_array, bounds)
         if self.low.shape != self.high.shape or not (self.low <= self.high).all():
             raise InvalidInput(f"The lower bounds of {name} must be at most its upper bounds.")
         self.joints = joints
@@ -62,7 +62,7 @@ class SecondOrder(Constraint):
     def _at(self, s: FloatArray, side: str) -> FloatArray:
         """The coefficients at arc lengths, (3, n, rows)."""
         name, shape = f"coefficients of {self.name}", (3, len(s), len(self.low))
-        return checks.shaped(name, checks.numbers(name, self.coefficients(s, side)), shape)
+        return checks.shaped(name, checks.check_numbers(name, self.coefficients(s, side)), shape)
 
     def on(self, path: OnGrid) -> Iterable[Form]:
         """The quantities.
@@ -73,11 +73,11 @@ class SecondOrder(Constraint):
         path, last = OnGrid(path.grid, jumps=True), 2 * len(path)
         _, s = path.places
         a, b, c = np.concatenate([self._at(s[:last], "right"), self._at(s[last:], "left")], axis=1)
-        refuse_excess_at_rest(path.grid, self, path.at_ends(c), (self.low, self.high))
-        return (path.rows((a, b, c), for_kernel(self.low), for_kernel(self.high)),)
+        check_rest(path.grid, self, path.at_ends(c), (self.low, self.high))
+        return (path.rows((a, b, c), kernel_array(self.low), kernel_array(self.high)),)
 
 
-def refuse_excess_at_rest(
+def check_rest(
     grid: Grid,
     constraint: Constraint,
     value: FloatArray,

@@ -11,7 +11,7 @@ from armcontour.core.errors import NotRealizable
 from armcontour.motion import PathLaw, Rates, interval_times
 from armcontour.planning.end_speeds import END as END_SPEED
 from armcontour.planning.end_speeds import START as START_SPEED
-from armcontour.planning.end_speeds import refuse_speed
+from armcontour.planning.end_speeds import raise_too_fast
 from armcontour.planning.jerk._interior_point import (
     DURATION,
     END,
@@ -256,7 +256,7 @@ def _solve(rows: Rows, near: tuple[PathLaw, float], task: Task, tolerance: float
                     improve(p, d, goal, target, weight, ROUGH, MOST_ITERATIONS)
             if d[end] < target:
                 name = "start" if goal == START else "end"
-                refuse_speed(name, target, float(d[end]), float(s[end]))
+                raise_too_fast(name, target, float(d[end]), float(s[end]))
         improve(p, d, DURATION, 0.0, 0.0, tolerance, task.iterations)
         found.append(d)
     return _law(rows, found)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, IntArray, for_kernel
+from armcontour.core.checks import FloatArray, IntArray, kernel_array
 from armcontour.planning.constraints import Constraint, JointMotion, OnGrid, limits_on
 from armcontour.planning.jerk._interior_point import Section
 from armcontour.planning.jerk._polynomials import (
@@ -92,7 +92,7 @@ class Rows:
         none, bounds = np.zeros(len(about)), self.bounds
         near = Bounds(about, about, none, none) if bounds is None else bounds
         if limits.friction.viscous.shape[2]:
-            near = Bounds(*(for_kernel(x) for x in near))
+            near = Bounds(*(kernel_array(x) for x in near))
             width, margins = self.mesh.grid.width, bounds is not None
             limits = limits._replace(rows=rows_with_friction(width, limits, near, margins))
         if bounds is None:

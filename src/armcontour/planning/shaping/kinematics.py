@@ -19,7 +19,7 @@ class NearPath:
 
     Args:
         arm: The arm.
-        branch: For an arm in the plane, the branch of its inverse kinematics.
+        configuration: For an arm in the plane, the branch of its inverse kinematics.
         q: Joint positions at the places on the joint path [rad], (n, dof).
         poses: Tool poses there, (n, 3, 4); the positions are replaced. None in the plane.
         task: Number of the tool's degrees of freedom that are prescribed.
@@ -28,7 +28,7 @@ class NearPath:
     """
 
     arm: Arm
-    branch: str | None
+    configuration: str | None
     q: FloatArray
     poses: FloatArray | None = None
     task: int = 2
@@ -39,7 +39,7 @@ class NearPath:
         cls,
         q: FloatArray,
         arm: Arm,
-        branch: str | None,
+        configuration: str | None,
         path: Path,
         s: FloatArray,
     ) -> NearPath:
@@ -48,12 +48,12 @@ class NearPath:
         Args:
             q: Joint positions along the path [rad], (n, dof).
             arm: The arm.
-            branch: For an arm in the plane, the branch of its inverse kinematics.
+            configuration: For an arm in the plane, the branch of its inverse kinematics.
             path: The path.
             s: Arc lengths of the joint positions [m], (n,).
         """
         if isinstance(arm, PlanarTwoLink):
-            return cls(arm=arm, branch=branch, q=q)
+            return cls(arm=arm, configuration=configuration, q=q)
         assert isinstance(arm, SerialArm)
         poses = np.zeros((len(s), 3, 4))
         poses[:, :, 3] = arm.tool_position(q)
@@ -64,7 +64,7 @@ class NearPath:
             from armcontour.planning.tracing.redundancy import null_space
 
             free = null_space(arm, poses, task, q)
-        return cls(arm=arm, branch=branch, q=q, poses=poses, task=task, free=free)
+        return cls(arm=arm, configuration=configuration, q=q, poses=poses, task=task, free=free)
 
     def solve(self, points: FloatArray, guess: FloatArray) -> FloatArray:
         """Joint positions with the tool at points, near a guess [rad], (n, dof).
@@ -77,7 +77,7 @@ class NearPath:
             Unreachable: A point is out of reach.
         """
         if isinstance(self.arm, PlanarTwoLink):
-            q = self.arm.joint_position(points, self.branch)
+            q = self.arm.joint_position(points, self.configuration)
             return np.asarray(q + 2 * np.pi * np.round((guess - q) / (2 * np.pi)))
         assert isinstance(self.arm, SerialArm) and self.poses is not None
         assert self.free is not None

@@ -157,14 +157,14 @@ def _farthest(
     return low
 
 
-def place_nodes(start: Candidate, tube: Tube, arm: Arm, branch: str | None) -> Nodes | None:
+def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | None) -> Nodes | None:
     """Nodes along a start, dense at corners and rests; None if they are too many.
 
     Args:
         start: The start, with its timing.
         tube: The tube of the tolerance.
         arm: The arm.
-        branch: For an arm in the plane, the branch of its inverse kinematics.
+        configuration: For an arm in the plane, the branch of its inverse kinematics.
     """
     path, places, joint_path = start.path, start.places, start.joint_path
     marks = _Marks.of(path, places, tube)
@@ -200,7 +200,7 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, branch: str | None) -> N
         vertex=np.where(resting, -1, _beside_corners(corner)),
         group=np.searchsorted((marks.at[1:] + marks.at[:-1]) / 2, s),
         times=start.trajectory.time_at(np.concatenate([s[:1], (s[1:] + s[:-1]) / 2, s[-1:]])),
-        near=NearPath.along(joint_path(s), arm, branch, path, s),
+        near=NearPath.along(joint_path(s), arm, configuration, path, s),
         q=joint_path(s),
     )
 

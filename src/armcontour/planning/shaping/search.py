@@ -239,7 +239,7 @@ class Search:
         both = np.maximum(speed[:-1] + speed[1:], np.finfo(float).tiny)
         s = at[:-1] + speed[:-1] / both * np.diff(at)
         q = found.trajectory(found.trajectory.time_at(s))
-        near = NearPath.along(q, self.timer.arm, self.timer.branch, found.path, s)
+        near = NearPath.along(q, self.timer.arm, self.timer.configuration, found.path, s)
         self.nodes = replace(self.nodes, near=near, q=q)
 
     def _judge(self, drawn: Drawn) -> tuple[Candidate, FloatArray, BoolArray] | None:
@@ -498,7 +498,7 @@ def make_searches(
     starts = make_starts(objective, tube, options, SHARE)
     found = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
     for start in sorted((x for x in found if x is not None), key=lambda x: x.duration):
-        nodes = place_nodes(start, tube, timer.arm, timer.branch)
+        nodes = place_nodes(start, tube, timer.arm, timer.configuration)
         if nodes is None:
             yield None
         elif not nodes.fixed.all():

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import ArmContourError, locate_errors
+from armcontour.core.errors import ArmContourError, error_context
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step
 from armcontour.core.text import capitalise
@@ -23,7 +23,7 @@ from armcontour.geometry.shaped import ARCS, SHAPED, STOPS, doubt_search
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.planning.common import with_reserve
 from armcontour.planning.options import Optimal, Shaped
-from armcontour.planning.program_timing import Timing, refuse_unkept_jerk, time_program
+from armcontour.planning.program_timing import Timing, check_jerk_support, time_program
 from armcontour.planning.program_tracing import SAME_POSITION, Tracing, ends_of, trace_program
 from armcontour.planning.shaping.search import make_searches, why_not
 from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, tube_of
@@ -89,7 +89,7 @@ def shape(
         UserWarning: The search along a path ended early, because the tolerance is tiny.
     """
     bounds = resolve_limits("shape", arm, limits)
-    refuse_unkept_jerk(Method.SHAPED, bounds)
+    check_jerk_support(Method.SHAPED, bounds)
     program = Program.of(path, "shape needs a Path or a Program")
     found = Shaping(arm, bounds, options).shape(program, progress, named=program is path)
     if program is path:
@@ -205,8 +205,10 @@ class Shaping:
 
     def _follow(self, program: Program, start: npt.ArrayLike | None) -> Tracing:
         """The joint paths of a program."""
-        branch = self.options.branch
-        return trace_program(program, self.arm, self.limits, branch=branch, start=start)
+        configuration = self.options.configuration
+        return trace_program(
+            program, self.arm, self.limits, configuration=configuration, start=start
+        )
 
     def _trace(self, program: Program) -> tuple[Tracing | None, Tracing]:
         """Trace the program with arcs at its corners, and where that is faster with sharp corners.
@@ -259,7 +261,7 @@ class Shaping:
         start, intervals = ends_of(joint_path)[0], self.options.intervals
         limits = with_reserve(self.limits, self.options.reserve)
         if isinstance(self.arm, PlanarTwoLink):
-            return Timer(self.arm, limits, self.arm.branch_of(start), None, intervals)
+            return Timer(self.arm, limits, self.arm.configuration_of(start), None, intervals)
         if given is not None and np.abs(given - start).max() <= SAME_POSITION:
             start = given
         return Timer(self.arm, limits, None, start, intervals)
@@ -287,7 +289,7 @@ def _path_of(move: Move) -> ShapedPath:
 
 def _named(contour: Contour, number: int, wanted: bool) -> AbstractContextManager[None]:
     """A context in which error messages start with the name of a contour, if wanted."""
-    return locate_errors(contour_called(contour, number)) if wanted else nullcontext()
+    return error_context(contour_called(contour, number)) if wanted else nullcontext()
 
 
 @dataclass(frozen=True, slots=True)

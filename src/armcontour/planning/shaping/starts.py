@@ -114,20 +114,22 @@ class Timer:
     Args:
         arm: The arm.
         limits: The limits that the motion keeps, one value per joint.
-        branch: For an arm in the plane, the branch of its inverse kinematics.
+        configuration: For an arm in the plane, the branch of its inverse kinematics.
         start: For an arm in space, joint positions at the start [rad], (dof,).
         intervals: Approximate number of grid intervals of a plan; None for the default.
     """
 
     arm: Arm
     limits: Limits
-    branch: str | None
+    configuration: str | None
     start: FloatArray | None
     intervals: int | None = None
 
     def trace(self, path: Path) -> JointPath:
         """The joint path along a path."""
-        return trace_fastest(path, self.arm, self.limits, branch=self.branch, start=self.start)
+        return trace_fastest(
+            path, self.arm, self.limits, configuration=self.configuration, start=self.start
+        )
 
     def time(self, joint_path: JointPath) -> Trajectory:
         """The fastest motion along a joint path."""

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from armcontour.core._vectors import LANES
-from armcontour.core.checks import FloatArray, IntArray, for_kernel
+from armcontour.core.checks import FloatArray, IntArray, kernel_array
 from armcontour.core.errors import InvalidInput
 
 # Columns of `Rows.ends`, of the vectors of `Rounds.ends`, and of all rises.
@@ -190,7 +190,7 @@ def checked(form: Form, n: int, name: str) -> Form:
                 f"The {type(form).__name__} of the constraint {name} have {field} of shape "
                 f"{values.shape}, where {shape} is expected, with {n} intervals."
             )
-    return type(form)(*(for_kernel(x) for x in form))
+    return type(form)(*(kernel_array(x) for x in form))
 
 
 def collect(forms: Iterable[Form], n: int) -> Limits:

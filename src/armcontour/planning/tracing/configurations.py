@@ -187,9 +187,9 @@ def _follow(
         poses: Rotations and positions of the tool, (n, 3, 4).
         task: Task dimension.
         starts: Joint positions at the first pose [rad], (starts, dof).
-        enough: As in `follow_ways` [rad].
+        enough: As in `follow_branches` [rad].
     """
-    q, reached = follow_ways(arm, poses, task, starts, enough)
+    q, reached = follow_branches(arm, poses, task, starts, enough)
     whole = reached == len(poses)
     failures = [
         _Failure(reached=int(k), q=way[k - 1])
@@ -198,7 +198,7 @@ def _follow(
     return [q[k] for k in np.flatnonzero(whole)], failures
 
 
-def follow_ways(
+def follow_branches(
     arm: SerialArm,
     poses: FloatArray,
     task: int,

@@ -17,7 +17,7 @@ SHORTEST_FIRST_STEP = 1 / 512
 # Largest angle by which the tangent or the tool turns between the first knots [rad].
 FIRST_TURN = 0.5
 # Fractions of an interval at which the distance of the tool from the path is computed.
-PLACES = checks.lock_floats([0.25, 0.5, 0.75])
+PLACES = checks.frozen_array([0.25, 0.5, 0.75])
 MIDDLE = 1
 
 

@@ -20,7 +20,7 @@ from armcontour.planning.tracing.solver import (
     Solver,
     largest_errors,
     quintics_at_places,
-    refuse_singularity,
+    raise_singular,
 )
 from armcontour.robot import SerialArm, _newton
 
@@ -91,7 +91,7 @@ class Numeric(Solver[SerialArm]):
         )
         bad = ~(found & (pivot_ratio > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1))
         if bad.any():
-            refuse_singularity(self, float(knots.at(u)[np.argmax(bad)]), "is singular")
+            raise_singular(self, float(knots.at(u)[np.argmax(bad)]), "is singular")
         return q, dq_ds, d2q_ds2
 
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:

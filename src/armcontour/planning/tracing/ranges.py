@@ -28,7 +28,7 @@ BERNSTEIN = np.array(
 )
 
 
-def refuse_out_of_range(joint_path: JointPath, limits: Limits) -> None:
+def check_joint_range(joint_path: JointPath, limits: Limits) -> None:
     """Refuse a joint path on which any joint leaves its range.
 
     Args:

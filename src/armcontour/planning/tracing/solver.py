@@ -118,21 +118,23 @@ class Analytic(Solver[PlanarTwoLink]):
     Args:
         path: The tool path.
         arm: The arm.
-        branch: One of `arm.branches`.
+        configuration: One of `arm.branches`.
         tolerance: Largest distance of the tool from the path between knots [m].
 
     Raises:
         InvalidInput: The path and the arm's workspace differ in dimension.
     """
 
-    def __init__(self, path: Path, arm: PlanarTwoLink, branch: str, tolerance: float) -> None:
+    def __init__(
+        self, path: Path, arm: PlanarTwoLink, configuration: str, tolerance: float
+    ) -> None:
         if path.dimension != arm.dimension:
             raise InvalidInput(
                 f"The path has {path.dimension} coordinates, but the tool of the arm {arm.name} "
                 f"moves in {arm.dimension}."
             )
         super().__init__(path, arm)
-        self.branch, self.tolerance = branch, tolerance
+        self.configuration, self.tolerance = configuration, tolerance
 
     def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
         """q, dq_ds and d2q_ds2 at the starts and at the ends of the first intervals, at once."""
@@ -144,7 +146,7 @@ class Analytic(Solver[PlanarTwoLink]):
     def ends(self, knots: Knots, u: FloatArray, guess: FloatArray | None) -> Ends:
         """q, dq_ds and d2q_ds2 at distances `u` along the segments of the knots."""
         try:
-            q = self.arm.joint_position(self.path.on_segment(knots.segment, u), self.branch)
+            q = self.arm.joint_position(self.path.on_segment(knots.segment, u), self.configuration)
         except Unreachable as error:
             index = error.index or 0
             s = float(knots.at(u)[index])
@@ -207,7 +209,7 @@ def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
         small = np.flatnonzero(coarse.u1 - coarse.u0 < SMALLEST_INTERVAL)
         if len(small):
             place = float(coarse.s0[small[0]])
-            refuse_singularity(solver, place, "is singular or jumps between configurations")
+            raise_singular(solver, place, "is singular or jumps between configurations")
         u = (coarse.u0 + coarse.u1) / 2
         halfway = (start[0][missed] + end[0][missed]) / 2
         between = solver.ends(coarse, u, solver.guess(coarse, u, middle[leaves], halfway))
@@ -227,7 +229,7 @@ def _select(ends: Ends, which: BoolArray | IntArray) -> Ends:
     return q[which], dq_ds[which], d2q_ds2[which]
 
 
-def refuse_singularity(solver: Solver[Any], s: float, state: str) -> NoReturn:
+def raise_singular(solver: Solver[Any], s: float, state: str) -> NoReturn:
     """Refuse a place of the path where no joint motion is found.
 
     Args:

@@ -16,7 +16,7 @@ from armcontour.geometry import Path
 from armcontour.motion import JointPath
 from armcontour.planning.tracing.knots import Knots, first_knots
 from armcontour.planning.tracing.poses import FirstPoses, row_of_poses, task_dimension
-from armcontour.planning.tracing.ranges import refuse_out_of_range, turn_into_range
+from armcontour.planning.tracing.ranges import check_joint_range, turn_into_range
 from armcontour.planning.tracing.solver import Analytic, refine
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm
 
@@ -36,7 +36,7 @@ def trace(
     arm: Arm,
     *,
     limits: Limits | None = None,
-    branch: str | None = None,
+    configuration: str | None = None,
     start: npt.ArrayLike | None = None,
     tolerance: float = 1e-10,
 ) -> JointPath:
@@ -51,8 +51,8 @@ def trace(
         arm: The arm.
         limits: Limits whose joint ranges apply, and whose joint velocities weight the lengths of
             joint paths; by default the arm's own.
-        branch: For an arm in the plane, one of `arm.branches`; by default the first that completes
-            the path. `plan` chooses the fastest.
+        configuration: For an arm in the plane, one of `arm.branches`; by default the first that
+            completes the path. `plan` chooses the fastest.
         start: For an arm in space, joint positions near the start of the joint path [rad], (dof,);
             by default the configuration with the shortest joint path. `plan` chooses the fastest.
         tolerance: Largest distance between the tool and its position on the path [m].
@@ -63,7 +63,13 @@ def trace(
         InvalidInput: The path does not fit the arm.
     """
     found = trace_all(
-        path, arm, limits=limits, branch=branch, start=start, tolerance=tolerance, most=1
+        path,
+        arm,
+        limits=limits,
+        configuration=configuration,
+        start=start,
+        tolerance=tolerance,
+        most=1,
     )
     return found[0]
 
@@ -73,7 +79,7 @@ def trace_all(
     arm: Arm,
     *,
     limits: Limits | None = None,
-    branch: str | None = None,
+    configuration: str | None = None,
     start: npt.ArrayLike | None = None,
     tolerance: float = 1e-10,
     most: int | None = None,
@@ -89,7 +95,7 @@ def trace_all(
         path: Tool path.
         arm: The arm.
         limits: As in `trace`.
-        branch: As in `trace`.
+        configuration: As in `trace`.
         start: As in `trace`.
         tolerance: As in `trace`.
         most: Largest number of joint paths to return; all by default.
@@ -105,16 +111,16 @@ def trace_all(
         )
     checks.positive("tracing tolerance", tolerance, "m")
     if limits is not None:
-        checks.refuse_other("trace", limits, Limits)
+        checks.check_type("trace", limits, Limits)
         arm = arm.with_limits(limits)
     if isinstance(arm, PlanarTwoLink):
         if start is not None:
             raise InvalidInput(f"The arm {arm.name} takes a branch to start in, not a start.")
-        branches = arm.branches if branch is None else (branch,)
+        branches = arm.branches if configuration is None else (configuration,)
         return _complete((partial(_trace_planar, path, arm, x, tolerance) for x in branches), most)
     if not isinstance(arm, SerialArm):
         raise InvalidInput(f"There is no inverse kinematics for {type(arm).__name__}.")
-    if branch is not None:
+    if configuration is not None:
         raise InvalidInput(
             f"The arm {arm.name} has no named branches: give start, joint positions near those at "
             "the start of the path."
@@ -185,7 +191,9 @@ def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
     return np.flatnonzero(fresh)
 
 
-def _trace_planar(path: Path, arm: PlanarTwoLink, branch: str, tolerance: float) -> JointPath:
+def _trace_planar(
+    path: Path, arm: PlanarTwoLink, configuration: str, tolerance: float
+) -> JointPath:
     """The joint path of a planar arm in one branch, inside the joint ranges.
 
     Raises:
@@ -193,10 +201,10 @@ def _trace_planar(path: Path, arm: PlanarTwoLink, branch: str, tolerance: float)
         InvalidInput: As in `trace`.
     """
     joint_path = refine(
-        Analytic(path, arm, branch, tolerance), first_knots(path, arm.span), path.stops
+        Analytic(path, arm, configuration, tolerance), first_knots(path, arm.span), path.stops
     )
     joint_path = turn_into_range(joint_path, arm.limits)
-    refuse_out_of_range(joint_path, arm.limits)
+    check_joint_range(joint_path, arm.limits)
     return joint_path
 
 
@@ -219,7 +227,7 @@ def _trace_serial(
     def refine_solution(solution: Solution) -> JointPath:
         numeric = Numeric(path, arm, task, first, solution, tolerance)
         joint_path = refine(numeric, knots, first.stops)
-        refuse_out_of_range(joint_path, arm.limits)
+        check_joint_range(joint_path, arm.limits)
         return joint_path
 
     solutions = find_solutions(path, arm, knots, first.row, task, start)

@@ -19,11 +19,11 @@ from armcontour.report.sections.front import time_sentences
 from armcontour.report.style import RUN_COLOURS, finish, line, thin
 
 if TYPE_CHECKING:
-    from armcontour.jobs import Study
+    from armcontour.jobs import JobResult
     from armcontour.studies.certification import Certificate
 
 
-def certified(study: Study, found: Certificate) -> Front:
+def certified(study: JobResult, found: Certificate) -> Front:
     """The first screen of a certificate."""
     data = found.to_data()
     rows = {x.name: x for x in data.shown()}
@@ -63,21 +63,21 @@ def _change(found: Certificate) -> str:
 
 def certificate(found: Certificate) -> Section:
     """The certificate, what it costs, and its derating."""
-    data, several = found.to_data(), len(found.contours) > 1
+    data, has_contours = found.to_data(), len(found.contours) > 1
     contours = sorted(found.contours, key=lambda x: x.budget.left)
     worst = [x.to_data() for x in contours[:MOST_ROWS]]
     return Section(
         key="certificate",
         title="Certificate",
         summary="parts of the error, derating, and the plan without a certificate",
-        text=OF_PROGRAMS if several else "",
+        text=OF_PROGRAMS if has_contours else "",
         parts=(
             _parts(found),
             _derating(found),
             side_by_side(found.comparison, caption="Compared"),
             *(
                 [table_of(core.Table.of("contours", worst), "Contours, the least left first")]
-                if several
+                if has_contours
                 else []
             ),
             side_by_side({found.run.name: data}, caption="Figures"),
@@ -97,7 +97,7 @@ OF_PROGRAMS = (
 
 
 # Figures of a budget that are drawn.
-PARTS = ("rounding", "servo", "sampling", "box", "unexplained", "left")
+PARTS = ("rounding", "servo", "sampling", "box", "model_error", "left")
 
 
 def _parts(found: Certificate) -> Any:

@@ -12,7 +12,7 @@ import numpy as np
 from armcontour.core.frames import Frame
 from armcontour.core.render import number
 from armcontour.core.text import list_some
-from armcontour.jobs import Job, RunResult, Study
+from armcontour.jobs import Job, JobResult, RunResult
 from armcontour.report.figure import Figure
 from armcontour.report.outline import outline_points
 from armcontour.report.section import Section, table_of
@@ -43,7 +43,7 @@ TIMES, MOST_ROWS = 200, 7
 HEIGHT = 320
 
 
-def clearance(study: Study) -> Section | None:
+def clearance(study: JobResult) -> Section | None:
     """Distances of all runs whose arm has shapes; None if there is none."""
     runs = {name: x for name, x in study.runs.items() if x.clearance is not None}
     if not runs:

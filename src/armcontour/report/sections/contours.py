@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.result import Row, Table
-from armcontour.jobs import RunResult, Study
+from armcontour.jobs import JobResult, RunResult
 from armcontour.jobs.run_data import pierce_length, work_length
 from armcontour.motion import Span
 from armcontour.program import Contour
@@ -23,7 +23,7 @@ REACHED = 0.999
 # Shorter leads are rounding errors [m].
 ROUNDING = 1e-9
 # A contour, its part of the plan and its error.
-Judged = tuple[Contour, Span, ErrorProfile | None]
+ContourJudgement = tuple[Contour, Span, ErrorProfile | None]
 COLUMNS = (
     Row("contour", None, "", "contour"),
     Row("layer", None, "", "layer"),
@@ -40,7 +40,7 @@ COLUMNS = (
 )
 
 
-def contours(study: Study) -> Section | None:
+def contours(study: JobResult) -> Section | None:
     """A table of the contours of a program; None for a single path."""
     if next(iter(study.runs.values())).path.single_path is not None:
         return None
@@ -62,7 +62,7 @@ def _table(name: str, result: RunResult) -> section.Table:
     program, limit = result.path, result.run.limits.speed
     errors = () if result.evaluation is None else result.evaluation.contours
     spans, most = result.trajectory.contour_spans, np.inf if limit is None else limit
-    contours = list[Judged](
+    contours = list[ContourJudgement](
         zip(program.contours, spans, errors or [None] * len(spans), strict=True)
     )
     order, caption = np.arange(len(spans)), f"Run {name}: contours in order"
@@ -80,7 +80,7 @@ def _table(name: str, result: RunResult) -> section.Table:
     return section.table_of(Table("contours", columns, rows), caption)
 
 
-def _row(k: int, judged: Judged, most: float) -> list[Any]:
+def _row(k: int, judged: ContourJudgement, most: float) -> list[Any]:
     """The values of a contour, by `COLUMNS`."""
     contour, span, error = judged
     assert span.work is not None

@@ -13,7 +13,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.render import number
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.geometry.segments import TANGENT_TOLERANCE
-from armcontour.jobs import Study
+from armcontour.jobs import JobResult
 from armcontour.motion import Execution
 from armcontour.report.figure import make_subplots
 from armcontour.report.style import (
@@ -61,7 +61,7 @@ class Corner:
     title: str
 
 
-def corners(study: Study) -> list[Any]:
+def corners(study: JobResult) -> list[Any]:
     """A figure of enlarged corners; none if no run has rounded or shaped corners."""
     paths = _replaced_paths(study)
     if not paths:
@@ -115,10 +115,10 @@ def find_corners(path: Replaced) -> list[Corner]:
     ]
 
 
-def _title(study: Study, shown: int, known: int) -> str:
+def _title(study: JobResult, shown: int, known: int) -> str:
     """Title of the figure: which corners it shows."""
-    several = len(study.job.program.contours) > 1
-    title = "Corners enlarged" + (f", contour {_shown(study) + 1}" if several else "")
+    has_contours = len(study.job.program.contours) > 1
+    title = "Corners enlarged" + (f", contour {_shown(study) + 1}" if has_contours else "")
     return title + (f": the first {shown} of {known}" if known > shown else "")
 
 
@@ -138,7 +138,7 @@ class Tool(NamedTuple):
     look: dict[str, Any]
 
 
-def tools_of(study: Study) -> list[Tool]:
+def tools_of(study: JobResult) -> list[Tool]:
     """Executed tool paths of all runs and experiments."""
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     found = []
@@ -152,7 +152,7 @@ def tools_of(study: Study) -> list[Tool]:
     return found
 
 
-def _replaced_paths(study: Study) -> dict[str, Replaced]:
+def _replaced_paths(study: JobResult) -> dict[str, Replaced]:
     """The different rounded or shaped paths of the contour in the figure, by their names."""
     which, found = _shown(study), dict[str, Replaced]()
     for name, result in study.runs.items():
@@ -168,7 +168,7 @@ def _kind(path: Path) -> str:
     return "shaped" if isinstance(path, ShapedPath) else "rounded"
 
 
-def _shown(study: Study) -> int:
+def _shown(study: JobResult) -> int:
     """Index of the contour in the figure: the first with rounded or shaped corners."""
     program = next(iter(study.runs.values())).path
     for i, x in enumerate(program.contours):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from armcontour.core.describing import several
+from armcontour.core.describing import count_noun
 from armcontour.core.render import figure, number
 from armcontour.core.result import Data, Row
 from armcontour.core.text import capitalise, list_some
-from armcontour.jobs import RunResult, Study, warnings_of
+from armcontour.jobs import JobResult, RunResult, warnings_of
 from armcontour.jobs.quantities import assumed_numbers
 from armcontour.planning.explanation import BETWEEN, NAMES
 from armcontour.report.drawing import draw_plan
@@ -30,7 +30,7 @@ MOST_SHARES = 4
 RESERVED_NAMES = (NAMES["joint_acceleration"], NAMES["joint_torque"])
 
 
-def front(study: Study) -> Front:
+def front(study: JobResult) -> Front:
     """The first screen of a study: of several runs the fastest one that is kept."""
     name = _shown(study)
     data, result = study.figures[name], study.runs[name]
@@ -51,7 +51,7 @@ def _large(data: Data) -> list[Row]:
     return [rows[x] for x in TILES if x in rows][:3]
 
 
-def _shown(study: Study) -> str:
+def _shown(study: JobResult) -> str:
     """The run that is drawn: the fastest that is kept, or else the first explained one."""
     runs = study.runs
     kept = [x for x in runs if runs[x].kept]
@@ -59,7 +59,7 @@ def _shown(study: Study) -> str:
     return min(known, key=lambda x: runs[x].trajectory.duration)
 
 
-def _verdict(study: Study, data: Data) -> str:
+def _verdict(study: JobResult, data: Data) -> str:
     """Whether the run is as near to the drawing as it may be."""
     if not study.simulated:
         return "Plan only: no servo was simulated, so that there are no errors."
@@ -72,7 +72,7 @@ def _verdict(study: Study, data: Data) -> str:
     return f"{capitalise(figure(kept))}: {words}" + f" ({note})" * bool(note) + "."
 
 
-def _compared(study: Study) -> Table:
+def _compared(study: JobResult) -> Table:
     """A row for every run."""
     rows = []
     for name, data in study.figures.items():
@@ -81,7 +81,7 @@ def _compared(study: Study) -> Table:
     return Table(header=("run", *COLUMNS), rows=tuple(rows))
 
 
-def _sentences(study: Study, result: RunResult) -> Iterator[tuple[str, str]]:
+def _sentences(study: JobResult, result: RunResult) -> Iterator[tuple[str, str]]:
     """Why the motion takes so long, what to change, and what is assumed."""
     why = result.explanation
     yield from time_sentences(result)
@@ -121,7 +121,7 @@ def time_sentences(result: RunResult) -> Iterator[tuple[str, str]]:
         yield "Why it takes this long", text
 
 
-def _assumed(study: Study) -> str:
+def _assumed(study: JobResult) -> str:
     """What the figures are of."""
     if not study.simulated:
         return "Joints follow the plan exactly."
@@ -134,7 +134,7 @@ def _assumed(study: Study) -> str:
     )
 
 
-def all_figures(study: Study) -> Section:
+def all_figures(study: JobResult) -> Section:
     """All figures of all runs side by side."""
     table = side_by_side(study.figures)
     return Section(
@@ -145,7 +145,7 @@ def all_figures(study: Study) -> Section:
     )
 
 
-def notes(study: Study, warnings: Sequence[str] = ()) -> Section | None:
+def notes(study: JobResult, warnings: Sequence[str] = ()) -> Section | None:
     """Warnings, notes and assumptions; None without any.
 
     Args:
@@ -167,6 +167,6 @@ def notes(study: Study, warnings: Sequence[str] = ()) -> Section | None:
     return Section(
         key="notes",
         title="Warnings and notes",
-        summary=f"{several(len(found), 'warning')}, {several(len(others), 'note')}",
+        summary=f"{count_noun(len(found), 'warning')}, {count_noun(len(others), 'note')}",
         notes=(*few(found, "warnings"), *few(others, "notes")),
     )

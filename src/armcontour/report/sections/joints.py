@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.core import result as core
 from armcontour.core.checks import FloatArray
 from armcontour.core.result import Row
-from armcontour.jobs import RunResult, Study
+from armcontour.jobs import JobResult, RunResult
 from armcontour.report.figure import make_subplots
 from armcontour.report.section import Section, Table, table_of
 from armcontour.report.style import (
@@ -43,7 +43,7 @@ WORTH_SHOWING = 0.3
 USUAL = 99.5
 
 
-def joints(study: Study) -> Section:
+def joints(study: JobResult) -> Section:
     """Joint motion of every run, with ranges and limits."""
     executed = ", executed and, with an experiment, on the arm's rigid bodies"
     executed = executed if study.simulated else ""

@@ -14,7 +14,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.palette import LIMITS
 from armcontour.core.render import number
 from armcontour.core.result import Row
-from armcontour.jobs import RunResult, Study
+from armcontour.jobs import JobResult, RunResult
 from armcontour.jobs.results import unknown_notes
 from armcontour.jobs.verdict import allowed_error
 from armcontour.planning.explanation import Binding
@@ -63,7 +63,7 @@ class Panel:
     height: int = HEIGHT
 
 
-def over_time(study: Study) -> Section:
+def over_time(study: JobResult) -> Section:
     """Tool speed, the limits that restrict it, and the contour error over time."""
     text, marked = "", marked_run(study)
     if _is_squeezed(study):
@@ -92,7 +92,7 @@ def over_time(study: Study) -> Section:
     )
 
 
-def draw_over_time(study: Study, *made: Any) -> Any:
+def draw_over_time(study: JobResult, *made: Any) -> Any:
     """A figure of panels over time, of those that a study has."""
     panels = [x for x in (make(study) for make in made) if x is not None]
     height = sum(x.height for x in panels)
@@ -120,7 +120,7 @@ def draw_over_time(study: Study, *made: Any) -> Any:
     return finish(figure, title="Motion over time", height=height + AROUND)
 
 
-def speed(study: Study) -> Panel:
+def speed(study: JobResult) -> Panel:
     """Executed or planned tool speed of every run, with the assigned velocity."""
     colours, widths = run_colours(study.runs), run_widths(study.runs)
     traces = []
@@ -134,7 +134,7 @@ def speed(study: Study) -> Panel:
     return Panel(traces=[*traces, *_assigned(study)], axis=axis)
 
 
-def limits(study: Study) -> Panel | None:
+def limits(study: JobResult) -> Panel | None:
     """Bars of the limit that restricts the speed, for every plan; None without an explanation."""
     bars: defaultdict[str, list[tuple[Bar, str]]] = defaultdict(list)
     plans = _plans(study)
@@ -192,7 +192,7 @@ def list_bars(bindings: Sequence[Binding]) -> list[Bar]:
     return joined
 
 
-def error(study: Study) -> Panel | None:
+def error(study: JobResult) -> Panel | None:
     """The contour error of every run, and what is allowed; None if nothing was simulated."""
     if not study.simulated:
         return None
@@ -218,7 +218,7 @@ def error(study: Study) -> Panel | None:
     return Panel(traces=traces, axis={"title": "contour error [mm]", "type": "log"})
 
 
-def _plans(study: Study) -> dict[str, RunResult]:
+def _plans(study: JobResult) -> dict[str, RunResult]:
     """Every explained plan once, by the names of all runs that have this plan."""
     found: dict[int, list[str]] = {}
     for name, result in study.runs.items():
@@ -227,20 +227,20 @@ def _plans(study: Study) -> dict[str, RunResult]:
     return {", ".join(names): study.runs[names[0]] for names in found.values()}
 
 
-def _is_squeezed(study: Study) -> bool:
+def _is_squeezed(study: JobResult) -> bool:
     """Whether contours are much slower than rapids."""
     fastest = max(float(x.motion.tool_speed.max()) for x in study.runs.values())
     return _largest_on_contours(study) < SQUEEZED * fastest
 
 
-def _largest_on_contours(study: Study) -> float:
+def _largest_on_contours(study: JobResult) -> float:
     """The largest planned tool speed along contours [m/s]; infinite without paths."""
     motions = [y.trajectory for x in study.runs.values() for y in x.trajectory.contour_spans]
     speeds = [x.s(x.breaks, 1).max() for x in motions if x is not None and x.path is not None]
     return float(max(speeds, default=np.inf))
 
 
-def _assigned(study: Study) -> Iterator[Any]:
+def _assigned(study: JobResult) -> Iterator[Any]:
     """Curves of assigned velocities over time; runs with the same constant velocity share one."""
     steps: dict[str, tuple[FloatArray, FloatArray]] = {}
     for name, result in study.runs.items():
@@ -272,13 +272,13 @@ def _assigned_speeds(result: RunResult) -> tuple[FloatArray, FloatArray]:
     return t, np.where(np.isfinite(values), values, np.nan)
 
 
-def marked_run(study: Study) -> RunResult | None:
+def marked_run(study: JobResult) -> RunResult | None:
     """The run whose switching points are drawn: the last that has some."""
     switched = [x for x in study.runs.values() if len(x.trajectory.stretches) > 1]
     return switched[-1] if switched else None
 
 
-def time_stamps(study: Study) -> Section | None:
+def time_stamps(study: JobResult) -> Section | None:
     """Switching points with time, position, rule and joint demand."""
     runs = {name: x for name, x in study.runs.items() if x.trajectory.stretches}
     if not runs:

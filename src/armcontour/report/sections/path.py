@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.jobs import RunResult, Study
+from armcontour.jobs import JobResult, RunResult
 from armcontour.motion import Execution
 from armcontour.report.figure import Figure, Node, make_trace
 from armcontour.report.outline import outline_points, simplify
@@ -35,7 +35,7 @@ MOST_ARMS = 2
 SHOWN = {"size": 13, "color": "#222222"}
 
 
-def paths(study: Study) -> Section:
+def paths(study: JobResult) -> Section:
     """The objective path and the executed paths, enlarged corners, and in space the moving arm."""
     figures = [draw_path(study), *corners(study)]
     text = "The executed path of the tool" if study.simulated else "The planned path of the tool"
@@ -56,7 +56,7 @@ def paths(study: Study) -> Section:
     )
 
 
-def draw_path(study: Study) -> Any:
+def draw_path(study: JobResult) -> Any:
     """Figure of the objective path and of the executed paths."""
     first = next(iter(study.runs.values()))
     objective = outline_points(first.objective)
@@ -98,7 +98,7 @@ def executed_contours(execution: Execution) -> list[tuple[int, int]]:
 
     Samples before and after the motion belong to the first and the last contour.
     """
-    trajectory, last = execution.taught.trajectory, len(execution.t)
+    trajectory, last = execution.set_points.trajectory, len(execution.t)
     found = []
     for span in trajectory.contour_spans:
         start, end = np.searchsorted(execution.t, span.t).tolist()
@@ -126,7 +126,7 @@ def _switching_points(result: RunResult, colour: str) -> Any:
     )
 
 
-def _sticks(study: Study) -> list[tuple[FloatArray, str, str]]:
+def _sticks(study: JobResult) -> list[tuple[FloatArray, str, str]]:
     """Tool axes at points along the path of the first run [mm]."""
     result = next(iter(study.runs.values()))
     arm = result.arm
@@ -158,7 +158,7 @@ def _separate(start: FloatArray, end: FloatArray) -> FloatArray:
     return np.stack([start, end, np.full_like(start, np.nan)], axis=1).reshape(-1, 3)
 
 
-def _arm(study: Study) -> Any:
+def _arm(study: JobResult) -> Any:
     """Animation of the arm along the executed motions."""
     colours = run_colours(study.runs)
     last = max(float(x.motion.t[-1]) for x in study.runs.values())

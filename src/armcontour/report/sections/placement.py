@@ -30,7 +30,7 @@ GREYS = {
 # A scale that readers of all kinds of colour vision read in the same order.
 SCALE = "Viridis"
 OBJECTIVES = {
-    "cycle": "shortest cycle",
+    "duration": "shortest duration",
     "manipulability": "largest manipulability",
     "clearance": "largest clearance",
     "torque": "largest torque margin",

@@ -6,7 +6,7 @@ from armcontour.core import result
 from armcontour.core.result import Row
 from armcontour.geometry import ShapedPath
 from armcontour.geometry.shaped import ARCS, PARABOLAS, SHAPED, STOPS
-from armcontour.jobs import Study
+from armcontour.jobs import JobResult
 from armcontour.report.section import Section, Table, table_of
 from armcontour.report.sections.corners import alike
 from armcontour.report.style import few
@@ -14,7 +14,7 @@ from armcontour.report.style import few
 STARTS = (ARCS, PARABOLAS, STOPS)
 
 
-def shaping(study: Study) -> Section | None:
+def shaping(study: JobResult) -> Section | None:
     """Durations and distances of shaped paths; None without a shaped path."""
     found = sorted(_shaped_contours(study), key=lambda x: -_saved(x[1]))
     if not found:
@@ -40,10 +40,10 @@ def _saved(path: ShapedPath) -> float:
     return path.outcome.durations[path.outcome.start] - path.outcome.durations[SHAPED]
 
 
-def _shaped_contours(study: Study) -> list[tuple[str, ShapedPath]]:
+def _shaped_contours(study: JobResult) -> list[tuple[str, ShapedPath]]:
     """Names and paths of the shaped contours of all runs; runs with the same shape share one."""
     found: list[tuple[str, ShapedPath]] = []
-    several = len({x.run.rounding for x in study.runs.values()}) > 1
+    differ = len({x.run.rounding for x in study.runs.values()}) > 1
     for name, x in study.runs.items():
         contours = x.path.contours
         for i, contour in enumerate(contours):
@@ -52,7 +52,7 @@ def _shaped_contours(study: Study) -> list[tuple[str, ShapedPath]]:
                 continue
             words = [f"contour {i + 1}"] if len(contours) > 1 else []
             words += [contour.name] if contour.name else []
-            words += [f"run {name}"] if several or not words else []
+            words += [f"run {name}"] if differ or not words else []
             found.append((", ".join(words), path))
     return found
 

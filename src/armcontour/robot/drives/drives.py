@@ -15,7 +15,7 @@ from armcontour.robot.servo.model import integrator_filter
 
 # Below this speed the torque of Coulomb friction shrinks to 0 in proportion [rad/s]: a joint that a
 # plan leaves at rest has rounding errors of either sign. A joint reverses through this range in
-# less than a command interval.
+# less than a cycle.
 CREEP = 1e-3
 
 
@@ -54,7 +54,7 @@ class Drives:
 
     def __post_init__(self) -> None:
         servo = self.servo.for_joints(self.arm.dof)
-        servo.refuse_mixed("The inverse dynamics of rigid bodies", integrator=True)
+        servo.check_orders("The inverse dynamics of rigid bodies", integrator=True)
         assert servo.kv is not None
         if self.known is not None and self.known.dof != self.arm.dof:
             raise InvalidInput(
@@ -63,9 +63,9 @@ class Drives:
             )
         own = nominal_inertia(self.as_known) if servo.inertia is None else servo.inertia
         object.__setattr__(self, "servo", servo)
-        object.__setattr__(self, "inertia", checks.lock_floats(own))
-        object.__setattr__(self, "damping", checks.lock_floats(own * servo.kv))
-        object.__setattr__(self, "stiffness", checks.lock_floats(own * servo.kv * servo.kp))
+        object.__setattr__(self, "inertia", checks.frozen_array(own))
+        object.__setattr__(self, "damping", checks.frozen_array(own * servo.kv))
+        object.__setattr__(self, "stiffness", checks.frozen_array(own * servo.kv * servo.kp))
 
     @property
     def as_known(self) -> Arm:

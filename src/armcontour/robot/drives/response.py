@@ -112,7 +112,7 @@ class Response(Checked):
         other torques, this is exact. An integrator is a filter of first order, which multiplies
         what the loops give and divides what the bodies need.
         """
-        servo, late = self.servo, self.servo.cycle / 2
+        servo, late = self.servo, self.servo.drive_cycle / 2
         lags = np.isfinite(servo.kp)
         loop = np.zeros_like(servo.kp) if servo.kv is None else np.isfinite(servo.kv) * 1.0
         # What the loops give, and the share of a step by which it is late.
@@ -131,7 +131,9 @@ class Response(Checked):
         driven = self._steps(*(np.broadcast_to(x, mass.shape) for x in own))
         bodies = self._steps(mass, slow, stiff) - driven
         filters = [
-            integrator_filter(x, self.step, servo.cycle) if x else (np.eye(2)[0], np.eye(2)[0])
+            integrator_filter(x, self.step, servo.drive_cycle)
+            if x
+            else (np.eye(2)[0], np.eye(2)[0])
             for x in servo.ki
         ]
         alone, both = (self._filters(np.array(x)) for x in zip(*filters, strict=True))

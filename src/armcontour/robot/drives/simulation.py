@@ -129,7 +129,7 @@ def simulate(
             dq, ddq = _rates(q, before, step)
             held = np.abs(friction) < coulomb * (1 - 1e-9)
             return Simulation(
-                t=checks.lock_floats(t), q=q, dq=dq, ddq=ddq, friction=friction, held=held,
+                t=checks.frozen_array(t), q=q, dq=dq, ddq=ddq, friction=friction, held=held,
                 mass=mass, damping=damping, stiffness=stiffness,
             )  # fmt: skip
     raise ExecutionError(

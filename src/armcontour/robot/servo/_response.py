@@ -194,7 +194,7 @@ def transition(kp: float, kv: float, t: float, straight: bool) -> Step:
 def _integrals(kp: float, kv: float, t: float) -> tuple[float, float, float]:
     """Responses from rest to the commands t, t² and t³ at time t, by Taylor series.
 
-    Closed forms have differences of terms in `1 / kp³`, which lose digits if command intervals are
+    Closed forms have differences of terms in `1 / kp³`, which lose digits if cycles are
     short.
     """
     # Terms of t times the impulse response; each term follows from the two terms before it.

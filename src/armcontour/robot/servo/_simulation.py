@@ -101,14 +101,14 @@ def march_held(
     kp, kv, ki = servo.kp, servo.kv, servo.ki
     if 0 < at and starts[at - 1] > now - NEAR:
         at -= 1
-    z, x, cycle = held, 0.0, starts[1] - starts[0] if last > 1 else 0.0
+    z, x, drive_cycle = held, 0.0, starts[1] - starts[0] if last > 1 else 0.0
     if ki > 0.0 and at > 0:
         # From the demand of the last cycle, and where the joint was then.
         held = min(max(z, servo.lower), servo.upper)
         t = now - starts[at - 1]
         v = w - t * held
         p = q - t * (w + v) / 2
-        x = (z / kv - kp * (pieces[at, 0] - p) + v) / ki - cycle * (z - held) / kv
+        x = (z / kv - kp * (pieces[at, 0] - p) + v) / ki - drive_cycle * (z - held) / kv
     for row in range(1, len(times)):
         until = times[row]
         while until - now > NEAR:
@@ -118,10 +118,10 @@ def march_held(
                     held, z = kp * (pieces[at, 0] - q), 0.0
                 else:
                     if ki > 0.0:
-                        x += cycle * (kp * (pieces[at, 4] - q) - w)
+                        x += drive_cycle * (kp * (pieces[at, 4] - q) - w)
                     z = kv * (kp * (pieces[at, 0] - q) - w + ki * x)
                     held = min(max(z, servo.lower), servo.upper)
-                    x -= cycle * (z - held) / kv
+                    x -= drive_cycle * (z - held) / kv
                 lowest, highest = min(lowest, z), max(highest, z)
                 continue
             stop = starts[at] if at < last and starts[at] < until - NEAR else until

@@ -32,7 +32,7 @@ MOST_FRICTION = 0.1
 SLIDING = 5e-3
 # Largest dead time; set-points have a time advance of the dead time, so the robot waits for it [s].
 LONGEST_DEAD_TIME = 60.0
-# Most time constants in a command interval. With more, the joint comes to rest long before the next
+# Most time constants in a cycle. With more, the joint comes to rest long before the next
 # set-point, and the simulation needs a step for each half of a time constant.
 MOST_TIME_CONSTANTS = 1000.0
 # Compensation that leaves a larger share of the contour error where the servo was not fitted may be
@@ -42,7 +42,7 @@ TRUSTED = 0.5
 LOGGED, EXCEEDED = (0.0, 1e6), 1.02
 PER_JOINT = (
     *("kp", "kv", "acceleration_limit", "ki", "dead_time", "inertia", "velocity_feedforward"),
-    *("acceleration_feedforward", "friction", "unexplained", "logged_velocity"),
+    *("acceleration_feedforward", "friction", "model_error", "logged_velocity"),
     "logged_acceleration",
 )
 
@@ -81,7 +81,7 @@ class ServoModel(Checked):
 
     - "linear": du is the slope of the line, and ddu the second difference of the set-points that
       end it, `(u[k] - 2 u[k - 1] + u[k - 2]) / T²`;
-    - "step": du is the difference to the set-point before, over the command interval; there is no
+    - "step": du is the difference to the set-point before, over the cycle; there is no
       ddu;
     - "cubic": the derivatives of the cubic.
 
@@ -99,7 +99,7 @@ class ServoModel(Checked):
             another order than "second", and None if all are.
         interpolation: Interpolation between set-points: "linear", "step" or "cubic".
         dead_time: Time from a set-point's time until it reaches the joint's servo [s], one for all
-            joints or one per joint; need not be a multiple of the command interval.
+            joints or one per joint; need not be a multiple of the cycle.
         order: "second", "first", "delay" or "unknown", one for all joints or one per joint.
         inertia: Inertia J by which the controller scales the velocity loop [kg m²], one for all
             joints or one per joint: its torque is J times the acceleration that the model of order
@@ -118,10 +118,10 @@ class ServoModel(Checked):
         acceleration_limit: Acceleration at which a joint of order "second" saturates [rad/s²], one
             for all joints or one per joint; infinite for a joint that never does. None is the
             limit joint_acceleration of the robot.
-        cycle: Time between two computations of the drives' loops [s]; 0 for continuous loops.
-        unexplained: Largest error of this model on measured motion to which it was not fitted
+        drive_cycle: Time between two computations of the drives' loops [s]; 0 for continuous loops.
+        model_error: Largest error of this model on measured motion to which it was not fitted
             [rad], one for all joints or one per joint; None if it is not known.
-        logged_velocity: Largest velocity [rad/s] of the motion on which `unexplained` was
+        logged_velocity: Largest velocity [rad/s] of the motion on which `model_error` was
             determined, one for all joints or one per joint; None if it is not known.
         logged_acceleration: Largest acceleration of that motion [rad/s²], one for all joints or one
             per joint; None if it is not known.
@@ -151,8 +151,8 @@ class ServoModel(Checked):
     acceleration_feedforward: FeedForwards
     friction: Annotated[FloatArray, Quantity("rad", "0.1 mrad", within=(0.0, MOST_FRICTION))]
     acceleration_limit: OwnAccelerations | None
-    cycle: Annotated[float, Quantity("s", "4 ms", within=(0.0, LONGEST_CYCLE))]
-    unexplained: AngularErrors | None
+    drive_cycle: Annotated[float, Quantity("s", "4 ms", within=(0.0, LONGEST_CYCLE))]
+    model_error: AngularErrors | None
     logged_velocity: Annotated[FloatArray, Quantity("rad/s", "1.5 rad/s", within=LOGGED)] | None
     logged_acceleration: (
         Annotated[FloatArray, Quantity("rad/s^2", "8 rad/s^2", within=LOGGED)] | None
@@ -174,8 +174,8 @@ class ServoModel(Checked):
         acceleration_feedforward: npt.ArrayLike = 0.0,
         friction: npt.ArrayLike = 0.0,
         acceleration_limit: npt.ArrayLike | None = None,
-        cycle: float = 0.0,
-        unexplained: npt.ArrayLike | None = None,
+        drive_cycle: float = 0.0,
+        model_error: npt.ArrayLike | None = None,
         logged_velocity: npt.ArrayLike | None = None,
         logged_acceleration: npt.ArrayLike | None = None,
         contour_ratio: float | None = None,
@@ -225,7 +225,7 @@ class ServoModel(Checked):
         rows = [(x, "1/s", 1.0) for x in ("kp", "kv", "ki")] + [("dead_time", "ms", 1e3)]
         rows += [("velocity_feedforward", "", 1.0), ("acceleration_feedforward", "", 1.0)]
         rows += [("friction", "mrad", 1e3), ("acceleration_limit", "rad/s²", 1.0)]
-        for name, unit, scale in [*rows, ("cycle", "ms", 1e3)]:
+        for name, unit, scale in [*rows, ("drive_cycle", "ms", 1e3)]:
             values = getattr(self, name)
             if values is None or not np.any(np.isfinite(values) & (values > 0)):
                 continue
@@ -243,7 +243,7 @@ class ServoModel(Checked):
         Raises:
             InvalidInput: The number of gains, dead times or inertias is not 1 or `dof`.
         """
-        dof = checks.whole("dof", dof, 1, checks.MOST_JOINTS)
+        dof = checks.check_int("dof", dof, 1, checks.MOST_JOINTS)
         values = [getattr(self, x) for x in PER_JOINT]
         if all(x is None or x.shape == (dof,) for x in values) and isinstance(self.order, str):
             return self
@@ -294,13 +294,13 @@ class ServoModel(Checked):
         )
 
     def describe_excess(self, dq: FloatArray, ddq: FloatArray) -> str:
-        """Warning that a motion is beyond that on which `unexplained` was determined, or empty.
+        """Warning that a motion is beyond that on which `model_error` was determined, or empty.
 
         Args:
             dq: Joint velocities [rad/s], (n, dof).
             ddq: Joint accelerations [rad/s²], (n, dof).
         """
-        if self.unexplained is None:
+        if self.model_error is None:
             return ""
         found = []
         for name, values, logged in (
@@ -380,9 +380,9 @@ class ServoModel(Checked):
         Args:
             orders: Orders that count.
         """
-        return self.order in orders and not self.friction.any() and not self.cycle
+        return self.order in orders and not self.friction.any() and not self.drive_cycle
 
-    def refuse_mixed(self, who: str, integrator: bool = False) -> None:
+    def check_orders(self, who: str, integrator: bool = False) -> None:
         """Refuse joints of another order than "second", integrators, friction and a drive's cycle.
 
         Args:
@@ -399,27 +399,27 @@ class ServoModel(Checked):
                 f"the servo has {self}: take the compensation inverse and independent joints."
             )
 
-    def refuse_too_fast(self, period: float) -> None:
-        """Refuse gains that are too large for a command interval.
+    def check_gains(self, cycle: float) -> None:
+        """Refuse gains that are too large for a cycle.
 
         Args:
-            period: Command interval [s].
+            cycle: Cycle [s].
 
         Raises:
             InvalidInput: The interval is longer than MOST_TIME_CONSTANTS time constants.
         """
         for name, values in (("kp", self.kp), ("kv", self._loops), ("ki", self.ki)):
             largest = float(np.max(values, initial=0.0, where=np.isfinite(values)))
-            if largest * period > MOST_TIME_CONSTANTS:
+            if largest * cycle > MOST_TIME_CONSTANTS:
                 more = ", or take a servo of order first" if name == "kv" else ""
                 raise InvalidInput(
-                    f"servo gain {name} is {largest:g} 1/s, which is {largest * period:.3g} time "
-                    f"constants in a command interval of {period:g} s, but at most "
+                    f"servo gain {name} is {largest:g} 1/s, which is {largest * cycle:.3g} time "
+                    f"constants in a cycle of {cycle:g} s, but at most "
                     f"{MOST_TIME_CONSTANTS:g} are simulated: lower {name} to "
-                    f"{MOST_TIME_CONSTANTS / period:g} 1/s, shorten the command interval{more}.",
+                    f"{MOST_TIME_CONSTANTS / cycle:g} 1/s, shorten the cycle{more}.",
                     limit=name,
                     needed=largest,
-                    allowed=MOST_TIME_CONSTANTS / period,
+                    allowed=MOST_TIME_CONSTANTS / cycle,
                 )
 
     def command(self, q: FloatArray, dq: FloatArray, ddq: FloatArray | None = None) -> FloatArray:
@@ -447,7 +447,7 @@ class ServoModel(Checked):
         found = np.asarray(at + rate / self.kp + self.friction * sliding(rate))
         loops = self._loops
         # A velocity that is held for a cycle, and differences over a cycle, are late by half of it.
-        late = self.cycle / 2 * (np.isinf(loops) + self.velocity_feedforward)
+        late = self.drive_cycle / 2 * (np.isinf(loops) + self.velocity_feedforward)
         bend = np.asarray((1 / loops + late) / self.kp)
         if not bend.any():
             return found
@@ -483,18 +483,18 @@ def lead_of(kp: Any, kv: Any, velocity: Any, acceleration: Any) -> tuple[FloatAr
     return np.asarray(velocity / kp), np.asarray(acceleration / (kp * loops))
 
 
-def integrator_filter(ki: float, period: float, cycle: float) -> tuple[FloatArray, FloatArray]:
+def integrator_filter(ki: float, cycle: float, drive_cycle: float) -> tuple[FloatArray, FloatArray]:
     """Numerator and denominator, in z, of means over intervals of `s / (s + ki)` of means.
 
     With a cycle, the integral is a sum; for intervals of one cycle the filter is then exact.
     """
-    decay = np.log1p(ki * cycle) / cycle if cycle else ki
-    mean = -np.expm1(-decay * period) / (ki * period)
-    return mean * np.array([1.0, -1.0]), np.array([1.0, -np.exp(-decay * period)])
+    decay = np.log1p(ki * drive_cycle) / drive_cycle if drive_cycle else ki
+    mean = -np.expm1(-decay * cycle) / (ki * cycle)
+    return mean * np.array([1.0, -1.0]), np.array([1.0, -np.exp(-decay * cycle)])
 
 
 def without_integral(
-    dq: FloatArray, ddq: FloatArray, servo: ServoModel, period: float
+    dq: FloatArray, ddq: FloatArray, servo: ServoModel, cycle: float
 ) -> FloatArray:
     """The part of means of accelerations that the integrators do not give [rad/s²], (n, dof).
 
@@ -504,7 +504,7 @@ def without_integral(
         dq: Means of velocities over intervals [rad/s], (n, dof).
         ddq: Means of accelerations [rad/s²], (n, dof).
         servo: Servo model with values per joint.
-        period: Length of the intervals [s].
+        cycle: Length of the intervals [s].
     """
     if not servo.ki.any():
         return ddq
@@ -514,9 +514,9 @@ def without_integral(
     found = ddq.copy()
     for j in np.flatnonzero(servo.ki):
         rub = servo.kp[j] * servo.kv[j] * servo.friction[j] * sliding(dq[:, j])
-        share = integrator_filter(servo.ki[j], period, servo.cycle)
+        share = integrator_filter(servo.ki[j], cycle, servo.drive_cycle)
         # Feed-forward of a drive with a cycle is late, which the integrator does not change.
-        late = servo.kv[j] * servo.velocity_feedforward[j] * servo.cycle / 2
+        late = servo.kv[j] * servo.velocity_feedforward[j] * servo.drive_cycle / 2
         found[:, j] = lfilter(*share, ddq[:, j] + rub) - rub + late * ddq[:, j]
         found[:, j] /= 1 + late
     return found
@@ -552,7 +552,7 @@ def _needed_gain(name: str, array: FloatArray, needed: BoolArray, same: bool) ->
         raise InvalidInput(
             f"servo gain {name} is missing: give one for all joints or one per joint."
         )
-    return checks.lock_floats(np.where(used, array, np.inf))
+    return checks.frozen_array(np.where(used, array, np.inf))
 
 
 def _refuse_integrator(

@@ -1,4 +1,4 @@
-"""Simulation of the servos of joints: over command intervals, at any times, and over logs."""
+"""Simulation of the servos of joints: over cycles, at any times, and over logs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from armcontour.robot.servo.model import ServoModel, lead_of, sliding
 
 # Kinds of commands, as in `march`.
 STRAIGHT, CUBIC, HELD, LINES = range(4)
-# Times closer to a set-point than this, in command intervals, count as the set-point's time.
+# Times closer to a set-point than this, in cycles, count as the set-point's time.
 SNAP = 1e-9
 
 
@@ -23,7 +23,7 @@ class Simulation:
 
     Args:
         q: Set-points [rad], (n, dof).
-        period: Command interval [s].
+        cycle: Cycle [s].
         servo: Servo model with values per joint.
         lower: Lower acceleration bounds [rad/s²], (dof,); none by default.
         upper: Upper acceleration bounds [rad/s²], (dof,); none by default.
@@ -33,25 +33,25 @@ class Simulation:
     def __init__(
         self,
         q: FloatArray,
-        period: float,
+        cycle: float,
         servo: ServoModel,
         lower: FloatArray | None = None,
         upper: FloatArray | None = None,
         *,
         steps: int = 1,
     ) -> None:
-        self.q, self.period, self.servo, self.steps = q, period, servo, steps
+        self.q, self.cycle, self.servo, self.steps = q, cycle, servo, steps
         free = np.full(len(servo.kp), np.inf)
         bounds = -free if lower is None else lower, free if upper is None else upper
         gains, ki = (servo.kp, _loops(servo.kv, free)), np.broadcast_to(servo.ki, free.shape)
         self.joints = Joints(*(np.array(x) for x in (*gains, *bounds, ki)))
         self.kind = CUBIC if servo.interpolation == "cubic" else STRAIGHT
-        if servo.cycle:
+        if servo.drive_cycle:
             self.kind = HELD
-            self.commands = command_and_rates(q, period, servo.interpolation)[0]
+            self.commands = command_and_rates(q, cycle, servo.interpolation)[0]
             return
-        self.commands = with_integrated(servo, lambda x: polynomials(q, period, x))
-        self.starts = np.arange(len(q)) * period + servo.dead_time[:, None]
+        self.commands = with_integrated(servo, lambda x: polynomials(q, cycle, x))
+        self.starts = np.arange(len(q)) * cycle + servo.dead_time[:, None]
 
     def run(
         self,
@@ -62,7 +62,7 @@ class Simulation:
         bounds: tuple[FloatArray, FloatArray] | None = None,
         held: FloatArray | None = None,
     ) -> Run:
-        """Simulate all joints over command intervals.
+        """Simulate all joints over cycles.
 
         Args:
             begin: Index of the first interval; 0 starts at the first set-point.
@@ -78,7 +78,7 @@ class Simulation:
             ExecutionError: The motion cannot be computed.
         """
         results = np.arange(begin * self.steps, end * self.steps + 1, dtype=np.float64)
-        return self.run_at(results * (self.period / self.steps), q, dq, bounds, held)
+        return self.run_at(results * (self.cycle / self.steps), q, dq, bounds, held)
 
     def run_at(
         self,
@@ -93,7 +93,7 @@ class Simulation:
         if bounds is not None:
             joints = joints._replace(lower=np.array(bounds[0]), upper=np.array(bounds[1]))
         states = np.stack([q, dq, np.zeros_like(q) if held is None else held])
-        if self.servo.cycle:
+        if self.servo.drive_cycle:
             commands, starts = self._cycles(times[0], times[-1])
         else:
             commands, starts = self.commands, self.starts
@@ -102,8 +102,8 @@ class Simulation:
             j, kv = int(np.argmax(run.stuck)), self.servo.kv
             gains = f"kp = {self.servo.kp[j]:g}" + ("" if kv is None else f" and kv = {kv[j]:g}")
             raise ExecutionError(
-                f"Joint {j + 1} cannot be simulated with {gains} 1/s and a command interval of "
-                f"{self.period:g} s: time steps as short as the servo needs make no progress, so "
+                f"Joint {j + 1} cannot be simulated with {gains} 1/s and a cycle of "
+                f"{self.cycle:g} s: time steps as short as the servo needs make no progress, so "
                 "lower the gains.",
                 joint=j,
             )
@@ -121,7 +121,7 @@ class Simulation:
         """
         found = np.full(q.shape, np.nan)
         for j in np.flatnonzero(self.joints.kv == 0):
-            k = np.searchsorted(self.starts[j], t + SNAP * self.period, side="right")
+            k = np.searchsorted(self.starts[j], t + SNAP * self.cycle, side="right")
             moves = (k > 0) & (k < len(self.q))
             x = np.where(moves, t - self.starts[j, k - 1], 0.0)
             a, b, c, d = self.commands[j, k, :4].T
@@ -132,17 +132,17 @@ class Simulation:
 
     def _cycles(self, begin: float, end: float) -> tuple[FloatArray, FloatArray]:
         """What the drives hold in each cycle between two times, and when the cycles begin."""
-        cycle, pieces, period = self.servo.cycle, self.commands, self.period
+        drive_cycle, pieces, cycle = self.servo.drive_cycle, self.commands, self.cycle
         # The integral at the begin follows from the cycle before.
-        first = int(np.floor(begin / cycle + SNAP)) - 1
-        count = int(np.ceil(end / cycle - SNAP)) - first + 1
-        starts = (first + np.arange(max(count, 2), dtype=np.float64)) * cycle
+        first = int(np.floor(begin / drive_cycle + SNAP)) - 1
+        count = int(np.ceil(end / drive_cycle - SNAP)) - first + 1
+        starts = (first + np.arange(max(count, 2), dtype=np.float64)) * drive_cycle
 
         def commands(servo: ServoModel) -> FloatArray:
             # Feed-forward needs two cycles more.
-            times = np.asarray((first + np.arange(-2, len(starts))) * cycle, np.float64)
-            u = sample_command(pieces, period, servo.dead_time, times).T
-            return hold(cycle_feedforward(u, cycle, servo), starts, self.joints.kp)
+            times = np.asarray((first + np.arange(-2, len(starts))) * drive_cycle, np.float64)
+            u = sample_command(pieces, cycle, servo.dead_time, times).T
+            return hold(cycle_feedforward(u, drive_cycle, servo), starts, self.joints.kp)
 
         return with_integrated(self.servo, commands), np.tile(starts, (len(pieces), 1))
 
@@ -175,18 +175,18 @@ def hold(values: FloatArray, starts: FloatArray, kp: FloatArray) -> FloatArray:
 
 def respond_within(
     q: FloatArray,
-    period: float,
+    cycle: float,
     servo: ServoModel,
     bounds: tuple[FloatArray, FloatArray],
     k: int,
     at: FloatArray,
     state: tuple[FloatArray, FloatArray, FloatArray],
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Response of all joints at any times within one command interval, by the same formulas.
+    """Response of all joints at any times within one cycle, by the same formulas.
 
     Args:
         q: Set-points [rad], (n, dof).
-        period: Command interval [s].
+        cycle: Cycle [s].
         servo: Servo model with values per joint.
         bounds: Lower and upper acceleration bounds [rad/s²], (dof,) each.
         k: Index of the interval; 0 starts at the first set-point.
@@ -201,19 +201,19 @@ def respond_within(
     Raises:
         ExecutionError: The motion cannot be computed.
     """
-    rest = servo.dead_time % period
-    near = SNAP * period
+    rest = servo.dead_time % cycle
+    near = SNAP * cycle
     at = np.union1d(at, rest[(rest > at[0] + near) & (rest < at[-1] - near)])
     # The set-points that can be active then, and those next to them, which shape their commands.
-    late = np.floor(servo.dead_time / period + SNAP).astype(np.intp)
-    first = max(min(k - int(late.max()) - 3, len(q) - 4), 0) if not servo.cycle else 0
+    late = np.floor(servo.dead_time / cycle + SNAP).astype(np.intp)
+    first = max(min(k - int(late.max()) - 3, len(q) - 4), 0) if not servo.drive_cycle else 0
     own = q[first : max(k - int(late.min()) + 4, first + 4)]
-    active = Simulation(own, period, servo, *bounds)
-    run = active.run_at((k - first) * period + at, *state[:2], held=state[2])
+    active = Simulation(own, cycle, servo, *bounds)
+    run = active.run_at((k - first) * cycle + at, *state[:2], held=state[2])
     position, velocity = (np.vstack([x, run.states[:, :, i].T]) for i, x in enumerate(state[:2]))
     after = velocity.copy()
-    if not servo.cycle:
-        jump = active.velocities_after((k - first) * period + at[:-1], position[:-1])
+    if not servo.drive_cycle:
+        jump = active.velocities_after((k - first) * cycle + at[:-1], position[:-1])
         after[:-1] = np.where(np.isnan(jump), velocity[:-1], jump)
     return at, position, velocity, after
 
@@ -223,7 +223,7 @@ def follow(
     servo: JointServo,
     q0: float | FloatArray,
     dq0: float | FloatArray,
-    cycle: float = 0.0,
+    drive_cycle: float = 0.0,
     ddq0: float | FloatArray = 0.0,
 ) -> FloatArray:
     """Positions of a joint over its log, exact between the kinks of its command.
@@ -234,7 +234,8 @@ def follow(
             the other.
         q0: Position at the first time [rad], a number or (rows,).
         dq0: Velocity at the first time [rad/s], a number or (rows,).
-        cycle: Cycle of the drive [s]; one begins at the first set-point; 0 for a continuous servo.
+        drive_cycle: Cycle of the drive [s]; one begins at the first set-point; 0 for a continuous
+            servo.
         ddq0: Demand of a servo with an integrator at the first time [rad/s²], as dq0.
 
     Returns:
@@ -247,16 +248,16 @@ def follow(
     limit = each.acceleration_limit
     joints = Joints(each.kp, _loops(each.kv, limit), -limit, limit, each.ki)
     kind = LINES if np.isinf(limit).all() else STRAIGHT
-    if cycle:
+    if drive_cycle:
         kind = HELD
         origin = command.knots[0]
-        first = int(np.floor((command.t[0] - origin) / cycle + SNAP))
-        count = int(np.ceil((command.t[-1] - origin) / cycle - SNAP)) + 1
-        times = origin + np.arange(first - 3, count) * cycle
+        first = int(np.floor((command.t[0] - origin) / drive_cycle + SNAP))
+        count = int(np.ceil((command.t[-1] - origin) / drive_cycle - SNAP)) + 1
+        times = origin + np.arange(first - 3, count) * drive_cycle
         u = np.stack([command.at(times - late) for late in each.dead_time])
 
         def held(own: JointServo) -> FloatArray:
-            return hold(cycle_feedforward(u, cycle, own), times[2:], each.kp)
+            return hold(cycle_feedforward(u, drive_cycle, own), times[2:], each.kp)
 
         pieces, starts = with_integrated(each, held), np.tile(times[2:], (rows, 1))
     else:
@@ -273,7 +274,7 @@ def follow(
     return np.asarray(found.reshape(*shape, -1))
 
 
-def polynomials(q: FloatArray, period: float, servo: ServoModel) -> FloatArray:
+def polynomials(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
     """The command in each interval, as a cubic in the time since the interval's start.
 
     It is the command to which a servo without feed-forward and friction responds in the same way:
@@ -282,35 +283,37 @@ def polynomials(q: FloatArray, period: float, servo: ServoModel) -> FloatArray:
 
     Args:
         q: Set-points [rad], (n, dof).
-        period: Command interval [s].
+        cycle: Cycle [s].
         servo: Servo model; its interpolation, feed-forward and friction count, but no cycle.
 
     Returns:
         Coefficients [rad, rad/s, rad/s², rad/s³], (dof, n + 1, 4).
     """
-    command, first, second = command_and_rates(q, period, servo.interpolation)
+    command, first, second = command_and_rates(q, cycle, servo.interpolation)
     if servo.has_feedforward:
         a, b = (np.broadcast_to(x, q.shape[1:])[:, None, None] for x in servo.lead)
         command += a * first + b * second
     if servo.friction.any():
         held = servo.interpolation == "step"
-        rate = first[:, 1:-1, 0] if held else np.diff(q, axis=0).T / period
+        rate = first[:, 1:-1, 0] if held else np.diff(q, axis=0).T / cycle
         command[:, 1:-1, 0] -= np.broadcast_to(servo.friction, q.shape[1:])[:, None] * sliding(rate)
     return command
 
 
-def cycle_feedforward(u: FloatArray, cycle: float, servo: ServoModel | JointServo) -> FloatArray:
+def cycle_feedforward(
+    u: FloatArray, drive_cycle: float, servo: ServoModel | JointServo
+) -> FloatArray:
     """Commands of cycles with feed-forward and friction, from those of two more before.
 
     Args:
         u: Commands [rad], (rows, count + 2).
-        cycle: Cycle [s].
+        drive_cycle: Cycle [s].
         servo: Parameters of all rows.
 
     Returns:
         Commands [rad], (rows, count).
     """
-    du, ddu = np.diff(u, axis=1)[:, 1:] / cycle, np.diff(u, 2, axis=1) / cycle**2
+    du, ddu = np.diff(u, axis=1)[:, 1:] / drive_cycle, np.diff(u, 2, axis=1) / drive_cycle**2
     a, b, c = (np.broadcast_to(x, len(u))[:, None] for x in (*servo.lead, servo.friction))
     return np.asarray(u[:, 2:] + a * du + b * ddu - c * sliding(du))
 
@@ -387,13 +390,13 @@ class LoggedCommand:
 
 
 def command_and_rates(
-    q: FloatArray, period: float, interpolation: str
+    q: FloatArray, cycle: float, interpolation: str
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The command without feed-forward, its velocity and its acceleration, as in `ServoModel`.
 
     Args:
         q: Set-points [rad], (n, dof).
-        period: Command interval [s].
+        cycle: Cycle [s].
         interpolation: As in `ServoModel`.
 
     Returns:
@@ -407,55 +410,55 @@ def command_and_rates(
     if n == 1:
         return command, first, second
     inner = slice(1, -1)
-    chord = np.diff(q, axis=0).T / period
+    chord = np.diff(q, axis=0).T / cycle
     before = np.concatenate([np.zeros((dof, 1)), chord[:, :-1]], axis=1)
     if interpolation == "step":
         first[:, inner, 0] = before
     elif interpolation == "linear":
         command[:, inner, 1] = first[:, inner, 0] = chord
-        second[:, inner, 0] = (chord - before) / period
+        second[:, inner, 0] = (chord - before) / cycle
     else:
         slope = np.zeros_like(q.T)
-        slope[:, 1:-1] = (q[2:] - q[:-2]).T / (2 * period)
+        slope[:, 1:-1] = (q[2:] - q[:-2]).T / (2 * cycle)
         start, end = slope[:, :-1], slope[:, 1:]
         command[:, inner, 1] = start
-        command[:, inner, 2] = (3 * chord - 2 * start - end) / period
-        command[:, inner, 3] = (start + end - 2 * chord) / period**2
+        command[:, inner, 2] = (3 * chord - 2 * start - end) / cycle
+        command[:, inner, 3] = (start + end - 2 * chord) / cycle**2
         first[:, :, :3] = command[:, :, 1:] * [1, 2, 3]
         second[:, :, :2] = first[:, :, 1:3] * [1, 2]
     return command, first, second
 
 
 def sample_command(
-    pieces: FloatArray, period: float, dead_time: FloatArray, t: FloatArray
+    pieces: FloatArray, cycle: float, dead_time: FloatArray, t: FloatArray
 ) -> FloatArray:
     """The delayed command that reaches the joints' servos at given times [rad], (len(t), dof).
 
     Args:
         pieces: Coefficients from `polynomials`, (dof, n + 1, 4).
-        period: Command interval [s].
+        cycle: Cycle [s].
         dead_time: Dead time of each joint [s], (dof,).
         t: Times since the first set-point [s].
     """
     found = np.empty((len(t), len(pieces)))
     for j, own in enumerate(pieces):
-        at = (t - dead_time[j]) / period
+        at = (t - dead_time[j]) / cycle
         k = np.clip(np.floor(at + SNAP), -1, len(own) - 2).astype(np.intp)
         # The command is constant in the first and the last interval.
-        x = np.where((k < 0) | (k > len(own) - 3), 0.0, np.maximum(at - k, 0.0) * period)
+        x = np.where((k < 0) | (k > len(own) - 3), 0.0, np.maximum(at - k, 0.0) * cycle)
         a = own[k + 1]
         found[:, j] = a[:, 0] + x * (a[:, 1] + x * (a[:, 2] + x * a[:, 3]))
     return found
 
 
 def command_weights(
-    count: int, period: float, interpolation: str, t: FloatArray
+    count: int, cycle: float, interpolation: str, t: FloatArray
 ) -> tuple[IntArray, FloatArray]:
     """Weights of the set-points in the command without dead time and feed-forward.
 
     Args:
         count: Number of set-points.
-        period: Command interval [s].
+        cycle: Cycle [s].
         interpolation: As in `ServoModel`.
         t: Times since the first set-point [s], (n,).
 
@@ -463,7 +466,7 @@ def command_weights(
         Indices of two set-points, of four for "cubic", which may repeat, and their weights,
         (n, 2) or (n, 4) each.
     """
-    at = np.clip(t / period, 0.0, count - 1)
+    at = np.clip(t / cycle, 0.0, count - 1)
     k = np.minimum(np.floor(at + SNAP), max(count - 2, 0)).astype(np.intp)
     x = np.clip(at - k, 0.0, 1.0)
     if interpolation != "cubic":

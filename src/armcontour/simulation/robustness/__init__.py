@@ -1,9 +1,9 @@
-"""Robustness: contour errors of taught data on robots that differ from the model."""
+"""Robustness: contour errors of set-points on robots that differ from the model."""
 
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "box": "Box",
-    "monte_carlo": "Spread jitter_of spread worst_corner",
+    "box": "Uncertainty",
+    "monte_carlo": "MonteCarloResult jitter_of spread worst_corner",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

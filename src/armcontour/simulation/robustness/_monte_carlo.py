@@ -14,7 +14,7 @@ from armcontour.robot._kinematics import tool_point
 from armcontour.robot.servo._response import Motion, Servo
 from armcontour.robot.servo._simulation import march
 
-# Number of command intervals simulated at a time: their results fit in the processor's cache.
+# Number of cycles simulated at a time: their results fit in the processor's cache.
 CHUNK = 64
 # The tool is at rest below the first speed [m/s], as in `evaluation`; below the second one it no
 # longer moves.
@@ -39,7 +39,7 @@ class Line(NamedTuple):
         rows: The segments, as `nearest.pack` packs them.
         corners: Turn at the vertex before each segment [rad], (segments,).
         around: Length of a closed path [m]; 0 for an open one.
-        low, high: Smallest and largest arc length at which the tool can be, per command interval
+        low, high: Smallest and largest arc length at which the tool can be, per cycle
             [m].
     """
 
@@ -55,8 +55,8 @@ class Clock(NamedTuple):
 
     Attributes:
         start: Time of the first set-point [s].
-        period: Command interval [s].
-        steps: Number of results per command interval.
+        cycle: Cycle [s].
+        steps: Number of results per cycle.
         begin: Start of the time over which errors are evaluated [s].
         finish: End of that time [s].
         fixed: Whether this end is fixed; otherwise largest errors are evaluated until the joints
@@ -65,7 +65,7 @@ class Clock(NamedTuple):
     """
 
     start: float
-    period: float
+    cycle: float
     steps: int
     begin: float
     finish: float
@@ -147,7 +147,7 @@ def _measure(
     anchors: FloatArray,
     e: Errors,
 ) -> tuple[int, Errors]:
-    """Accumulate the contour errors of some command intervals.
+    """Accumulate the contour errors of some cycles.
 
     Args:
         setting: What all robots share.
@@ -164,7 +164,7 @@ def _measure(
     # Tuples of arrays are unpacked outside of the loop: unpacking takes as long as all the rest.
     line, clock = setting.line, setting.clock
     rows, corners, around, low, high = line
-    h, q = clock.period / clock.steps, np.empty(len(places))
+    h, q = clock.cycle / clock.steps, np.empty(len(places))
     # A result when errors start to count is before that, whatever the rounding of its time says.
     counted = clock.begin + SNAP * h
     for row in range(size * clock.steps):
@@ -222,12 +222,12 @@ def _measure(
 def _advance_joints(
     setting: Setting, sample: Sample, begin: int, size: int, states: FloatArray, places: FloatArray
 ) -> float:
-    """Simulate all joints of a robot over command intervals.
+    """Simulate all joints of a robot over cycles.
 
     Args:
         setting: What all robots share.
         sample: The robot.
-        begin: First command interval.
+        begin: First cycle.
         size: Number of intervals.
         states: Position [rad], velocity [rad/s], time in saturation [s], largest demand over its
             limit, and demand without a payload [rad/s²] of all joints, (dof, 5); updated.
@@ -241,7 +241,7 @@ def _advance_joints(
     steps, count = clock.steps, size * clock.steps
     times = np.empty(count + 1)
     for i in range(len(times)):
-        times[i] = begin * clock.period + i * (clock.period / steps)
+        times[i] = begin * clock.cycle + i * (clock.cycle / steps)
     # A payload means more inertia at the same torque: less gain and limits in every interval.
     chunk = count if sample.load == 0.0 else steps
     for j in range(len(states)):
@@ -282,8 +282,8 @@ def _advance_joints(
 
 
 @compiled(fastmath=FUSED)
-def execute(setting: Setting, sample: Sample) -> tuple[float, float, float, float, float]:
-    """Execute taught data on a robot.
+def simulate_sample(setting: Setting, sample: Sample) -> tuple[float, float, float, float, float]:
+    """Execute set-points on a robot.
 
     Args:
         setting: What all robots share.
@@ -295,7 +295,7 @@ def execute(setting: Setting, sample: Sample) -> tuple[float, float, float, floa
         where time steps as short as the servo needs make no progress.
     """
     line, clock, dof = setting.line, setting.clock, len(sample.commands)
-    period, knots = clock.period, sample.commands.shape[1] - 1
+    cycle, knots = clock.cycle, sample.commands.shape[1] - 1
     anchors, states = np.zeros((dof, 3)), np.zeros((dof, 5))
     anchors[:, 2] = 1.0
     places, late = np.empty((dof, CHUNK * clock.steps, 3)), 0.0
@@ -306,8 +306,8 @@ def execute(setting: Setting, sample: Sample) -> tuple[float, float, float, floa
     d2, segment = search_along(p, line.rows, line.around, 0, line.low[0], line.high[0])
     e = Errors(0.0, d2, d2, p, (0.0, 0.0, 0.0), clock.finish, 0.0, 0.0)
     # From this interval on all commands are constant.
-    quiet = knots + int(math.ceil(late / period)) + 1
-    fixed = int(math.ceil((clock.finish - clock.start) / period))
+    quiet = knots + int(math.ceil(late / cycle)) + 1
+    fixed = int(math.ceil((clock.finish - clock.start) / cycle))
     stop = fixed if clock.fixed else np.iinfo(np.int64).max
     done, more = 0, 0.0
     while True:
@@ -317,7 +317,7 @@ def execute(setting: Setting, sample: Sample) -> tuple[float, float, float, floa
             return math.nan, math.nan, e.end, 0.0, 0.0
         segment, e = _measure(setting, done, size, segment, places, anchors, e)
         done += size
-        now = clock.start + done * period
+        now = clock.start + done * cycle
         if done >= quiet and setting.reach * speed < STILL_SPEED:
             more = max(clock.finish - now, 0.0)
             break

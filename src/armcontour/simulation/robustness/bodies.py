@@ -1,4 +1,4 @@
-"""Contour errors of taught data on rigid bodies that are not quite known, executed by MuJoCo."""
+"""Contour errors of set-points on rigid bodies that are not quite known, executed by MuJoCo."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ExecutionError
 from armcontour.core.pool import map_in_processes
 from armcontour.geometry import Path
-from armcontour.motion import TaughtData
+from armcontour.motion import SetPoints
 from armcontour.robot import Limits
-from armcontour.simulation import RigidBodyPlant, execute
-from armcontour.simulation.robustness.monte_carlo import Spread
+from armcontour.simulation import RigidBodyPlant, simulate
+from armcontour.simulation.robustness.monte_carlo import MonteCarloResult
 from armcontour.simulation.robustness.unknowns import Unknowns
 from armcontour.verification.following import follow_path
 
@@ -27,17 +27,17 @@ R = TypeVar("R")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BodyRuns:
-    """Executes taught data on the robots of a box, each as `RigidBodyPlant` does; it can be called.
+    """Executes set-points on the robots of a box, each as `RigidBodyPlant` does; it can be called.
 
     Args:
-        taught: The set-points.
+        set_points: The set-points.
         path: The path that the tool must follow.
         unknowns: The unknowns of the box.
         limits: Limits with the joint torques that saturate.
         options: Further options of `RigidBodyPlant`.
     """
 
-    taught: TaughtData
+    set_points: SetPoints
     path: Path
     unknowns: Unknowns
     limits: Limits
@@ -61,11 +61,11 @@ class BodyRuns:
         """
         plant = self.plant(errors)
         try:
-            executed = execute(self.taught, plant, resolution=max(RESOLUTION, plant.step))
+            executed = simulate(self.set_points, plant, resolution=max(RESOLUTION, plant.step))
         except ExecutionError as error:
             return str(error)
         followed = follow_path(self.path, executed.tool)
-        return executed.t, np.maximum(followed.distance, followed.missed), executed.tool
+        return executed.t, np.maximum(followed.distance, followed.coverage_error), executed.tool
 
     def __call__(self, errors: FloatArray) -> tuple[float, float, float, float, float] | str:
         """Execute on one robot.
@@ -76,15 +76,15 @@ class BodyRuns:
         """
         plant = self.plant(errors)
         try:
-            found = execute(self.taught, plant, resolution=max(RESOLUTION, plant.step))
+            found = simulate(self.set_points, plant, resolution=max(RESOLUTION, plant.step))
         except ExecutionError as error:
             return str(error)
         followed = follow_path(self.path, found.tool)
-        missed = float(followed.missed.max(initial=0.0))
+        coverage_error = float(followed.coverage_error.max(initial=0.0))
         span = float(found.t[-1] - found.t[0])
         asked = 0.0 if found.torque_demand is None else np.abs(found.torque_demand)
         return (
-            max(float(followed.distance.max()), missed),
+            max(float(followed.distance.max()), coverage_error),
             float(np.sqrt(np.mean(followed.distance**2))),
             float(found.t[-1]),
             float(found.saturated_time.max()) / span,
@@ -95,7 +95,7 @@ class BodyRuns:
 def trace_on_bodies(
     runs: BodyRuns, errors: FloatArray, *, executor: Executor | None = None
 ) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Execute taught data on robots with given errors, with results over time.
+    """Execute set-points on robots with given errors, with results over time.
 
     Args:
         runs: The executions.
@@ -130,8 +130,8 @@ def spread_on_bodies(
     processes: int | None = None,
     executor: Executor | None = None,
     done: Callable[[int], None] | None = None,
-) -> Spread:
-    """Execute taught data on robots with given errors, as rigid bodies.
+) -> MonteCarloResult:
+    """Execute set-points on robots with given errors, as rigid bodies.
 
     Args:
         runs: What is executed.
@@ -151,7 +151,7 @@ def spread_on_bodies(
     found = _all(runs, rows, found)
     largest, rms, until, saturated, ratio = np.array(found).T
     servos = [unknowns.robot(x)[2] for x in errors]
-    return Spread(
+    return MonteCarloResult(
         max=largest[1:],
         rms=rms[1:],
         until=until[1:],

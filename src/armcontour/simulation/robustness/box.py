@@ -1,4 +1,4 @@
-"""`Box`: how far a robot may be from its model."""
+"""`Uncertainty`: how far a robot may be from its model."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from armcontour.robot.servo import ServoModel
 
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Box(Checked):
+class Uncertainty(Checked):
     """The uncertainty set: ranges of the errors of a robot's parameters.
 
     Errors are distributed uniformly over their ranges. Friction and armature are those of rigid
@@ -46,7 +46,7 @@ class Box(Checked):
         payload_known: Whether the controller weighs the payload: its gravity torque is then that of
             the true one. Only rigid bodies sag.
         jitter: Error of the arrival time of a set-point, plus and minus [s], less than half a
-            command interval. It is independent for each set-point but the first one, and the same
+            cycle. It is independent for each set-point but the first one, and the same
             for all joints.
         viscous: Viscous friction of the joints that is not known [N m s/rad], one number or one per
             joint.
@@ -122,7 +122,7 @@ class Box(Checked):
             )
         return late
 
-    def refuse_payload_below_zero(self, arm: Arm) -> None:
+    def check_payload(self, arm: Arm) -> None:
         """Refuse an arm that carries less than the box takes from its payload.
 
         Args:
@@ -163,4 +163,4 @@ def _range(name: str, values: FloatArray) -> FloatArray:
             f"{name} of a box must be one number that is not negative, for plus and minus, or the "
             f"least and the largest error, but is {values.tolist()}."
         )
-    return checks.lock_floats(found)
+    return checks.frozen_array(found)

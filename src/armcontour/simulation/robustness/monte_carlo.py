@@ -1,4 +1,4 @@
-"""Contour errors of taught data on robots with uncertain parameters: Monte Carlo and corners."""
+"""Contour errors of set-points on robots with uncertain parameters: Monte Carlo and corners."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray
-from armcontour.core.describing import brief
+from armcontour.core.describing import short_repr
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import AtLeast, Interval, Seed, Time, Workers
@@ -22,7 +22,7 @@ from armcontour.geometry import Path, angle_between
 from armcontour.geometry.biarcs import draw_arcs
 from armcontour.geometry.nearest import pack_arcs
 from armcontour.geometry.segments import REPEATED_POINT
-from armcontour.motion import TaughtData
+from armcontour.motion import SetPoints
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.serial import ChainArm
 from armcontour.robot.servo import ServoModel
@@ -34,21 +34,27 @@ from armcontour.robot.servo.simulation import (
     polynomials,
     with_integrated,
 )
-from armcontour.simulation.robustness._monte_carlo import Clock, Line, Sample, Setting, execute
-from armcontour.simulation.robustness.box import Box
+from armcontour.simulation.robustness._monte_carlo import (
+    Clock,
+    Line,
+    Sample,
+    Setting,
+    simulate_sample,
+)
+from armcontour.simulation.robustness.box import Uncertainty
 
 # Longest time between two samples of the contour error: 2 ms [s], and half of the shortest time
 # constant of a servo. The RMS error of the paper's job is then within 1e-4 of that at 0.1 ms.
 RESOLUTION = 2e-3
 TIME_CONSTANTS = 0.5
-# Largest number of results in a command interval; a servo that needs more is not realistic.
+# Largest number of results in a cycle; a servo that needs more is not realistic.
 MOST_RESULTS = 1e5
 # Largest number of corners that are executed: all corners of 10 parameters.
 MOST_CORNERS = 1024
 # The tool is at most this many lags of its servo behind or ahead of the planned position.
 LAGS_BEHIND = 2.0
 LAGS_AHEAD = 1.0
-# Number of points at which the planned arc length is computed: per command interval, and least.
+# Number of points at which the planned arc length is computed: per cycle, and least.
 PLACES_PER_INTERVAL = 2
 FEWEST_PLACES = 4000
 # As in `ServoPlant`: time to come to rest after the last set-point [s].
@@ -62,8 +68,8 @@ MOST_NAMED = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Spread(Result, Checked):
-    """Contour errors of many executions of the same taught data.
+class MonteCarloResult(Result, Checked):
+    """Contour errors of many executions of the same set-points.
 
     Args:
         max: Largest contour error of each execution [m], (n,).
@@ -120,7 +126,7 @@ class Spread(Result, Checked):
             ),
         )
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     def __len__(self) -> int:
         """Number of executions."""
@@ -160,25 +166,25 @@ class Spread(Result, Checked):
 
 @checked
 def spread(
-    taught: TaughtData,
+    set_points: SetPoints,
     path: Path,
     arm: Arm,
     servo: ServoModel,
     limits: Limits | None,
-    box: Box,
+    box: Uncertainty,
     *,
     samples: Annotated[int, AtLeast(1, 10**7)] = 1000,
     seed: Seed = 0,
     since: Time | None = None,
     until: Interval | None = None,
     threads: Workers | None = None,
-) -> Spread:
-    """Execute taught data on robots with random errors (Monte Carlo), each as `ServoPlant` does.
+) -> MonteCarloResult:
+    """Execute set-points on robots with random errors (Monte Carlo), each as `ServoPlant` does.
 
     Sample i does not depend on the number of samples or on which parameters vary.
 
     Args:
-        taught: The set-points.
+        set_points: The set-points.
         path: The path that the tool must follow.
         arm: A planar two-link arm or a serial arm; with masses if the payload varies.
         servo: The nominal servo, in the middle of the box.
@@ -187,39 +193,39 @@ def spread(
         samples: Number of executions.
         seed: Seed of the random numbers.
         since: Start of the time over which contour errors are evaluated [s]; by default the first
-            set-point. Taught data of one contour of a program may start before it, with what
+            set-point. Set-points of one contour of a program may start before it, with what
             leads to it.
         until: End of that time [s]; by default when the planned motion has ended and the tool is
             at rest.
         threads: Number of threads; by default the number of processors.
 
     Raises:
-        InvalidInput: Box, servo, path or taught data do not fit the arm, or the samples do not fit
+        InvalidInput: Box, servo, path or set-points do not fit the arm, or the samples do not fit
             in the memory.
         ExecutionError: A joint cannot be simulated with its gains.
     """
-    checks.refuse_too_many(
+    checks.check_count(
         f"The spread over {samples} samples", samples * (3 * arm.dof + 1), "take fewer samples"
     )
-    model = _Model(taught, path, arm, servo, limits, box, since, until)
+    model = _Model(set_points, path, arm, servo, limits, box, since, until)
     unit = np.random.default_rng(seed).uniform(-1, 1, size=(samples, 3 * arm.dof + 1))
     return model.executed(unit, seed, threads or os.cpu_count() or 1)
 
 
 @checked
 def worst_corner(
-    taught: TaughtData,
+    set_points: SetPoints,
     path: Path,
     arm: Arm,
     servo: ServoModel,
     limits: Limits | None,
-    box: Box,
+    box: Uncertainty,
     *,
     since: Time | None = None,
     until: Interval | None = None,
     threads: Workers | None = None,
-) -> Spread:
-    """Execute taught data on robots in the corners of a box, without jitter.
+) -> MonteCarloResult:
+    """Execute set-points on robots in the corners of a box, without jitter.
 
     If k <= 10 parameters vary, all 2^k corners are executed. If more vary, 1024 corners are: first
     the corner with the worse sign of each single parameter, then those that a search finds from
@@ -227,7 +233,7 @@ def worst_corner(
 
     Arguments and exceptions are those of `spread`.
     """
-    model = _Model(taught, path, arm, servo, limits, box, since, until)
+    model = _Model(set_points, path, arm, servo, limits, box, since, until)
     use = threads or os.cpu_count() or 1
     k = int(model.varies.sum())
     if 2**k <= MOST_CORNERS:
@@ -261,19 +267,24 @@ class _Model:
 
     def __init__(
         self,
-        taught: TaughtData,
+        set_points: SetPoints,
         path: Path,
         arm: Arm,
         servo: ServoModel,
         limits: Limits | None,
-        box: Box,
+        box: Uncertainty,
         since: float | None,
         until: float | None,
     ) -> None:
         dof = arm.dof
-        self.taught, self.box, self.dof, self.second = taught, box, dof, servo.kv is not None
+        self.set_points, self.box, self.dof, self.second = (
+            set_points,
+            box,
+            dof,
+            servo.kv is not None,
+        )
         self.servo = servo.for_joints(dof)
-        self.spans = spans_of(box, self.servo, arm, taught.period)
+        self.spans = spans_of(box, self.servo, arm, set_points.cycle)
         # In the middle of its range the payload may be another one than the arm's.
         self.middle = np.append(np.zeros(3 * dof), np.mean(box.payload))
         self.varies: BoolArray = self.spans > 0.0
@@ -282,31 +293,33 @@ class _Model:
         if not self.second:
             self.varies[dof : 2 * dof] = False
         robot, reach = _robot(arm, path)
-        if taught.q.shape[1] != dof:
+        if set_points.q.shape[1] != dof:
             raise InvalidInput(
-                f"The taught data is for {taught.q.shape[1]} joints, but the arm {arm.name} has "
-                f"{dof}."
+                f"The set-points are for {set_points.q.shape[1]} joints, but the arm {arm.name} "
+                f"has {dof}."
             )
-        own = resolve_limits("spread", arm, limits, taught.trajectory.limits)
+        own = resolve_limits("spread", arm, limits, set_points.trajectory.limits)
         lower, upper = self.servo.saturate(*own.acceleration_bounds(dof))
-        duration = taught.trajectory.duration
+        duration = set_points.trajectory.duration
         end = duration if until is None else until
         steps = self._steps()
-        last = taught.start_time + len(taught.q) * taught.period
-        begin = taught.start_time if since is None else since
+        last = set_points.start_time + len(set_points.q) * set_points.cycle
+        begin = set_points.start_time if since is None else since
         if not begin < end:
             raise InvalidInput(
                 f"Errors cover no time: they start at {begin:g} s and end at {end:g} s."
             )
         fixed, patience = until is not None, last + PATIENCE
-        clock = Clock(taught.start_time, taught.period, steps, begin, end, fixed, patience)
+        clock = Clock(set_points.start_time, set_points.cycle, steps, begin, end, fixed, patience)
         kind = CUBIC if servo.interpolation == "cubic" else STRAIGHT
-        line = _line(path, taught, arm, self._lag())
-        inertia = _inertia(arm, taught, box)
+        line = _line(path, set_points, arm, self._lag())
+        inertia = _inertia(arm, set_points, box)
         self.setting = Setting(robot, reach, line, clock, kind, inertia, lower, upper)
         plain = self.servo.without_feedforward().for_joints(dof)
-        self.commands = with_integrated(plain, lambda x: polynomials(taught.q, taught.period, x))
-        _, *self.rates = command_and_rates(taught.q, taught.period, servo.interpolation)
+        self.commands = with_integrated(
+            plain, lambda x: polynomials(set_points.q, set_points.cycle, x)
+        )
+        _, *self.rates = command_and_rates(set_points.q, set_points.cycle, servo.interpolation)
 
     def span(self, signs: FloatArray) -> FloatArray:
         """Corners as rows in units of the box, (n, 3 dof + 1), by signs of varied parameters."""
@@ -314,7 +327,7 @@ class _Model:
         unit[:, self.varies] = signs
         return unit
 
-    def executed(self, unit: FloatArray, seed: int | None, threads: int) -> Spread:
+    def executed(self, unit: FloatArray, seed: int | None, threads: int) -> MonteCarloResult:
         """Execute robots given as rows in units of the box, and the nominal robot.
 
         Args:
@@ -348,7 +361,7 @@ class _Model:
                 # The nominal robot is the last one; it has no jitter.
                 drawn = None if i == nominal else seed
                 robot = self._sample(kp[i], kv[i], late[i], float(payload[i]), drawn, i)
-                found.append(execute(self.setting, robot))
+                found.append(simulate_sample(self.setting, robot))
             return np.array(found)
 
         # The first batch is executed alone, because it compiles the kernels.
@@ -363,7 +376,7 @@ class _Model:
                 f"{kv[i].tolist()} 1/s: time steps as short as the servo needs make no progress, "
                 "so lower the gains."
             )
-        return Spread(
+        return MonteCarloResult(
             rms=rms[:-1],
             max=largest[:-1],
             until=until[:-1],
@@ -399,8 +412,8 @@ class _Model:
             seed: Seed of the jitter; None for no jitter.
             number: Number of the sample.
         """
-        commands, count, period = self.commands, len(self.taught.q), self.taught.period
-        starts = np.arange(count) * period + late[:, None]
+        commands, count, cycle = self.commands, len(self.set_points.q), self.set_points.cycle
+        starts = np.arange(count) * cycle + late[:, None]
         servo = self.servo
         if servo.has_feedforward:
             rate = servo.velocity_feedforward / kp
@@ -412,7 +425,7 @@ class _Model:
         if seed is not None and self.box.jitter > 0.0:
             # The controller interpolates between two set-points over the time between arrivals.
             starts += jitter_of(seed, number, count, self.box.jitter)
-            rates = period / np.diff(starts, axis=1)
+            rates = cycle / np.diff(starts, axis=1)
             commands = commands.copy()
             commands[:, 1:count] *= rates[:, :, None] ** (np.arange(commands.shape[2]) % 4)
         return Sample(kp, kv, np.array(servo.ki), load, commands, starts)
@@ -426,22 +439,22 @@ class _Model:
         return [*names, "payload"]
 
     def _steps(self) -> int:
-        """Number of results per command interval.
+        """Number of results per cycle.
 
         Raises:
             ExecutionError: The number is too large.
         """
         span = min(RESOLUTION, TIME_CONSTANTS / self._fastest())
-        if not self.taught.period < MOST_RESULTS * span:
+        if not self.set_points.cycle < MOST_RESULTS * span:
             raise ExecutionError(
                 f"The fastest servo of the box has a time constant of {1 / self._fastest():.3g} s, "
-                f"too short to simulate command intervals of {self.taught.period:g} s: lower its "
+                f"too short to simulate cycles of {self.set_points.cycle:g} s: lower its "
                 "gains kp and kv [1/s]."
             )
-        # A stepped command causes a ripple with the period of the command interval, which one
+        # A stepped command causes a ripple with the period of the cycle, which one
         # result per interval would miss.
         least = 2 if self.servo.interpolation == "step" else 1
-        return max(least, int(np.ceil(self.taught.period / span * (1 - 1e-12))))
+        return max(least, int(np.ceil(self.set_points.cycle / span * (1 - 1e-12))))
 
     def _fastest(self) -> float:
         """Rate of the fastest servo in the box: the inverse of its time constant [1/s]."""
@@ -461,7 +474,7 @@ class _Model:
         if servo.kv is not None:
             lag = lag + 1 / (servo.kv * (1 - spans[dof : 2 * dof]))
         late = (servo.dead_time + spans[2 * dof : 3 * dof]).max()
-        return float(lag.max() + late + self.box.jitter + 2 * self.taught.period)
+        return float(lag.max() + late + self.box.jitter + 2 * self.set_points.cycle)
 
 
 def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> FloatArray:
@@ -491,14 +504,14 @@ def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> Float
     return np.concatenate(seen)
 
 
-def spans_of(box: Box, servo: ServoModel, arm: Arm, period: float) -> FloatArray:
+def spans_of(box: Uncertainty, servo: ServoModel, arm: Arm, cycle: float) -> FloatArray:
     """Half widths of the box: kp, kv and dead time of all joints, and payload, (3 dof + 1,).
 
     Args:
         box: The box.
         servo: The nominal servo, with values per joint.
         arm: The nominal arm.
-        period: Command interval [s].
+        cycle: Cycle [s].
 
     Raises:
         InvalidInput: The box does not fit the robot.
@@ -510,12 +523,12 @@ def spans_of(box: Box, servo: ServoModel, arm: Arm, period: float) -> FloatArray
             "out, or certify with plant: rigid_body."
         )
     gains, late = box.gains_of(dof), box.dead_time_of(servo, dof)
-    if box.jitter >= period / 2:
+    if box.jitter >= cycle / 2:
         raise InvalidInput(
-            f"A jitter of {box.jitter:g} s is not below half the command interval of "
-            f"{period:g} s, so that set-points could come in another order."
+            f"A jitter of {box.jitter:g} s is not below half the cycle of "
+            f"{cycle:g} s, so that set-points could come in another order."
         )
-    if servo.cycle:
+    if servo.drive_cycle:
         raise InvalidInput(
             "Robots with uncertain parameters are simulated with continuous loops only: leave "
             "cycle out of the servo, or set it to 0."
@@ -530,7 +543,7 @@ def spans_of(box: Box, servo: ServoModel, arm: Arm, period: float) -> FloatArray
             "A servo of order first has no velocity loop whose gain a payload could change: leave "
             "payload out of the box, or take a servo of order second."
         )
-    box.refuse_payload_below_zero(arm)
+    box.check_payload(arm)
     return np.concatenate([gains[0], gains[1], late, [np.ptp(box.payload) / 2]])
 
 
@@ -553,7 +566,7 @@ def _robot(arm: Arm, path: Path) -> tuple[FloatArray, float]:
     return arm.link_table, arm.span
 
 
-def _line(path: Path, taught: TaughtData, arm: Arm, lag: float) -> Line:
+def _line(path: Path, set_points: SetPoints, arm: Arm, lag: float) -> Line:
     """The path for the compiled code, with the arc lengths that the tool can reach at each time.
 
     The plan follows the path from start to end, so the length of the tool's planned path up to a
@@ -561,15 +574,15 @@ def _line(path: Path, taught: TaughtData, arm: Arm, lag: float) -> Line:
     point on the path is searched only near this arc length: elsewhere it would be on another part
     of the path that passes close by.
     """
-    plan = taught.trajectory
-    count = max(FEWEST_PLACES, PLACES_PER_INTERVAL * len(taught.q))
+    plan = set_points.trajectory
+    count = max(FEWEST_PLACES, PLACES_PER_INTERVAL * len(set_points.q))
     t = np.union1d(np.linspace(0, plan.duration, count), plan.breaks)
     tool = arm.tool_position(plan(t))
     drawn = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(tool, axis=0), axis=1)))
     margin = abs(path.length - drawn[-1]) + 1e-6 * path.length
-    begin = taught.start_time + np.arange(len(taught.q) + 1) * taught.period
+    begin = set_points.start_time + np.arange(len(set_points.q) + 1) * set_points.cycle
     low = np.interp(begin - LAGS_BEHIND * lag, t, drawn) - margin
-    high = np.interp(begin + taught.period + LAGS_AHEAD * lag, t, drawn) + margin
+    high = np.interp(begin + set_points.cycle + LAGS_AHEAD * lag, t, drawn) + margin
     arcs, starts = draw_arcs(path.segments)
     rows = pack_arcs(arcs, starts)
     # At the first segment the path closes, if it does.
@@ -578,7 +591,7 @@ def _line(path: Path, taught: TaughtData, arm: Arm, lag: float) -> Line:
     return Line(rows, corners, path.length if closed else 0.0, low, high)
 
 
-def _inertia(arm: Arm, taught: TaughtData, box: Box) -> FloatArray:
+def _inertia(arm: Arm, set_points: SetPoints, box: Uncertainty) -> FloatArray:
     """Inertia that 1 kg at the tool adds to each joint, over the joint's own inertia [1/kg].
 
     A point mass m at the tool adds `m |dx/dq_j|²` to the inertia M_jj of joint j.
@@ -589,7 +602,7 @@ def _inertia(arm: Arm, taught: TaughtData, box: Box) -> FloatArray:
     Raises:
         InvalidInput: The masses of the arm are not known.
     """
-    q = np.asarray(taught.q)
+    q = np.asarray(set_points.q)
     if not np.any(box.payload):
         return np.zeros((arm.dof, 1))
     own = np.diagonal(arm.dynamics.mass_matrix(q), axis1=-2, axis2=-1)

@@ -12,7 +12,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.robot import Arm
 from armcontour.robot.chain import Payload
 from armcontour.robot.servo import ServoModel
-from armcontour.simulation.robustness.box import Box
+from armcontour.simulation.robustness.box import Uncertainty
 
 # Kinds of unknowns, in the order of their columns.
 KINDS = ("payload", "friction", "kp", "kv", "armature", "dead time")
@@ -31,7 +31,7 @@ class Unknowns:
         low, high: Least and largest error: relative, in s or in kg; of friction, the share, (k,).
     """
 
-    box: Box
+    box: Uncertainty
     arm: Arm
     servo: ServoModel
     kinds: tuple[str, ...]
@@ -40,7 +40,7 @@ class Unknowns:
     high: FloatArray
 
     @classmethod
-    def of(cls, box: Box, arm: Arm, servo: ServoModel) -> Unknowns:
+    def of(cls, box: Uncertainty, arm: Arm, servo: ServoModel) -> Unknowns:
         """Find the parameters of a box that vary.
 
         Args:
@@ -75,8 +75,8 @@ class Unknowns:
             servo=own,
             kinds=kinds,
             joints=joints,
-            low=checks.lock_floats(least),
-            high=checks.lock_floats(most),
+            low=checks.frozen_array(least),
+            high=checks.frozen_array(most),
         )
 
     def __len__(self) -> int:
@@ -154,7 +154,7 @@ class Unknowns:
         return Payload(mass=mass, center=load.center, inertia=load.inertia)
 
 
-def _ranges(box: Box, dof: int) -> dict[str, tuple[FloatArray, FloatArray]]:
+def _ranges(box: Uncertainty, dof: int) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Least and largest errors of the parameters of every joint, by their kinds, (dof,) each."""
     gains = box.gains_of(dof)
     given = np.broadcast_to(np.maximum(box.viscous, box.coulomb), (dof,)) > 0
@@ -169,7 +169,7 @@ def _ranges(box: Box, dof: int) -> dict[str, tuple[FloatArray, FloatArray]]:
     }
 
 
-def _refuse_unfit(box: Box, arm: Arm, servo: ServoModel) -> None:
+def _refuse_unfit(box: Uncertainty, arm: Arm, servo: ServoModel) -> None:
     """Refuse a box that does not fit the arm or the servo.
 
     Raises:
@@ -181,7 +181,7 @@ def _refuse_unfit(box: Box, arm: Arm, servo: ServoModel) -> None:
             "Rigid bodies need an arm with masses: give the arm's file masses and inertias, or "
             "certify with plant: servo."
         )
-    servo.refuse_mixed("A box of rigid bodies")
+    servo.check_orders("A box of rigid bodies")
     if box.jitter:
         raise InvalidInput(
             "Rigid bodies are executed without jitter: leave jitter out of the box, or certify "
@@ -208,4 +208,4 @@ def _refuse_unfit(box: Box, arm: Arm, servo: ServoModel) -> None:
             f"The box has errors of drive inertias, but the arm {arm.name} has none: give its "
             "file armature, or leave armature out of the box."
         )
-    box.refuse_payload_below_zero(arm)
+    box.check_payload(arm)

@@ -9,11 +9,11 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.progress import Step
 from armcontour.geometry import Path
-from armcontour.motion import Execution, TaughtData
-from armcontour.simulation import RigidBodyPlant, execute
+from armcontour.motion import Execution, SetPoints
+from armcontour.simulation import RigidBodyPlant, simulate
 from armcontour.simulation.robustness.bodies import BodyRuns, spread_on_bodies, trace_on_bodies
-from armcontour.simulation.robustness.box import Box
-from armcontour.simulation.robustness.monte_carlo import Spread
+from armcontour.simulation.robustness.box import Uncertainty
+from armcontour.simulation.robustness.monte_carlo import MonteCarloResult
 from armcontour.simulation.robustness.unknowns import Unknowns
 from armcontour.studies.certification._case import Case
 from armcontour.studies.certification._uses import normals
@@ -25,7 +25,7 @@ FIRST, MORE = 2, 4
 ALL_CORNERS = 14
 
 
-def worst_corners(case: Case, taught: TaughtData) -> tuple[FloatArray, dict[str, float]]:
+def worst_corners(case: Case, set_points: SetPoints) -> tuple[FloatArray, dict[str, float]]:
     """Corners of the box, the worst first, and the parts of the error of the worst one.
 
     One robot per unknown is executed. Their deviations, added up to first order, tell the corner
@@ -35,7 +35,7 @@ def worst_corners(case: Case, taught: TaughtData) -> tuple[FloatArray, dict[str,
         Errors of the unknowns in these corners, (m, k), and parts by kinds of unknowns and of
         "sampling", which the nominal robot has [m].
     """
-    runs = _runs(case, taught)
+    runs = _runs(case, set_points)
     unknowns = runs.unknowns
     k = len(unknowns)
     if not k:
@@ -92,9 +92,9 @@ def _more_corners(unknowns: Unknowns, first: FloatArray, most: int) -> FloatArra
     return np.asarray(both[np.sort(index)][:most])
 
 
-def largest_errors(case: Case, taught: TaughtData, errors: list[FloatArray]) -> FloatArray:
+def largest_errors(case: Case, set_points: SetPoints, errors: list[FloatArray]) -> FloatArray:
     """Times, and the largest contour error of some robots then [s, m], (2, n)."""
-    traces = _trace(case, _runs(case, taught), np.array(errors))
+    traces = _trace(case, _runs(case, set_points), np.array(errors))
     t = max((x[0] for x in traces), key=len)
     largest = np.zeros(len(t))
     for own, off, _ in traces:
@@ -103,13 +103,13 @@ def largest_errors(case: Case, taught: TaughtData, errors: list[FloatArray]) -> 
 
 
 def execute_robots(
-    case: Case, taught: TaughtData, errors: FloatArray, seed: int | None = None
-) -> Spread:
+    case: Case, set_points: SetPoints, errors: FloatArray, seed: int | None = None
+) -> MonteCarloResult:
     """Execute set-points on robots of the box, in several processes if they are many.
 
     Args:
         case: The case.
-        taught: The set-points.
+        set_points: The set-points.
         errors: Errors of the unknowns, (n, k).
         seed: Seed of the errors; None for corners.
     """
@@ -119,7 +119,7 @@ def execute_robots(
     def tell(done: int) -> None:
         case.progress(Step(names, done / (len(errors) + 1)))
 
-    runs = _runs(case, taught)
+    runs = _runs(case, set_points)
     return spread_on_bodies(runs, errors, seed=seed, executor=case.executor, done=tell)
 
 
@@ -135,25 +135,25 @@ def torque_ratio(case: Case, executed: Execution) -> float:
     return float(np.max(np.abs(executed.torque_demand) / plant.torque_limit))
 
 
-def rest_at_start(case: Case, path: Path, taught: TaughtData) -> float:
+def rest_at_start(case: Case, path: Path, set_points: SetPoints) -> float:
     """Distance from the tool to the start of its path while the robot rests at it [m].
 
     Raises:
         ExecutionError: The drives are too weak to hold the robot, or do not settle.
     """
-    standing = replace(taught, q=np.tile(taught.q[0], (2, 1)))
-    executed = execute(standing, case.plant(), resolution=case.resolution)
+    standing = replace(set_points, q=np.tile(set_points.q[0], (2, 1)))
+    executed = simulate(standing, case.plant(), resolution=case.resolution)
     return float(np.linalg.norm(executed.tool[0] - path(0.0)))
 
 
 def _unknowns(case: Case) -> Unknowns:
-    return Unknowns.of(case.box or Box(), case.arm, case.servo)
+    return Unknowns.of(case.box or Uncertainty(), case.arm, case.servo)
 
 
-def _runs(case: Case, taught: TaughtData) -> BodyRuns:
+def _runs(case: Case, set_points: SetPoints) -> BodyRuns:
     (contour,) = case.program.contours
     return BodyRuns(
-        taught=taught,
+        set_points=set_points,
         path=contour.path,
         unknowns=_unknowns(case),
         limits=case.limits,

@@ -14,17 +14,17 @@ from armcontour.control.compensation.compensator import teach
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.progress import Progress
-from armcontour.jobs.goal import Goal
+from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.planned import Planned
-from armcontour.motion import TaughtData, Trajectory
+from armcontour.motion import SetPoints, Trajectory
 from armcontour.planning.program_tracing import Tracing
 from armcontour.program import Contour, Program
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import Plant, RigidBodyPlant, ServoPlant
 from armcontour.simulation.rigid_body_plant import STEP
-from armcontour.simulation.robustness.box import Box
+from armcontour.simulation.robustness.box import Uncertainty
 from armcontour.verification.pieces import unexplained_errors
 
 # A plan is proven at this resolution [s].
@@ -53,7 +53,7 @@ class Case:
 
     job: Job
     planned: Planned
-    goal: Goal
+    goal: CertificateGoal
     servo_allowed: float
     progress: Progress
     executor: Executor | None = None
@@ -95,7 +95,7 @@ class Case:
         return self.traced.program
 
     @property
-    def box(self) -> Box | None:
+    def box(self) -> Uncertainty | None:
         """Uncertainty of the robot."""
         return self.goal.box
 
@@ -112,13 +112,13 @@ class Case:
     @property
     def budget(self) -> float:
         """Largest contour error of the simulated robots [m]."""
-        return self.servo_allowed - self.unexplained
+        return self.servo_allowed - self.model_error
 
     @cached_property
-    def unexplained(self) -> float:
+    def model_error(self) -> float:
         """Largest tool error across the contours that the servo model does not explain [m]."""
-        unexplained = self.servo.unexplained
-        if unexplained is None:
+        model_error = self.servo.model_error
+        if model_error is None:
             return 0.0
         largest = 0.0
         for step in self.traced.steps:
@@ -126,7 +126,7 @@ class Case:
             if path is not None and path.tool_path is not None and self.traced.is_contour(step):
                 s = np.union1d(path.breaks, np.linspace(0.0, path.tool_path.length, MOST_PLACES))
                 tangent = path.tool_path(s, 1)
-                _, across = unexplained_errors(self.arm, path(s), tangent, unexplained)
+                _, across = unexplained_errors(self.arm, path(s), tangent, model_error)
                 largest = max(largest, float(across.max()))
         return largest
 
@@ -164,32 +164,32 @@ class Case:
         """Places of a contour between which errors count [m]; None is at all times."""
         return contour.at_work if self.program.single_path is None else None
 
-    def teach(self, plan: Trajectory, period: float | None = None) -> TaughtData:
-        """Taught data of a plan, every `period` or command interval of the run [s]."""
-        period = self.run.period if period is None else period
-        return teach(plan, self.model, self.run.compensation, period=period, arm=self.arm)
+    def teach(self, plan: Trajectory, cycle: float | None = None) -> SetPoints:
+        """Set-points of a plan, every `cycle` or cycle of the run [s]."""
+        cycle = self.run.cycle if cycle is None else cycle
+        return teach(plan, self.model, self.run.compensation, cycle=cycle, arm=self.arm)
 
-    def stretch(self, taught: TaughtData, t: tuple[float, float], plan: Trajectory) -> TaughtData:
+    def stretch(self, set_points: SetPoints, t: tuple[float, float], plan: Trajectory) -> SetPoints:
         """Set-points of one move, after those before it that still affect the servo.
 
         Args:
-            taught: The set-points of the whole program.
+            set_points: The set-points of the whole program.
             t: Start and end time of the move in the program [s].
             plan: The plan of the move; times of the result count from its start.
         """
-        begin, period, first = t[0] - self.memory, taught.period, 0
+        begin, cycle, first = t[0] - self.memory, set_points.cycle, 0
         if begin > 0:
-            rests = taught.trajectory.starts
+            rests = set_points.trajectory.starts
             rest = float(rests[np.searchsorted(rests, begin, side="right") - 1])
             rest -= float(self.servo.dead_time.max())
-            first = max(int(np.floor((rest - taught.start_time) / period)), 0)
-        last = int(np.ceil((t[1] - taught.start_time) / period)) + 1
-        return TaughtData(
-            period=period,
-            q=taught.q[first : max(last, first + 2)],
+            first = max(int(np.floor((rest - set_points.start_time) / cycle)), 0)
+        last = int(np.ceil((t[1] - set_points.start_time) / cycle)) + 1
+        return SetPoints(
+            cycle=cycle,
+            q=set_points.q[first : max(last, first + 2)],
             trajectory=plan,
-            method=taught.method,
-            start_time=min(taught.start_time + first * period - t[0], 0.0),
+            method=set_points.method,
+            start_time=min(set_points.start_time + first * cycle - t[0], 0.0),
         )
 
     @cached_property

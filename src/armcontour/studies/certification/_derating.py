@@ -21,7 +21,7 @@ from armcontour.planning.grid import Grid, place_grid
 from armcontour.planning.optimal import plan_optimal
 from armcontour.planning.options import Optimal
 from armcontour.planning.topp.limits import Ceiling, Form
-from armcontour.planning.tracing import refuse_out_of_range
+from armcontour.planning.tracing import check_joint_range
 from armcontour.robot import Arm, Limits
 
 # What limits are derated for: the demand and the plan's own acceleration, what bounds the speed of
@@ -53,7 +53,7 @@ class Derating:
         if not len(self.cap_by):
             object.__setattr__(self, "cap_by", np.full(len(self.cap), -1))
         for name in ("cells", "share", "cap"):
-            object.__setattr__(self, name, checks.lock_floats(getattr(self, name)))
+            object.__setattr__(self, name, checks.frozen_array(getattr(self, name)))
 
     @classmethod
     def nothing(cls, joint_path: JointPath, intervals: int | None = None) -> Derating:
@@ -166,7 +166,7 @@ def plan_derated(
     Raises:
         NotRealizable: The limits allow no motion.
     """
-    refuse_out_of_range(joint_path, limits)
+    check_joint_range(joint_path, limits)
     others = {name: getattr(limits, name) * factor for name, factor in factors.items()}
     rest = limits.replace(joint_acceleration=math.inf, **others)
     constraints: tuple[Constraint, ...] = (Cap(derating),)

@@ -11,20 +11,20 @@ import numpy as np
 from armcontour.control.compensation import NoCompensation
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import NotRealizable
-from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
+from armcontour.motion import Execution, JointPath, SetPoints, Trajectory
 from armcontour.planning import intervals_of
 from armcontour.planning.program_timing import time_rapid
 from armcontour.planning.program_tracing import TracedMove
 from armcontour.program import Dwell
 from armcontour.robot.limit_use import use_of
 from armcontour.robot.limits import UNITS
-from armcontour.simulation.robustness.monte_carlo import Spread
+from armcontour.simulation.robustness.monte_carlo import MonteCarloResult
 from armcontour.studies.certification._case import Case
 from armcontour.studies.certification._derating import Derating, plan_derated
 from armcontour.studies.certification._proving import KEPT, largest_uses
 from armcontour.studies.certification._uses import (
     OUTSIDE,
-    Uses,
+    LimitMargins,
     peak_demand,
     response_time,
     run,
@@ -50,7 +50,7 @@ LASTING = 8.0
 LAGGING = 2.0
 # Limits that are derated place by place; of others a share is left everywhere.
 BY_PLACE = ("joint_acceleration", "joint_velocity", "speed", "centripetal_acceleration")
-# Accelerations of a rapid rise to their limits in so many command intervals; the faster rapid is
+# Accelerations of a rapid rise to their limits in so many cycles; the faster rapid is
 # taken.
 RISES = (0.0, 0.5)
 # Rapids aim at this share of each limit, because set-points next to the end of a rapid have a part
@@ -86,7 +86,7 @@ class Move:
         derating: Derating of a contour by place.
         plan: Its plan; times from 0 [s].
         factors: Shares that are left of other limits along the whole move, by their names.
-        rise: Rise time of a rapid's accelerations in command intervals.
+        rise: Rise time of a rapid's accelerations in cycles.
         pause: Standstill before the move [s].
 
     Attributes:
@@ -132,8 +132,8 @@ class Move:
     reached: float = np.inf
     outside: float = np.inf
     parts: dict[str, float] = field(default_factory=dict)
-    corners: Spread | None = None
-    spread: Spread | None = None
+    corners: MonteCarloResult | None = None
+    spread: MonteCarloResult | None = None
 
     def __post_init__(self) -> None:
         self.fastest, self.nothing = self.plan, self.derating
@@ -193,7 +193,7 @@ def plan_rapid(
     left = {name: getattr(case.limits, name) * share for name, share in factors.items()}
     if rise:
         low, high = case.limits.acceleration_bounds(case.arm.dof)
-        left["joint_jerk"] = np.minimum(-low, high) / (rise * case.run.period)
+        left["joint_jerk"] = np.minimum(-low, high) / (rise * case.run.cycle)
     return time_rapid(joint_path, case.arm, case.limits.replace(**left), case.program.rapid_speed)
 
 
@@ -216,8 +216,8 @@ def _fastest_rapid(case: Case, step: TracedMove) -> Move:
         factors: dict[str, float] = {}
         for _ in range(MOST_RAPIDS):
             plan = plan_rapid(case, path, factors, rise)
-            taught = case.teach(plan)
-            over = lower_rapid(case, factors, plan, taught, _runs(ideal, taught), None)
+            set_points = case.teach(plan)
+            over = lower_rapid(case, factors, plan, set_points, _runs(ideal, set_points), None)
             if over is None:
                 found = Move(step, None, Derating.nothing(path, 1), plan, factors, rise)
                 candidates.append(found)
@@ -226,7 +226,7 @@ def _fastest_rapid(case: Case, step: TracedMove) -> Move:
     if not candidates:
         raise NotRealizable(
             f"No rapid keeps its limits when it is executed, after {MOST_RAPIDS} plans of it: its "
-            f"set-points come every {case.run.period * 1e3:g} ms; take a shorter command "
+            f"set-points come every {case.run.cycle * 1e3:g} ms; take a shorter command "
             "interval, or linear interpolation.",
             limit="joint_acceleration",
         )
@@ -237,7 +237,7 @@ def lower_rapid(
     case: Case,
     factors: dict[str, float],
     plan: Trajectory,
-    taught: TaughtData,
+    set_points: SetPoints,
     runs: Sequence[Execution],
     span: tuple[float, float] | None,
 ) -> dict[str, float] | None:
@@ -247,7 +247,7 @@ def lower_rapid(
         case: The case.
         factors: Shares that are left so far.
         plan: The plan of the rapid.
-        taught: Set-points with those of the rapid.
+        set_points: Set-points with those of the rapid.
         runs: Their executions, without saturation.
         span: Start and end time of the rapid among them [s]; None is all of them.
     """
@@ -259,8 +259,8 @@ def lower_rapid(
         demands = (float(peak_demand(case, x, span).max()) for x in runs)
         uses["joint_acceleration"] = max(uses["joint_acceleration"], *demands)
     if "joint_velocity" in uses:
-        now = taught.q[slice(*np.searchsorted(taught.t, span))] if span else taught.q
-        rate = np.diff(now, axis=0) / taught.period
+        now = set_points.q[slice(*np.searchsorted(set_points.t, span))] if span else set_points.q
+        rate = np.diff(now, axis=0) / set_points.cycle
         lower, upper = case.limits.joint_range(dof)
         outside = OUTSIDE if ((now < lower) | (now > upper)).any() else 0.0
         ratio = use_of("joint_velocity", case.limits, rate).ratio
@@ -286,16 +286,16 @@ def _settling_time(case: Case, moves: Sequence[Move]) -> float:
         last -= 1
     laws = tuple(law for x in moves[last:] for law in x.plan.laws)
     plan = Trajectory(laws=laws, method="approach")
-    taught = case.teach(plan)
-    runs = _runs(case, taught)
+    set_points = case.teach(plan)
+    runs = _runs(case, set_points)
     goal = case.arm.tool_position(plan(plan.duration, side="left"))
     far = [x.t[np.linalg.norm(x.tool - goal, axis=1) > ENTRY * case.budget] for x in runs]
     return max([0.0, *(float(x[-1]) - plan.duration for x in far if len(x))])
 
 
-def _runs(case: Case, taught: TaughtData) -> list[Execution]:
+def _runs(case: Case, set_points: SetPoints) -> list[Execution]:
     """Executions on the robot and on corners of the box."""
-    return [run(case, taught), *(x for _, runs in run_on_box(case, taught) for x in runs)]
+    return [run(case, set_points), *(x for _, runs in run_on_box(case, set_points) for x in runs)]
 
 
 def exceeded(case: Case, x: Move) -> bool:
@@ -314,7 +314,7 @@ def exceeded(case: Case, x: Move) -> bool:
     return bool(over)
 
 
-def tighten(case: Case, x: Move, uses: Uses, steps: Steps) -> Derating:
+def tighten(case: Case, x: Move, uses: LimitMargins, steps: Steps) -> Derating:
     """The next derating of a contour: more, wherever a limit is exceeded or nearly so.
 
     Args:
@@ -327,7 +327,7 @@ def tighten(case: Case, x: Move, uses: Uses, steps: Steps) -> Derating:
     # With which power of their excess accelerations are derated.
     power = 1 + x.tries // PATIENCE
     memory = response_time(case)
-    largest = _largest_in_cells(x, uses, case.run.period + memory)
+    largest = _largest_in_cells(x, uses, case.run.cycle + memory)
     speed = squares_of(x.plan, derating.cells)
 
     def slower(use: FloatArray, left: FloatArray, cause: str) -> Derating:
@@ -339,7 +339,7 @@ def tighten(case: Case, x: Move, uses: Uses, steps: Steps) -> Derating:
     for j in range(left.shape[1]):
         use = largest(over[:, j], 0.0) / tight["acceleration"]
         if x.tries == 0 and steps.together and not case.saturated and (use > 1).any():
-            # Most of it is what the command interval adds to any acceleration: it is derated
+            # Most of it is what the cycle adds to any acceleration: it is derated
             # everywhere at once, so that it need not be found again as the plan moves.
             common = float(np.median(use[use > 1]))
             left[:, j] /= common
@@ -369,7 +369,7 @@ def tighten(case: Case, x: Move, uses: Uses, steps: Steps) -> Derating:
 
 
 def _largest_in_cells(
-    x: Move, uses: Uses, around: float
+    x: Move, uses: LimitMargins, around: float
 ) -> Callable[[FloatArray, float], FloatArray]:
     """A function that finds the largest of some values in each cell of a contour.
 

@@ -43,7 +43,7 @@ def _acceleration(case: Case, x: Move) -> Reason:
         shorter = "compensation inverse, as inverse_dynamics is for rigid bodies"
     text = (
         f"its set-points would need {ratio:.4g} times a joint's acceleration limit, as they come "
-        f"every {case.run.period * 1e3:g} ms{held}: take {shorter}, saturation: report, or "
+        f"every {case.run.cycle * 1e3:g} ms{held}: take {shorter}, saturation: report, or "
         f"{LONGER}"
     )
     return text, "joint_acceleration", 1.0, ratio
@@ -113,7 +113,7 @@ REASONS: dict[str, Callable[[Case, Move], Reason]] = {
 def _shorter(case: Case) -> str:
     """What brings set-points closer together."""
     held = case.servo.interpolation == "step"
-    return "linear interpolation" if held else "a shorter command interval"
+    return "linear interpolation" if held else "a shorter cycle"
 
 
 def _follow(case: Case) -> str:

@@ -16,10 +16,10 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import NotRealizable
 from armcontour.core.progress import Step
-from armcontour.motion import Span, TaughtData
+from armcontour.motion import SetPoints, Span
 from armcontour.planning.program_timing import JoinedMoves
-from armcontour.simulation import execute
-from armcontour.simulation.robustness.monte_carlo import Spread, spread, worst_corner
+from armcontour.simulation import simulate
+from armcontour.simulation.robustness.monte_carlo import MonteCarloResult, spread, worst_corner
 from armcontour.studies.certification import _bodies
 from armcontour.studies.certification._case import Case
 from armcontour.studies.certification._moves import (
@@ -36,8 +36,8 @@ from armcontour.studies.certification._moves import (
 from armcontour.studies.certification._proving import KEPT, POINTS
 from armcontour.studies.certification._refusal import refuse
 from armcontour.studies.certification._uses import (
+    LimitMargins,
     Trial,
-    Uses,
     run,
     run_on_box,
     uses_of,
@@ -74,11 +74,11 @@ def search(case: Case) -> tuple[Trial, list[Move]]:
     """
     if case.budget <= 0:
         raise NotRealizable(
-            f"The servo model does not explain errors of up to {case.unexplained * 1e3:.4g} mm "
+            f"The servo model does not explain errors of up to {case.model_error * 1e3:.4g} mm "
             f"across the path, and {case.servo_allowed * 1e3:.4g} mm is allowed: allow more, or "
-            "give the servo a model with a smaller `unexplained`.",
+            "give the servo a model with a smaller `model_error`.",
             limit="contour error",
-            needed=case.unexplained,
+            needed=case.model_error,
             allowed=case.servo_allowed,
         )
     moves = moves_of(case)
@@ -123,20 +123,20 @@ def execute_program(
             joined.stand(x.pause)
         joined.add(step, x.plan)
     trajectory = joined.trajectory().limited(case.limits)
-    taught = case.teach(trajectory)
-    executed, box = run(case, taught), None
+    set_points = case.teach(trajectory)
+    executed, box = run(case, set_points), None
     if case.bodies and case.box is not None and robots is not None:
         if not robots:
-            corners, moves[0].parts = _bodies.worst_corners(case, taught)
+            corners, moves[0].parts = _bodies.worst_corners(case, set_points)
             robots += list(corners[: _bodies.FIRST])
-        box = _bodies.largest_errors(case, taught, robots)
+        box = _bodies.largest_errors(case, set_points, robots)
     return Trial(
         case=case,
         trajectory=trajectory,
-        taught=taught,
+        set_points=set_points,
         executed=executed,
         pieces=pieces_of(executed, case.program, None, None),
-        groups=run_on_box(case, taught),
+        groups=run_on_box(case, set_points),
         box=box,
     )
 
@@ -158,7 +158,7 @@ def _judge(case: Case, x: Move, trial: Trial) -> None:
     _propose(case, x)
 
 
-def _remember(case: Case, x: Move, uses: Uses) -> dict[str, float]:
+def _remember(case: Case, x: Move, uses: LimitMargins) -> dict[str, float]:
     """The largest uses of a contour, which tell later why no plan is certified."""
     worst = uses.worst()
     kind = max(worst, key=lambda x: worst[x])
@@ -170,13 +170,13 @@ def _remember(case: Case, x: Move, uses: Uses) -> dict[str, float]:
     return worst
 
 
-def _lower(case: Case, x: Move, uses: Uses) -> None:
+def _lower(case: Case, x: Move, uses: LimitMargins) -> None:
     """Derate a contour where its uses are too large."""
     x.derating = tighten(case, x, uses, STEPS[min(x.attempt, len(STEPS) - 1)])
     x.tries += 1
 
 
-def _spare_torque(case: Case, x: Move, uses: Uses, ratio: float) -> None:
+def _spare_torque(case: Case, x: Move, uses: LimitMargins, ratio: float) -> None:
     """Lower torque limits after a drive saturated.
 
     Args:
@@ -236,7 +236,9 @@ def _next(case: Case, x: Move, *, within: bool, late: bool = False) -> None:
         x.derating, x.factors, x.plan = x.best
 
 
-def _reopen(case: Case, x: Move, uses: Uses, aims: Mapping[str, float] | None = None) -> None:
+def _reopen(
+    case: Case, x: Move, uses: LimitMargins, aims: Mapping[str, float] | None = None
+) -> None:
     """Derate a contour further whose plan is outside in a proof.
 
     Args:
@@ -277,7 +279,7 @@ def _prove(
     contours = [x for x in moves if x.number is not None]
     proven = trial
     if not case.bodies:
-        fine = execute(trial.taught, case.plant(), resolution=case.resolution)
+        fine = simulate(trial.set_points, case.plant(), resolution=case.resolution)
         pieces = pieces_of(fine, case.program, None, None)
         proven = replace(trial, executed=fine, pieces=pieces)
     outside = _lower_rapids(case, moves, trial)
@@ -310,7 +312,7 @@ def _lower_rapids(case: Case, moves: Sequence[Move], trial: Trial) -> bool:
     outside = False
     for x, span in zip(moves, spans, strict=True) if len(moves) > 1 else ():
         if x.number is None:
-            less = lower_rapid(case, x.factors, x.plan, trial.taught, trial.all_runs, span.t)
+            less = lower_rapid(case, x.factors, x.plan, trial.set_points, trial.all_runs, span.t)
             if less is not None:
                 x.factors, outside = less, True
                 x.plan = plan_rapid(case, x.joint_path, x.factors, x.rise)
@@ -335,7 +337,7 @@ def _prove_box(case: Case, x: Move, trial: Trial, robots: list[FloatArray]) -> b
             # Trials execute the robots that are outside.
             order = np.argsort(-found.max)[: _bodies.MORE]
             robots += [found.deviations[k] for k in order if found.max[k] > case.budget]
-            box = _bodies.largest_errors(case, trial.taught, robots)
+            box = _bodies.largest_errors(case, trial.set_points, robots)
             trial, aims = replace(trial, box=box), {"box": CLOSER}
         uses = uses_of(case, trial, x.number, x.plan)
         if saturated:
@@ -350,31 +352,31 @@ def _prove_box(case: Case, x: Move, trial: Trial, robots: list[FloatArray]) -> b
     return True
 
 
-def _execute_box(case: Case, x: Move, trial: Trial, *, drawn: bool) -> Spread:
+def _execute_box(case: Case, x: Move, trial: Trial, *, drawn: bool) -> MonteCarloResult:
     """Execute a contour in the corners of the box, or on robots drawn from it."""
     assert x.number is not None and case.box is not None
     goal = case.goal
     if case.bodies:
         if drawn:
             robots = _bodies.draw(case)
-            return _bodies.execute_robots(case, trial.taught, robots, goal.seed)
-        corners, x.parts = _bodies.worst_corners(case, trial.taught)
-        return _bodies.execute_robots(case, trial.taught, corners)
+            return _bodies.execute_robots(case, trial.set_points, robots, goal.seed)
+        corners, x.parts = _bodies.worst_corners(case, trial.set_points)
+        return _bodies.execute_robots(case, trial.set_points, corners)
     span = trial.trajectory.contour_spans[x.number]
     if not drawn:
-        return execute_servos(case, trial.taught, x.number, span)
+        return execute_servos(case, trial.set_points, x.number, span)
     case.progress(Step((f"{goal.samples} robots of the box",)))
-    return execute_servos(case, trial.taught, x.number, span, goal.samples)
+    return execute_servos(case, trial.set_points, x.number, span, goal.samples)
 
 
 def execute_servos(
-    case: Case, taught: TaughtData, number: int, span: Span, samples: int | None = None
-) -> Spread:
+    case: Case, set_points: SetPoints, number: int, span: Span, samples: int | None = None
+) -> MonteCarloResult:
     """Execute a contour on robots of the box with servos.
 
     Args:
         case: The case.
-        taught: Set-points of the whole program.
+        set_points: Set-points of the whole program.
         number: Index of the contour.
         span: Times of the contour.
         samples: Number of robots that are drawn; None is the corners of the box.
@@ -383,7 +385,7 @@ def execute_servos(
     since, until = None, None
     if case.program.single_path is None:
         since, until = (x - span.t[0] for x in span.work)
-    stretch = case.stretch(taught, span.t, span.trajectory)
+    stretch = case.stretch(set_points, span.t, span.trajectory)
     path = case.program.contours[number].path
     own = stretch, path, case.arm, case.servo, case.limits, case.box
     if samples is None:

@@ -12,19 +12,19 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.geometry import Path
-from armcontour.motion import Execution, PathLaw, Span, TaughtData, Trajectory
+from armcontour.motion import Execution, PathLaw, SetPoints, Span, Trajectory
 from armcontour.motion.laws import join_path
 from armcontour.robot.limit_use import States
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import Simulation
-from armcontour.simulation import ServoPlant, execute
+from armcontour.simulation import ServoPlant, simulate
 from armcontour.simulation.plant import count_intervals
-from armcontour.simulation.robustness.box import Box
+from armcontour.simulation.robustness.box import Uncertainty
 from armcontour.studies.certification._case import Case
 from armcontour.verification import Check
-from armcontour.verification.pieces import Piece, pieces_of
+from armcontour.verification.pieces import ContourExecution, pieces_of
 
-# Trials are executed with this many results per command interval, but not finer than this [s].
+# Trials are executed with this many results per cycle, but not finer than this [s].
 PER_INTERVAL = 16
 FINEST = 1.25e-4
 # The same for executions in the corners of a box.
@@ -36,13 +36,13 @@ DIRECTIONS = 16
 # Penalty ratio for a command outside the joint range: slowing down cannot correct it completely,
 # but each trial reduces the speed there.
 OUTSIDE = 1.1
-# Shares of limits, and phases of a command interval, that differ by less than this are the same.
+# Shares of limits, and phases of a cycle, that differ by less than this are the same.
 SAME = 1e-9
 Side = Literal["left", "right"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Uses:
+class LimitMargins:
     """Shares of what is allowed on one contour, over time; 1 is all of it.
 
     Args:
@@ -83,15 +83,17 @@ class Uses:
 Group = tuple[float, list[Execution]]
 
 
-def run(case: Case, taught: TaughtData, resolution: float | None = None) -> Execution:
+def run(case: Case, set_points: SetPoints, resolution: float | None = None) -> Execution:
     """Execute a trial on the robot; on one that never saturates where saturation is refused."""
     if case.bodies:
-        return execute(taught, case.plant(), resolution=resolution or case.resolution)
-    every = min(taught.period, max(taught.period / PER_INTERVAL, FINEST))
-    return execute(taught, case.plant(ideal=not case.saturated), resolution=resolution or every)
+        return simulate(set_points, case.plant(), resolution=resolution or case.resolution)
+    every = min(set_points.cycle, max(set_points.cycle / PER_INTERVAL, FINEST))
+    return simulate(
+        set_points, case.plant(ideal=not case.saturated), resolution=resolution or every
+    )
 
 
-def run_on_box(case: Case, taught: TaughtData) -> list[Group]:
+def run_on_box(case: Case, set_points: SetPoints) -> list[Group]:
     """Execute in corners of the box, all joints in the same one.
 
     One group for either end of a shared dead time. Where saturation is refused the robots do not
@@ -103,28 +105,28 @@ def run_on_box(case: Case, taught: TaughtData) -> list[Group]:
     late = np.broadcast_to(box.dead_time, (dof,))
     shared = box.dead_time_shared and bool(late.any())
     apart = np.zeros(dof) if box.dead_time_shared else late
-    resolution = max(taught.period / BOX_PER_INTERVAL, FINEST)
+    resolution = max(set_points.cycle / BOX_PER_INTERVAL, FINEST)
     groups = []
     for common in (-1.0, 1.0) if shared else (0.0,):
         moved = np.maximum(servo.dead_time + common * late, 0.0)
         servos = _variants(servo, moved, box, apart)
         plants = [case.plant(x, ideal=not case.saturated) for x in servos]
-        runs = [execute(taught, x, resolution=resolution) for x in plants]
+        runs = [simulate(set_points, x, resolution=resolution) for x in plants]
         groups.append((float((moved - servo.dead_time)[0]) if shared else 0.0, runs))
     return groups
 
 
-def distances(piece: Piece) -> FloatArray:
+def distances(piece: ContourExecution) -> FloatArray:
     """Contour error of both directions at every time of a piece [m], (n,)."""
     error = piece.contour_error
-    over_time = np.maximum(piece.found.distance, piece.found.missed)
+    over_time = np.maximum(piece.found.distance, piece.found.coverage_error)
     # A peak between two times counts for the nearer one.
     peak = int(np.argmin(np.abs(piece.t - error.t_max)))
     over_time[peak] = max(over_time[peak], error.max)
     return over_time
 
 
-def speed_shares(case: Case, piece: Piece) -> FloatArray:
+def speed_shares(case: Case, piece: ContourExecution) -> FloatArray:
     """Tool speed of a piece over the velocity assigned at its place, (n,)."""
     # Rigid bodies have a result in every cycle of their drives.
     return piece.speed_shares(case.limits.speed, between=not case.bodies)
@@ -137,7 +139,7 @@ class Trial:
     Args:
         case: The case.
         trajectory: The plan.
-        taught: Its set-points.
+        set_points: Its set-points.
         executed: Their execution on the robot.
         pieces: The execution contour by contour.
         groups: Executions on corners of the box.
@@ -147,9 +149,9 @@ class Trial:
 
     case: Case
     trajectory: Trajectory
-    taught: TaughtData
+    set_points: SetPoints
     executed: Execution
-    pieces: Sequence[Piece]
+    pieces: Sequence[ContourExecution]
     groups: Sequence[Group] = ()
     box: FloatArray | None = None
     check: Check | None = None
@@ -160,7 +162,7 @@ class Trial:
         return [self.executed, *(x for _, runs in self.groups for x in runs)]
 
     @cached_property
-    def corner_pieces(self) -> list[tuple[float, list[Sequence[Piece]]]]:
+    def corner_pieces(self) -> list[tuple[float, list[Sequence[ContourExecution]]]]:
         """The groups, each execution contour by contour."""
         program = self.case.program
         return [
@@ -168,7 +170,7 @@ class Trial:
         ]
 
 
-def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> Uses:
+def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> LimitMargins:
     """The uses of one contour by its plan, its command and its execution.
 
     Args:
@@ -181,14 +183,14 @@ def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> Uses:
     path, executed = piece.path, trial.executed
     now, since = slice(0, len(executed.t)), None
     if case.program.single_path is None:
-        # The command interval in which a move ends has a part of the next one.
-        start, period = trial.taught.start_time, trial.taught.period
-        last = start + np.ceil((span.t[1] - start) / period - SAME) * period
+        # The cycle in which a move ends has a part of the next one.
+        start, cycle = trial.set_points.start_time, trial.set_points.cycle
+        last = start + np.ceil((span.t[1] - start) / cycle - SAME) * cycle
         ends = span.t[0], float(last)
         now, since = slice(*np.searchsorted(executed.t, ends)), ends
     t = executed.t[now] - span.t[0]
     s, joints, pace = _planned_uses(case, path, plan, t)
-    pace = np.maximum(pace, _command_use(case, trial.taught, executed.t[now]))
+    pace = np.maximum(pace, _command_use(case, trial.set_points, executed.t[now]))
     peak = np.zeros(case.arm.dof)
     if not case.saturated and not case.bodies:
         for x in trial.all_runs:
@@ -209,7 +211,7 @@ def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> Uses:
     if trial.box is not None:
         box[counts] = np.interp(executed.t[piece.which], *trial.box) / case.budget
     rms = case.goal.rms
-    return Uses(
+    return LimitMargins(
         t=t,
         s=s,
         joints=joints,
@@ -244,16 +246,16 @@ def peak_demand(
     every = np.asarray(case.demand_ratio(executed.demand_range).max(axis=0))
     if span is None or every.max() <= 1.0:
         return every
-    taught = executed.taught
-    begin, end = (np.array(span) - taught.start_time) / taught.period
+    set_points = executed.set_points
+    begin, end = (np.array(span) - set_points.start_time) / set_points.cycle
     first = max(0, int(np.ceil(begin - SAME)))
-    last = min(count_intervals(taught, servo), int(np.ceil(end - SAME)))
+    last = min(count_intervals(set_points, servo), int(np.ceil(end - SAME)))
     if first >= last:
         return case.demand_ratio(executed.demand[-1])
-    row = first * round(taught.period / float(executed.t[1] - executed.t[0]))
+    row = first * round(set_points.cycle / float(executed.t[1] - executed.t[0]))
     held = executed.dq[row] if servo.kv is None else executed.ddq[row]
     held = np.where(servo.ki > 0, executed.demand[row], held)
-    again = Simulation(taught.q, taught.period, servo).run(
+    again = Simulation(set_points.q, set_points.cycle, servo).run(
         first, last, executed.q[row], executed.dq[row], held=held
     )
     both = np.stack([again.lowest, again.highest])
@@ -327,16 +329,16 @@ def _passing(plan: Trajectory, places: FloatArray) -> FloatArray:
     return np.clip(np.unique(np.concatenate(times)), 0.0, plan.duration)
 
 
-def _command_use(case: Case, taught: TaughtData, t: FloatArray) -> FloatArray:
+def _command_use(case: Case, set_points: SetPoints, t: FloatArray) -> FloatArray:
     """The share of what bounds ds² that set-points take, at the times `t`, (n,)."""
     dof = case.arm.dof
-    rate = np.append(np.diff(taught.q, axis=0), np.zeros((1, dof)), axis=0) / taught.period
-    states = States(case.arm, (taught.q, rate))
+    rate = np.append(np.diff(set_points.q, axis=0), np.zeros((1, dof)), axis=0) / set_points.cycle
+    states = States(case.arm, (set_points.q, rate))
     pace = (states.use("joint_velocity", case.limits).ratio ** 2).max(axis=1)
     lower, upper = case.limits.joint_range(dof)
-    outside = ((taught.q < lower) | (taught.q > upper)).any(axis=1)
+    outside = ((set_points.q < lower) | (set_points.q > upper)).any(axis=1)
     pace = np.maximum(pace, np.where(outside, OUTSIDE, 0.0))
-    k = np.clip(np.searchsorted(taught.t, t, side="right") - 1, 0, len(pace) - 1)
+    k = np.clip(np.searchsorted(set_points.t, t, side="right") - 1, 0, len(pace) - 1)
     return np.asarray(pace[k])
 
 
@@ -361,12 +363,12 @@ def _worst(case: Case, trial: Trial, number: int) -> FloatArray:
         largest = np.maximum(largest, np.interp(t, *_across(case, late, pieces, span)))
         for x in pieces:
             rows = np.clip(np.searchsorted(t, x.t), 0, len(t) - 1)
-            np.maximum.at(largest, rows, x.found.missed)
+            np.maximum.at(largest, rows, x.found.coverage_error)
     return largest
 
 
 def _variants(
-    servo: ServoModel, dead_time: FloatArray, box: Box, apart: FloatArray
+    servo: ServoModel, dead_time: FloatArray, box: Uncertainty, apart: FloatArray
 ) -> list[ServoModel]:
     """Servos in the corners of the box, all joints in the same."""
     gains = np.broadcast_to(np.asarray(box.gains), (2, len(dead_time)))
@@ -385,7 +387,7 @@ def _variants(
 
 
 def _across(
-    case: Case, late: float, pieces: Sequence[Piece], span: Span
+    case: Case, late: float, pieces: Sequence[ContourExecution], span: Span
 ) -> tuple[FloatArray, FloatArray]:
     """Times, and the largest sum over the joints of what any of the runs moves them across."""
     arm, path, plan = case.arm, pieces[0].path, span.trajectory

@@ -9,28 +9,28 @@ from functools import cached_property
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import brief, several
+from armcontour.core.describing import count_noun, short_repr
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.render import Result, number, verdict
 from armcontour.core.result import FILE, FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table
 from armcontour.geometry import Path, RoundedPath, ShapedPath
-from armcontour.jobs.goal import Goal
+from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.job import ARC, FREE, Job, Run
-from armcontour.jobs.results import ExperimentResult, RunResult, Study
+from armcontour.jobs.results import ExperimentResult, JobResult, RunResult
 from armcontour.jobs.run_data import field_rows, warning_rows
 from armcontour.jobs.verdict import ROUNDING, off_drawing, time_limit_row
 from armcontour.jobs.warnings import beyond_logs
-from armcontour.motion import Execution, JointPath, TaughtData, Trajectory
+from armcontour.motion import Execution, JointPath, SetPoints, Trajectory
 from armcontour.planning import Tracing, explain
 from armcontour.program import Program
 from armcontour.simulation.rigid_body_plant import can_simulate
-from armcontour.simulation.robustness.monte_carlo import Spread
+from armcontour.simulation.robustness.monte_carlo import MonteCarloResult
 from armcontour.studies.certification._derating import Derating
-from armcontour.studies.certification.lowering import Lowered
+from armcontour.studies.certification.lowering import DeratedInterval
 from armcontour.verification import Check, Evaluation
 from armcontour.verification.clearance import Clearance
-from armcontour.verification.error_profile import ErrorProfile, Missed, error_rows
+from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
 from armcontour.verification.evaluation import duration_row
 
 # Label of the bound of the distance from the drawing.
@@ -49,10 +49,10 @@ class Budget(Result):
     Args:
         rounding: Largest corner error of the path; the tolerance of a path of the shape free.
         servo: Largest contour error of the same plan with a nearly continuous command.
-        sampling: Part that the command interval adds to `servo`; may be negative.
+        sampling: Part that the cycle adds to `servo`; may be negative.
         box: Part that the worst robot of the box adds to both; 0 without a box.
-        unexplained: Bound of the part across the path that the servo model does not explain, to
-            first order; 0 if `unexplained` of the servo is not known.
+        model_error: Bound of the part across the path that the servo model does not explain, to
+            first order; 0 if `model_error` of the servo is not known.
         allowed: Tolerance for the sum of all parts; None without one.
         servo_allowed: Largest sum of servo, sampling, box and unexplained.
     """
@@ -61,14 +61,14 @@ class Budget(Result):
     servo: float
     sampling: float
     box: float
-    unexplained: float
+    model_error: float
     allowed: float | None
     servo_allowed: float
 
     @property
     def executed(self) -> float:
         """Bound of the contour error of the execution, over the box if there is one [m]."""
-        return self.servo + self.sampling + self.box + self.unexplained
+        return self.servo + self.sampling + self.box + self.model_error
 
     @property
     def total(self) -> float:
@@ -79,7 +79,7 @@ class Budget(Result):
         """The bounds, what is left, and the parts."""
         allowed = self.servo_allowed if self.allowed is None else self.allowed
         note = f"of {number(allowed, 'm')}"
-        unexplained = "not explained by the servo model" if self.unexplained else ""
+        model_error = "not explained by the servo model" if self.model_error else ""
         return Data(
             "Budget",
             (
@@ -88,9 +88,9 @@ class Budget(Result):
                 Row("left", self.left, "m", "left of the budget", note, FIRST),
                 Row("rounding", self.rounding, "m", "rounding"),
                 Row("servo", self.servo, "m", "servo, continuous command"),
-                Row("sampling", self.sampling, "m", "command interval"),
+                Row("sampling", self.sampling, "m", "cycle"),
                 Row("box", self.box, "m", "robots of the box" if self.box else ""),
-                Row("unexplained", self.unexplained, "m", unexplained),
+                Row("model_error", self.model_error, "m", model_error),
                 Row("allowed", self.allowed, "m"),
                 Row("servo_allowed", self.servo_allowed, "m"),
             ),
@@ -137,7 +137,7 @@ class Uncertified(Result, Checked):
             ),
         )
 
-    __repr__ = brief
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -154,10 +154,10 @@ class ContourCertificate(Result):
         factors: Shares that are left of limits derated along the whole contour, by their names.
         lowered: What was derated: how much, where, and for what; the largest share first.
         trajectory: Plan of the contour; times from 0 [s].
-        taught: Taught data of the contour, after those of the moves before it that still affect the
-            servo.
+        set_points: Set-points of the contour, after those of the moves before it that still affect
+            the servo.
         error: Contour error in the execution of the whole program: from the tool to the path.
-        missed: Largest distance from the path to the tool in that execution.
+        coverage_error: Largest distance from the path to the tool in that execution.
         speed_ratio: Largest ratio of the tool speed to the velocity assigned at its place in that
             execution; 0 where none is assigned.
         budget: The parts of the contour error.
@@ -174,16 +174,16 @@ class ContourCertificate(Result):
     joint_path: JointPath
     derating: Derating
     factors: dict[str, float]
-    lowered: tuple[Lowered, ...]
+    lowered: tuple[DeratedInterval, ...]
     trajectory: Trajectory
-    taught: TaughtData
+    set_points: SetPoints
     error: ErrorProfile
-    missed: Missed
+    coverage_error: Coverage
     speed_ratio: float
     budget: Budget
     optimum: float
-    corners: Spread | None
-    spread: Spread | None
+    corners: MonteCarloResult | None
+    spread: MonteCarloResult | None
     trials: int
 
     def to_data(self) -> Data:
@@ -203,7 +203,7 @@ class ContourCertificate(Result):
                 Row("length", self.path.length, "m"),
                 Row("shape", self.shape),
                 *error_rows("contour_error", "contour error", self.error),
-                *error_rows("missed", "path missed", self.missed),
+                *error_rows("coverage_error", "path missed", self.coverage_error),
                 Row("speed_ratio", self.speed_ratio, "1"),
                 Row("headroom.mean", self.headroom, "1", "acceleration derated, mean", joint),
                 Row("headroom.largest", self.largest_headroom, "1"),
@@ -214,7 +214,7 @@ class ContourCertificate(Result):
             ),
         )
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     @property
     def shape(self) -> str | None:
@@ -272,8 +272,8 @@ class Certificate(Result):
         objective: The program before its corners were rounded.
         path: The program that was planned; `path.path` is the tool path of a single contour.
         trajectory: The certified plan.
-        taught: Taught data of the plan.
-        execution: Execution of the taught data on the model.
+        set_points: Set-points of the plan.
+        execution: Execution of the set-points on the model.
         evaluation: Evaluation of the execution, at 0.1 ms.
         check: Check of the plan against every limit, between samples too.
         contours: Certificates of the contours, in order.
@@ -282,7 +282,7 @@ class Certificate(Result):
         shapes: Where the run asked for a free shape, the duration of the fastest plan by shape: of
             the certified plan, and of plans with the other shape, which may not be certified if
             none can be faster [s]. Else empty.
-        experiment: Execution of the same taught data on the arm's rigid bodies, which no trial
+        experiment: Execution of the same set-points on the arm's rigid bodies, which no trial
             used; None if the run has no experiment, or if the experiment failed.
         failure: The error of a failed experiment; None otherwise.
         clearance: How far the arm stays from itself and from its cell; None where nothing looks
@@ -291,12 +291,12 @@ class Certificate(Result):
 
     job: Job
     run: Run
-    goal: Goal
+    goal: CertificateGoal
     model: str
     objective: Program
     path: Program
     trajectory: Trajectory
-    taught: TaughtData
+    set_points: SetPoints
     execution: Execution
     evaluation: Evaluation
     check: Check
@@ -316,14 +316,14 @@ class Certificate(Result):
             "contours", [x.to_data() for x in self.contours], TABLE if count > 1 else FILE
         )
         return Data(
-            title + (f", {several(count, 'contour')}" if count > 1 else ""),
+            title + (f", {count_noun(count, 'contour')}" if count > 1 else ""),
             (*self._verdict(), *self._figures(), *self._repeat()),
             (contours,),
             notes=self.notes,
             warnings=self.warnings,
         )
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     def _verdict(self) -> Iterator[Row]:
         """What is off the drawing, guaranteed; what it costs, and what is left."""
@@ -369,7 +369,7 @@ class Certificate(Result):
         yield Row("not_judged", self.check.not_judged)
         yield Row("trials", self.trials, "", "plans tried")
         yield Row("model", self.model, "", "holds for")
-        yield Row("on_bodies", self.on_bodies)
+        yield Row("simulate_rigid_bodies", self.simulate_rigid_bodies)
         yield Row("run", self.run.name)
         yield from field_rows("goal", self.goal)
         yield from self.uncertified.to_data().under("uncertified", FILE)
@@ -383,7 +383,7 @@ class Certificate(Result):
             Row("rapids", [dict(x) for x in self.rapids]),
             Row("compensation", run.compensation.method),
             Row("compensation_options", run.compensation.own),
-            Row("period", run.period, "s"),
+            Row("cycle", run.cycle, "s"),
             *field_rows("rounding", run.rounding),
             *(x for x in field_rows("limits", run.limits) if x.name != "limits.lifted"),
             *field_rows("servo", self.job.servo),
@@ -433,7 +433,7 @@ class Certificate(Result):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences on weak points of the plan, and on what the certificate is not valid for."""
-        return (*self.result.warnings, *filter(None, [self.on_bodies]))
+        return (*self.result.warnings, *filter(None, [self.simulate_rigid_bodies]))
 
     @property
     def trials(self) -> int:
@@ -453,7 +453,7 @@ class Certificate(Result):
     @property
     def condition(self) -> str:
         """Condition of what the servo model does not explain; empty if that is not known."""
-        if not self.budget.unexplained:
+        if not self.budget.model_error:
             return ""
         return beyond_logs(self.job.plant_servo, self.trajectory) or (
             "What the servo model does not explain is bounded for motion with at most the velocity "
@@ -477,12 +477,12 @@ class Certificate(Result):
         return self.worst.budget
 
     @property
-    def corners(self) -> Spread | None:
+    def corners(self) -> MonteCarloResult | None:
         """The corners of the box, on the contour with the least left; None without a box."""
         return self.worst.corners
 
     @property
-    def spread(self) -> Spread | None:
+    def spread(self) -> MonteCarloResult | None:
         """Robots drawn from the box, on the contour with the least left; None without a box."""
         return self.worst.spread
 
@@ -511,7 +511,7 @@ class Certificate(Result):
         return tuple(said for _, said in sorted(most.values(), reverse=True))
 
     @property
-    def on_bodies(self) -> str | None:
+    def simulate_rigid_bodies(self) -> str | None:
         """Sentence that a certificate for servos is not valid for the arm's rigid bodies.
 
         None for a certificate on rigid bodies, and without bodies or without MuJoCo.
@@ -522,7 +522,7 @@ class Certificate(Result):
         said = "coupled dynamics of the arm's rigid bodies can increase the error"
         if self.experiment is not None:
             e, allowed = self.experiment.evaluation, self.budget.servo_allowed
-            off = max(e.contour_error.max, e.missed.max)
+            off = max(e.contour_error.max, e.coverage_error.max)
             said = (
                 "in the experiment on the arm's rigid bodies the contour error is "
                 f"{number(off, 'm')} of {number(allowed, 'm')} allowed for servos"
@@ -567,7 +567,7 @@ class Certificate(Result):
             traced=None if single is None else Tracing.along(self.joint_path, single),
             trajectory=self.trajectory,
             explanation=explain(self.trajectory, self.job.arm),
-            taught=self.taught,
+            set_points=self.set_points,
             servo=self.job.servo,
             execution=self.execution,
             evaluation=self.evaluation,
@@ -577,7 +577,7 @@ class Certificate(Result):
         )
 
     @property
-    def study(self) -> Study:
+    def study(self) -> JobResult:
         """A study with the certified plan as its only run."""
         job = replace(self.job, runs=(self.run,))
-        return Study(job=job, runs={self.run.name: self.result})
+        return JobResult(job=job, runs={self.run.name: self.result})

@@ -14,20 +14,20 @@ from armcontour.core import checks
 from armcontour.core.describing import count_kinds
 from armcontour.core.errors import ExecutionError, InvalidInput, NotRealizable
 from armcontour.core.fields import checked
-from armcontour.core.progress import Progress, Step, under
+from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.geometry import Path, RoundedPath, ShapedPath
 from armcontour.jobs.alternatives import clearance_of
 from armcontour.jobs.experiment import build_plant
-from armcontour.jobs.goal import Goal
+from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.job import ARC, FREE, Job, Run, choose_run
 from armcontour.jobs.planning import plan_one
 from armcontour.jobs.reuse import Reuse
-from armcontour.jobs.study import evaluate_run, on_bodies
-from armcontour.motion import Method, TaughtData
-from armcontour.planning import Optimal, refuse_unkept_jerk
+from armcontour.jobs.study import evaluate_run, simulate_rigid_bodies
+from armcontour.motion import Method, SetPoints
+from armcontour.planning import Optimal, check_jerk_support
 from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_called
-from armcontour.simulation import RigidBodyPlant, execute
-from armcontour.simulation.robustness.box import Box
+from armcontour.simulation import RigidBodyPlant, simulate
+from armcontour.simulation.robustness.box import Uncertainty
 from armcontour.simulation.robustness.monte_carlo import spans_of
 from armcontour.simulation.robustness.unknowns import Unknowns
 from armcontour.studies.certification import _bodies
@@ -45,7 +45,7 @@ from armcontour.studies.certification.lowering import find_lowered
 from armcontour.verification.error_profile import ErrorProfile
 from armcontour.verification.pieces import pieces_of
 
-# A command interval this many times shorter counts as continuous; it is at least SHORTEST [s].
+# A cycle this many times shorter counts as continuous; it is at least SHORTEST [s].
 CONTINUOUS = 20
 SHORTEST = 1e-4
 # Shares of a total tolerance that the servo gets if the goal has no budget for the servo. They are
@@ -69,14 +69,14 @@ def certify(
     job: Job,
     run: str | None = None,
     *,
-    goal: Goal | None = None,
+    goal: CertificateGoal | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Certificate:
     """Find the fastest plan of a job whose execution keeps its tolerance.
 
     Whatever timing the run has, the plan is an optimal one, derated where needed.
-    Compensation, command interval and limits are those of the run. The certificate is valid for the
+    Compensation, cycle and limits are those of the run. The certificate is valid for the
     job's plant: its servos, or its rigid bodies if the goal says so, and for no other model.
 
     Args:
@@ -100,19 +100,19 @@ def certify(
             "not take: leave duration out."
         )
     if this.rounding is not None and this.rounding.free:
-        refuse_unkept_jerk(Method.SHAPED, this.limits)
+        check_jerk_support(Method.SHAPED, this.limits)
     plant = None
     if this.experiment is not None:
         # What refuses the robot of the experiment is said before the search.
         plant = build_plant(this.experiment, job.arm, job.plant_servo, this.limits)
     if goal.box is not None and goal.plant == "servo":
         # So is what does not fit the box.
-        spans_of(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, this.period)
+        spans_of(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, this.cycle)
     # A certified plan derates what it has to, so it leaves no reserve.
     free = this.rounding is not None and this.rounding.free
     intervals = this.timing.intervals if free and isinstance(this.timing, Optimal) else None
     this = replace(this, timing=Optimal(intervals=intervals))
-    tell, shapes = under(progress), [this]
+    tell, shapes = subprogress(progress), [this]
     if free and this.rounding is not None:
         shapes.append(replace(this, rounding=this.rounding.with_arcs))
     best: tuple[Case, Proven] | None = None
@@ -134,17 +134,17 @@ def certify(
     return _certificate(*best, durations if FREE in durations else {}, plant)
 
 
-def goal_of(job: Job, **overrides: Any) -> Goal:
+def goal_of(job: Job, **overrides: Any) -> CertificateGoal:
     """Make the goal of a certificate: that of the job, with some fields replaced.
 
     Raises:
         InvalidInput: There is no goal, or a goal has no field of a given name.
     """
-    known = tuple(x.name for x in fields(Goal))
+    known = tuple(x.name for x in fields(CertificateGoal))
     for name in overrides:
-        checks.choice("An option of certify", name, known)
+        checks.check_choice("An option of certify", name, known)
     if job.certificate is None:
-        return Goal(**overrides)
+        return CertificateGoal(**overrides)
     return replace(job.certificate, **overrides)
 
 
@@ -160,7 +160,12 @@ def run_of(job: Job, name: str | None) -> Run:
 
 
 def _fastest(
-    job: Job, this: Run, goal: Goal, executor: Executor | None, tell: Progress, deadline: float
+    job: Job,
+    this: Run,
+    goal: CertificateGoal,
+    executor: Executor | None,
+    tell: Progress,
+    deadline: float,
 ) -> tuple[Case, Proven | None, float]:
     """Find the fastest plan of a run that keeps the goal, whatever its path's part of a tolerance.
 
@@ -221,13 +226,13 @@ def _fastest(
         if best is not None and found[0].trajectory.duration >= best[0].trajectory.duration:
             break
         best = found
-        if _worst(*best) + best[0].case.unexplained < NEAR * budget:
+        if _worst(*best) + best[0].case.model_error < NEAR * budget:
             break
     assert best is not None
     # What the servo does not need goes to the shape, if the plan gets faster.
     for factor in KEPT_FOR_SERVO:
         case = best[0].case
-        needed = factor * _worst(*best) + case.unexplained
+        needed = factor * _worst(*best) + case.model_error
         if needed > case.servo_allowed - LEAST_GAIN * tightest:
             break
         with suppress(NotRealizable):
@@ -245,14 +250,14 @@ def _worst(proof: Trial, moves: Sequence[Move]) -> float:
     return max(largest + [float(x.max.max()) for x in robots])
 
 
-def _tightest(this: Run, goal: Goal) -> float:
+def _tightest(this: Run, goal: CertificateGoal) -> float:
     """The smallest tolerance that shape and servo share [m]."""
     assert goal.tolerance is not None
     line = None if this.rounding is None else this.rounding.line_tolerance
     return goal.tolerance if line is None else min(line, goal.tolerance)
 
 
-def _with_shape(this: Run, goal: Goal, servo: float) -> Run:
+def _with_shape(this: Run, goal: CertificateGoal, servo: float) -> Run:
     """The run with the tolerances for the shape that the servo's part leaves [m]."""
     rounding = this.rounding
     if rounding is None or goal.tolerance is None:
@@ -278,7 +283,7 @@ def _refuse_other_programs(case: Case) -> None:
             "A certificate on rigid bodies is for one contour, with or without dwells, but "
             f"this program has {_list_moves(program)}, or certify with plant: servo."
         )
-    Unknowns.of(case.box or Box(), case.arm, case.servo)
+    Unknowns.of(case.box or Uncertainty(), case.arm, case.servo)
     case.plant()
 
 
@@ -318,8 +323,8 @@ def _certificate(
     if plant is not None:
         case.progress(Step(("experiment",)))
         try:
-            experiment = on_bodies(
-                job, this, proof.taught, case.program, case.planned.objective, plant
+            experiment = simulate_rigid_bodies(
+                job, this, proof.set_points, case.program, case.planned.objective, plant
             )
         except ExecutionError as error:
             failure = error
@@ -332,7 +337,7 @@ def _certificate(
         objective=case.planned.objective,
         path=case.program,
         trajectory=proof.trajectory,
-        taught=proof.taught,
+        set_points=proof.set_points,
         execution=proof.executed,
         evaluation=result,
         check=proof.check,
@@ -351,16 +356,16 @@ def _contours(base: Case, proof: Trial, contours: Sequence[Move]) -> Iterator[Co
     case, fastest = proof.case, base.planned.trajectory.contour_spans
     spans = proof.trajectory.contour_spans
     # Nearly continuous set-points show the part of the servo.
-    own = case.run.period
-    period = max(own / CONTINUOUS, min(SHORTEST, own))
-    smooth = run(case, case.teach(proof.trajectory, period), max(period, case.resolution))
+    own = case.run.cycle
+    cycle = max(own / CONTINUOUS, min(SHORTEST, own))
+    smooth = run(case, case.teach(proof.trajectory, cycle), max(cycle, case.resolution))
     pieces = pieces_of(smooth, case.program, None, None)
     for k, (x, piece, span) in enumerate(zip(contours, proof.pieces, spans, strict=True)):
         assert span.work is not None
-        error, missed = piece.contour_error, piece.missed
-        nominal = max(error.max, missed.max)
+        error, coverage_error = piece.contour_error, piece.coverage_error
+        nominal = max(error.max, coverage_error.max)
         worst = [float(y.max.max()) for y in (x.corners, x.spread) if y is not None]
-        servo = max(pieces[k].contour_error.max, pieces[k].missed.max)
+        servo = max(pieces[k].contour_error.max, pieces[k].coverage_error.max)
         yield ContourCertificate(
             name=contour_called(case.program.contours[k], k),
             t=span.t,
@@ -373,16 +378,16 @@ def _contours(base: Case, proof: Trial, contours: Sequence[Move]) -> Iterator[Co
                 x.derating, x.factors, x.squares, x.plan, span.t[0], case.arm.joint_names
             ),
             trajectory=x.plan,
-            taught=case.stretch(proof.taught, span.t, x.plan),
+            set_points=case.stretch(proof.set_points, span.t, x.plan),
             error=error,
-            missed=missed,
+            coverage_error=coverage_error,
             speed_ratio=float(speed_shares(case, piece).max()),
             budget=Budget(
                 rounding=shape_part(piece.path),
                 servo=servo,
                 sampling=nominal - servo,
                 box=max(0.0, *(y - nominal for y in worst), 0.0),
-                unexplained=case.unexplained,
+                model_error=case.model_error,
                 allowed=case.goal.tolerance,
                 servo_allowed=case.servo_allowed,
             ),
@@ -396,31 +401,33 @@ def _contours(base: Case, proof: Trial, contours: Sequence[Move]) -> Iterator[Co
 def _uncertified(case: Case) -> Uncertified:
     """Execute the fastest plan, with nothing derated."""
     fastest = case.planned.trajectory
-    taught = case.teach(fastest)
-    resolution = max(min(1e-3, case.run.period), case.resolution)
-    executed = execute(taught, case.plant(), resolution=resolution)
+    set_points = case.teach(fastest)
+    resolution = max(min(1e-3, case.run.cycle), case.resolution)
+    executed = simulate(set_points, case.plant(), resolution=resolution)
     t = executed.t
     pieces = pieces_of(executed, case.program, None, None)
     error = ErrorProfile.join([x.contour_error for x in pieces])
-    missed = max(x.missed.max for x in pieces)
+    coverage_error = max(x.coverage_error.max for x in pieces)
     return Uncertified(
         duration=fastest.duration,
         contours=tuple(x.t[1] - x.t[0] for x in fastest.contour_spans),
-        contour_error=(max(error.max, missed), error.rms),
+        contour_error=(max(error.max, coverage_error), error.rms),
         saturated=executed.saturated_time / (t[-1] - t[0]),
-        box=_worst_of_box(case, taught),
+        box=_worst_of_box(case, set_points),
     )
 
 
-def _worst_of_box(case: Case, taught: TaughtData) -> float | None:
+def _worst_of_box(case: Case, set_points: SetPoints) -> float | None:
     """Largest contour error in the corners of the box [m]; None without one."""
     if case.box is None:
         return None
     if case.bodies:
-        corners, _ = _bodies.worst_corners(case, taught)
-        return float(_bodies.largest_errors(case, taught, list(corners[: _bodies.FIRST]))[1].max())
-    spans = taught.trajectory.contour_spans
-    robots = (execute_servos(case, taught, k, x) for k, x in enumerate(spans))
+        corners, _ = _bodies.worst_corners(case, set_points)
+        return float(
+            _bodies.largest_errors(case, set_points, list(corners[: _bodies.FIRST]))[1].max()
+        )
+    spans = set_points.trajectory.contour_spans
+    robots = (execute_servos(case, set_points, k, x) for k, x in enumerate(spans))
     return max(float(x.max.max()) for x in robots)
 
 
@@ -432,7 +439,7 @@ def model_of(case: Case) -> str:
         return _model_of_bodies(case, held[servo.interpolation])
     parts = [
         f"independent joint servos{' of order second' * (servo.order == 'second')} with {servo}",
-        f"set-points every {case.run.period * 1e3:g} ms, " + held[servo.interpolation],
+        f"set-points every {case.run.cycle * 1e3:g} ms, " + held[servo.interpolation],
     ]
     if np.isfinite(case.demand_bounds).any():
         parts.append("accelerations that saturate at the joints' limits")
@@ -446,7 +453,7 @@ def _model_of_bodies(case: Case, held: str) -> str:
     fed = case.drive_options.get("gravity_feedforward", True)
     parts = [
         f"the rigid bodies of {case.arm.name} with {case.servo}, simulated by MuJoCo",
-        f"set-points every {case.run.period * 1e3:g} ms, {held}",
+        f"set-points every {case.run.cycle * 1e3:g} ms, {held}",
     ]
     if case.box is None:
         parts.append("gravity fed forward" if fed else "gravity not fed forward")

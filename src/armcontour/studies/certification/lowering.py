@@ -30,7 +30,7 @@ REASONS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lowered:
+class DeratedInterval:
     """A demand that a certified plan had to be lowered for.
 
     Args:
@@ -80,7 +80,7 @@ def find_lowered(
     plan: Trajectory,
     start: float,
     names: Sequence[str],
-) -> tuple[Lowered, ...]:
+) -> tuple[DeratedInterval, ...]:
     """Find what a plan of a contour was lowered for, the largest share of each kind first.
 
     Args:
@@ -99,14 +99,14 @@ def find_lowered(
         t = start + float(plan.time_at(np.array([s]))[0])
         return {"s": s, "t": t, "length": float(derating.width[off].sum()), "contour": contour}
 
-    def found() -> Iterator[Lowered]:
+    def found() -> Iterator[DeratedInterval]:
         with np.errstate(divide="ignore", invalid="ignore"):
             slower = np.maximum(1 - np.sqrt(derating.cap / squares), 0.0)
         for index, cause in enumerate(CAUSES):
             share = np.where(derating.cap_by == index, np.nan_to_num(slower), 0.0)
             k = int(np.argmax(share))
             if share[k] > SAID:
-                yield Lowered(
+                yield DeratedInterval(
                     what="speed",
                     cause=cause,
                     share=float(share[k]),
@@ -119,7 +119,7 @@ def find_lowered(
             k, j = (int(x) for x in np.unravel_index(np.argmax(share), share.shape))
             if share[k, j] > SAID:
                 alike = bool((left == left[:, :1]).all())
-                yield Lowered(
+                yield DeratedInterval(
                     what="acceleration",
                     cause=cause,
                     share=float(share[k, j]),
@@ -129,7 +129,7 @@ def find_lowered(
                 )
         for name, factor in factors.items():
             if 1 - factor > SAID:
-                yield Lowered(
+                yield DeratedInterval(
                     what=name,
                     cause="limit",
                     share=1 - factor,

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from armcontour.core import checks
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.fields import checked
-from armcontour.core.progress import Progress, under
-from armcontour.jobs.goal import Goal
+from armcontour.core.progress import Progress, subprogress
+from armcontour.jobs.goal import CertificateGoal
 from armcontour.jobs.job import Job
 from armcontour.studies.certification.certifying import certify, goal_of, run_of
 
@@ -39,7 +39,7 @@ def sweep(
     *,
     tolerances: Sequence[float] = (),
     speeds: Sequence[float] = (),
-    goal: Goal | None = None,
+    goal: CertificateGoal | None = None,
     progress: Progress | None = None,
 ) -> tuple[SweepPoint, ...]:
     """Certify a job for several corner tolerances, then for several assigned speeds.
@@ -59,8 +59,8 @@ def sweep(
         InvalidInput: No values, no goal, no such run, or a tolerance for a run without rounded
             corners. A plan that cannot be certified is a point with a refusal.
     """
-    tolerances = checks.listed("tolerances", tolerances, object, "numbers")
-    speeds = checks.listed("speeds", speeds, object, "numbers")
+    tolerances = checks.check_sequence("tolerances", tolerances, object, "numbers")
+    speeds = checks.check_sequence("speeds", speeds, object, "numbers")
     goal = goal_of(job) if goal is None else goal
     this = run_of(job, goal.run if run is None else run)
     values: list[tuple[float | None, float | None]] = [
@@ -86,7 +86,7 @@ def sweep(
                 changed = replace(this, rounding=replace(this.rounding, tolerance=tolerance))
                 aim = goal if goal.tolerance is None else replace(goal, tolerance=tolerance)
             one = replace(job, runs=(changed,), certificate=aim)
-            duration = certify(one, this.name, progress=under(progress, name)).duration
+            duration = certify(one, this.name, progress=subprogress(progress, name)).duration
         except ArmContourError as error:
             refusal = str(error)
         points.append(

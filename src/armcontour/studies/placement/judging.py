@@ -14,7 +14,7 @@ from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row
 from armcontour.jobs.axes import corners_of
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.place_search import CLEARANCE, CYCLE, MANIPULABILITY, TORQUE
+from armcontour.jobs.place_search import CLEARANCE, DURATION, MANIPULABILITY, TORQUE
 from armcontour.jobs.planning import plan_one, trace_one
 from armcontour.jobs.quantities import torques_at
 from armcontour.jobs.reuse import Reuse
@@ -37,7 +37,7 @@ from armcontour.verification.evaluation import duration_row
 LIMITS, OTHER = "limits", "other"
 # What is compared for each objective, with its unit.
 COMPARED = {
-    CYCLE: ("duration", "s"),
+    DURATION: ("duration", "s"),
     MANIPULABILITY: ("singular", "m/rad"),
     CLEARANCE: ("clearance", "m"),
     TORQUE: ("torque_margin", "1"),
@@ -85,7 +85,7 @@ class Verdict(Result):
         if not self.planned:
             return np.inf
         value = getattr(self, COMPARED[objective][0])
-        return float(value if objective == CYCLE else -value)
+        return float(value if objective == DURATION else -value)
 
     def to_data(self) -> Data:
         """The figures that are known."""
@@ -157,7 +157,7 @@ class Judge:
     job: Job
     moves: Moves
     what: str = PART
-    objective: str = CYCLE
+    objective: str = DURATION
     uncertainty: Mapping[str, float] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, object]:
@@ -223,7 +223,7 @@ class Judge:
 
     def least_score(self, seen: Screened) -> float:
         """No place of which this is known has a smaller score."""
-        if self.objective == CYCLE:
+        if self.objective == DURATION:
             return SURE * seen.duration
         known = self.objective == MANIPULABILITY and not np.isnan(seen.singular)
         return -seen.singular if known else -np.inf
@@ -258,7 +258,7 @@ class Judge:
         worst: Verdict | None = None
         for x in around:
             found = self.plan(x, cutoff)
-            if self.objective == CYCLE:
+            if self.objective == DURATION:
                 steps.append((found.bound, Verdict(bound=found.bound)))
                 if found.bound > cutoff:
                     return Trail(tuple(steps))
@@ -279,11 +279,11 @@ class Judge:
         here, run, bound = place_job(self.job, self.moves.frame(place), self.what), self.run, 0.0
         try:
             reuse, program = Reuse(), here.program
-            _, traced = trace_one(here, run, reuse, objective=program, brief=True)
+            _, traced = trace_one(here, run, reuse, objective=program, first_only=True)
             bound = SURE * self._bound(traced) if self.bounded else 0.0
-            if self.objective == CYCLE and bound > cutoff:
+            if self.objective == DURATION and bound > cutoff:
                 return Verdict(bound=bound)
-            found = plan_one(here, run, reuse, objective=program, brief=True)
+            found = plan_one(here, run, reuse, objective=program, first_only=True)
         except ArmContourError as error:
             return _refused(error, bound)
         assert found.traced is not None

@@ -135,7 +135,7 @@ def _of_part(frame: Frame, what: str) -> Frame:
     return frame if what == PART else frame.inverse
 
 
-def refuse_tilted_base(axes: tuple[str, ...], what: str) -> None:
+def check_upright_base(axes: tuple[str, ...], what: str) -> None:
     """Refuse to tilt a base: gravity is given in the frame of the base.
 
     Raises:

@@ -12,14 +12,14 @@ import numpy as np
 from armcontour._version import __version__
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.describing import brief
+from armcontour.core.describing import short_repr
 from armcontour.core.fields import checked
 from armcontour.core.frames import Frame, quaternions
 from armcontour.core.render import Result, number
 from armcontour.core.result import TABLE, VERDICT, Data, Row, Table
 from armcontour.jobs.axes import UNITS, Axis
 from armcontour.jobs.job import Job, Run
-from armcontour.jobs.place_search import CYCLE
+from armcontour.jobs.place_search import DURATION
 from armcontour.robot.scene.scene import PART
 from armcontour.studies.placement.judging import COMPARED, Verdict
 from armcontour.studies.placement.moving import Moves, place_job
@@ -55,7 +55,7 @@ class Placement(Result):
         axes: The axes of the grid.
         moves: What coordinates of a place mean.
         what: What is moved, "part" or "base".
-        objective: What is best: "cycle", "manipulability", "clearance" or "torque".
+        objective: What is best: "duration", "manipulability", "clearance" or "torque".
         uncertainty: Position error of the part [m, rad]; all figures then are of the
             worst of a place and the corners around it.
         verdicts: What is known of every place, the last axis fastest.
@@ -99,7 +99,7 @@ class Placement(Result):
         Args:
             name: One of FIGURES.
         """
-        checks.choice("value", name, FIGURES)
+        checks.check_choice("value", name, FIGURES)
         return np.array([getattr(x, name) for x in self.verdicts]).reshape(self.shape)
 
     def place(self, index: int) -> dict[str, float]:
@@ -108,7 +108,9 @@ class Placement(Result):
         Args:
             index: Its index among the verdicts.
         """
-        at = np.unravel_index(checks.whole("index", index, 0, len(self.verdicts) - 1), self.shape)
+        at = np.unravel_index(
+            checks.check_int("index", index, 0, len(self.verdicts) - 1), self.shape
+        )
         return {x.name: float(x.values[k]) for x, k in zip(self.axes, at, strict=True)}
 
     @checked
@@ -155,7 +157,7 @@ class Placement(Result):
         note = ", ".join([f"{self.planned} planned", *refused])
         if self.own.planned:
             gain = 1 - self.refined.verdict.duration / self.own.duration
-            level = VERDICT if self.objective == CYCLE else TABLE
+            level = VERDICT if self.objective == DURATION else TABLE
             rows.append(Row("gain", gain, "1", "time saved", level=level))
         frame = self.frame()
         rows += [
@@ -206,7 +208,7 @@ class Placement(Result):
             for label, place, verdict in self._compared.values()
         }
 
-    __repr__ = brief
+    __repr__ = short_repr
 
 
 def all_places(axes: tuple[Axis, ...]) -> list[dict[str, float]]:

@@ -12,20 +12,20 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
-from armcontour.core.errors import InvalidInput, NotRealizable, Unreachable, locate_errors
+from armcontour.core.errors import InvalidInput, NotRealizable, Unreachable, error_context
 from armcontour.core.fields import checked
-from armcontour.core.progress import Progress, under
+from armcontour.core.progress import Progress, subprogress
 from armcontour.core.quantities import Workers
 from armcontour.jobs.axes import LENGTHS, Axis, read_axes, read_uncertainty
 from armcontour.jobs.job import Job, Run, choose_run
-from armcontour.jobs.place_search import CLEARANCE, CYCLE, MIDDLE, TORQUE, PlaceSearch
-from armcontour.jobs.planning import programs_of
+from armcontour.jobs.place_search import CLEARANCE, DURATION, MIDDLE, TORQUE, PlaceSearch
+from armcontour.jobs.planning import prepare_and_round
 from armcontour.planning import Optimal
 from armcontour.program import Process, Program
 from armcontour.robot import SerialArm
 from armcontour.robot.scene.scene import BASE
 from armcontour.studies.placement.judging import Judge, Verdict
-from armcontour.studies.placement.moving import Moves, refuse_tilted_base
+from armcontour.studies.placement.moving import Moves, check_upright_base
 from armcontour.studies.placement.placement import Place, Placement, all_places
 from armcontour.studies.placement.refining import refine
 from armcontour.studies.placement.screening import RANGE, REACH, SINGULAR_ARM
@@ -78,9 +78,9 @@ def place(
     this, notes = _run_of(job, run or asked.run, asked.objective)
     axes = read_axes(asked.over, job.arm.dimension)
     off = read_uncertainty(asked.uncertainty, job.arm.dimension)
-    refuse_tilted_base((*(x.name for x in axes), *off), asked.what)
-    with locate_errors(f"Run {this.name}"):
-        program = programs_of(job, this)[1]
+    check_upright_base((*(x.name for x in axes), *off), asked.what)
+    with error_context(f"Run {this.name}"):
+        program = prepare_and_round(job, this)[1]
     # The corners of this program are rounded.
     plain = dataclasses.replace(this, rounding=None)
     judge = Judge(
@@ -93,7 +93,7 @@ def place(
     _refuse_objective(judge)
     if job.process.automatic:
         notes.append("Leads of automatic length are those of the job's own place.")
-    tell = under(progress, "placing")
+    tell = subprogress(progress, "placing")
     places = all_places(axes)
     verdicts = search_grid(
         judge,
@@ -138,9 +138,9 @@ def _at_ends(axes: Sequence[Axis], place: Place) -> list[str]:
     ]
     if not names:
         return []
-    several = "s" if len(names) > 1 else ""
+    plural = "s" if len(names) > 1 else ""
     return [
-        f"The best place is at the end of the range{several} of {' and '.join(names)}: a wider "
+        f"The best place is at the end of the range{plural} of {' and '.join(names)}: a wider "
         "range may have a better one."
     ]
 
@@ -159,7 +159,7 @@ def _run_of(job: Job, name: str | None, objective: str) -> tuple[Run, list[str]]
     """
     able = [x for x in job.runs if isinstance(x.timing, Optimal)]
     this = choose_run(job, name, "placed", able)
-    if this.duration is not None and objective == CYCLE:
+    if this.duration is not None and objective == DURATION:
         raise InvalidInput(
             f"The run {this.name} has a given duration of {this.duration:g} s, which is the same "
             "in every place: leave duration out, or take another objective."
@@ -211,7 +211,7 @@ def _moves(job: Job, program: Program, axes: Sequence[Axis], asked: PlaceSearch)
     else:
         anchor = np.array(about, dtype=np.float64)
     lengths = tuple(x.name for x in axes if x.name in LENGTHS)
-    return Moves(anchor=checks.lock_floats(anchor), absolute=lengths if asked.absolute else ())
+    return Moves(anchor=checks.frozen_array(anchor), absolute=lengths if asked.absolute else ())
 
 
 def _middle(program: Program) -> FloatArray:

@@ -13,7 +13,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.motion import JointPath
 from armcontour.planning.program_tracing import bound_duration
-from armcontour.planning.tracing.configurations import MOST_STARTS, follow_ways, subdivide
+from armcontour.planning.tracing.configurations import MOST_STARTS, follow_branches, subdivide
 from armcontour.planning.tracing.knots import PLACES, first_knots
 from armcontour.planning.tracing.numeric import SINGULAR
 from armcontour.planning.tracing.poses import (
@@ -154,7 +154,7 @@ class _Poses:
         starts = configurations(arm, self.fine[0], self.task, self.start)[:MOST_STARTS]
         if len(starts) == 0:
             return Screened(refusal=REACH)
-        ways, reached = follow_ways(arm, self.fine, self.task, starts)
+        ways, reached = follow_branches(arm, self.fine, self.task, starts)
         followed = [ways[k, self.at] for k in np.flatnonzero(reached == len(self.fine))]
         if not followed:
             best = int(np.argmax(reached))

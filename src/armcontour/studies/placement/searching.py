@@ -15,11 +15,11 @@ from typing import TypeAlias, cast
 
 import numpy as np
 
-from armcontour.core.pool import Crew, open_executor
+from armcontour.core.pool import TaskQueue, open_executor
 from armcontour.core.process import is_other
 from armcontour.core.progress import Progress, Step
 from armcontour.core.render import number
-from armcontour.jobs.place_search import CYCLE
+from armcontour.jobs.place_search import DURATION
 from armcontour.studies.placement.judging import COMPARED, Judge, Trail, Verdict
 from armcontour.studies.placement.screening import Screened
 
@@ -63,7 +63,7 @@ def search_grid(
         processes = 1
     workers = None if executor else 0 if processes == 1 else processes
     with open_executor(workers, executor=executor) as opened:
-        with Crew[Task, Answer](partial(_work, judge, tuple(places)), opened) as crew:
+        with TaskQueue[Task, Answer](partial(_work, judge, tuple(places)), opened) as crew:
             return _Search(judge, len(places), every, progress).run(crew)
 
 
@@ -100,7 +100,7 @@ class _Search:
         self._left: list[tuple[float, int]] = []
         self._best, self._refused = np.inf, Counter[str]()
 
-    def run(self, crew: Crew[Task, Answer]) -> list[Verdict]:
+    def run(self, crew: TaskQueue[Task, Answer]) -> list[Verdict]:
         """Look at all places, then plan those that may be the best."""
         if self._judge.screen is None:
             self._left = [(-np.inf, k) for k in range(len(self.verdicts))]
@@ -109,7 +109,7 @@ class _Search:
         self._plan(crew)
         return self.verdicts
 
-    def _look(self, crew: Crew[Task, Answer]) -> None:
+    def _look(self, crew: TaskQueue[Task, Answer]) -> None:
         """Find bounds of all places, some of them at a time."""
         count, done = len(self.verdicts), 0
         parts = (tuple(range(k, min(k + CHUNK, count))) for k in range(0, count, CHUNK))
@@ -122,14 +122,14 @@ class _Search:
     def _looked(self, k: int, seen: Screened) -> None:
         """Keep the bounds of a place."""
         least = self._judge.least_score(seen)
-        bound = least if self._judge.objective == CYCLE else 0.0
+        bound = least if self._judge.objective == DURATION else 0.0
         self.verdicts[k] = Verdict(bound=bound, singular=seen.singular, refusal=seen.refusal)
         if seen.refusal:
             self._refused[seen.refusal] += 1
         else:
             self._left.append((least, k))
 
-    def _plan(self, crew: Crew[Task, Answer]) -> None:
+    def _plan(self, crew: TaskQueue[Task, Answer]) -> None:
         """Plan places in the order of their bounds, until no other can be better."""
         self._left.sort()
         bounds, turns = [x for x, _ in self._left], [k for _, k in self._left]
@@ -184,4 +184,4 @@ class _Search:
 def shown(score: float, objective: str) -> str:
     """A score as the value that people know."""
     _, unit = COMPARED[objective]
-    return number(score if objective == CYCLE else -score, unit)
+    return number(score if objective == DURATION else -score, unit)

@@ -23,7 +23,7 @@ def corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
             "This corner is at no waypoint of a path of one contour, so that it cannot have a "
             "tolerance of its own: set that of all corners."
         )
-    index = checks.whole("number of the waypoint", edit["index"], 0, MOST_POINTS)
+    index = checks.check_int("number of the waypoint", edit["index"], 0, MOST_POINTS)
     keys = place(("corners", "at"), state.data, state.run)
     key: Keys = (*keys, index + 1)
     given = value_at(state.data, keys)

@@ -119,7 +119,7 @@ def _for_joints(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]
     now = joint_values(tuple(outer), state.handles.job, state.run)
     if now is None:
         raise InvalidInput(f"{'.'.join(map(str, outer))} has no values of single joints.")
-    checks.whole("number of the joint", joint, 0, len(now) - 1)
+    checks.check_int("number of the joint", joint, 0, len(now) - 1)
     si = [value if k == joint else float(x) for k, x in enumerate(now)]
     return [written(x, old, (*outer, k)) for k, x in enumerate(si)]
 
@@ -144,7 +144,7 @@ def value_of(keys: Keys, job: Job, run: Run) -> Any:
         job: The job.
         run: The run.
     """
-    owners = {"corners": run.rounding, "servo": job.servo, "command_interval": run.period}
+    owners = {"corners": run.rounding, "servo": job.servo, "cycle": run.cycle}
     name = str(keys[0])
     value = owners.get(name, getattr(run, name, None))
     return getattr(value, str(keys[1]), None) if len(keys) > 1 else value
@@ -183,7 +183,7 @@ def written(value: Any, old: Any, keys: Keys) -> Any:
         number = plain_number(value)
         return value if number is None else _typed(value.strip(), old, kind)
     if isinstance(value, int | float):
-        checks.number(".".join(map(str, keys)), value, kind.unit)
+        checks.check_number(".".join(map(str, keys)), value, kind.unit)
         like = old if isinstance(old, int | float | str) and not isinstance(old, bool) else None
         return write_like(float(value), like, kind)
     return value

@@ -24,16 +24,16 @@ BODY_KINDS = {
 
 def obstacle(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Add, change or remove an obstacle."""
-    action = checks.choice("action", edit["action"], ("add", "change", "remove"))
+    action = checks.check_choice("action", edit["action"], ("add", "change", "remove"))
     named = str(edit["kind"])
-    kind = checks.choice("kind of obstacles", BODY_KINDS.get(named, named), BODIES)
+    kind = checks.check_choice("kind of obstacles", BODY_KINDS.get(named, named), BODIES)
     there = value_at(state.data, ("scene", kind)) or []
     if action == "add":
         new = {"name": _free_name(edit.get("name") or named, state)}
         keys: Keys = ("scene", kind, len(there))
         given = {key: written(x, None, (*keys, key)) for key, x in _body(edit).items()}
         return [Change(keys, {**new, **given}, insert=True)]
-    index = checks.whole("number of the obstacle", edit["index"], 0, len(there) - 1)
+    index = checks.check_int("number of the obstacle", edit["index"], 0, len(there) - 1)
     keys = ("scene", kind, index)
     if action == "remove":
         return [Change(keys if len(there) > 1 else keys[:2])]

@@ -27,7 +27,7 @@ def place(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Move and turn the part in the plane of the picture."""
     plane, own = state.handles.plane, state.handles.frame
     by, about = uv_of("by", edit.get("by", [0, 0])), uv_of("about", edit.get("about", [0, 0]))
-    turn = checks.number("turn", edit.get("turn", 0.0), "rad")
+    turn = checks.check_number("turn", edit.get("turn", 0.0), "rad")
     turned = exp(turn * plane.normal)
     pivot = plane.lift(about)
     position = pivot + turned @ (own.position - pivot) + plane.lift(by) - plane.origin

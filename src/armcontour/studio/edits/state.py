@@ -38,7 +38,7 @@ def uv_of(name: str, value: Any) -> FloatArray:
     Raises:
         InvalidInput: They are no two coordinates.
     """
-    found = checks.numbers(name, value, "m")
+    found = checks.check_numbers(name, value, "m")
     if found.shape != (2,):
         raise InvalidInput(f"{name} must be two coordinates in the picture, not {show(value)}.")
     return found

@@ -61,7 +61,7 @@ def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Insert a point, which gets a number in the order of the path."""
     handles, index = editable(state), edit["index"]
     ends = handles.ends
-    checks.whole("number of the waypoint", index, 0, len(ends))
+    checks.check_int("number of the waypoint", index, 0, len(ends))
     beside = ends[min(index, len(ends) - 1)]
     if beside.role == END:
         beside = next(x for x in reversed(ends[: beside.index]) if x.role == POINT)
@@ -147,7 +147,7 @@ def _waypoint(edit: Mapping[str, Any], state: EditState, *, computed: bool = Fal
         InvalidInput: There is no such point, or it cannot be moved.
     """
     points = editable(state).waypoints
-    point = points[checks.whole("number of the waypoint", edit["index"], 0, len(points) - 1)]
+    point = points[checks.check_int("number of the waypoint", edit["index"], 0, len(points) - 1)]
     if point.why_not is not None and not computed:
         raise InvalidInput(f"Waypoint {point.index + 1} cannot be moved. {point.why_not}")
     return point

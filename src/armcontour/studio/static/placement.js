@@ -14,7 +14,7 @@ import { movedSince, moveTo } from "./moved.js";
 
 /** Scores, which are small where it is good, as text. */
 const SCORES = /** @type {Record<string, {label: string, text: (x: number) => string}>} */ ({
-  cycle: { label: "cycle time", text: (x) => `${seconds(x)} s` },
+  duration: { label: "cycle time", text: (x) => `${seconds(x)} s` },
   clearance: { label: "clearance", text: (x) => `${mm(-x, 1)} mm` },
   manipulability: { label: "least singular value", text: (x) => short(-x) },
   torque: { label: "torque to spare", text: (x) => `${percent(-x)} %` },
@@ -35,7 +35,7 @@ export class PlacementMap {
     this.link = link;
     /** @type {Cell[]} */
     this.cells = [];
-    this.score = SCORES.cycle;
+    this.score = SCORES.duration;
     /** @type {[number, number]} */
     this.about = [0, 0];
     this.sides = [0, 0];
@@ -66,7 +66,7 @@ export class PlacementMap {
    * @param {Frame} frame
    */
   show(frame) {
-    this.score = SCORES[frame.head.objective] ?? SCORES.cycle;
+    this.score = SCORES[frame.head.objective] ?? SCORES.duration;
     this.about = frame.head.anchor;
     this.from = this.store.latest("picture");
     const { by, turn } = frame.head.best;

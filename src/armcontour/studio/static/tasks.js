@@ -34,7 +34,7 @@ const PLACE = [
   { name: "y", label: "y ±", value: 200, min: 0, max: 5000, unit: "mm" },
   { name: "steps", label: "places a side", value: 9, min: 2, max: 60 },
   { name: "yaw", label: "turn ±", value: 0, min: 0, max: 180, unit: "°" },
-  { name: "objective", label: "best is", choices: [["cycle", "the shortest cycle"], ["clearance", "the most clearance"], ["manipulability", "the best manipulability"], ["torque", "the most torque to spare"]] },
+  { name: "objective", label: "best is", choices: [["duration", "the shortest duration"], ["clearance", "the most clearance"], ["manipulability", "the best manipulability"], ["torque", "the most torque to spare"]] },
   { name: "every", label: "plan every place", type: "checkbox" },
 ];
 
@@ -71,7 +71,7 @@ const tasks = () => [
     task: "export", title: "Export", what: "Set-points for a robot controller, or tables.",
     choices: [
       { name: "format", label: "format", choices: formats.value.filter((x) => [null, joints.value].includes(x[2])).map(([name, label]) => [name, label]) },
-      { name: "of", label: "of", choices: [["taught", "the set-points"], ["planned", "the plan"], ...(logs().length ? [/** @type {[string, string]} */ (["learned", "the next set-points, by logs"])] : [])] },
+      { name: "of", label: "of", choices: [["set_points", "the set-points"], ["planned", "the plan"], ...(logs().length ? [/** @type {[string, string]} */ (["learned", "the next set-points, by logs"])] : [])] },
     ],
     options: ({ format, of }) => ({ ...(format.startsWith("template ") ? { format: "template", template: format.slice(9) } : { format }), of, ...(of === "learned" && logOptions()) }),
   },

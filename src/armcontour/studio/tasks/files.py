@@ -42,7 +42,7 @@ def report(x: Request) -> Frame:
 def certify(x: Request) -> Frame:
     """The fastest plan whose execution keeps the tolerance, as a report; and its figures.
 
-    Options: fields of `jobs.Goal`, such as `tolerance` [m].
+    Options: fields of `jobs.CertificateGoal`, such as `tolerance` [m].
 
     Raises:
         InvalidInput: Neither the job nor the options have a tolerance.
@@ -71,20 +71,20 @@ def certify(x: Request) -> Frame:
 def export(x: Request) -> Frame:
     """The set-points or the plan in a format of a controller or a table.
 
-    Options: `format`, a name of a format; for "template" its `template`; `of`, "taught",
-    "planned", or "learned" from `logs`; `period` of a plan [s].
+    Options: `format`, a name of a format; for "template" its `template`; `of`, "set_points",
+    "planned", or "learned" from `logs`; `cycle` of a plan [s].
     """
     from armcontour.files.exports.formats import TemplateFormat, format_named, put
     from armcontour.files.exports.table import make_table
     from armcontour.files.exports.template import SHIPPED, describe_program, ending_of
     from armcontour.jobs import analog_outputs
 
-    of, source = format_named(str(x.option("format", "csv"))), x.option("of", "taught")
+    of, source = format_named(str(x.option("format", "csv"))), x.option("of", "set_points")
     if source == "learned":
         study = learned(x)
-        plan = replace(study.plan, taught=study.lesson)
+        plan = replace(study.plan, set_points=study.lesson)
     else:
-        plan = x.taught
+        plan = x.set_points
     format = of(**{name: y for name, y in x.options.items() if name == "template"})
     template, ending = None, format.ending
     if isinstance(format, TemplateFormat):
@@ -93,7 +93,7 @@ def export(x: Request) -> Frame:
             names = ", ".join(SHIPPED)
             raise InvalidInput(f"There is no template {template!r}: there are {names}.")
         ending = ending_of(template)
-    taught = source != "planned"
+    set_points = source != "planned"
     x.progress(Step(("writing",)))
     with tempfile.TemporaryDirectory() as folder:
         stem = f"{x.job.name}-{plan.run.name}"
@@ -103,10 +103,10 @@ def export(x: Request) -> Frame:
             stem = stem[:MOST_LETTERS]
         file = FilePath(folder) / f"{stem}{ending}"
         table = make_table(
-            plan.taught if taught else plan.trajectory,
-            name=f"{x.job.name} {'taught' if taught else 'reference'}",
+            plan.set_points if set_points else plan.trajectory,
+            name=f"{x.job.name} {'set-points' if set_points else 'reference'}",
             arm=x.job.arm,
-            period=None if taught else x.option("period", plan.run.period),
+            cycle=None if set_points else x.option("cycle", plan.run.cycle),
             derivatives=2,
             analog=_analog(format, plan, x.job, analog_outputs),
         )
@@ -120,7 +120,7 @@ def export(x: Request) -> Frame:
         name, content = _content_of(file)
     called = f"{'Format' if template is None else 'Template'} {format.label}"
     header = {
-        **{"run": plan.run.name, "points": len(plan.taught.q)},
+        **{"run": plan.run.name, "points": len(plan.set_points.q)},
         "warnings": (*plan.warnings, *(f"{called}: {said}" for said in told)),
     }
     return Frame.of_file(name, content, header)

@@ -19,7 +19,7 @@ def check(x: Request) -> Frame:
     from armcontour.core.render import number
     from armcontour.verification import check
 
-    plan = x.taught
+    plan = x.set_points
     found = check(plan.trajectory, x.job.arm, plan.run.limits, plan.path)
     worst = found.worst
     most = ""
@@ -59,7 +59,7 @@ def clearance(x: Request) -> Frame:
 
     cell = x.job.cell
     try:
-        plan = x.taught
+        plan = x.set_points
     except Collision:
         # Where it comes too near is what is asked for.
         job = replace(x.job, ignore_collisions=True)

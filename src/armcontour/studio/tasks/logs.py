@@ -56,7 +56,7 @@ def learn(x: Request) -> Frame:
 
     study = learned(x)
     content = "".join(taught_pieces(study.lesson, study.job.arm.joint_names)).encode()
-    name = f"{study.job.name}-{study.plan.run.name}-taught.csv"
+    name = f"{study.job.name}-{study.plan.run.name}-set_points.csv"
     return Frame.of_file(
         name, content, {"label": "Download next set-points", **_shown(study.result)}
     )

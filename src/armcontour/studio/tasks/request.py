@@ -12,7 +12,7 @@ from armcontour.core.progress import Progress
 
 if TYPE_CHECKING:
     from armcontour.jobs import Job, RunResult
-    from armcontour.studio.preview import Previewer
+    from armcontour.studio.preview import CoarsePlanner
     from armcontour.studio.view import View
 
 
@@ -52,14 +52,14 @@ class Request:
         return read_data(self.text, self.source)
 
     @cached_property
-    def previewer(self) -> Previewer:
+    def previewer(self) -> CoarsePlanner:
         """Keeps what does not change from one task to the next."""
         key = self.folder, self.trust_xacro
         if key not in _previewers:
-            from armcontour.studio.preview import Previewer
+            from armcontour.studio.preview import CoarsePlanner
 
             _previewers.clear()
-            _previewers[key] = Previewer(FilePath(self.folder), trust_xacro=self.trust_xacro)
+            _previewers[key] = CoarsePlanner(FilePath(self.folder), trust_xacro=self.trust_xacro)
         return _previewers[key]
 
     @cached_property
@@ -80,8 +80,8 @@ class Request:
         )
 
     @cached_property
-    def taught(self) -> RunResult:
-        """Plan and taught data of the run."""
+    def set_points(self) -> RunResult:
+        """Plan and set-points of the run."""
         from armcontour.jobs import run
 
         (found,) = run(self.job, simulate=False, progress=self.progress).runs.values()
@@ -115,4 +115,4 @@ class Request:
 
 
 # One, of the last folder.
-_previewers: dict[tuple[str, bool], Previewer] = {}
+_previewers: dict[tuple[str, bool], CoarsePlanner] = {}

@@ -54,7 +54,7 @@ TASKS: dict[str, Callable[[Request], Frame]] = {
 }
 
 
-class Given(NamedTuple):
+class TaskInput(NamedTuple):
     """Work for the other process.
 
     Args:
@@ -68,10 +68,10 @@ class Given(NamedTuple):
     request: Mapping[str, Any]
 
 
-WARM = Given("", "warm", {})
+WARM = TaskInput("", "warm", {})
 
 
-def work(given: Given, heard: Heard = process.tell) -> bytes:
+def work(given: TaskInput, heard: Heard = process.tell) -> bytes:
     """What the other process does: a task, with its progress, to a frame.
 
     Args:

@@ -10,7 +10,7 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.describing import brief, clock
+from armcontour.core.describing import clock, short_repr
 from armcontour.core.errors import Collision
 from armcontour.core.fields import checked
 from armcontour.core.quantities import Tolerance
@@ -217,7 +217,7 @@ class Clearance(Result):
             ),
         )
 
-    __repr__ = brief
+    __repr__ = short_repr
 
     @property
     def sentence(self) -> str:
@@ -476,7 +476,7 @@ class _Search:
                 low=float(self._low[k]),
                 high=float(self._high[k]),
                 t=float(self._at[k]),
-                points=checks.lock_floats(points[k]),
+                points=checks.frozen_array(points[k]),
                 first_time=first[k],
             )
             for k, x in enumerate(self.pairs)

@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from armcontour.core.checks import FloatArray, IntArray, for_kernel
+from armcontour.core.checks import FloatArray, IntArray, kernel_array
 from armcontour.core.errors import InvalidInput
 from armcontour.robot import Chain
 from armcontour.robot._kinematics import frames_of
@@ -119,7 +119,7 @@ class Distances:
 
     def _placements(self, q: FloatArray) -> FloatArray:
         """Placements of all bodies, (n, bodies, 3, 4)."""
-        joints = frames_of(self._links, for_kernel(q))
+        joints = frames_of(self._links, kernel_array(q))
         # The base, link 0, takes the place of the tool.
         joints[:, -1] = self._base
         poses = joints[:, self._joints]

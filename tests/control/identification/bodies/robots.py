@@ -3,9 +3,9 @@
 import numpy as np
 
 import armcontour as ac
-from armcontour.motion import Log, TaughtData
+from armcontour.motion import Log, SetPoints
 
-PERIOD = 4e-3
+CYCLE = 4e-3
 NOISE = 1e-5
 NOMINAL, LOADED = (ac.BodyFit(gravity=x) for x in ("nominal", "loaded"))
 HOME = np.array([0.3, -1.5, 1.5, -1.2, -1.5, 0.0])
@@ -30,7 +30,7 @@ def nominal_servo():
 def set_points(seed, duration, joints=(0, 1, 2, 3, 4, 5), reach=0.4):
     """Set-points of joints that wander smoothly, from rest to rest, every 4 ms."""
     rng = np.random.default_rng(seed)
-    t = np.arange(0, duration, PERIOD)
+    t = np.arange(0, duration, CYCLE)
     window = np.clip(np.minimum(t, duration - t) / 0.5, 0, 1)
     window = (window**3 * (10 - 15 * window + 6 * window**2))[:, None]
     lines = np.arange(1, int(1.0 * duration) + 1) / duration
@@ -46,13 +46,13 @@ def set_points(seed, duration, joints=(0, 1, 2, 3, 4, 5), reach=0.4):
 def record(arm, servo, q, *, every=4, noise=NOISE, seed=0, **options):
     """A log of set-points that a plant executed, a sample every so many milliseconds."""
     plan = ac.plan(ac.JointPath.spline(np.stack([q[0], q[0] + 0.1])), arm)
-    taught = TaughtData(period=PERIOD, q=q, trajectory=plan, method="none")
+    set_points = SetPoints(cycle=CYCLE, q=q, trajectory=plan, method="none")
     limits = ac.Limits(joint_torque=np.full(arm.dof, 1e4))
     plant = ac.RigidBodyPlant(arm, servo, limits, noise=noise, seed=seed, **options)
-    done = ac.execute(taught, plant)
-    n = int((len(q) - 1) * PERIOD / 1e-3) + 1
+    done = ac.simulate(set_points, plant)
+    n = int((len(q) - 1) * CYCLE / 1e-3) + 1
     t = done.t[:n:every]
-    command = np.stack([np.interp(t, taught.t, x) for x in q.T], axis=1)
+    command = np.stack([np.interp(t, set_points.t, x) for x in q.T], axis=1)
     shaken = np.random.default_rng(seed + 1000).normal(0, noise, (len(t), arm.dof))
     return Log(t=t, command=command, measured=done.q[:n:every] + shaken, source="run.csv")
 

@@ -8,7 +8,7 @@ import ezdxf
 import numpy as np
 
 import armcontour as ac
-from armcontour.files.drawings.chaining import Piece, chain_pieces
+from armcontour.files.drawings.chaining import DrawnEntity, chain_pieces
 from armcontour.files.drawings.dxf import read_dxf
 from armcontour.files.drawings.gcode import read_gcode
 from armcontour.files.drawings.options import ReadOptions
@@ -50,7 +50,7 @@ def long_drawings():
     star, same = (np.zeros((6000, 2)), circle(5999)), (np.zeros((6000, 2)), np.ones((6000, 2)))
     for ends in ((ring[:-1][order], ring[1:][order]), star, same):
         pieces = [ac.Path.polyline(x) for x in zip(*ends, strict=True)]
-        yield partial(chain_pieces, [Piece(path=x, name="", layer="") for x in pieces], 1e-5)
+        yield partial(chain_pieces, [DrawnEntity(path=x, name="", layer="") for x in pieces], 1e-5)
 
 
 def test_reading_takes_time_in_proportion():

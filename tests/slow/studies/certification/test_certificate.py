@@ -5,14 +5,14 @@ from soak.certificates import until_rest
 from tests.studies.certification.test_certificate import PAPER, job, judged
 
 import armcontour as ac
-from armcontour.simulation.robustness.monte_carlo import Box, spread
+from armcontour.simulation.robustness.monte_carlo import Uncertainty, spread
 
 
 def test_every_millisecond():
-    found = ac.certify(job(PAPER, period="1 ms"), goal=ac.Goal(servo=2e-6))
+    found = ac.certify(job(PAPER, cycle="1 ms"), goal=ac.CertificateGoal(servo=2e-6))
     assert found.duration <= 5.345 and judged(found).speed <= 0.15 * (1 + 1e-3)
-    held = job(PAPER, period="1 ms", servo=", interpolation: step")
-    found = ac.certify(held, goal=ac.Goal(servo=1e-5, saturation="report"))
+    held = job(PAPER, cycle="1 ms", servo=", interpolation: step")
+    found = ac.certify(held, goal=ac.CertificateGoal(servo=1e-5, saturation="report"))
     assert judged(found, loaded=True).saturated.max() > 0 and found.duration <= 6.5
     assert found.budget.sampling > 100 * found.budget.servo
 
@@ -27,11 +27,18 @@ def test_every_millisecond():
 )
 def test_robots_of_a_box(servo, budget, box, slowest, samples):
     found = ac.certify(
-        job(PAPER, servo=servo), goal=ac.Goal(servo=budget, box=Box(**box), samples=samples)
+        job(PAPER, servo=servo),
+        goal=ac.CertificateGoal(servo=budget, box=Uncertainty(**box), samples=samples),
     )
     assert found.duration <= slowest and found.spread.within(budget) == 1.0
-    shared = (found.taught, found.path.path, found.job.arm, found.job.plant_servo, found.run.limits)
-    assert spread(*shared, Box(**box), samples=500, seed=7).max.max() <= budget
+    shared = (
+        found.set_points,
+        found.path.path,
+        found.job.arm,
+        found.job.plant_servo,
+        found.run.limits,
+    )
+    assert spread(*shared, Uncertainty(**box), samples=500, seed=7).max.max() <= budget
 
 
 def test_no_error_exceeds_the_certified_one_until_all_joints_rest():

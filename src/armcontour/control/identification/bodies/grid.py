@@ -74,7 +74,7 @@ class Gridded:
             log=log,
             held=interpolation == "step",
             t=t,
-            near=checks.lock_floats(smooth(t)),
+            near=checks.frozen_array(smooth(t)),
             rows=rows,
             index=k[:, None] + np.arange(4),
             weight=np.stack(weight, axis=1),

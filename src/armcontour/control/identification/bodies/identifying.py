@@ -16,11 +16,11 @@ from armcontour.control.identification.bodies.model import CENTER, LEAST_MASS, O
 from armcontour.control.identification.bodies.output_error import (
     POSITIVE,
     OutputError,
+    check_fit,
     choose_model,
     doubts,
     fit_determined,
     moved,
-    refuse_misfit,
 )
 from armcontour.control.identification.estimates import LOGARITHMIC, UNITS, Estimate
 from armcontour.control.identification.options import (
@@ -34,7 +34,7 @@ from armcontour.control.identification.servos import changes_velocity
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.fields import checked
-from armcontour.core.progress import Progress, Step, under
+from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.motion.log import Log
 from armcontour.motion.log_checks import arrange, check_logs
 from armcontour.robot import Arm
@@ -81,8 +81,8 @@ def identify_bodies(
     """
     every = [arrange(x, arm.joint_names) for x in list_logs(logs)]
     for x in every:
-        x.refuse_gaps()
-    tell, interpolation = under(progress), choose_interpolation(every, options.interpolation)
+        x.check_gaps()
+    tell, interpolation = subprogress(progress), choose_interpolation(every, options.interpolation)
     guess = ServoModel(kp=KP, kv=KV) if servo is None else servo
     guess = guess.for_joints(arm.dof).replace(interpolation=interpolation)
     settled, lag = max(FORGOTTEN / float(guess.kp.min()), SETTLED), options.drive_cycle / 2
@@ -95,7 +95,7 @@ def identify_bodies(
         tell(Step(("gravity",)))
         coarse = [Gridded.of(x, interpolation, settled, step=COARSE) for x in every]
         model, near = choose_model(models, coarse)
-        refuse_misfit(coarse, near)
+        check_fit(coarse, near)
         tell(Step(("fit",)))
         grids = [Gridded.of(x, interpolation, settled) for x in every]
         found, restless = fit_determined(model, grids, near.values)
@@ -134,7 +134,7 @@ def _describe(
     Raises:
         InvalidInput: The model does not explain the motion.
     """
-    explained, values = refuse_misfit(grids, found.trial), found.trial.values
+    explained, values = check_fit(grids, found.trial), found.trial.values
     common, *every = _list_estimates(model, grids, found)
     # Logs show only the sum of J K_v and viscous friction: one of the two is nominal.
     tied, nominal = "kv", np.asarray(model.servo.kv)

@@ -57,7 +57,7 @@ class Model:
     nominal: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        self.servo.refuse_mixed("The identification of rigid bodies")
+        self.servo.check_orders("The identification of rigid bodies")
         object.__setattr__(self, "inertia", Drives(arm=self.arm, servo=self.servo).inertia)
         chain, load = self.arm.dynamics.chain, self.load
         kv = np.asarray(self.servo.kv)
@@ -76,7 +76,7 @@ class Model:
             np.arange(len(x)) if y in OF_JOINTS and np.ndim(known[y]) else np.full(len(x), -1)
             for y, x in zip(known, values, strict=True)
         ]
-        nominal = checks.lock_floats(np.concatenate(values))
+        nominal = checks.frozen_array(np.concatenate(values))
         for name, x in (("names", names), ("joints", np.concatenate(joints)), ("nominal", nominal)):
             object.__setattr__(self, name, x)
 

@@ -360,7 +360,7 @@ def fit_determined(
         free = known & with_mass(model, known)
 
 
-def refuse_misfit(grids: list[Gridded], trial: Trial) -> FloatArray:
+def check_fit(grids: list[Gridded], trial: Trial) -> FloatArray:
     """Share of the mean square lag behind the commands that the model explains, (dof,).
 
     Raises:

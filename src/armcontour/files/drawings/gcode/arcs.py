@@ -40,7 +40,7 @@ MISS = REPEATED_POINT / 2
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class ArcPart:
     """One arc of at most a full circle, with the data of a path's segment.
 
     Args:
@@ -57,10 +57,10 @@ class Piece:
     length: float
     end: Point
 
-    def circle(self, start: Point) -> Piece:
+    def circle(self, start: Point) -> ArcPart:
         """The full circle of the arc, from `start` to `start`."""
         length = 2 * math.pi / self.curvature
-        return Piece(self.tangent, self.normal, self.curvature, length, start)
+        return ArcPart(self.tangent, self.normal, self.curvature, length, start)
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +149,7 @@ def with_radius(start: Point, end: Point, radius: float, turn: int) -> Circle:
     return Circle(center, start, end, turn, sweep, actual, actual)
 
 
-def pieces_of(circle: Circle, turns: int) -> list[Piece]:
+def pieces_of(circle: Circle, turns: int) -> list[ArcPart]:
     """The arcs that draw a programmed arc: `turns` - 1 full circles, then the last turn.
 
     Raises:
@@ -172,7 +172,7 @@ def _distance_to_bisector(circle: Circle) -> float:
     return abs(off) / (2 * math.dist(x.start, x.end))
 
 
-def _arc_between(start: Point, end: Point, center: Point, turn: int) -> Piece:
+def _arc_between(start: Point, end: Point, center: Point, turn: int) -> ArcPart:
     """The arc between two points around the projection of the centre onto their bisector.
 
     Raises:
@@ -186,12 +186,12 @@ def _arc_between(start: Point, end: Point, center: Point, turn: int) -> Piece:
     c, s = math.cos(half), math.sin(half)
     tangent = (ux * c + turn * uy * s, uy * c - turn * ux * s)
     normal = (-turn * tangent[1], turn * tangent[0])
-    piece = Piece(tangent, normal, 1 / radius, 2 * half * radius, end)
+    piece = ArcPart(tangent, normal, 1 / radius, 2 * half * radius, end)
     _refuse_a_miss(start, piece)
     return piece
 
 
-def _arc_around(circle: Circle, sweep: float) -> Piece:
+def _arc_around(circle: Circle, sweep: float) -> ArcPart:
     """The arc around the programmed centre from its start over an angle `sweep` [rad].
 
     Raises:
@@ -207,12 +207,12 @@ def _arc_around(circle: Circle, sweep: float) -> Piece:
     )
     if sweep == 2 * math.pi:
         end = x.start
-    piece = Piece(tangent, normal, 1 / x.radius, sweep * x.radius, end)
+    piece = ArcPart(tangent, normal, 1 / x.radius, sweep * x.radius, end)
     _refuse_a_miss(x.start, piece)
     return piece
 
 
-def _two_arcs(circle: Circle) -> list[Piece]:
+def _two_arcs(circle: Circle) -> list[ArcPart]:
     """An arc around the programmed centre over half the angle, and a tangent arc to the end.
 
     Raises:
@@ -231,7 +231,7 @@ def _two_arcs(circle: Circle) -> list[Piece]:
     return [first, _arc_between(first.end, x.end, center, x.turn)]
 
 
-def _refuse_a_miss(start: Point, piece: Piece) -> None:
+def _refuse_a_miss(start: Point, piece: ArcPart) -> None:
     """Refuse an arc that misses its end by more than `MISS`.
 
     Raises:

@@ -18,7 +18,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.files.drawings.gcode import codes
-from armcontour.files.drawings.gcode.arcs import Circle, Piece, helix_points
+from armcontour.files.drawings.gcode.arcs import ArcPart, Circle, helix_points
 from armcontour.files.drawings.gcode.arcs import Point as InPlane
 from armcontour.files.drawings.gcode.draft import Draft, Feed, Point
 from armcontour.files.drawings.gcode.faults import Fault
@@ -161,7 +161,7 @@ class Compensation:
             self.at = (*self.at[:2], z)
 
     def bend(
-        self, piece: Piece, axes: tuple[int, int, int], feed: Feed, *, rise: float = 0.0
+        self, piece: ArcPart, axes: tuple[int, int, int], feed: Feed, *, rise: float = 0.0
     ) -> None:
         """An arc; while compensation is on, in the plane XY, or a helix across it."""
         if not self.left:
@@ -344,7 +344,7 @@ class Compensation:
             self.draft.feed(*point, z + i / len(points) * (move.z - z), move.feed)
 
 
-def _arc(tangent: FloatArray, curvature: float, length: float, end: InPlane) -> Piece:
+def _arc(tangent: FloatArray, curvature: float, length: float, end: InPlane) -> ArcPart:
     """An arc whose curvature is positive to the left."""
     (tx, ty), turn = tangent.tolist(), math.copysign(1.0, curvature)
-    return Piece((tx, ty), (-turn * ty, turn * tx), abs(curvature), length, end)
+    return ArcPart((tx, ty), (-turn * ty, turn * tx), abs(curvature), length, end)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armcontour.core.errors import InvalidInput
-from armcontour.files.drawings.gcode.arcs import Piece
+from armcontour.files.drawings.gcode.arcs import ArcPart
 from armcontour.files.drawings.gcode.faults import Fault
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT, Segments
@@ -82,7 +82,7 @@ class Draft:
             return
         self._extend(feed, (x, y, z))
 
-    def bend(self, piece: Piece, axes: tuple[int, int, int], feed: Feed) -> None:
+    def bend(self, piece: ArcPart, axes: tuple[int, int, int], feed: Feed) -> None:
         """An arc in the plane of the first two of `axes`."""
         a, b, _ = axes
         end, tangent, normal = list(self.last), [0.0] * 3, [0.0] * 3

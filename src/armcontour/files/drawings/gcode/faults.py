@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from armcontour.core.describing import several
+from armcontour.core.describing import count_noun
 from armcontour.core.text import list_some
 
 MILLIMETRE, INCH = 1e-3, 0.0254
@@ -54,7 +54,10 @@ class Notes:
         """All notes."""
         listed = {
             sentence: list_some(
-                [f"{x} ({several(n, 'time')}, first in line {i})" for x, (n, i) in kinds.items()],
+                [
+                    f"{x} ({count_noun(n, 'time')}, first in line {i})"
+                    for x, (n, i) in kinds.items()
+                ],
                 MOST_KINDS,
             )
             for sentence, kinds in self.counts.items()

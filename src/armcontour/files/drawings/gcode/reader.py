@@ -10,7 +10,7 @@ from armcontour.core.progress import Progress
 from armcontour.files.drawings.gcode.faults import Fault
 from armcontour.files.drawings.gcode.machine import Machine
 from armcontour.files.drawings.gcode.words import LONGEST_LINE, dialect_of, parse
-from armcontour.files.drawings.mending import mend
+from armcontour.files.drawings.mending import repair
 from armcontour.files.drawings.options import ReadOptions
 from armcontour.files.drawings.reading import Tell, tell_share
 from armcontour.program import Program
@@ -67,7 +67,7 @@ def read_gcode(
     tell = tell_share(progress, source)
     _Runner(lines, source, machine).run(tell)
     program = machine.draft.program(source, tuple(machine.notes.sentences()))
-    program = mend(program, options)
+    program = repair(program, options)
     tell(1.0)
     return program
 

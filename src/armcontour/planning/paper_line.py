@@ -49,7 +49,7 @@ class Pass:
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class LinePhase:
     """A time law and the rule that made it.
 
     Args:
@@ -85,7 +85,7 @@ class Part:
     laws: list[LawAlongPath]
 
 
-def parts_by_rule(name: str, pieces: list[Piece]) -> list[Part]:
+def parts_by_rule(name: str, pieces: list[LinePhase]) -> list[Part]:
     """Group the pieces of a line by rule; a meeting lap is MAC before its switch and MDC after."""
     parts = []
     for piece in pieces:
@@ -95,7 +95,7 @@ def parts_by_rule(name: str, pieces: list[Piece]) -> list[Part]:
             continue
         before, length = piece.switch
         middle = piece.s[0] + length
-        parts.append(Part(name, "MAC", before, (piece.s[0], middle), [piece.law]))
+        parts.append(Part(name, "PAPER", before, (piece.s[0], middle), [piece.law]))
         parts.append(Part(name, "MDC", time - before, (middle, piece.s[1]), [piece.law]))
     joined: list[Part] = []
     for part in parts:
@@ -136,7 +136,7 @@ class Line:
     ) -> None:
         self.name, self.joint_path, self.arm, self.limit = name, joint_path, arm, limit
         self.s, self.assigned = s, assigned
-        path = tool_path_of(joint_path, "mac")
+        path = tool_path_of(joint_path, "paper")
         self.point, self.direction = path(s[0]), path(s[0], 1)
         self.q = joint_path(s)
         # One-sided at both ends: the path may turn there.
@@ -151,7 +151,7 @@ class Line:
         """Run the pass backwards in time from the end of the line, with the tool speed `speed`."""
         return Pass(*laps(self.q[::-1].copy(), -self.dq_ds[::-1], speed, self.limit))
 
-    def plan(self, start: float, end: float) -> list[Piece]:
+    def plan(self, start: float, end: float) -> list[LinePhase]:
         """Plan the line from the tool speed `start` to the tool speed `end` [m/s].
 
         Raises:
@@ -185,11 +185,11 @@ class Line:
             pieces.append(self._mdc(reverse, first))
         return pieces
 
-    def _mac(self, run: Pass, last: int) -> Piece:
+    def _mac(self, run: Pass, last: int) -> LinePhase:
         """The forward pass up to the knot `last`."""
-        return self._piece("MAC", 0, last, run.h[:last], run.dq[:last], run.ddq[:last])
+        return self._piece("PAPER", 0, last, run.h[:last], run.dq[:last], run.ddq[:last])
 
-    def _mdc(self, run: Pass, first: int) -> Piece:
+    def _mdc(self, run: Pass, first: int) -> LinePhase:
         """The reverse pass, turned round in time, from the knot `first` on."""
         count = len(self.s) - 1 - first
         ends = run.dq[:count] + run.ddq[:count] * run.h[:count, None]
@@ -198,7 +198,7 @@ class Line:
 
     def _piece(
         self, kind: str, first: int, last: int, h: FloatArray, dq: FloatArray, ddq: FloatArray
-    ) -> Piece:
+    ) -> LinePhase:
         """The laps from the knot `first` to the knot `last`, with their times and joint motion."""
         ends = (float(self.s[first]), float(self.s[last]))
         law = LineLaw(
@@ -211,7 +211,7 @@ class Line:
             point=self.point + (ends[0] - self.s[0]) * self.direction,
             direction=self.direction,
         )
-        return Piece(law, kind, ends)
+        return LinePhase(law, kind, ends)
 
     def _meeting(
         self, low: int, high: int, forward: FloatArray, backward: FloatArray
@@ -237,19 +237,19 @@ class Line:
 
     def _middle(
         self, low: int, high: int, forward: FloatArray, backward: FloatArray, meeting: bool
-    ) -> Piece:
+    ) -> LinePhase:
         """The piece with uniform tool acceleration between the passes; arguments as `_meeting`."""
         s = self.s[[low, high]]
         start, end = forward[low], backward[high]
         law = path_law(self.joint_path, s, np.array([start]), np.array([end]))
         places = (float(s[0]), float(s[1]))
         if not meeting or np.isnan([forward[high], backward[low]]).any():
-            return Piece(law, "AVC", places)
+            return LinePhase(law, "AVC", places)
         ahead, after = backward[low] ** 2 - start**2, forward[high] ** 2 - end**2
         length = float(s[1] - s[0]) * (ahead / (ahead + after) if ahead + after > 0 else 0.5)
         acceleration = law.rates.dds[0]
         time = 2 * length / (start + np.sqrt(max(start**2 + 2 * acceleration * length, 0.0)))
-        return Piece(law, "meeting", places, (float(time), length))
+        return LinePhase(law, "meeting", places, (float(time), length))
 
     def _refuse_broken(self, forward: Pass, last: int, reverse: Pass, count: int) -> None:
         """Refuse a line on which a pass ended at a joint limit, not at the assigned velocity.

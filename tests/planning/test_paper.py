@@ -201,7 +201,7 @@ def test_a_meeting_next_to_a_knot_keeps_the_limit(arm, limits):
 def test_segments_have_their_own_speeds(arm, objective, limits):
     points = objective.vertices
     lines = [
-        ac.Line(start=points[i], end=points[i + 1], demand=ac.Demand(speed=x))
+        ac.Line(start=points[i], end=points[i + 1], segment_limits=ac.SegmentLimits(speed=x))
         for i, x in enumerate((0.03, 0.06, None))
     ]
     rounded = ac.round_corners(ac.Path.from_segments(lines), tolerance=5e-3)
@@ -298,7 +298,7 @@ def test_joints_that_hardly_move(robot):
     assert found["joint_acceleration"].ratio == pytest.approx(1, abs=1e-6)
 
 
-@pytest.mark.parametrize("method", ["mac", "conventional"])
+@pytest.mark.parametrize("method", ["paper", "conventional"])
 def test_torque_and_turning_are_looked_at_afterwards(method, robot, refuses, arm, rounded, limits):
     fast, weak = robot.limits.replace(speed=0.2), [150, 28, 150, 28, 28, 28]
     strong = fast.replace(centripetal_acceleration=0.5, joint_torque=weak)

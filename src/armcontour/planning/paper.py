@@ -1,8 +1,8 @@
 """The paper's method: maximum joint acceleration on lines, uniform speed on corners, Sec. III-A.
 
-Lines are in `mac_line.py`. Corners are arcs run at one speed, (16)-(17). Where a line is too short
-to reach the speed of a corner or to brake to it, the speed of that corner is lowered to what the
-line can reach; the paper has no rule for this case.
+Lines are in `paper_line.py`. Corners are arcs run at one speed, (16)-(17). Where a line is too
+short to reach the speed of a corner or to brake to it, the speed of that corner is lowered to what
+the line can reach; the paper has no rule for this case.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from armcontour.geometry import Path
 from armcontour.motion import (
     JointPath,
     LawAlongPath,
+    LawPhase,
     Method,
-    Stretch,
     Trajectory,
 )
 from armcontour.planning.common import (
+    check_kept,
     law_peaks,
     path_law,
-    refuse_broken,
     require_speed,
     segment_speeds,
     tool_path_of,
 )
-from armcontour.planning.mac_line import Line, Part, parts_by_rule
 from armcontour.planning.options import FEWEST_LAPS, MOST_LAPS, Paper
+from armcontour.planning.paper_line import Line, Part, parts_by_rule
 from armcontour.robot import Arm, Limits
 
 # Next to a rest the speed grows by a large factor per knot: one lap there would be a coarse step.
@@ -58,7 +58,7 @@ class Junction:
     speed: float
 
 
-def plan_mac(joint_path: JointPath, arm: Arm, limits: Limits, options: Paper) -> Trajectory:
+def plan_paper(joint_path: JointPath, arm: Arm, limits: Limits, options: Paper) -> Trajectory:
     """Plan a path of lines and arcs by the paper's method.
 
     Args:
@@ -66,15 +66,15 @@ def plan_mac(joint_path: JointPath, arm: Arm, limits: Limits, options: Paper) ->
         arm: The arm.
         limits: Limits with joint accelerations and an assigned velocity; the centripetal
             acceleration sets the corner speed (16).
-        options: Laps per line, and command interval.
+        options: Laps per line, and cycle.
 
     Raises:
         NotRealizable: A lap, the middle path or a corner would break a joint limit; or the path
             starts or ends on an arc, for which the method has no rule.
         InvalidInput: A limit that the method needs is missing.
     """
-    path = tool_path_of(joint_path, "mac")
-    assigned = segment_speeds(path, require_speed(limits, "mac"))
+    path = tool_path_of(joint_path, "paper")
+    assigned = segment_speeds(path, require_speed(limits, "paper"))
     _refuse_limits(limits)
     junctions = _junctions(path, _straight(path), assigned, limits)
     lines = _make_lines(joint_path, arm, limits, assigned, junctions, options)
@@ -95,17 +95,17 @@ def _make_lines(
     junctions: list[Junction],
     options: Paper,
 ) -> list[Line]:
-    """Place the knots on the lines of a path; arguments as in `plan_mac`.
+    """Place the knots on the lines of a path; arguments as in `plan_paper`.
 
     Raises:
         InvalidInput: A line would have too many knots.
     """
-    path = tool_path_of(joint_path, "mac")
+    path = tool_path_of(joint_path, "paper")
     lines = []
     for number, i in enumerate(_straight(path)):
         count = options.knots
         if count is None:
-            count = _usual_knots(path.lengths[i], assigned[i], options.period, number)
+            count = _usual_knots(path.lengths[i], assigned[i], options.cycle, number)
         rest = (junctions[number].speed == 0, junctions[number + 1].speed == 0)
         lines.append(
             Line(
@@ -128,27 +128,27 @@ def _refuse_limits(limits: Limits) -> None:
     """
     if limits.joint_acceleration is None:
         raise InvalidInput(
-            "The method mac needs joint acceleration limits: give joint_acceleration [rad/s²]."
+            "The method paper needs joint acceleration limits: give joint_acceleration [rad/s²]."
         )
     if limits.tool_acceleration is not None:
         raise InvalidInput(
-            "The method mac does not limit the tool's acceleration: leave tool_acceleration out, "
+            "The method paper does not limit the tool's acceleration: leave tool_acceleration out, "
             "or plan by the method optimal."
         )
     if not limits.same_both_ways():
         raise InvalidInput(
-            "The method mac knows one acceleration limit per joint for both directions: give one "
+            "The method paper knows one acceleration limit per joint for both directions: give one "
             "value of joint_acceleration per joint, or plan by the method optimal."
         )
 
 
 def _usual_knots(length: float, speed: float, interval: float, number: int) -> int:
-    """Number of laps of a line that take one command interval each at the assigned velocity.
+    """Number of laps of a line that take one cycle each at the assigned velocity.
 
     Args:
         length: Length of the line [m].
         speed: Assigned velocity [m/s].
-        interval: Command interval [s].
+        interval: Cycle [s].
         number: Number of the line from 0, for the error message.
 
     Raises:
@@ -158,7 +158,7 @@ def _usual_knots(length: float, speed: float, interval: float, number: int) -> i
     if not wanted <= MOST_LAPS:
         raise InvalidInput(
             f"Line {number + 1} would have {wanted:.3g} knots at {speed:g} m/s and a "
-            f"command interval of {interval:g} s: give knots."
+            f"cycle of {interval:g} s: give knots."
         )
     return max(FEWEST_LAPS, int(np.ceil(wanted)))
 
@@ -171,7 +171,7 @@ def _join(lines: list[Line], junctions: list[Junction], arm: Arm, limits: Limits
     """
     joint_path = lines[0].joint_path
     laws: list[LawAlongPath] = []
-    stretches: list[Stretch] = []
+    stretches: list[LawPhase] = []
     corner = 0
     for number, line in enumerate(lines):
         pieces = line.plan(junctions[number].speed, junctions[number + 1].speed)
@@ -186,7 +186,7 @@ def _join(lines: list[Line], junctions: list[Junction], arm: Arm, limits: Limits
             stretches.append(_stretch(part, now, arm, limits))
     return Trajectory(
         laws=tuple(laws),
-        method=Method.MAC,
+        method=Method.PAPER,
         path=joint_path.tool_path,
         stretches=tuple(stretches),
     )
@@ -223,7 +223,7 @@ def _junctions(
         if rest and len(arcs):
             s = float(path.breaks[arcs[0]])
             raise NotRealizable(
-                f"At {s:.4g} m along the path the tool is at rest next to an arc: the method mac "
+                f"At {s:.4g} m along the path the tool is at rest next to an arc: the method paper "
                 "runs arcs at one speed and has no rule for that; start and end on lines, or "
                 "plan by the method optimal.",
                 s=s,
@@ -276,13 +276,13 @@ def _match_speeds(lines: list[Line], junctions: list[Junction]) -> None:
 
 def _corner(name: str, joint_path: JointPath, arc: int, speed: float) -> Part:
     """Plan an arc at one speed, (17)."""
-    path = tool_path_of(joint_path, "mac")
+    path = tool_path_of(joint_path, "paper")
     law = path_law(joint_path, path.breaks[arc : arc + 2], np.array([speed]), np.array([speed]))
     ends = (float(path.breaks[arc]), float(path.breaks[arc + 1]))
     return Part(name, "corner", float(law.breaks[-1]), ends, [law])
 
 
-def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> Stretch:
+def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> LawPhase:
     """Check a part that starts at the time `now` [s], and find its peaks.
 
     MAC itself does not check the middle path, the corners, joint velocities, torques or the angular
@@ -291,7 +291,7 @@ def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> Stretch:
     Raises:
         NotRealizable: A limit is broken.
     """
-    refuse_broken(
+    check_kept(
         part.laws,
         arm,
         limits,
@@ -299,10 +299,10 @@ def _stretch(part: Part, now: float, arm: Arm, limits: Limits) -> Stretch:
         where=f"On {part.name} ({part.kind}), between {part.s[0]:.4g} and {part.s[1]:.4g} m along "
         "the path",
         t=now,
-        mends="the method mac does not plan for this limit there; a lower assigned velocity or "
+        mends="the method paper does not plan for this limit there; a lower assigned velocity or "
         "centripetal acceleration, or the method optimal, helps",
     )
-    return Stretch(
+    return LawPhase(
         name=part.name,
         kind=part.kind,
         t=(now, now + part.duration),

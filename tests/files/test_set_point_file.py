@@ -1,4 +1,4 @@
-"""Results as files: taught data, placements and summaries."""
+"""Results as files: set-points, placements and summaries."""
 
 import dataclasses
 import json
@@ -11,15 +11,15 @@ from tests.corner_job import CORNER_JOB
 from tests.files.tables import refusals
 
 from armcontour import load_arm
-from armcontour.control.learning import LearnedRun, Lesson
+from armcontour.control.learning import LearningResult, LearningRun
 from armcontour.files import parse_job, parse_trajectory, write_planned, write_taught, write_torque
 from armcontour.files.exports import export
 from armcontour.files.json_text import data_json
 from armcontour.files.lesson_file import read_lesson, write_lesson
-from armcontour.files.taught_file import LESSON, read_taught
+from armcontour.files.set_point_file import LESSON, read_taught
 from armcontour.jobs import run
 from armcontour.jobs.learning import plan_run
-from armcontour.motion import TaughtData
+from armcontour.motion import SetPoints
 from armcontour.robot.servo import ServoModel
 
 SERVO = ServoModel(kp=[25 / 3, 24.0], kv=[150.0, 1000 / 7], dead_time=1 / 300).for_joints(2)
@@ -37,48 +37,48 @@ def plan(job):
 
 def learned(plan, step=1e-3):
     """A lesson whose set-points are those of the plan and a little more."""
-    taught, zeros = plan.taught, np.zeros(2)
-    run = LearnedRun(
-        q=taught.q, error=np.zeros((5, 2)), noise=zeros, loop_noise=zeros, joint_rms=zeros,
+    set_points, zeros = plan.set_points, np.zeros(2)
+    run = LearningRun(
+        q=set_points.q, error=np.zeros((5, 2)), noise=zeros, loop_noise=zeros, joint_rms=zeros,
         joint_max=zeros, tool_rms=0.0, tool_max=0.0,
     )  # fmt: skip
-    return Lesson(
-        period=taught.period, q=taught.q + step / 3, trajectory=taught.trajectory,
-        method="learning", start_time=-taught.period, runs=(run,), servo=SERVO, predicted=0.0,
+    return LearningResult(
+        cycle=set_points.cycle, q=set_points.q + step / 3, trajectory=set_points.trajectory,
+        method="learning", start_time=-set_points.cycle, runs=(run,), servo=SERVO, predicted=0.0,
         noise=0.0, best=0, repeats=0.0,
     )  # fmt: skip
 
 
-def put(folder, job, taught, lesson=None):
+def put(folder, job, set_points, lesson=None):
     folder.mkdir(exist_ok=True)
-    write_taught(folder / "taught.csv", taught, job.arm.joint_names)
+    write_taught(folder / "set_points.csv", set_points, job.arm.joint_names)
     if lesson is not None:
         write_lesson(folder / LESSON, lesson)
-    return folder / "taught.csv"
+    return folder / "set_points.csv"
 
 
 def test_without_a_history_it_is_the_taught_data_of_the_job(job, plan, tmp_path):
-    file = put(tmp_path, job, plan.taught)
-    assert read_taught(file, job, plan) is plan.taught
+    file = put(tmp_path, job, plan.set_points)
+    assert read_taught(file, job, plan) is plan.set_points
     # Degrees with few digits will do.
-    table = np.column_stack([plan.taught.t * 1e3, np.degrees(plan.taught.q)])
+    table = np.column_stack([plan.set_points.t * 1e3, np.degrees(plan.set_points.q)])
     np.savetxt(file, table, "%.4f", ",", header="t [ms],q1 [deg],q2 [deg]", comments="")
-    assert read_taught(file, job, plan) is plan.taught
+    assert read_taught(file, job, plan) is plan.set_points
     # An export begins at zero.
-    late = dataclasses.replace(plan, taught=changed(plan, by=0.0, start_time=-0.008))
-    export(late.taught, tmp_path / "export.csv", arm=job.arm)
-    assert read_taught(tmp_path / "export.csv", job, late) is late.taught
+    late = dataclasses.replace(plan, set_points=changed(plan, by=0.0, start_time=-0.008))
+    export(late.set_points, tmp_path / "export.csv", arm=job.arm)
+    assert read_taught(tmp_path / "export.csv", job, late) is late.set_points
     # With a history it is the lesson, to the last bit.
     lesson = learned(plan)
     found = read_taught(put(tmp_path, job, lesson, lesson), job, plan)
-    assert isinstance(found, Lesson) and len(found.runs) == 1
+    assert isinstance(found, LearningResult) and len(found.runs) == 1
     assert found.q.tobytes() == lesson.q.tobytes() and found.start_time == lesson.start_time
 
 
 def changed(plan, where=slice(None), by=1e-6, **fields):
-    q = plan.taught.q.copy()
+    q = plan.set_points.q.copy()
     q[where] += by
-    return TaughtData(**({"period": 0.004, "trajectory": plan.trajectory, "method": "x"}
+    return SetPoints(**({"cycle": 0.004, "trajectory": plan.trajectory, "method": "x"}
                          | {"q": q} | fields))  # fmt: skip
 
 
@@ -87,11 +87,17 @@ def test_other_set_points_are_refused(job, plan, tmp_path):
     other = dataclasses.replace(lesson.runs[0], q=lesson.runs[0].q + 1e-6)
     other = dataclasses.replace(lesson, runs=(other,))
     table = [
-        ((changed(plan, (50, 1)),), "taught.csv ... joint 2 differs by 1e-06 rad ... t = 0.2 s"),
-        ((dataclasses.replace(still, q=still.q[:-1]),), "taught.csv ... set-points of 2 joints"),
-        ((changed(plan, by=0.0, period=0.005),), "taught.csv ... at other times"),
+        (
+            (changed(plan, (50, 1)),),
+            "set_points.csv ... joint 2 differs by 1e-06 rad ... t = 0.2 s",
+        ),
+        (
+            (dataclasses.replace(still, q=still.q[:-1]),),
+            "set_points.csv ... set-points of 2 joints",
+        ),
+        ((changed(plan, by=0.0, cycle=0.005),), "set_points.csv ... at other times"),
         # Histories of other set-points, and of another job.
-        ((plan.taught, lesson), "lesson.npz beside it ... joint 2"),
+        ((plan.set_points, lesson), "lesson.npz beside it ... joint 2"),
         ((other, other), "give the job as it was"),
     ]
     refusals(lambda x: read_taught(put(tmp_path, job, *x), job, plan), table)
@@ -104,7 +110,7 @@ def made(plan, runs=2):
     q = random.standard_normal((30, 2)) / 3
 
     def run(k):
-        return LearnedRun(
+        return LearningRun(
             q=q + k * np.pi, error=random.standard_normal((40, 2)),
             noise=np.array([1e-5, 2e-5]) / 3, loop_noise=np.array([3e-5, 4e-5]) / 7,
             joint_rms=random.random(2), joint_max=random.random(2), tool_rms=0.1 / 3,
@@ -112,8 +118,8 @@ def made(plan, runs=2):
             offset=-100 / 3, source="run, 'ü'.csv",
         )  # fmt: skip
 
-    return Lesson(
-        period=0.004, q=q, trajectory=plan.trajectory, method="learning", start_time=-0.004,
+    return LearningResult(
+        cycle=0.004, q=q, trajectory=plan.trajectory, method="learning", start_time=-0.004,
         runs=tuple(run(k) for k in range(runs)), servo=SERVO, misfits=(1 / 3, 1 / 7),
         predicted=1 / 3, noise=1e-7 / 3, best=0, repeats=1e-5 / 3, setbacks=1, reason="because",
     )  # fmt: skip
@@ -252,17 +258,17 @@ def test_planned_joints_are_called_by_their_names_and_read_again(study, tmp_path
 
 
 def test_taught_data_is_written_as_plans_are_and_read_again(study, tmp_path):
-    taught = study.runs["plain"].taught
+    set_points = study.runs["plain"].set_points
     for names in (study.job.arm.joint_names, [f"joint {j + 1}" for j in range(6)]):
-        text = written(tmp_path, write_taught, taught, names)
+        text = written(tmp_path, write_taught, set_points, names)
         title = f"q {names[0].removeprefix('joint ')} [rad]"
         assert text.startswith(f"t [s],{title},")
         # Files of older versions have the joint's name alone.
         older = text.replace("q ", "joint " if names[0] == "joint 1" else "")
         for each in (text, older):
             samples = parse_trajectory(each, names)
-            np.testing.assert_allclose(samples.t, taught.t, rtol=0, atol=1e-12)
-            np.testing.assert_allclose(samples.q, taught.q, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(samples.t, set_points.t, rtol=0, atol=1e-12)
+            np.testing.assert_allclose(samples.q, set_points.q, rtol=0, atol=1e-12)
             assert samples.dq is None
 
 
