@@ -75,7 +75,7 @@ def results(name, folder):
     assert (np.abs(torque) <= most * (1 + 1e-6)).all()
     commands = ac.compensate(plan, servo, ac.InverseDynamics(), arm=arm)
     plants = ac.ServoPlant(arm, servo), ac.RigidBodyPlant(arm, servo, plan.limits)
-    errors = [ac.evaluate(ac.execute(commands, x), path) for x in plants]
+    errors = [ac.evaluate(ac.simulate(commands, x), path) for x in plants]
     ac.write_report(errors[1], folder / f"{name}.html")
     return [plan.duration, *(x.contour_error.rms for x in errors)]
 
