@@ -18,7 +18,7 @@ install = { test -z "$(PIP)" && $(BIN)/python -m uv pip install --python $(BIN)/
 	$(BIN)/python -m pip install --disable-pip-version-check $(TESTED) -e '.[$(1)]'
 
 # Commas separate the arguments of `call`, so that lists need names.
-DEMO_EXTRAS := experiment,drawings,studio
+DEMO_EXTRAS := dynamics,experiment,drawings,studio
 DOCS_EXTRAS := test,docs
 
 # 150 MB of C++ headers that come with pinocchio and that no program here reads.

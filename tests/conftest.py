@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import gc
 import os
-import sys
 import threading
 from collections.abc import Callable, Generator, Iterator
 from contextlib import suppress
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -59,54 +57,6 @@ def pytest_collection() -> Generator[None, object, object]:
 def own_state(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Drafts of the Studio are not those of the person who tests."""
     os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("state"))
-
-
-class Pinocchio:
-    """Finds no pinocchio, which has no wheel for Windows, and notes that a test needed it.
-
-    ARMCONTOUR_WITHOUT_PINOCCHIO=1 tries that on other systems.
-    """
-
-    missing = "ARMCONTOUR_WITHOUT_PINOCCHIO" in os.environ or find_spec("pinocchio") is None
-    needed_by: set[object] = set()
-    module: object = None
-
-    @classmethod
-    def find_spec(cls, name: str, *_: object) -> None:
-        """Refuse the modules of pinocchio."""
-        if name in ("pinocchio", "coal"):
-            cls.needed_by.add(cls.module)
-            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-
-
-if Pinocchio.missing:
-    sys.meta_path.insert(0, Pinocchio)  # type: ignore[arg-type]
-
-
-def _skip_without_pinocchio(report: Any, path: object) -> Any:
-    if report.failed and path in Pinocchio.needed_by:
-        report.outcome = "skipped"
-        report.longrepr = (str(path), 0, "Skipped: pinocchio is missing")
-    return report
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_make_collect_report(collector: Any) -> Generator[None, Any, Any]:
-    """Skip files that need pinocchio, where it is missing."""
-    Pinocchio.module = getattr(collector, "path", None)
-    return _skip_without_pinocchio((yield), Pinocchio.module)
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, Any]:
-    """Skip failed tests of files that need pinocchio, where it is missing."""
-    return _skip_without_pinocchio((yield), item.path)
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Note the file whose test imports modules now."""
-    Pinocchio.module = item.path
 
 
 # Dask keeps the thread in which it packs messages until Python ends.

@@ -18,6 +18,7 @@ import yaml
 from docs.pages import agree, blocks, read_page, run_command, run_python
 from markdown_it import MarkdownIt
 from soak.identification import move
+from tests.dynamics_extra import mark_all_but, needs_dynamics
 
 import armcontour as ac
 from armcontour.cli.commands import app
@@ -48,6 +49,8 @@ DONE = [
 ]
 # Those that the suite does; tests/slow does the others.
 QUICK = ("docs/start/first_result.md", "docs/tutorials/paper_job.md")
+# Pages with clearance or models of pinocchio.
+NEEDING = {"docs/concepts/clearance.md", "docs/guides/arms.md", "docs/start/coming_from.md"}
 PYTHON = sorted({x.page for x in BLOCKS if x.language == "python"} - {*DONE})
 GROUP = typer.main.get_command(app)
 
@@ -115,7 +118,7 @@ def test_a_page_is_done(page, tmp_path, monkeypatch):
     do_page(page)
 
 
-@pytest.mark.parametrize("page", PYTHON)
+@pytest.mark.parametrize("page", mark_all_but(PYTHON, {*PYTHON} - NEEDING))
 def test_python_runs(page, folder):
     folder(page)
     names = {"__name__": page}
@@ -145,6 +148,7 @@ def test_command_lines_parse():
     assert not wrong
 
 
+@needs_dynamics
 def test_the_first_command_of_a_page_works(folder):
     # The page's own file is what it runs.
     for page in (f"docs/guides/{x}.md" for x in ("gcode", "waypoints", "job", "checking")):

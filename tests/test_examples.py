@@ -7,6 +7,7 @@ import runpy
 
 import pytest
 from docs.gallery import pages
+from tests.dynamics_extra import mark_all_but
 
 QUICK = (
     *("01_paper_job", "02_your_own_job", "06_drawing", "08_learning_from_logs"),
@@ -51,6 +52,6 @@ def test_the_gallery_shows_every_example_and_its_code():
         assert f"({name}.md)" in pages.index()
 
 
-@pytest.mark.parametrize("name", QUICK)
+@pytest.mark.parametrize("name", mark_all_but(QUICK, {*QUICK} - {"12_clearance"}))
 def test_an_example_prints_its_figures(name):
     check_example(name)

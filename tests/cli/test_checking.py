@@ -6,6 +6,7 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 import yaml
+from tests.dynamics_extra import needs_dynamics
 
 import armcontour as ac
 from armcontour.core.render import number
@@ -229,6 +230,7 @@ SWEEP = """t,q1,q2,q3,q4,q5,q6
 """
 
 
+@needs_dynamics
 def test_a_scene_is_checked_between_samples_too(tmp_path, check):
     (tmp_path / "sweep.csv").write_text(SWEEP)
     at = ac.load_arm("ur5e").tool_position([0.1, -1.2, 1.5, -1.8, -1.57, 0.0]).tolist()

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
+from tests.dynamics_extra import needs_dynamics
 
 import armcontour as ac
 from armcontour.files.cell import cell_text, read_cell
@@ -48,6 +49,7 @@ def result(call, folder):
     return folder / "out"
 
 
+@needs_dynamics
 def test_the_plan_is_sampled_at_the_period_and_outputs_are_of_their_format(result):
     exports = result / "compensated" / "export"
     reference = pd.read_csv(exports / "reference.csv")
@@ -62,6 +64,7 @@ def test_the_plan_is_sampled_at_the_period_and_outputs_are_of_their_format(resul
     assert not (exports / "set_points.mod").exists() and not (exports / "set_points.src").exists()
 
 
+@needs_dynamics
 def test_tool_motion_is_that_of_the_arm(result, folder):
     found = pd.read_csv(result / "compensated" / "export" / "reference.csv")
     arm = read_cell("ur5e", folder / "part.ngc").arm
@@ -84,6 +87,7 @@ def test_tool_motion_is_that_of_the_arm(result, folder):
 
 
 @pytest.mark.parametrize("name", ["set_points", "reference"])
+@needs_dynamics
 def test_an_earlier_result_gives_what_the_run_exported(name, result, call, folder):
     options = REFERENCE if name == "reference" else ()
     said = call("export", "out", f"{name}.csv", *options)
@@ -100,6 +104,7 @@ def test_an_earlier_result_gives_what_the_run_exported(name, result, call, folde
         np.testing.assert_allclose(found[columns], before[columns], rtol=0, atol=atol)
 
 
+@needs_dynamics
 def test_an_earlier_result_takes_the_arm_of_its_cell(result, call, folder):
     """A drawing is run in a cell, so that there is no job file of the run."""
     (folder / "own.yaml").write_text(cell_text("ur5e"))
@@ -115,6 +120,7 @@ def test_an_earlier_result_takes_the_arm_of_its_cell(result, call, folder):
         assert (turned * wanted.inv()).magnitude().max() < 1e-9
 
 
+@needs_dynamics
 def test_refuses_in_one_sentence_and_writes_nothing(result, folder, refused, call, tmp_path):
     rows = [
         ("a.csv --run none", ["'none'", "'compensated'"]),

@@ -28,9 +28,14 @@ servo: {kp: 25 1/s, kv: 150 1/s}
 cycle: 20 ms
 runs: {plain: {compensation: {method: none}}}
 """
+SCENE = "{spheres: [{name: ball, radius: 10 mm, at: [1, 1, 0]}]}"
 CLUSTER = "--cluster tcp://127.0.0.1:1"
 # By extra: a library that it brings, and command lines that need it.
 NEEDS = {
+    "dynamics": (
+        "coal",
+        ["run cell.yaml --out out", "check a.csv --arm ur5e --scene ur5e"],
+    ),
     "experiment": (
         "mujoco",
         ["run bodies.yaml --out out", "certify job.yaml --servo-error 1mm --plant rigid_body"],
@@ -54,6 +59,9 @@ def folder(tmp_path):
     """A folder with the files of these command lines; those of other formats are empty."""
     (tmp_path / "job.yaml").write_text(JOB)
     (tmp_path / "bodies.yaml").write_text(f"{JOB}experiment: {{}}\n")
+    (tmp_path / "cell.yaml").write_text(f"{JOB}scene: {SCENE}\n")
+    rows = (f"{t},0.1,-1.5,1.2,-1,-1.5,0\n" for t in (0.0, 0.1, 0.2))
+    (tmp_path / "a.csv").write_text(f"t,q1,q2,q3,q4,q5,q6\n{''.join(rows)}")
     (tmp_path / "plan.yaml").write_text("job: job.yaml\nover: {servo.kp: [20 1/s, 25 1/s]}\n")
     for name in ("a.dxf", "a.mcap"):
         (tmp_path / name).write_bytes(b"")
@@ -83,7 +91,7 @@ def test_a_missing_extra_is_named(command_in, folder, monkeypatch, extra):
 
 def test_the_demo_needs_no_extra(done, command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for library in ("mujoco", "ezdxf", "pyarrow"):
+    for library in ("coal", "pinocchio", "mujoco", "ezdxf", "pyarrow"):
         monkeypatch.setitem(sys.modules, library, None)
     done("demo", "--out", "out")
     paper, plate = (summary(tmp_path / "out" / name) for name in ("", "plate"))

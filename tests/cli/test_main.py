@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from tests.cli.helpers import summary
+from tests.dynamics_extra import mark_all_but
 from typer.testing import CliRunner
 
 import armcontour as ac
@@ -237,7 +238,7 @@ def call(*arguments):
     return done.exit_code, " ".join(said.split())
 
 
-@pytest.mark.parametrize("cell", cell_names())
+@pytest.mark.parametrize("cell", mark_all_but(cell_names(), ["pmk3s"]))
 def test_a_written_cell_runs_a_drawing(cell, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, said = call("init", cell)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from tests.dynamics_extra import needs_dynamics
 from tests.files.tables import refusals
 
 import armcontour as ac
@@ -102,6 +103,7 @@ def test_options_that_replaced_values_are_in_the_file(placed):
     assert again.runs[0].rounding.free and "# on the table" in text
 
 
+@needs_dynamics
 def test_a_base_that_moves_among_obstacles_writes_no_job():
     far = Obstacle(name="far", shape=Sphere(radius=0.1), place=ac.Frame(position=[0, 0, 3]))
     job = replace(parse_job(SQUARE), scene=Scene(obstacles=(far,)))
@@ -109,6 +111,7 @@ def test_a_base_that_moves_among_obstacles_writes_no_job():
     refusals(written, [(found, "stay where they are when it moves")])
 
 
+@needs_dynamics
 def test_a_part_in_the_plane_takes_its_obstacles_along():
     text = PLANE + (
         "scene: {spheres: [{name: pin, radius: 1 mm, at: [0.3, 0.3, 0], fixed_to: part}]}\n"

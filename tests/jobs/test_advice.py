@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from tests.dynamics_extra import needs_dynamics
 
 import armcontour as ac
 from armcontour.core.render import plain
@@ -87,6 +88,7 @@ def test_each_change_gains_what_is_stated(name, tmp_path):
             assert x.saved > 0 and x.kept is result.kept
 
 
+@needs_dynamics
 def test_a_drawing_with_wide_corners_is_repaired_by_its_tolerance(tmp_path):
     text = drawing_text("ur5e", DRAWINGS / "gasket.dxf", tmp_path)
     data = yaml.safe_load(text) | {"corners": {"tolerance": "10 mm"}}
@@ -135,6 +137,7 @@ def test_large_jobs_are_not_planned_again_unasked():
     assert not is_small(parse_job(yaml.safe_dump({**CORNER, **free})))
 
 
+@needs_dynamics
 def test_a_smaller_reserve_is_offered_where_it_saves_more_than_a_better_drive(tmp_path):
     job = parse_job(drawing_text("ur5e", DRAWINGS / "gasket.dxf", tmp_path), folder=tmp_path)
     (result,) = ac.run(job).runs.values()

@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+from tests.dynamics_extra import needs_dynamics
 from tests.geometry.tables import refused
 
 import armcontour as ac
@@ -83,6 +84,7 @@ def post_at_elbow(job, plan, t=0.0):
     return Scene(obstacles=(box("post", [0.06, 0.06, 0.06], elbow + [0, 0, 0.03]),))
 
 
+@needs_dynamics
 def test_a_rapid_goes_around_a_wall(job, free):
     assert free.clearance.kept and free.avoided == () and "Clear: " in free.clearance_note
     plan = plan_of(walled := dataclasses.replace(job, scene=wall(0.45)))
@@ -100,6 +102,7 @@ def test_a_rapid_goes_around_a_wall(job, free):
     assert data["kept"] is True and data["avoided"] == list(plan.avoided)
 
 
+@needs_dynamics
 def test_plan_and_a_job_choose_the_same_configuration(job):
     alone = dataclasses.replace(job, path=seams((0.40, 0)))
     fastest = plan_of(alone, ignore_collisions=True)
@@ -113,6 +116,7 @@ def test_plan_and_a_job_choose_the_same_configuration(job):
     assert np.abs(fastest.trajectory(0.0) - clear.trajectory(0.0)).max() > 0.1
 
 
+@needs_dynamics
 def test_collisions_are_refused_with_pair_place_and_time(job):
     blocked = dataclasses.replace(job, scene=wall(0.50, width=0.02))
     with pytest.raises(Collision, match="contour seam 1: torch and wall touch, first at t = ") as e:
@@ -125,6 +129,7 @@ def test_collisions_are_refused_with_pair_place_and_time(job):
     assert plan.clearance_note is None and not plan.clearance.kept
 
 
+@needs_dynamics
 def test_contours_are_followed_in_another_configuration(job, free, monkeypatch):
     alone = dataclasses.replace(job, path=job.program.contours[0].path)
     single = plan_of(alone, scene=post_at_elbow(alone, plan_of(alone)))
@@ -156,10 +161,13 @@ def test_without_its_library_no_clearance_is_a_warning(job, monkeypatch):
     monkeypatch.setitem(sys.modules, "coal", None)
     plan = plan_of(job)
     assert plan.clearance is None and plan.clearance_note is None
-    assert [x for x in plan.warnings if "how near the arm comes to itself" in x and "pin" in x]
-    refused((lambda: plan_of(job, scene=Scene()), "coal"))
+    assert [
+        x for x in plan.warnings if "how near the arm comes to itself" in x and "[dynamics]" in x
+    ]
+    refused((lambda: plan_of(job, scene=Scene()), "coal", "[dynamics]"))
 
 
+@needs_dynamics
 def test_the_executed_motion_is_looked_at_too(job):
     study = ac.run(job)
     result = study.runs["compensated"]
@@ -172,6 +180,7 @@ def test_the_executed_motion_is_looked_at_too(job):
     assert names[0] == names[1] and there.cell is not job.cell and there.cell.pairs
 
 
+@needs_dynamics
 def test_obstacles_of_an_arm_in_the_plane_stand_where_its_paths_are():
     arm = ac.load_arm("pmk3s")
     path = ac.Path.polyline([(0.30, 0.20), (0.40, 0.20)])
@@ -200,6 +209,7 @@ runs: {compensated: {}}
 """
 
 
+@needs_dynamics
 def test_a_tool_without_shapes_is_a_capsule_from_the_flange():
     def clamped(text, shapes):
         return plan_of(parse_job(text.replace("SHAPES", shapes)))
@@ -216,6 +226,7 @@ def test_a_tool_without_shapes_is_a_capsule_from_the_flange():
     assert "nothing looked at" in str(thin.clearance_note)
 
 
+@needs_dynamics
 def test_where_none_keeps_clear_the_configuration_that_gets_farthest_is_refused(job):
     # A post stops the configuration that is tried first at the second seam, and a wall stops the
     # others at the third one.
@@ -257,6 +268,7 @@ def below():
     return found.trajectory
 
 
+@needs_dynamics
 def test_configurations_that_stay_above_the_base_are_preferred(below):
     job = parse_job(ELBOW, source="test")
     (found,) = run(job, simulate=False).runs.values()
@@ -271,6 +283,7 @@ def test_configurations_that_stay_above_the_base_are_preferred(below):
     assert page["clearance"]["below_base"] == sentence
 
 
+@needs_dynamics
 def test_a_floor_with_a_height_is_avoided_or_refused(below):
     for floor, is_below in (("-400 mm", True), ("-100 mm", False)):
         job = parse_job(f"{ELBOW}scene: {{floor: {floor}}}\n", source="test")

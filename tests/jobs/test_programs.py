@@ -5,6 +5,7 @@ from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
+from tests.dynamics_extra import needs_dynamics
 from tests.geometry.tables import arc, each, line, path_of, refused
 from tests.jobs.making import ARM, a_job, a_run
 
@@ -281,6 +282,7 @@ def test_transitions_spare_the_stops_within_their_tolerance():
     assert sorted(times, reverse=True) == sorted(times, key=lambda x: times[x])
 
 
+@needs_dynamics
 def test_set_points_of_a_drawing_change_no_faster_than_the_arm_may():
     """An ellipse of 37 arcs on the UR5e, with acceleration and jerk of a joint_limits.yaml."""
     one = {"names": ["handle 38"]}

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from tests.dynamics_extra import needs_dynamics
 
 import armcontour as ac
 from armcontour.core import render
@@ -81,6 +82,7 @@ def test_an_accuracy_is_that_of_the_tool_from_the_drawing(runs, name):
         assert render.verdict(data).startswith(f"Run {name}: {shown['text']} (")
 
 
+@needs_dynamics
 def test_wide_corners_of_a_drawing_are_not_kept():
     at = {("corners", "tolerance"): 10e-3}
     (run,) = ac.run(read_cell("ur5e", DRAWINGS / "gasket.dxf", patch=at)).runs.values()
@@ -109,6 +111,7 @@ def test_the_limit_that_binds_for_the_longest_time_is_named(runs):
     assert runs["late"].to_data()["time_limit"].value == max(times, key=times.get)
 
 
+@needs_dynamics
 def test_rounding_and_servo_of_different_contours_are_not_added():
     (run,) = ac.run(read_cell("ur5e", DRAWINGS / "gasket.dxf")).runs.values()
     roundings = [getattr(x.path, "deviation", None) or 0.0 for x in run.path.contours]

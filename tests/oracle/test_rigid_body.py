@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from tests.dynamics_extra import pinocchio
 
 import armcontour as ac
 from armcontour.core.frames import Frame, from_rpy
@@ -11,7 +12,7 @@ from armcontour.robot.chain import Chain, Payload
 from armcontour.robot.serial import SerialArm
 
 pytest.importorskip("mujoco")
-pin = pytest.importorskip("pinocchio")
+pin = pinocchio()
 
 KP, KV = np.array([20.0, 30.0, 40.0]), np.array([120.0, 150.0, 90.0])
 

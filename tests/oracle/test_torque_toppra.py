@@ -15,7 +15,6 @@ from armcontour.robot.chain import Payload
 from armcontour.robot.serial import SerialArm
 
 mujoco = pytest.importorskip("mujoco")
-pytest.importorskip("pinocchio")
 pytest.importorskip("toppra", reason="toppra has wheels for linux-x86_64 only")
 
 from toppra import SplineInterpolator, setup_logging  # noqa: E402

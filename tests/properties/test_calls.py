@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from soak import calls
+from tests.dynamics_extra import needs_dynamics
 
 import armcontour as ac
 from armcontour.planning.constraints import SecondOrder
@@ -19,6 +20,7 @@ def files():
         yield
 
 
+@needs_dynamics
 def test_every_public_name_is_called(files):
     made = {call.name for call in calls.calls()}
     errors = {x for x in ac.__all__ if issubclass(type(getattr(ac, x)), type)}
@@ -26,6 +28,7 @@ def test_every_public_name_is_called(files):
     assert set(ac.__all__) - made == NOT_MADE | errors
 
 
+@needs_dynamics
 def test_wrong_arguments_end_in_a_result_or_in_one_sentence(files):
     values, wrong, refused = calls.bad_values(), [], 0
     for k, (call, name) in enumerate(calls.slots()):

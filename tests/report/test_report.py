@@ -9,6 +9,7 @@ import plotly.graph_objects as go
 import pytest
 from plotly.subplots import make_subplots as plots_of_plotly
 from tests.corner_job import CORNER_JOB
+from tests.dynamics_extra import needs_dynamics
 
 import armcontour as ac
 from armcontour.cli.run_command import built_in_job
@@ -245,6 +246,7 @@ def test_bodies_stand_in_the_coordinates_of_the_arms_base():
     assert (plane[:, 2] == 0).all() and np.ptp(plane[:, :2], axis=0).tolist() == [400, 90]
 
 
+@needs_dynamics
 def test_distances_pairs_and_the_nearest_posture_are_shown():
     plain = parse_job(SEAM, source="test")
     assert clearance(ac.run(plain)) is None or plain.arm.shapes is not None

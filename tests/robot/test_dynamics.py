@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+from tests.dynamics_extra import pinocchio
 from tests.geometry.tables import each, refused
 
 import armcontour as ac
@@ -117,7 +118,8 @@ def test_what_has_no_torques_is_refused(monkeypatch, states):
         (lambda: dynamics.torque(p, p, p), "3 joints", "3 columns", "(4, 2)"),
         (lambda: dynamics.mass_matrix(p), "3 columns"),
         (lambda: dynamics.torque(q, q[0], q), "one shape", "(3,)"),
-        (lambda: dynamics.derivatives(*states), "package pin"),
+        (lambda: dynamics.derivatives(q, q, p), "one shape"),
+        (lambda: ac.load_arm("pmk3s").pinocchio, "pip install 'armcontour[dynamics]'"),
     )
 
 
@@ -150,7 +152,7 @@ def random_chain(seed, dof):
 
 def by_pinocchio(bodies):
     """Torques with and without gravity, and mass matrices, of single states, without armature."""
-    pin = pytest.importorskip("pinocchio")
+    pin = pinocchio()
     model, joint = pin.Model(), 0
     for k, name in enumerate(bodies.joints):
         place = pin.SE3(np.array(bodies.rotations[k]), np.array(bodies.positions[k]))

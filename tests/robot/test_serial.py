@@ -4,8 +4,8 @@ import dataclasses
 from functools import partial
 
 import numpy as np
-import pinocchio as pin
 import pytest
+from tests.dynamics_extra import pinocchio
 from tests.geometry.tables import each, refused
 
 import armcontour as ac
@@ -141,6 +141,7 @@ def test_blocks_of_states_end_anywhere(arm3, n):
 
 
 def test_pinocchio_sees_the_same_arm():
+    pin = pinocchio()
     arm = crooked()
     chain, model, joint = arm.chain, pin.Model(), 0
     for k, name in enumerate(chain.joints):

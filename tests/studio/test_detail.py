@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.dynamics_extra import needs_dynamics
 from tests.studio.talking import AtOnce, NoLane, Tab
 from tools.studio_page import write_shapes
 
@@ -135,6 +136,7 @@ def test_what_is_seen_closer_is_drawn_finer(page, program, picture, origin, scal
     assert len(points) < 40_000 and np.abs(points - middle).max() < 3 * half + 2 * RADIUS
 
 
+@needs_dynamics
 def test_a_plan_and_its_execution_are_drawn_finer_too(tmp_path, no_hurry):
     file = tmp_path / "few.dxf"
     draw(file, 3)

@@ -9,6 +9,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from tests.dynamics_extra import needs_dynamics
 from tests.studio.conftest import PAPER
 from tests.studio.talking import figure
 
@@ -216,6 +217,7 @@ def test_times_of_limits_rapids_and_dwells_add_up(previewer, square, view):
         assert times.get("dwells", 0.0) == pytest.approx(dwell * count)
 
 
+@needs_dynamics
 def test_an_arm_below_its_base_is_a_warning(previewer, square, view):
     for height, is_below in ((0.0, False), (-0.3, True)):
         path = square["path"] | {"frame": {"position": [0, 0, height]}}

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.dynamics_extra import mark_all_but
 from tests.studio.conftest import DRAWINGS
 from tests.studio.talking import JOB, AtOnce, NoLane, Tab
 
@@ -46,7 +47,7 @@ def start(tab):
     return tab.last("start")
 
 
-@pytest.mark.parametrize("arm", cell_names())
+@pytest.mark.parametrize("arm", mark_all_but(cell_names(), ["pmk3s"]))
 def test_each_card_is_a_job_that_each_arm_can_do(arm, tmp_path):
     before = Document.of_text(JOB, tmp_path, "job.yaml")
     for card in CARDS:

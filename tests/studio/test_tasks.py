@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
+from tests.dynamics_extra import needs_dynamics
 from tests.studio.conftest import DRAWINGS
 from tests.studio.talking import figure
 
@@ -72,6 +73,7 @@ def test_a_check_has_a_row_per_limit(coarse):
     assert (speed["Used"], speed["Allowed"]) == ("100.00 %", "150 mm/s")
 
 
+@needs_dynamics
 def test_clearance_over_time_is_not_below_what_is_proven(square):
     found = ask("clearance", square, "optimal")
     assert found.header["kept"] and found.header["kinds"] == ["own"]
@@ -114,6 +116,7 @@ def test_they_are_those_of_a_run_of_the_saved_job(which, request):
         assert found["warnings"] == result.warnings
 
 
+@needs_dynamics
 def test_a_collision_is_a_refusal_where_it_is(square):
     box = {"name": "post", "size": [0.02, 0.02, 0.1], "at": [0.1, 0.1, 0.0]}
     square["scene"] = {"boxes": [box | {"fixed_to": "part"}]}

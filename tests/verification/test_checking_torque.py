@@ -9,8 +9,6 @@ import pytest
 import armcontour as ac
 from armcontour.robot.serial import SerialArm
 
-pytest.importorskip("pinocchio")
-
 COULOMB = np.array([8.0, 8.0, 5.0, 1.5, 1.5, 1.0])
 POINTS = np.random.default_rng(3).uniform(-1.5, 1.5, (4, 6))
 

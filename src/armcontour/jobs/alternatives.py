@@ -40,8 +40,8 @@ WHOLE_POSE = 6
 
 # Of arms in space; in the plane neighbouring links are all that could touch.
 NOT_LOOKED_AT = (
-    "nothing looked at how near the arm comes to itself: that needs the package pin, which is not "
-    "installed and has no wheels for Windows."
+    "nothing looked at how near the arm comes to itself: that needs pip install "
+    "'armcontour[dynamics]' (there are no wheels for Windows)."
 )
 NO_SHAPES = (
     "nothing looked at how near the arm comes to itself: the shapes of its links are not known; "

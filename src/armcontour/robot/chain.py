@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -199,6 +200,25 @@ def joint_frames(chain: Chain) -> FloatArray:
             frame[:, 0] = across / np.linalg.norm(across)
             frame[:, 1], frame[:, 2] = np.cross(axis, frame[:, 0]), axis
     return found
+
+
+def join_bodies(
+    bodies: Sequence[tuple[float, FloatArray, FloatArray]],
+) -> tuple[float, FloatArray, FloatArray]:
+    """Mass [kg], centre of mass [m] and inertia about it [kg m²] of bodies fixed to each other.
+
+    Args:
+        bodies: Mass, centre of mass, (3,), and inertia about it, (3, 3), of each body, in the same
+            frame. The sum of the masses must be above zero.
+    """
+    masses, centers, inertias = (np.array(x) for x in zip(*bodies, strict=True))
+    mass = float(masses.sum())
+    center = masses @ centers / mass
+    # The parallel-axis theorem for each body.
+    away = centers - center
+    apart = (masses[:, None] * away).T @ away
+    inertia = inertias.sum(axis=0) + np.trace(apart) * np.eye(3) - apart
+    return mass, center, (inertia + inertia.T) / 2
 
 
 def check_inertia(who: str, inertia: npt.ArrayLike) -> None:

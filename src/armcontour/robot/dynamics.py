@@ -1,8 +1,8 @@
-"""Joint torques of a chain of rigid bodies; their derivatives are computed by pinocchio."""
+"""Joint torques of a chain of rigid bodies, their derivatives, and the model for pinocchio."""
 
 from __future__ import annotations
 
-from functools import cached_property
+import math
 from typing import Any
 
 import numpy as np
@@ -94,22 +94,23 @@ class Dynamics:
         Returns:
             Derivatives by position [N m/rad], by velocity [N m s/rad] and by acceleration, which is
             the mass matrix [kg m²], (n, dof, dof) each.
-
-        Raises:
-            InvalidInput: pinocchio is not installed.
         """
-        at, rate, second = self._rows(q, dq, ddq)
-        pin, model, data = self._peer(gravity)
-        found = np.empty((3, len(at), at.shape[1], at.shape[1]))
-        compute = pin.computeRNEADerivatives
-        for k, (x, v, a) in enumerate(zip(at, rate, second, strict=True)):
-            found[0, k], found[1, k], found[2, k] = compute(model, data, x, v, a)
-        # pinocchio guarantees only the upper triangle of the mass matrix.
-        found[2] = np.triu(found[2]) + np.swapaxes(np.triu(found[2], 1), -1, -2)
-        diagonal = np.arange(at.shape[1])
-        found[2][:, diagonal, diagonal] += np.asarray(self.chain.armature)
-        position, velocity, acceleration = found.reshape(3, *np.shape(q), at.shape[1])
-        return position, velocity, acceleration
+        states, unit = self._rows(q, dq, ddq), np.eye(len(self.chain))
+
+        def change(order: int, step: float) -> FloatArray:
+            """Half the change of the torque from -step to step of each joint, (n, dof, joints)."""
+            ends = []
+            for end in (-step, step):
+                moved = [x[:, None] + (k == order) * end * unit for k, x in enumerate(states)]
+                _, moving, weight = self.path_terms(*moved)
+                ends.append(moving + gravity * weight)
+            return np.swapaxes(ends[1] - ends[0], 1, 2) / 2
+
+        # The torque is a trigonometric polynomial of degree 2 in each joint position and a
+        # quadratic polynomial in each velocity, so these differences are exact.
+        position = (3 * change(0, math.pi / 3) - change(0, 2 * math.pi / 3)) / math.sqrt(3)
+        shape = (*np.shape(q), len(unit))
+        return position.reshape(shape), change(1, 1.0).reshape(shape), self.mass_matrix(q)
 
     def last_body_regressor(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, gravity: bool = True
@@ -125,35 +126,23 @@ class Dynamics:
         Returns:
             Torques per mass, per first moments, and per moments of inertia xx, xy, yy, xz, yz and
             zz about the origin, all in the frame of the last joint, (n, dof, 10).
-
-        Raises:
-            InvalidInput: pinocchio is not installed.
         """
-        at, rate, second = self._rows(q, dq, ddq)
-        pin, model, data = self._peer(gravity)
-        compute, last = pin.computeJointTorqueRegressor, slice(10 * (at.shape[1] - 1), None)
-        found = np.empty((*at.shape, 10))
-        for out, x, v, a in zip(found, at, rate, second, strict=True):
-            out[:] = compute(model, data, x, v, a)[:, last]
+        from armcontour.robot import _dynamics
+
+        states, weight = self._rows(q, dq, ddq), self._gravity * gravity
+        turn = joint_frames(self.chain)[-1]
+        links, found = self._links.copy(), np.empty((*np.shape(q), 10))
+        for k, unit in enumerate(np.eye(10)):
+            # All links have no mass but the last one, with one parameter of 1.
+            links[:, 12:] = 0.0
+            links[:, 22] = links[-1, 12] = unit[0]
+            links[-1, 13:16] = unit[1:4] @ turn
+            xx, xy, yy, xz, yz, zz = unit[4:]
+            about = turn.T @ [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]] @ turn
+            links[-1, 16:22] = about[np.triu_indices(3)]
+            _, moving, still = _dynamics.path_terms(links, weight, *states)
+            found[..., k] = (moving + still).reshape(np.shape(q))
         return found
-
-    def _peer(self, gravity: bool) -> tuple[Any, Any, Any]:
-        """Pinocchio, its model of the chain with or without gravity, and memory for that model.
-
-        Raises:
-            InvalidInput: pinocchio is not installed.
-        """
-        pin, models = self._models
-        return pin, *models[int(gravity)]
-
-    @cached_property
-    def _models(self) -> tuple[Any, tuple[tuple[Any, Any], tuple[Any, Any]]]:
-        """Pinocchio, and its models without and with gravity, each with its memory."""
-        pin = pinocchio()
-        model = _model(pin, self.chain)
-        weightless = model.copy()
-        weightless.gravity.linear = np.zeros(3)
-        return pin, ((weightless, weightless.createData()), (model, model.createData()))
 
     def _rows(self, *states: npt.ArrayLike) -> list[FloatArray]:
         """The given states as rows, (n, dof) each.
@@ -184,8 +173,8 @@ def pinocchio() -> Any:
         import pinocchio as module
     except ImportError as error:
         raise InvalidInput(
-            "Robot descriptions and derivatives of torques need the package pin, which cannot be "
-            f"imported ({error}; it has no wheels for Windows): install it, or use an arm file."
+            f"This needs pinocchio, which cannot be imported ({error}): pip install "
+            "'armcontour[dynamics]' (there are no wheels for Windows)."
         ) from None
     return module
 
@@ -222,25 +211,9 @@ def _numbers(chain: Chain) -> FloatArray:
 def pinocchio_model(chain: Chain, limits: Limits) -> Any:
     """As `ChainArm.pinocchio`."""
     pin, dof = pinocchio(), len(chain)
-    model = _model(pin, chain)
-    for name, place in (("tip", chain.tip), ("tool", chain.tip @ chain.tool)):
-        at = pin.SE3(np.array(place.rotation), np.array(place.position))
-        model.addFrame(pin.Frame(name, dof, at, pin.FrameType.OP_FRAME))
-    model.lowerPositionLimit, model.upperPositionLimit = limits.joint_range(dof)
-    model.velocityLimit = limits.velocity_bounds(dof)[1]
-    model.effortLimit = or_unlimited(limits.joint_torque, dof)
-    for name in ("armature", "damping", "upperDryFrictionLimit"):
-        values = {"damping": chain.viscous, "upperDryFrictionLimit": chain.coulomb}
-        setattr(model, name, np.array(values.get(name, chain.armature)))
-    return model
-
-
-def _model(pin: Any, chain: Chain) -> Any:
-    """Pinocchio's model of a chain with its payload; without masses the links have none."""
     model = pin.Model()
     model.gravity.linear = np.array(chain.gravity)
     joint = 0
-    identity = pin.SE3.Identity()
     for k, name in enumerate(chain.joints):
         joint = model.addJoint(
             joint,
@@ -252,10 +225,19 @@ def _model(pin: Any, chain: Chain) -> Any:
             body = pin.Inertia(
                 float(chain.masses[k]), np.array(chain.centers[k]), np.array(chain.inertias[k])
             )
-            model.appendBodyToJoint(joint, body, identity)
+            model.appendBodyToJoint(joint, body, pin.SE3.Identity())
     if chain.payload is not None:
         load = chain.payload
         body = pin.Inertia(load.mass, np.array(load.center), np.array(load.inertia))
         tip = pin.SE3(np.array(chain.tip.rotation), np.array(chain.tip.position))
         model.appendBodyToJoint(joint, body, tip)
+    for name, place in (("tip", chain.tip), ("tool", chain.tip @ chain.tool)):
+        at = pin.SE3(np.array(place.rotation), np.array(place.position))
+        model.addFrame(pin.Frame(name, dof, at, pin.FrameType.OP_FRAME))
+    model.lowerPositionLimit, model.upperPositionLimit = limits.joint_range(dof)
+    model.velocityLimit = limits.velocity_bounds(dof)[1]
+    model.effortLimit = or_unlimited(limits.joint_torque, dof)
+    for name in ("armature", "damping", "upperDryFrictionLimit"):
+        values = {"damping": chain.viscous, "upperDryFrictionLimit": chain.coulomb}
+        setattr(model, name, np.array(values.get(name, chain.armature)))
     return model

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from tests.dynamics_extra import needs_dynamics
 from tests.files.tables import refusals, rows
 
 import armcontour as ac
@@ -175,6 +176,7 @@ def test_a_file_that_is_no_srdf_is_refused(tmp_path):
     refusals(read, NO_SRDF)
 
 
+@needs_dynamics
 def test_pairs_that_always_touch_are_left_out_and_others_that_touch_at_0_are_not(tmp_path):
     # A hand with a ball that reaches the post in every posture, and a finger that is in the way of
     # the camera with all joints at 0 only.

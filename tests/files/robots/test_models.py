@@ -1,8 +1,8 @@
 """Arms from `pinocchio.Model` and from MJCF files, against the libraries themselves."""
 
 import numpy as np
-import pinocchio as pin
 import pytest
+from tests.dynamics_extra import pinocchio
 
 import armcontour as ac
 
@@ -31,6 +31,7 @@ def mjcf(tmp_path):
 
 
 def test_an_arm_of_a_model_moves_as_the_model():
+    pin = pinocchio()
     model = pin.buildSampleModelManipulator()
     arm, tip = (
         ac.load_arm(model, ac.ArmOptions(tip="effector_body")),
@@ -52,6 +53,7 @@ def test_an_arm_of_a_model_moves_as_the_model():
 
 
 def test_joints_that_are_locked_carry_what_hangs_on_them():
+    pin = pinocchio()
     model = pin.buildSampleModelManipulator()
     name, value = model.names[3], 0.4
     arm = ac.load_arm(model, ac.ArmOptions(tip="effector_body", locked={name: value}))
@@ -68,6 +70,7 @@ def test_joints_that_are_locked_carry_what_hangs_on_them():
 
 @pytest.mark.parametrize("name", ac.arm_names())
 def test_an_arm_comes_back_from_its_own_model(name):
+    pinocchio()
     arm = ac.load_arm(name)
     again = ac.load_arm(arm.pinocchio, ac.ArmOptions(tip="tool"))
     q = np.linspace(0.1, 0.6, arm.dof)
@@ -100,8 +103,23 @@ def test_an_mjcf_file_moves_as_in_mujoco(mjcf):
     np.testing.assert_array_equal(arm.chain.armature, [0.1, 0.0, 0.0])
 
 
-def test_what_is_no_arm_is_refused(mjcf, tmp_path, refuses, monkeypatch):
-    model = pin.buildSampleModelManipulator()
+@pytest.mark.parametrize("locked", [{"j2": 0.6}, {"j1": -0.3, "grip": 0.05}])
+def test_locked_joints_of_an_mjcf_file_carry_what_hangs_on_them(mjcf, locked):
+    whole = ac.load_arm(mjcf, ac.ArmOptions(tip="tcp", locked={"grip": locked.get("grip", 0.0)}))
+    arm = ac.load_arm(mjcf, ac.ArmOptions(tip="tcp", locked=locked))
+    free = [k for k, x in enumerate(whole.joint_names) if x not in locked]
+    assert arm.joint_names == tuple(whole.joint_names[k] for k in free)
+    q, dq, ddq = np.zeros((3, 50, 3))
+    q[:] = [locked.get(x, 0.0) for x in whole.joint_names]
+    for x in (q, dq, ddq):
+        x[:, free] = np.random.default_rng(2).normal(size=(50, len(free)))
+    own = [x[:, free] for x in (q, dq, ddq)]
+    np.testing.assert_allclose(arm.forward(own[0]), whole.forward(q), atol=1e-12)
+    np.testing.assert_allclose(arm.torque(*own), whole.torque(q, dq, ddq)[:, free], atol=1e-9)
+
+
+def test_a_model_that_is_no_arm_is_refused(refuses):
+    model = pinocchio().buildSampleModelManipulator()
     refuses(lambda: ac.load_arm(model), ac.InvalidInput, "effector_body")
     refuses(
         lambda: ac.load_arm(model, ac.ArmOptions(tip="hand")),
@@ -118,6 +136,15 @@ def test_what_is_no_arm_is_refused(mjcf, tmp_path, refuses, monkeypatch):
         ac.InvalidInput,
         "x",
     )
+
+
+def test_a_file_that_is_no_arm_is_refused(mjcf, tmp_path, refuses, monkeypatch):
+    refuses(lambda: ac.load_arm(mjcf), ac.InvalidInput, "third", "tcp")
+    for name, words in (("base", "moves its tip"), ("world", "moves its tip"), ("hand", "tcp")):
+        options = ac.ArmOptions(tip=name)
+        refuses(lambda x=options: ac.load_arm(mjcf, x), ac.InvalidInput, words)
+    held = ac.ArmOptions(tip="tcp", locked={"x": 0})
+    refuses(lambda: ac.load_arm(mjcf, held), ac.InvalidInput, "grip")
     refuses(lambda: ac.load_arm(mjcf, ac.ArmOptions(tip="finger")), ac.InvalidInput, "grip")
     refuses(lambda: ac.load_arm(mjcf, ac.ArmOptions(tip="cube")), ac.InvalidInput)
     refuses(lambda: ac.load_arm(tmp_path / "none.xml"), ac.InvalidInput, "none.xml")

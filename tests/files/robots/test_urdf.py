@@ -7,6 +7,7 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 import yaml
+from tests.dynamics_extra import pinocchio
 from tests.files.tables import refusals, rows
 
 import armcontour as ac
@@ -72,6 +73,86 @@ def test_the_arm_with_its_gripper_as_mujoco_sees_it(locked):
     np.testing.assert_allclose(arm.tool_position(q), place, atol=1e-9)
     largest = np.abs(torque).max(axis=1, keepdims=True)
     assert (np.abs(arm.dynamics.torque(q, dq, ddq) - torque) <= 1e-8 * largest).all()
+
+
+def refuse_differences(arm, text, held):
+    """Compare an arm with pinocchio's own reading of its description: frames, bodies, torques."""
+    pin = pinocchio()
+    whole = pin.buildModelFromXML(text)
+    q, fixed = pin.neutral(whole), [x for x in list(whole.names)[1:] if x not in arm.joint_names]
+    for name in fixed:
+        joint = whole.joints[whole.getJointId(name)]
+        angle = held.get(name, 0.0)
+        # An endless joint has cosine and sine of its angle.
+        q[joint.idx_q : joint.idx_q + joint.nq] = (
+            angle if joint.nq == 1 else (np.cos(angle), np.sin(angle))
+        )
+    model = pin.buildReducedModel(whole, [whole.getJointId(x) for x in fixed], q)
+    chain = arm.chain
+    assert tuple(model.names)[1:] == chain.joints
+
+    def same(found, expected):
+        expected = np.array(expected)
+        np.testing.assert_allclose(found, expected, atol=1e-14 * (1 + np.abs(expected).max()))
+
+    bodies, places = list(model.inertias)[1:], list(model.jointPlacements)[1:]
+    same(chain.masses, [x.mass for x in bodies])
+    same(chain.centers, [x.lever for x in bodies])
+    same(chain.inertias, [x.inertia for x in bodies])
+    same(chain.rotations, [x.rotation for x in places])
+    same(chain.positions, [x.translation for x in places])
+    tip = model.frames[model.getFrameId("tcp")].placement
+    same(chain.tip.position, tip.translation)
+    same(chain.tip.rotation, tip.rotation)
+    data, states = model.createData(), np.random.default_rng(5).normal(size=(20, 3, len(chain)))
+    for q, dq, ddq in states:
+        ends = [joint.nq for joint in list(model.joints)[1:]]
+        values = [[x] if n == 1 else [np.cos(x), np.sin(x)] for x, n in zip(q, ends, strict=True)]
+        torque = pin.rnea(model, data, np.concatenate(values), dq, ddq)
+        same(arm.dynamics.torque(q, dq, ddq) / 100, torque / 100)
+
+
+@pytest.mark.parametrize("locked", [{}, {"left": 0.03, "hinge": 0.6}, {"elbow": 0.4}])
+def test_frames_bodies_and_torques_are_those_of_pinocchio(locked):
+    held = {"lift": 0.2, **locked}
+    left = locked.get("left", 0.0)
+    arm = given(base=None, locked=held)
+    refuse_differences(arm, TEXT, {"left": left, "right": 0.5 * left + 0.01, **held})
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_descriptions_are_read_as_by_pinocchio(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+
+    def words(low, high, count=3):
+        return " ".join(map(repr, rng.uniform(low, high, count).tolist()))
+
+    links, joints, held = ['<link name="l0"/>'], [], {}
+    for k in range(1, 16):
+        side = k % 3 == 0
+        kind = "fixed" if k % 5 == 0 else "prismatic" if side and k % 2 else "revolute"
+        if side and kind != "fixed":
+            held[f"j{k}"] = float(rng.uniform(-1, 1))
+        name = "tcp" if k == 15 else f"l{k}"
+        # A body of two spheres at the least has such moments.
+        xx, yy = rng.uniform(0.02, 0.03, 2)
+        links.append(
+            f'<link name="{name}"><inertial><origin xyz="{words(-0.3, 0.3)}" rpy="{words(-3, 3)}"/>'
+            f'<mass value="{rng.uniform(0.1, 5)}"/><inertia ixx="{xx}" ixy="0.001" ixz="-0.002" '
+            f'iyy="{yy}" iyz="0.0015" izz="0.025"/></inertial></link>'
+        )
+        # Links at the side hang on the link that every chain passes.
+        parent = f"l{k - 2 if (k - 1) % 3 == 0 and k > 1 else k - 1}"
+        joints.append(
+            f'<joint name="j{k}" type="{kind}"><origin xyz="{words(-1, 1)}" rpy="{words(-4, 4)}"/>'
+            f'<parent link="{parent}"/><child link="{name}"/><axis xyz="{words(-1, 1)}"/>'
+            '<limit lower="-2" upper="2" effort="9" velocity="1"/></joint>'
+        )
+    text = f'<robot name="random">{"".join(links + joints)}</robot>'
+    (tmp_path / "random.urdf").write_text(text)
+    arm = ac.load_arm(tmp_path / "random.urdf", ac.ArmOptions(tip="tcp", locked=held))
+    assert len(arm.chain) > 5
+    refuse_differences(arm, text, held)
 
 
 def test_what_the_description_says_is_what_the_arm_has():

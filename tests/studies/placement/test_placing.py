@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from tests.dynamics_extra import needs_dynamics
 
 import armcontour as ac
 from armcontour.core import pool
@@ -192,6 +193,7 @@ def post(fixed_to, x):
     return Obstacle(name="post", shape=size, place=place, fixed_to=fixed_to)
 
 
+@needs_dynamics
 def test_obstacles_of_the_cell_refuse_places_and_those_of_the_part_move_with_it(square):
     own = ac.PlaceSearch(over={"y": (-0.05, 0.0, 2)}, refined=False)
     cell = ac.place(with_ball(square, post("base", 0.53)), replace(own, every=True))
@@ -226,6 +228,7 @@ def test_an_arm_in_the_plane_is_placed_too(plane):
     assert plan(found.placed()).duration == pytest.approx(known.min(), rel=SAME)
 
 
+@needs_dynamics
 def test_no_feasible_place_says_how_far_out_of_reach_it_is(square):
     with pytest.raises(Unreachable, match=r"None of 4 places is feasible \(4 by reach\)") as caught:
         ac.place(square, ac.PlaceSearch(over={"x": (1.0, 2.0, 4)}))

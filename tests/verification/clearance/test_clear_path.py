@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.dynamics_extra import needs_dynamics
 
 import armcontour as ac
 from armcontour.core.frames import Frame
@@ -9,6 +10,8 @@ from armcontour.motion import JointPath
 from armcontour.robot.scene import ArmShapes, Box, LinkShape, Margins, Obstacle, Scene, Sphere
 from armcontour.verification.clearance import Cell
 from armcontour.verification.clearance.clear_path import connect, round_postures, through
+
+pytestmark = needs_dynamics
 
 ARM = ac.load_arm("ur5e").with_shapes(
     ArmShapes(shapes=(LinkShape(name="end", link=6, shape=Sphere(radius=0.03)),))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from tests.dynamics_extra import needs_dynamics
 
 import armcontour as ac
 from armcontour.core.errors import Collision, InvalidInput
@@ -13,6 +14,8 @@ from armcontour.robot.scene import ArmShapes, Box, LinkShape, Margins, Mesh, Obs
 from armcontour.verification.clearance import check_clearance
 from armcontour.verification.clearance.distances import Distances
 from armcontour.verification.clearance.pairs import pairs_of
+
+pytestmark = needs_dynamics
 
 UR5E = ac.load_arm("ur5e")
 END = LinkShape(name="end", link=6, shape=Sphere(radius=0.03))

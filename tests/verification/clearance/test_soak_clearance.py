@@ -2,12 +2,16 @@
 
 import numpy as np
 import pytest
-from soak import clearance as judge
+from tests.dynamics_extra import pinocchio
 
 import armcontour as ac
 from armcontour.robot.chain import link_poses
 from armcontour.robot.scene import Scene
 from armcontour.verification.clearance.pairs import pairs_of
+
+pinocchio()
+
+from soak import clearance as judge  # noqa: E402
 
 
 def test_what_is_certified_clear_touches_nothing():

@@ -11,11 +11,10 @@ import numpy as np
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.frames import Frame, exp, from_rpy, to_rpy
+from armcontour.core.frames import Frame, exp, from_rpy
 from armcontour.core.text import list_some, plain_number, show
 from armcontour.files.robots.tree import Joint, Tree
-from armcontour.robot.chain import Chain, check_inertia
-from armcontour.robot.dynamics import pinocchio
+from armcontour.robot.chain import Chain, check_inertia, join_bodies
 
 # Longest sequence of joints of which each mimics the next; grippers have about 3.
 MOST_MIMICS = 50
@@ -63,30 +62,30 @@ class Description:
         Raises:
             InvalidInput: A number that is none, or a joint that cannot be locked.
         """
-        heavy = self._has_bodies()
+        carried = self.carried()
+        heavy = self._has_bodies(carried)
         self._note_held_joints()
-        pin, text = pinocchio(), self._rewrite(heavy)
-        try:
-            model = pin.buildModelFromXML(text)
-        except (RuntimeError, ValueError) as error:
-            raise InvalidInput(f"{self.tree.file} cannot be read: {error}.") from None
-        ids = range(1, model.njoints)
-        tip = model.frames[model.getFrameId(self.tip, pin.FrameType.BODY)].placement
+        places = [carried[joint.parent][1] @ self._place(joint) for joint in self.moving]
         bodies: dict[str, Any] = {}
         if heavy:
-            inertias = [model.inertias[i] for i in ids]
-            bodies["masses"] = [x.mass for x in inertias]
-            bodies["centers"] = [x.lever for x in inertias]
-            # Symmetric only up to rounding.
-            bodies["inertias"] = [(x.inertia + x.inertia.T) / 2 for x in inertias]
+            links: list[Any] = [[] for _ in self.moving]
+            for name, (link, place) in carried.items():
+                body = self._body(name) if link else None
+                if body is not None:
+                    mass, frame, inertia = body
+                    frame = place @ frame
+                    turned = frame.rotation @ inertia @ frame.rotation.T
+                    links[link - 1].append((mass, frame.position, turned))
+            joined = zip(*map(join_bodies, links), strict=True)
+            bodies = dict(zip(("masses", "centers", "inertias"), joined, strict=True))
         return Chain(
             joints=tuple(joint.name for joint in self.moving),
-            rotations=np.array([model.jointPlacements[i].rotation for i in ids]),
-            positions=np.array([model.jointPlacements[i].translation for i in ids]),
+            rotations=np.array([x.rotation for x in places]),
+            positions=np.array([x.position for x in places]),
             axes=np.array([self._axis(joint) for joint in self.moving]),
             viscous=np.array([self._loss(joint, "damping") for joint in self.moving]),
             coulomb=np.array([self._loss(joint, "friction") for joint in self.moving]),
-            tip=Frame(position=tip.translation, rotation=tip.rotation),
+            tip=carried[self.tip][1],
             **bodies,
         )
 
@@ -99,60 +98,25 @@ class Description:
                 found[joint.child] = number[joint.name], Frame()
             else:
                 link, place = found[joint.parent]
-                xyz, rpy = self._locked_origin(joint)
-                here = Frame(position=xyz, rotation=from_rpy(rpy))
-                found[joint.child] = link, place @ here
+                found[joint.child] = link, place @ self._place(joint)
         return found
 
-    def _rewrite(self, heavy: bool) -> str:
-        """Write a description (URDF) of the arm alone, in which locked joints are fixed joints.
-
-        Args:
-            heavy: Whether the links have masses.
-        """
-        robot = ET.Element("robot", name="arm")
-        ET.SubElement(robot, "link", name=self.base)
-        for joint in self.below:
-            link = ET.SubElement(robot, "link", name=joint.child)
-            inertial = self.tree.links[joint.child].find("inertial")
-            if heavy and inertial is not None:
-                # These elements define the body; nothing else is copied.
-                body = ET.SubElement(link, "inertial")
-                for part in ("origin", "mass", "inertia"):
-                    found = inertial.find(part)
-                    if found is not None:
-                        ET.SubElement(body, part, dict(found.attrib))
-        for joint in self.below:
-            moves = joint.name in self._names
-            kind = "revolute" if moves else "fixed"
-            element = ET.SubElement(robot, "joint", name=joint.name, type=kind)
-            ET.SubElement(element, "parent", link=joint.parent)
-            ET.SubElement(element, "child", link=joint.child)
-            origin = self._origin(joint) if moves else self._locked_origin(joint)
-            ET.SubElement(element, "origin", xyz=_words(origin[0]), rpy=_words(origin[1]))
-            if moves:
-                ET.SubElement(element, "axis", xyz=_words(self._axis(joint)))
-                # pinocchio stores the angle of a joint without limits as two numbers. The true
-                # ranges are in `Limits`.
-                ends = {"lower": "-6", "upper": "6", "effort": "1", "velocity": "1"}
-                ET.SubElement(element, "limit", ends)
-        return ET.tostring(robot, encoding="unicode")
-
-    def _locked_origin(self, joint: Joint) -> tuple[FloatArray, FloatArray]:
-        """Position [m] and roll, pitch, yaw [rad] of the link after a locked joint."""
-        xyz, rpy = self._origin(joint)
-        value = self._locked_position(joint, ())
+    def _place(self, joint: Joint) -> Frame:
+        """Frame of the link after a joint, locked or at 0, in the frame of the link before it."""
+        xyz, rpy = origin_of(joint.element, f"Joint {joint.name} of {self.tree.file}")
+        place = Frame(position=xyz, rotation=from_rpy(rpy))
+        value = 0.0 if joint.name in self._names else self._locked_position(joint, ())
         if not abs(value) <= LARGEST:
             raise InvalidInput(
                 f"Joint {joint.name} of {self.tree.file} is locked at {value:g}, beyond "
                 f"{LARGEST:g}: give a position that it can take."
             )
         if value == 0:
-            return xyz, rpy
-        place, along = Frame(position=xyz, rotation=from_rpy(rpy)), self._axis(joint) * value
+            return place
+        along = self._axis(joint) * value
         if joint.kind == "prismatic":
-            return xyz + place.rotation @ along, rpy
-        return xyz, to_rpy(place.rotation @ exp(along))
+            return place @ Frame(position=along)
+        return place @ Frame(rotation=exp(along))
 
     def _locked_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
         """Position of a locked joint: as given, as the mimicked joint requires, or nearest to 0.
@@ -225,9 +189,9 @@ class Description:
             joint = master
         return False
 
-    def _has_bodies(self) -> bool:
+    def _has_bodies(self, carried: Mapping[str, tuple[int, Frame]]) -> bool:
         """Whether the links that the arm moves have masses; notes why not, if some have."""
-        faults, heavy = self._faults()
+        faults, heavy = self._faults(carried)
         if heavy and faults:
             others = f", and {len(faults) - 1} more" if len(faults) > 1 else ""
             self.notes.append(
@@ -242,29 +206,36 @@ class Description:
             )
         return heavy and not faults
 
-    def _faults(self) -> tuple[list[str], bool]:
+    def _faults(self, carried: Mapping[str, tuple[int, Frame]]) -> tuple[list[str], bool]:
         """What keeps the links from being bodies, and whether any link has inertial data."""
         faults: list[str] = []
-        after: dict[str, str] = {}
-        weight: dict[str, float] = {joint.child: 0.0 for joint in self.moving}
+        weight = [0.0] * len(self.moving)
         known = False
         for joint in self.below:
-            moves = joint.name in self._names
-            carrier = joint.child if moves else after.get(joint.parent)
-            if carrier is None:
+            link, _ = carried[joint.child]
+            if not link:
                 continue
-            after[joint.child] = carrier
-            inertial = self.tree.links[joint.child].find("inertial")
-            if inertial is not None:
-                known = True
-                mass = self._mass(joint.child, inertial, faults)
+            body = self._body(joint.child)
+            if body is not None:
+                known, mass = True, body[0]
+                if mass < 0:
+                    faults.append(f"the link {joint.child} has the mass {mass:g} kg")
+                try:
+                    check_inertia(f"the link {joint.child}", body[2])
+                except InvalidInput as error:
+                    text = str(error).rstrip(".")
+                    faults.append(text[0].lower() + text[1:])
                 # A link on a fixed joint, such as a mere frame, may have the mass 0.
-                if moves and mass == 0:
+                if joint.name in self._names and mass == 0:
                     faults.append(f"the link {joint.child}, which a joint moves, has the mass 0 kg")
-                weight[carrier] += mass
+                weight[link - 1] += mass
             if self._follows_arm(joint) and self._weighs(joint.child):
                 faults.append(f"joint {joint.name} moves a mass along with joint {joint.master}")
-        bare = [f"the link {link} has no mass" for link, mass in weight.items() if mass <= 0]
+        bare = [
+            f"the link {joint.child} has no mass"
+            for joint, mass in zip(self.moving, weight, strict=True)
+            if mass <= 0
+        ]
         return faults or bare, known
 
     def _weighs(self, link: str) -> bool:
@@ -273,27 +244,20 @@ class Description:
         masses = [self.tree.links[x].find("inertial/mass") for x in links]
         return any(x is not None and plain_number(x.get("value")) != 0 for x in masses)
 
-    def _mass(self, link: str, inertial: ET.Element, faults: list[str]) -> float:
-        """Mass of a link [kg]; adds to `faults` why no body can have its mass and inertia."""
-        where = f"The link {link} of {self.tree.file}"
+    def _body(self, link: str) -> tuple[float, Frame, FloatArray] | None:
+        """Mass [kg], frame of the centre of mass, and inertia in it [kg m²]; None if not given."""
+        inertial, where = (
+            self.tree.links[link].find("inertial"),
+            f"The link {link} of {self.tree.file}",
+        )
+        if inertial is None:
+            return None
         mass = attribute(where, inertial.find("mass"), "mass", "value")
-        if mass < 0:
-            faults.append(f"the link {link} has the mass {mass:g} kg")
         tensor = inertial.find("inertia")
         xx, xy, xz, yy, yz, zz = (attribute(where, tensor, "inertia", key) for key in TENSOR)
-        try:
-            check_inertia(f"the link {link}", [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        except InvalidInput as error:
-            text = str(error).rstrip(".")
-            faults.append(text[0].lower() + text[1:])
-        origin = inertial.find("origin")
-        for key in ("xyz", "rpy"):
-            three(where, key, "0 0 0" if origin is None else origin.get(key, "0 0 0"))
-        return mass
-
-    def _origin(self, joint: Joint) -> tuple[FloatArray, FloatArray]:
-        """Position [m] and roll, pitch, yaw [rad] of a joint relative to its parent link."""
-        return origin_of(joint.element, f"Joint {joint.name} of {self.tree.file}")
+        xyz, rpy = origin_of(inertial, where)
+        frame = Frame(position=xyz, rotation=from_rpy(rpy))
+        return mass, frame, np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
     def _axis(self, joint: Joint) -> FloatArray:
         """Unit vector of a joint axis, (3,)."""
@@ -347,8 +311,3 @@ def three(where: str, what: str, words: str) -> FloatArray:
             f"{where} needs three numbers as its {what}, up to {LARGEST:g}, not {show(words)}."
         )
     return found
-
-
-def _words(numbers: FloatArray) -> str:
-    """Numbers as the text of an attribute."""
-    return " ".join(repr(float(x)) for x in numbers)

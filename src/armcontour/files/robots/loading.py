@@ -135,11 +135,10 @@ def _load(
         check_options(options, DESCRIPTION, str(file))
         return arm_of_tree(read_description(file, options, trust_xacro=trust_xacro), options)
     if is_model(name) or file.suffix.lower() in MJCF:
-        from armcontour.files.robots.models import arm_of_model, read_mjcf
+        from armcontour.files.robots.models import arm_of_mjcf, arm_of_model
 
-        model, source = (name, "the model") if is_model(name) else (read_mjcf(file), str(file))
-        check_options(options, MODEL, source)
-        return arm_of_model(model, source, options)
+        check_options(options, MODEL, "the model" if is_model(name) else str(file))
+        return arm_of_model(name, options) if is_model(name) else arm_of_mjcf(file, options)
     check_options(options, ANY, f"The arm {name}")
     derive = partial(_load, payload=payload, trust_xacro=trust_xacro, depth=depth + 1)
     arm = _read(str(name), payload, derive if depth < MOST_DERIVED else None)

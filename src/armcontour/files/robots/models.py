@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path as FilePath
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from armcontour.core import checks, file_access
+from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.text import list_some
@@ -17,152 +18,157 @@ from armcontour.files.robots.joint_limits import Table, limits_of, override
 from armcontour.files.robots.options import ArmOptions, locked_position
 from armcontour.files.robots.tree import MOST_NAMED
 from armcontour.files.robots.urdf import HINT, assume_accelerations
-from armcontour.robot.chain import Chain
-from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, Limits
+from armcontour.robot.chain import Chain, join_bodies
+from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE
 from armcontour.robot.serial import SerialArm
 
 # Larger numbers stand for limits that are not given.
 LARGEST = 1e9
 
+# Mass [kg], centre of mass [m] and inertia about it [kg m²].
+Body: TypeAlias = tuple[float, FloatArray, FloatArray]
 
-def arm_of_model(model: Any, source: str, options: ArmOptions) -> SerialArm:
+
+def arm_of_model(model: Any, options: ArmOptions) -> SerialArm:
     """Make a serial arm from a `pinocchio.Model`: the joints between its universe and a frame.
 
     Args:
         model: The model.
-        source: Where it comes from, for messages.
         options: Tip, limits and locked joints; other joints that do not move the tip are locked at
             0.
 
     Raises:
-        InvalidInput: There is no such frame or joint, or a joint of the arm does not turn.
+        InvalidInput: pinocchio is not installed, there is no such frame or joint, or a joint of the
+            arm does not turn.
     """
-    from armcontour.files.robots.tip import TOOL_FRAMES
     from armcontour.robot.dynamics import pinocchio
 
-    pin, names = pinocchio(), [x.name for x in model.frames]
-    tip = options.tip
-    if tip is None:
-        tip = next((x for x in TOOL_FRAMES if x in names), None)
-    if tip not in names:
-        own = [x for x in names if x not in model.names]
-        raise InvalidInput(
-            f"{source} has no frame {tip!r}: say which one is the tip with tip=, one of "
-            f"{list_some(own, MOST_NAMED)}."
-            if tip is not None
-            else f"Say which frame of {source} is the tip with tip=, one of "
-            f"{list_some(own, MOST_NAMED)}."
-        )
-    held = options.locked or {}
-    frame, at = model.frames[model.getFrameId(tip)], _held_at(pin, model, source, options)
-    ids = [i for i in model.supports[frame.parentJoint] if i > 0 and model.names[i] not in held]
-    if not ids:
-        raise InvalidInput(f"No joint of {source} moves the frame {tip}: choose another tip.")
+    pin, source, names = pinocchio(), "the model", list(model.names)
+    frame = model.frames[_find_tip([x.name for x in model.frames], names, source, options)]
+    held = _locked(names[1:], source, options)
+    step = np.zeros(model.nv)
+    for k in held:
+        joint = model.joints[k + 1]
+        slides = "Prismatic" in joint.shortname()
+        step[joint.idx_v] = locked_position(options, names[k + 1], slides=slides)
+    posture = pin.integrate(model, pin.neutral(model), step)
+    ids = [i for i in model.supports[frame.parentJoint] if i > 0 and i - 1 not in held]
     data, columns = model.createData(), [model.idx_vs[i] for i in ids]
     axes = []
     for i, v in zip(ids, columns, strict=True):
-        twist = pin.computeJointJacobian(model, data, at, i)[:, v]
+        twist = pin.computeJointJacobian(model, data, posture, i)[:, v]
         if model.nvs[i] != 1 or np.abs(twist[:3]).max() > 0:
-            name = model.names[i]
-            raise InvalidInput(
-                f"Joint {name} of {source} does not turn about one axis, as joints of an arm do: "
-                f"choose another tip, or lock it with locked={{{name!r}: ...}}."
-            )
+            raise _turns_not(names[i], source)
         axes.append(twist[3:])
-    pin.forwardKinematics(model, data, at)
+    pin.forwardKinematics(model, data, posture)
+    links: list[list[Body]] = [[] for _ in (0, *ids)]
     # Each joint, with all that it carries, belongs to the moving joint before it, or to the base.
     carrier = [0] * model.njoints
-    for i in range(1, model.njoints):
-        carrier[i] = i if i in ids else carrier[model.parents[i]]
-    inside = [data.oMi[carrier[i]].inverse() * data.oMi[i] for i in range(model.njoints)]
-    places = [data.oMi[carrier[model.parents[i]]].inverse() * data.oMi[i] for i in ids]
-    carried = {i: pin.Inertia.Zero() for i in (0, *ids)}
     for i in range(model.njoints):
-        carried[carrier[i]] += inside[i].act(model.inertias[i])
-    inertias = [carried[i] for i in ids]
-    bodies: dict[str, Any] = {}
-    if all(x.mass > 0 for x in inertias):
-        bodies["masses"] = [x.mass for x in inertias]
-        bodies["centers"] = [x.lever for x in inertias]
-        # Symmetric only up to rounding.
-        bodies["inertias"] = [(x.inertia + x.inertia.T) / 2 for x in inertias]
-    end = inside[frame.parentJoint] * frame.placement
-    chain = Chain(
-        joints=tuple(model.names[i] for i in ids),
-        rotations=np.array([x.rotation for x in places]),
-        positions=np.array([x.translation for x in places]),
+        carrier[i] = ids.index(i) + 1 if i in ids else carrier[model.parents[i]]
+        body = data.oMi[i].act(model.inertias[i])
+        links[carrier[i]].append((body.mass, body.lever, body.inertia))
+    table: Table = {
+        "joint_velocity": [model.velocityLimit[v] for v in columns],
+        "joint_torque": [model.effortLimit[v] for v in columns],
+    }
+    # A joint without a range may have two numbers for its angle.
+    for name, ends in zip(JOINT_RANGE, ("lower", "upper"), strict=True):
+        limit = getattr(model, f"{ends}PositionLimit")
+        table[name] = [limit[model.idx_qs[i]] if model.nqs[i] == 1 else np.inf for i in ids]
+    return _arm(
+        model.name or "model",
+        source,
+        options,
+        table,
+        places=[Frame(data.oMi[i]) for i in ids],
+        links=links[1:],
+        end=Frame(data.oMi[frame.parentJoint] * frame.placement),
+        joints=tuple(names[i] for i in ids),
         axes=np.array(axes),
         armature=model.armature[columns],
         viscous=model.damping[columns],
         coulomb=np.array(model.upperDryFrictionLimit)[columns],
-        tip=Frame(end.translation, end.rotation),
         gravity=model.gravity.linear,
-        **bodies,
-    )
-    limits, note = _limits(model, ids, chain, source, options.limits_file)
-    return SerialArm(
-        name=checks.check_name("name of a model", model.name or "model"),
-        chain=chain,
-        limits=limits,
-        source=source,
-        limits_hint=HINT if limits.joint_acceleration is None else "",
-        notes=(f"{source}: {note}.",) if note else (),
     )
 
 
-def _held_at(pin: Any, model: Any, source: str, options: ArmOptions) -> Any:
-    """Configuration of a model with all joints at 0 but those that are locked elsewhere."""
-    step = np.zeros(model.nv)
-    for name in options.locked or ():
-        if name not in list(model.names)[1:]:
-            raise InvalidInput(
-                f"{source} has no joint {name!r} to be locked: its joints are "
-                f"{list_some(list(model.names)[1:], MOST_NAMED)}."
-            )
-        joint = model.joints[model.getJointId(name)]
-        slides = "Prismatic" in joint.shortname()
-        step[joint.idx_v] = locked_position(options, name, slides=slides)
-    return pin.integrate(model, pin.neutral(model), step)
+def arm_of_mjcf(file: FilePath, options: ArmOptions) -> SerialArm:
+    """Make a serial arm from an MJCF file: the joints between its world and a body or a site.
 
-
-def _limits(
-    model: Any, ids: Sequence[int], chain: Chain, source: str, file: FilePath | None
-) -> tuple[Limits, str]:
-    """Limits of some joints of a model, and a note of those that are assumed."""
-
-    def known(values: Sequence[float]) -> list[float | None]:
-        return [float(x) if abs(x) < LARGEST else None for x in values]
-
-    table: Table = {name: [None] * len(chain) for name in (*JOINT_LIMITS, *JOINT_RANGE)}
-    velocity = known([model.velocityLimit[model.idx_vs[i]] for i in ids])
-    effort = known([model.effortLimit[model.idx_vs[i]] for i in ids])
-    lacking = []
-    for name, values in (("joint_velocity", velocity), ("joint_torque", effort)):
-        if not all(values):
-            lacking.append(name)
-        elif name == "joint_velocity" or chain.masses is not None:
-            table[name] = list(values)
-    # A joint without a range may have two numbers for its angle.
-    for name, ends in zip(JOINT_RANGE, ("lower", "upper"), strict=True):
-        of = getattr(model, f"{ends}PositionLimit")
-        table[name] = known([of[model.idx_qs[i]] if model.nqs[i] == 1 else np.inf for i in ids])
-    if file is not None:
-        override(table, chain.joints, file)
-    limits = limits_of(table, chain.joints, source)
-    missing = [x for x in lacking if getattr(limits, x) is None]
-    note = f"it does not give {' and '.join(missing)} of all joints" if missing else ""
-    return assume_accelerations(limits, note)
-
-
-def read_mjcf(file: FilePath) -> Any:
-    """The `pinocchio.Model` of an MJCF file, with a frame for each body and each site.
+    Args:
+        file: The file.
+        options: As in `arm_of_model`.
 
     Raises:
-        InvalidInput: MuJoCo is not installed, or the file is none of its models.
+        InvalidInput: MuJoCo is not installed, the file is none of its models, there is no such body
+            or joint, or a joint of the arm does not turn.
     """
-    from armcontour.robot.dynamics import pinocchio
+    mujoco, model = _read_mjcf(file)
+    data, source = mujoco.MjData(model), str(file)
+    names = [model.joint(j).name or f"joint {j + 1}" for j in range(model.njnt)]
+    kinds, hinge = [mujoco.mjtJoint(x) for x in model.jnt_type], mujoco.mjtJoint.mjJNT_HINGE
+    slide, held = mujoco.mjtJoint.mjJNT_SLIDE, _locked(names, source, options)
+    bodies = [model.body(b).name or f"body {b}" for b in range(model.nbody)]
+    sites = [model.site(k).name or f"site {k}" for k in range(model.nsite)]
+    tip = _find_tip([*bodies, *sites], bodies[:1], source, options)
+    on_site = tip >= model.nbody
+    joints = [range(x, x + n) for x, n in zip(model.body_jntadr, model.body_jntnum, strict=True)]
+    route: list[int] = []
+    body = model.site_bodyid[tip - model.nbody] if on_site else tip
+    while body:
+        route = [*joints[body], *route]
+        body = model.body_parentid[body]
+    ids = [j for j in route if j not in held]
+    step = np.zeros(model.nv)
+    for j, kind in enumerate(kinds):
+        if kind in (hinge, slide):
+            data.qpos[model.jnt_qposadr[j]] = 0.0
+        if j in held:
+            step[model.jnt_dofadr[j]] = locked_position(options, names[j], slides=kind == slide)
+    for j in ids:
+        if kinds[j] != hinge:
+            raise _turns_not(names[j], source)
+    mujoco.mj_integratePos(model, data.qpos, step, 1.0)
+    mujoco.mj_kinematics(model, data)
+    links: list[list[Body]] = [[] for _ in (0, *ids)]
+    carrier = [0] * model.nbody
+    for b in range(1, model.nbody):
+        moving = [ids.index(j) + 1 for j in joints[b] if j in ids]
+        carrier[b] = moving[-1] if moving else carrier[model.body_parentid[b]]
+        turn = data.ximat[b].reshape(3, 3)
+        inertia = turn @ np.diag(model.body_inertia[b]) @ turn.T
+        links[carrier[b]].append((float(model.body_mass[b]), np.array(data.xipos[b]), inertia))
+    turns = data.xmat.reshape(-1, 3, 3)
+    places = [Frame(data.xanchor[j], turns[model.jnt_bodyid[j]]) for j in ids]
+    ends = (data.site_xpos, data.site_xmat) if on_site else (data.xpos, data.xmat)
+    point, turn = (x[tip - model.nbody if on_site else tip] for x in ends)
+    ranges = np.where(model.jnt_limited[ids, None], model.jnt_range[ids], (-np.inf, np.inf))
+    dofs = model.jnt_dofadr[ids]
+    table: Table = {
+        "joint_velocity": [np.inf] * len(ids),
+        "joint_torque": [_largest_torque(model, j) for j in ids],
+        **dict(zip(JOINT_RANGE, ranges.T.tolist(), strict=True)),
+    }
+    return _arm(
+        file.stem,
+        source,
+        options,
+        table,
+        places=places,
+        links=links[1:],
+        end=Frame(point, turn.reshape(3, 3)),
+        joints=tuple(names[j] for j in ids),
+        axes=np.array([x.rotation.T @ data.xaxis[j] for x, j in zip(places, ids, strict=True)]),
+        armature=model.dof_armature[dofs],
+        viscous=model.dof_damping.reshape(model.nv, -1)[dofs, 0],
+        coulomb=model.dof_frictionloss[dofs],
+        gravity=np.array(model.opt.gravity),
+    )
 
-    pin = pinocchio()
+
+def _read_mjcf(file: FilePath) -> tuple[Any, Any]:
+    """The module MuJoCo, and its model of an MJCF file."""
     file_access.read_bytes(str(file), "robot description")
     try:
         mujoco = import_module("mujoco")
@@ -172,71 +178,127 @@ def read_mjcf(file: FilePath) -> Any:
             "pip install 'armcontour[experiment]'."
         ) from None
     try:
-        mj = mujoco.MjModel.from_xml_path(str(file))
+        return mujoco, mujoco.MjModel.from_xml_path(str(file))
     except ValueError as error:
         reason = str(error).strip().splitlines()[0].rstrip(".")
         raise InvalidInput(f"{file} is no model of MuJoCo: {reason}.") from None
-    model, places = pin.Model(), [(0, pin.SE3.Identity())]
-    model.name, model.gravity.linear = file.stem, np.array(mj.opt.gravity)
-
-    def pose(position: Any, quaternion: Any) -> Any:
-        return pin.SE3(pin.Quaternion(*quaternion).matrix(), np.array(position))
-
-    limits: list[tuple[int, int]] = []
-    for b in range(1, mj.nbody):
-        body = mj.body(b)
-        parent, place = places[mj.body_parentid[b]]
-        place = place * pose(mj.body_pos[b], mj.body_quat[b])
-        for j in range(mj.body_jntadr[b], mj.body_jntadr[b] + mj.body_jntnum[b]):
-            kind, axis = mujoco.mjtJoint(mj.jnt_type[j]), np.array(mj.jnt_axis[j])
-            anchor = pin.SE3(np.eye(3), np.array(mj.jnt_pos[j]))
-            start = float(mj.qpos0[mj.jnt_qposadr[j]])
-            if kind == mujoco.mjtJoint.mjJNT_HINGE:
-                joint, back = pin.JointModelRevoluteUnaligned(axis), (-start, 0.0)
-            elif kind == mujoco.mjtJoint.mjJNT_SLIDE:
-                joint, back = pin.JointModelPrismaticUnaligned(axis), (0.0, -start)
-            else:
-                ball = kind == mujoco.mjtJoint.mjJNT_BALL
-                joint, back = (
-                    pin.JointModelSpherical() if ball else pin.JointModelFreeFlyer(),
-                    (0, 0),
-                )
-            zero = pin.SE3(pin.exp3(back[0] * axis), back[1] * axis)
-            name = mj.joint(j).name or f"joint {j + 1}"
-            parent = model.addJoint(parent, joint, place * anchor * zero, name)
-            limits.append((parent, j))
-            place = anchor.inverse()
-        own = pose(mj.body_ipos[b], mj.body_iquat[b])
-        turned = own.rotation @ np.diag(mj.body_inertia[b]) @ own.rotation.T
-        inertia = pin.Inertia(float(mj.body_mass[b]), own.translation, turned)
-        model.appendBodyToJoint(parent, inertia, place)
-        places.append((parent, place))
-        _add_frame(pin, model, body.name or f"body {b}", parent, place)
-    for s in range(mj.nsite):
-        parent, place = places[mj.site_bodyid[s]]
-        inside = place * pose(mj.site_pos[s], mj.site_quat[s])
-        _add_frame(pin, model, mj.site(s).name or f"site {s}", parent, inside)
-    for i, j in limits:
-        if model.nvs[i] == 1:
-            _limit_joint(model, i, mj, j)
-    return model
 
 
-def _add_frame(pin: Any, model: Any, name: str, joint: int, place: Any) -> None:
-    model.addFrame(pin.Frame(name, joint, place, pin.FrameType.OP_FRAME))
-
-
-def _limit_joint(model: Any, i: int, mj: Any, j: int) -> None:
-    """Set range, torque, friction and armature of joint i of a model from joint j of MuJoCo."""
-    q, v, dof = model.idx_qs[i], model.idx_vs[i], mj.jnt_dofadr[j]
-    low, high = mj.jnt_range[j] if mj.jnt_limited[j] else (-np.inf, np.inf)
-    model.lowerPositionLimit[q], model.upperPositionLimit[q] = low, high
-    most = float(np.abs(mj.jnt_actfrcrange[j]).min()) if mj.jnt_actfrclimited[j] else np.inf
-    driven = (mj.actuator_trntype == 0) & (mj.actuator_trnid[:, 0] == j)
-    for a in np.flatnonzero(driven & (mj.actuator_forcelimited > 0)):
-        force = np.abs(mj.actuator_forcerange[a] * mj.actuator_gear[a, 0]).min()
+def _largest_torque(model: Any, j: int) -> float:
+    """Largest torque of joint j of a model of MuJoCo [N m]."""
+    most = float(np.abs(model.jnt_actfrcrange[j]).min()) if model.jnt_actfrclimited[j] else np.inf
+    driven = (model.actuator_trntype == 0) & (model.actuator_trnid[:, 0] == j)
+    for a in np.flatnonzero(driven & (model.actuator_forcelimited > 0)):
+        force = np.abs(model.actuator_forcerange[a] * model.actuator_gear[a, 0]).min()
         most = min(most, float(force))
-    model.effortLimit[v], model.velocityLimit[v] = most, np.inf
-    model.armature[v] = mj.dof_armature[dof]
-    model.damping[v] = np.ravel(mj.dof_damping[dof])[0]
-    model.upperDryFrictionLimit[v] = mj.dof_frictionloss[dof]
+    return most
+
+
+def _find_tip(names: list[str], others: list[str], source: str, options: ArmOptions) -> int:
+    """Index of the frame at the tip.
+
+    Args:
+        names: Names of all frames.
+        others: Names that a message does not list.
+        source: Where the model comes from.
+        options: The options.
+    """
+    from armcontour.files.robots.tip import TOOL_FRAMES
+
+    tip = options.tip
+    if tip is None:
+        tip = next((x for x in TOOL_FRAMES if x in names), None)
+    if tip in names:
+        return names.index(tip)
+    known = list_some([x for x in names if x not in others], MOST_NAMED)
+    raise InvalidInput(
+        f"{source} has no frame {tip!r}: say which one is the tip with tip=, one of {known}."
+        if tip is not None
+        else f"Say which frame of {source} is the tip with tip=, one of {known}."
+    )
+
+
+def _locked(names: list[str], source: str, options: ArmOptions) -> list[int]:
+    """Indices of the joints that are locked."""
+    for name in options.locked or ():
+        if name not in names:
+            raise InvalidInput(
+                f"{source} has no joint {name!r} to be locked: its joints are "
+                f"{list_some(names, MOST_NAMED)}."
+            )
+    return [names.index(x) for x in options.locked or ()]
+
+
+def _turns_not(name: str, source: str) -> InvalidInput:
+    """The refusal of a joint of an arm that does not turn."""
+    return InvalidInput(
+        f"Joint {name} of {source} does not turn about one axis, as joints of an arm do: "
+        f"choose another tip, or lock it with locked={{{name!r}: ...}}."
+    )
+
+
+def _arm(
+    name: str,
+    source: str,
+    options: ArmOptions,
+    values: Table,
+    *,
+    places: list[Frame],
+    links: list[list[Body]],
+    end: Frame,
+    **others: Any,
+) -> SerialArm:
+    """The arm of a model.
+
+    Args:
+        name: Name of the model.
+        source: Where it comes from.
+        options: The options.
+        values: Limits of the joints.
+        places: Frames of the joints at position 0 in the frame of the base.
+        links: Bodies that each joint carries, in the frame of the base.
+        end: Frame of the tip in the frame of the base.
+        others: More data of the chain.
+    """
+    if not places:
+        raise InvalidInput(f"No joint of {source} moves its tip: choose another tip.")
+    inside = [x.inverse @ y for x, y in pairwise([Frame(), *places, end])]
+    if all(sum(mass for mass, *_ in link) > 0 for link in links):
+        bodies = []
+        for place, link in zip(places, links, strict=True):
+            mass, center, inertia = join_bodies(link)
+            back = place.rotation.T
+            turned = back @ inertia @ back.T
+            bodies.append((mass, back @ (center - place.position), (turned + turned.T) / 2))
+        joined = zip(*bodies, strict=True)
+        others |= dict(zip(("masses", "centers", "inertias"), joined, strict=True))
+    chain = Chain(
+        rotations=np.array([x.rotation for x in inside[:-1]]),
+        positions=np.array([x.position for x in inside[:-1]]),
+        tip=inside[-1],
+        **others,
+    )
+    table: Table = {x: [None] * len(chain) for x in (*JOINT_LIMITS, *JOINT_RANGE)}
+    lacking = []
+    for key, given in values.items():
+        known = [float(x) if abs(x) < LARGEST else None for x in given]
+        if key in JOINT_RANGE:
+            table[key] = known
+        elif not all(known):
+            lacking.append(key)
+        elif key == "joint_velocity" or chain.masses is not None:
+            table[key] = known
+    if options.limits_file is not None:
+        override(table, chain.joints, options.limits_file)
+    limits = limits_of(table, chain.joints, source)
+    missing = [x for x in lacking if getattr(limits, x) is None]
+    note = f"it does not give {' and '.join(missing)} of all joints" if missing else ""
+    limits, note = assume_accelerations(limits, note)
+    return SerialArm(
+        name=checks.check_name("name of a model", name),
+        chain=chain,
+        limits=limits,
+        source=source,
+        limits_hint=HINT if limits.joint_acceleration is None else "",
+        notes=(f"{source}: {note}.",) if note else (),
+    )

@@ -17,7 +17,7 @@ TURNING = ("revolute", "continuous")
 KINDS = (*TURNING, "fixed", "prismatic", "planar", "floating")
 # Deepest nesting of elements; the format needs 6.
 DEEPEST = 100
-# Robots have about 100 links; pinocchio overflows its stack near 10,000 links in a row.
+# Robots have about 100 links.
 MOST_LINKS = 1000
 # Elements of all kinds: visuals, transmissions, plugins of simulators.
 MOST_ELEMENTS = 200_000

@@ -39,6 +39,7 @@ from armcontour.studies.placement.placement import Place, Placement, all_places
 from armcontour.studies.placement.refining import refine
 from armcontour.studies.placement.screening import RANGE, REACH, SINGULAR_ARM
 from armcontour.studies.placement.searching import best_of, search_grid
+from armcontour.verification.clearance.distances import can_measure
 
 # Places of each contour at which the extent of a path is looked at.
 SAMPLES = 200
@@ -185,7 +186,8 @@ def _refuse_objective(judge: Judge) -> None:
         InvalidInput: No shapes for the clearance, or no masses or limits for torques.
     """
     arm, scene = judge.job.arm, judge.job.scene
-    if arm.shapes is not None or scene is not None:
+    measured = judge.objective == CLEARANCE or can_measure()
+    if scene is not None or (arm.shapes is not None and measured):
         # Refuses a scene without shapes of the arm, and what is wrong in it.
         _ = judge.job.cell
     if judge.objective == CLEARANCE and arm.shapes is None:

@@ -157,8 +157,8 @@ def _coal() -> Any:
         import coal
     except ImportError:
         raise InvalidInput(
-            "Clearance needs the package coal, which comes with pin: pip install pin. It has no "
-            "wheels for Windows."
+            "Clearance needs the package coal: pip install 'armcontour[dynamics]' (there are no "
+            "wheels for Windows), or take scene out of the job."
         ) from None
     return coal
 

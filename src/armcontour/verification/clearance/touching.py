@@ -9,7 +9,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.robot import Arm
 from armcontour.robot.scene import ArmShapes, LeftOut, Scene
-from armcontour.verification.clearance.distances import UNCERTAINTY, Distances
+from armcontour.verification.clearance.distances import UNCERTAINTY, Distances, can_measure
 from armcontour.verification.clearance.pairs import pairs_of
 
 REASON = "touching with all joints at 0, and in every other posture that was tried"
@@ -22,17 +22,14 @@ def leave_out_touching(arm: Arm) -> ArmShapes:
 
     Joints at 0 may be a posture that the arm cannot take, in which bodies meet that are apart
     elsewhere. So pairs are left out that touch in some other postures, too. No pair is left out
-    because it did not touch.
+    because it did not touch. Where distances cannot be computed, the shapes are unchanged.
 
     Args:
         arm: An arm with shapes.
-
-    Raises:
-        InvalidInput: The arm has no shapes, or distances cannot be computed here.
     """
     assert arm.shapes is not None
     pairs, _ = pairs_of(arm, Scene())
-    if not pairs:
+    if not pairs or not can_measure():
         return arm.shapes
     assert arm.chain is not None
     distances = Distances(arm.chain, pairs)

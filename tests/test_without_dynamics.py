@@ -1,0 +1,104 @@
+"""Arms in space without the extra `dynamics`: planning, simulation, reports, identification."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.control.identification.bodies.robots import (
+    HOME,
+    NOMINAL,
+    nominal_arm,
+    nominal_servo,
+    record,
+    set_points,
+    true_arm,
+)
+
+import armcontour as ac
+from armcontour.core.frames import to_rpy
+
+ROOT = Path(__file__).parents[1]
+BLOCKED = (
+    "import sys; sys.modules.update(pinocchio=None, coal=None); "
+    "from tests.test_without_dynamics import print_results; print_results(sys.argv[1])"
+)
+READY = {"panda": [0.3, 0.2, 0.1, -1.8, 0.2, 2.0, 0.3], "ur5e": HOME, "ur5e.urdf": HOME}
+
+
+def write_urdf(arm, file):
+    """Write the links and the joints of an arm without armatures as a robot description."""
+    chain = arm.chain
+    lines, names = [], ["base", *(f"link{k}" for k in range(1, arm.dof + 1)), "tool"]
+
+    def text(numbers):
+        return " ".join(map(repr, np.asarray(numbers).tolist()))
+
+    def add(name, kind, k, position, rotation, more=""):
+        lines.append(
+            f'<joint name="{name}" type="{kind}"><origin xyz="{text(position)}" '
+            f'rpy="{text(to_rpy(rotation))}"/><parent link="{names[k]}"/>'
+            f'<child link="{names[k + 1]}"/>{more}</joint>'
+        )
+
+    for k, name in enumerate(chain.joints):
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = chain.inertias[k].tolist()
+        lines.append(
+            f'<link name="{names[k + 1]}"><inertial><mass value="{chain.masses[k]}"/>'
+            f'<origin xyz="{text(chain.centers[k])}"/><inertia ixx="{xx!r}" ixy="{xy!r}" '
+            f'ixz="{xz!r}" iyy="{yy!r}" iyz="{yz!r}" izz="{zz!r}"/></inertial></link>'
+        )
+        more = f'<axis xyz="{text(chain.axes[k])}"/><limit lower="-6" upper="6" velocity="3"/>'
+        add(name, "revolute", k, chain.positions[k], chain.rotations[k], more)
+    add("tip", "fixed", arm.dof, chain.tip.position, chain.tip.rotation)
+    lines += ['<link name="base"/>', '<link name="tool"/>']
+    file.write_text(f'<robot name="written">{"".join(lines)}</robot>')
+
+
+def results(name, folder):
+    """Plan with limits of torque, execute on two plants, and write a report."""
+    if name.endswith(".urdf"):
+        write_urdf(ac.load_arm(Path(name).stem), folder / name)
+    arm = ac.load_arm(folder / name if name.endswith(".urdf") else name)
+    q, servo = np.array(READY[name]), nominal_servo()
+    line = ac.Path.polyline(arm.tool_position([q, q]) + [[0, 0, 0], [0, 0.06, -0.04]])
+    path = line.oriented(arm.forward(q)[:3, :3])
+    loose = ac.Limits(joint_velocity=3.0, joint_acceleration=20.0)
+    # Little more than gravity needs.
+    most = 1.2 * np.abs(arm.dynamics.gravity(q)) + 1.0
+    arm = arm.with_limits(loose)
+    plan = ac.plan(path, arm, loose.replace(joint_torque=most), ac.Optimal(start=q))
+    assert plan.duration > ac.plan(path, arm, loose, ac.Optimal(start=q)).duration
+    torque = arm.torque(*plan.motion(np.linspace(0, plan.duration, 500)))
+    assert (np.abs(torque) <= most * (1 + 1e-6)).all()
+    commands = ac.compensate(plan, servo, ac.InverseDynamics(), arm=arm)
+    plants = ac.ServoPlant(arm, servo), ac.RigidBodyPlant(arm, servo, plan.limits)
+    errors = [ac.evaluate(ac.simulate(commands, x), path) for x in plants]
+    ac.write_report(errors[1], folder / f"{name}.html")
+    return [plan.duration, *(x.contour_error.rms for x in errors)]
+
+
+def print_results(folder):
+    """Print what three arms do, and the payload that is identified of one, as JSON."""
+    found = {name: results(name, Path(folder)) for name in READY}
+    nominal = nominal_arm()
+    log = record(true_arm(nominal), nominal_servo(), set_points(0, 4.0), known=nominal)
+    identified = ac.identify_bodies(log, nominal, nominal_servo(), NOMINAL)
+    found["payload"] = identified.arm.chain.payload.mass
+    print(json.dumps(found))
+
+
+def test_arms_in_space_need_no_pinocchio(tmp_path):
+    pytest.importorskip("mujoco")
+    command = [sys.executable, "-W", "ignore", "-c", BLOCKED, str(tmp_path)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    np.testing.assert_allclose(found["ur5e.urdf"], found["ur5e"], rtol=1e-6)
+    for name in READY:
+        duration, servo, bodies = found[name]
+        assert 0.5 < duration < 1 and servo < 1e-3 and bodies < 1e-3
+        assert (tmp_path / f"{name}.html").stat().st_size > 1e6
+    assert found["payload"] == pytest.approx(2.0, rel=0.05)
