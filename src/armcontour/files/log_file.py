@@ -20,8 +20,8 @@ from armcontour.files.csv_table import MOST_NAMED, CsvTable, read_table
 from armcontour.files.joint_table import TrajectoryFile, joints_of, read_csv_text, read_samples
 from armcontour.files.joint_titles import AXES, Key, read_joint_title, read_tool_title
 from armcontour.files.ros_files import is_ros_file, read_ros_log
-from armcontour.motion.log import INTERPOLATIONS, Log, cut
-from armcontour.motion.log_checks import arrange
+from armcontour.motion.log import INTERPOLATIONS, Log, cut_log
+from armcontour.motion.log_checks import arrange_joints
 
 if TYPE_CHECKING:
     from armcontour.control.learning import Recording
@@ -105,7 +105,7 @@ def read_run_log(
     log, has_commands = _read(
         FilePath(file), joint_names, start, end, unwrap, columns, topic, commanded=commanded
     )
-    log = arrange(log, joint_names)
+    log = arrange_joints(log, joint_names)
     if has_commands:
         return log
     return Recording(t=log.t, q=log.measured, source=log.source, notes=log.notes)
@@ -139,7 +139,7 @@ def _read(
         )
         found = _joint_motion(table, start, end, positions=not commanded)
         interpolation = _find_interpolation(table.comments)
-    log = cut(
+    log = cut_log(
         found.t,
         found.q if found.command is None else found.command,
         found.q,

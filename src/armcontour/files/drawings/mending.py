@@ -7,7 +7,7 @@ import math
 
 from armcontour.core.describing import digits
 from armcontour.files.drawings.options import ReadOptions
-from armcontour.geometry.tangent_repair import Mended, mend_vertices
+from armcontour.geometry.tangent_repair import RepairedPath, repair_tangents
 from armcontour.program import Contour, Program
 from armcontour.program.moves import Move
 
@@ -27,7 +27,7 @@ def repair(program: Program, options: ReadOptions) -> Program:
         if not isinstance(x, Contour) or x.path.orientation is not None:
             continue
         most = tolerances.get(x.layer, math.inf)
-        mended = mend_vertices(x.path, options.mend_vertices, most)
+        mended = repair_tangents(x.path, options.mend_vertices, most)
         if mended is not None:
             changed.append(mended)
             events = tuple(dataclasses.replace(y, s=float(mended.place(y.s))) for y in x.events)
@@ -38,7 +38,7 @@ def repair(program: Program, options: ReadOptions) -> Program:
     return dataclasses.replace(program, moves=tuple(moves), notes=notes)
 
 
-def _note(done: list[Mended]) -> str:
+def _note(done: list[RepairedPath]) -> str:
     """A sentence on all that was mended."""
     count = sum(x.count for x in done)
     kink, deviation = (max(getattr(x, y) for x in done) for y in ("kink", "deviation"))

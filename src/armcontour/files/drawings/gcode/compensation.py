@@ -30,7 +30,7 @@ from armcontour.program.crossings import (
     TY,
     corner_cuts,
     left_of,
-    parallels,
+    offset_pieces,
     points_at,
     turns_between,
 )
@@ -235,7 +235,7 @@ class Compensation:
         """Drafts the collected moves with the tool beside them."""
         moves, self.moves = self.moves, []
         table = np.array([x.row for x in moves])
-        way, tangents = parallels(table, self.left), points_at(table, table[:, LENGTH], 1)
+        way, tangents = offset_pieces(table, self.left), points_at(table, table[:, LENGTH], 1)
         tips = np.array([x.end for x in moves]) + self.left * left_of(tangents)
         if table[0, CURVATURE]:
             way[0] = self._entry_arc(moves[0], complex(*tips[0]), complex(*tangents[0]))
