@@ -167,7 +167,7 @@ def _offset(
         for _ in range(HALVINGS):
             middle = (fits + too_wide) / 2
             fits, too_wide = (middle, too_wide) if parts_of(middle) else (fits, middle)
-        result = "leaves no material" if contour.closed else "has no room next to it"
+        result = "removes the whole contour" if contour.closed else "has no room next to it"
         raise InvalidInput(
             f"{called}: a kerf of {1e3 * kerf:.6g} mm {result}; the largest kerf that fits is "
             f"{1e3 * fits:.4g} mm.",
