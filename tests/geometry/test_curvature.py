@@ -252,8 +252,8 @@ def test_the_tolerance_is_used_unless_a_corner_speed_ends_the_search_early():
 def test_corners_beside_transitions_are_rounded():
     points = [(0, 0), (0.1, 0), (0.1, 0.1), (0.2, 0.15)]
     once = ac.round_corners(ac.Path.polyline(points[:3]), tolerance=0.01, continuity="curvature")
-    cut = ac.geometry.cutting.cut_path(once, 0, (once.corners.start + once.corners.end)[0] / 2)
-    beside = ac.geometry.cutting.join_paths(
+    cut = ac.geometry.path_parts.cut_path(once, 0, (once.corners.start + once.corners.end)[0] / 2)
+    beside = ac.geometry.path_parts.join_paths(
         [cut, ac.Path.polyline([cut(cut.length), cut(cut.length) + [0.0, 0.05]])]
     )
     for continuity in ("tangent", "curvature"):
