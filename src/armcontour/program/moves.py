@@ -56,7 +56,7 @@ class Event(Checked):
     Args:
         name: Name of the output, such as "tool", "spindle", "laser" or "coolant".
         value: The new value of the output; True and False are on and off.
-        s: Arc length along the path of the contour [m]; 0 for an event that is a move of its own.
+        s: Arc length along the path of the contour [m]; 0 for an event between contours.
         lead_time: Time by which the output is switched before the tool reaches s [s]; after it if
             negative.
         lead_distance: Length along the path by which the output is switched before s [m]; after it
