@@ -117,7 +117,7 @@ def judge_offset(rng: np.random.Generator, source: ac.Path, side: str, kerf: flo
         if "crosses" in str(error):
             assert comes_back(source), "does not cross itself"
             return "crossing"
-        assert "leaves nothing" in str(error), str(error)
+        assert "removes the whole contour" in str(error), str(error)
         assert error.allowed is not None and error.allowed < kerf
         found = []
     sign = 1 if side == "left" else -1

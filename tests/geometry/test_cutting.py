@@ -101,10 +101,10 @@ def test_what_cannot_be_cut_joined_placed_or_flattened_is_refused():
     refused(
         (lambda: cut_path(PLANE, -0.1, 1), "begin", "within the path", {"allowed": PLANE.length}),
         (lambda: cut_path(PLANE, 0, 9), "end of a part", {"s": 9.0}),
-        (lambda: cut_path(PLANE, 0.5, 0.5), "no path between"),
-        (lambda: cut_path(PLANE, 0.5, 0.2), "no path between"),
+        (lambda: cut_path(PLANE, 0.5, 0.5), "has no length"),
+        (lambda: cut_path(PLANE, 0.5, 0.2), "has no length"),
         # Next to nothing on both sides of a joint.
-        (lambda: cut_path(corner, 1 - 0.8e-9, 1 + 0.8e-9), "no path between"),
+        (lambda: cut_path(corner, 1 - 0.8e-9, 1 + 0.8e-9), "has no length"),
         (lambda: join_paths([]), "at least one path"),
         (lambda: join_paths([flat, far]), "must be continuous"),
         (lambda: join_paths([flat, one]), "plane or all in space"),

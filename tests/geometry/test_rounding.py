@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from tests.geometry.tables import arc, each, line, path_of, refused
 
 import armcontour as ac
-from armcontour.geometry import Outcome, corner_error, count_full_stops
+from armcontour.geometry import ShapingOutcome, corner_error, count_full_stops
 from armcontour.geometry.path_parts import join_paths
 
 TURNS = [0.01, 0.5, np.pi / 2, 2.5, 3.1]
@@ -168,7 +168,7 @@ def test_why_the_tool_stops_and_how_often():
 
 def test_full_stops_of_a_shaped_path_say_why_they_are():
     lines = ac.Path.polyline([(0, 0), (1, 0), (1, 1), (2, 1), (1.5, 1)]).segments
-    outcome = Outcome(start="stops", durations={"stops": 1.0, "shaped": 1.0})
+    outcome = ShapingOutcome(start="stops", durations={"stops": 1.0, "shaped": 1.0})
     for own, found in (
         (np.nan, {"faster than a curve": 2, "turn-back": 1}),
         (0.0, {"faster than a curve": 1, "tolerance zero": 1, "turn-back": 1}),

@@ -8,11 +8,11 @@ from tests.geometry.tables import refused
 
 import armcontour as ac
 from armcontour.core.quintics import quintic
-from armcontour.geometry import Outcome, ShapedPath, SmoothCurve
-from armcontour.geometry.biarcs import biarcs
+from armcontour.geometry import ShapedPath, ShapingOutcome, SmoothCurve
+from armcontour.geometry.biarcs import make_biarcs
 from armcontour.geometry.segments import Segments
 
-OUTCOME = Outcome(start="arcs", durations={"arcs": 2.0, "stops": 3.0, "shaped": 1.5})
+OUTCOME = ShapingOutcome(start="arcs", durations={"arcs": 2.0, "stops": 3.0, "shaped": 1.5})
 
 
 def clothoid(n):
@@ -33,7 +33,7 @@ def clothoid(n):
 @pytest.fixture(scope="module")
 def shaped():
     _, points, tangents, bends = clothoid(30)
-    first, second = biarcs(points[:-1], tangents[:-1], points[1:], tangents[1:])
+    first, second = make_biarcs(points[:-1], tangents[:-1], points[1:], tangents[1:])
     segments = Segments.join([first, second])[np.arange(60).reshape(2, 30).T.ravel()]
     breaks = segments.breaks[::2]
     coefficients = quintic(
@@ -55,7 +55,7 @@ def shaped():
 
 def test_a_biarc_between_equal_tangents_is_a_line():
     start, along = np.zeros((1, 2)), np.array([[1.0, 0.0]])
-    for arc in biarcs(start, along, 2 * along, along):
+    for arc in make_biarcs(start, along, 2 * along, along):
         assert arc.lengths[0] == pytest.approx(1.0) and arc.curvatures[0] == 0.0
 
 

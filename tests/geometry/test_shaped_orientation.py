@@ -9,7 +9,7 @@ from tests.geometry.tables import arc, each, path_of, refused
 import armcontour as ac
 from armcontour.core.frames import angle_between, exp, log, shortest
 from armcontour.geometry import orient_shaped, round_with_parabolas
-from armcontour.geometry.prescribed_orientation import carry
+from armcontour.geometry.prescribed_orientation import carry_frame
 
 POINTS = [(0, 0, 0), (0.1, 0, 0), (0.1, 0.1, 0.02), (0.2, 0.1, 0.05), (0.15, 0.02, 0)]
 AXES = [(0, 0, -1), (0, 0.5, -1), (0.5, 0, -1), (1, 0.3, -1), (0, 0, -1)]
@@ -129,7 +129,7 @@ def test_a_path_out_of_the_corners_planes_does_not_turn_the_tool_about_the_tange
     tilt = exp(shortest(objective(middle, 1), path(s, 1)))
     least = tilt @ objective.orientation(middle)
     twist = np.linalg.norm(log(found.orientation(s) @ np.swapaxes(least, 1, 2)), axis=1)
-    drift = carry(path.segments, start)(s) @ np.swapaxes(least, 1, 2)
+    drift = carry_frame(path.segments, start)(s) @ np.swapaxes(least, 1, 2)
     assert np.linalg.norm(log(drift), axis=1).max() > 0.1
     assert twist.max() < 0.02
 

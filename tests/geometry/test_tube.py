@@ -12,8 +12,8 @@ from armcontour.geometry import Segments, Tube, kernels, near_points, round_with
 from armcontour.geometry.arc_fit import draw_with_arcs
 from armcontour.geometry.near_points import group_points, nearest_points, pairs_within
 from armcontour.geometry.path_parts import cut_path, join_paths
-from armcontour.geometry.projection import pack
-from armcontour.geometry.tangent_repair import mend_vertices
+from armcontour.geometry.projection import pack_segments
+from armcontour.geometry.tangent_repair import repair_tangents
 
 CORNER = [(0, 0), (0.1, 0), (0.1, 0.1)]
 
@@ -264,8 +264,8 @@ def test_the_bulge_bounds_what_the_ends_do_not_show(dimension):
             lengths=np.full(2, 2.0),
         )
         u, v = rng.uniform(0, 0.5, size=2), rng.uniform(0, 0.5, size=2)
-        rows = pack(segments)
-        bulge = kernels.bulge(rows[0], *u, rows[1], *v)
+        rows = pack_segments(segments)
+        bulge = kernels.bound_bulge(rows[0], *u, rows[1], *v)
         p, q = (
             segments.evaluate(np.full(101, k), x[0] + (x[1] - x[0]) * t)
             for k, x in ((0, u), (1, v))
@@ -412,7 +412,7 @@ def test_a_printed_rounded_rectangle_is_tangent_again(decimals):
     step = 10.0 ** -(decimals + 3)
     path = rounded_rectangle(step)
     assert (path.turns > 1e-9).sum() >= 5
-    found = mend_vertices(path, np.sqrt(0.5) * step)
+    found = repair_tangents(path, np.sqrt(0.5) * step)
     assert (found.path.turns <= 1e-9).all() and seam_kink(found.path) <= 1e-9
     assert found.count == (path.turns > 1e-9).sum() + (seam_kink(path) > 1e-9)
     assert found.kink == pytest.approx(max(path.turns.max(), seam_kink(path)), rel=1e-6)
@@ -431,17 +431,17 @@ def test_a_printed_rounded_rectangle_is_tangent_again(decimals):
 
 
 def test_exact_paths_are_left_alone_and_corners_stay_exactly():
-    assert mend_vertices(rounded_rectangle(1e-15), PRINTED) is None
+    assert repair_tangents(rounded_rectangle(1e-15), PRINTED) is None
     # A corner of 1° is far above what three decimals hold over centimetres.
     bend = np.radians(1.0)
     points = [(0, 0), (0.05, 0), (0.05 + 0.05 * np.cos(bend), 0.05 * np.sin(bend)), (0.05, 0.2)]
-    assert mend_vertices(ac.Path.polyline(points), PRINTED) is None
+    assert repair_tangents(ac.Path.polyline(points), PRINTED) is None
     # A micrometre holds any turn, but nothing above 0.05 rad is mended.
     short = ac.Path.polyline([(0, 0), (1e-6, 0), (1e-6, 1e-6), (0, 1e-6), (0, 2e-6)])
-    assert mend_vertices(short, PRINTED) is None
+    assert repair_tangents(short, PRINTED) is None
     # One corner and one printed vertex: only that one changes.
     path = ac.Path.polyline([(0, 0), (0.03, 4e-7), (0.07, 0), (0.07, 0.04)])
-    found = mend_vertices(path, PRINTED)
+    found = repair_tangents(path, PRINTED)
     assert found.count == 1
     np.testing.assert_allclose(found.path.turns.max(), path.turns[1], rtol=1e-9)
     np.testing.assert_array_equal(found.path.vertices[-2:], path.vertices[-2:])
@@ -451,8 +451,8 @@ def test_exact_paths_are_left_alone_and_corners_stay_exactly():
 def test_tolerances_of_segments_bound_it():
     a, b, c = (0.0, 0.0), (0.03, 4e-7), (0.07, 0.0)
     some, none = (path_of(line(a, b, tolerance=x), line(b, c, tolerance=x)) for x in (1e-8, 0.0))
-    assert mend_vertices(some, PRINTED).deviation == pytest.approx(1e-8, rel=1e-6)
-    assert mend_vertices(none, PRINTED) is None
+    assert repair_tangents(some, PRINTED).deviation == pytest.approx(1e-8, rel=1e-6)
+    assert repair_tangents(none, PRINTED) is None
 
 
 @given(
@@ -473,7 +473,7 @@ def test_printed_tangent_arcs_are_tangent_again(parts, decimals):
         segments.append(printed_arc(start, end, np.round(center / step) * step))
         start = end
     path = path_of(*segments)
-    found = mend_vertices(path, np.sqrt(0.5) * step)
+    found = repair_tangents(path, np.sqrt(0.5) * step)
     if found is None:
         assert (path.turns <= 1e-9).all()
         return

@@ -3,7 +3,7 @@
 import numpy as np
 
 from armcontour.core.errors import InvalidInput
-from armcontour.motion.log import Log, cut
+from armcontour.motion.log import Log, cut_log
 
 T = np.arange(100) * 1e-3
 U = np.sin(T)
@@ -20,7 +20,7 @@ def test_logs_are_cut_and_unwrapped():
     assert log.joint_names == ("joint 1",) and log.dof == 1
     part = log.between(0.02, 0.08)
     np.testing.assert_allclose([log.interval, *part.t[[0, -1]]], [1e-3, 0.02, 0.08])
-    log = cut(T, U[:, None], WRAPPED[:, None], -np.inf, np.inf, unwrap=True)
+    log = cut_log(T, U[:, None], WRAPPED[:, None], -np.inf, np.inf, unwrap=True)
     np.testing.assert_allclose(log.measured - log.command, 6.25 - 2 * np.pi)
 
 

@@ -174,7 +174,7 @@ def test_hundreds_of_contours_come_near_a_lower_bound(closed):
     starts = np.array([x.path(0.0) for x in done.contours])
     bound = held_karp(starts, gaps(done))
     assert 0.99 * bound < gaps(done) <= 1.06 * bound
-    assert f"{number(gaps(done), 'm')} in all" in note
+    assert f"a total length of {number(gaps(done), 'm')}" in note
 
 
 def test_open_contours_run_backwards_only_where_they_may():

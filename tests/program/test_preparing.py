@@ -143,7 +143,7 @@ def test_leads_take_demands_of_segments_and_given_lengths():
     assert first.path.length == pytest.approx(0.15, abs=1e-15)
     assert second.work == pytest.approx((0.0, 0.1), abs=1e-15)
     for few in (None, [], [Leads(before=0.01)]):
-        said = f"there are {len(few or [])}"
+        said = f"got {len(few or [])}"
         refused((lambda x=few: prepare(program(BEND, BEND), asked, x), "2 lengths", said))
 
 

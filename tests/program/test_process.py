@@ -8,7 +8,7 @@ from tests.geometry.tables import arc, line, path_of, refused
 import armcontour as ac
 from armcontour.geometry import Arc, Path
 from armcontour.program import Process
-from armcontour.program.nesting import nest
+from armcontour.program.nesting import find_nesting
 
 LINE = ac.Path.polyline([(0.3, 0.1), (0.4, 0.1)])
 LASER = ac.Switch(name="laser")
@@ -43,7 +43,7 @@ def polyline(*points, **values):
 
 
 def parents(*contours, up=UP):
-    return nest(contours, up).parents.tolist()
+    return find_nesting(contours, up).parents.tolist()
 
 
 def test_the_parent_is_the_smallest_contour_around_whatever_the_order():
@@ -62,7 +62,7 @@ def test_parents_and_areas_are_those_of_exact_arcs():
     half = arc((0.02, 0), (0.02, 0.01), np.pi)
     top, side = line((0.02, 0.02), (0, 0.02)), line((0, 0.02), (0, 0))
     d_shape = ac.Contour(path=path_of(line((0, 0), (0.02, 0)), half, top, side))
-    areas = nest([hole, turned, d_shape], UP).areas
+    areas = find_nesting([hole, turned, d_shape], UP).areas
     expected = [np.pi * 4e-4, -np.pi * 4e-4, 4e-4 + np.pi * 1e-4 / 2]
     np.testing.assert_allclose(areas, expected, rtol=1e-12)
     # Between the chords of any sampling and the arc.
@@ -89,7 +89,7 @@ def test_the_winding_number_is_that_of_a_fine_polygon(seed):
     places = rng.uniform(-1.2, 1.2, (10, 2))
     fine = path(np.linspace(0, path.length, 4001)[:-1])
     marks = [polyline(x, x + 1e-3) for x in places]
-    holds = nest([ac.Contour(path=path), *marks], UP).holds[0, 1:]
+    holds = find_nesting([ac.Contour(path=path), *marks], UP).holds[0, 1:]
     turned = np.unwrap(np.arctan2(*(np.append(fine, fine[:1], axis=0)[:, None] - places).T), axis=1)
     wound = np.round((turned[:, -1] - turned[:, 0]) / (2 * np.pi)).astype(int)
     clear = np.min(np.linalg.norm(fine[:, None] - places, axis=2), axis=0) > 5e-3

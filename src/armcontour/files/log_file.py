@@ -28,8 +28,8 @@ from armcontour.files.joint_table import (
     read_tool_title,
 )
 from armcontour.files.ros_files import is_ros_file, read_ros_log
-from armcontour.motion.log import INTERPOLATIONS, Log, cut
-from armcontour.motion.log_checks import arrange
+from armcontour.motion.log import INTERPOLATIONS, Log, cut_log
+from armcontour.motion.log_checks import arrange_joints
 
 if TYPE_CHECKING:
     from armcontour.control.learning import Recording
@@ -113,7 +113,7 @@ def read_run_log(
     log, has_commands = _read(
         FilePath(file), joint_names, start, end, unwrap, columns, topic, commanded=commanded
     )
-    log = arrange(log, joint_names)
+    log = arrange_joints(log, joint_names)
     if has_commands:
         return log
     return Recording(t=log.t, q=log.measured, source=log.source, notes=log.notes)
@@ -147,7 +147,7 @@ def _read(
         )
         motion = _joint_motion(table, start, end, positions=not commanded)
         interpolation = _find_interpolation(table.comments)
-    log = cut(
+    log = cut_log(
         motion.t,
         motion.q if motion.command is None else motion.command,
         motion.q,

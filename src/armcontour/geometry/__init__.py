@@ -10,7 +10,7 @@ _HOME = {
     "primitives": "Arc Line SegmentLimits",
     "rounded_path": "Corners RoundedPath count_full_stops round_corners round_with_parabolas",
     "segments": "Segments",
-    "shaped_path": "Outcome ShapedPath SmoothCurve",
+    "shaped_path": "ShapingOutcome ShapedPath SmoothCurve",
     "shaped_orientation": "orient_shaped",
     "tube": "Proof Tube",
     "armcontour.core.frames": "angle_between",

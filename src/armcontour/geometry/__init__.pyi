@@ -13,8 +13,8 @@ from armcontour.geometry.rounded_path import round_corners as round_corners
 from armcontour.geometry.rounded_path import round_with_parabolas as round_with_parabolas
 from armcontour.geometry.segments import Segments as Segments
 from armcontour.geometry.shaped_orientation import orient_shaped as orient_shaped
-from armcontour.geometry.shaped_path import Outcome as Outcome
 from armcontour.geometry.shaped_path import ShapedPath as ShapedPath
+from armcontour.geometry.shaped_path import ShapingOutcome as ShapingOutcome
 from armcontour.geometry.shaped_path import SmoothCurve as SmoothCurve
 from armcontour.geometry.tube import Proof as Proof
 from armcontour.geometry.tube import Tube as Tube

@@ -13,16 +13,16 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.sampling import number_parts
-from armcontour.geometry.biarcs import biarcs, distance, dot, length, unit
+from armcontour.geometry.biarcs import biarc_distance, dot, length, make_biarcs, unit
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.path import Path
-from armcontour.geometry.prescribed_orientation import carry
+from armcontour.geometry.prescribed_orientation import carry_frame
 from armcontour.geometry.segments import (
     EVERY,
     REPEATED_POINT,
     TANGENT_TOLERANCE,
     Segments,
-    close_up,
+    close_gaps,
 )
 
 Curve = Callable[[FloatArray, int], FloatArray]
@@ -87,17 +87,13 @@ def fit_arcs(curve: Curve, breaks: npt.ArrayLike, tolerance: float) -> Segments:
             (order 1), (n, 2) or (n, 3), for t of shape (n,). It is smooth between two breaks.
         breaks: Increasing values of t; the curve runs from the first to the last.
         tolerance: Largest distance of the arcs from the curve and of the curve from the arcs [m].
-
-    Raises:
-        InvalidInput: The breaks do not increase, the curve is not finite or has no length, or the
-            tolerance is below a nanometre or far too small for the curve.
     """
     knots = checks.check_numbers("breaks of a curve", breaks)
     if knots.ndim != 1 or len(knots) < 2 or (np.diff(knots) <= 0).any():
         raise InvalidInput("The breaks of a curve must be two or more increasing numbers.")
-    _refuse_fine(tolerance)
+    _check_tolerance(tolerance)
     row = np.zeros(len(knots), dtype=np.intp)
-    return _fit(_single(curve), knots, row, tolerance, through=False)[0]
+    return _fit(_as_many(curve), knots, row, tolerance, through=False)[0]
 
 
 def fit_many(
@@ -111,11 +107,8 @@ def fit_many(
         breaks: Breaks of all curves one after the other, (n,).
         rows: Curve of each break, ascending from 0, (n,).
         tolerance: As in `fit_arcs` [m].
-
-    Raises:
-        InvalidInput: As `fit_arcs`, for any of the curves.
     """
-    _refuse_fine(tolerance)
+    _check_tolerance(tolerance)
     arcs, vertices = _fit(curves, breaks, rows, tolerance, through=False)
     ends = np.flatnonzero(np.diff(rows, append=-1))
     return [arcs[vertices[i] : vertices[i + 1]] for i in range(len(ends))]
@@ -124,16 +117,11 @@ def fit_many(
 def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Segments, IntArray]:
     """Tangent arcs along a smooth curve as by `fit_arcs`, with a vertex at every break.
 
-    Args:
-        curve: As in `fit_arcs`.
-        breaks: As in `fit_arcs`, (n,).
-        tolerance: As in `fit_arcs` [m].
-
     Returns:
         The arcs, and the index of the vertex at each break, (n,).
     """
     row = np.zeros(len(breaks), dtype=np.intp)
-    return _fit(_single(curve), breaks, row, tolerance, through=True)
+    return _fit(_as_many(curve), breaks, row, tolerance, through=True)
 
 
 def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArray]:
@@ -167,7 +155,7 @@ def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArr
 def _orient(orientation: Orientation, table: Segments, matched_s: FloatArray) -> Orientation:
     """The orientation along other segments, whose waypoints have other arc lengths."""
     if orientation.follows:
-        return carry(table, orientation.starts[0], axis_only=orientation.axis_only)
+        return carry_frame(table, orientation.starts[0], axis_only=orientation.axis_only)
     middle = (table.breaks[:-1] + table.breaks[1:]) / 2
     before, after = matched_s.T
     ratio = (np.diff(before) / np.diff(after))[np.searchsorted(after[1:-1], middle)]
@@ -178,7 +166,7 @@ def _orient(orientation: Orientation, table: Segments, matched_s: FloatArray) ->
     )
 
 
-def _refuse_fine(tolerance: float) -> None:
+def _check_tolerance(tolerance: float) -> None:
     """Raise InvalidInput for a tolerance below the resolution of a point."""
     if checks.positive("tolerance of a curve", tolerance, "m") < REPEATED_POINT:
         raise InvalidInput(
@@ -187,7 +175,7 @@ def _refuse_fine(tolerance: float) -> None:
         )
 
 
-def _single(curve: Curve) -> Curves:
+def _as_many(curve: Curve) -> Curves:
     """A single curve as many curves of one row."""
     return lambda row, t, order: np.asarray(curve(t, order))
 
@@ -291,7 +279,7 @@ def _split_at_cusps(
     begin, end = breaks[one], breaks[one + 1]
     parameters = begin[:, None] + (end - begin)[:, None] * CUSP_PLACES
     parameters = np.minimum(parameters, np.nextafter(end, -np.inf)[:, None])
-    speed = length(_at(curves, rows[one], parameters, 1))
+    speed = length(_evaluate(curves, rows[one], parameters, 1))
     inner = speed[:, 1:-1]
     largest = inner.max(axis=1)
     minima = (inner <= speed[:, :-2]) & (inner <= speed[:, 2:]) & (inner < SLOW * largest[:, None])
@@ -327,7 +315,7 @@ def _tangents(
     row, begin, end = row[starts], breaks[starts], breaks[starts + 1]
     span = end - begin
     parameters = begin[:, None] + span[:, None] * PLACES[1:-1]
-    speed = length(_at(curves, row, parameters, 1)).max(axis=1)
+    speed = length(_evaluate(curves, row, parameters, 1)).max(axis=1)
     still = STILL * speed + ROUNDING * size / span
     tangents = []
     for t, sign, vanishes in ((begin, 1.0, cusp[starts]), (end, -1.0, cusp[starts + 1])):
@@ -337,7 +325,7 @@ def _tangents(
         direction = unit(derivative)
         if weak.any():
             near = t[weak, None] + sign * span[weak, None] * NEAR_END
-            directions = unit(_at(curves, row[weak], near, 1))
+            directions = unit(_evaluate(curves, row[weak], near, 1))
             direction[weak] = unit(np.einsum("k,nkd->nd", TO_ZERO, directions))
         slack = ROUGH * size / (span * length(derivative))
         slack = np.clip(slack, TANGENT_TOLERANCE, SAME_LIMIT)
@@ -345,7 +333,7 @@ def _tangents(
     return tangents
 
 
-def _at(curves: Curves, row: IntArray, parameters: FloatArray, order: int) -> FloatArray:
+def _evaluate(curves: Curves, row: IntArray, parameters: FloatArray, order: int) -> FloatArray:
     """Points or derivatives at k parameters of each interval, (n, k, dimension)."""
     every = np.repeat(row, parameters.shape[1])
     return np.asarray(curves(every, parameters.ravel(), order)).reshape(*parameters.shape, -1)
@@ -361,7 +349,7 @@ def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -
     count = 0
     while len(todo.begin):
         parameters = todo.begin[:, None] + (todo.end - todo.begin)[:, None] * PLACES[1:-1]
-        points = _at(curves, todo.row, parameters, 0)
+        points = _evaluate(curves, todo.row, parameters, 0)
         if not np.isfinite(points).all():
             raise InvalidInput("A curve must be finite between its breaks.")
         distances = _distances_from_arcs(todo, points)
@@ -394,8 +382,8 @@ def _distances_from_arcs(intervals: _Intervals, points: FloatArray) -> FloatArra
     The distance is infinite for a biarc with an arc of more than a quarter circle.
     """
     x = intervals
-    first, second = biarcs(x.p0, x.t0, x.p1, x.t1)
-    distances = distance(points, first, second)
+    first, second = make_biarcs(x.p0, x.t0, x.p1, x.t1)
+    distances = biarc_distance(points, first, second)
     # Beyond the ends of the biarc, the nearest point is the end.
     for end, tangent in ((x.p0, x.t0), (x.p1, -x.t1)):
         v = points - end[:, None]
@@ -456,7 +444,7 @@ def _drop_points(intervals: _Intervals) -> _Intervals:
     for row in np.unique(x.row[short]).tolist():
         a, b = np.searchsorted(x.row, [row, row + 1]).tolist()
         one = slice(a, b)
-        p0[one], mask[one] = close_up(x.p0[one], x.p1[one], ~x.line[one], REPEATED_POINT)
+        p0[one], mask[one] = close_gaps(x.p0[one], x.p1[one], ~x.line[one], REPEATED_POINT)
         remaining = a + np.flatnonzero(mask[one])
         if len(remaining) == 0:
             raise InvalidInput(f"A curve has no length at {tuple(x.p0[a].tolist())} m.")
@@ -468,7 +456,7 @@ def _drop_points(intervals: _Intervals) -> _Intervals:
 def _arcs(intervals: _Intervals) -> tuple[Segments, IntArray]:
     """Lines and arcs of the intervals, and the row of the first segment of each interval, (n,)."""
     x = intervals
-    first, second = biarcs(x.p0, x.t0, x.p1, x.t1)
+    first, second = make_biarcs(x.p0, x.t0, x.p1, x.t1)
     chord, line = x.p1 - x.p0, x.line[:, None]
     first = first.replace(
         tangents=np.where(line, unit(chord), first.tangents),

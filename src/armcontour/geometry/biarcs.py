@@ -31,7 +31,7 @@ Contact = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @np.errstate(divide="ignore", invalid="ignore")
-def biarcs(
+def make_biarcs(
     p0: FloatArray,
     t0: FloatArray,
     p1: FloatArray,
@@ -85,7 +85,7 @@ def _arc(
     )
 
 
-def distance(points: FloatArray, first: Segments, second: Segments) -> FloatArray:
+def biarc_distance(points: FloatArray, first: Segments, second: Segments) -> FloatArray:
     """Largest distance of the k points of each biarc from its two circles [m], (n,).
 
     The distance is infinite where a biarc is not finite.
@@ -139,7 +139,7 @@ def dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("...k,...k->...", a, b))
 
 
-def join_up(begin: Contact, end: Contact, lengths: FloatArray) -> Segments:
+def join_by_quintics(begin: Contact, end: Contact, lengths: FloatArray) -> Segments:
     """One quintic from each of n contacts to another, without speeds, tolerances and tags.
 
     Args:
@@ -185,7 +185,7 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
     ]
     ends[1::2] = (unit(x) for x in ends[1::2])
     with np.errstate(invalid="ignore"):  # straight quintics have no normal
-        halves = biarcs(*ends)
+        halves = make_biarcs(*ends)
     source = np.flatnonzero(bent)[row]
     columns = {x: getattr(segments, x)[source] for x in ("speeds", "tolerances", "tags")}
     share = step / (halves[0].lengths + halves[1].lengths)
@@ -213,7 +213,7 @@ def draw_arcs(segments: Segments) -> tuple[Segments, FloatArray]:
     return Segments.join([plain, *drawn])[order], begin[order]
 
 
-def contact_of(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
+def tangent_and_curvature(first: FloatArray, second: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Unit tangents and curvature vectors [1/m], by first and second derivatives of curves."""
     speed2 = dot(first, first)
     across = second - (dot(first, second) / speed2)[..., None] * first

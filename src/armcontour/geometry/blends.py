@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour.core.checks import FloatArray, IntArray
-from armcontour.geometry.biarcs import biarcs, dot, length, unit
+from armcontour.geometry.biarcs import dot, length, make_biarcs, unit
 from armcontour.geometry.connections import around_vertices, connect, draw_connections
-from armcontour.geometry.corner_curves import Bounds, CornerKind, Drawn
-from armcontour.geometry.rounded_orientation import middle_of
+from armcontour.geometry.corner_curves import CornerBounds, CornerCurves, CornerKind
+from armcontour.geometry.rounded_orientation import middle_fraction
 from armcontour.geometry.segments import EVERY, REPEATED_POINT, Segments, share_limits
 
 # Relative error of a search for a tangent length. Bisection from a nanometre to a kilometre takes
@@ -57,13 +57,13 @@ class _Blend(CornerKind):
     """Base class of blends."""
 
     @abstractmethod
-    def shares(self, bounds: Bounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def shares(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Largest used fraction of a bound, and the curvature [1/m], for tangent lengths t."""
 
     def shortest(self, half: FloatArray) -> FloatArray:
         return np.full(len(half), REPEATED_POINT)
 
-    def fit(self, bounds: Bounds) -> FloatArray:
+    def fit(self, bounds: CornerBounds) -> FloatArray:
         before, after = bounds.before, bounds.after
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             bent = WIDEST / np.maximum(before.curvatures, after.curvatures)
@@ -84,7 +84,7 @@ class _Blend(CornerKind):
                 tangents[remaining] = self._search(bounds[remaining], state)
         return tangents
 
-    def _search(self, bounds: Bounds, state: FloatArray) -> FloatArray:
+    def _search(self, bounds: CornerBounds, state: FloatArray) -> FloatArray:
         """Largest tangent lengths within bounds [m], (n,).
 
         Uses false position on logarithms, where the excess is nearly linear; every third step
@@ -107,7 +107,7 @@ class _Blend(CornerKind):
                 break
         return np.asarray(np.exp(state[0]))
 
-    def _excess(self, bounds: Bounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _excess(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Logarithmic excess of blends over their bounds, with and without that of the radius."""
         any_radius, curvature = self.shares(bounds, t)
         need = 1 / (bounds.radius * np.maximum(curvature, 0.0))
@@ -121,16 +121,16 @@ class _Pair(_Blend):
 
     smooth = False
 
-    def shares(self, bounds: Bounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def shares(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         pairs = _make_pairs(bounds.before, bounds.after, t)
         turns = [
             x.curvatures * x.lengths / (WIDEST + ROUNDING) for x in (pairs.first, pairs.second)
         ]
-        turn = t / 2 - middle_of(False) * (pairs.first.lengths + pairs.second.lengths)
+        turn = t / 2 - middle_fraction(False) * (pairs.first.lengths + pairs.second.lengths)
         shares = [*turns, pairs.error / bounds.error, turn / bounds.turn]
         return np.max(shares, axis=0), pairs.bend
 
-    def draw(self, bounds: Bounds, tangent: FloatArray) -> Drawn:
+    def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:
         pairs = _make_pairs(bounds.before, bounds.after, tangent)
         order = np.arange(2 * len(tangent)).reshape(2, -1).T.ravel()
         return _drawn(
@@ -148,7 +148,7 @@ class _Connection(_Blend):
 
     smooth = True
 
-    def shares(self, bounds: Bounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def shares(self, bounds: CornerBounds, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         connections = connect(bounds.before, bounds.after, t)
         back, ahead = around_vertices(bounds.before, bounds.after)
         x, peaks = connections.nearest, []
@@ -161,12 +161,12 @@ class _Connection(_Blend):
                 for share in LOOKS
             ]
             peaks.append(_peak(length(np.stack(deviations))))
-        turn = t / 2 - middle_of(True) * connections.lengths_to(EVERY, np.ones(len(t)))
+        turn = t / 2 - middle_fraction(True) * connections.lengths_to(EVERY, np.ones(len(t)))
         shares = [np.max(peaks, axis=0) / bounds.error, turn / bounds.turn]
         largest = np.where(connections.sound, np.max(shares, axis=0), np.inf)
         return largest, connections.largest_bend
 
-    def draw(self, bounds: Bounds, tangent: FloatArray) -> Drawn:
+    def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:
         connections = connect(bounds.before, bounds.after, tangent)
         nearest, curvature = connections.nearest, connections.largest_bend
         rows, corner, _ = draw_connections(connections, bounds.after.starts, nearest)
@@ -179,17 +179,19 @@ PAIR, CONNECTION = _Pair(), _Connection()
 
 
 def _drawn(
-    bounds: Bounds,
+    bounds: CornerBounds,
     rows: Segments,
     corner: IntArray,
     tightest: FloatArray,
     error: FloatArray,
     curvature: FloatArray,
-) -> Drawn:
-    """Blends as `Drawn`, from their largest curvatures, corner errors and inward curvatures."""
+) -> CornerCurves:
+    """Blends as `CornerCurves`, from largest curvatures, corner errors and inward curvatures."""
     full = (error >= bounds.error * (1 - FULL)) | (curvature <= (1 + FULL) / bounds.radius)
     with np.errstate(divide="ignore"):
-        return Drawn(rows=rows, corner=corner, radius=1 / tightest, error=error, shrunk=~full)
+        return CornerCurves(
+            rows=rows, corner=corner, radius=1 / tightest, error=error, shrunk=~full
+        )
 
 
 def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
@@ -201,7 +203,7 @@ def _make_pairs(before: Segments, after: Segments, t: FloatArray) -> _Pairs:
     p1, t1 = ahead.evaluate(EVERY, t), unit(ahead.evaluate(EVERY, t, 1))
     share = _tangent_length(back, t) / _tangent_length(ahead, t)
     with np.errstate(divide="ignore", invalid="ignore"):
-        first, second = biarcs(p0, t0, p1, t1, share)
+        first, second = make_biarcs(p0, t0, p1, t1, share)
         error = _distance(first, second)
     curvature = np.maximum(_inward(first, inward), _inward(second, inward))
     segment_limits = share_limits(before, after)

@@ -17,11 +17,11 @@ from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import (
     UNEVEN,
     Contact,
-    contact_of,
     dot,
-    join_up,
+    join_by_quintics,
     largest_change,
     length,
+    tangent_and_curvature,
     unit,
 )
 from armcontour.geometry.segments import EVERY, Segments, largest_bend
@@ -114,7 +114,9 @@ class Connections:
 
     def contact(self, i: IntArray | slice, x: FloatArray) -> Contact:
         """Relative positions, unit tangents and curvature vectors of connections `i` at x."""
-        return self.evaluate(i, x), *contact_of(self.evaluate(i, x, 1), self.evaluate(i, x, 2))
+        return self.evaluate(i, x), *tangent_and_curvature(
+            self.evaluate(i, x, 1), self.evaluate(i, x, 2)
+        )
 
 
 def connect(before: Segments, after: Segments, t: FloatArray) -> Connections:
@@ -170,7 +172,7 @@ def draw_connections(
         The transitions in order, the connection of each, and the mask of those before the middle.
     """
     parts = np.full(len(connections), 1)
-    drawn, owners, first = _draw(connections, vertices, middle, parts)
+    drawn, owners, first = _draw_halves(connections, vertices, middle, parts)
     while True:
         speeds = [length(drawn.evaluate(EVERY, share * drawn.lengths, 1)) for share in LOOKS]
         uneven = np.abs(np.stack(speeds) - 1).max(axis=0)
@@ -183,10 +185,10 @@ def draw_connections(
         # The unevenness falls with about the fifth power of the lengths.
         count = np.ceil(parts[rough] * (worst[rough] / (UNEVEN / 2)) ** 0.2)
         parts[rough] = np.minimum(np.maximum(count, parts[rough] + 1), MOST_PARTS)
-        drawn, owners, first = _draw(connections, vertices, middle, parts)
+        drawn, owners, first = _draw_halves(connections, vertices, middle, parts)
 
 
-def _draw(
+def _draw_halves(
     connections: Connections, vertices: FloatArray, middle: FloatArray, parts: IntArray
 ) -> tuple[Segments, IntArray, BoolArray]:
     """Transitions along connections, with `parts` quintics in each half, (n,)."""
@@ -218,7 +220,7 @@ def _draw(
         end[k][last] = final[k]
     chord = end[0] - begin[0]
     starts = vertices[owners] + connections.begin[owners] + begin[0]
-    return join_up((starts, *begin[1:]), (chord, end[1], end[2]), step), owners, first
+    return join_by_quintics((starts, *begin[1:]), (chord, end[1], end[2]), step), owners, first
 
 
 def bound_deviation(

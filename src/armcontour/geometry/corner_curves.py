@@ -26,8 +26,8 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampling import number_parts
-from armcontour.geometry.biarcs import STRAIGHT, biarcs, dot, join_up, unit
-from armcontour.geometry.rounded_orientation import middle_of
+from armcontour.geometry.biarcs import STRAIGHT, dot, join_by_quintics, make_biarcs, unit
+from armcontour.geometry.rounded_orientation import middle_fraction
 from armcontour.geometry.segments import REPEATED_POINT, Segments, share_limits
 
 # Largest step of asinh(tan(angle of the tangent)) that two arcs of a parabola cover. The curvature
@@ -47,7 +47,7 @@ SLIVER = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Bounds:
+class CornerBounds:
     """Constraints on n corners, and the segments next to them.
 
     Args:
@@ -57,7 +57,7 @@ class Bounds:
         error: Largest corner errors [m], (n,).
         radius: Smallest radii for the corner speeds [m], infinite without one, (n,).
         turn: Largest `t / 2 - middle length` for a tangent length t that the tool orientation
-            allows [m], (n,); see `middle_of`.
+            allows [m], (n,); see `middle_fraction`.
         tangent: Largest tangent lengths [m], (n,).
     """
 
@@ -69,15 +69,15 @@ class Bounds:
     turn: FloatArray
     tangent: FloatArray
 
-    def __getitem__(self, rows: IntArray) -> Bounds:
+    def __getitem__(self, rows: IntArray) -> CornerBounds:
         """The bounds of the selected corners, in increasing order."""
         if len(rows) == len(self.half):
             return self
-        return Bounds(**{name: getattr(self, name)[rows] for name in self.__slots__})
+        return CornerBounds(**{name: getattr(self, name)[rows] for name in self.__slots__})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Drawn:
+class CornerCurves:
     """Curves that replace n corners.
 
     Args:
@@ -109,11 +109,11 @@ class CornerKind(ABC):
         """Tangent lengths at which the curve is as small as the resolution of a point [m], (n,)."""
 
     @abstractmethod
-    def fit(self, bounds: Bounds) -> FloatArray:
+    def fit(self, bounds: CornerBounds) -> FloatArray:
         """Largest tangent lengths of curves within bounds [m], (n,); 0 where none fits."""
 
     @abstractmethod
-    def draw(self, bounds: Bounds, tangent: FloatArray) -> Drawn:
+    def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:
         """Curves with given tangent lengths [m], above 0 and no longer than the segments, (n,)."""
 
 
@@ -134,21 +134,21 @@ class LineCorner(CornerKind):
     stretch: Callable[[FloatArray], FloatArray]
     length: Callable[[FloatArray], FloatArray]
     least: Callable[[FloatArray], FloatArray]
-    lay: Callable[[Bounds, FloatArray], tuple[Segments, IntArray]]
+    lay: Callable[[CornerBounds, FloatArray], tuple[Segments, IntArray]]
     smooth: bool = False
 
     def shortest(self, half: FloatArray) -> FloatArray:
         """Tangent lengths at which the curve is as small as the resolution of a point [m], (n,)."""
         return REPEATED_POINT * self.least(half)
 
-    def fit(self, bounds: Bounds) -> FloatArray:
+    def fit(self, bounds: CornerBounds) -> FloatArray:
         """Largest tangent lengths within bounds [m], (n,)."""
         half, stretch = bounds.half, self.stretch(bounds.half)
-        turn = bounds.turn / (0.5 - self.length(half) / stretch * middle_of(self.smooth))
+        turn = bounds.turn / (0.5 - self.length(half) / stretch * middle_fraction(self.smooth))
         wide = self._radius(bounds) * stretch
         return np.asarray(np.minimum(np.minimum(wide, turn), bounds.tangent))
 
-    def draw(self, bounds: Bounds, tangent: FloatArray) -> Drawn:
+    def draw(self, bounds: CornerBounds, tangent: FloatArray) -> CornerCurves:
         """Curves with given tangent lengths [m], (n,)."""
         stretch, radius = self.stretch(bounds.half), self._radius(bounds)
         shrunk = tangent < radius * stretch * (1 - 1e-12)
@@ -157,14 +157,14 @@ class LineCorner(CornerKind):
         segment_limits = share_limits(bounds.before, bounds.after)
         rows = rows.replace(**{name: column[corner] for name, column in segment_limits.items()})
         error = radius * self.gap(bounds.half)
-        return Drawn(rows=rows, corner=corner, radius=radius, error=error, shrunk=shrunk)
+        return CornerCurves(rows=rows, corner=corner, radius=radius, error=error, shrunk=shrunk)
 
-    def _radius(self, bounds: Bounds) -> FloatArray:
+    def _radius(self, bounds: CornerBounds) -> FloatArray:
         """Smallest radii of the curves by case I or case II [m], (n,)."""
         return np.asarray(np.minimum(bounds.error / self.gap(bounds.half), bounds.radius))
 
 
-def _lay_arcs(bounds: Bounds, radius: FloatArray) -> tuple[Segments, IntArray]:
+def _lay_arcs(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
     """One arc per corner, (10)-(16)."""
     before, after, half = bounds.before, bounds.after, bounds.half
     normals = after.tangents - dot(before.tangents, after.tangents)[:, None] * before.tangents
@@ -177,7 +177,7 @@ def _lay_arcs(bounds: Bounds, radius: FloatArray) -> tuple[Segments, IntArray]:
     return arcs, np.arange(len(radius))
 
 
-def _lay_parabolas(bounds: Bounds, radius: FloatArray) -> tuple[Segments, IntArray]:
+def _lay_parabolas(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
     """One parabola per corner, drawn as four or more tangent arcs."""
     arcs, corner = _draw_parabolas(bounds.half)
     along, across = _axes(bounds)
@@ -197,7 +197,7 @@ def _lay_parabolas(bounds: Bounds, radius: FloatArray) -> tuple[Segments, IntArr
     return drawn, corner
 
 
-def _lay_bends(bounds: Bounds, radius: FloatArray) -> tuple[Segments, IntArray]:
+def _lay_bends(bounds: CornerBounds, radius: FloatArray) -> tuple[Segments, IntArray]:
     """One SMOOTH curve per corner, drawn as transitions."""
     half = bounds.half
     parts = _count_quintics(half)
@@ -222,7 +222,9 @@ def _lay_bends(bounds: Bounds, radius: FloatArray) -> tuple[Segments, IntArray]:
     back = (radius * _stretch_of_bends(half))[:, None] * bounds.before.tangents
     sums = np.cumsum(steps, axis=0) - steps
     starts = (bounds.after.starts - back)[corner] + sums - sums[number == 0][corner]
-    return join_up((starts, tangents[0], bends[0]), (steps, tangents[1], bends[1]), step), corner
+    return join_by_quintics(
+        (starts, tangents[0], bends[0]), (steps, tangents[1], bends[1]), step
+    ), corner
 
 
 def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
@@ -235,7 +237,7 @@ def corner_error(radius: FloatArray, half_turn: FloatArray) -> FloatArray:
     return np.asarray(radius * 2 * np.sin(half_turn / 2) ** 2 / np.cos(half_turn))
 
 
-def _axes(bounds: Bounds) -> tuple[FloatArray, FloatArray]:
+def _axes(bounds: CornerBounds) -> tuple[FloatArray, FloatArray]:
     """Unit vectors along the mean tangents of corners between lines, and towards their insides."""
     along = unit(bounds.before.tangents + bounds.after.tangents)
     across = unit(bounds.after.tangents - bounds.before.tangents)
@@ -279,7 +281,7 @@ def _draw_parabolas(half: FloatArray) -> tuple[Segments, IntArray]:
         tan = np.sinh(w)
         ends += [np.stack([tan, tan * tan / 2], axis=1)]
         ends += [np.stack([1 / np.cosh(w), np.tanh(w)], axis=1)]
-    first, second = biarcs(*ends)
+    first, second = make_biarcs(*ends)
     order = np.arange(2 * len(parabola)).reshape(2, -1).T.ravel()
     return Segments.join([first, second])[order], np.repeat(parabola, 2)
 

@@ -72,14 +72,16 @@ def smooth_curvature(path: Path, tolerance: Tolerance) -> tuple[Path, FloatArray
         )
     vertex, limits, w = _find_jumps(path, allowed)
     parts = [
-        _draw(path, vertex[x : x + AT_A_TIME], w[x : x + AT_A_TIME], limits[x : x + AT_A_TIME])
+        _draw_within_tolerance(
+            path, vertex[x : x + AT_A_TIME], w[x : x + AT_A_TIME], limits[x : x + AT_A_TIME]
+        )
         for x in range(0, len(vertex), AT_A_TIME)
     ]
     if not any(len(x[0]) for x in parts):
         return path, np.array([[0.0, 0.0], [path.length, path.length]])
     drawn = Segments.join([x[0] for x in parts])
     after, first, w = (np.concatenate([x[k] for x in parts]) for k in (1, 2, 3))
-    return _replace(path, vertex[w > 0], w[w > 0], drawn, after, first)
+    return _insert_transitions(path, vertex[w > 0], w[w > 0], drawn, after, first)
 
 
 def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -104,7 +106,7 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
     return vertex, limits, w
 
 
-def _draw(
+def _draw_within_tolerance(
     path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray, FloatArray]:
     """Transitions within the tolerance, their vertices and sides, and the lengths used [m], (n,).
@@ -119,7 +121,7 @@ def _draw(
     for _ in range(TRIES):
         if not len(remaining):
             break
-        rows, owners, before, deviations = _connect(
+        rows, owners, before, deviations = _draw_transitions(
             path, vertex[remaining], w[remaining], allowed[remaining]
         )
         good = deviations <= allowed[remaining]
@@ -135,7 +137,7 @@ def _draw(
     return Segments.join(drawn), np.concatenate(done), np.concatenate(first), w
 
 
-def _connect(
+def _draw_transitions(
     path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray, FloatArray]:
     """Transitions of given lengths, their vertices and sides, and bounds of the deviations [m].
@@ -165,7 +167,7 @@ def _connect(
     return drawn, owners, before, np.where(sound, deviations, np.inf)
 
 
-def _replace(
+def _insert_transitions(
     path: Path,
     vertex: IntArray,
     w: FloatArray,

@@ -221,7 +221,7 @@ CLOSE = 1e-6
 FINE = 50
 
 
-class Pieces(NamedTuple):
+class TubePieces(NamedTuple):
     """The m pieces of a tube.
 
     Attributes:
@@ -237,7 +237,7 @@ class Pieces(NamedTuple):
 
 
 @compiled(inner=True)
-def _excess(p: Point, pieces: Pieces, j: int, low: float, high: float) -> tuple[float, float]:
+def _excess(p: Point, pieces: TubePieces, j: int, low: float, high: float) -> tuple[float, float]:
     """Distance of a point from a part of piece j, minus its tolerance, and the nearest arc length.
 
     The distance is infinite if the part is empty or a neighbour has the nearest point.
@@ -253,7 +253,7 @@ def _excess(p: Point, pieces: Pieces, j: int, low: float, high: float) -> tuple[
 
 @compiled()
 def find_excess(
-    points: FloatArray, ranges: FloatArray, windows: IntArray, pieces: Pieces
+    points: FloatArray, ranges: FloatArray, windows: IntArray, pieces: TubePieces
 ) -> tuple[FloatArray, FloatArray]:
     """Smallest distance minus tolerance within a range of the path, and its arc length, per point.
 
@@ -274,7 +274,7 @@ def find_excess(
 
 
 @compiled()
-def bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v1: float) -> Any:
+def bound_bulge(g: FloatArray, u0: float, u1: float, h: FloatArray, v0: float, v1: float) -> Any:
     """Largest distance between two matched parts of segments, minus that at their ends.
 
     One part runs from u0 to u1 along g, the other from v0 to v1 along h, both evenly. The bound is
@@ -314,7 +314,7 @@ def bound_excess(
     segment: IntArray,
     parts: FloatArray,
     windows: IntArray,
-    pieces: Pieces,
+    pieces: TubePieces,
     slack: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Bounds of distance minus tolerance over parts of a path, and the largest values at points.
@@ -357,7 +357,7 @@ def bound_excess(
                 d1, v1 = _excess(q, pieces, j, low[1], high[1])
                 at_start, at_end = min(at_start, d0), min(at_end, d1)
                 if max(d0, d1) < bound:
-                    candidate = max(d0, d1) + bulge(g, u0, u1, h, v0, v1)
+                    candidate = max(d0, d1) + bound_bulge(g, u0, u1, h, v0, v1)
                     if candidate < bound:
                         bound, tolerance = candidate, pieces.tolerance[j]
             at_ends = max(at_start, at_end)

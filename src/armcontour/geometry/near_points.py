@@ -15,11 +15,6 @@ FEW = 250_000
 def pairs_within(queries: FloatArray, points: FloatArray, near: float) -> tuple[IntArray, IntArray]:
     """All pairs of a query and a point with at most a distance.
 
-    Args:
-        queries: The query points, (n, d).
-        points: The points, (m, d).
-        near: The distance.
-
     Returns:
         Indices of the queries, sorted, and of their points, (pairs,) each.
     """
@@ -61,10 +56,6 @@ def nearest_points(
 
 def group_points(points: FloatArray, near: float) -> IntArray:
     """Groups of points that are connected by steps of at most `near`.
-
-    Args:
-        points: The points, (n, d).
-        near: Largest step.
 
     Returns:
         Numbers of the groups, in the order of their first points, (n,).

@@ -142,7 +142,7 @@ class Orientation(Checked):
                 for name in ("starts", "first", "second")
             },
             **{
-                name: np.concatenate([with_degree(getattr(x, name), size - 1) for x in parts])
+                name: np.concatenate([raise_degree(getattr(x, name), size - 1) for x in parts])
                 for name in ("f", "g")
             },
             axis_only=all(x.axis_only for x in parts),
@@ -190,8 +190,8 @@ class Orientation(Checked):
         """
         if self.fixed:
             return np.array(self.starts[i])
-        first = exp(value_of(self.f[i], u)[..., None] * self.first[i])
-        second = exp(value_of(self.g[i], u)[..., None] * self.second[i])
+        first = exp(evaluate_polynomials(self.f[i], u)[..., None] * self.first[i])
+        second = exp(evaluate_polynomials(self.g[i], u)[..., None] * self.second[i])
         return np.asarray(second @ first @ self.starts[i])
 
     def rates_on_piece(self, i: IntArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -203,8 +203,8 @@ class Orientation(Checked):
         """
         if self.fixed:
             return np.zeros((*np.shape(u), 3)), np.zeros((*np.shape(u), 3))
-        g, dg, ddg = (value_of(self.g[i], u, order)[..., None] for order in range(3))
-        df, ddf = (value_of(self.f[i], u, order)[..., None] for order in (1, 2))
+        g, dg, ddg = (evaluate_polynomials(self.g[i], u, order)[..., None] for order in range(3))
+        df, ddf = (evaluate_polynomials(self.f[i], u, order)[..., None] for order in (1, 2))
         second = self.second[i]
         # The second rotation turns the axis of the first one.
         first = np.einsum("...ij,...j->...i", exp(g * second), self.first[i])
@@ -272,7 +272,7 @@ class Orientation(Checked):
             # The piece gets a new start rotation; the second rotation up to there turns `first`.
             rows["starts"][0] = self.on_piece(i[:1], np.array([before]))[0]
             for c in (rows["f"], rows["g"]):
-                c[:1] = shift(c[:1], np.array([before]))
+                c[:1] = shift_polynomials(c[:1], np.array([before]))
             turned = exp(rows["g"][0, 0] * self.second[i[:1]])[0]
             rows["first"][0] = turned @ rows["first"][0]
             rows["f"][0, 0] = rows["g"][0, 0] = 0.0
@@ -282,7 +282,7 @@ class Orientation(Checked):
     def reverse(self) -> Orientation:
         """The orientation along the reversed path; each piece starts with its former end."""
         lengths = np.diff(self.breaks)
-        at_end = [shift(x, lengths) for x in (self.f, self.g)]
+        at_end = [shift_polynomials(x, lengths) for x in (self.f, self.g)]
         back = exp(at_end[1][:, :1] * self.second)
         # The reversed f is f(end) - f(end - u), about the reversed axis.
         f, g = (-x * [0, -1, 1, -1, 1, -1][: x.shape[1]] for x in at_end)
@@ -323,7 +323,7 @@ def _straight(n: int) -> Mapping[str, FloatArray]:
     return {name: checks.frozen_array(x) for name, x in columns.items()}
 
 
-def shift(c: FloatArray, by: FloatArray) -> FloatArray:
+def shift_polynomials(c: FloatArray, by: FloatArray) -> FloatArray:
     """Coefficients of polynomials c(u + by), from those of c(u), (n, degree + 1).
 
     Args:
@@ -334,19 +334,13 @@ def shift(c: FloatArray, by: FloatArray) -> FloatArray:
 
 
 def turns_between(first: FloatArray, second: FloatArray, *, axis_only: bool) -> FloatArray:
-    """Angles between rotations, or between their third axes only [rad], (n,).
-
-    Args:
-        first: Rotation matrices, (n, 3, 3).
-        second: The others, (n, 3, 3).
-        axis_only: Whether only the third axes count.
-    """
+    """Angles between rotations, or between their third axes only [rad], (n,)."""
     if axis_only:
         return angle_between(first[:, :, 2], second[:, :, 2])
     return np.asarray(np.linalg.norm(log(first @ np.swapaxes(second, 1, 2)), axis=1))
 
 
-def fade(
+def fit_cubics(
     width: FloatArray, begin: tuple[FloatArray, FloatArray], end: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
     """Coefficients of cubics with given values and slopes at the ends of intervals, (n, 4).
@@ -362,12 +356,12 @@ def fade(
     return np.stack([a, into, second, third], axis=1)
 
 
-def with_degree(c: FloatArray, degree: int) -> FloatArray:
+def raise_degree(c: FloatArray, degree: int) -> FloatArray:
     """Coefficients of the same polynomials up to a higher degree, (n, degree + 1)."""
     return np.pad(c, ((0, 0), (0, degree + 1 - c.shape[1])))
 
 
-def value_of(c: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
+def evaluate_polynomials(c: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
     """Values of polynomials with coefficients c, (..., degree + 1), or of their derivatives."""
     values = np.zeros(np.broadcast_shapes(c.shape[:-1], np.shape(u)))
     for k in range(c.shape[-1] - 1, order - 1, -1):

@@ -20,7 +20,7 @@ from armcontour.core.text import count_noun, digits, format_table, short_repr
 from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.primitives import NO_LIMITS, Arc, Line, SegmentLimits, tabulate
 from armcontour.geometry.projection import Projection, find_nearest
-from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments, close_up
+from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments, close_gaps
 
 PLANE = "A tool is oriented in space: give the points of the path three coordinates."
 EVERY_VERTEX = checks.lock_copy(np.empty(0, dtype=np.intp))
@@ -169,7 +169,7 @@ class Path(Checked):
         """
         from armcontour.geometry import prescribed_orientation
 
-        orientation = prescribed_orientation.orient(
+        orientation = prescribed_orientation.orient_by_rotations(
             self.segments, self.waypoints, self.merged, rotations, axis_only=axis_only
         )
         return dataclasses.replace(self, orientation=orientation)
@@ -187,7 +187,7 @@ class Path(Checked):
         """
         from armcontour.geometry import prescribed_orientation
 
-        orientation = prescribed_orientation.point(
+        orientation = prescribed_orientation.orient_by_axes(
             self.segments, self.waypoints, self.merged, directions
         )
         return dataclasses.replace(self, orientation=orientation)
@@ -211,7 +211,9 @@ class Path(Checked):
 
         if self.dimension != 3:
             raise InvalidInput(PLANE)
-        orientation = prescribed_orientation.follow(self.segments, up, tool, axis_only=axis_only)
+        orientation = prescribed_orientation.follow_tangent(
+            self.segments, up, tool, axis_only=axis_only
+        )
         return dataclasses.replace(self, orientation=orientation)
 
     @checked
@@ -508,11 +510,7 @@ def _range(values: FloatArray, unit: str) -> str:
 
 
 def check_arc_length(s: npt.ArrayLike, length: float) -> FloatArray:
-    """Arc lengths clipped to the path; those outside by more than rounding errors are refused.
-
-    Raises:
-        InvalidInput: An arc length is outside the path.
-    """
+    """Arc lengths clipped to the path; those outside by more than rounding errors are refused."""
     arc_lengths = checks.floats("arc lengths", s, "m")
     slack = 1e-12 * max(length, 1e-3)
     outside = ~((arc_lengths >= -slack) & (arc_lengths <= length + slack))
@@ -536,5 +534,5 @@ def _left_out(count: int, remaining: IntArray) -> tuple[int, ...]:
 def _without_repeats(points: FloatArray) -> IntArray:
     """Indices of the points that differ from the previous remaining point."""
     none = np.zeros(max(len(points) - 1, 0), dtype=bool)
-    _, mask = close_up(points[:-1], points[1:], none, REPEATED_POINT)
+    _, mask = close_gaps(points[:-1], points[1:], none, REPEATED_POINT)
     return np.flatnonzero(np.append(True, mask))

@@ -20,9 +20,6 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
         path: The path.
         begin: Arc length at which the part starts [m].
         end: Arc length at which the part ends [m].
-
-    Raises:
-        InvalidInput: An arc length is outside the path, or the part has no length.
     """
     for name, s in (("begin", begin), ("end", end)):
         value = checks.check_number(name, s, "m")
@@ -54,25 +51,14 @@ def cut_path(path: Path, begin: float, end: float) -> Path:
 
 
 def join_paths(paths: Sequence[Path]) -> Path:
-    """One path made of several, each of which starts at the end of the previous one.
-
-    Args:
-        paths: The paths in order.
-
-    Raises:
-        InvalidInput: There is a gap or no path, or only some of the paths have an orientation.
-    """
+    """One path made of several, each of which starts at the end of the previous one."""
     if not paths:
         raise InvalidInput("Joining needs at least one path.")
     return paths[0].joined(*paths[1:])
 
 
 def drop_z(path: Path) -> Path:
-    """Projection of a path in space onto the x-y plane, without its orientation.
-
-    Raises:
-        InvalidInput: An arc does not lie in a plane of constant z, or the projection has no length.
-    """
+    """Projection of a path in space onto the x-y plane, without its orientation."""
     if path.dimension == 2:
         return path
     across = (np.abs(path.tangents[:, 2]) + np.abs(path.normals[:, 2]) > IN_PLANE) & (

@@ -15,7 +15,12 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import exp, log, rotations, shortest
 from armcontour.core.quintics import quintic
 from armcontour.geometry.biarcs import dot, unit
-from armcontour.geometry.orientation import LINEAR, SAME_ORIENTATION, Orientation, value_of
+from armcontour.geometry.orientation import (
+    LINEAR,
+    SAME_ORIENTATION,
+    Orientation,
+    evaluate_polynomials,
+)
 from armcontour.geometry.segments import Segments
 
 # Orientations that differ by more than this have no unique shortest rotation [rad].
@@ -29,7 +34,7 @@ NO_AXIS = 1e-6
 POINTING_DOWN = checks.frozen_array(np.diag([1.0, -1.0, -1.0]))
 
 
-def orient(
+def orient_by_rotations(
     segments: Segments,
     waypoints: IntArray,
     merged: tuple[int, ...],
@@ -45,10 +50,6 @@ def orient(
         merged: Indices of the input points that repeat the point before them.
         values: Rotations as `rotations` takes them: one, or one per input point.
         axis_only: Rotation about the tool axis is free.
-
-    Raises:
-        InvalidInput: The values are not rotations, their number is wrong, a repeated point has two
-            orientations, or neighbours differ by half a turn.
     """
     specified = rotations("tool orientation", values)
     if specified.ndim == 2:
@@ -58,19 +59,16 @@ def orient(
     return _turn_evenly(segments, waypoints, matrices[:-1], turn, axis_only)
 
 
-def point(
+def orient_by_axes(
     segments: Segments, waypoints: IntArray, merged: tuple[int, ...], values: npt.ArrayLike
 ) -> Orientation:
     """A constant direction of the tool axis, or one per waypoint; rotation about it is free.
 
     Args:
-        segments: As in `orient`.
-        waypoints: As in `orient`.
-        merged: As in `orient`.
+        segments: As in `orient_by_rotations`.
+        waypoints: As in `orient_by_rotations`.
+        merged: As in `orient_by_rotations`.
         values: Directions of the tool axis: one, (3,), or one per input point, (n, 3).
-
-    Raises:
-        InvalidInput: As in `orient`, or a direction has no length.
     """
     directions = checks.check_numbers("direction of the tool axis", values)
     if directions.shape[-1:] != (3,) or directions.ndim > 2:
@@ -100,7 +98,7 @@ def _pointing(x: float, y: float, z: float) -> FloatArray:
     return checks.frozen_array(exp(shortest([0.0, 0.0, 1.0], unit)))
 
 
-def follow(
+def follow_tangent(
     segments: Segments, up: npt.ArrayLike, tool: Any | None = None, *, axis_only: bool = False
 ) -> Orientation:
     """An orientation at a fixed angle to the tangent of a path.
@@ -115,10 +113,6 @@ def follow(
         tool: Rotation of the tool in the path's frame, as `rotations` takes it; by default its z
             axis points against `up` and its x axis along the path.
         axis_only: Rotation about the tool axis is free.
-
-    Raises:
-        InvalidInput: `up` lies along the first tangent, or the path turns back by 180°, where the
-            frame could turn to either side.
     """
     in_path = POINTING_DOWN if tool is None else rotations("tool in the path's frame", tool)
     if in_path.shape != (3, 3):
@@ -136,19 +130,16 @@ def follow(
         )
     z = z / size
     frame = np.stack([tangent, np.cross(z, tangent), z], axis=1)
-    return carry(segments, frame @ in_path, axis_only=axis_only)
+    return carry_frame(segments, frame @ in_path, axis_only=axis_only)
 
 
-def carry(segments: Segments, frame: FloatArray, *, axis_only: bool = False) -> Orientation:
+def carry_frame(segments: Segments, frame: FloatArray, *, axis_only: bool = False) -> Orientation:
     """An orientation that turns with the tangent of a path and never about it.
 
     Args:
         segments: Segments of the path.
         frame: Rotation matrix of the tool at the path's start, (3, 3).
         axis_only: Rotation about the tool axis is free.
-
-    Raises:
-        InvalidInput: The path turns back by 180°, where the tool could turn to either side.
     """
     corners = shortest(segments.end_tangents[:-1], segments.tangents[1:])
     turn = np.linalg.norm(corners, axis=1)
@@ -161,10 +152,10 @@ def carry(segments: Segments, frame: FloatArray, *, axis_only: bool = False) -> 
             index=i,
             point=segments.starts[i + 1].tolist(),
         )
-    return follow_on(segments, frame, exp(corners), {}, axis_only=axis_only)
+    return follow_tangents(segments, frame, exp(corners), {}, axis_only=axis_only)
 
 
-def follow_on(
+def follow_tangents(
     segments: Segments,
     frame: FloatArray,
     corners: FloatArray | None,
@@ -182,7 +173,7 @@ def follow_on(
         axis_only: Rotation about the tool axis is free.
     """
     columns = tangent_turns(segments)
-    tilt, turn = (value_of(columns[x], segments.lengths)[:, None] for x in "fg")
+    tilt, turn = (evaluate_polynomials(columns[x], segments.lengths)[:, None] for x in "fg")
     turns = exp(turn * columns["second"]) @ exp(tilt * columns["first"])
     if corners is not None:
         turns[:-1] = corners @ turns[:-1]

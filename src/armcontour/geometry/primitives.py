@@ -184,11 +184,7 @@ def _circle_through(
 
 
 def tabulate(segments: Iterable[Line | Arc]) -> Segments:
-    """Lines and arcs as a table of segments.
-
-    Raises:
-        InvalidInput: There is no segment, an item is not a Line or Arc, or one has no length.
-    """
+    """Lines and arcs as a table of segments."""
     listed = list(checks.check_sequence("segments of a path", segments, object, "Lines and Arcs"))
     for i, x in enumerate(listed):
         if not isinstance(x, (Line, Arc)):

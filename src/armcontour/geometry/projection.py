@@ -54,9 +54,6 @@ def find_nearest(
         segments: Segments of the path.
         points: Query points [m], (n, dimension).
         in_order: Whether each point is near the previous one, so they need not be sorted.
-
-    Raises:
-        InvalidInput: The points have another dimension than the path, or are not finite.
     """
     queries = checks.points("points to project", points)
     if queries.shape[1] != segments.dimension:
@@ -72,15 +69,15 @@ def find_nearest(
     if tree is None:
         tree = _trees[segments] = _build_tree(segments)
     if in_order:
-        return Projection(*search_tree(pad(queries), *tree))
+        return Projection(*search_tree(pad_to_space(queries), *tree))
     # In spatial order each search starts from a good guess, and its memory is in the cache.
     order = _sort_along_a_curve(queries)
     distance, s = np.empty(len(queries)), np.empty(len(queries))
-    distance[order], s[order] = search_tree(pad(queries[order]), *tree)
+    distance[order], s[order] = search_tree(pad_to_space(queries[order]), *tree)
     return Projection(distance, s)
 
 
-def pack(segments: Segments) -> FloatArray:
+def pack_segments(segments: Segments) -> FloatArray:
     """Segments as an array for compiled functions, padded to space, (n, 15).
 
     Transitions are drawn as arcs (`draw_arcs`), so there may be more rows than segments. Columns:
@@ -90,12 +87,14 @@ def pack(segments: Segments) -> FloatArray:
 
 
 def pack_arcs(arcs: Segments, begin: FloatArray) -> FloatArray:
-    """The array of `pack` from the result of `draw_arcs`."""
-    vectors = [pad(x) for x in (arcs.starts, arcs.tangents, arcs.normals)]
-    return np.column_stack([*vectors, arcs.curvatures, arcs.lengths, begin, pad(arcs.ends)])
+    """The array of `pack_segments` from the result of `draw_arcs`."""
+    vectors = [pad_to_space(x) for x in (arcs.starts, arcs.tangents, arcs.normals)]
+    return np.column_stack(
+        [*vectors, arcs.curvatures, arcs.lengths, begin, pad_to_space(arcs.ends)]
+    )
 
 
-def pad(points: FloatArray) -> FloatArray:
+def pad_to_space(points: FloatArray) -> FloatArray:
     """Points of the plane or of space as points of space with z = 0 if missing, (n, 3)."""
     padded = np.zeros((len(points), 3))
     padded[:, : points.shape[1]] = points
@@ -145,7 +144,11 @@ def _divide(segments: Segments) -> tuple[IntArray, FloatArray, FloatArray]:
     sagitta = step * np.tan(curvatures[segment] * step / 4) / 2
     rounding = 1e-15 * (np.abs(start) + np.abs(end)).max(axis=1)
     margin = (sagitta + rounding)[:, None]
-    return segment, pad(np.minimum(start, end) - margin), pad(np.maximum(start, end) + margin)
+    return (
+        segment,
+        pad_to_space(np.minimum(start, end) - margin),
+        pad_to_space(np.maximum(start, end) + margin),
+    )
 
 
 def _sort_along_a_curve(points: FloatArray, digits: int = 1) -> IntArray:

@@ -20,9 +20,9 @@ from armcontour.geometry.orientation import (
     SAME_ORIENTATION,
     SAME_RATE,
     Orientation,
-    fade,
+    fit_cubics,
+    raise_degree,
     turns_between,
-    with_degree,
 )
 from armcontour.geometry.path import Path
 from armcontour.geometry.segments import Segments
@@ -40,9 +40,6 @@ def find_kinks(path: Path) -> IntArray:
     """Vertices at which the angular rate of the path's orientation jumps.
 
     An orientation that follows the tangent, or none, has no such vertices.
-
-    Raises:
-        InvalidInput: The path or its orientation is already rounded.
     """
     orientation = path.orientation
     if orientation is None or orientation.follows:
@@ -56,7 +53,7 @@ def find_kinks(path: Path) -> IntArray:
     return NOWHERE if orientation.fixed else np.flatnonzero(orientation.kinks > 0)
 
 
-def middle_of(smooth: bool) -> float:
+def middle_fraction(smooth: bool) -> float:
     """Fraction of a blend's length that reduces the deviation of its middle from the vertex.
 
     Args:
@@ -123,8 +120,8 @@ def round_orientation(
     cut, blend = np.zeros(n - 1), np.zeros(n - 1)
     cut[vertex] = tangent
     blend[vertex] = length
-    angles = _middle_angles(orientation, vertex, tangent / 2 - length * middle_of(smooth))
-    return _blend(lengths, orientation, cut, blend, smooth=smooth), angles
+    angles = _middle_angles(orientation, vertex, tangent / 2 - length * middle_fraction(smooth))
+    return _insert_blends(lengths, orientation, cut, blend, smooth=smooth), angles
 
 
 def follow_rounded(
@@ -148,7 +145,7 @@ def follow_rounded(
             [rad].
         smooth: Whether the derivative of the angular rate must not jump.
     """
-    from armcontour.geometry.prescribed_orientation import follow_on
+    from armcontour.geometry.prescribed_orientation import follow_tangents
 
     orientation = objective.orientation
     assert orientation is not None
@@ -156,7 +153,7 @@ def follow_rounded(
     frames = orientation.on_piece(np.arange(len(objective)), cut)
     first = np.flatnonzero(np.diff(segment)) + 1
     start_frames = dict(zip(first.tolist(), frames[segment[first]], strict=True))
-    sharp = follow_on(
+    sharp = follow_tangents(
         rounded, orientation.starts[0], None, start_frames, axis_only=orientation.axis_only
     )
     return blend_kinks(sharp, largest_cuts(sharp, allowed, smooth=smooth), smooth=smooth)[0]
@@ -174,7 +171,7 @@ def largest_cuts(sharp: Orientation, allowed: float, *, smooth: bool = False) ->
         The lengths, (n - 1,); 0 at breaks where the rate does not jump.
     """
     vertex = np.arange(len(sharp) - 1)
-    shorter = 0.5 - 2 * middle_of(smooth)
+    shorter = 0.5 - 2 * middle_fraction(smooth)
     return np.where(sharp.kinks > 0, _largest_blend(sharp, vertex, allowed) / shorter, 0.0)
 
 
@@ -201,9 +198,9 @@ def blend_kinks(
     cut = np.minimum(requested, np.minimum(lengths[:-1], lengths[1:]) / 2)
     uneven = np.any(sharp.second != 0, axis=1)
     cut[(sharp.jumps > SAME_ORIENTATION) | uneven[:-1] | uneven[1:]] = 0.0
-    middle = cut * (0.5 - 2 * middle_of(smooth))
+    middle = cut * (0.5 - 2 * middle_fraction(smooth))
     return (
-        _blend(lengths, sharp, cut, 2 * cut, smooth=smooth),
+        _insert_blends(lengths, sharp, cut, 2 * cut, smooth=smooth),
         _middle_angles(sharp, vertex, middle),
     )
 
@@ -248,7 +245,7 @@ def _largest_blend(sharp: Orientation, vertex: IntArray, allowed: float) -> Floa
     return np.asarray(largest)
 
 
-def _blend(
+def _insert_blends(
     lengths: FloatArray, sharp: Orientation, cut: FloatArray, blend: FloatArray, *, smooth: bool
 ) -> Orientation:
     """Pieces of constant rate with blends between them."""
@@ -266,9 +263,11 @@ def _blend(
     starts[1::2] = sharp.starts[1:]
     first[::2], first[1::2] = sharp.first, sharp.first[:-1]
     second[::2], second[1::2] = sharp.second, sharp.first[1:]
-    f[::2], g[::2] = (with_degree(x, degree) for x in (sharp.f, sharp.g))
+    f[::2], g[::2] = (raise_degree(x, degree) for x in (sharp.f, sharp.g))
     with np.errstate(divide="ignore", invalid="ignore"):
-        f[1::2], g[1::2] = (with_degree(x, degree) for x in _fade(cut, blend, smooth=smooth))
+        f[1::2], g[1::2] = (
+            raise_degree(x, degree) for x in _fade_polynomials(cut, blend, smooth=smooth)
+        )
     used = spans > 0
     return Orientation(
         breaks=np.concatenate([[0.0], np.cumsum(spans[used])]),
@@ -282,11 +281,15 @@ def _blend(
     )
 
 
-def _fade(cut: FloatArray, blend: FloatArray, *, smooth: bool) -> tuple[FloatArray, FloatArray]:
+def _fade_polynomials(
+    cut: FloatArray, blend: FloatArray, *, smooth: bool
+) -> tuple[FloatArray, FloatArray]:
     """Coefficients of f and g, which fade the rate out before a vertex and in after it."""
     none, one = np.zeros_like(cut), np.ones_like(cut)
     if not smooth:
-        return fade(blend, (-cut, one), (none, none)), fade(blend, (none, none), (cut, one))
+        return fit_cubics(blend, (-cut, one), (none, none)), fit_cubics(
+            blend, (none, none), (cut, one)
+        )
     # The value, slope and second derivative of both at either end of the blends.
     ends = [
         np.stack(x, axis=1)

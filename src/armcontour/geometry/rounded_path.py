@@ -27,7 +27,7 @@ from armcontour.geometry.corner_curves import (
     ARC,
     PARABOLA,
     SMOOTH,
-    Bounds,
+    CornerBounds,
     CornerKind,
     LineCorner,
     fit_lengths,
@@ -40,7 +40,7 @@ from armcontour.geometry.rounded_orientation import (
     find_kinks,
     follow_rounded,
     largest_blend,
-    middle_of,
+    middle_fraction,
     round_orientation,
 )
 from armcontour.geometry.segments import TANGENT_TOLERANCE, Segments
@@ -316,7 +316,7 @@ def _round_all(
     corner, kinked = np.flatnonzero(turn > TANGENT_TOLERANCE), find_kinks(path)
     if len(kinked):
         kinked = np.setdiff1d(kinked, corner)
-    angle = needed_angle(path, angular_tolerance, kinked)
+    angle = check_angular_tolerance(path, angular_tolerance, kinked)
     if n == 0 and (path.orientation is None or path.orientation.fixed):
         # Programs have thousands of circles.
         return _without_corners(path)
@@ -355,7 +355,7 @@ def _round(
     """The rounded path."""
     n, rows = len(corner), path.segments
     *limits, acceleration = requirements
-    bounds = Bounds(
+    bounds = CornerBounds(
         before=rows[corner],
         after=rows[corner + 1],
         half=turn / 2,
@@ -386,7 +386,7 @@ def _round(
         parts.append(part)
     # Blends of the orientation alone share the segments with the corners' curves.
     vertices = np.concatenate([corner, kinked])
-    middle = middle_of(curve.smooth)
+    middle = middle_fraction(curve.smooth)
     order, tangents = np.argsort(vertices), np.empty(len(vertices))
     kinks = largest_blend(path, kinked, angle) / (0.5 - 2 * middle)
     tangents[order] = fit_lengths(
@@ -451,7 +451,7 @@ def _round(
     )
 
 
-def _in_plane(bounds: Bounds) -> BoolArray:
+def _in_plane(bounds: CornerBounds) -> BoolArray:
     """Mask of the corners whose two segments lie in one plane, (n,)."""
     before, after = bounds.before, bounds.after
     if before.dimension == 2 or not len(before):
@@ -465,16 +465,13 @@ def _in_plane(bounds: Bounds) -> BoolArray:
     return np.asarray(np.max(tilts, axis=0) <= SAME_PLANE)
 
 
-def needed_angle(path: Path, tolerance: float | None, kinked: IntArray) -> float:
+def check_angular_tolerance(path: Path, tolerance: float | None, kinked: IntArray) -> float:
     """The angular tolerance [rad]; infinite if none is specified and none is needed.
 
     Args:
         path: The objective path.
         tolerance: The specified tolerance [rad].
         kinked: Segments after which only the angular rate jumps, (k,).
-
-    Raises:
-        InvalidInput: The tolerance is negative, or missing though the orientation needs one.
     """
     if tolerance is not None:
         return checks.not_negative("angular tolerance", tolerance, "rad")

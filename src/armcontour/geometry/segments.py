@@ -151,7 +151,7 @@ class Segments(Value):
         Raises:
             InvalidInput: As in `check`.
         """
-        self._refuse_values()
+        self._check_values()
         self.check_gaps(apart=bounds[1:-1])
         whole = self.replace(checked=True)
         return [whole[a:b] for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
@@ -343,11 +343,11 @@ class Segments(Value):
         """
         if self.checked:
             return self
-        self._refuse_values()
+        self._check_values()
         self.check_gaps()
         return self.replace(checked=True)
 
-    def _refuse_values(self) -> None:
+    def _check_values(self) -> None:
         """Raise InvalidInput for inconsistent columns or invalid values."""
         n = len(checks.points("starts", self.starts))
         if n == 0:
@@ -359,7 +359,7 @@ class Segments(Value):
                 raise InvalidInput(f"{name} of a path must be finite and of shape {shape}.")
         if (self.lengths <= 0).any() or (self.curvatures < 0).any():
             raise InvalidInput("Segment lengths must be above zero and curvatures not negative.")
-        self._refuse_quintics()
+        self._check_quintics()
         for name in ("speeds", "tolerances", "tags"):
             if getattr(self, name).shape != (n,):
                 raise InvalidInput(f"{name} of a path must be one per segment ({n}).")
@@ -368,7 +368,7 @@ class Segments(Value):
         if (np.abs(np.linalg.norm(self.tangents, axis=1) - 1) > REPEATED_POINT).any():
             raise InvalidInput("The tangents of a path must be unit vectors.")
 
-    def _refuse_quintics(self) -> None:
+    def _check_quintics(self) -> None:
         """Raise InvalidInput for coefficients of transitions that do not fit the other columns."""
         quintics = self.quintics
         if quintics.shape not in ((len(self), 0, 0), (len(self), 6, self.dimension)):
@@ -438,7 +438,7 @@ def share_limits(before: Segments, after: Segments) -> dict[str, Any]:
     }
 
 
-def close_up(
+def close_gaps(
     starts: FloatArray, ends: FloatArray, stay: BoolArray, nearest: float
 ) -> tuple[FloatArray, BoolArray]:
     """Drop segments that are too short, and move the starts of the next ones to close the gaps.

@@ -29,21 +29,21 @@ from armcontour.geometry.orientation import (
     SAME_ORIENTATION,
     SAME_RATE,
     Orientation,
-    fade,
-    shift,
+    fit_cubics,
+    shift_polynomials,
     turns_between,
 )
 from armcontour.geometry.path import Path
-from armcontour.geometry.prescribed_orientation import carry
+from armcontour.geometry.prescribed_orientation import carry_frame
 from armcontour.geometry.rounded_orientation import (
     SLIVER,
     blend_kinks,
     find_kinks,
     largest_cuts,
 )
-from armcontour.geometry.rounded_path import needed_angle
+from armcontour.geometry.rounded_path import check_angular_tolerance
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
-from armcontour.geometry.shaped_path import check_places
+from armcontour.geometry.shaped_path import check_correspondence
 
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator
@@ -102,12 +102,12 @@ def orient_shaped(
         return path, 0.0
     corner = np.flatnonzero(objective.turns > TANGENT_TOLERANCE)
     straight = np.setdiff1d(find_kinks(objective), corner)
-    allowed = needed_angle(objective, angular_tolerance, straight)
-    pairs = check_places(places, objective, path)
+    allowed = check_angular_tolerance(objective, angular_tolerance, straight)
+    pairs = check_correspondence(places, objective, path)
     if source.follows:
-        orientation, deviation = _follow(path, objective, pairs, allowed)
+        orientation, deviation = _follow_tangent(path, objective, pairs, allowed)
     else:
-        orientation, deviation = _turn(path, objective, pairs, allowed)
+        orientation, deviation = _orient_smoothly(path, objective, pairs, allowed)
     return dataclasses.replace(path, orientation=orientation), deviation
 
 
@@ -158,7 +158,7 @@ class _Runs:
         )
 
 
-def _turn(
+def _orient_smoothly(
     path: Path, objective: Path, pairs: FloatArray, allowed: float
 ) -> tuple[Orientation, float]:
     """Orientation at smooth arc lengths with blends, and its largest error [rad]."""
@@ -168,10 +168,10 @@ def _turn(
     near = float(np.clip(PLACES * allowed, LEAST_ANGLE, MOST_ANGLE))
     near = near if np.isfinite(allowed) else SMALL_ANGLE
     mapping = _smooth_places(runs, pairs, near)
-    cut = _cuts(path, objective, runs, pairs, BLENDS * allowed)
+    cut = _blend_lengths(path, objective, runs, pairs, BLENDS * allowed)
     for _ in range(TRIES):
-        orientation = _lay(runs, mapping, cut, axis_only=source.axis_only)
-        s = _between(np.unique(np.concatenate([orientation.breaks, pairs[:, 1], runs.s])))
+        orientation = _insert_blends(runs, mapping, cut, axis_only=source.axis_only)
+        s = _refine(np.unique(np.concatenate([orientation.breaks, pairs[:, 1], runs.s])))
         targets = source(np.interp(s, pairs[:, 1], pairs[:, 0]))
         angles = turns_between(orientation(s), targets, axis_only=source.axis_only)
         # Where the arc lengths change unevenly, the error of a blend can be larger than expected.
@@ -191,7 +191,7 @@ def _smooth_places(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpol
     knots, values = runs.s, runs.objective_s
     for _ in range(HALVINGS):
         smooth = PchipInterpolator(knots, values)
-        s = _between(np.union1d(knots, pairs[:, 1]))
+        s = _refine(np.union1d(knots, pairs[:, 1]))
         run = np.clip(np.searchsorted(runs.s, s, side="right") - 1, 0, len(runs.speeds) - 1)
         deviations = np.abs(smooth(s) - np.interp(s, pairs[:, 1], pairs[:, 0])) * runs.speeds[run]
         coarse = np.unique(np.searchsorted(knots, s[deviations > near], side="right") - 1)
@@ -203,7 +203,7 @@ def _smooth_places(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpol
     return smooth
 
 
-def _cuts(
+def _blend_lengths(
     path: Path, objective: Path, runs: _Runs, pairs: FloatArray, allowed: float
 ) -> FloatArray:
     """Lengths of the path that blends take on either side of the vertices between runs [m], (k,).
@@ -232,7 +232,7 @@ def _cuts(
     return cut
 
 
-def _lay(
+def _insert_blends(
     runs: _Runs, mapping: PchipInterpolator, cut: FloatArray, *, axis_only: bool
 ) -> Orientation:
     """The orientation at smooth arc lengths, with blends."""
@@ -250,14 +250,14 @@ def _lay(
     middle = (begin + end) / 2
     run = np.clip(np.searchsorted(runs.s, middle, side="right") - 1, 0, len(runs.rates) - 1)
     j = np.clip(np.searchsorted(knots, middle, side="right") - 1, 0, len(knots) - 2)
-    f, g = shift(mapping.c[::-1, j].T, begin - knots[j]), np.zeros((len(begin), 4))
+    f, g = shift_polynomials(mapping.c[::-1, j].T, begin - knots[j]), np.zeros((len(begin), 4))
     f[:, 0] -= runs.objective_s[run]
     first, second, starts = runs.rates[run], np.zeros((len(begin), 3)), runs.starts[run]
     i = np.searchsorted(breaks, low + cut[blended], side="right") - 1
     # The rate before a vertex fades out from the start of the blend, and the rate after it sets in.
     vertex_s, none, width = runs.objective_s[1:-1][blended], np.zeros(len(i)), end[i] - begin[i]
-    f[i] = fade(width, (mapping(begin[i]) - vertex_s, mapping(begin[i], 1)), (none, none))
-    g[i] = fade(width, (none, none), (mapping(end[i]) - vertex_s, mapping(end[i], 1)))
+    f[i] = fit_cubics(width, (mapping(begin[i]) - vertex_s, mapping(begin[i], 1)), (none, none))
+    g[i] = fit_cubics(width, (none, none), (mapping(end[i]) - vertex_s, mapping(end[i], 1)))
     first[i], second[i] = runs.rates[blended], runs.rates[blended + 1]
     starts[i] = runs.starts[blended + 1]
     return Orientation(
@@ -265,7 +265,7 @@ def _lay(
     )
 
 
-def _between(s: FloatArray) -> FloatArray:
+def _refine(s: FloatArray) -> FloatArray:
     """Arc lengths with three more between neighbours [m]."""
     share = np.arange(4) / 4
     inner = s[:-1, None] + share * np.diff(s)[:, None]
@@ -280,30 +280,32 @@ def _nearest(s: FloatArray, marks: FloatArray) -> tuple[IntArray, FloatArray]:
     return i, np.abs(s - marks[i])
 
 
-def _follow(
+def _follow_tangent(
     path: Path, objective: Path, pairs: FloatArray, allowed: float
 ) -> tuple[Orientation, float]:
     """Orientation that follows the tangent of the path, and its largest error [rad]."""
     source = objective.orientation
     assert source is not None
     begin = shortest(objective.tangents[:1], path.tangents[:1])
-    carried = carry(path.segments, (exp(begin) @ source.starts[:1])[0], axis_only=source.axis_only)
+    carried = carry_frame(
+        path.segments, (exp(begin) @ source.starts[:1])[0], axis_only=source.axis_only
+    )
     # Twist at the middles of the objective's segments, against their frames with the least tilt.
     middle = (objective.breaks[:-1] + objective.breaks[1:]) / 2
     s = np.interp(middle, pairs[:, 0], pairs[:, 1])
-    tangents = path.segments.evaluate(*_on(path, s), 1)
-    tilt = exp(shortest(objective.segments.evaluate(*_on(objective, middle), 1), tangents))
-    twist = np.sum(log(tilt @ source(middle) @ _turned(carried(s))) * tangents, axis=1)
+    tangents = path.segments.evaluate(*_locate(path, s), 1)
+    tilt = exp(shortest(objective.segments.evaluate(*_locate(objective, middle), 1), tangents))
+    twist = np.sum(log(tilt @ source(middle) @ _transposed(carried(s))) * tangents, axis=1)
     deviation = 0.0
     if np.abs(twist).max() > NO_TWIST:
         # At the start there is none.
         knots, twists = np.append(0.0, s), np.unwrap(np.append(0.0, twist))
-        carried, deviation = _twist(path, carried, knots, twists)
+        carried, deviation = _apply_twist(path, carried, knots, twists)
     orientation, angles = blend_kinks(carried, largest_cuts(carried, allowed))
     return orientation, float(angles.max(initial=0.0)) + deviation
 
 
-def _twist(
+def _apply_twist(
     path: Path, carried: Orientation, s: FloatArray, twist: FloatArray
 ) -> tuple[Orientation, float]:
     """The orientation turned about the path's tangent by a twist, and its largest error [rad].
@@ -327,20 +329,20 @@ def _twist(
         for x in u
     )
     lengths = u[2] - u[0]
-    rates = log(end @ _turned(begin)) / lengths[:, None]
+    rates = log(end @ _transposed(begin)) / lengths[:, None]
     twisted = Orientation.even(
         lengths, begin, rates, axis_only=carried.axis_only, follows=carried.follows
     )
-    deviations = log(twisted.on_piece(np.arange(len(i)), lengths / 2) @ _turned(middle))
+    deviations = log(twisted.on_piece(np.arange(len(i)), lengths / 2) @ _transposed(middle))
     return twisted, float(np.linalg.norm(deviations, axis=1).max())
 
 
-def _on(path: Path, s: FloatArray) -> tuple[IntArray, FloatArray]:
+def _locate(path: Path, s: FloatArray) -> tuple[IntArray, FloatArray]:
     """Segments and distances along them of arc lengths."""
     i = path.locate(s)
     return i, s - path.breaks[i]
 
 
-def _turned(rotations: FloatArray) -> FloatArray:
+def _transposed(rotations: FloatArray) -> FloatArray:
     """Inverse rotations, (n, 3, 3)."""
     return np.swapaxes(rotations, 1, 2)

@@ -28,7 +28,7 @@ ARCS, PARABOLAS, STOPS = "arcs", "parabolas", "stops"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Outcome(Checked):
+class ShapingOutcome(Checked):
     """Result of the search for the shape of a path.
 
     Args:
@@ -52,10 +52,10 @@ class Outcome(Checked):
     def _check_together(self) -> None:
         object.__setattr__(self, "durations", MappingProxyType(dict(self.durations)))
 
-    def __reduce__(self) -> tuple[partial[Outcome], tuple[()]]:
+    def __reduce__(self) -> tuple[partial[ShapingOutcome], tuple[()]]:
         # Mapping proxies cannot be pickled.
         values = {x.name: getattr(self, x.name) for x in fields(self)}
-        return partial(Outcome, **values | {"durations": dict(self.durations)}), ()
+        return partial(ShapingOutcome, **values | {"durations": dict(self.durations)}), ()
 
     @property
     def gain(self) -> float:
@@ -111,7 +111,7 @@ class ShapedPath(Path):
     tolerance: float
     line_tolerance: float | None = None
     zone: float | None = None
-    outcome: Outcome = field(repr=False)
+    outcome: ShapingOutcome = field(repr=False)
     curve: SmoothCurve | None = field(default=None, repr=False)
     # The quintic of the curve that each segment belongs to, (n,).
     _piece: IntArray = field(init=False, repr=False)
@@ -124,7 +124,7 @@ class ShapedPath(Path):
             last = len(self.curve.breaks) - 2
             piece = np.clip(np.searchsorted(self.curve.breaks, middle) - 1, 0, last)
         object.__setattr__(self, "_piece", piece)
-        places = check_places(self.places, self.objective, self)
+        places = check_correspondence(self.places, self.objective, self)
         object.__setattr__(self, "places", places)
 
     @cached_property
@@ -184,7 +184,7 @@ class ShapedPath(Path):
         return np.asarray(np.clip(arc_lengths, 0.0, self.length))
 
 
-def doubt_search(paths: Iterable[Path]) -> list[str]:
+def describe_unfinished(paths: Iterable[Path]) -> list[str]:
     """A sentence on paths whose search for a shape ended early; empty without such paths."""
     shaped = [x for x in paths if isinstance(x, ShapedPath)]
     early = [x for x in shaped if x.outcome.unfinished]
@@ -198,16 +198,13 @@ def doubt_search(paths: Iterable[Path]) -> list[str]:
     ]
 
 
-def check_places(places: npt.ArrayLike, objective: Path, path: Path) -> FloatArray:
+def check_correspondence(places: npt.ArrayLike, objective: Path, path: Path) -> FloatArray:
     """Corresponding arc lengths, locked, after a check that they cover both paths.
 
     Args:
         places: Arc lengths on the objective and on the path [m], (n, 2).
         objective: The objective path.
         path: A path that was made from it.
-
-    Raises:
-        InvalidInput: The places do not increase from start to end of both paths.
     """
     pairs = checks.frozen_array(places)
     ends = np.array([[0.0, 0.0], [objective.length, path.length]])

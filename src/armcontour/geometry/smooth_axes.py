@@ -32,10 +32,6 @@ def smooth_axes(points: npt.ArrayLike, axes: npt.ArrayLike, tolerance: float) ->
 
     Returns:
         Unit vectors, (n, 3).
-
-    Raises:
-        InvalidInput: The tolerance is negative, neighbours are the same point, or a direction has
-            no length.
     """
     positions, directions = (
         checks.check_numbers("points", points),

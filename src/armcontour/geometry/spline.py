@@ -9,7 +9,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quintics import re_expand
-from armcontour.geometry.biarcs import UNEVEN, contact_of, join_up, length
+from armcontour.geometry.biarcs import UNEVEN, join_by_quintics, length, tangent_and_curvature
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 
 # Fractions of a piece at which its transition is compared with the spline; nodes and weights of the
@@ -44,11 +44,6 @@ def fit_spline(
 
     Returns:
         The transitions, and the index of the vertex at each point, (n,).
-
-    Raises:
-        InvalidInput: The ends of a closed spline differ, the spline turns back on the spot, the
-            points are so far apart that rounding loses distances, or the tolerance needs too many
-            transitions.
     """
     from scipy.interpolate import CubicSpline
 
@@ -69,7 +64,7 @@ def fit_spline(
         start = _contact(cubics, 0.0)
         last = _contact(cubics[:1], 0.0) if closed else _contact(cubics[-1:], 1.0)
     end = [np.concatenate([x[1:], y]) for x, y in zip(start, last, strict=True)]
-    segments = join_up((cubics[:, 0], *start), (cubics[:, 1:].sum(axis=1), *end), lengths)
+    segments = join_by_quintics((cubics[:, 0], *start), (cubics[:, 1:].sum(axis=1), *end), lengths)
     return segments, np.append(np.flatnonzero(begin % 1 == 0), len(segments))
 
 
@@ -110,15 +105,15 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
 def _follow(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, BoolArray]:
     """Arc lengths of cubics [m], and the mask of cubics that transitions follow closely enough."""
     x = (PLACES[:-1, None] + np.diff(PLACES)[:, None] * (NODES + 1) / 2).ravel()
-    speed = length(_at(cubics, x, 1)).reshape(len(cubics), -1, len(NODES))
+    speed = length(_evaluate(cubics, x, 1)).reshape(len(cubics), -1, len(NODES))
     steps = speed @ WEIGHTS / 2 * np.diff(PLACES)
     s = np.concatenate([np.zeros((len(cubics), 1)), np.cumsum(steps, axis=1)], axis=1)
     lengths = s[:, -1]
     start, end = _contact(cubics, 0.0), _contact(cubics, 1.0)
     rise = cubics[:, 1:].sum(axis=1)
-    quintics = join_up((0 * rise, *start), (rise, *end), lengths).quintics
+    quintics = join_by_quintics((0 * rise, *start), (rise, *end), lengths).quintics
     y = (s / lengths[:, None])[..., None] ** np.arange(6)
-    deviations = length(y @ quintics - (_at(cubics, PLACES, 0) - cubics[:, :1]))
+    deviations = length(y @ quintics - (_evaluate(cubics, PLACES, 0) - cubics[:, :1]))
     rate = (y[..., :-1] @ (quintics[:, 1:] * np.arange(1, 6)[:, None])) / lengths[:, None, None]
     uneven = np.abs(length(rate) - 1)
     return lengths, np.maximum(deviations / tolerance, uneven / UNEVEN).max(axis=1) <= SHARE
@@ -126,10 +121,12 @@ def _follow(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, BoolArray
 
 def _contact(cubics: FloatArray, x: float) -> tuple[FloatArray, FloatArray]:
     """Unit tangents and curvature vectors [1/m] of cubics at a parameter, (n, dimension) each."""
-    return contact_of(*(_at(cubics, np.array([x]), order)[:, 0] for order in (1, 2)))
+    return tangent_and_curvature(
+        *(_evaluate(cubics, np.array([x]), order)[:, 0] for order in (1, 2))
+    )
 
 
-def _at(cubics: FloatArray, x: FloatArray, order: int) -> FloatArray:
+def _evaluate(cubics: FloatArray, x: FloatArray, order: int) -> FloatArray:
     """Values or derivatives of cubics at parameters, (n, parameters, dimension)."""
     from numpy.polynomial.polynomial import polyder, polyval
 

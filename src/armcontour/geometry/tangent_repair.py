@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.frames import angle_between
-from armcontour.geometry.biarcs import biarcs, distance, unit
+from armcontour.geometry.biarcs import biarc_distance, make_biarcs, unit
 from armcontour.geometry.blends import WIDEST
 from armcontour.geometry.path import Path
 from armcontour.geometry.rounded_path import blend_vertices
@@ -25,7 +25,7 @@ MOST_HALVINGS = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Mended:
+class RepairedPath:
     """A path with repaired vertices.
 
     Args:
@@ -49,7 +49,9 @@ class Mended:
         return np.asarray(np.interp(np.asarray(s, dtype=np.float64), self.before, self.after))
 
 
-def mend_vertices(path: Path, tolerance: float, deviation_limit: float = np.inf) -> Mended | None:
+def repair_tangents(
+    path: Path, tolerance: float, deviation_limit: float = np.inf
+) -> RepairedPath | None:
     """Make almost tangent vertices exactly tangent; None without such vertices.
 
     A vertex is almost tangent if small movements of points explain its turn. Moving both ends of a
@@ -75,7 +77,7 @@ def mend_vertices(path: Path, tolerance: float, deviation_limit: float = np.inf)
         blended = blend_vertices(path, vertex, turns[vertex], allowed[vertex])
         corners, done = blended.corners, ~blended.corners.stopped
         if done.any():
-            inner = Mended(
+            inner = RepairedPath(
                 path=Path(segments=blended.segments, merged=path.merged),
                 before=path.breaks,
                 after=np.minimum(blended.place(path.breaks), blended.length),
@@ -84,14 +86,14 @@ def mend_vertices(path: Path, tolerance: float, deviation_limit: float = np.inf)
                 deviation=float(corners.error[done].max()),
             )
     start = path if inner is None else inner.path
-    seam = _mend_seam(
+    seam = _repair_closure(
         start,
         min(possible_turns[0] + possible_turns[-1], LARGEST_KINK),
         min(tolerances[0], tolerances[-1]),
     )
     if inner is None or seam is None:
         return inner or seam
-    return Mended(
+    return RepairedPath(
         path=seam.path,
         before=inner.before,
         after=seam.place(inner.after),
@@ -101,7 +103,7 @@ def mend_vertices(path: Path, tolerance: float, deviation_limit: float = np.inf)
     )
 
 
-def _mend_seam(path: Path, largest_turn: float, allowed: float) -> Mended | None:
+def _repair_closure(path: Path, largest_turn: float, allowed: float) -> RepairedPath | None:
     """Replace both ends of a closed path by two arcs each, which are tangent where it closes.
 
     Their lengths start at half of a segment and are halved until the distance is allowed.
@@ -121,14 +123,14 @@ def _mend_seam(path: Path, largest_turn: float, allowed: float) -> Mended | None
     )
     for _ in range(MOST_HALVINGS):
         begin = last.lengths - size
-        leaving = biarcs(
+        leaving = make_biarcs(
             first.starts, middle, first.evaluate(EVERY, size), first.evaluate(EVERY, size, 1)
         )
-        arriving = biarcs(
+        arriving = make_biarcs(
             last.evaluate(EVERY, begin), last.evaluate(EVERY, begin, 1), last.ends, middle
         )
         deviation = max(
-            float(distance(row.evaluate(ALL, start + size * SHARES)[None], *arcs)[0])
+            float(biarc_distance(row.evaluate(ALL, start + size * SHARES)[None], *arcs)[0])
             for row, start, arcs in ((first, 0.0, leaving), (last, begin, arriving))
         )
         if deviation <= allowed:
@@ -147,7 +149,7 @@ def _mend_seam(path: Path, largest_turn: float, allowed: float) -> Mended | None
     ]
     table = Segments.join([*ends[:2], rows.cut(np.arange(len(rows)), begin, end), *ends[2:]])
     new = [float(sum(x.lengths[0] for x in arcs)) for arcs in (leaving, arriving)]
-    return Mended(
+    return RepairedPath(
         path=Path(segments=table, merged=path.merged),
         before=np.array([0.0, t, total - t, total]),
         after=np.cumsum([0.0, new[0], total - 2 * t, new[1]]),

@@ -35,9 +35,9 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.geometry.path import Path
-from armcontour.geometry.projection import pack, pad
+from armcontour.geometry.projection import pack_segments, pad_to_space
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE, Segments
-from armcontour.geometry.shaped_path import check_places
+from armcontour.geometry.shaped_path import check_correspondence
 
 # Rounding errors of distances and places, in metres plus the same fraction of the path's size:
 # tolerances and reach may be exceeded by this.
@@ -100,8 +100,8 @@ class Tube(Checked):
     _pieces: tuple[FloatArray, FloatArray, BoolArray] = field(init=False, repr=False)
 
     def _check_together(self) -> None:
-        _refuse_transitions(self.segments)
-        rows = pack(self.segments)
+        _check_no_transitions(self.segments)
+        rows = pack_segments(self.segments)
         rows[:, 11] = self.breaks[:-1]
         # Points beyond the end of a piece with a larger tolerance belong to its neighbour.
         step = np.diff(self.tolerance)
@@ -214,10 +214,12 @@ class Tube(Checked):
             windows: First and last piece of each point's part, as from `windows`, (n, 2). The piece
                 with the largest margin counts.
         """
-        from armcontour.geometry.kernels import Pieces, find_excess
+        from armcontour.geometry.kernels import TubePieces, find_excess
 
         everywhere = np.tile([-np.inf, np.inf], (len(points), 1))
-        excess, _ = find_excess(pad(points), everywhere, windows, Pieces(*self._pieces))
+        excess, _ = find_excess(
+            pad_to_space(points), everywhere, windows, TubePieces(*self._pieces)
+        )
         return np.asarray(-excess)
 
     def prove(self, path: Path, places: npt.ArrayLike, reach: npt.ArrayLike) -> Proof:
@@ -236,15 +238,15 @@ class Tube(Checked):
             InvalidInput: The places do not run from start to end of both paths, the path has
                 another dimension than the objective, or the path has transitions.
         """
-        from armcontour.geometry.kernels import Pieces, bound_excess
+        from armcontour.geometry.kernels import TubePieces, bound_excess
 
         if path.dimension != self.objective.dimension:
             raise InvalidInput(
                 f"The path has {path.dimension} coordinates, its objective has "
                 f"{self.objective.dimension}."
             )
-        _refuse_transitions(path.segments)
-        pairs = check_places(places, self.objective, path)
+        _check_no_transitions(path.segments)
+        pairs = check_correspondence(places, self.objective, path)
         size = max(float(np.abs(self.objective.segments.extent).max()), self.breaks[-1])
         slack = SLACK * (1 + float(size))
         # An arc length that rounding puts beyond the end of its piece still belongs to the piece.
@@ -253,7 +255,7 @@ class Tube(Checked):
         centre, around = parts[:, 1::3], parts[:, 2::3]
         windows = self.windows_between((centre - around).min(axis=1), (centre + around).max(axis=1))
         bounds, largest, path_s = bound_excess(
-            pack(path.segments), segment, parts, windows, Pieces(*self._pieces), slack
+            pack_segments(path.segments), segment, parts, windows, TubePieces(*self._pieces), slack
         )
         segments = np.full(len(path), -np.inf)
         np.maximum.at(segments, segment, bounds)
@@ -317,20 +319,22 @@ class Tube(Checked):
         ends = [np.interp(x, objective_s, along) for x in (corner_s - around, corner_s + around)]
         windows = np.stack([path.locate(ends[0]), path.locate(ends[1])], axis=1)
         points = self.objective.vertices[self.vertex]
-        return _nearest_in_range(points, np.stack(ends, axis=1), windows, pack(path.segments))
+        return _nearest_in_range(
+            points, np.stack(ends, axis=1), windows, pack_segments(path.segments)
+        )
 
 
 def _nearest_in_range(
     points: FloatArray, ranges: FloatArray, windows: IntArray, rows: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Distance and arc length of the nearest point within a range of a path, for each point."""
-    from armcontour.geometry.kernels import Pieces, find_excess
+    from armcontour.geometry.kernels import TubePieces, find_excess
 
-    pieces = Pieces(rows, np.zeros(len(rows)), np.zeros((len(rows), 2), np.bool_))
-    return find_excess(pad(points), ranges, windows, pieces)
+    pieces = TubePieces(rows, np.zeros(len(rows)), np.zeros((len(rows), 2), np.bool_))
+    return find_excess(pad_to_space(points), ranges, windows, pieces)
 
 
-def _refuse_transitions(segments: Segments) -> None:
+def _check_no_transitions(segments: Segments) -> None:
     """Raise InvalidInput for a transition, because the proof holds for lines and arcs only."""
     if segments.bent.any():
         i = int(np.argmax(segments.bent))

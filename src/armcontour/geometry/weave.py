@@ -113,11 +113,6 @@ def weave_seam(
         up: For a seam in space, the direction that weaving is perpendicular to, (3,). By default it
             is the tool axis, or z for a seam without orientation.
         tolerance: Largest distance of the arcs from the sine [m].
-
-    Raises:
-        InvalidInput: A value is not valid, the seam is parallel to the tool axis, no part of it is
-            long enough, it has no single assigned velocity for a frequency or dwell, the dwells
-            leave no room for the waves, or its radius is no more than half the width.
     """
     if speed is not None:
         same = path.segments.replace(speeds=np.full(len(path), speed))
@@ -138,7 +133,7 @@ def weave_seam(
     parts, seams, crests, left_out, done = [], [], [], 0.0, 0.0
     for begin, end in zip(ends[:-1], ends[1:], strict=True):
         part = path if len(ends) == 2 else cut_path(path, begin, end)
-        seam, matched_s = _smooth(part, pitch, width)
+        seam, matched_s = _smooth_seam(part, pitch, width)
         wave = _Wave(
             part=part,
             seam=seam,
@@ -153,9 +148,9 @@ def weave_seam(
             left_out += part.length
             parts.append(part)
         else:
-            _refuse_tight(seam, width)
+            _check_radius(seam, width)
             crests.append(done + wave.full_crests())
-            parts.append(_woven(wave, shape, tolerance))
+            parts.append(_weave_part(wave, shape, tolerance))
         done += seam.length
     if left_out >= 0.999 * path.length:
         raise InvalidInput(
@@ -213,7 +208,7 @@ def _corners(path: Path) -> npt.NDArray[np.bool_]:
     return np.asarray((turns[1:-1] > CORNER) | sharp)
 
 
-def _smooth(path: Path, pitch: float, width: float) -> tuple[Path, FloatArray]:
+def _smooth_seam(path: Path, pitch: float, width: float) -> tuple[Path, FloatArray]:
     """The smooth seam, and corresponding arc lengths of seam and path [m], (n, 2)."""
     from armcontour.geometry.spline import fit_spline
 
@@ -318,9 +313,9 @@ class _Wave:
         return self.offset_points(s, offset)
 
 
-def _woven(wave: _Wave, shape: str, tolerance: float) -> Path:
+def _weave_part(wave: _Wave, shape: str, tolerance: float) -> Path:
     """The woven path of a part, with its speeds, tolerances, tags and orientation."""
-    from armcontour.geometry.prescribed_orientation import carry
+    from armcontour.geometry.prescribed_orientation import carry_frame
 
     part, seam = wave.part, wave.seam
     turning = wave.turning_points()
@@ -345,7 +340,9 @@ def _woven(wave: _Wave, shape: str, tolerance: float) -> Path:
     # In proportion to the length of the woven path: the tool turns evenly, not with each wave.
     seam_s = segments.breaks / segments.breaks[-1] * seam.length
     if orientation.follows:
-        orientation = carry(seam.segments, orientation.starts[0], axis_only=orientation.axis_only)
+        orientation = carry_frame(
+            seam.segments, orientation.starts[0], axis_only=orientation.axis_only
+        )
     else:
         seam_s = wave.on_part(seam_s)
     starts, ends = orientation(seam_s[:-1]), orientation(seam_s[1:], side="left")
@@ -385,7 +382,7 @@ def _fit_sine(
     )
 
 
-def _refuse_tight(seam: Path, width: float) -> None:
+def _check_radius(seam: Path, width: float) -> None:
     """Raise InvalidInput for a seam with a radius below half the width."""
     middle = (seam.breaks[:-1] + seam.breaks[1:]) / 2
     samples = np.concatenate([seam.breaks, middle])

@@ -15,7 +15,7 @@ from armcontour.jobs.job import Job, Run
 from armcontour.jobs.planned_run import Planned
 from armcontour.jobs.run_warnings import SAME_SPEED, assigned_speed
 from armcontour.planning import Optimal
-from armcontour.program import Contour, Leads, Process, Program, arrange, prepare
+from armcontour.program import Contour, Leads, Process, Program, arrange_contours, prepare
 from armcontour.robot import PlanarTwoLink
 
 # The first length that is tried [m], and the shortest and longest ones.
@@ -58,7 +58,7 @@ def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
     )
     gain = LEAST_GAIN if run.limits.jerk_limits else SAME_SPEED
     leads = []
-    contours = prepare(arrange(job.program, process), plain).contours
+    contours = prepare(arrange_contours(job.program, process), plain).contours
     if isinstance(job.arm, PlanarTwoLink) and job.configuration is None:
         # The first contour chooses the branch for all of them.
         first = plan(job, run, objective=Program(moves=contours[:1]))

@@ -10,7 +10,7 @@ from typing import Any, Self
 
 from armcontour.core.text import capitalise
 from armcontour.geometry import ShapedPath, count_full_stops
-from armcontour.geometry.shaped_path import SHAPED, doubt_search
+from armcontour.geometry.shaped_path import SHAPED, describe_unfinished
 from armcontour.jobs import run_warnings
 from armcontour.jobs.job import Run
 from armcontour.jobs.plan_quantities import (
@@ -220,6 +220,6 @@ class Planned:
         if gain is None:
             return None
         early = "".join(
-            f" {capitalise(x)}" for x in doubt_search(x.path for x in self.path.contours)
+            f" {capitalise(x)}" for x in describe_unfinished(x.path for x in self.path.contours)
         )
         return f"Run {self.run.name}: {gain}.{early}"

@@ -18,7 +18,7 @@ from armcontour.motion import Execution, SetPoints, Trajectory
 from armcontour.motion.command_limits import describe_excess
 from armcontour.planning import Conventional
 from armcontour.program import Contour, Program, contour_called
-from armcontour.program.rounded_corners import doubt_tolerance
+from armcontour.program.rounded_corners import describe_large_tolerance
 from armcontour.robot.servo import ServoModel
 from armcontour.verification import Evaluation
 from armcontour.verification.clearance import Clearance
@@ -47,7 +47,7 @@ def capped(program: Program, run: Run) -> Iterator[str]:
     """Warnings for speeds and corner tolerances of the path that the run does not allow."""
     # With the shape free the tolerance holds along lines, too.
     tolerance = None if run.rounding is None else run.rounding.tolerance
-    doubts = (doubt_tolerance(x.path, tolerance) for x in program.contours)
+    doubts = (describe_large_tolerance(x.path, tolerance) for x in program.contours)
     yield from next(filter(None, doubts), [])
     tolerances: Callable[[Path], FloatArray] = (
         (lambda x: x.tolerances) if run.is_shaped else _at_corners

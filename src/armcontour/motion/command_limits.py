@@ -21,15 +21,12 @@ def check_commands(set_points: SetPoints, limits: Limits | None = None) -> None:
     Args:
         set_points: The set-points.
         limits: Limits instead of those of the plan; by default the limits of commands.
-
-    Raises:
-        CompensationError: A limit is exceeded; with the set-point of the largest excess.
     """
     specified = set_points.command_limits if limits is None else limits
     dof, limits = set_points.q.shape[1], set_points.trajectory.limits_for(specified)
     lower, upper = limits.joint_range(dof)
-    _refuse_beyond(set_points, "joint_upper", set_points.q, upper)
-    _refuse_beyond(set_points, "joint_lower", -set_points.q, -lower)
+    _check_joint_range(set_points, "joint_upper", set_points.q, upper)
+    _check_joint_range(set_points, "joint_lower", -set_points.q, -lower)
     rate = np.diff(set_points.q, axis=0) / set_points.cycle
     use = use_of("joint_velocity", limits, rate)
     amounts, highest = use.value, np.asarray(use.limit)
@@ -60,7 +57,9 @@ def describe_excess(set_points: SetPoints) -> str:
     return ""
 
 
-def _refuse_beyond(set_points: SetPoints, name: str, values: FloatArray, bound: FloatArray) -> None:
+def _check_joint_range(
+    set_points: SetPoints, name: str, values: FloatArray, bound: FloatArray
+) -> None:
     """Raise CompensationError if set-points exceed the end `name` of the joint range.
 
     Values and bound have the opposite sign for "joint_lower".

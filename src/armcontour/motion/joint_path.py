@@ -17,7 +17,7 @@ from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
 from armcontour.core.text import count_noun, format_table, joint_rows, short_repr
 from armcontour.geometry import Path
-from armcontour.motion.kernels import Motion, examine, joint_motions, spline_pieces
+from armcontour.motion.kernels import JointMotion, examine_pieces, joint_motions, spline_pieces
 
 # Rounding error of differences of arc lengths, over the largest arc length.
 PLAY = 4 * float(np.finfo(np.float64).eps)
@@ -59,11 +59,13 @@ class JointPath(Checked):
         if n < 1 or len(self.coefficients) != n:
             raise InvalidInput("coefficients of a joint path must be of shape (intervals, 6, dof).")
         kinks = np.empty(n - 1, dtype=np.bool_)
-        sound, jump = examine(self.breaks, self.coefficients, LARGEST_KINK, NO_DIRECTION, kinks)
+        sound, jump = examine_pieces(
+            self.breaks, self.coefficients, LARGEST_KINK, NO_DIRECTION, kinks
+        )
         if not sound:
             raise InvalidInput("A joint path must be finite and its breaks must increase.")
         if jump > LARGEST_JUMP:
-            self._refuse_jump()
+            self._raise_jump()
         if len(self.stops) or kinks.any():
             object.__setattr__(self, "stops", checks.frozen_array(self._all_stops(kinks)))
 
@@ -81,7 +83,7 @@ class JointPath(Checked):
 
     __repr__ = short_repr
 
-    def _refuse_jump(self) -> NoReturn:
+    def _raise_jump(self) -> NoReturn:
         """Raise InvalidInput for the largest jump of a joint position at a break."""
         jumps = np.abs(self.coefficients[:-1].sum(axis=1) - self.coefficients[1:, 0])
         i, j = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
@@ -262,7 +264,7 @@ class JointPath(Checked):
         along, end = np.zeros((4, len(arc_lengths))), self.breaks[pieces + 1]
         along[0], along[1] = arc_lengths, 1.0
         end.setflags(write=False)
-        out = Motion(q, first, second, np.empty((0, self.dof)))
+        out = JointMotion(q, first, second, np.empty((0, self.dof)))
         rows = np.arange(last + 2)
         joint_motions(along, end, pieces, rows, self.breaks, self.coefficients, out)
         q, first, second = (x.reshape(*np.shape(s), self.dof) for x in (q, first, second))

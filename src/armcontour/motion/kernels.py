@@ -76,7 +76,7 @@ def write_law(
 
 
 @compiled()
-def examine(
+def examine_pieces(
     breaks: FloatArray,
     coefficients: FloatArray,
     kink: float,
@@ -172,7 +172,7 @@ def spline_pieces(knots: FloatArray, points: FloatArray, clamped: bool) -> Float
 SHORT = 1e-2
 
 
-class Motion(NamedTuple):
+class JointMotion(NamedTuple):
     """Joint positions and their derivatives over time, (n, dof) each; (0, dof) if not requested."""
 
     q: FloatArray
@@ -248,7 +248,7 @@ def joint_motions(
     rows: IntArray,
     breaks: FloatArray,
     coefficients: FloatArray,
-    out: Motion,
+    out: JointMotion,
 ) -> None:
     """Joint positions and their derivatives over time along joint paths, by the chain rule.
 

@@ -15,7 +15,13 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Interval
 from armcontour.motion.joint_path import JointPath
-from armcontour.motion.kernels import Motion, interval_times, joint_motions, path_motions, write_law
+from armcontour.motion.kernels import (
+    JointMotion,
+    interval_times,
+    joint_motions,
+    path_motions,
+    write_law,
+)
 from armcontour.robot import Arm
 
 # Bisection steps for the time at which a lap reaches an arc length; exact to the last digit.
@@ -101,7 +107,7 @@ class LapLaw(Law):
     ddq: FloatArray
 
     def _check_together(self) -> None:
-        _refuse_disorder(self.breaks)
+        _check_breaks(self.breaks)
 
     def on_interval(self, i: IntArray, t: FloatArray, order: int) -> FloatArray:
         """q, dq, ddq (21) or dddq, which is zero between breaks."""
@@ -239,7 +245,7 @@ class PathLaw(LawAlongPath):
     rates: Rates
 
     def _check_together(self) -> None:
-        _refuse_disorder(self.breaks)
+        _check_breaks(self.breaks)
         n = len(self.breaks) - 1
         rates = [checks.frozen_array(x) for x in self.rates]
         if not isinstance(self.rates, Rates) or any(x.shape != (n,) for x in rates):
@@ -339,7 +345,7 @@ def join_path(
     """
     shape, dof = np.shape(along)[1:], joint_path.dof
     count = along[0].size
-    motion = Motion(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
+    motion = JointMotion(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
     only = np.zeros(count, dtype=np.intp)
     rows = np.array([0, len(joint_path.breaks)])
     tables = rows, joint_path.breaks, joint_path.coefficients
@@ -360,7 +366,7 @@ def flatten(
     return row
 
 
-def _refuse_disorder(breaks: FloatArray) -> None:
+def _check_breaks(breaks: FloatArray) -> None:
     """Raise InvalidInput unless breaks start at 0 and increase."""
     if len(breaks) < 2 or breaks[0] != 0 or not (breaks[1:] > breaks[:-1]).all():
         raise InvalidInput("The breaks of a law must start at 0 and increase.")

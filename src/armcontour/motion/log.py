@@ -140,7 +140,7 @@ class Log(Checked):
             start: First time to keep [s].
             end: Last time to keep [s].
         """
-        return cut(
+        return cut_log(
             self.t, self.command, self.measured, start, end, self.joint_names,
             interpolation=self.interpolation, source=self.source, notes=self.notes,
         )  # fmt: skip
@@ -179,7 +179,7 @@ class Log(Checked):
             )
 
 
-def cut(
+def cut_log(
     t: FloatArray,
     command: FloatArray,
     measured: FloatArray,
@@ -209,10 +209,10 @@ def cut(
     Raises:
         InvalidInput: As `Log` does.
     """
-    used = _used(t, start, end, source)
+    used = _time_mask(t, start, end, source)
     command, measured = np.asarray(command)[used], np.asarray(measured)[used]
     if unwrap:
-        command, measured = _unwrapped(command, measured)
+        command, measured = _unwrap(command, measured)
     return Log(
         t=np.asarray(t)[used],
         command=command,
@@ -224,7 +224,7 @@ def cut(
     )
 
 
-def _used(t: FloatArray, start: float, end: float, source: str) -> BoolArray:
+def _time_mask(t: FloatArray, start: float, end: float, source: str) -> BoolArray:
     """Mask of the samples from `start` to `end`."""
     for name, value in (("first", start), ("last", end)):
         if not isinstance(value, int | float | np.number):
@@ -245,7 +245,7 @@ def _used(t: FloatArray, start: float, end: float, source: str) -> BoolArray:
     return np.asarray(used)
 
 
-def _unwrapped(command: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _unwrap(command: FloatArray, measured: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Both without jumps of whole turns, starting in the same turn."""
     # `Log` refuses numbers that no joint has, so their jumps stay.
     if max(np.abs(x).max() for x in (command, measured)) > LARGEST["q"]:

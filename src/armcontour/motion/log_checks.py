@@ -55,11 +55,7 @@ AS_GOOD = 1e-6
 
 
 def match_joints(names: Sequence[str], requested: Sequence[str], source: str) -> list[int] | None:
-    """Indices of requested joints by equal names, or by names with a prefix; None without a match.
-
-    Raises:
-        InvalidInput: Several names end with that of a joint.
-    """
+    """Indices of requested joints by equal names or names with a prefix; None without a match."""
     if set(requested) <= set(names):
         return [names.index(x) for x in requested]
     indices = []
@@ -95,18 +91,10 @@ def describe_match(
     ]
 
 
-def arrange(log: Log, joint_names: Sequence[str]) -> Log:
+def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
     """The log with its joints in the order of an arm, by equal names or by names with a prefix.
 
     Otherwise joints stay in their order, also those with numbers.
-
-    Args:
-        log: The log.
-        joint_names: Names of the arm's joints.
-
-    Raises:
-        InvalidInput: The log has more or fewer joints, or only some names of the arm, at other
-            places.
     """
     names, source = log.joint_names, log.source
     numbered = all(re.fullmatch(r"joint \d+", x) for x in names)
@@ -146,10 +134,6 @@ def check_logs(logs: Sequence[Log], arm: Arm) -> None:
     Args:
         logs: Logs with as many joints as the arm.
         arm: The nominal arm.
-
-    Raises:
-        InvalidInput: A log is too short, too coarse or too long, or its positions are not those of
-            the arm.
     """
     for log in logs:
         duration = float(log.t[-1] - log.t[0])
@@ -185,9 +169,6 @@ def check_distance(log: Log, arm: Arm) -> None:
     Args:
         log: The log, with as many joints as the arm.
         arm: The arm.
-
-    Raises:
-        InvalidInput: A joint is outside its range.
     """
     both = {"set-point": log.command, "measured position": log.measured}
     check_range_of_log(log.source, log.t, both, log.joint_names, arm)
@@ -213,9 +194,6 @@ def check_range_of_log(
         arm: The arm.
         margin: Allowed distance from the range of a joint [rad].
         degrees_only: Whether to refuse only positions that are within all ranges as degrees.
-
-    Raises:
-        InvalidInput: A joint is outside its range.
     """
     low, high = arm.limits.joint_range(arm.dof)
     for name, values in positions.items():
@@ -241,11 +219,7 @@ def check_range_of_log(
 
 
 def check_speeds(log: Log) -> None:
-    """Refuse a log in which a joint moves faster than any robot.
-
-    Raises:
-        InvalidInput: It does: its times are too short.
-    """
+    """Refuse a log in which a joint moves faster than any robot."""
     noise = white_noise(log.measured)
     for j, y in enumerate(log.measured.T):
         window = math.ceil(2 * float(noise[j]) / (NOISY * FASTEST * log.interval))
@@ -265,11 +239,7 @@ def check_speeds(log: Log) -> None:
 
 
 def check_leading_rest(log: Log) -> None:
-    """Refuse a log that only another order, unit or direction of its columns explains.
-
-    Raises:
-        InvalidInput: A joint moves, but does not follow its command with a lag.
-    """
+    """Refuse a log that only another order, unit or direction of its columns explains."""
     for j, (command, measured) in enumerate(zip(log.command.T, log.measured.T, strict=True)):
         rate, residual = np.gradient(command), measured - command
         a = np.stack([rate, np.ones_like(rate)], axis=1)
@@ -290,9 +260,6 @@ def check_units(log: Log, longest: float, j: int, *, single: bool = True) -> Non
         longest: Largest dead time [s].
         j: The joint, from 0.
         single: Whether to consider also other units and directions of this joint only.
-
-    Raises:
-        InvalidInput: Its columns are in another order, unit or direction.
     """
     for some in (slice(None), slice(j, j + 1))[: 1 + single]:
         q, u, names = log.measured[:, some], log.command[:, some], log.joint_names[some]
@@ -311,9 +278,6 @@ def check_is_whole(source: str, t: FloatArray, duration: float, slack: float) ->
         t: Its times from the start of the motion [s], (n,).
         duration: Duration of the motion [s].
         slack: Time that may be missing at either end [s].
-
-    Raises:
-        InvalidInput: More is missing.
     """
     if t[0] > slack or t[-1] < duration - slack:
         raise InvalidInput(
@@ -349,7 +313,7 @@ def find_misreading(
     """
     names = names or [str(j + 1) for j in range(reference.shape[1])]
     if longest_delay is not None:
-        piece = _liveliest(reference)
+        piece = _find_liveliest(reference)
         t, measured, reference = t[piece], measured[piece], reference[piece]
     comparison = _Comparison(t, measured, reference, longest_delay)
     plain = comparison.apart()
@@ -363,7 +327,7 @@ def find_misreading(
         residual = np.diag(comparison.apart(factor)).mean() / factor**2
         if residual < min(BETTER * plain_errors.mean(), UNEXPLAINED * comparison.power.mean()):
             return f"{description}, so give their columns the right unit"
-    order = _order(plain)
+    order = _assign_columns(plain)
     if plain[order, np.arange(len(order))].mean() < enough:
         return (
             f"its columns fit the joints in the order {', '.join(names[k] for k in order)}, so "
@@ -394,7 +358,7 @@ class _Comparison:
     def __init__(
         self, t: FloatArray, y: FloatArray, u: FloatArray, longest_delay: float | None
     ) -> None:
-        pairs = [(y, u)] if longest_delay is None else _followed(t, y, u, longest_delay)
+        pairs = [(y, u)] if longest_delay is None else _candidate_responses(t, y, u, longest_delay)
         self._yy = np.array([(a**2).mean(axis=0) for a, _ in pairs])[:, :, None]
         self._uu = np.array([(b**2).mean(axis=0) for _, b in pairs])[:, None, :]
         self._yu = np.array([a.T @ b / len(a) for a, b in pairs])
@@ -406,21 +370,21 @@ class _Comparison:
         return np.asarray(np.maximum(deviations, 0.0).min(axis=0))
 
 
-def _followed(
+def _candidate_responses(
     t: FloatArray, y: FloatArray, u: FloatArray, longest_delay: float
 ) -> list[tuple[FloatArray, FloatArray]]:
     """Measured positions, and commands after each lag and dead time, both without their means."""
     step, pairs = float(t[-1] - t[0]) / (len(t) - 1), []
     delays = np.unique(np.round(np.linspace(0.0, longest_delay, DEAD_TIMES) / step).astype(int))
     for lag in LAGS:
-        x = _lagged(t, u, lag)
+        x = _apply_lag(t, u, lag)
         for k in delays[delays < len(t) // 2]:
             a, b = y[k:], x[: len(x) - k]
             pairs.append((a - a.mean(axis=0), b - b.mean(axis=0)))
     return pairs
 
 
-def _lagged(t: FloatArray, u: FloatArray, lag: float) -> FloatArray:
+def _apply_lag(t: FloatArray, u: FloatArray, lag: float) -> FloatArray:
     """Commands after a first-order lag [s], at rest before, (n, dof)."""
     from scipy.linalg import solve_banded
 
@@ -435,7 +399,7 @@ def _lagged(t: FloatArray, u: FloatArray, lag: float) -> FloatArray:
     return np.asarray(solve_banded((1, 0), matrix, driven))
 
 
-def _liveliest(u: FloatArray) -> slice:
+def _find_liveliest(u: FloatArray) -> slice:
     """The slice of SAMPLES samples with the most motion of commands."""
     moved = np.concatenate([[0.0], np.cumsum(np.sum(np.diff(u, axis=0) ** 2, axis=1))])
     count = min(SAMPLES, len(u))
@@ -443,7 +407,7 @@ def _liveliest(u: FloatArray) -> slice:
     return slice(first, first + count)
 
 
-def _order(apart: FloatArray) -> list[int]:
+def _assign_columns(apart: FloatArray) -> list[int]:
     """Assignment of columns to joints with the smallest total difference."""
     from scipy.optimize import linear_sum_assignment
 

@@ -20,15 +20,7 @@ DECIMALS = 12
 
 
 def check_command_limits(limits: Limits, dof: int) -> Limits:
-    """Checked limits of commands, with one value per joint.
-
-    Args:
-        limits: The limits.
-        dof: Number of joints.
-
-    Raises:
-        InvalidInput: A limit that is none of commands, no limit, or a wrong number of values.
-    """
+    """Checked limits of commands, with one value per joint."""
     names = [x for x in UNITS if getattr(limits, x) is not None]
     if others := [x for x in names if x not in COMMAND_LIMITS]:
         raise InvalidInput(
@@ -39,12 +31,7 @@ def check_command_limits(limits: Limits, dof: int) -> Limits:
 
 
 def command_bounds(limits: Limits, dof: int) -> FloatArray:
-    """Lower and upper bounds of set-points and their derivatives of orders 1 to 3, (4, 2, dof).
-
-    Args:
-        limits: The limits.
-        dof: Number of joints.
-    """
+    """Lower and upper bounds of set-points and their derivatives of orders 1 to 3, (4, 2, dof)."""
     return np.array([limits.joint_range(dof), *(limits.bounds(x, dof) for x in BY_ORDER[1:])])
 
 
@@ -63,7 +50,9 @@ def command_use(q: FloatArray, cycle: float, limits: Limits) -> dict[str, FloatA
     }
 
 
-def excess(q: FloatArray, cycle: float, bounds: FloatArray) -> tuple[int, int, int, float] | None:
+def find_excess(
+    q: FloatArray, cycle: float, bounds: FloatArray
+) -> tuple[int, int, int, float] | None:
     """Order, row and joint of the set-point farthest beyond its bound, and its value.
 
     Args:
@@ -108,7 +97,7 @@ def nearest_commands(
     commands = q.copy()
     for j in range(q.shape[1]):
         joint_bounds, one = bounds[:, :, j], q[:, j : j + 1]
-        if excess(one, cycle, joint_bounds[:, :, None]) is None:
+        if find_excess(one, cycle, joint_bounds[:, :, None]) is None:
             continue
         steps, digit = cycle ** np.arange(len(joint_bounds))[:, None], 10.0**-DECIMALS
         margin = digit * 2.0 ** np.arange(len(joint_bounds))[:, None] + COMMAND_SLACK * np.abs(

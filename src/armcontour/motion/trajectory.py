@@ -27,7 +27,7 @@ from armcontour.core.text import (
     to_html,
 )
 from armcontour.geometry import Path
-from armcontour.motion.kernels import Motion, joint_motions, path_motions
+from armcontour.motion.kernels import JointMotion, joint_motions, path_motions
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw
 from armcontour.robot import Arm, Limits
 
@@ -188,7 +188,7 @@ class Trajectory(Checked):
     reserve: float = 0.0
     arm: Arm | None = None
     starts: FloatArray = field(init=False, repr=False)
-    _parts: tuple[_Part, ...] = field(init=False, repr=False)
+    _law_ranges: tuple[_LawRange, ...] = field(init=False, repr=False)
     _ends: FloatArray = field(init=False, repr=False)
     _joined: list[tuple[int, int, JoinedLaws]] = field(default_factory=list, init=False, repr=False)
 
@@ -197,8 +197,8 @@ class Trajectory(Checked):
             raise InvalidInput("A trajectory needs at least one law of motion.")
         starts = [0.0, *accumulate(float(law.breaks[-1]) for law in self.laws)]
         object.__setattr__(self, "starts", checks.frozen_array(starts))
-        parts = _parts(self.laws, self.spans)
-        object.__setattr__(self, "_parts", parts)
+        parts = _law_ranges(self.laws, self.spans)
+        object.__setattr__(self, "_law_ranges", parts)
         object.__setattr__(self, "_ends", checks.frozen_array([x.s for x in parts]))
 
     def __repr__(self) -> str:
@@ -501,10 +501,10 @@ class Trajectory(Checked):
                 laws are not along one path.
         """
         times = self._clip_times(t, order)
-        self._refuse_no_arc_length()
+        self._check_arc_length()
         lengths = np.empty(times.size)
         for k, indices, i, local in self.locate(times.ravel(), side):
-            part = self._parts[k]
+            part = self._law_ranges[k]
             lengths[indices] = part.offset if order == 0 else 0.0
             if part.law is not None:
                 lengths[indices] += part.law.path_position(i, local, order)
@@ -540,7 +540,7 @@ class Trajectory(Checked):
         arc_lengths = self._clip_arc_lengths(s)
         speeds = np.zeros(arc_lengths.size)
         for k, indices, i, local in self._by_length(arc_lengths.ravel(), side):
-            law = self._parts[k].law
+            law = self._law_ranges[k].law
             if law is not None:
                 speeds[indices] = law.path_position(i, local, 1)
         return speeds.reshape(arc_lengths.shape)
@@ -603,7 +603,7 @@ class Trajectory(Checked):
 
     def _clip_arc_lengths(self, s: npt.ArrayLike) -> FloatArray:
         """Arc lengths clipped to the motion; those outside are refused."""
-        self._refuse_no_arc_length()
+        self._check_arc_length()
         arc_lengths = checks.check_numbers("s", s, "m")
         low, high = float(self._ends[0, 0]), float(self._ends[-1, 1])
         slack = SLACK * max(high - low, 1e-3)
@@ -628,7 +628,7 @@ class Trajectory(Checked):
         else:
             law_index = np.searchsorted(ends[:, 0], s, side="right") - 1
         for k, indices in _group_by_law(np.clip(law_index, 0, len(ends) - 1)):
-            part = self._parts[k]
+            part = self._law_ranges[k]
             if part.law is None:
                 still = 0.0 if side == "left" else self.laws[k].breaks[-1]
                 yield (
@@ -640,7 +640,7 @@ class Trajectory(Checked):
             else:
                 yield k, indices, *part.law.reach(s[indices] - part.offset, side)
 
-    def _refuse_no_arc_length(self) -> None:
+    def _check_arc_length(self) -> None:
         """Raise InvalidInput for laws that do not follow each other along one path."""
         unknown = np.isnan(self._ends[:, 0])
         if unknown.any():
@@ -659,7 +659,7 @@ class Trajectory(Checked):
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class _LawRange:
     """Arc lengths of one law in its trajectory.
 
     Args:
@@ -673,11 +673,11 @@ class _Part:
     offset: float
 
 
-def _parts(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_Part, ...]:
+def _law_ranges(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_LawRange, ...]:
     """Arc lengths of every law of a trajectory."""
     if not spans:
-        return tuple(_along(law, 0.0) for law in laws)
-    parts: list[_Part] = []
+        return tuple(_law_range(law, 0.0) for law in laws)
+    parts: list[_LawRange] = []
     for span in spans:
         count = 1 if span.trajectory is None else len(span.trajectory.laws)
         span_laws = laws[len(parts) : len(parts) + count]
@@ -686,18 +686,18 @@ def _parts(laws: tuple[Law, ...], spans: tuple[Span, ...]) -> tuple[_Part, ...]:
         ):
             raise InvalidInput("The spans of a trajectory must have its laws, in the same order.")
         counts = span.kind == "contour"
-        still = _Part(None, span.s, span.s[0])
-        parts += [_along(law, span.s[0]) if counts else still for law in span_laws]
+        still = _LawRange(None, span.s, span.s[0])
+        parts += [_law_range(law, span.s[0]) if counts else still for law in span_laws]
     if len(parts) < len(laws):
         raise InvalidInput("The spans of a trajectory must have all of its laws.")
     return tuple(parts)
 
 
-def _along(law: Law, offset: float) -> _Part:
+def _law_range(law: Law, offset: float) -> _LawRange:
     """Arc lengths of a law, with an offset [m]."""
     if not isinstance(law, LawAlongPath):
-        return _Part(None, (np.nan, np.nan), np.nan)
-    return _Part(law, (offset + float(law.s[0]), offset + float(law.s[-1])), offset)
+        return _LawRange(None, (np.nan, np.nan), np.nan)
+    return _LawRange(law, (offset + float(law.s[0]), offset + float(law.s[-1])), offset)
 
 
 def _group_by_law(law_index: IntArray) -> Iterator[tuple[int, IntArray]]:
@@ -776,7 +776,7 @@ class JoinedLaws:
             x.setflags(write=False)
         along = path_motions(row, local, self.breaks, self.s, *self.rates)
         dof = self.coefficients.shape[2]
-        motion = Motion(*(np.empty((len(t) if k in orders else 0, dof)) for k in range(4)))
+        motion = JointMotion(*(np.empty((len(t) if k in orders else 0, dof)) for k in range(4)))
         tables = self.path_rows, self.path_breaks, self.coefficients
         joint_motions(along, _locked(self.s[row + 1]), law, *tables, motion)
         return tuple(motion[k] for k in orders)

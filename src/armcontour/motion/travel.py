@@ -32,9 +32,6 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
 
     Returns:
         Times from the start to the end [s], (n,), and the bounds at these times [rad], (n, dof).
-
-    Raises:
-        InvalidInput: The motion has a law of a kind whose velocity has no known bound.
     """
     parts: Iterable[FloatArray]
     if isinstance(motion, Execution):
@@ -57,25 +54,14 @@ def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray
 
 
 def largest_accelerations(motion: Execution) -> FloatArray:
-    """Bounds of the joint accelerations of an executed motion [rad/s²], (dof,).
-
-    Args:
-        motion: The executed motion.
-    """
+    """Bounds of the joint accelerations of an executed motion [rad/s²], (dof,)."""
     demanded, had = np.abs(motion.demand_range).max(axis=0), np.abs(motion.ddq).max(axis=0)
     return np.asarray(np.maximum(demanded, had))
 
 
 @singledispatch
 def fastest_joints(law: Law) -> FloatArray:
-    """Bounds of the joint velocities within every interval of a law [rad/s], (n, dof).
-
-    Args:
-        law: The law.
-
-    Raises:
-        InvalidInput: The law is of a kind without known bounds.
-    """
+    """Bounds of the joint velocities within every interval of a law [rad/s], (n, dof)."""
     raise InvalidInput(
         f"A law of the kind {type(law).__name__} has no bound of joint velocities; laws of plans "
         "have one."

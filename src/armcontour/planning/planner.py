@@ -16,7 +16,7 @@ from armcontour.core.fields import checked
 from armcontour.core.progress import Progress
 from armcontour.core.text import capitalise, count_noun
 from armcontour.geometry import Path
-from armcontour.geometry.shaped_path import doubt_search
+from armcontour.geometry.shaped_path import describe_unfinished
 from armcontour.motion import JointPath, Trajectory
 from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.options import FASTEST, LONGEST_MOTION, Optimal, PlanOptions, Shaped
@@ -94,7 +94,7 @@ def plan(
 
             shaping = Shaping(arm, bounds, options)
             program = shaping.shape(program, progress, named=program is path)
-            for doubt in doubt_search(x.path for x in program.contours):
+            for doubt in describe_unfinished(x.path for x in program.contours):
                 warnings.warn(capitalise(doubt), stacklevel=3)
         traced = trace_program(
             program,

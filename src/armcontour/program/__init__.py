@@ -5,7 +5,7 @@ from armcontour.core.lazy import lazy_names
 _HOME = {
     "kerf": "cut_parts",
     "moves": "Contour Dwell Event Move Program Rapid contour_called",
-    "preparation": "arrange prepare",
+    "preparation": "arrange_contours prepare",
     "process": "Analog LayerProcess Lead Leads Pierce Process Switch Tabs Weave",
     "rounded_corners": "draw_with_arcs put_on_path round_corners smooth_curvature",
 }

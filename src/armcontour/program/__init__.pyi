@@ -6,7 +6,7 @@ from armcontour.program.moves import Move as Move
 from armcontour.program.moves import Program as Program
 from armcontour.program.moves import Rapid as Rapid
 from armcontour.program.moves import contour_called as contour_called
-from armcontour.program.preparation import arrange as arrange
+from armcontour.program.preparation import arrange_contours as arrange_contours
 from armcontour.program.preparation import prepare as prepare
 from armcontour.program.process import Analog as Analog
 from armcontour.program.process import LayerProcess as LayerProcess

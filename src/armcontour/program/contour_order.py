@@ -39,19 +39,15 @@ MOST_SEGMENTS = 1_000_000
 
 
 def direct_contours(program: Program, process: Process) -> Program:
-    """The program with its closed contours in the direction of travel of the process.
-
-    Raises:
-        InvalidInput: A contour that would run backwards has events on its way.
-    """
+    """The program with its closed contours in the direction of travel of the process."""
     contours = program.contours
     directions = [process.of_layer(x.layer).direction if x.closed else DRAWN for x in contours]
     if all(x == DRAWN for x in directions):
         return program
     from armcontour.program.kerf import waste_sides
-    from armcontour.program.nesting import nest
+    from armcontour.program.nesting import find_nesting
 
-    areas, sides = nest(contours, process.up).areas, waste_sides(contours, process)
+    areas, sides = find_nesting(contours, process.up).areas, waste_sides(contours, process)
     turned: dict[Contour, Contour] = {}
     for i, (x, direction) in enumerate(zip(contours, directions, strict=True)):
         if direction in TOOL_SIDES:
@@ -67,7 +63,7 @@ def direct_contours(program: Program, process: Process) -> Program:
                 f"because it switches {inner[0].name} on its way: give direction drawn, for its "
                 "layer too."
             )
-        turned[x] = _backwards(x)
+        turned[x] = _reverse_contour(x)
     moves = tuple(turned.get(x, x) if isinstance(x, Contour) else x for x in program.moves)
     return dataclasses.replace(program, moves=moves)
 
@@ -78,9 +74,6 @@ def order_contours(program: Program, process: Process) -> Program:
     Contours that start elsewhere or run backwards for a shorter tour are changed accordingly, and
     keep this start. A note reports the length of the links between contours, and a contour that is
     cut before one inside it.
-
-    Raises:
-        InvalidInput: A given order for a program with rapids, dwells or events.
     """
     order = process.order
     if order == "auto":
@@ -97,10 +90,12 @@ def order_contours(program: Program, process: Process) -> Program:
     contours = program.contours
     if len(contours) == 1:
         return program
-    from armcontour.program.nesting import nest
+    from armcontour.program.nesting import find_nesting
 
     inner_first = order == "inside_first" or process.cuts
-    parents = nest(contours, process.up).parents if inner_first else np.full(len(contours), -1)
+    parents = (
+        find_nesting(contours, process.up).parents if inner_first else np.full(len(contours), -1)
+    )
     if order == "inside_first":
         moves = [contours[i] for i in _inside_first(parents)]
         return dataclasses.replace(program, moves=tuple(moves))
@@ -117,9 +112,9 @@ def _with_warning(program: Program, process: Process) -> Program:
     contours = program.contours
     if not process.cuts or len(contours) == 1:
         return program
-    from armcontour.program.nesting import nest
+    from armcontour.program.nesting import find_nesting
 
-    parents = nest(contours, process.up).parents
+    parents = find_nesting(contours, process.up).parents
     misordered = [i for i, x in enumerate(parents.tolist()) if 0 <= x < i]
     if not misordered:
         return program
@@ -212,14 +207,16 @@ class _Choices:
 
     def shortest(self, parents: IntArray) -> tuple[IntArray, IntArray]:
         """A short tour from 2-opt and Or-opt moves, restarted from many exchanges of parts."""
-        from armcontour.program.kernels import Options, search
+        from armcontour.program.kernels import TourOptions, shorten_tour
 
         tour, _ = self.nearest(parents)
         n, option = len(tour), self._best_options(tour)
         tries = min(max(TRIES * n, LEAST_TRIES), MOST_WORK // n)
         # A fixed sequence of numbers, so the same program has the same order.
         numbers = (np.random.PCG64(0).random_raw((tries, 4)) >> np.uint64(32)).astype(np.intp)
-        search(Options(*self._options), parents, self._neighbours(), tour, option, numbers)
+        shorten_tour(
+            TourOptions(*self._options), parents, self._neighbours(), tour, option, numbers
+        )
         return tour, self._best_options(tour)
 
     def _best_options(self, tour: IntArray) -> IntArray:
@@ -283,18 +280,20 @@ def _options(contour: Contour, process: Process, count: int) -> list[Option]:
     """The options of a contour; a closed one has at most `count`."""
     path = contour.path
 
-    as_drawn = partial(_same, contour)
+    def as_drawn() -> Contour:
+        return contour
+
     if not contour.closed:
         options: list[Option] = [(as_drawn, path([0.0, path.length]))]
         if process.reverse_open and not contour.keep_start and not contour.events:
-            options.append((partial(_backwards, contour), options[0][1][::-1]))
+            options.append((partial(_reverse_contour, contour), options[0][1][::-1]))
         return options
     if count == 1 or process.begin != "auto" or keeps_drawn_start(contour, led=False):
         starts = [find_start(contour, process, led=False)]
         makers: Sequence[Callable[[], Contour]] = [as_drawn]
     else:
         starts = begin_places(path, count).tolist()
-        makers = [partial(_begun_at, contour, s) for s in starts]
+        makers = [partial(_start_contour_at, contour, s) for s in starts]
     overlap = process.of_layer(contour.layer).overlap
     return [
         (maker, path([s, (s + overlap) % path.length]))
@@ -302,17 +301,12 @@ def _options(contour: Contour, process: Process, count: int) -> list[Option]:
     ]
 
 
-def _same(contour: Contour) -> Contour:
-    """The contour as drawn."""
-    return contour
-
-
-def _begun_at(contour: Contour, start: float) -> Contour:
+def _start_contour_at(contour: Contour, start: float) -> Contour:
     """A closed contour that starts at an arc length [m], and keeps this start."""
     return dataclasses.replace(begin_at(contour, start), keep_start=True)
 
 
-def _backwards(contour: Contour) -> Contour:
+def _reverse_contour(contour: Contour) -> Contour:
     """A contour without events, run from its end."""
     work = contour.work
     if work is not None:
@@ -324,10 +318,6 @@ def begin_places(path: Path, count: int) -> FloatArray:
     """Arc lengths at which a closed path may start [m], away from its corners.
 
     Between two corners they lie in the middle half, so both corners can be rounded.
-
-    Args:
-        path: The closed path.
-        count: Largest number of start points.
     """
     length = path.length
     closing = np.linalg.norm(path(0.0, 1) - path(length, 1, side="left")) > TANGENT_TOLERANCE
@@ -355,17 +345,12 @@ def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
         contour: The contour, which ends at its start point.
         process: Start point, passes and overlap.
         led: Whether a rapid, dwell or event of the program leads to the start of the contour.
-
-    Raises:
-        InvalidInput: A new start point or an overlap, though the tool orientations at the ends
-            differ; a new start point that changes what is switched on along the contour; a start
-            point of another dimension; or an overlap with too many segments.
     """
     start = find_start(contour, process, led=led)
     lap = contour.path.length
     extra_length = (process.passes - 1) * lap + process.overlap
     if extra_length > REPEATED_POINT:
-        _refuse_turned_end(contour)
+        _check_end_orientations(contour)
     contour = begin_at(contour, start)
     longer = _add_overlap(contour.path, extra_length)
     events = (
@@ -392,16 +377,12 @@ def find_start(contour: Contour, process: Process, *, led: bool) -> float:
 
 
 def begin_at(contour: Contour, start: float) -> Contour:
-    """A closed contour that begins at an arc length [m] of the drawn one.
-
-    Raises:
-        InvalidInput: As in `close_contour`.
-    """
+    """A closed contour that begins at an arc length [m] of the drawn one."""
     path = contour.path
     if start <= REPEATED_POINT or path.length - start <= REPEATED_POINT:
         return contour
-    _refuse_turned_end(contour)
-    _refuse_cut_switching(contour, start)
+    _check_end_orientations(contour)
+    _check_switching(contour, start)
     return dataclasses.replace(
         contour,
         path=join_paths([cut_path(path, start, path.length), cut_path(path, 0.0, start)]),
@@ -409,7 +390,7 @@ def begin_at(contour: Contour, start: float) -> Contour:
     )
 
 
-def _refuse_turned_end(contour: Contour) -> None:
+def _check_end_orientations(contour: Contour) -> None:
     """Raise InvalidInput for a closed contour whose tool orientations at both ends differ."""
     if not _has_equal_end_orientations(contour.path):
         raise InvalidInput(
@@ -466,7 +447,7 @@ def _add_overlap(path: Path, overlap: float) -> Path:
     return join_paths(parts)
 
 
-def _refuse_cut_switching(contour: Contour, start: float) -> None:
+def _check_switching(contour: Contour, start: float) -> None:
     """Raise InvalidInput for a start point at which an output has another value than at the end."""
     inner = {x.name for x in contour.events if 0 < x.s < contour.path.length - REPEATED_POINT}
     for name in sorted(inner):

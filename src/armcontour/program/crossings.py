@@ -34,7 +34,7 @@ def points_at(pieces: FloatArray, u: FloatArray, order: int = 0) -> FloatArray:
     return np.asarray(pieces[:, :2] + along[:, None] * tangents + across[:, None] * normals)
 
 
-def parallels(pieces: FloatArray, d: float) -> FloatArray:
+def offset_pieces(pieces: FloatArray, d: float) -> FloatArray:
     """Pieces at a distance d to the left [m], (n, 6); arcs with negative radius get lengths <= 0.
 
     Arcs keep their centres.
@@ -76,11 +76,8 @@ def corner_cuts(before: FloatArray, after: FloatArray) -> tuple[FloatArray, Floa
 
 
 @np.errstate(divide="ignore", invalid="ignore")  # Lines have no circles.
-def crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
+def find_crossings(pieces: FloatArray) -> tuple[IntArray, FloatArray]:
     """All points at which pieces meet each other, including their ends.
-
-    Args:
-        pieces: The pieces, (n, 6).
 
     Returns:
         The two pieces of each meeting, (m, 2), and its distances along them [m], (m, 2).

@@ -16,7 +16,7 @@ from armcontour.geometry.orientation import Orientation
 from armcontour.geometry.prescribed_orientation import tangent_rates
 from armcontour.geometry.projection import find_nearest
 from armcontour.geometry.segments import REPEATED_POINT, Segments
-from armcontour.program.crossings import LENGTH, crossings
+from armcontour.program.crossings import LENGTH, find_crossings
 from armcontour.program.lead_shapes import lead_path
 from armcontour.program.moves import (
     Contour,
@@ -25,10 +25,16 @@ from armcontour.program.moves import (
     Rapid,
     contour_called,
     last_end,
-    leading_away,
+    rapids_leading_away,
     reroute,
 )
-from armcontour.program.nesting import PARALLEL, axes_across, chords_of, nest, seen_from_above
+from armcontour.program.nesting import (
+    PARALLEL,
+    axes_across,
+    chords_of,
+    find_nesting,
+    seen_from_above,
+)
 from armcontour.program.offset_curves import (
     SLACK,
     OffsetPart,
@@ -72,11 +78,6 @@ def apply_kerf(program: Program, process: Process) -> Program:
     Args:
         program: The program as it is drawn.
         process: Kerf, its side, and the upward direction.
-
-    Raises:
-        InvalidInput: A contour that is not in a plane across `up`, crosses itself, has leads, or
-            vanishes; an offset in several parts of a contour with events; an open one in several
-            parts; or two contours that are nearer than the kerf.
     """
     contours = program.contours
     kerfs = [process.of_layer(x.layer).kerf or 0.0 for x in contours]
@@ -90,7 +91,7 @@ def apply_kerf(program: Program, process: Process) -> Program:
         for i, x in enumerate(flat)
     ]
     if process.kerf_side == WASTE:
-        _refuse_near_ones(contours, flat, parts, kerfs)
+        _check_distances(contours, flat, parts, kerfs)
     made = [
         _contours_of(x, i, offset, process.up)
         for i, (x, offset) in enumerate(zip(contours, parts, strict=True))
@@ -166,7 +167,7 @@ def _offset(
         for _ in range(HALVINGS):
             middle = (fits + too_wide) / 2
             fits, too_wide = (middle, too_wide) if parts_of(middle) else (fits, middle)
-        result = "leaves no material" if contour.closed else "has no room next to it"
+        result = "removes the whole contour" if contour.closed else "has no room next to it"
         raise InvalidInput(
             f"{called}: a kerf of {1e3 * kerf:.6g} mm {result}; the largest kerf that fits is "
             f"{1e3 * fits:.4g} mm.",
@@ -182,7 +183,7 @@ def _offset(
     return offset_parts
 
 
-def _refuse_near_ones(
+def _check_distances(
     contours: Sequence[Contour],
     flat: Sequence[Segments | None],
     parts: Sequence[Sequence[OffsetPart]],
@@ -233,13 +234,13 @@ def _contours_of(
     if not parts:
         return [contour]
     source = contour.path
-    paths = [_lift(x, source, up) for x in parts]
+    paths = [_path_of_part(x, source, up) for x in parts]
     if len(paths) == 1:
         (path,) = paths
         event_s = [float(path.project(source(x.s)[None]).s[0]) for x in contour.events]
         events = tuple(
             # On a closed path, the end is projected to the start.
-            dataclasses.replace(x, s=path.length if _is_end(x.s, source) else s)
+            dataclasses.replace(x, s=path.length if x.s >= source.length - REPEATED_POINT else s)
             for x, s in zip(contour.events, event_s, strict=True)
         )
         return [dataclasses.replace(contour, path=path, events=events, ring=parts[0].closed)]
@@ -255,12 +256,7 @@ def _contours_of(
     ]
 
 
-def _is_end(s: float, path: Path) -> bool:
-    """Whether an arc length is the end of a path."""
-    return s >= path.length - REPEATED_POINT
-
-
-def _lift(part: OffsetPart, source: Path, up: FloatArray) -> Path:
+def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:
     """The path of a part, with speeds, tolerances, tags and orientation of its source."""
     rows = part.segments
     originals = source.segments[part.rows]
@@ -313,7 +309,7 @@ def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) 
 
 def _replaced(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) -> list[Move]:
     """The moves with other contours; rapids away from a contour start at its new end."""
-    away, number = leading_away(moves), 0
+    away, number = rapids_leading_away(moves), 0
     result: list[Move] = []
     for x in moves:
         if isinstance(x, Contour):
@@ -342,7 +338,7 @@ def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
         contours: The contours in their direction of travel.
         process: Kerfs of the layers, and the direction from which the contours are viewed.
     """
-    nesting = nest(contours, process.up)
+    nesting = find_nesting(contours, process.up)
     depths = nesting.holds[cut_contours(contours, process)].sum(axis=0)
     on_left = ((depths % 2 == 1) == (nesting.areas > 0)) | (nesting.areas == 0)
     return ["left" if x else "right" for x in on_left.tolist()]
@@ -374,9 +370,6 @@ class LeadPlacement:
             lead: Shape and side.
             length: Length of the lead [m]; one of automatic length is shortened to what fits.
             after: True for the lead-out.
-
-        Raises:
-            InvalidInput: An arc in the scrap crosses a contour that is cut, or begins in the part.
         """
         contour = self._contours[number]
         side = self._sides[number] if lead.side == WASTE else lead.side
@@ -458,7 +451,7 @@ class LeadPlacement:
         # No part of a piece or of the lead is farther from its start than its length.
         apart = np.linalg.norm(pieces[:, :2] - tip, axis=1)
         near = pieces[apart <= pieces[:, LENGTH] + lead.length + REPEATED_POINT]
-        pairs, distances = crossings(np.concatenate([lead_pieces, near]))
+        pairs, distances = find_crossings(np.concatenate([lead_pieces, near]))
         first = np.argmin(pairs, axis=1)[:, None]
         meets = (pairs.min(axis=1) < len(lead_pieces)) & (pairs.max(axis=1) >= len(lead_pieces))
         begins = np.cumsum(lead_pieces[:, LENGTH]) - lead_pieces[:, LENGTH]
@@ -468,7 +461,7 @@ class LeadPlacement:
         if (contacts < (1 - CONTACT) * lead.length).any():
             return False
         enclosing = np.nonzero(((boxes[:, 0] <= tip) & (tip <= boxes[:, 1])).all(axis=1))[0]
-        holds = nest([*(cut[i] for i in enclosing), Contour(path=lead)], up).holds
+        holds = find_nesting([*(cut[i] for i in enclosing), Contour(path=lead)], up).holds
         return bool(holds[:, -1].sum() % 2 == 0)
 
 

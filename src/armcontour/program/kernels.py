@@ -25,7 +25,7 @@ FEW = 30
 NO_GAIN = 1e-12
 
 
-class Options(NamedTuple):
+class TourOptions(NamedTuple):
     """The options of n contours.
 
     Attributes:
@@ -60,7 +60,7 @@ class _Tour(NamedTuple):
 
 
 @compiled(inner=True)
-def distance(options: Options, a: int, b: int) -> float:
+def distance(options: TourOptions, a: int, b: int) -> float:
     """Distance from the exit of option a to the entry of option b; 0 if either is -1."""
     if a < 0 or b < 0:
         return 0.0
@@ -71,7 +71,7 @@ def distance(options: Options, a: int, b: int) -> float:
 
 
 @compiled(inner=True)
-def _refresh(options: Options, tour: _Tour, first: int) -> None:
+def _update_tour(options: TourOptions, tour: _Tour, first: int) -> None:
     """Update the dependent arrays of a tour from a position on."""
     order, option, position, chosen, ahead, back = tour
     for k in range(first, len(chosen)):
@@ -83,8 +83,14 @@ def _refresh(options: Options, tour: _Tour, first: int) -> None:
 
 
 @compiled(inner=True, allocates=True)
-def _carry(
-    options: Options, parent: IntArray, tour: _Tour, start: int, end: int, to: int, threshold: float
+def _relocate_part(
+    options: TourOptions,
+    parent: IntArray,
+    tour: _Tour,
+    start: int,
+    end: int,
+    to: int,
+    threshold: float,
 ) -> bool:
     """Move a part of the tour behind a position if the gain exceeds `threshold` and it is allowed.
 
@@ -117,14 +123,16 @@ def _carry(
         p = parent[order[k]]
         if p >= 0 and position[p] < k:
             order[low : high + 1] = old
-            _refresh(options, tour, low)
+            _update_tour(options, tour, low)
             return False
-    _refresh(options, tour, low)
+    _update_tour(options, tour, low)
     return True
 
 
 @compiled(inner=True, allocates=True)
-def _improve_at(options: Options, parent: IntArray, near: IntArray, tour: _Tour, c: int) -> bool:
+def _improve_contour(
+    options: TourOptions, parent: IntArray, near: IntArray, tour: _Tour, c: int
+) -> bool:
     """Make one move that shortens the tour at contour c; return whether there is one."""
     order, option, position, chosen, ahead, _ = tour
     n, i = len(order) - 1, position[c]
@@ -140,7 +148,7 @@ def _improve_at(options: Options, parent: IntArray, near: IntArray, tour: _Tour,
             shortest, best = d, o
     if best != chosen[i]:
         option[c] = best
-        _refresh(options, tour, i)
+        _update_tour(options, tour, i)
         return True
     for m in near[c]:
         k, o = position[m], option[m]
@@ -151,23 +159,23 @@ def _improve_at(options: Options, parent: IntArray, near: IntArray, tour: _Tour,
             continue
         low, high = min(i, k), max(i, k)
         for start, end in ((low + 1, high), (low, high - 1)):
-            if _carry(options, parent, tour, start, end, end, no_gain):
+            if _relocate_part(options, parent, tour, start, end, end, no_gain):
                 return True
         for count in range(1, LONGEST_PART + 1):
             for start in range(i - count + 1, i + 1):
                 for to in (k, k - 1):
-                    if _carry(options, parent, tour, start, start + count - 1, to, no_gain):
+                    if _relocate_part(options, parent, tour, start, start + count - 1, to, no_gain):
                         return True
     # Moves to the ends of the tour, which have no neighbour.
     for start, end, to in ((1, i, i), (i, i, 0), (i, n, n), (i, i, n)):
-        if _carry(options, parent, tour, start, end, to, no_gain):
+        if _relocate_part(options, parent, tour, start, end, to, no_gain):
             return True
     return False
 
 
 @compiled()
-def search(
-    options: Options,
+def shorten_tour(
+    options: TourOptions,
     parent: IntArray,
     near: IntArray,
     tour: IntArray,
@@ -189,7 +197,7 @@ def search(
     now = _Tour(
         order, option.copy(), position, np.full(n + 2, -1), np.zeros(n + 2), np.zeros(n + 2)
     )
-    _refresh(options, now, 1)
+    _update_tour(options, now, 1)
     queue, queued, count = tour.copy(), np.ones(n, dtype=np.bool_), n
     shortest = np.inf
     for trial in range(len(numbers) + 1):
@@ -198,13 +206,13 @@ def search(
             i = 1 + number[0] % (n - 1)
             j = i + 1 + number[1] % min(LONGEST_EXCHANGE, n - i)
             k = j + 1 + number[2] % min(LONGEST_EXCHANGE, n + 1 - j)
-            if not _carry(options, parent, now, i, j - 1, k - 1, -np.inf):
+            if not _relocate_part(options, parent, now, i, j - 1, k - 1, -np.inf):
                 continue
             if n <= FEW:
                 c = order[i]
                 first = options.first[c]
                 now.option[c] = first + number[3] % (options.first[c + 1] - first)
-                _refresh(options, now, i)
+                _update_tour(options, now, i)
             for t in (i - 1, i, i + k - j - 1, i + k - j, k - 1, k):
                 if 1 <= t <= n and not queued[order[t]]:
                     queue[count] = order[t]
@@ -215,7 +223,7 @@ def search(
             c = queue[count]
             queued[c] = False
             a, b = order[max(position[c] - 1, 1)], order[min(position[c] + 1, n)]
-            if _improve_at(options, parent, near, now, c):
+            if _improve_contour(options, parent, near, now, c):
                 # Contours that were next to it, and those that are now.
                 for m in (a, b, order[max(position[c] - 1, 1)], order[min(position[c] + 1, n)], c):
                     if not queued[m]:
@@ -227,4 +235,4 @@ def search(
             tour[:], option[:] = order[1:], now.option
         else:
             order[1:], now.option[:] = tour, option
-            _refresh(options, now, 1)
+            _update_tour(options, now, 1)

@@ -44,9 +44,6 @@ def lead_path(
         beyond: Unit tangent of a closed contour on the other side of the vertex that the lead
             touches. If the contour turns towards the side of an arc there, the lead is a line along
             the bisector, because a tangent arc would cross the contour.
-
-    Raises:
-        InvalidInput: The lead is an arc and the tangent goes straight up.
     """
     s = path.length if after else 0.0
     direction = "left" if after else "right"

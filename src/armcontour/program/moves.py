@@ -63,7 +63,7 @@ class Event(Checked):
     Args:
         name: Name of the output, such as "tool", "spindle", "laser" or "coolant".
         value: The new value of the output; True and False are on and off.
-        s: Arc length along the path of the contour [m]; 0 for an event that is a move of its own.
+        s: Arc length along the path of the contour [m]; 0 for an event between contours.
         lead_time: Time by which the output is switched before the tool reaches s [s]; after it if
             negative.
         lead_distance: Length along the path by which the output is switched before s [m]; after it
@@ -262,7 +262,7 @@ class Program(Checked):
             texts = tuple(make_printable(shorten(x)) for x in getattr(self, name))
             object.__setattr__(self, name, texts)
         for x in self.moves:
-            _refuse_move(x)
+            _check_move(x)
         if not self.contours:
             raise InvalidInput(f"{self.source or 'A program'} has no contour to follow.")
         paths = (x.path for x in self.moves if isinstance(x, Contour | Rapid))
@@ -456,7 +456,7 @@ class Program(Checked):
         )
         dx = _checked_spacing("column_spacing", column_spacing, columns)
         dy = _checked_spacing("row_spacing", row_spacing, rows)
-        self._refuse_too_many(columns * rows)
+        self._check_size(columns * rows)
         moves: list[Move] = []
         for row in range(rows):
             back = serpentine and row % 2 == 1
@@ -470,7 +470,7 @@ class Program(Checked):
                 ]
         return dataclasses.replace(self, moves=tuple(moves))
 
-    def _refuse_too_many(self, copies: int) -> None:
+    def _check_size(self, copies: int) -> None:
         """Raise InvalidInput for copies with too many moves or segments together."""
         paths = [x.path for x in self.moves if isinstance(x, Contour | Rapid)]
         segments = sum(len(x) for x in paths if x is not None)
@@ -567,7 +567,7 @@ class Program(Checked):
         return [x in requested for x in available]
 
 
-def _refuse_move(move: Move) -> None:
+def _check_move(move: Move) -> None:
     """Raise InvalidInput for an event between contours with an arc length or a lead distance."""
     if isinstance(move, Event) and (move.s or move.lead_distance):
         raise InvalidInput(
@@ -576,7 +576,7 @@ def _refuse_move(move: Move) -> None:
         )
 
 
-def is_meant(moves: Sequence[Move], i: int) -> bool:
+def has_intended_start(moves: Sequence[Move], i: int) -> bool:
     """Whether the start of contour i is deliberate, because a rapid, dwell or event leads to it.
 
     Without a rapid, a dwell or event must come between the contour and the previous contour.
@@ -605,7 +605,7 @@ def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
     return None
 
 
-def leading_away(moves: Sequence[Move]) -> set[Rapid]:
+def rapids_leading_away(moves: Sequence[Move]) -> set[Rapid]:
     """Rapids whose path starts at the end of the previous contour."""
     rapids = set()
     for i, x in enumerate(moves):

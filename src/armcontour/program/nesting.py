@@ -47,7 +47,7 @@ class Nesting:
         return np.where(self.holds.any(axis=0), smallest, -1)
 
 
-def nest(contours: Sequence[Contour], up: FloatArray) -> Nesting:
+def find_nesting(contours: Sequence[Contour], up: FloatArray) -> Nesting:
     """Determine which contours are inside which closed contours; contours must not cross.
 
     Args:

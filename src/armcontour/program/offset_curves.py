@@ -23,9 +23,9 @@ from armcontour.program.crossings import (
     SAME_PLACE,
     TX,
     TY,
-    crossings,
+    find_crossings,
     left_of,
-    parallels,
+    offset_pieces,
     points_at,
     turns_between,
 )
@@ -77,20 +77,20 @@ def offset_segments(source: Segments, distance: float, *, closed: bool) -> list[
         other, _ = _raw_pieces(_table(source, mirror * [1, -1]), abs(distance), closed)
         ends = _end_circles(pieces, abs(distance))
         knives = np.concatenate([other * [1, -1, 1, -1, -1, 1], ends])
-    parts = _cut(pieces, rows, knives)
+    parts = _cut_pieces(pieces, rows, knives)
     middles = points_at(parts.pieces, parts.pieces[:, LENGTH] / 2)
     clear = find_nearest(source, middles * mirror).distance >= abs(distance) - SLACK
     parts = parts.only(clear)
     parts = parts.joined(
         None if closed else points_at(pieces[[0, -1]], pieces[[0, -1], LENGTH] * [0, 1])
     )
-    return [_made(x, ring, mirror) for x, ring in parts.chains()]
+    return [_to_offset_part(x, ring, mirror) for x, ring in parts.chains()]
 
 
 def crosses_itself(source: Segments, *, closed: bool) -> FloatArray | None:
     """A point at which a path in the plane crosses or touches itself [m]; None without one."""
     table = _table(source, np.ones(2))
-    pairs, distances = crossings(table)
+    pairs, distances = find_crossings(table)
     n = len(table)
     ahead = (pairs[:, 1] - pairs[:, 0]) % n == 1
     behind = (pairs[:, 0] - pairs[:, 1]) % n == 1
@@ -109,7 +109,7 @@ def crossing_owners(paths: Sequence[Segments]) -> tuple[int, int] | None:
     """Two of several paths in the plane that cross or touch each other; None without such paths."""
     table = np.concatenate([_table(x, np.ones(2)) for x in paths])
     owner = np.repeat(np.arange(len(paths)), [len(x) for x in paths])
-    pairs = owner[crossings(table)[0]]
+    pairs = owner[find_crossings(table)[0]]
     meet = pairs[pairs[:, 0] != pairs[:, 1]]
     return None if not len(meet) else (int(meet[0].min()), int(meet[0].max()))
 
@@ -125,7 +125,7 @@ def _table(source: Segments, mirror: FloatArray) -> FloatArray:
 def _raw_pieces(table: FloatArray, d: float, closed: bool) -> tuple[FloatArray, IntArray]:
     """The offset segments to the left by d [m], with circles around vertices; and their rows."""
     n = len(table)
-    moved = parallels(table, d)
+    moved = offset_pieces(table, d)
     # Arcs that the offset would turn inside out are nearer than d to themselves.
     segment_mask = moved[:, LENGTH] > SAME_PLACE
     ends, leaving = points_at(table, table[:, LENGTH]), points_at(table, table[:, LENGTH], 1)
@@ -252,10 +252,10 @@ def _end_circles(pieces: FloatArray, d: float) -> FloatArray:
     return np.concatenate([np.column_stack([a, b, columns]) for a, b in halves])
 
 
-def _cut(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Parts:
+def _cut_pieces(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Parts:
     """Pieces cut where they meet each other or `knives`; equal ends share one node number."""
     n = len(pieces)
-    pairs, pair_distances = crossings(np.concatenate([pieces, knives]))
+    pairs, pair_distances = find_crossings(np.concatenate([pieces, knives]))
     owners = np.concatenate([np.arange(n), np.arange(n), pairs.reshape(-1)])
     distances = np.concatenate([np.zeros(n), pieces[:, LENGTH], pair_distances.reshape(-1)])
     order = np.lexsort((distances, owners))
@@ -273,10 +273,10 @@ def _cut(pieces: FloatArray, rows: IntArray, knives: FloatArray) -> _Parts:
     return _Parts(pieces=parts, rows=rows[source], owners=source, nodes=nodes)
 
 
-def _made(chain: _Parts, ring: bool, mirror: FloatArray) -> OffsetPart:
+def _to_offset_part(chain: _Parts, ring: bool, mirror: FloatArray) -> OffsetPart:
     """A chain of parts as an `OffsetPart`."""
     p = chain.pieces
-    starts = _closed_up(p[:, :2], points_at(p, p[:, LENGTH]), ring)
+    starts = _close_gaps(p[:, :2], points_at(p, p[:, LENGTH]), ring)
     tangents = p[:, [TX, TY]]
     normals = np.sign(p[:, CURVATURE])[:, None] * np.column_stack([-p[:, TY], p[:, TX]])
     segments = Segments(
@@ -289,7 +289,7 @@ def _made(chain: _Parts, ring: bool, mirror: FloatArray) -> OffsetPart:
     return OffsetPart(segments=segments, rows=chain.rows, closed=ring)
 
 
-def _closed_up(starts: FloatArray, ends: FloatArray, ring: bool) -> FloatArray:
+def _close_gaps(starts: FloatArray, ends: FloatArray, ring: bool) -> FloatArray:
     """Starts of segments, moved where gaps are too wide for a path.
 
     Gaps of the source and at its vertices add up. Whole segments are moved, because tangents must

@@ -27,10 +27,10 @@ from armcontour.program.moves import (
     Program,
     Rapid,
     contour_called,
-    is_meant,
+    has_intended_start,
     last_end,
-    leading_away,
     next_rapid,
+    rapids_leading_away,
     reroute,
 )
 from armcontour.program.process import MOST_TABS, Lead, Leads, Process, Switch, Tabs, Weave
@@ -66,8 +66,8 @@ def prepare(
     if lengths is not None:
         lengths = checks.check_sequence("lengths", lengths, Leads, "Leads")
     check_process(program, process)
-    program = arrange(program, process)
-    rapids_away = leading_away(program.moves)
+    program = arrange_contours(program, process)
+    rapids_away = rapids_leading_away(program.moves)
     switching = Switching(program.moves, process)
     moves: list[Move] = []
     drawn: list[Contour] = []
@@ -77,7 +77,9 @@ def prepare(
             layer_process, called = process.of_layer(x.layer), contour_called(x, len(drawn))
             passes = _pass_again(x, layer_process.passes)
             drawn += passes
-            x = _start_contour(x, layer_process, is_meant(program.moves, i), called, switching)
+            x = _start_contour(
+                x, layer_process, has_intended_start(program.moves, i), called, switching
+            )
             moves += [dataclasses.replace(x, name=y.name) for y in passes]
         elif isinstance(x, Event) and x.changes_tool:
             moves.append(x)
@@ -92,7 +94,9 @@ def prepare(
 
         placement = LeadPlacement(drawn, process)
     program = dataclasses.replace(program, moves=tuple(moves))
-    program, run_in = resume(program, process.resume_at, keeps_lead=partial(_keeps_lead, process))
+    program, run_in = resume_program(
+        program, process.resume_at, keeps_lead=partial(_keeps_lead, process)
+    )
     count = 0 if lengths is None else len(lengths)
     if count != len(program.contours) and (process.automatic or lengths is not None):
         raise InvalidInput(
@@ -112,7 +116,7 @@ def prepare(
         notes = (*notes, _untimed(changes))
     speed = process.rapid_speed
     if speed is not None:
-        result = [_slow(x, speed) if isinstance(x, Rapid) else x for x in result]
+        result = [_limit_speed(x, speed) if isinstance(x, Rapid) else x for x in result]
     return dataclasses.replace(program, moves=tuple(result), notes=notes, rapid_speed=speed)
 
 
@@ -124,30 +128,21 @@ def _untimed(changes: int) -> str:
     )
 
 
-def _slow(rapid: Rapid, speed: float) -> Rapid:
+def _limit_speed(rapid: Rapid, speed: float) -> Rapid:
     """A rapid with a largest speed on its path [m/s], where it has none."""
     path = rapid.path
     return rapid if path is None else Rapid(path=_with_limits(path, SegmentLimits(speed=speed)))
 
 
 def check_process(program: Program, process: Process) -> None:
-    """Refuse a process that the program as it is drawn cannot have.
-
-    Args:
-        program: The program as it is drawn.
-        process: Requirements of the process.
-
-    Raises:
-        InvalidInput: A layer does not exist, or a program in the plane has an approach, a retract
-            or the height of a pierce.
-    """
-    _refuse_unknown_layers(program, (*process.layers, *process.by_layer))
+    """Refuse a process that the program as it is drawn cannot have."""
+    _check_layers(program, (*process.layers, *process.by_layer))
     pierces = any(x.pierce is not None and x.pierce.height for x in process.variants)
     if process.approach or process.retract or pierces:
-        _refuse_plane(program)
+        _check_in_space(program)
 
 
-def arrange(program: Program, process: Process) -> Program:
+def arrange_contours(program: Program, process: Process) -> Program:
     """The program as it is drawn, with direction, kerf and order of the process.
 
     Args:
@@ -231,7 +226,7 @@ def _lead_lengths(process: Process, lengths: Sequence[Leads] | None, number: int
     )
 
 
-def _refuse_unknown_layers(program: Program, layers: Sequence[str]) -> None:
+def _check_layers(program: Program, layers: Sequence[str]) -> None:
     """Raise InvalidInput for a layer without a contour."""
     available = {x.layer for x in program.contours}
     for name in layers:
@@ -243,20 +238,13 @@ def _refuse_unknown_layers(program: Program, layers: Sequence[str]) -> None:
             )
 
 
-def _refuse_plane(program: Program) -> None:
+def _check_in_space(program: Program) -> None:
     """Raise InvalidInput for a program in the plane, which has no heights."""
     if program.dimension == 2:
         raise InvalidInput(
             "approach, retract and the height of a pierce are vertical motions, which a program in "
             "the plane does not support: remove them, or use an arm in space."
         )
-
-
-def _add_limits(contour: Contour, segment_limits: SegmentLimits | None) -> Contour:
-    """The contour with speed and tolerance of its layer on segments that have none."""
-    if segment_limits is None:
-        return contour
-    return dataclasses.replace(contour, path=_with_limits(contour.path, segment_limits))
 
 
 def _with_limits(path: Path, segment_limits: SegmentLimits) -> Path:
@@ -277,7 +265,10 @@ def _start_contour(
     contour: Contour, process: Process, led: bool, called: str, switching: Switching
 ) -> Contour:
     """A contour with its start point, overlap, layer limits and events of the process."""
-    contour = _add_limits(contour, process.layers.get(contour.layer))
+    segment_limits = process.layers.get(contour.layer)
+    if segment_limits is not None:
+        path = _with_limits(contour.path, segment_limits)
+        contour = dataclasses.replace(contour, path=path)
     closed, lap = contour.closed, contour.path.length
     if closed:
         contour = close_contour(contour, process, led=led)
@@ -383,7 +374,7 @@ def _axial_line(
     return line.oriented(rotation, axis_only=orientation.axis_only)
 
 
-def resume(
+def resume_program(
     program: Program, resume_at: float, *, keeps_lead: Callable[[Contour, Event], bool]
 ) -> tuple[Program, Contour | None]:
     """The remaining program, and the part of the resumed contour before the arc length.
@@ -399,9 +390,6 @@ def resume(
     Returns:
         The rest of the program, and the part of its first contour before the arc length; None if
         the program resumes at the start of a contour.
-
-    Raises:
-        InvalidInput: The arc length is not below the length of all contours.
     """
     if resume_at == 0:
         return program, None
@@ -430,7 +418,10 @@ def resume(
         remaining = _cut_after(move, s, keeps_lead)
         moves = (*switched.values(), remaining, *program.moves[i + 1 :])
         resumed = dataclasses.replace(program, moves=moves)
-        return resumed, (_cut_before(move, s) if s > REPEATED_POINT else None)
+        if s <= REPEATED_POINT:
+            return resumed, None
+        before = cut_path(move.path, 0.0, s)
+        return resumed, Contour(path=before, name=move.name, layer=move.layer)
     raise AssertionError("the arc length is within the contours")
 
 
@@ -451,11 +442,6 @@ def _cut_after(contour: Contour, s: float, keeps_lead: Callable[[Contour, Event]
         path=cut_path(contour.path, s, contour.path.length),
         events=(*last.values(), *later),
     )
-
-
-def _cut_before(contour: Contour, s: float) -> Contour:
-    """The part of a contour before arc length s, without events."""
-    return Contour(path=cut_path(contour.path, 0.0, s), name=contour.name, layer=contour.layer)
 
 
 class Switching:
@@ -510,12 +496,12 @@ class Switching:
             last = output_events[-1] if output_events else state
             if last is not None:
                 self.states[name] = last
-            confined += _confined(output_events, state, switch, name, contour.path.length)
+            confined += _confine_output(output_events, state, switch, name, contour.path.length)
         others = [x for x in merged if x.name not in self.names]
         return dataclasses.replace(contour, events=(*others, *confined))
 
 
-def _confined(
+def _confine_output(
     events: Sequence[Event], state: Event | None, switch: Switch | None, name: str, end: float
 ) -> list[Event]:
     """Events of one output along a contour that starts and ends with the output off."""
@@ -543,9 +529,6 @@ def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
         contour: The contour from its start point, with laps and overlap.
         process: Tabs and switch; a process without tabs leaves the contour as it is.
         lap: Length of one lap [m].
-
-    Raises:
-        InvalidInput: The contour has no room for its tabs.
     """
     if process.tabs is None:
         return contour
@@ -573,9 +556,6 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
 
     Tabs are evenly spaced. Tabs that would lie on a corner or on the start point are moved next to
     it.
-
-    Raises:
-        InvalidInput: The contour has no room for its tabs.
     """
     width = tabs.width
     count = tabs.count or _count(contour, tabs.spacing or lap, lap)

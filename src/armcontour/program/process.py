@@ -329,10 +329,10 @@ class Process(Checked):
         length = np.linalg.norm(self.up)
         checks.raise_if(length == 0, "up must be a direction in space.")
         object.__setattr__(self, "up", checks.frozen_array(self.up / length))
-        self._refuse_unswitched()
+        self._check_switch()
         self._make_layers()
 
-    def _refuse_unswitched(self) -> None:
+    def _check_switch(self) -> None:
         """Raise InvalidInput for tabs or a pierce on which the switch has no effect."""
         if self.tabs is not None and self.switch is None:
             raise InvalidInput("Tabs need a switch, which is off there: give switch, or no tabs.")

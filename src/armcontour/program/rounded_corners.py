@@ -91,7 +91,7 @@ def round_corners(
 
     if isinstance(path, Path):
         rounded_path = rounded(path)
-        for doubt in () if callable(tolerance) else doubt_tolerance(path, tolerance):
+        for doubt in () if callable(tolerance) else describe_large_tolerance(path, tolerance):
             warnings.warn(capitalise(doubt), stacklevel=3)
         return rounded_path
     program = Program.from_path(path, "round_corners needs a Path or a Program")
@@ -101,7 +101,7 @@ def round_corners(
     return dataclasses.replace(program, moves=tuple(moves))
 
 
-def doubt_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> list[str]:
+def describe_large_tolerance(path: Path, tolerance: npt.ArrayLike | None) -> list[str]:
     """A sentence on a corner tolerance [m] that is larger than the path; empty otherwise."""
     largest = 0.0 if tolerance is None else float(np.max(tolerance, initial=0.0))
     if largest <= LARGE:
@@ -150,7 +150,7 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
     for x in program.moves:
         if isinstance(x, Contour):
             smoothed, pairs = smooth_path(x.path, tolerance)
-            x = _put(x, smoothed, partial(_interpolate, pairs))
+            x = _move_to_path(x, smoothed, partial(_interpolate, pairs))
         moves.append(x)
     smooth = dataclasses.replace(program, moves=tuple(moves))
     return smooth if program is path else smooth.path
@@ -163,7 +163,7 @@ def draw_with_arcs(contour: Contour) -> Contour:
     if not contour.path.segments.bent.any():
         return contour
     path, pairs = draw_path(contour.path)
-    return _put(contour, path, partial(_interpolate, pairs))
+    return _move_to_path(contour, path, partial(_interpolate, pairs))
 
 
 def put_on_path(contour: Contour, path: RoundedPath | ShapedPath) -> Contour:
@@ -173,7 +173,7 @@ def put_on_path(contour: Contour, path: RoundedPath | ShapedPath) -> Contour:
         contour: The contour on its objective path.
         path: The path that replaces the objective path.
     """
-    return _put(contour, path, path.place)
+    return _move_to_path(contour, path, path.place)
 
 
 def _interpolate(pairs: FloatArray, s: npt.ArrayLike) -> FloatArray:
@@ -181,7 +181,9 @@ def _interpolate(pairs: FloatArray, s: npt.ArrayLike) -> FloatArray:
     return np.asarray(np.interp(np.asarray(s, dtype=np.float64), pairs[:, 0], pairs[:, 1]))
 
 
-def _put(contour: Contour, path: Path, map_s: Callable[[npt.ArrayLike], FloatArray]) -> Contour:
+def _move_to_path(
+    contour: Contour, path: Path, map_s: Callable[[npt.ArrayLike], FloatArray]
+) -> Contour:
     """The contour on a path; `map_s` maps arc lengths of events and work."""
     if not contour.events and contour.work is None:
         return dataclasses.replace(contour, path=path)

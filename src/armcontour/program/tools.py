@@ -32,9 +32,6 @@ def part_of_tool(program: Program, name: str) -> Program:
     Args:
         program: The program.
         name: Name of the tool, such as T2.
-
-    Raises:
-        InvalidInput: The tool runs no contour.
     """
     names = tools_of_contours(program)
     if name not in names:

@@ -17,7 +17,7 @@ from armcontour.core.sampling import integrate
 from armcontour.core.text import place_and_time, short_repr
 from armcontour.geometry import Orientation, Path, Projection
 from armcontour.geometry.orientation import turns_between
-from armcontour.geometry.projection import pack
+from armcontour.geometry.projection import pack_segments
 
 # What is between samples may be higher than what was found by this share, or by so much [m or rad].
 CLOSE, ROUNDING = 3e-7, 1e-13
@@ -406,7 +406,7 @@ def least_off(
 
     assert path.orientation is not None
     angle = angle_off(path.orientation, nearest.s, turned)
-    geometry, order = pack(path.segments), np.argsort(-angle)
+    geometry, order = pack_segments(path.segments), np.argsort(-angle)
     size, done, worst = FIRST, 0, -np.inf
     while done < len(order) and angle[order[done]] > worst:
         these = order[done : done + size]

@@ -14,7 +14,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.geometry import Path
 from armcontour.geometry.biarcs import length
-from armcontour.geometry.projection import find_nearest, pack, pad
+from armcontour.geometry.projection import find_nearest, pack_segments, pad_to_space
 
 # The leash is at least this many times the largest distance of some of the points from the path,
 # and this many steps of the tool; it is doubled until it is long enough.
@@ -73,7 +73,7 @@ class Followed:
         """
         from armcontour.verification.kernels import follow
 
-        padded = pad(points)
+        padded = pad_to_space(points)
         travel = float(length(points - points[0]).max())
         leash = SLACK * max(distance_bound, travel, SHORTEST)
         low, high = min(ends), max(ends)
@@ -110,7 +110,7 @@ def follow_path(
 
     first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)
     begin, end = (0.0, path.length) if work is None else work
-    padded, geometry = pad(points), pack(path.segments)
+    padded, geometry = pad_to_space(points), pack_segments(path.segments)
     some = points[: last : max(1, last // SOME)]
     off = float(find_nearest(path.segments, some, in_order=True).distance.max())
     # A leash that is not needlessly long for any of the points.

@@ -7,7 +7,7 @@ import pytest
 from soak.shaping import Problem, excess, judge, match, pieces_of, run
 
 import armcontour as ac
-from armcontour.geometry import Outcome
+from armcontour.geometry import ShapingOutcome
 
 # Jobs that are shaped in a moment; `python -m soak shaping` judges thousands.
 SEEDS = (3, 4, 5, 6, 14, 24)
@@ -37,7 +37,7 @@ def planned(problem):
         objective=problem.objective,
         places=np.column_stack([[0.0, corner - tangent, corner + tangent, ends], s]),
         tolerance=TOLERANCE,
-        outcome=Outcome(start="arcs", durations={"shaped": 1.0}),
+        outcome=ShapingOutcome(start="arcs", durations={"shaped": 1.0}),
     )
     return ac.plan(shaped, problem.arm, problem.limits)
 

@@ -10,7 +10,7 @@ from soak.certificates import random_job
 import armcontour as ac
 from armcontour.control.compensation import METHODS
 from armcontour.geometry.kernels import search_along
-from armcontour.geometry.projection import pack
+from armcontour.geometry.projection import pack_segments
 from armcontour.motion import LapLaw
 from armcontour.robot.planar import Tube
 from armcontour.simulation.robustness import monte_carlo as robustness
@@ -298,12 +298,12 @@ def test_a_serial_arm_in_space():
 def test_another_branch_is_not_the_nearest_and_closed_paths_are_closed():
     """There and back again, 0.1 mm beside the way there."""
     path = ac.Path.polyline([(0, 0), (0.3, 0), (0.3, 1e-4), (0, 1e-4)])
-    d2, segment = search_along((0.1, 9e-5, 0.0), pack(path.segments), 0.0, 0, 0.05, 0.15)
+    d2, segment = search_along((0.1, 9e-5, 0.0), pack_segments(path.segments), 0.0, 0, 0.05, 0.15)
     assert segment == 0 and np.sqrt(d2) == pytest.approx(9e-5)
     # The window of time is behind; from joint to joint the nearest place is found all the same.
     path = ac.Path.polyline([(0.01 * i, 0.002 * (i % 2)) for i in range(40)])
     x, y = path(np.array([0.3]))[0] + [0.0, 0.02]
-    rows, segment = pack(path.segments), 0
+    rows, segment = pack_segments(path.segments), 0
     for _ in range(40):
         found, segment = search_along((x, y, 0.0), rows, 0.0, segment, -1.0, 0.0)
     expected = path.project(np.array([[x, y]])).distance[0]
@@ -312,7 +312,7 @@ def test_another_branch_is_not_the_nearest_and_closed_paths_are_closed():
     half = [ac.Arc(start=x, center=(0.35, 0.2), angle=np.pi) for x in starts]
     path = ac.Path.from_segments(half)
     x, y = path(np.array([0.01]))[0]
-    rows, window = pack(path.segments), (1, path.length - 0.02, path.length)
+    rows, window = pack_segments(path.segments), (1, path.length - 0.02, path.length)
     open_, _ = search_along((x, y, 0.0), rows, 0.0, *window)
     closed, segment = search_along((x, y, 0.0), rows, path.length, *window)
     assert np.sqrt(closed) < 1e-12 and segment == 0 and np.sqrt(open_) > 5e-3

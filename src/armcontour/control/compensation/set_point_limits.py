@@ -14,7 +14,7 @@ from armcontour.motion.nearest_commands import (
     BY_ORDER,
     check_command_limits,
     command_bounds,
-    excess,
+    find_excess,
     nearest_commands,
 )
 from armcontour.robot import Arm, Limits
@@ -46,7 +46,7 @@ def within_limits(
     dof, cycle = set_points.q.shape[1], set_points.cycle
     limits = check_command_limits(limits, dof)
     bounds = command_bounds(limits, dof)
-    if excess(set_points.q, cycle, bounds) is None:
+    if find_excess(set_points.q, cycle, bounds) is None:
         return replace(set_points, command_limits=limits)
     _refuse_plan(set_points, bounds[:3], SMOOTHED)
     jerky = np.isfinite(bounds[2, 1])
@@ -82,7 +82,7 @@ def _refuse_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) 
     # Set-points with a time advance end before the plan.
     t = set_points.times(int((plan.duration - set_points.start_time) / cycle) + 3, cycle)
     allowed = np.concatenate([bounds[:1], bounds[1:] * (1 + share)])
-    worst = excess(plan.with_rests(t), cycle, allowed)
+    worst = find_excess(plan.with_rests(t), cycle, allowed)
     if worst is None:
         return
     order, k, j, value = worst

@@ -14,7 +14,7 @@ from armcontour.control.identification.servo_identification import (
     Prediction,
 )
 from armcontour.control.identification.servos import identify
-from armcontour.motion.log import INTERPOLATIONS, Log, cut
+from armcontour.motion.log import INTERPOLATIONS, Log, cut_log
 
 __all__ = [
     "INTERPOLATIONS",
@@ -29,7 +29,7 @@ __all__ = [
     "Log",
     "Prediction",
     "ServoFit",
-    "cut",
+    "cut_log",
     "identify",
     "identify_bodies",
 ]

@@ -27,7 +27,12 @@ from armcontour.core.fields import checked
 from armcontour.core.sampling import white_noise
 from armcontour.motion import Execution, Log, SetPoints
 from armcontour.motion.command_limits import check_commands, describe_excess
-from armcontour.motion.nearest_commands import BY_ORDER, command_bounds, excess, nearest_commands
+from armcontour.motion.nearest_commands import (
+    BY_ORDER,
+    command_bounds,
+    find_excess,
+    nearest_commands,
+)
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import LONGEST_DEAD_TIME
@@ -361,7 +366,7 @@ def _keep_limits(
         bounds = np.stack(
             [np.maximum(bounds[:, 0], others[:, 0]), np.minimum(bounds[:, 1], others[:, 1])], axis=1
         )
-    worst = excess(requested, result.cycle, bounds)
+    worst = find_excess(requested, result.cycle, bounds)
     if worst is None:
         return requested, ""
     name, j = BY_ORDER[worst[0]] or "range", worst[2]

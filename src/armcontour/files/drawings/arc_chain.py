@@ -12,7 +12,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.sampling import number_parts
 from armcontour.geometry import Segments
 from armcontour.geometry.arc_fit import fit_arcs
-from armcontour.geometry.segments import REPEATED_POINT, close_up
+from armcontour.geometry.segments import REPEATED_POINT, close_gaps
 
 # An ellipse counts as a circle if its semi-axes differ by at most this fraction of the chord
 # tolerance,
@@ -192,7 +192,7 @@ class ArcChain:
     def _without_points(self) -> ArcChain:
         """The chain without lines and arcs that have no length; close vertices become one."""
         arc = self._long_arcs
-        starts, has_length = close_up(self.starts, self.ends, arc, ONE_VERTEX)
+        starts, has_length = close_gaps(self.starts, self.ends, arc, ONE_VERTEX)
         if has_length.all():
             return self
         angles = np.where(arc, self.angles, 0.0)

@@ -29,7 +29,7 @@ from armcontour.core.text import digits, make_printable, show
 from armcontour.files.units import parse
 from armcontour.geometry import SegmentLimits
 from armcontour.geometry.rounded_path import Continuity
-from armcontour.geometry.tangent_repair import Mended, mend_vertices
+from armcontour.geometry.tangent_repair import RepairedPath, repair_tangents
 from armcontour.program import Contour, Program
 from armcontour.program.moves import Move
 
@@ -171,7 +171,7 @@ class ReadOptions(Checked):
         flat: Whether to leave out z, and the tool orientation that the file gives.
         chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
         join_tolerance: Distance below which two ends are one point [m].
-        mend_vertices: Distance by which rounded coordinates can be wrong [m]: vertices whose turn
+        repair_tangents: Distance by which rounded coordinates can be wrong [m]: vertices whose turn
             this explains are made tangent within it, with a note. The default suits three decimals
             of a millimetre and four of an inch; 0 leaves all vertices as they are.
         smooth_axes: For tables of waypoints with tool axes, the largest angle by which these are
@@ -201,7 +201,7 @@ class ReadOptions(Checked):
     flat: Annotated[bool, About("--flat")] = False
     chord_tolerance: Tolerance = 1e-5
     join_tolerance: Tolerance = 1e-5
-    mend_vertices: Distance = 2e-6
+    repair_tangents: Distance = 2e-6
     smooth_axes: AngularDistance = 0.0
     columns: Annotated[str | None, About("--waypoint-columns")] = None
     unknown: Annotated[
@@ -307,7 +307,7 @@ def repair(program: Program, options: ReadOptions) -> Program:
         if not isinstance(x, Contour) or x.path.orientation is not None:
             continue
         tolerance = tolerances.get(x.layer, math.inf)
-        mended = mend_vertices(x.path, options.mend_vertices, tolerance)
+        mended = repair_tangents(x.path, options.repair_tangents, tolerance)
         if mended is not None:
             changed.append(mended)
             events = tuple(dataclasses.replace(y, s=float(mended.place(y.s))) for y in x.events)
@@ -318,14 +318,14 @@ def repair(program: Program, options: ReadOptions) -> Program:
     return dataclasses.replace(program, moves=tuple(moves), notes=notes)
 
 
-def _note(done: list[Mended]) -> str:
+def _note(done: list[RepairedPath]) -> str:
     """A note on the repaired vertices."""
     count = sum(x.count for x in done)
     kink, deviation = (max(getattr(x, y) for x in done) for y in ("kink", "deviation"))
     vertices = f"{count} vertices, at which" if count > 1 else "1 vertex, at which"
     return (
-        f"Mended {vertices} rounded coordinates can explain the turn of at most "
+        f"RepairedPath {vertices} rounded coordinates can explain the turn of at most "
         f"{digits(math.degrees(kink), 2)}°: the path is tangent there, at most "
-        f"{digits(deviation * 1e3, 2)} mm from the file's (path.mend_vertices: 0 mm keeps such "
+        f"{digits(deviation * 1e3, 2)} mm from the file's (path.repair_tangents: 0 mm keeps such "
         "turns, at which the tool stops)."
     )

@@ -12,7 +12,7 @@ import numpy as np
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import ArmContourError
 from armcontour.core.sampling import number_parts
-from armcontour.geometry import Outcome, Path, ShapedPath, Tube, orient_shaped
+from armcontour.geometry import Path, ShapedPath, ShapingOutcome, Tube, orient_shaped
 from armcontour.geometry.orientation import SAME_ORIENTATION
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.shaped_path import ARCS, PARABOLAS, SHAPED
@@ -462,7 +462,7 @@ class ShapeSearch:
             tolerance=options.tolerance,
             line_tolerance=options.line_tolerance,
             zone=options.zone,
-            outcome=Outcome(start=self.start.name, durations={}),
+            outcome=ShapingOutcome(start=self.start.name, durations={}),
             curve=drawn.curve,
         )
         if objective.orientation is not None:

@@ -18,8 +18,8 @@ from armcontour.core.errors import ArmContourError, error_context
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step
 from armcontour.core.text import capitalise
-from armcontour.geometry import Outcome, Path, ShapedPath, Tube
-from armcontour.geometry.shaped_path import ARCS, SHAPED, STOPS, doubt_search
+from armcontour.geometry import Path, ShapedPath, ShapingOutcome, Tube
+from armcontour.geometry.shaped_path import ARCS, SHAPED, STOPS, describe_unfinished
 from armcontour.motion import JointPath, Method, Trajectory
 from armcontour.planning.law_checks import with_reserve
 from armcontour.planning.options import Optimal, Shaped
@@ -94,7 +94,7 @@ def shape(
     shaped = Shaping(arm, bounds, options).shape(program, progress, named=program is path)
     if program is path:
         return shaped
-    for doubt in doubt_search([shaped.path]):
+    for doubt in describe_unfinished([shaped.path]):
         warnings.warn(capitalise(doubt), stacklevel=3)
     return shaped.path
 
@@ -244,7 +244,7 @@ class Shaping:
                 starts = make_starts(move.path, tube_of(move.path, self.options), self.options)
                 name = ARCS if ARCS in starts else STOPS
                 path, matches = starts[name]
-                outcome = Outcome(start=name, durations={})
+                outcome = ShapingOutcome(start=name, durations={})
                 moves[i] = put_on_path(
                     move, _shaped_path(move.path, path, matches, self.options, outcome)
                 )
@@ -372,7 +372,7 @@ def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
         if best.duration < (1 - ENOUGH) * first.duration:
             break
     durations[SHAPED] = best.duration
-    outcome = Outcome(
+    outcome = ShapingOutcome(
         start=first.name,
         durations=durations,
         history=tuple(history),
@@ -393,7 +393,7 @@ def _time_starts(objective: Path, tube: Tube, timer: Timer, options: Shaped) -> 
 
 
 def _shaped_path(
-    objective: Path, path: Path, matches: FloatArray, options: Shaped, outcome: Outcome
+    objective: Path, path: Path, matches: FloatArray, options: Shaped, outcome: ShapingOutcome
 ) -> ShapedPath:
     """A path that has these places on its objective as a shaped path."""
     return ShapedPath(

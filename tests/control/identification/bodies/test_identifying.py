@@ -12,7 +12,7 @@ from armcontour.control.identification.bodies.log_grid import Gridded
 from armcontour.control.identification.bodies.output_error import attempt, derivatives
 from armcontour.core.errors import InvalidInput
 from armcontour.motion import Log
-from armcontour.motion.log_checks import arrange
+from armcontour.motion.log_checks import arrange_joints
 from armcontour.robot.drives import Drives
 
 from .robots import (
@@ -189,15 +189,15 @@ def test_logs_that_do_not_fit_the_arm_are_refused(log, nominal):
 def test_joints_are_put_in_the_order_of_the_arm(log, nominal):
     order = [3, 1, 5, 0, 2, 4]
     mixed = of_joints(log, order, tuple(nominal.joint_names[k] for k in order))
-    back = arrange(mixed, nominal.joint_names)
+    back = arrange_joints(mixed, nominal.joint_names)
     assert (back.measured == log.measured).all() and back.joint_names == nominal.joint_names
     # Also by names with a prefix, without joints that the arm does not have.
     mixed = of_joints(log, order, tuple(f"left_{nominal.joint_names[k]}" for k in order))
-    back = arrange(mixed, nominal.joint_names[:5])
+    back = arrange_joints(mixed, nominal.joint_names[:5])
     assert (back.measured == log.measured[:, :5]).all() and "wrist_3" in back.notes[-1]
     # Numbers are no names: some programs count from 0.
     numbered = of_joints(log, range(6), tuple(f"joint {k}" for k in range(6)))
-    assert arrange(numbered, [f"joint {k}" for k in range(1, 7)]) is numbered
+    assert arrange_joints(numbered, [f"joint {k}" for k in range(1, 7)]) is numbered
 
 
 def test_at_rest_nothing_is_told(nominal):

@@ -36,7 +36,7 @@ from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.motion.log import Log
-from armcontour.motion.log_checks import arrange, check_logs
+from armcontour.motion.log_checks import arrange_joints, check_logs
 from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 
@@ -79,7 +79,7 @@ def identify_bodies(
         InvalidInput: Samples too far apart, a log that is too short, or logs that are not of the
             arm.
     """
-    every = [arrange(x, arm.joint_names) for x in list_logs(logs)]
+    every = [arrange_joints(x, arm.joint_names) for x in list_logs(logs)]
     for x in every:
         x.check_gaps()
     tell, interpolation = subprogress(progress), choose_interpolation(every, options.interpolation)

@@ -30,7 +30,7 @@ from armcontour.program.crossings import (
     TY,
     corner_cuts,
     left_of,
-    parallels,
+    offset_pieces,
     points_at,
     turns_between,
 )
@@ -235,7 +235,10 @@ class Compensation:
         """Draft the collected moves with the tool offset to the side."""
         moves, self.moves = self.moves, []
         table = np.array([x.row for x in moves])
-        parallel, tangents = parallels(table, self.offset), points_at(table, table[:, LENGTH], 1)
+        parallel, tangents = (
+            offset_pieces(table, self.offset),
+            points_at(table, table[:, LENGTH], 1),
+        )
         tips = np.array([x.end for x in moves]) + self.offset * left_of(tangents)
         if table[0, CURVATURE]:
             parallel[0] = self._entry_arc(moves[0], complex(*tips[0]), complex(*tangents[0]))
