@@ -185,7 +185,7 @@ def is_text(nodes: list[ast.expr]) -> bool:
 @cache
 def places() -> dict[str, list[str]]:
     """Places of each option and of each quantity, as file:line."""
-    found: dict[str, set[tuple[str, int]]] = {x: set() for x in (*OPTIONS, *QUANTITIES)}
+    lines_by_name: dict[str, set[tuple[str, int]]] = {x: set() for x in (*OPTIONS, *QUANTITIES)}
     for file, text in modules():
         tree = ast.parse(text) if file.endswith(".py") else None
         for name, (pattern, others) in (OPTIONS | QUANTITIES).items():
@@ -200,8 +200,8 @@ def places() -> dict[str, list[str]]:
                 lines = option_lines(tree, text, pattern)
             else:
                 lines = quantity_lines(tree, pattern)
-            found[name].update((file, i) for i in lines)
-    return {name: [f"{file}:{i}" for file, i in sorted(x)] for name, x in found.items()}
+            lines_by_name[name].update((file, i) for i in lines)
+    return {name: [f"{file}:{i}" for file, i in sorted(x)] for name, x in lines_by_name.items()}
 
 
 def mechanisms() -> list[str]:
@@ -244,17 +244,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Count what repetition costs.")
     parser.add_argument("--list", metavar="NAME", help="an option or a quantity: print its places")
     parser.add_argument("--sample", metavar="SEED", type=int, help="print 100 texts")
-    asked = parser.parse_args()
-    if asked.sample is not None:
-        print("\n".join(random.Random(asked.sample).sample(list(texts()), 100)))
+    options = parser.parse_args()
+    if options.sample is not None:
+        print("\n".join(random.Random(options.sample).sample(list(texts()), 100)))
         return
-    found = places()
-    if asked.list is not None:
-        print("\n".join(found[asked.list]))
+    lines = places()
+    if options.list is not None:
+        print("\n".join(lines[options.list]))
         return
-    for name, x in found.items():
+    for name, x in lines.items():
         print(f"{len(x):5d}  places of {name}, in {len({y.split(':')[0] for y in x})} files")
-    print(f"{mean(len(found[x]) for x in OPTIONS):5.1f}  places of an option, mean")
+    print(f"{mean(len(lines[x]) for x in OPTIONS):5.1f}  places of an option, mean")
     print(f"{len(mechanisms()):5d}  mechanisms that change a key: {', '.join(mechanisms())}")
     for function in FUNCTIONS:
         count = len(inspect.signature(function).parameters)

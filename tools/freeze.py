@@ -114,7 +114,7 @@ def corpus(folder: Path) -> list[tuple[str, str]]:
     from soak.readers import mutated
     from soak.samples import samples
 
-    found = []
+    inputs = []
     drawings = sorted((ROOT / "tests" / "files" / "drawings" / "gcode").rglob("*.ngc"))
     texts = [(x.suffix, x.read_bytes()) for x in drawings]
     kinds = (("dxf", ".dxf"), ("svg", ".svg"), ("gcode", ".ngc"), ("csv", ".csv"))
@@ -125,7 +125,7 @@ def corpus(folder: Path) -> list[tuple[str, str]]:
         texts.append((ending, mutated(originals[int(rng.integers(len(originals)))], rng)))
     for k, (ending, data) in enumerate(texts):
         (folder / f"drawing{k}{ending}").write_bytes(data)
-        found.append((f"drawing{k}", f"show drawing{k}{ending} --json"))
+        inputs.append((f"drawing{k}", f"show drawing{k}{ending} --json"))
     for k in range(CHECKED):
         case = draw(k // 2, k % 2 == 0)
         limits = {name: np.ravel(x).tolist() for name, x in _given(_limits(case))}
@@ -134,8 +134,8 @@ def corpus(folder: Path) -> list[tuple[str, str]]:
         (folder / f"limits{k}.yaml").write_text(json.dumps(limits))
         (folder / f"trajectory{k}.csv").write_text(case.text)
         line = f"check trajectory{k}.csv --arm {case.arm} --limits limits{k}.yaml --json"
-        found.append((f"trajectory{k}", line))
-    return found
+        inputs.append((f"trajectory{k}", line))
+    return inputs
 
 
 def _given(limits: Any) -> Iterator[tuple[str, Any]]:
@@ -170,7 +170,7 @@ def record(tree: Path, folder: Path, part: int, names: Mapping[str, str]) -> Non
         "library": tree / "src" / "armcontour" / "jobs" / "library",
         "tests": ROOT / "tests",
     }
-    found: dict[str, Any] = {}
+    records: dict[str, Any] = {}
     work: list[tuple[str, list[str] | Path]] = [
         *((x.name, x) for x in sorted((tree / "examples").glob("*.py"))),
         *((group[0], group) for group in GROUPS),
@@ -181,18 +181,18 @@ def record(tree: Path, folder: Path, part: int, names: Mapping[str, str]) -> Non
         place.mkdir(exist_ok=True)
         os.chdir(place)
         if isinstance(item, Path):
-            found[name] = _run_example(item)
+            records[name] = _run_example(item)
         else:
             for line in item:
                 arguments = shlex.split(renamed(line, names).format(**places))
-                found[f"{name}: {line}"] = _run_command(arguments)
+                records[f"{name}: {line}"] = _run_command(arguments)
         if place != folder:
-            found[f"{name}: files"] = {
+            records[f"{name}: files"] = {
                 str(x.relative_to(place)): read(x) for x in sorted(place.rglob("*")) if x.is_file()
             }
             os.chdir(folder)
             shutil.rmtree(place)
-    (folder / f"part{part}.json").write_text(json.dumps(found, default=str))
+    (folder / f"part{part}.json").write_text(json.dumps(records, default=str))
 
 
 def _run_example(file: Path) -> dict[str, Any]:
@@ -209,10 +209,10 @@ def _run_command(arguments: list[str]) -> dict[str, Any]:
 
     raised: list[BaseException] = []
     base = armcontour.ArmContourError
-    made = base.__init__  # type: ignore[misc]
+    original = base.__init__  # type: ignore[misc]
 
     def keep(self: Any, *args: Any, **data: Any) -> None:
-        made(self, *args, **data)
+        original(self, *args, **data)
         raised[:] = [self]
 
     printed, sys.argv = io.StringIO(), ["armcontour", *arguments]
@@ -224,14 +224,14 @@ def _run_command(arguments: list[str]) -> dict[str, Any]:
     except SystemExit as end:
         code = end.code or 0
     finally:
-        base.__init__ = made  # type: ignore[method-assign]
-    found: dict[str, Any] = {"code": code}
+        base.__init__ = original  # type: ignore[method-assign]
+    outcome: dict[str, Any] = {"code": code}
     with contextlib.suppress(ValueError):
-        found["printed"] = json.loads(printed.getvalue())
+        outcome["printed"] = json.loads(printed.getvalue())
     if code in REFUSED and raised:
         data = {k: v for k, v in vars(raised[0]).items() if v is not None}
-        found["error"] = {"class": type(raised[0]).__name__, "data": data}
-    return found
+        outcome["error"] = {"class": type(raised[0]).__name__, "data": data}
+    return outcome
 
 
 def read(file: Path) -> Any:
@@ -257,26 +257,26 @@ def _sums(texts: Any) -> Any:
     return [len(values), *((values.max(), values.mean()) if len(values) else ())]
 
 
-def differences(old: Any, new: Any, at: str = "") -> Iterator[str]:
+def differences(old: Any, new: Any, key_path: str = "") -> Iterator[str]:
     """Where two records differ."""
-    if UNSTABLE.search(at.rpartition("/")[2]):
+    if UNSTABLE.search(key_path.rpartition("/")[2]):
         return
     if isinstance(old, dict) and isinstance(new, dict):
         for key in sorted({*old, *new}):
             if key in old and key in new:
-                yield from differences(old[key], new[key], f"{at}/{key}")
+                yield from differences(old[key], new[key], f"{key_path}/{key}")
             else:
-                yield f"{at}/{key}: only {'before' if key in old else 'now'}"
+                yield f"{key_path}/{key}: only {'before' if key in old else 'now'}"
     elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
         for k, pair in enumerate(zip(old, new, strict=True)):
-            yield from differences(*pair, f"{at}/{k}")
+            yield from differences(*pair, f"{key_path}/{k}")
     elif isinstance(old, (int, float)) and isinstance(new, (int, float)):
-        small = METRES if "error" in at else 0.0
+        small = METRES if "error" in key_path else 0.0
         if not (old == new or abs(old - new) <= max(RELATIVE * max(abs(old), abs(new)), small)):
             if not (old != old and new != new):
-                yield f"{at}: {old!r} before, {new!r} now"
+                yield f"{key_path}: {old!r} before, {new!r} now"
     elif old != new and not (_is_sentence(old) and _is_sentence(new)):
-        yield f"{at}: {str(old)[:80]} before, {str(new)[:80]} now"
+        yield f"{key_path}: {str(old)[:80]} before, {str(new)[:80]} now"
 
 
 def _is_sentence(value: Any) -> bool:
@@ -307,12 +307,12 @@ def record_of(
     ]
     if any([process.wait() for process in running]):
         sys.exit(f"The work of {tree} could not be recorded.")
-    found: dict[str, Any] = {}
+    records: dict[str, Any] = {}
     for part in range(PARTS):
-        found |= json.loads((folder / f"part{part}.json").read_text())
-    file.write_text(json.dumps(found))
+        records |= json.loads((folder / f"part{part}.json").read_text())
+    file.write_text(json.dumps(records))
     shutil.rmtree(folder)
-    return found
+    return records
 
 
 def compiled(tree: Path) -> Path:
@@ -325,8 +325,8 @@ def compiled(tree: Path) -> Path:
     folder = STORE / "cache" / state.hexdigest()[:12]
     folder.mkdir(parents=True, exist_ok=True)
     folder.touch()
-    kept = sorted(folder.parent.iterdir(), key=lambda x: x.stat().st_mtime)
-    for old in kept[:-CACHES]:
+    caches = sorted(folder.parent.iterdir(), key=lambda x: x.stat().st_mtime)
+    for old in caches[:-CACHES]:
         shutil.rmtree(old)
     return folder
 
@@ -345,32 +345,32 @@ def main() -> int:
     parser.add_argument("--again", action="store_true", help="record that commit again")
     parser.add_argument("--record", nargs=4, help=argparse.SUPPRESS)
     parser.add_argument("--renamed", type=Path, help="file of old and new names, with tabs between")
-    given = parser.parse_args()
-    if given.record:
-        tree, folder, part, names = given.record
+    options = parser.parse_args()
+    if options.record:
+        tree, folder, part, names = options.record
         record(Path(tree), Path(folder), int(part), json.loads(names))
         return 0
 
     def git(*arguments: str) -> str:
         return subprocess.check_output(["git", *arguments], cwd=ROOT, text=True).strip()
 
-    commit = git("rev-parse", f"{given.against}^{{commit}}")
+    commit = git("rev-parse", f"{options.against}^{{commit}}")
     tree = STORE / "tree"
     git("worktree", "prune")
     if not tree.exists():
         git("worktree", "add", "--detach", str(tree), commit)
     subprocess.check_call(["git", "checkout", "-q", "--detach", "-f", commit], cwd=tree)
-    rows = given.renamed.read_text("utf-8").splitlines() if given.renamed else []
+    rows = options.renamed.read_text("utf-8").splitlines() if options.renamed else []
     names = dict(x.split("\t") for x in rows if x)
     state = hashlib.sha256("\n".join(rows).encode()).hexdigest()[:6]
     before = {new: old for old, new in names.items()}
     name = f"{commit[:12]}-{_environment()}-{state}"
-    old = renamed(record_of(tree, name, again=given.again, names=before), names)
+    old = renamed(record_of(tree, name, again=options.again, names=before), names)
     new = record_of(ROOT, "now", again=True)
-    found = list(differences(old, new))
-    print(*found, sep="\n")
-    print(f"{len(old)} results before, {len(new)} now; {len(found)} differences.")
-    return int(bool(found))
+    changes = list(differences(old, new))
+    print(*changes, sep="\n")
+    print(f"{len(old)} results before, {len(new)} now; {len(changes)} differences.")
+    return int(bool(changes))
 
 
 if __name__ == "__main__":

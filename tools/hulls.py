@@ -96,13 +96,13 @@ class _Body:
     def distances(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distances of points, (n,), and the nearest points of the hull, (n, 3)."""
         request, ball, still = coal.DistanceRequest(), coal.Sphere(1e-9), coal.Transform3s()
-        found, nearest = np.empty(len(points)), np.empty((len(points), 3))
+        distances, nearest = np.empty(len(points)), np.empty((len(points), 3))
         for k, x in enumerate(points):
             result = coal.DistanceResult()
             place = coal.Transform3s(np.eye(3), x)
-            found[k] = coal.distance(self._hull, still, ball, place, request, result)
+            distances[k] = coal.distance(self._hull, still, ball, place, request, result)
             nearest[k] = result.getNearestPoint1()
-        return found, nearest
+        return distances, nearest
 
 
 def _apart(points: FloatArray) -> FloatArray:
@@ -122,49 +122,49 @@ def hull_of(shape: LinkShape, excess: float) -> dict[str, Any]:
     outside = ConvexHull(corners).equations @ np.column_stack([mesh, np.ones(len(mesh))]).T
     assert outside.max() <= 1e-9, f"{shape.name}: {outside.max():.3g} m outside"
     corners = corners[ConvexHull(corners).vertices]
-    far = _Body(mesh[ConvexHull(mesh).vertices]).distances(corners)[0].max()
-    print(f"{shape.name}: {len(mesh)} -> {len(corners)} points, {far * 1e3:.3f} mm outside")
+    excess_used = _Body(mesh[ConvexHull(mesh).vertices]).distances(corners)[0].max()
+    print(f"{shape.name}: {len(mesh)} -> {len(corners)} points, {excess_used * 1e3:.3f} mm outside")
     return {
         "name": shape.name,
         "link": shape.link,
-        "excess": round(float(far), 6),
+        "excess": round(float(excess_used), 6),
         "points": np.rint(corners / STEP).astype(int).tolist(),
     }
 
 
 def main(words: list[str]) -> int:
     """Make the hulls of an arm."""
-    given = argparse.ArgumentParser()
-    given.add_argument("name")
-    given.add_argument("description")
-    given.add_argument("--package", action="append", default=[])
-    given.add_argument("--argument", action="append", default=[])
-    given.add_argument("--base")
-    given.add_argument("--tip")
-    given.add_argument("--rename", default="=")
-    given.add_argument("--excess", type=float, default=EXCESS)
-    told = given.parse_args(words)
+    parser = argparse.ArgumentParser()
+    parser.add_argument("name")
+    parser.add_argument("description")
+    parser.add_argument("--package", action="append", default=[])
+    parser.add_argument("--argument", action="append", default=[])
+    parser.add_argument("--base")
+    parser.add_argument("--tip")
+    parser.add_argument("--rename", default="=")
+    parser.add_argument("--excess", type=float, default=EXCESS)
+    options_given = parser.parse_args(words)
     options = ac.ArmOptions(
-        base=told.base,
-        tip=told.tip,
-        packages=dict(x.split("=") for x in told.package),
-        arguments=dict(x.split("=") for x in told.argument),
+        base=options_given.base,
+        tip=options_given.tip,
+        packages=dict(x.split("=") for x in options_given.package),
+        arguments=dict(x.split("=") for x in options_given.argument),
     )
-    arm = ac.load_arm(told.description, options, trust_xacro=True)
-    _compare(ac.load_arm(told.name), arm)
+    arm = ac.load_arm(options_given.description, options, trust_xacro=True)
+    _compare(ac.load_arm(options_given.name), arm)
     assert isinstance(arm.shapes, ArmShapes)
-    old, new = told.rename.split("=")
-    hulls = [hull_of(x, told.excess) for x in arm.shapes.shapes]
+    old, new = options_given.rename.split("=")
+    hulls = [hull_of(x, options_given.excess) for x in arm.shapes.shapes]
     for x in hulls:
         x["name"] = x["name"].replace(old, new) if old else x["name"]
-    source, license_text = SOURCES["franka" if told.name in ("panda", "fr3") else "ur"]
+    source, license_text = SOURCES["franka" if options_given.name in ("panda", "fr3") else "ur"]
     page = {
         "source": f"{source} They are up to {max(x['excess'] for x in hulls) * 1e3:.2g} mm larger.",
         "license": license_text,
         "unit": "um",
         "hulls": hulls,
     }
-    _write(FOLDER / f"{told.name}.json", page)
+    _write(FOLDER / f"{options_given.name}.json", page)
     return 0
 
 
@@ -172,9 +172,9 @@ def _compare(built_in: ac.Arm, described: ac.Arm) -> None:
     """Refuse a description whose links have other frames than those of the built-in arm."""
     assert built_in.chain is not None and described.chain is not None
     q = np.random.default_rng(1).uniform(-3, 3, (100, built_in.dof))
-    apart = np.abs(link_poses(built_in.chain, q) - link_poses(described.chain, q)).max()
-    print(f"frames of links: {apart:.2g} m apart")
-    assert apart <= SAME
+    difference = np.abs(link_poses(built_in.chain, q) - link_poses(described.chain, q)).max()
+    print(f"frames of links: {difference:.2g} m apart")
+    assert difference <= SAME
 
 
 def _write(file: Path, page: dict[str, Any]) -> None:

@@ -29,19 +29,19 @@ def size_of(package: Distribution) -> float:
 
 def needs(package: Distribution) -> list[str]:
     """Names of the packages that a package needs without any of its extras."""
-    wanted = (x for x in package.requires or () if "extra" not in x.partition(";")[2])
-    return [plain(found[0]) for x in wanted if (found := re.match(r"[\w.-]+", x))]
+    requirements = (x for x in package.requires or () if "extra" not in x.partition(";")[2])
+    return [plain(match[0]) for x in requirements if (match := re.match(r"[\w.-]+", x))]
 
 
 def brought_by(name: str, packages: dict[str, Distribution]) -> set[str]:
     """A package, and the installed ones that it brings."""
-    found, todo = set(), [name]
+    names, todo = set(), [name]
     while todo:
         one = todo.pop()
-        if one in packages and one not in found:
-            found.add(one)
+        if one in packages and one not in names:
+            names.add(one)
             todo += needs(packages[one])
-    return found
+    return names
 
 
 def table(packages: dict[str, Distribution], root: str) -> list[str]:
@@ -54,8 +54,8 @@ def table(packages: dict[str, Distribution], root: str) -> list[str]:
     for name in sorted(large, key=lambda x: -sizes[x]):
         by = "" if name in direct else ", ".join(x for x in direct if name in reach[x])
         rows.append(f"| {name} | {packages[name].version} | {sizes[name]:.0f} | {by} |")
-    rest = sum(sizes.values()) - sum(sizes[x] for x in large)
-    rows.append(f"| {len(sizes) - len(large)} smaller ones | | {rest:.0f} | |")
+    remainder = sum(sizes.values()) - sum(sizes[x] for x in large)
+    rows.append(f"| {len(sizes) - len(large)} smaller ones | | {remainder:.0f} | |")
     rows.append(f"| **together** | | **{sum(sizes.values()):.0f}** | |")
     return rows
 
@@ -63,8 +63,8 @@ def table(packages: dict[str, Distribution], root: str) -> list[str]:
 def main() -> None:
     """Print the table of this environment."""
     packages = {plain(x.name): x for x in distributions()}
-    kept = {name: x for name, x in packages.items() if name not in OF_THE_ENVIRONMENT}
-    print("\n".join(table(kept, "armcontour")))
+    listed = {name: x for name, x in packages.items() if name not in OF_THE_ENVIRONMENT}
+    print("\n".join(table(listed, "armcontour")))
 
 
 if __name__ == "__main__":

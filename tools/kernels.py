@@ -89,7 +89,7 @@ def record(run: str, arguments: list[str], out: Path) -> None:
 
     # Nothing is compiled ahead.
     compilation.LIST = Path(os.devnull)
-    found: dict[str, None] = {}
+    recorded: dict[str, None] = {}
 
     class Listener(event.Listener):
         """Notes functions of the package."""
@@ -102,7 +102,7 @@ def record(run: str, arguments: list[str], out: Path) -> None:
             function = event.data["dispatcher"].py_func
             if function.__module__.startswith("armcontour."):
                 text = to_text(event.data["args"])
-                found[f"{function.__module__}.{function.__name__}({text})"] = None
+                recorded[f"{function.__module__}.{function.__name__}({text})"] = None
 
     event.register("numba:compile", Listener())  # type: ignore[no-untyped-call]
     if run == TESTS:
@@ -113,7 +113,7 @@ def record(run: str, arguments: list[str], out: Path) -> None:
         from armcontour.cli.commands import app
 
         app(arguments, standalone_mode=False)
-    out.write_text("\n".join(found), encoding="utf-8")
+    out.write_text("\n".join(recorded), encoding="utf-8")
 
 
 def main() -> int:
@@ -126,17 +126,17 @@ def main() -> int:
         run, out, *arguments = sys.argv[2:]
         record(run, arguments, Path(out))
         return 0
-    given = parser.parse_args()
-    wanted = {x: RUNS[x] for x in given.what or RUNS if x in RUNS}
-    tests = [x for x in given.what if x not in RUNS] if given.what else ["tests", "tests/slow"]
+    options = parser.parse_args()
+    requested = {x: RUNS[x] for x in options.what or RUNS if x in RUNS}
+    tests = [x for x in options.what if x not in RUNS] if options.what else ["tests", "tests/slow"]
     if tests:
-        wanted[TESTS] = tests
+        requested[TESTS] = tests
     tags: dict[str, set[str]] = {}
-    for line in LIST.read_text(encoding="utf-8").splitlines() if given.what else []:
+    for line in LIST.read_text(encoding="utf-8").splitlines() if options.what else []:
         runs, _, call = line.partition(" ")
-        if kept := set(runs.split(",")) - set(wanted) | ({TESTS} & set(runs.split(","))):
-            tags[call] = kept
-    for run, arguments in wanted.items():
+        if remaining := set(runs.split(",")) - set(requested) | ({TESTS} & set(runs.split(","))):
+            tags[call] = remaining
+    for run, arguments in requested.items():
         for call in _record_apart(run, arguments):
             tags.setdefault(call, set()).add(run)
     lines = [f"{','.join(sorted(runs))} {call}" for call, runs in sorted(tags.items())]

@@ -66,11 +66,11 @@ def mutants_of(package: str, file: Path) -> list[Mutant]:
     """All changes that can be made in a file."""
     source = file.read_text(encoding="utf-8")
     rows = source.splitlines()
-    found = []
+    mutants = []
 
     def add(line: int, begin: int, end: int, text: str) -> None:
         name = str(file.relative_to(SOURCES))
-        found.append(Mutant(package, name, line, begin, end, text))
+        mutants.append(Mutant(package, name, line, begin, end, text))
 
     def between(left: ast.expr, right: ast.expr, operator: ast.AST) -> None:
         text = SWAPS.get(type(operator))
@@ -98,17 +98,17 @@ def mutants_of(package: str, file: Path) -> list[Mutant]:
             end = node.end_col_offset or 0
             if rows[node.lineno - 1][node.col_offset : end].replace(".", "").isdigit():
                 add(node.lineno, node.col_offset, end, f"({node.value!r} + 1)")
-    return sorted(set(found))
+    return sorted(set(mutants))
 
 
 def draw(count: int, seed: int) -> list[Mutant]:
     """Random mutants, the same number of every package."""
-    chance, found = random.Random(seed), []
+    chance, drawn = random.Random(seed), []
     for package in TESTS:
         files = sorted((SOURCES / package).rglob("*.py"))
         all_of = [x for file in files for x in mutants_of(package, file)]
-        found += chance.sample(all_of, count // len(TESTS))
-    return found
+        drawn += chance.sample(all_of, count // len(TESTS))
+    return drawn
 
 
 def importers(file: str) -> set[str]:
@@ -120,16 +120,16 @@ def importers(file: str) -> set[str]:
         for x in SOURCES.rglob("*.py")
     }
     texts = {name: text for name, text in texts.items() if "@compiled" in text}
-    found = {".".join(["armcontour", *Path(file).with_suffix("").parts])} & {*texts}
+    modules = {".".join(["armcontour", *Path(file).with_suffix("").parts])} & {*texts}
     while True:
-        more = {
+        further = {
             name
             for name, text in texts.items()
-            if name not in found and any(f"from {x} import" in text for x in found)
+            if name not in modules and any(f"from {x} import" in text for x in modules)
         }
-        if not more:
-            return found
-        found |= more
+        if not further:
+            return modules
+        modules |= further
 
 
 class Slot:
@@ -151,8 +151,8 @@ class Slot:
         shutil.rmtree(self.cache, ignore_errors=True)
         shutil.copytree(self.clean, self.cache)
         for module in importers(mutant.file):
-            for kept in self.cache.rglob(f"{module.rpartition('.')[2]}.*"):
-                kept.unlink()
+            for cached in self.cache.rglob(f"{module.rpartition('.')[2]}.*"):
+                cached.unlink()
         file = self.sources / "armcontour" / mutant.file
         text = file.read_text(encoding="utf-8")
         rows = text.splitlines(keepends=True)
@@ -186,26 +186,26 @@ def main() -> None:
     parser.add_argument("--only", type=Path, help="a file of mutants that --out has written")
     parser.add_argument("--out", type=Path, required=True, help="file for those that survive")
     parser.add_argument("--slots", type=int, default=2, help="how many at a time")
-    given = parser.parse_args()
-    if given.only:
-        left = [Mutant(*x) for x in json.loads(given.only.read_text())]
+    options = parser.parse_args()
+    if options.only:
+        remaining = [Mutant(*x) for x in json.loads(options.only.read_text())]
     else:
-        left = draw(given.count, given.seed)
-    total, survivors = len(left), list[Mutant]()
+        remaining = draw(options.count, options.seed)
+    total, survivors = len(remaining), list[Mutant]()
 
     def work(k: int) -> None:
         slot = Slot(ROOT / ".armcontour" / "mutants" / str(k))
-        while left:
-            mutant = left.pop(0)
-            killed = slot.is_killed(mutant, given.tests.resolve())
+        while remaining:
+            mutant = remaining.pop(0)
+            killed = slot.is_killed(mutant, options.tests.resolve())
             if not killed:
                 survivors.append(mutant)
-            where = f"{mutant.file}:{mutant.line}: {mutant.text.strip()}"
-            print("killed  " if killed else "survives", where, flush=True)
+            location = f"{mutant.file}:{mutant.line}: {mutant.text.strip()}"
+            print("killed  " if killed else "survives", location, flush=True)
 
-    with ThreadPoolExecutor(given.slots) as pool:
-        list(pool.map(work, range(given.slots)))
-    given.out.write_text(json.dumps(survivors))
+    with ThreadPoolExecutor(options.slots) as pool:
+        list(pool.map(work, range(options.slots)))
+    options.out.write_text(json.dumps(survivors))
     print(f"{total - len(survivors)} of {total} killed")
 
 

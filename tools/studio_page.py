@@ -61,10 +61,10 @@ class Server:
             command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
         assert self.process.stdout is not None
-        found = ADDRESS.search(self.process.stdout.readline())
-        if found is None:
+        match = ADDRESS.search(self.process.stdout.readline())
+        if match is None:
             raise RuntimeError(f"The Studio did not start: {self.stop()}")
-        self.address = found[0]
+        self.address = match[0]
         self.port = int(self.address.split(":")[2].split("/")[0])
 
     def stop(self) -> str:
@@ -94,8 +94,8 @@ def serving(*arguments: str | FilePath, folder: FilePath | None = None) -> Itera
     try:
         yield server
     finally:
-        said = server.stop() if server.process.poll() is None else server.process.communicate()[1]
-    assert "Traceback" not in said, said
+        errors = server.stop() if server.process.poll() is None else server.process.communicate()[1]
+    assert "Traceback" not in errors, errors
 
 
 @contextmanager
@@ -155,8 +155,8 @@ class Studio:
             self.troubles.append(f"console: {message.text}")
 
     def _watch(self, request: Any) -> None:
-        own = (f"http://127.0.0.1:{self.server.port}/", "data:", "blob:")
-        if not request.url.startswith(own):
+        allowed = (f"http://127.0.0.1:{self.server.port}/", "data:", "blob:")
+        if not request.url.startswith(allowed):
             self.troubles.append(f"foreign request: {request.url}")
 
     def close(self) -> None:
@@ -367,10 +367,10 @@ def write_job(file: FilePath, *runs: str, changes: Sequence[tuple[str, str]] = (
     from importlib.resources import files
 
     text = files("armcontour.jobs").joinpath("library", "paper.yaml").read_text(encoding="utf-8")
-    head, _, rest = text.partition("\nruns:\n")
-    blocks = re.split(r"(?m)^(?=  [\w-]+:)", rest)
-    kept = "".join(x for x in blocks if x.strip().partition(":")[0] in runs)
-    text = f"{head}\nruns:\n{kept}".replace("experiment: {}\n", "")
+    head, _, runs_text = text.partition("\nruns:\n")
+    blocks = re.split(r"(?m)^(?=  [\w-]+:)", runs_text)
+    chosen = "".join(x for x in blocks if x.strip().partition(":")[0] in runs)
+    text = f"{head}\nruns:\n{chosen}".replace("experiment: {}\n", "")
     for old, new in (("cycle: 0.2 ms", "cycle: 4 ms"), *changes):
         assert old in text, old
         text = text.replace(old, new)

@@ -53,31 +53,31 @@ def main() -> None:
             try_import(wheel.resolve(), Path(place))
 
 
-def try_sources(archive: Path, known: set[str]) -> None:
+def try_sources(archive: Path, expected: set[str]) -> None:
     """Compare a source archive with the files that it should hold."""
     with tarfile.open(archive) as opened:
-        found = {x.name.partition("/")[2] for x in opened.getmembers() if x.isfile()}
-    compare(archive, found, known | {"PKG-INFO"})
+        names = {x.name.partition("/")[2] for x in opened.getmembers() if x.isfile()}
+    compare(archive, names, expected | {"PKG-INFO"})
 
 
-def try_wheel(archive: Path, known: set[str]) -> None:
+def try_wheel(archive: Path, expected: set[str]) -> None:
     """Compare a wheel with the files that it should hold: the package, and its licences."""
     with zipfile.ZipFile(archive) as opened:
         names = {x for x in opened.namelist() if not x.endswith("/")}
     info = "-".join(archive.name.split("-")[:2]) + ".dist-info/"
     of_package = {x for x in names if not x.startswith(info)}
-    compare(archive, of_package, {x.removeprefix("src/") for x in known})
+    compare(archive, of_package, {x.removeprefix("src/") for x in expected})
     missing = [x for x in LICENCES if f"{info}licenses/{x}" not in names]
     if missing:
         sys.exit(f"{archive.name} lacks licences: {', '.join(missing)}")
 
 
-def compare(archive: Path, found: set[str], expected: set[str]) -> None:
+def compare(archive: Path, contained: set[str], expected: set[str]) -> None:
     """End the program if an archive lacks files, or has others."""
-    for what, names in (("lacks", expected - found), ("must not have", found - expected)):
+    for what, names in (("lacks", expected - contained), ("must not have", contained - expected)):
         if names:
             sys.exit(f"{archive.name} {what}: {', '.join(sorted(names)[:20])} ({len(names)} files)")
-    print(f"{archive.name}: {len(found)} files, {archive.stat().st_size / 1e6:.1f} MB")
+    print(f"{archive.name}: {len(contained)} files, {archive.stat().st_size / 1e6:.1f} MB")
 
 
 def try_import(wheel: Path, place: Path) -> None:
@@ -113,9 +113,9 @@ def try_install(wheel: Path, place: Path) -> None:
     if missing:
         sys.exit(f"The demo lacks files: {', '.join(sorted(missing))}.")
     run_of_paper = summary["runs"]["proposed"]
-    found = run_of_paper["duration"], run_of_paper["contour_error"]["rms"]
-    if any(abs(x / y - 1) > 0.01 for x, y in zip(found, PROPOSED, strict=True)):
-        sys.exit(f"The demo's run proposed has {found}; README.md says {PROPOSED}.")
+    figures = run_of_paper["duration"], run_of_paper["contour_error"]["rms"]
+    if any(abs(x / y - 1) > 0.01 for x, y in zip(figures, PROPOSED, strict=True)):
+        sys.exit(f"The demo's run proposed has {figures}; README.md says {PROPOSED}.")
     print(run(str(bin_folder / "python"), str(ROOT / "tools" / "install_size.py")))
 
 

@@ -95,21 +95,21 @@ class Base:
             text = _text([data.get(x) for x in WITH_FILES])
             return job_on(model, *_made(text, _Made(model, self.folder, trust_xacro)))
 
-    def key(self, data: Mapping[str, Any], asked: Sequence[str]) -> str:
+    def key(self, data: Mapping[str, Any], request: Sequence[str]) -> str:
         """A digest of all that the results of a job depend on.
 
         That are its data, the files that it reads, what is done, and the version of the package.
 
         Args:
             data: The data.
-            asked: What is done, and the columns.
+            request: What is done, and the columns.
 
         Raises:
             InvalidInput: A file that a key names is missing.
         """
         with error_context(self.source):
             named = [_digest_of(self.folder / x) for x in named_files(data)]
-        text = _text([__version__, asked, data, named, self.files])
+        text = _text([__version__, request, data, named, self.files])
         return hashlib.sha256(text.encode()).hexdigest()
 
     def heard(self, data: Mapping[str, Any], *, trust_xacro: bool) -> Base:
@@ -122,18 +122,18 @@ class Base:
         Raises:
             InvalidInput: A file is missing, or an arm or a path is wrong.
         """
-        found: dict[FilePath, str] = {}
+        digests: dict[FilePath, str] = {}
 
         def hear(file: FilePath, content: bytes) -> None:
-            found[file.resolve()] = hashlib.sha256(content).hexdigest()
+            digests[file.resolve()] = hashlib.sha256(content).hexdigest()
 
         with file_access.hear_reading(hear), error_context(self.source):
             arm, *_ = _Made(self.model(data), self.folder, trust_xacro).make()
             # Reads the meshes, which are read when shapes are first asked for.
             arm.knows_shapes  # noqa: B018
         for x in named_files(data):
-            found.pop((self.folder / x).resolve(), None)
-        return replace(self, files=tuple(sorted(found.values())), dimension=arm.dimension)
+            digests.pop((self.folder / x).resolve(), None)
+        return replace(self, files=tuple(sorted(digests.values())), dimension=arm.dimension)
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,9 +168,9 @@ def read_base(job: str | Mapping[str, str], folder: FilePath, run: str | None, w
         InvalidInput: An invalid job, or no such run.
     """
     if isinstance(job, str):
-        place = folder / job
-        data, source, home = read_data(job_text(place), place.name), place.name, place.parent
-        name = place.stem
+        file = folder / job
+        data, source, home = read_data(job_text(file), file.name), file.name, file.parent
+        name = file.stem
     else:
         cell = job["cell"]
         cell = str(folder / cell) if cell.lower().endswith((".yaml", ".yml")) else cell
@@ -179,18 +179,14 @@ def read_base(job: str | Mapping[str, str], folder: FilePath, run: str | None, w
         name = drawing.stem
     model_of(JobModel, data, source)
     reduced, chosen = _with_run(data, source, run, work)
-    found = in_si(reduced, JobModel)
-    return Base(name=name, source=source, folder=home.absolute(), data=found, run=chosen)
+    si_data = in_si(reduced, JobModel)
+    return Base(name=name, source=source, folder=home.absolute(), data=si_data, run=chosen)
 
 
 def _with_run(
     data: Mapping[str, Any], source: str, run: str | None, work: str
 ) -> tuple[dict[str, Any], str | None]:
-    """The data of a job without other runs, and without what they are compared with.
-
-    Raises:
-        InvalidInput: There is no such run, or several to choose from.
-    """
+    """The data of a job without other runs, and without what they are compared with."""
     runs, names = data["runs"], ", ".join(data["runs"])
     name = run or (data.get(CHOOSERS.get(work, "")) or {}).get("run")
     if name is None and len(runs) == 1:
@@ -199,20 +195,20 @@ def _with_run(
     raise_if(name not in (None, *runs), unknown)
     missing = f"run is missing: {source} has several runs, so say which: {names}."
     raise_if(name is None and work not in CHOOSERS, missing)
-    found = dict(data) if work == CERTIFY else _without(data, "certificate")
+    reduced = dict(data) if work == CERTIFY else _without(data, "certificate")
     if name is None:
-        return found, None
-    found["runs"] = {name: runs[name]}
+        return reduced, None
+    reduced["runs"] = {name: runs[name]}
     for key in CHOOSERS.values():
-        if found.get(key):
-            found[key] = _without(found[key], "run")
-    experiment = found.get("experiment")
+        if reduced.get(key):
+            reduced[key] = _without(reduced[key], "run")
+    experiment = reduced.get("experiment")
     if isinstance(experiment, dict) and experiment.get("runs") is not None:
         if name in experiment["runs"]:
-            found["experiment"] = _without(experiment, "runs")
+            reduced["experiment"] = _without(experiment, "runs")
         else:
-            del found["experiment"]
-    return found, name
+            del reduced["experiment"]
+    return reduced, name
 
 
 def _without(data: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -230,8 +226,8 @@ def check_placed(base: Base, data: Mapping[str, Any]) -> None:
     Raises:
         InvalidInput: There is no key placement.over.
     """
-    asked = data.get("placement") or {}
-    if not asked.get("over"):
+    placement = data.get("placement") or {}
+    if not placement.get("over"):
         raise InvalidInput(
             f"do: place needs the key placement.over of {base.source}, which says where to look, "
             "such as placement: {over: {x: {from: -100 mm, to: 100 mm, places: 5}}}."
@@ -265,11 +261,7 @@ def _text(value: Any) -> str:
 
 
 def _digest_of(file: FilePath) -> str:
-    """The digest of a file.
-
-    Raises:
-        InvalidInput: It cannot be read.
-    """
+    """The digest of a file."""
     try:
         state = file.stat()
     except OSError:
@@ -281,4 +273,6 @@ def _digest_of(file: FilePath) -> str:
 @lru_cache(maxsize=10_000)
 def _digest(file: FilePath, state: tuple[int, int]) -> str:
     """The digest of a file of a size and time."""
-    return hashlib.sha256(file_access.read_bytes(file, "file", most=file_access.LARGE)).hexdigest()
+    return hashlib.sha256(
+        file_access.read_bytes(file, "file", maximum=file_access.LARGE)
+    ).hexdigest()

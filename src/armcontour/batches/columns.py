@@ -79,42 +79,44 @@ USUAL = {
 }
 
 
-def read_columns(given: Iterable[str] | None, work: str) -> tuple[str, ...]:
+def read_columns(requested: Iterable[str] | None, work: str) -> tuple[str, ...]:
     """The names of the columns that a plan asks for, or the usual ones.
 
     Args:
-        given: The names; None for the usual ones.
+        requested: The names; None for the usual ones.
         work: What is done with each job.
 
     Raises:
         InvalidInput: No such column, one that this work does not give, or one twice.
     """
-    if given is None:
+    if requested is None:
         return USUAL[work]
-    known = [x for x, column in COLUMNS.items() if column.comes_from(work)]
-    names = tuple(given)
+    available = [x for x, column in COLUMNS.items() if column.comes_from(work)]
+    names = tuple(requested)
     for k, name in enumerate(names):
-        where = f"columns (item {k + 1})"
+        location = f"columns (item {k + 1})"
         if name not in COLUMNS:
-            hint = suggest(name, known, f"there are {', '.join(known)}.")
-            raise InvalidInput(f"{where}: there is no column {name}: {hint}")
-        if name not in known:
+            hint = suggest(name, available, f"there are {', '.join(available)}.")
+            raise InvalidInput(f"{location}: there is no column {name}: {hint}")
+        if name not in available:
             raise InvalidInput(
-                f"{where}: {name} comes from do: {COLUMNS[name].since}, but the plan does "
+                f"{location}: {name} comes from do: {COLUMNS[name].since}, but the plan does "
                 f"{work}: change one of them."
             )
         if name in names[:k]:
-            raise InvalidInput(f"{where}: {name} stands there twice.")
+            raise InvalidInput(f"{location}: {name} stands there twice.")
     if not names:
-        raise InvalidInput(f"columns is empty: name some of {', '.join(known)}, or leave it out.")
+        raise InvalidInput(
+            f"columns is empty: name some of {', '.join(available)}, or leave it out."
+        )
     return names
 
 
-def figures_of(found: Any, names: Iterable[str], work: str) -> tuple[float | None, ...]:
+def figures_of(result: Any, names: Iterable[str], work: str) -> tuple[float | None, ...]:
     """The figures of a job, in the order of the columns.
 
     Args:
-        found: What the work gave: a `RunResult`, a `Certificate` or a `Placement`.
+        result: What the work gave: a `RunResult`, a `Certificate` or a `Placement`.
         names: The columns.
         work: What was done.
     """
@@ -122,9 +124,9 @@ def figures_of(found: Any, names: Iterable[str], work: str) -> tuple[float | Non
 
     rows: list[Row] = []
     if work != PLACE:
-        rows += judging_rows(found.result if work == CERTIFY else found)
+        rows += judging_rows(result.result if work == CERTIFY else result)
     if work in (CERTIFY, PLACE):
-        rows += found.to_data().rows
-    known = {x.name: x.figure for x in rows if COLUMNS.get(x.name)}
-    figures = ((None if (x := known.get(name)) is None else float(x)) for name in names)
+        rows += result.to_data().rows
+    figures_by_name = {x.name: x.figure for x in rows if COLUMNS.get(x.name)}
+    figures = ((None if (x := figures_by_name.get(name)) is None else float(x)) for name in names)
     return tuple(None if x is None or not math.isfinite(x) else x for x in figures)

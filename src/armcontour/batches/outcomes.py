@@ -63,8 +63,8 @@ class Work:
         try:
             base = self.plan.bases[self.plan.base(index)]
             job = base.job(self.plan.data(index), trust_xacro=self.plan.trust_xacro)
-            found = _do(self.plan.work, job, base.run)
-            outcome = Outcome(DONE, figures=figures_of(found, self.plan.columns, self.plan.work))
+            result = _do(self.plan.work, job, base.run)
+            outcome = Outcome(DONE, figures=figures_of(result, self.plan.columns, self.plan.work))
         except ArmContourError as error:
             outcome = Outcome(REFUSED, type(error).__name__, str(error))
         except Exception as error:
@@ -172,15 +172,18 @@ class Results:
         self._put(REPORT, render_page(self._plan, rows).encode())
         return rows
 
-    def _row(self, index: int, found: Mapping[str, Any]) -> dict[str, Any]:
+    def _row(self, index: int, outcome: Mapping[str, Any]) -> dict[str, Any]:
         """The row of a job: which it is, what came of it, and its key."""
-        given = zip(self._plan.parameters, self._plan.values(index), strict=True)
+        parameters = zip(self._plan.parameters, self._plan.values(index), strict=True)
         return {
             "number": index + 1,
             "job": self._plan.bases[self._plan.base(index)].name,
-            **{x.key: y if x.numeric or isinstance(y, str) else json.dumps(y) for x, y in given},
-            **{x: found[x] for x in ("status", "error", "sentence", *self._plan.columns)},
-            SECONDS: found[SECONDS],
+            **{
+                x.key: y if x.numeric or isinstance(y, str) else json.dumps(y)
+                for x, y in parameters
+            },
+            **{x: outcome[x] for x in ("status", "error", "sentence", *self._plan.columns)},
+            SECONDS: outcome[SECONDS],
             "key": self._keys[index],
         }
 
@@ -189,22 +192,22 @@ class Results:
         if not self._file.exists():
             return
         data = self._file.read_bytes()
-        whole = data.rfind(b"\n") + 1
-        for k, line in enumerate(data[:whole].splitlines()):
+        complete = data.rfind(b"\n") + 1
+        for k, line in enumerate(data[:complete].splitlines()):
             try:
-                found = json.loads(line)
-                index = self._indices.get(found["key"])
-                if found["status"] not in STATUSES:
+                row = json.loads(line)
+                index = self._indices.get(row["key"])
+                if row["status"] not in STATUSES:
                     raise ValueError
                 if index is not None:
-                    self.rows[index] = self._row(index, found)
+                    self.rows[index] = self._row(index, row)
             except (ValueError, KeyError, TypeError, RecursionError):
                 raise InvalidInput(
                     f"{self._file}, line {k + 1}: that is no result of a batch: remove the line, "
                     "or the file, and run the batch again, which repeats its jobs."
                 ) from None
-        if whole < len(data):
-            os.truncate(self._file, whole)
+        if complete < len(data):
+            os.truncate(self._file, complete)
 
     def _put(self, name: str, content: bytes) -> None:
         """Write a file whole."""
@@ -264,11 +267,11 @@ def render_page(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
     from armcontour.report.sections.batch import BatchView
 
     stride = max(1, -(-len(rows) // MOST))
-    shown = rows[::stride]
-    axes = [_axis(x.key, x.unit, shown, log=x.log) for x in plan.varied if x.numeric]
-    figures = [_axis(x, COLUMNS[x].unit, shown) for x in plan.columns]
+    sampled = rows[::stride]
+    axes = [_axis(x.key, x.unit, sampled, log=x.log) for x in plan.varied if x.numeric]
+    figures = [_axis(x, COLUMNS[x].unit, sampled) for x in plan.columns]
     # Figures that no job has, such as places along axes that are not varied, are left out.
-    known = [x for x in figures if np.isfinite(x.values).any()]
+    drawn = [x for x in figures if np.isfinite(x.values).any()]
     names = ", ".join(x.name for x in plan.bases)
     varied = ", ".join(x.key for x in plan.varied)
     view = BatchView(
@@ -277,8 +280,8 @@ def render_page(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
         counts=Counter(x["status"] for x in rows),
         errors=Counter(x["error"] for x in rows if x["error"]),
         axes=tuple(axes),
-        figures=tuple(known or figures),
-        status=tuple(x["status"] for x in shown),
+        figures=tuple(drawn or figures),
+        status=tuple(x["status"] for x in sampled),
         done=DONE,
         stride=stride,
     )

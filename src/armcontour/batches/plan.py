@@ -134,8 +134,8 @@ class Plan:
     @property
     def units(self) -> dict[str, str]:
         """The units of all columns of results that are numbers."""
-        found = {x.key: x.unit for x in self.parameters if x.unit is not None}
-        return found | {x: COLUMNS[x].unit for x in self.columns}
+        units = {x.key: x.unit for x in self.parameters if x.unit is not None}
+        return units | {x: COLUMNS[x].unit for x in self.columns}
 
     def base(self, index: int) -> int:
         """Index of the base of a job."""
@@ -147,17 +147,17 @@ class Plan:
         Args:
             index: Index of the job, from 0.
         """
-        at = index % self.each
+        position = index % self.each
         if self.samples is not None:
-            sampled = iter(self.samples[at].tolist())
+            sampled = iter(self.samples[position].tolist())
             return tuple(next(sampled) if x.sampled else x.values[0] for x in self.parameters)
         if self.combine == ZIP:
-            return tuple(x.values[at if len(x.values) > 1 else 0] for x in self.parameters)
-        found: list[Any] = []
+            return tuple(x.values[position if len(x.values) > 1 else 0] for x in self.parameters)
+        values: list[Any] = []
         for x in reversed(self.parameters):
-            at, k = divmod(at, len(x.values))
-            found.append(x.values[k])
-        return tuple(reversed(found))
+            position, k = divmod(position, len(x.values))
+            values.append(x.values[k])
+        return tuple(reversed(values))
 
     def data(self, index: int) -> dict[str, Any]:
         """The data of the job file of a job, in SI units.
@@ -173,17 +173,17 @@ class Plan:
         Raises:
             InvalidInput: A file that a job names is missing, or two jobs are the same.
         """
-        asked = [self.work, *self.columns]
-        found = dict[str, int]()
+        request = [self.work, *self.columns]
+        indices = dict[str, int]()
         for index in range(len(self)):
-            key = self.bases[self.base(index)].key(self.data(index), asked)
-            first = found.setdefault(key, index)
+            key = self.bases[self.base(index)].key(self.data(index), request)
+            first = indices.setdefault(key, index)
             if first != index:
                 raise InvalidInput(
                     f"The jobs {first + 1} and {index + 1} of the plan are the same: leave out one "
                     "of the values, or files, that stand there twice."
                 )
-        return list(found)
+        return list(indices)
 
 
 def read_plan(plan: str | FilePath | Mapping[str, Any], *, trust_xacro: bool = False) -> Plan:
@@ -231,7 +231,7 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
         if model.do == PLACE:
             check_placed(base, _first(base, parameters))
         _refuse_unreadable(base, parameters)
-    found = Plan(
+    plan = Plan(
         name=checks.check_name("name of the plan", model.name or name),
         bases=tuple(_heard(x, parameters, trust_xacro) for x in bases),
         parameters=parameters,
@@ -241,13 +241,13 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
         samples=_samples(model.combine, parameters),
         trust_xacro=trust_xacro,
     )
-    _refuse_uneven(found)
-    if len(found) > MOST_JOBS:
+    _refuse_uneven(plan)
+    if len(plan) > MOST_JOBS:
         raise InvalidInput(
-            f"the plan has {len(found)} jobs, more than {MOST_JOBS}: take fewer steps, or samples "
+            f"the plan has {len(plan)} jobs, more than {MOST_JOBS}: take fewer steps, or samples "
             "with combine: {sobol: 4096}."
         )
-    return found
+    return plan
 
 
 def _heard(base: Base, parameters: Sequence[Parameter], trust_xacro: bool) -> Base:
@@ -286,27 +286,24 @@ def _refuse_unreadable(base: Base, parameters: Sequence[Parameter]) -> None:
 
     Values that go only with other values of the plan, such as gains of a servo model, may pass:
     the jobs in which they do not are refused one by one.
-
-    Raises:
-        InvalidInput: There is such a key or value.
     """
     keys = [x.parts for x in parameters]
     for k, x in enumerate(parameters):
         # Values of a range are as valid as its ends.
         tried = {0, len(x.values) - 1} if x.ranged else range(len(x.values))
         for i in sorted(tried):
-            place = f"over.{x.key} (item {i + 1})" if len(x.values) > 1 else f"over.{x.key}"
-            alone = _problem(base, [x.parts], [x.values[i]])
-            if alone is None:
+            location = f"over.{x.key} (item {i + 1})" if len(x.values) > 1 else f"over.{x.key}"
+            problem = _problem(base, [x.parts], [x.values[i]])
+            if problem is None:
                 continue
             # With the first values of the others, and with those that stand at the same place.
-            found = []
+            problems = []
             for j in (0, i):
                 values = [y.values[min(j, len(y.values) - 1)] for y in parameters]
                 values[k] = x.values[i]
-                found.append(_problem(base, keys, values))
-            if None not in found:
-                raise alone.at(place)
+                problems.append(_problem(base, keys, values))
+            if None not in problems:
+                raise problem.at(location)
 
 
 def _problem(
@@ -325,11 +322,7 @@ def _problem(
 
 
 def _samples(combine: Any, parameters: Sequence[Parameter]) -> FloatArray | None:
-    """Values of all parameters that are sampled, (n, sampled); None without samples.
-
-    Raises:
-        InvalidInput: There is no range to sample.
-    """
+    """Values of all parameters that are sampled, (n, sampled); None without samples."""
     if not isinstance(combine, SamplesModel):
         return None
     ranges = [x for x in parameters if x.sampled]
@@ -341,6 +334,6 @@ def _samples(combine: Any, parameters: Sequence[Parameter]) -> FloatArray | None
         raise InvalidInput(f"combine.sobol is {combine.sobol}, more than {MOST_JOBS} jobs.")
     from scipy.stats import qmc
 
-    drawn = qmc.Sobol(len(ranges), scramble=True, seed=combine.seed)
-    shares = drawn.random_base2(math.ceil(math.log2(combine.sobol)))[: combine.sobol]
-    return np.column_stack([x.at(shares[:, k]) for k, x in enumerate(ranges)])
+    sequence = qmc.Sobol(len(ranges), scramble=True, seed=combine.seed)
+    fractions = sequence.random_base2(math.ceil(math.log2(combine.sobol)))[: combine.sobol]
+    return np.column_stack([x.at(fractions[:, k]) for k, x in enumerate(ranges)])

@@ -41,11 +41,11 @@ class BatchProgress:
 
     def __str__(self) -> str:
         """How many jobs are done, how fast, and what came of them."""
-        left = "" if self.left is None else f", {digits(self.left)} s left"
+        remaining = "" if self.left is None else f", {digits(self.left)} s left"
         return format_table(
             f"{self.done} of {count_noun(self.total, 'job')} done",
             [
-                ("rate", f"{digits(self.rate)} jobs/s{left}"),
+                ("rate", f"{digits(self.rate)} jobs/s{remaining}"),
                 ("results", ", ".join(f"{n} {x}" for x, n in self.statuses.items())),
                 ("errors", ", ".join(f"{n} {x}" for x, n in self.errors.items())),
             ],
@@ -141,34 +141,34 @@ def batch(
         InvalidInput: A wrong plan, two jobs that are the same, or a folder with other files.
         ExecutionError: The executor takes no work, or has lost its workers; what is done stays.
     """
-    found = read_plan(plan, trust_xacro=trust_xacro)
+    parsed = read_plan(plan, trust_xacro=trust_xacro)
     with (
         open_executor(workers, cluster, executor) as opened,
-        Results(FilePath(out), found) as results,
+        Results(FilePath(out), parsed) as results,
     ):
-        left = results.left(retry=retry)
-        if left:
+        remaining = results.left(retry=retry)
+        if remaining:
             if not isinstance(opened, InProcess):
                 # Several processes would compile the same.
-                for x in {x.dimension for x in found.bases}:
+                for x in {x.dimension for x in parsed.bases}:
                     warm("plane" if x == 2 else "space", compiling)
-            _work(found, left, opened, results, progress or (lambda tally: None))
-        return Batch(plan=found, folder=results.folder, rows=results.finish())
+            _work(parsed, remaining, opened, results, progress or (lambda tally: None))
+        return Batch(plan=parsed, folder=results.folder, rows=results.finish())
 
 
 def _work(
     plan: Plan,
-    left: Sequence[int],
+    remaining: Sequence[int],
     executor: Executor,
     results: Results,
     progress: Callable[[BatchProgress], None],
 ) -> None:
     """Have the jobs done that have no result."""
     statuses, errors = Counter[str](), Counter[str]()
-    before, begin = len(plan) - len(left), time.monotonic()
+    before, begin = len(plan) - len(remaining), time.monotonic()
     with TaskQueue[int, Outcome](Work(plan), executor, killed) as crew:
-        waiting = iter(left)
-        while statuses.total() < len(left):
+        waiting = iter(remaining)
+        while statuses.total() < len(remaining):
             while len(crew) < crew.ahead and (index := next(waiting, None)) is not None:
                 crew.give(index)
             for index, outcome in crew.take():

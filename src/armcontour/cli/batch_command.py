@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 EVERY = 1.0
 
 
-def batch_file(plan: FilePath, out: FilePath, x: BatchOptions) -> int:
+def batch_file(plan: FilePath, out: FilePath, options: BatchOptions) -> int:
     """Work on all jobs of a plan.
 
     Args:
         plan: The plan file.
         out: The folder for results.
-        x: Options of the command.
+        options: Options of the command.
 
     Returns:
         The exit code: 1 if some jobs failed.
@@ -37,25 +37,25 @@ def batch_file(plan: FilePath, out: FilePath, x: BatchOptions) -> int:
     """
     from armcontour.batches import batch
 
-    with _shown(x.as_json) as (progress, compiling):
-        found = batch(
+    with _shown(options.as_json) as (progress, compiling):
+        result = batch(
             plan,
             out,
-            workers=x.workers,
-            cluster=x.cluster,
-            retry=x.retry,
-            trust_xacro=x.trust_xacro,
+            workers=options.workers,
+            cluster=options.cluster,
+            retry=options.retry,
+            trust_xacro=options.trust_xacro,
             progress=progress,
             compiling=compiling,
         )
     report = (out / "report.html").resolve()
-    if x.as_json:
-        _say_json({"end": _end(found)})
+    if options.as_json:
+        _say_json({"end": _end(result)})
     else:
-        _print(found, report)
-    if x.open_report and report.exists():
+        _print(result, report)
+    if options.open_report and report.exists():
         open_page(report)
-    return int("failed" in found.counts)
+    return int("failed" in result.counts)
 
 
 @contextmanager
@@ -65,12 +65,12 @@ def _shown(as_json: bool) -> Iterator[tuple[Callable[[BatchProgress], None], Pro
         with batch_progress() as shown:
             yield shown
         return
-    said = -EVERY
+    last = -EVERY
 
     def say(tally: BatchProgress) -> None:
-        nonlocal said
-        if tally.seconds - said >= EVERY or tally.done == tally.total:
-            said = tally.seconds
+        nonlocal last
+        if tally.seconds - last >= EVERY or tally.done == tally.total:
+            last = tally.seconds
             _say_json({"progress": describe(tally)})
 
     yield say, lambda step: None
@@ -90,13 +90,13 @@ def describe(tally: BatchProgress) -> dict[str, object]:
     }
 
 
-def _end(found: Batch) -> dict[str, object]:
+def _end(batch: Batch) -> dict[str, object]:
     """What came of a batch, as data."""
     return {
-        "batch": found.plan.name,
-        "folder": str(found.folder),
-        "statuses": dict(found.counts),
-        "errors": dict(found.errors),
+        "batch": batch.plan.name,
+        "folder": str(batch.folder),
+        "statuses": dict(batch.counts),
+        "errors": dict(batch.errors),
     }
 
 
@@ -106,11 +106,11 @@ def _say_json(data: object) -> None:
     sys.stdout.flush()
 
 
-def _print(found: Batch, report: FilePath) -> None:
+def _print(batch: Batch, report: FilePath) -> None:
     """Print what came of a batch."""
     console = Console()
-    rows = [[name, str(n)] for name, n in found.counts.items()]
-    console.show_table(["jobs", "number"], rows, title=f"{found.plan.name}: {len(found.plan)} jobs")
-    for name, n in found.errors.items():
+    rows = [[name, str(n)] for name, n in batch.counts.items()]
+    console.show_table(["jobs", "number"], rows, title=f"{batch.plan.name}: {len(batch.plan)} jobs")
+    for name, n in batch.errors.items():
         console.say(f"{name}: {n}")
     console.say(f"Report: {report.as_uri()}")

@@ -32,12 +32,12 @@ JOB_FILES = (".yaml", ".yml")
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
 
 
-def check_file(trajectory: FilePath, x: CheckOptions) -> int:
+def check_file(trajectory: FilePath, options: CheckOptions) -> int:
     """Check a trajectory file, print the result, and return the exit code of the verdict.
 
     Args:
         trajectory: CSV file, YAML or bag of ROS.
-        x: Options of the command; an arm of a job has its tool and payload.
+        options: Options of the command; an arm of a job has its tool and payload.
 
     Raises:
         InvalidInput: A file or an option that cannot be used.
@@ -48,24 +48,24 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     from armcontour.files.json_text import data_json
     from armcontour.verification import check
 
-    job = None if x.path is None else read_job(x.path, trust_xacro=x.trust_xacro)
-    arm, scene = _arm_and_scene(x, None if job is None else job.arm)
-    limits, path, deviation, angle = _limits_and_path(x, job, arm)
-    samples = _samples(trajectory, arm, x)
-    found = check(samples, arm, limits, path, deviation=deviation, orientation_deviation=angle)
+    job = None if options.path is None else read_job(options.path, trust_xacro=options.trust_xacro)
+    arm, scene = _arm_and_scene(options, None if job is None else job.arm)
+    limits, path, deviation, angle = _limits_and_path(options, job, arm)
+    samples = _samples(trajectory, arm, options)
+    result = check(samples, arm, limits, path, deviation=deviation, orientation_deviation=angle)
     clearance = None if scene is None else _clearance(samples, arm, scene)
-    if not found.uses and found.path_deviation is None and clearance is None:
+    if not result.uses and result.path_deviation is None and clearance is None:
         raise InvalidInput(f"There is no limit to check: {arm.name} has none, so give --limits.")
-    data = found.to_data()
-    if x.as_json:
+    data = result.to_data()
+    if options.as_json:
         notes = (Row("left_out", samples.left_out), Row("notes", samples.notes))
         parts = {} if clearance is None else {"clearance": clearance.to_data()}
         print(data_json(replace(data, rows=(*data.rows, *notes), parts=parts)), end="")
     else:
-        named = sorted({y.joint + 1 for y in found.uses if y.joint is not None})
+        named = sorted({y.joint + 1 for y in result.uses if y.joint is not None})
         called = [joint_called(y, arm.joint_names) for y in named]
         remarks = [f"Joints: {', '.join(called)}."] if called != [str(y) for y in named] else []
-        remarks += _on_the_file(samples, found, declared=x.noise is not None)
+        remarks += _on_the_file(samples, result, declared=options.noise is not None)
         if clearance is not None:
             evenly = "Between samples the joints count as moving evenly."
             remarks.append(f"{clearance.sentence} {evenly}")
@@ -73,11 +73,11 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
         remarks += [f"Note: {note}" for note in arm.notes]
         Console().show(replace(data, notes=(*data.notes, *remarks)))
     touches = clearance is not None and not clearance.kept
-    return EXIT_CODES["violated" if touches else found.verdict]
+    return EXIT_CODES["violated" if touches else result.verdict]
 
 
 def _limits_and_path(
-    x: CheckOptions, job: Job | None, arm: Arm
+    options: CheckOptions, job: Job | None, arm: Arm
 ) -> tuple[Limits, Program | None, float | None, float | None]:
     """The limits, the path, and the allowed deviations from the path [m] and [rad]."""
     from armcontour.core.errors import InvalidInput
@@ -86,14 +86,14 @@ def _limits_and_path(
 
     path, limits = None, arm.limits
     if job is not None:
-        run = _run(job, x.run_name, limited=x.limits is None)
+        run = _run(job, options.run_name, limited=options.limits is None)
         path, limits = prepare_and_round(job, run)[1], run.limits
-    if x.limits is None:
+    if options.limits is None:
         return limits, path, None, None
-    limits, deviation, angle = read_limits(x.limits, arm)
+    limits, deviation, angle = read_limits(options.limits, arm)
     if path is None and (deviation, angle) != (None, None):
         raise InvalidInput(
-            f"{x.limits} limits the deviation from a path: name its job with --path."
+            f"{options.limits} limits the deviation from a path: name its job with --path."
         )
     return limits, path, deviation, angle
 
@@ -105,39 +105,51 @@ def _clearance(samples: TrajectoryFile, arm: Arm, scene: Scene) -> Clearance:
     return check_clearance(samples.straight, arm, scene).later(float(samples.t[0]))
 
 
-def _arm_and_scene(x: CheckOptions, own: Arm | None) -> tuple[Arm, Scene | None]:
+def _arm_and_scene(options: CheckOptions, default: Arm | None) -> tuple[Arm, Scene | None]:
     """The arm that the options name, and the scene; None if none is named.
 
-    The arm is that of `--arm`, or of the job `own`, or of the cell of the scene.
+    The arm is that of `--arm`, or of the job `default`, or of the cell of the scene.
     """
     from armcontour.files.cell import cell_names, read_cell_scene
     from armcontour.files.scene_files import read_scene_file
     from armcontour.robot.scene import Scene
 
-    if x.scene is None:
-        return _arm(x, own), None
-    if FilePath(x.scene).suffix.lower() not in JOB_FILES and x.scene not in cell_names():
-        return _arm(x, own), Scene(obstacles=read_scene_file(x.scene))
-    arm, scene = read_cell_scene(x.scene, trust_xacro=x.trust_xacro)
-    return _arm(x, arm if own is None else own), scene
+    if options.scene is None:
+        return _arm(options, default), None
+    if (
+        FilePath(options.scene).suffix.lower() not in JOB_FILES
+        and options.scene not in cell_names()
+    ):
+        return _arm(options, default), Scene(obstacles=read_scene_file(options.scene))
+    arm, scene = read_cell_scene(options.scene, trust_xacro=options.trust_xacro)
+    return _arm(options, arm if default is None else default), scene
 
 
-def _arm(x: CheckOptions, own: Arm | None) -> Arm:
+def _arm(options: CheckOptions, default: Arm | None) -> Arm:
     """The arm that the options name; by default that of a job or a cell."""
     from armcontour.core.errors import InvalidInput
 
-    if x.arm is not None:
-        return named_arm(x.arm, x)
-    if own is None:
+    if options.arm is not None:
+        return named_arm(options.arm, options)
+    if default is None:
         raise InvalidInput(
             "Name the arm with --arm, with --path a job that has one, or with --scene a cell."
         )
-    if any(y is not None for y in (x.tip, x.base, x.joint_limits, x.package, x.xacro_arg)):
+    if any(
+        y is not None
+        for y in (
+            options.tip,
+            options.base,
+            options.joint_limits,
+            options.package,
+            options.xacro_arg,
+        )
+    ):
         raise InvalidInput(
             "--tip, --base, --joint-limits, --package and --xacro-arg go with --arm: the job's arm "
             "has its own."
         )
-    return own
+    return default
 
 
 def named_arm(name: str, x: ArmOptions) -> Arm:
@@ -145,36 +157,38 @@ def named_arm(name: str, x: ArmOptions) -> Arm:
     from armcontour.files.robots import options
     from armcontour.files.robots.loading import load_arm
 
-    given = options.ArmOptions(
+    arm_options = options.ArmOptions(
         tip=x.tip,
         base=x.base,
         joint_limits=x.joint_limits,
         packages=_pairs("--package", x.package),
         arguments=_pairs("--xacro-arg", x.xacro_arg),
     )
-    return load_arm(name, given, trust_xacro=x.trust_xacro)
+    return load_arm(name, arm_options, trust_xacro=x.trust_xacro)
 
 
-def _pairs(option: str, given: list[str] | None) -> dict[str, str]:
+def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
     """The values of an option that is given as NAME=VALUE, by name."""
     from armcontour.core.errors import InvalidInput
 
-    found = {}
-    for text in given or []:
+    pairs = {}
+    for text in texts or []:
         name, equals, value = text.partition("=")
         if not name or not equals:
             raise InvalidInput(f"{option} takes NAME=VALUE, such as {option} a=b, not {text!r}.")
-        found[name.strip()] = value.strip()
-    return found
+        pairs[name.strip()] = value.strip()
+    return pairs
 
 
-def _samples(trajectory: FilePath, arm: Arm, x: CheckOptions) -> TrajectoryFile:
+def _samples(trajectory: FilePath, arm: Arm, options: CheckOptions) -> TrajectoryFile:
     """Read a trajectory file, which must have as many joints as the arm."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files import read_trajectory
     from armcontour.motion.log_checks import check_range_of_log
 
-    samples = read_trajectory(trajectory, arm.joint_names, columns=x.columns, topic=x.topic)
+    samples = read_trajectory(
+        trajectory, arm.joint_names, columns=options.columns, topic=options.topic
+    )
     if samples.q.shape[1] != arm.dof:
         raise InvalidInput(
             f"{samples.source} has positions of {samples.q.shape[1]} joints "
@@ -185,15 +199,11 @@ def _samples(trajectory: FilePath, arm: Arm, x: CheckOptions) -> TrajectoryFile:
         samples.source, samples.t, {"position": samples.q}, samples.joints, arm,
         margin=2 * math.pi, degrees_only=True,
     )  # fmt: skip
-    return _with_noise(samples, x.noise)
+    return _with_noise(samples, options.noise)
 
 
 def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
-    """The samples with a declared largest error of positions and velocities.
-
-    Raises:
-        InvalidInput: No such quantities, or an error of velocities that the file does not have.
-    """
+    """The samples with a declared largest error of positions and velocities."""
     from armcontour.cli.inputs import read_option
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import AngularDistance, AngularRate
@@ -215,7 +225,7 @@ def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
     return replace(samples, resolution=resolution)
 
 
-def _on_the_file(samples: TrajectoryFile, found: Check, *, declared: bool) -> list[str]:
+def _on_the_file(samples: TrajectoryFile, result: Check, *, declared: bool) -> list[str]:
     """Sentences on columns that were left out, and on noise that was not declared."""
     lines = []
     if samples.left_out:
@@ -226,7 +236,7 @@ def _on_the_file(samples: TrajectoryFile, found: Check, *, declared: bool) -> li
     lines += [f"Note: {x}" for x in samples.notes]
     noise = _noise(samples.q)
     if (
-        found.violated
+        result.violated
         and not declared
         and noise > max(samples.resolution.get("q", 0.0), LEAST_NOISE)
     ):

@@ -91,12 +91,7 @@ def app_for(arguments: Sequence[str]) -> typer.Typer:
 
 
 def _command(topic: str, example: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Decorator for a command.
-
-    Args:
-        topic: Its section in the help of the program.
-        example: Arguments of an example, which its own help ends with.
-    """
+    """Decorator for a command."""
     epilog = f"\b\nExample:\n  armcontour {example}"
     return app.command(cls=Command, rich_help_panel=topic, epilog=epilog)
 

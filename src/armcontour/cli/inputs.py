@@ -101,12 +101,12 @@ def is_job(file: FilePath) -> bool:
     return file.suffix.lower() in JOBS
 
 
-def open_job(file: FilePath, x: JobOptions, progress: Progress, *groups: Any) -> Job:
+def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *groups: Any) -> Job:
     """Read the job in a job file, or combine a drawing with a cell.
 
     Args:
         file: A job file, or a drawing.
-        x: Options that set keys of the job; --cell is for a drawing only.
+        job_options: Options that set keys of the job; --cell is for a drawing only.
         progress: Called with the progress of reading the drawing.
         groups: More groups of options that set keys of the job.
 
@@ -118,25 +118,33 @@ def open_job(file: FilePath, x: JobOptions, progress: Progress, *groups: Any) ->
     from armcontour.files.cell import cell_names, read_cell
     from armcontour.files.drawings.endings import find_reader
 
-    patch, options = read_patch(x, *groups)
+    patch, options = read_patch(job_options, *groups)
     if is_job(file):
-        if x.cell is not None:
+        if job_options.cell is not None:
             raise InvalidInput(
                 f"{file.name} is a job, which has an arm: --cell goes with a drawing."
             )
         if str(file) == PAPER and not file.exists():
             file = library_file("paper.yaml")
         with name_options(options):
-            return read_job(file, patch=patch, reading=progress, trust_xacro=x.trust_xacro)
+            return read_job(
+                file, patch=patch, reading=progress, trust_xacro=job_options.trust_xacro
+            )
     # A robot description, say, is no drawing, and needs no cell.
     find_reader(file)
-    if x.cell is None:
+    if job_options.cell is None:
         raise InvalidInput(
             f"{file.name} is a drawing: name the cell it is to be run in with --cell, one of "
             f"{', '.join(cell_names())}, or a job file."
         )
     with name_options(options):
-        return read_cell(x.cell, file, patch=patch, reading=progress, trust_xacro=x.trust_xacro)
+        return read_cell(
+            job_options.cell,
+            file,
+            patch=patch,
+            reading=progress,
+            trust_xacro=job_options.trust_xacro,
+        )
 
 
 def read_option(option: str, text: str | int | None, kind: Any) -> float | None:
@@ -229,11 +237,7 @@ def to_anchor(text: str) -> str | list[str | int]:
 
 
 def _named(texts: list[str], example: str) -> dict[str, str]:
-    """Texts such as 'x: 2 mm', by the names before their colons.
-
-    Raises:
-        ValueError: Text of another form, or a name twice.
-    """
+    """Texts such as 'x: 2 mm', by the names before their colons."""
     values: dict[str, str] = {}
     for text in texts:
         name, colon, value = (part.strip() for part in text.partition(":"))

@@ -110,11 +110,11 @@ def _end(number: int) -> NoReturn:
     for name in SIGNALS:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
-    said = _bid_farewell()
+    sentences = _bid_farewell()
     unwritten = staging.abandon(PATIENCE)
     message = f"Interrupted ({signal.Signals(number).name})"
     message += f": nothing was written to {', '.join(unwritten)}." if unwritten else "."
-    message = " ".join([message, *said])
+    message = " ".join([message, *sentences])
     # Written directly to the file descriptor: the thread may hold the locks of the streams.
     with suppress(OSError, AttributeError, ValueError):
         # Clears the line of a progress bar and shows the cursor again.
@@ -125,15 +125,15 @@ def _end(number: int) -> NoReturn:
 
 def _bid_farewell() -> list[str]:
     """Call the functions that tidy up, each in a thread that is not waited for too long."""
-    said: list[str] = []
+    sentences: list[str] = []
 
     def call(farewell: Callable[[], str | None]) -> None:
         with suppress(Exception):
             if (sentence := farewell()) is not None:
-                said.append(sentence)
+                sentences.append(sentence)
 
     for farewell in tuple(_farewells):
         thread = threading.Thread(target=call, args=(farewell,), daemon=True)
         thread.start()
         thread.join(PATIENCE)
-    return said
+    return sentences

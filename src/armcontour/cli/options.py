@@ -120,27 +120,27 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(command)
     def call(**options: Any) -> Any:
-        for name, of in groups.items():
-            options[name] = of(
+        for name, group in groups.items():
+            options[name] = group(
                 **{
                     x: {y: options.pop(y) for y in keys.options} if keys else options.pop(x)
-                    for x, (_, _, keys) in _fields_of(of).items()
+                    for x, (_, _, keys) in _fields_of(group).items()
                 }
             )
         return command(**options)
 
-    found: list[inspect.Parameter] = []
+    parameters: list[inspect.Parameter] = []
     for x in inspect.signature(command).parameters.values():
-        of = groups.get(x.name)
-        known = {x.name: (hints[x.name], x.default)} if of is None else options_of(of)
-        found += [
+        group = groups.get(x.name)
+        declared = {x.name: (hints[x.name], x.default)} if group is None else options_of(group)
+        parameters += [
             inspect.Parameter(
                 name, inspect.Parameter.KEYWORD_ONLY, annotation=hint, default=default
             )
-            for name, (hint, default) in known.items()
+            for name, (hint, default) in declared.items()
         ]
-    call.__annotations__ = {x.name: x.annotation for x in found}
-    call.__signature__ = inspect.Signature(found)  # type: ignore[attr-defined]
+    call.__annotations__ = {x.name: x.annotation for x in parameters}
+    call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     return call
 
 
@@ -167,12 +167,12 @@ def options_of(group: type) -> dict[str, tuple[Any, Any]]:
 
 def _fields_of(group: type) -> dict[str, tuple[Any, OptionInfo | None, Keys | None]]:
     """The type of each field of a dataclass, its option of typer, and its short options."""
-    found: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     for name, hint in get_type_hints(group, include_extras=True).items():
         kind, *marks = get_args(hint) if get_origin(hint) is Annotated else (hint,)
         one = [next((x for x in marks if isinstance(x, y)), None) for y in (OptionInfo, Keys)]
-        found[name] = (kind, *one)
-    return found
+        fields[name] = (kind, *one)
+    return fields
 
 
 Set: TypeAlias = dict[str, Any]

@@ -17,14 +17,16 @@ if TYPE_CHECKING:
 JOB = "job.yaml"
 
 
-def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceOptions) -> None:
+def place_file(
+    file: FilePath, out: FilePath, job_options: JobOptions, options: PlaceOptions
+) -> None:
     """Place a job, print the best place, and write maps, a table and the job in that place.
 
     Args:
         file: A job file, or a drawing.
         out: Folder for summary.json, placement.csv, report.html and job.yaml.
         job_options: Options that replace values of the job.
-        x: Options of the command.
+        options: Options of the command.
 
     Raises:
         ArmContourError: An invalid job, or no feasible place; then nothing is written.
@@ -37,42 +39,38 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
     from armcontour.studies.placement import place
 
     # By default places decide by their number.
-    own = x.workers is None and x.cluster is None
+    by_number = options.workers is None and options.cluster is None
     with (
-        nullcontext() if own else open_executor(x.workers, x.cluster) as executor,
-        ResultFolder(out, force=x.force) as folder,
+        nullcontext() if by_number else open_executor(options.workers, options.cluster) as executor,
+        ResultFolder(out, force=options.force) as folder,
     ):
         from armcontour.report import render_placement
 
         with share_progress() as progress:
-            job = open_job(file, job_options, subprogress(progress, "reading"), x)
+            job = open_job(file, job_options, subprogress(progress, "reading"), options)
             if job.placement is None or not job.placement.over:
                 raise InvalidInput(
                     "place needs --over for each axis along which to place, such as 'x: -300 mm .. "
                     "300 mm, 25', or the key placement.over of the job."
                 )
-            found = place(job, run=x.run_name, executor=executor, progress=progress)
-        folder.write("report.html", render_placement(found))
-        folder.write("placement.csv", placement_csv(found))
+            placement = place(job, run=options.run_name, executor=executor, progress=progress)
+        folder.write("report.html", render_placement(placement))
+        folder.write("placement.csv", placement_csv(placement))
         unwritten = ""
         try:
-            folder.write(JOB, _job_text(found, file, out, job_options))
+            folder.write(JOB, _job_text(placement, file, out, job_options))
         except InvalidInput as error:
             unwritten = str(error)
         files = [*folder.files, "summary.json"]
-        folder.write("summary.json", placement_json(found, files))
+        folder.write("summary.json", placement_json(placement, files))
     report = (out / "report.html").resolve()
-    _print(found, report, None if unwritten else out / JOB, unwritten)
-    if x.open_report:
+    _print(placement, report, None if unwritten else out / JOB, unwritten)
+    if options.open_report:
         open_page(report)
 
 
-def _job_text(found: Placement, file: FilePath, out: FilePath, options: JobOptions) -> str:
-    """The text of the job in its best place.
-
-    Raises:
-        InvalidInput: It cannot be written with keys of a job.
-    """
+def _job_text(placement: Placement, file: FilePath, out: FilePath, options: JobOptions) -> str:
+    """The text of the job in its best place."""
     from armcontour.cli.inputs import is_job, read_patch
     from armcontour.files import placed_job_text
     from armcontour.files.cell import drawing_text
@@ -83,20 +81,20 @@ def _job_text(found: Placement, file: FilePath, out: FilePath, options: JobOptio
     else:
         text, folder = drawing_text(str(options.cell), file, out), out
     patch, _ = read_patch(options)
-    return placed_job_text(found, text, folder=folder, to=out, patch=patch)
+    return placed_job_text(placement, text, folder=folder, to=out, patch=patch)
 
 
-def _print(found: Placement, report: FilePath, job: FilePath | None, unwritten: str) -> None:
+def _print(placement: Placement, report: FilePath, job: FilePath | None, unwritten: str) -> None:
     """Print the best place, what it gains, and how places were refused."""
     from armcontour.core.render import compare, text
     from armcontour.core.result import TABLE
 
     console = Console()
-    for line in text(found.to_data()).splitlines():
+    for line in text(placement.to_data()).splitlines():
         console.say(line)
-    header, *rows = compare(found.comparison, TABLE, texts=True)
+    header, *rows = compare(placement.comparison, TABLE, texts=True)
     console.show_table(["", *header[1:]], rows)
-    notes = [*found.notes, *found.job.arm.notes, *([unwritten] if unwritten else [])]
+    notes = [*placement.notes, *placement.job.arm.notes, *([unwritten] if unwritten else [])]
     for note in notes:
         console.say(f"Note: {note}")
     if job is not None:

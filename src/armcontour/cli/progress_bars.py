@@ -26,18 +26,18 @@ MOMENT = 0.05
 
 
 @contextmanager
-def search_progress(what: str) -> Iterator[Progress]:
+def search_progress(title: str) -> Iterator[Progress]:
     """Show a line with the current step, on a terminal; yields the function that updates the line.
 
     Args:
-        what: Text before the step.
+        title: Text before the step.
     """
     with _bar() as bar:
-        task = bar.add_task(what)
+        task = bar.add_task(title)
         lines = Lines(bar.disable)
 
         def show(step: Step) -> None:
-            words = to_line(f"{what}: {step}")
+            words = to_line(f"{title}: {step}")
             bar.update(task, description=words)
             lines.tell(words, None if step.done is None else f"{step.done:.0%}")
 
@@ -90,22 +90,22 @@ def batch_progress() -> Iterator[tuple[Callable[[BatchProgress], None], Progress
 
 def describe_tally(tally: BatchProgress) -> str:
     """How fast a batch is, how long it takes yet, and what its jobs were refused for, in a line."""
-    left = "" if tally.left is None else f", left {timedelta(seconds=round(tally.left))}"
+    remaining = "" if tally.left is None else f", left {timedelta(seconds=round(tally.left))}"
     refused = [f"{n} {name}" for name, n in tally.statuses.items() if name != "done"]
     kinds = [f"{n} {name}" for name, n in tally.errors.items()]
-    shown = f"; {', '.join(refused)} ({', '.join(kinds)})" if refused else ""
-    return f"{tally.rate:.3g} jobs/s{left}{shown}"
+    refusals = f"; {', '.join(refused)} ({', '.join(kinds)})" if refused else ""
+    return f"{tally.rate:.3g} jobs/s{remaining}{refusals}"
 
 
 @contextmanager
 def compiling_said() -> Iterator[None]:
     """Write one line when a function has to be compiled, which takes a while."""
-    said = False
+    is_written = False
 
     def say(name: str) -> None:
-        nonlocal said
-        if not said:
-            said = True
+        nonlocal is_written
+        if not is_written:
+            is_written = True
             # Of the functions that a run needs, others may have been compiled already.
             what = f"up to {name}" if name[:1].isdigit() else "functions"
             sys.stderr.write(
@@ -129,26 +129,26 @@ class Lines:
 
     def __init__(
         self,
-        wanted: bool,
+        active: bool,
         clock: Callable[[], float] = time.monotonic,
         *,
         at_once: bool = False,
     ) -> None:
-        self._wanted, self._clock = wanted, clock
+        self._wanted, self._clock = active, clock
         self._last = clock() - (EVERY if at_once else 0.0)
 
-    def tell(self, words: str, more: str | None = None) -> None:
+    def tell(self, words: str, detail: str | None = None) -> None:
         """Write a line, unless there was one a moment ago.
 
         Args:
             words: The current step.
-            more: What else is known of it.
+            detail: What else is known of it.
         """
         now = self._clock()
         if not self._wanted or now - self._last < EVERY:
             return
         self._last = now
-        sys.stderr.write(f"{words if more is None else f'{words}, {more}'}\n")
+        sys.stderr.write(f"{words if detail is None else f'{words}, {detail}'}\n")
         sys.stderr.flush()
 
 
@@ -191,8 +191,8 @@ class JobProgress:
         self._shown = step.names, now
         spent = now - self._since
         whole = spent / step.done if step.done else max(spent, self._typical(names[-1]))
-        rest = whole - spent + sum(map(self._typical, self._ahead))
-        self._show(to_line(str(step)), now - self._start, now - self._start + rest)
+        remaining = whole - spent + sum(map(self._typical, self._ahead))
+        self._show(to_line(str(step)), now - self._start, now - self._start + remaining)
 
     def _typical(self, name: str) -> float:
         """Estimated duration of a step [s]."""
@@ -219,12 +219,12 @@ def job_progress() -> Iterator[JobProgress]:
         task = bar.add_task("reading", total=None, end=None)
         lines = Lines(bar.disable)
 
-        def show(what: str, spent: float, whole: float) -> None:
-            left = timedelta(seconds=round(max(whole - spent, 0)))
-            known = whole > spent
-            lines.tell(what, f"{spent / whole:.0%}, left {left}" if known else None)
-            end = time.monotonic() + whole - spent if known else None
-            bar.update(task, description=what, completed=spent, total=whole, end=end)
+        def show(description: str, spent: float, whole: float) -> None:
+            remaining = timedelta(seconds=round(max(whole - spent, 0)))
+            is_known = whole > spent
+            lines.tell(description, f"{spent / whole:.0%}, left {remaining}" if is_known else None)
+            end = time.monotonic() + whole - spent if is_known else None
+            bar.update(task, description=description, completed=spent, total=whole, end=end)
 
         def compiling(name: str) -> None:
             words = to_line(f"{COMPILING}: {name}")
@@ -236,14 +236,14 @@ def job_progress() -> Iterator[JobProgress]:
 
 
 @contextmanager
-def _bar(*more: Any) -> Iterator[Any]:
+def _bar(*extra: Any) -> Iterator[Any]:
     """A line of rich, on a terminal only, which is removed at the end."""
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     console = Console(stderr=True)
     words = TextColumn("{task.description}", markup=False)
-    columns = (SpinnerColumn(), words, TimeElapsedColumn(), *more)
+    columns = (SpinnerColumn(), words, TimeElapsedColumn(), *extra)
     with Progress(
         *columns, console=console, transient=True, disable=not console.is_terminal
     ) as bar:

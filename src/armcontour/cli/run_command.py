@@ -60,9 +60,9 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
             for name, study in studies.items():
                 others = len(folder.files)
                 write_motions(folder, study.job, study.runs, prefix=name)
-                own = [x.removeprefix(name) for x in folder.files[others:]]
+                files = [x.removeprefix(name) for x in folder.files[others:]]
                 folder.write(
-                    f"{name}summary.json", data_json(study.to_data([*own, "summary.json"]))
+                    f"{name}summary.json", data_json(study.to_data([*files, "summary.json"]))
                 )
             folder.write("report.html", render_demo(list(studies.values())))
     for study in studies.values():

@@ -53,11 +53,7 @@ def show_file(file: FilePath, drawing: DrawingOptions, as_json: bool) -> None:
 
 
 def _read_drawing(file: FilePath, drawing: DrawingOptions, progress: Progress) -> Program:
-    """Read a drawing with the options of the command line.
-
-    Raises:
-        InvalidInput: The drawing cannot be read.
-    """
+    """Read a drawing with the options of the command line."""
     from armcontour.cli.inputs import name_options, read_patch
     from armcontour.files.drawings.options import ReadOptions
     from armcontour.files.drawings.read import read_path

@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from armcontour.studio.session import Session
 
 
-def open_studio(file: FilePath | None, x: StudioOptions) -> None:
+def open_studio(file: FilePath | None, options: StudioOptions) -> None:
     """Serve the Studio until it is interrupted, or its last page is closed.
 
     Args:
         file: A job file or a drawing; None opens the start page.
-        x: The options.
+        options: The options.
 
     Raises:
         InvalidInput: No such file, a drawing without a cell, or a library that is missing.
@@ -28,20 +28,20 @@ def open_studio(file: FilePath | None, x: StudioOptions) -> None:
     from armcontour.studio.server import require_server, serve
 
     require_server()
-    _check(file, x)
+    _check(file, options)
 
     desks: list[Desk] = []
     with before_interrupt(lambda: _unsaved(desks)), before_interrupt(lambda: _leave(desks)):
         serve(
-            lambda say: _session(file, x, say),
-            port=x.port,
-            announce=lambda address: _announce(address, x.open_page),
-            exit_when_closed=x.exit_when_closed,
+            lambda say: _session(file, options, say),
+            port=options.port,
+            announce=lambda address: _announce(address, options.open_page),
+            exit_when_closed=options.exit_when_closed,
             opened=desks.append,
         )
 
 
-def _check(file: FilePath | None, x: StudioOptions) -> None:
+def _check(file: FilePath | None, options: StudioOptions) -> None:
     """Refuse what cannot be opened before anything is loaded that takes long."""
     from armcontour.cli.inputs import is_job
     from armcontour.core.errors import InvalidInput
@@ -49,27 +49,29 @@ def _check(file: FilePath | None, x: StudioOptions) -> None:
     from armcontour.files.drawings.endings import find_reader
 
     if file is None:
-        if x.cell is not None:
+        if options.cell is not None:
             raise InvalidInput("--cell goes with a drawing: name one.")
         return
     job = is_job(file)
-    if job and x.cell is not None:
+    if job and options.cell is not None:
         raise InvalidInput(f"{file.name} is a job, which has an arm: --cell goes with a drawing.")
     if not job:
         find_reader(file)
-    if not job and x.cell is None:
+    if not job and options.cell is None:
         raise InvalidInput(
             f"{file.name} is a drawing: name the cell it is to be run in with --cell, such as "
             "ur5e, or a job file."
         )
-    read_bytes(file, "job file" if job else "drawing", most=LARGE)
+    read_bytes(file, "job file" if job else "drawing", maximum=LARGE)
 
 
-def _session(file: FilePath | None, x: StudioOptions, say: Callable[[bytes], None]) -> Session:
+def _session(
+    file: FilePath | None, options: StudioOptions, say: Callable[[bytes], None]
+) -> Session:
     """Open the document; this loads all that computes."""
     from armcontour.studio.opening import open_session
 
-    return open_session(file, cell=x.cell, trust_xacro=x.trust_xacro, say=say)
+    return open_session(file, cell=options.cell, trust_xacro=options.trust_xacro, say=say)
 
 
 def _announce(address: str, open_page: bool) -> None:

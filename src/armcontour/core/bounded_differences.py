@@ -45,12 +45,14 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
         return values
     rooms, scales = [], []
     for k in orders:
-        now = differences(values, k) if k else values[1:-1]
+        values_of_order = differences(values, k) if k else values[1:-1]
         # In place of a missing bound, one that the nearest values do not reach.
-        far = FAR * max(float(np.abs(now).max()), *(abs(x) for x in bounds[k] if isfinite(x)))
-        low, high = max(bounds[k][0], -far), min(bounds[k][1], far)
+        distant = FAR * max(
+            float(np.abs(values_of_order).max()), *(abs(x) for x in bounds[k] if isfinite(x))
+        )
+        low, high = max(bounds[k][0], -distant), min(bounds[k][1], distant)
         scales.append(2 / (high - low))
-        rooms.append(scales[-1] * np.stack([high - now, now - low]))
+        rooms.append(scales[-1] * np.stack([high - values_of_order, values_of_order - low]))
     room, cuts = np.concatenate(rooms, axis=1), np.cumsum([x.shape[1] for x in rooms])[:-1]
     excess = -float(room.min())
     if excess <= 0:
@@ -73,13 +75,13 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
         outside: FloatArray,
         slacks: FloatArray,
         multipliers: FloatArray,
-        wanted: FloatArray,
+        target: FloatArray,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """The step that changes products of slacks and multipliers by wanted ones."""
-        right = -gradient - adjoint((wanted + multipliers * outside) / slacks)
+        right = -gradient - adjoint((target + multipliers * outside) / slacks)
         step = cho_solve_banded((matrix, True), right, check_finite=False)
         wider = -outside - side * forward(step)
-        return step, wider, (wanted - multipliers * wider) / slacks
+        return step, wider, (target - multipliers * wider) / slacks
 
     slacks = np.maximum(room, max(excess, 1.0))
     multipliers = FIRST_PRODUCT * min(excess, 1.0) ** 2 / slacks
@@ -114,9 +116,9 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
         multipliers += dual * stronger
     else:
         return None
-    found = values.copy()
-    found[1:-1] += change
-    return found
+    nearest = values.copy()
+    nearest[1:-1] += change
+    return nearest
 
 
 def differences(values: FloatArray, order: int) -> FloatArray:
@@ -134,15 +136,15 @@ def _bands(
     count: int, orders: Sequence[int], scales: Sequence[float], weights: Sequence[FloatArray]
 ) -> FloatArray:
     """Bands of the identity plus weighted squares of scaled differences, from the diagonal down."""
-    found = np.zeros((max(orders) + 1, count))
-    found[0] = 1.0
+    bands = np.zeros((max(orders) + 1, count))
+    bands[0] = 1.0
     for k, scale, weight in zip(orders, scales, weights, strict=True):
         signs = [(-1) ** j * comb(k, j) * scale for j in range(k + 1)]
         for band in range(min(k + 1, count)):
             for j in range(band, k + 1):
                 shifted = weight[j : j + count - band]
-                found[band, : count - band] += signs[j] * signs[j - band] * shifted
-    return found
+                bands[band, : count - band] += signs[j] * signs[j - band] * shifted
+    return bands
 
 
 def _reach(values: FloatArray, step: FloatArray) -> float:

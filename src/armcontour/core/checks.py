@@ -122,8 +122,8 @@ class Value:
 
     def __getstate__(self) -> tuple[list[Any], list[int], dict[str, Any] | None]:
         """The values of all fields, which of them are locked, and other attributes."""
-        own: Any = type(self)
-        names = _field_names(own)
+        kind: Any = type(self)
+        names = _field_names(kind)
         values = [getattr(self, name) for name in names]
         locked = [k for k, x in enumerate(values) if _is_locked_value(x)]
         others = getattr(self, "__dict__", None)
@@ -139,8 +139,8 @@ class Value:
             _lock_value(values[k])
         if others is not None:
             vars(self).update(others)
-        own: Any = type(self)
-        for name, value in zip(_field_names(own), values, strict=True):
+        kind: Any = type(self)
+        for name, value in zip(_field_names(kind), values, strict=True):
             object.__setattr__(self, name, value)
 
 
@@ -306,19 +306,19 @@ def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
             f"{name} must be numbers{in_unit(unit)}, but some are masked: leave them out."
         )
     try:
-        given = np.asarray(values)
-        if given.dtype.kind not in NUMERIC and given.size:
+        array = np.asarray(values)
+        if array.dtype.kind not in NUMERIC and array.size:
             raise InvalidInput(
-                f"{name} must be numbers{in_unit(unit)}, not {NOT_NUMERIC[given.dtype.kind]}."
+                f"{name} must be numbers{in_unit(unit)}, not {NOT_NUMERIC[array.dtype.kind]}."
             )
-        if given.dtype.kind == "O":
+        if array.dtype.kind == "O":
             # numpy makes numbers of these, too: None becomes NaN.
-            for x in given.flat:
+            for x in array.flat:
                 if x is None or isinstance(x, str | bytes | bool):
                     raise InvalidInput(
                         f"{name} must be numbers{in_unit(unit)}, but one of them is {show(x)}."
                     )
-        return np.asarray(given, dtype=np.float64)
+        return np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         if isinstance(error, InvalidInput):
             raise
@@ -463,11 +463,11 @@ def check_int(name: str, value: Any, low: int | None = None, high: int | None = 
     Raises:
         InvalidInput: The value is not a whole number, or outside this range.
     """
-    least, most = (-LARGEST if low is None else low), (MOST_WHOLE if high is None else high)
-    if type(value) is int and least <= value <= most:
+    minimum, maximum = (-LARGEST if low is None else low), (MOST_WHOLE if high is None else high)
+    if type(value) is int and minimum <= value <= maximum:
         return value
     checked = check_number(name, value)
-    if checked != int(checked) or not least <= checked <= most:
+    if checked != int(checked) or not minimum <= checked <= maximum:
         range_ = "" if low is None else f" of at least {low}"
         range_ = range_ if high is None else f" from {low} to {high}"
         raise InvalidInput(f"{name} must be a whole number{range_}, but is {checked:g}.")
@@ -648,11 +648,11 @@ def _with_article(name: str) -> str:
 
 def explain_calls(constructed: type[C]) -> type[C]:
     """Decorate a public dataclass: its constructors refuse arguments that they do not have."""
-    own: Any = constructed
-    own.__init__ = explained(own.__init__)
-    for name, x in list(vars(own).items()):
+    cls: Any = constructed
+    cls.__init__ = explained(cls.__init__)
+    for name, x in list(vars(cls).items()):
         if isinstance(x, classmethod) and not name.startswith("_"):
-            setattr(own, name, classmethod(explained(x.__func__)))
+            setattr(cls, name, classmethod(explained(x.__func__)))
     return constructed
 
 
@@ -680,7 +680,7 @@ def raise_call_error(
     """
     every = signature(function).parameters
     slots = {name: x for name, x in every.items() if name not in ("self", "cls")}
-    given = args[len(every) - len(slots) :]
+    positional = args[len(every) - len(slots) :]
     user = function.__qualname__.removesuffix(".__init__")
     if any(x.kind in (Parameter.VAR_KEYWORD, Parameter.VAR_POSITIONAL) for x in slots.values()):
         return
@@ -689,13 +689,15 @@ def raise_call_error(
         hint = suggest(name, slots, takes[:-1])
         raise InvalidInput(f"{user} has no argument {show(name)} ({hint}).")
     by_place = [x.name for x in slots.values() if x.kind is Parameter.POSITIONAL_OR_KEYWORD]
-    if len(given) > len(by_place):
+    if len(positional) > len(by_place):
         only = f"only {' and '.join(by_place)}" if by_place else "no argument"
         raise InvalidInput(
             f"{user} takes {only} without a name: write the names of others; {takes}"
         )
-    done = {*by_place[: len(given)], *keywords}
-    raise_if(len(done) < len(given) + len(keywords), f"{user} was given an argument twice; {takes}")
+    done = {*by_place[: len(positional)], *keywords}
+    raise_if(
+        len(done) < len(positional) + len(keywords), f"{user} was given an argument twice; {takes}"
+    )
     lacking = [
         x.name for x in slots.values() if x.default is Parameter.empty and x.name not in done
     ]
@@ -710,12 +712,18 @@ def kinds_of(annotation: Any) -> tuple[type, ...]:
         return sum(parts, ()) if all(parts) else ()
     if kind in (bool, FilePath):
         return (bool, np.bool_) if kind is bool else (PathLike,)
-    own = isinstance(kind, type) and kind.__module__.startswith(("armcontour.", "concurrent."))
-    return (kind,) if kind in WORDS or (own and not getattr(kind, "_is_protocol", False)) else ()
+    is_library_class = isinstance(kind, type) and kind.__module__.startswith(
+        ("armcontour.", "concurrent.")
+    )
+    return (
+        (kind,)
+        if kind in WORDS or (is_library_class and not getattr(kind, "_is_protocol", False))
+        else ()
+    )
 
 
 def check_sequence(
-    name: str, values: Any, kind: Any, what: str, count: int | None = None
+    name: str, values: Any, kind: Any, noun: str, count: int | None = None
 ) -> tuple[Any, ...]:
     """The values of a list as a tuple.
 
@@ -723,7 +731,7 @@ def check_sequence(
         name: Name of the list, for messages.
         values: The list, or what gives its values one after the other.
         kind: Class of each value.
-        what: The values in words, such as "Events".
+        noun: The values in words, such as "Events".
         count: Their number; None for any.
 
     Raises:
@@ -734,10 +742,10 @@ def check_sequence(
     # Most lists are tuples, many of them empty.
     no_list = (str, bytes, Mapping)
     if type(values) is tuple or (isinstance(values, Iterable) and not isinstance(values, no_list)):
-        found = tuple(values)
-        if count in (None, len(found)) and (not found or all(isinstance(x, kind) for x in found)):
-            return found
-    raise InvalidInput(f"{name} must be a list of {what}, not {show(values)}.")
+        items = tuple(values)
+        if count in (None, len(items)) and (not items or all(isinstance(x, kind) for x in items)):
+            return items
+    raise InvalidInput(f"{name} must be a list of {noun}, not {show(values)}.")
 
 
 def check_names(name: str, values: Any, count: int | None = None) -> tuple[str, ...]:
@@ -752,8 +760,8 @@ def check_names(name: str, values: Any, count: int | None = None) -> tuple[str, 
         InvalidInput: No list of so many short texts.
     """
     what = "names" if count is None else f"{count} names"
-    found = check_sequence(name, values, str, what, count)
-    return tuple(check_name(f"name in {name}", x) for x in found)
+    names = check_sequence(name, values, str, what, count)
+    return tuple(check_name(f"name in {name}", x) for x in names)
 
 
 def read_place(user: str, place: Any) -> FilePath:

@@ -163,9 +163,9 @@ def from_text(text: str) -> tuple[Any, ...]:
             return types.NamedUniTuple(parts[0], len(parts), kind)
         return types.NamedTuple(parts, kind)
 
-    own = {"const": lambda x: x.copy(readonly=True), "named": named, "Vector": VECTOR}
+    words = {"const": lambda x: x.copy(readonly=True), "named": named, "Vector": VECTOR}
     # The text comes from this package.
-    kinds: tuple[Any, ...] = eval(f"({text},)" if text else "()", vars(types) | own)
+    kinds: tuple[Any, ...] = eval(f"({text},)" if text else "()", vars(types) | words)
     return kinds
 
 

@@ -92,18 +92,18 @@ def check(value: Any) -> None:
     readers, shapes = _readers(kind)
     try:
         for name, read, default in readers:
-            given = getattr(value, name)
-            if given is not default and (checked := read(given)) is not given:
+            original = getattr(value, name)
+            if original is not default and (checked := read(original)) is not original:
                 object.__setattr__(value, name, checked)
         if shapes:
             _refuse_misfits(value, shapes)
     except InvalidInput as error:
         # A property may need the field that does not fit.
         named = {x.name for x in fields(kind)} & {"source", "name"} - {name}
-        where = getattr(value, max(named)) if named else None
-        if not isinstance(where, str) or not where:
+        location = getattr(value, max(named)) if named else None
+        if not isinstance(location, str) or not location:
             raise
-        raise error.at(shorten(where, checks.LONGEST_NAME)) from None
+        raise error.at(shorten(location, checks.LONGEST_NAME)) from None
 
 
 @cache
@@ -128,12 +128,14 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def call(*args: Any, **keywords: Any) -> R:
-        known = _readers_of_arguments(function)
-        given = [known[k](x) if k in known else x for k, x in zip(names, args, strict=False)]
-        named = {k: known[k](x) if k in known else x for k, x in keywords.items()}
+        readers = _readers_of_arguments(function)
+        positional = [
+            readers[k](x) if k in readers else x for k, x in zip(names, args, strict=False)
+        ]
+        named = {k: readers[k](x) if k in readers else x for k, x in keywords.items()}
         # No second wrapper: warnings name the line so many calls above.
         try:
-            return function(*given, *args[len(names) :], **named)
+            return function(*positional, *args[len(names) :], **named)
         except TypeError:
             checks.raise_call_error(function, args, keywords)
             raise
@@ -183,12 +185,12 @@ def _readers_of_arguments(function: Callable[..., Any]) -> dict[str, Reader]:
     """Readers of the arguments of a function by their names; arrays are left to the function."""
     user = function.__qualname__.removesuffix(".__init__")
     hints = get_type_hints(function, include_extras=True)
-    found = {
+    readers = {
         name: _reader(hint, _Field(user, name, name))
         for name, hint in hints.items()
         if name != "return" and np.ndarray not in [get_origin(x) for x in (hint, *get_args(hint))]
     }
-    return {name: read for name, read in found.items() if read is not None}
+    return {name: read for name, read in readers.items() if read is not None}
 
 
 def _noun(kind: type) -> str:
@@ -236,21 +238,21 @@ def _read_kinds(kinds: tuple[type, ...], field: _Field) -> Reader:
     )
 
 
-def _read_annotated(of: Any, marks: tuple[Any, ...], field: _Field) -> Reader | None:
+def _read_annotated(base: Any, marks: tuple[Any, ...], field: _Field) -> Reader | None:
     """The reader of values with metadata."""
     who, quantity, axes = field.who, _find(Quantity, marks), _find(Axes, marks)
-    if quantity is not None or (axes is not None and get_origin(of) is np.ndarray):
+    if quantity is not None or (axes is not None and get_origin(base) is np.ndarray):
         shapes: tuple[Axes, ...] = BOUNDED if quantity and quantity.bounds else PER_JOINT
-        shapes = SINGLE if of is float else (axes,) if axes is not None else shapes
-        return _read_numbers(of, quantity, shapes, field)
+        shapes = SINGLE if base is float else (axes,) if axes is not None else shapes
+        return _read_numbers(base, quantity, shapes, field)
     for mark in marks:
         if isinstance(mark, Choice):
-            return _read_choice(mark.known, of is str, who)
+            return _read_choice(mark.known, base is str, who)
         if isinstance(mark, AtLeast):
             return _read_whole(mark, who)
         if isinstance(mark, Named):
             return lambda value: _read_name(value, mark, who)
-    return _reader(of, field)
+    return _reader(base, field)
 
 
 def _read_choice(known: tuple[str, ...], single: bool, who: str) -> Reader:
@@ -326,9 +328,9 @@ def _read_tuple(parts: tuple[Any, ...], field: _Field) -> Reader:
     return read
 
 
-def _read_mapping(of: Any, field: _Field) -> Reader:
+def _read_mapping(kind: Any, field: _Field) -> Reader:
     """The reader of a mapping, whose values are of one kind."""
-    each = _reader(of, field) or (lambda value: value)
+    each = _reader(kind, field) or (lambda value: value)
 
     def read(value: Any) -> Any:
         checks.check_type(field.user, value, Mapping, role=field.role)
@@ -343,13 +345,13 @@ def _read_mapping(of: Any, field: _Field) -> Reader:
 
 
 def _read_numbers(
-    of: Any, quantity: Quantity | None, shapes: tuple[Axes, ...], field: _Field
+    base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...], field: _Field
 ) -> Reader:
     """The reader of a number, or of an array, which is locked, of a shape and within a range."""
     (low, high), unit = (quantity.range, quantity.words) if quantity else ((-np.inf, np.inf), "")
     limit = field.role if quantity is not None and quantity.endless else None
     # The type of other arrays than those of floats.
-    kind = get_args(get_args(of)[1])[0] if get_origin(of) is np.ndarray else np.float64
+    kind = get_args(get_args(base)[1])[0] if get_origin(base) is np.ndarray else np.float64
     needed = "be one number" if shapes is SINGLE else f"have shape {shapes[0]}"
     per_joint = shapes in (PER_JOINT, BOUNDED)
     if per_joint:
@@ -395,11 +397,7 @@ def _lock(value: Any, kind: Any, who: str, unit: str) -> Any:
 
 
 def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | None) -> None:
-    """Refuse numbers outside the range of their quantity.
-
-    Raises:
-        InvalidInput: A number is outside; the message names the first one.
-    """
+    """Refuse numbers outside the range of their quantity."""
     low, high = quantity.range
     if low <= array.min(initial=low) and array.max(initial=high) <= high:
         return
@@ -408,33 +406,29 @@ def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | 
         sound |= np.isposinf(array) | (np.isneginf(array) & (low < 0))
     if sound.all():
         return
-    where = tuple(int(x) for x in np.argwhere(~sound)[0])
-    value, more = float(array[where]), checks.suffix(quantity.words)
-    place = f" at index {', '.join(str(x) for x in where)}" if where else ""
+    index = tuple(int(x) for x in np.argwhere(~sound)[0])
+    value, unit = float(array[index]), checks.suffix(quantity.words)
+    place = f" at index {', '.join(str(x) for x in index)}" if index else ""
     needed = quantity.needed(value) if np.isfinite(value) else "be finite"
     if quantity.bounds and array.ndim == 2:
         needed = "be a lower bound below zero and an upper bound above zero"
-        value = -value if where[1] == 0 else value
+        value = -value if index[1] == 0 else value
     raise InvalidInput(
-        f"{field.who} must {needed}, but is {value:g}{more}{place}.",
-        index=where[0] if where else None,
+        f"{field.who} must {needed}, but is {value:g}{unit}{place}.",
+        index=index[0] if index else None,
         limit=limit,
     )
 
 
 def _refuse_misfits(value: Any, shapes: list[tuple[str, Axes]]) -> None:
-    """Refuse arrays whose axes have the same name, but another length.
-
-    Raises:
-        InvalidInput: An axis has two lengths.
-    """
-    known: dict[str, tuple[int, str]] = {}
+    """Refuse arrays whose axes have the same name, but another length."""
+    axis_lengths: dict[str, tuple[int, str]] = {}
     for name, shape in ((name, x) for name, x in shapes if getattr(value, name) is not None):
         array = getattr(value, name)
         lengths = (len(array),) if isinstance(array, tuple) else array.shape
         for axis, n in zip(shape.axes, lengths, strict=True):
-            if isinstance(axis, str) and known.setdefault(axis, (n, name))[0] != n:
-                needed, first = known[axis]
+            if isinstance(axis, str) and axis_lengths.setdefault(axis, (n, name))[0] != n:
+                needed, first = axis_lengths[axis]
                 raise InvalidInput(
                     f"{name} of {_noun(type(value))} has shape {lengths}, but must have shape "
                     f"{shape} with {axis} = {needed}, as {first} has."

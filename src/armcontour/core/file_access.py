@@ -75,7 +75,7 @@ def reading_below(folders: Iterable[FilePath], files: Iterable[FilePath] = ()) -
         _allowed.remove(allowed)
 
 
-def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
+def read_bytes(file: str | FilePath, what: str, *, maximum: int = SMALL) -> bytes:
     """Read the content of a regular file.
 
     A pipe or a device is refused before anything is read, because reading may never end.
@@ -83,7 +83,7 @@ def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
     Args:
         file: The file; a link to a regular file will do.
         what: What the file is, for messages, such as "job file".
-        most: The size limit [bytes].
+        maximum: The size limit [bytes].
 
     Raises:
         InvalidInput: No such file, no regular file, a file that is too large or unreadable, or one
@@ -98,7 +98,7 @@ def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
             if not stat.S_ISREG(state.st_mode):
                 raise InvalidInput(f"The {what} {place} is not a regular file.")
             # Some system files report the size 0, so the number of bytes read counts, too.
-            content = b"" if state.st_size > most else stream.read(most + 1)
+            content = b"" if state.st_size > maximum else stream.read(maximum + 1)
             size = max(state.st_size, len(content))
     except FileNotFoundError:
         raise InvalidInput(f"There is no {what} {place}.") from None
@@ -106,10 +106,10 @@ def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
         raise
     except (OSError, ValueError) as error:
         raise _unreadable(what, place, error) from None
-    if size > most:
+    if size > maximum:
         raise InvalidInput(
             f"The {what} {place} has {size / MEGABYTE:.0f} MB, more than the "
-            f"{most / MEGABYTE:.0f} MB that are read: split it."
+            f"{maximum / MEGABYTE:.0f} MB that are read: split it."
         )
     for start, kind in FOREIGN.items():
         if content.startswith(start):
@@ -141,19 +141,19 @@ def tell_content(place: FilePath, content: bytes) -> None:
         tell(place, content)
 
 
-def read_text(file: str | FilePath, what: str, *, most: int = SMALL, latin: bool = False) -> str:
+def read_text(file: str | FilePath, what: str, *, maximum: int = SMALL, latin: bool = False) -> str:
     """Read a regular file as UTF-8 text, with or without a byte order mark.
 
     Args:
         file: The file.
         what: What the file is, for messages, such as "job file".
-        most: The size limit [bytes].
+        maximum: The size limit [bytes].
         latin: Read text that is not UTF-8 as Latin-1, which logs of some controllers are.
 
     Raises:
         InvalidInput: As in `read_bytes`, or the file is not text of these encodings.
     """
-    content = read_bytes(file, what, most=most)
+    content = read_bytes(file, what, maximum=maximum)
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -50,19 +50,19 @@ class Frame(Value):
         # Most frames are these, and both are known to be right and are locked.
         if self.position is ORIGIN and self.rotation is UNTURNED:
             return
-        position, turned = read_poses("position of a frame", self.position)
+        position, rotation = read_poses("position of a frame", self.position)
         if position.shape != (3,):
             raise InvalidInput(
                 f"The position of a frame must be 3 coordinates in m, not {position.size}."
             )
         object.__setattr__(self, "position", checks.frozen_array(position))
-        if turned is None:
-            turned = rotations("rotation of a frame", self.rotation)
+        if rotation is None:
+            rotation = rotations("rotation of a frame", self.rotation)
         elif self.rotation is not UNTURNED:
             raise InvalidInput("A frame takes a transform, or a position and a rotation, not both.")
-        if turned.shape != (3, 3):
+        if rotation.shape != (3, 3):
             raise InvalidInput("A frame takes one rotation.")
-        object.__setattr__(self, "rotation", checks.frozen_array(turned))
+        object.__setattr__(self, "rotation", checks.frozen_array(rotation))
 
     @classmethod
     def of(cls, pose: Pose) -> Frame:
@@ -87,17 +87,17 @@ class Frame(Value):
         Warns:
             UserWarning: An angle is larger than a whole turn, as of somebody who means degrees.
         """
-        given = checks.check_numbers("roll, pitch and yaw", angles, "rad")
-        if (np.abs(given) > WHOLE_TURN).any():
-            largest = float(given.flat[int(np.abs(given).argmax())])
+        rpy = checks.check_numbers("roll, pitch and yaw", angles, "rad")
+        if (np.abs(rpy) > WHOLE_TURN).any():
+            largest = float(rpy.flat[int(np.abs(rpy).argmax())])
             warnings.warn(
                 f"Roll, pitch and yaw are in radians, and {largest:g} rad is more than a whole "
-                f"turn: for degrees give np.radians({given.tolist()}).",
+                f"turn: for degrees give np.radians({rpy.tolist()}).",
                 stacklevel=3,
             )
         return cls(
             position=checks.check_numbers("position of a frame", position, "m"),
-            rotation=from_rpy(given),
+            rotation=from_rpy(rpy),
         )
 
     def __matmul__(self, other: Frame) -> Frame:
@@ -143,9 +143,9 @@ Pose: TypeAlias = Frame | Transform | npt.ArrayLike
 
 def transforms(matrices: FloatArray) -> FloatArray:
     """Homogeneous transforms of rotations beside positions, (..., 3, 4) to (..., 4, 4)."""
-    found = np.zeros((*matrices.shape[:-2], 4, 4))
-    found[..., :3, :], found[..., 3, 3] = matrices, 1.0
-    return found
+    homogeneous = np.zeros((*matrices.shape[:-2], 4, 4))
+    homogeneous[..., :3, :], homogeneous[..., 3, 3] = matrices, 1.0
+    return homogeneous
 
 
 def read_poses(name: str, poses: Pose) -> tuple[FloatArray, FloatArray | None]:
@@ -165,16 +165,16 @@ def read_poses(name: str, poses: Pose) -> tuple[FloatArray, FloatArray | None]:
     """
     for attribute in ("homogeneous", "as_matrix"):
         if hasattr(poses, attribute):
-            found = getattr(poses, attribute)
-            poses = found() if callable(found) else found
+            pose = getattr(poses, attribute)
+            poses = pose() if callable(pose) else pose
     array = checks.check_numbers(name, poses, "m")  # type: ignore[arg-type]
     if array.shape[-2:] == (4, 4) and array.size:
         if not (array[..., 3, :] == (0.0, 0.0, 0.0, 1.0)).all():
             raise InvalidInput(
                 f"{name}: the last row of a homogeneous transform must be 0, 0, 0, 1."
             )
-        turned = rotations(f"rotation of {name}", array[..., :3, :3].reshape(-1, 3, 3))
-        return array[..., :3, 3], turned.reshape(*array.shape[:-2], 3, 3)
+        rotation = rotations(f"rotation of {name}", array[..., :3, :3].reshape(-1, 3, 3))
+        return array[..., :3, 3], rotation.reshape(*array.shape[:-2], 3, 3)
     if array.shape[-1:] not in ((2,), (3,)) or not array.size:
         raise InvalidInput(
             f"{name} must be a Frame, a 4 by 4 transform, a pinocchio.SE3 or a position in m, but "
@@ -200,11 +200,11 @@ def rotations(name: str, values: Any) -> FloatArray:
         raise InvalidInput(f"{name} is a 4 by 4 transform: give Frame or its 3 by 3 rotation.")
     if array.ndim in (1, 2) and array.shape[-1] == 4:
         size = np.linalg.norm(array, axis=-1, keepdims=True)
-        off = np.abs(size - 1)
-        if (off > QUATERNION_TOLERANCE).any():
+        deviation = np.abs(size - 1)
+        if (deviation > QUATERNION_TOLERANCE).any():
             raise InvalidInput(
                 f"{name}: a quaternion (x, y, z, w) must have the length 1 within "
-                f"{QUATERNION_TOLERANCE:g}, but has {size.flat[int(np.argmax(off))]:.6g}."
+                f"{QUATERNION_TOLERANCE:g}, but has {size.flat[int(np.argmax(deviation))]:.6g}."
             )
         return _from_quaternions(array / size)
     if array.ndim not in (2, 3) or array.shape[-2:] != (3, 3):
@@ -223,10 +223,10 @@ def rotations(name: str, values: Any) -> FloatArray:
 
 def from_rpy(angles: npt.ArrayLike) -> FloatArray:
     """Rotation matrices from roll, pitch and yaw about fixed x, y and z [rad], (..., 3)."""
-    given = checks.check_numbers("roll, pitch and yaw", angles, "rad")
-    if given.shape[-1:] != (3,):
+    rpy = checks.check_numbers("roll, pitch and yaw", angles, "rad")
+    if rpy.shape[-1:] != (3,):
         raise InvalidInput("Roll, pitch and yaw are three angles.")
-    x, y, z = (given[..., k, None] * UNTURNED[k] for k in range(3))
+    x, y, z = (rpy[..., k, None] * UNTURNED[k] for k in range(3))
     return np.asarray(exp(z) @ exp(y) @ exp(x))
 
 
@@ -335,8 +335,8 @@ def _are_rotations(matrices: FloatArray) -> bool:
     """Whether all matrices are rotations within `ROTATION_TOLERANCE`."""
     # Entries of a rotation are at most 1; much larger entries could overflow below.
     capped = np.clip(matrices, -2.0, 2.0)
-    off = np.abs(np.swapaxes(capped, -1, -2) @ capped - np.eye(3)).max(axis=(-2, -1))
-    return not ((off > ROTATION_TOLERANCE).any() or (np.linalg.det(capped) < 0).any())
+    deviation = np.abs(np.swapaxes(capped, -1, -2) @ capped - np.eye(3)).max(axis=(-2, -1))
+    return not ((deviation > ROTATION_TOLERANCE).any() or (np.linalg.det(capped) < 0).any())
 
 
 def _from_quaternions(q: FloatArray) -> FloatArray:

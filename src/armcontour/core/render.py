@@ -93,8 +93,10 @@ def number_range(values: Iterable[float], unit: str = "") -> str:
         values: The values, in SI units; "" for none.
         unit: Their SI unit.
     """
-    known = sorted(values)
-    low, high = (split(x, unit) for x in (known[0], known[-1])) if known else (("", ""), ("", ""))
+    ordered = sorted(values)
+    low, high = (
+        (split(x, unit) for x in (ordered[0], ordered[-1])) if ordered else (("", ""), ("", ""))
+    )
     start = low[0] if low[1] == high[1] else " ".join(low)
     return " ".join(filter(None, high if low == high else (start, "to", *high)))
 
@@ -137,11 +139,11 @@ def verdict(data: Data) -> str:
     Args:
         data: The result.
     """
-    said = []
+    parts = []
     for x in data.shown(VERDICT):
         words = figure(x) if x.unit == JUDGED else f"{x.label} {figure(x)}"
-        said.append(f"{words} ({x.note})" if x.note else words)
-    return f"{data.title}: {'; '.join(said)}."
+        parts.append(f"{words} ({x.note})" if x.note else words)
+    return f"{data.title}: {'; '.join(parts)}."
 
 
 def cells(table: Table) -> list[tuple[str, ...]]:
@@ -177,8 +179,8 @@ def compare(
     # In the order of the result that has most of them.
     longest = sorted(rows.values(), key=len, reverse=True)
     labels = list(dict.fromkeys(label for row in longest for label in row))
-    found = [(name, *(row.get(x, "-") for x in labels)) for name, row in rows.items()]
-    return [("run", *labels), *found]
+    table = [(name, *(row.get(x, "-") for x in labels)) for name, row in rows.items()]
+    return [("run", *labels), *table]
 
 
 def plain(data: Data) -> dict[str, Any]:
@@ -186,13 +188,13 @@ def plain(data: Data) -> dict[str, Any]:
 
     Lists are cut after 10,000 entries; `left_out` has the number of entries that were cut.
     """
-    found = nest((x.name, x.value) for x in data.rows)
+    figures = nest((x.name, x.value) for x in data.rows)
     for table in data.tables:
-        found[table.name] = table.as_dicts(MOST_LISTED)
+        figures[table.name] = table.as_dicts(MOST_LISTED)
     cut = {x.name: len(x.rows) - MOST_LISTED for x in data.tables if len(x.rows) > MOST_LISTED}
     if cut:
-        found["left_out"] = cut
-    page = found | {key: plain(part) for key, part in data.parts.items()}
+        figures["left_out"] = cut
+    page = figures | {key: plain(part) for key, part in data.parts.items()}
     return {key: jsonable(value) for key, value in page.items()}
 
 
@@ -211,25 +213,31 @@ def jsonable(value: Any) -> Any:
 
 def units(results: Iterable[Data]) -> dict[str, str]:
     """The units of all figures by their names, for JSON."""
-    found: dict[str, str] = {}
+    units_by_name: dict[str, str] = {}
     for data in results:
         named: Sequence[Row] = [x for _, x in data.walk()]
         named = [*named, *(y for x in data.tables for y in x.columns)]
-        found |= {x.name: x.unit for x in named if x.unit and x.unit != JUDGED}
-        found |= units(data.parts.values())
-    return found
+        units_by_name |= {x.name: x.unit for x in named if x.unit and x.unit != JUDGED}
+        units_by_name |= units(data.parts.values())
+    return units_by_name
 
 
 def frame(data: Data, level: int = TABLE) -> list[dict[str, Any]]:
     """The figures of a result for the Studio's page."""
-    found = []
+    figures = []
     for x in data.shown(level):
-        shown, unit = split(x.figure, x.unit)
-        found.append(
-            {"name": x.name, "label": x.label, "value": x.figure, "text": shown, "unit": unit}
+        digits_shown, unit = split(x.figure, x.unit)
+        figures.append(
+            {
+                "name": x.name,
+                "label": x.label,
+                "value": x.figure,
+                "text": digits_shown,
+                "unit": unit,
+            }
             | ({"note": x.note} if x.note else {})
         )
-    return found
+    return figures
 
 
 class Result:
@@ -244,7 +252,7 @@ class Result:
     def __str__(self) -> str:
         """Its figures and warnings in lines."""
         data = self.to_data()
-        said = (Row("warning", x, "", "warning", level=TABLE) for x in data.warnings)
-        return text(replace(data, rows=(*data.rows, *said)))
+        warnings = (Row("warning", x, "", "warning", level=TABLE) for x in data.warnings)
+        return text(replace(data, rows=(*data.rows, *warnings)))
 
     _repr_html_ = to_html

@@ -49,14 +49,14 @@ class Row:
 
 def nest(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
     """Values by their names as mappings: "error.max" is the key `max` in the mapping `error`."""
-    found: dict[str, Any] = {}
+    nested: dict[str, Any] = {}
     for name, value in values:
         *path, key = name.split(".")
-        inner = found
+        inner = nested
         for part in path:
             inner = inner.setdefault(part, {})
         inner[key] = value
-    return found
+    return nested
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,14 +76,14 @@ class Table:
     rows: Sequence[Sequence[Any]]
     level: int = FILE
 
-    def as_dicts(self, most: int | None = None) -> list[dict[str, Any]]:
+    def as_dicts(self, maximum: int | None = None) -> list[dict[str, Any]]:
         """The rows by the names of the columns.
 
         Args:
-            most: Number of rows at most; None for all.
+            maximum: Number of rows at most; None for all.
         """
         names = [x.name for x in self.columns]
-        values = ([y.value if isinstance(y, Row) else y for y in x] for x in self.rows[:most])
+        values = ([y.value if isinstance(y, Row) else y for y in x] for x in self.rows[:maximum])
         return [nest(zip(names, x, strict=True)) for x in values]
 
     @staticmethod
@@ -162,5 +162,5 @@ class Data:
     def shown(self, level: int = TABLE) -> tuple[Row, ...]:
         """The rows with a label and a value, up to a level: those of the verdict first."""
         rows = (replace(row, name=name) for name, row in self.walk())
-        found = (x for x in rows if x.label and x.level <= level and x.figure is not None)
-        return tuple(sorted(found, key=lambda x: x.level > VERDICT))
+        labelled = (x for x in rows if x.label and x.level <= level and x.figure is not None)
+        return tuple(sorted(labelled, key=lambda x: x.level > VERDICT))

@@ -41,9 +41,9 @@ def check_distance(t: FloatArray, place: Place, rename: Callable[[str], str] = s
     Raises:
         InvalidInput: There is such a time.
     """
-    far = np.flatnonzero(np.abs(t) > LATEST)
-    if len(far):
-        i = int(far[0])
+    distant = np.flatnonzero(np.abs(t) > LATEST)
+    if len(distant):
+        i = int(distant[0])
         unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if abs(t[i]) * y < LATEST), "ns")
         raise InvalidInput(
             f"{place('t', i, 0)} is {t[i]:.3g} s, but times must stay within {LATEST:g} s: correct "
@@ -72,18 +72,20 @@ def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], place: Place)
     short = np.flatnonzero(~(steps >= _shortest_step(t[1:])))
     if len(short):
         i = int(short[0]) + 1
-        step, least, why = float(steps[i - 1]), f"{SHORTEST_STEP * 1e9:g} ns", ""
+        step, minimum, reason = float(steps[i - 1]), f"{SHORTEST_STEP * 1e9:g} ns", ""
         if step > 0:
-            why = f": the step must be at least {least} and more than the rounding of the times"
+            reason = (
+                f": the step must be at least {minimum} and more than the rounding of the times"
+            )
         elif step == 0:
-            why = (
+            reason = (
                 ": the times are repeated or rounded, and do not agree with even steps; print them "
                 "with more digits"
             )
         before, after = (f"{float(x)!r} s" for x in t[i - 1 : i + 1])
         raise InvalidInput(
             f"{place('t', i, 0)} is {after}, but times must increase, and the one before is "
-            f"{before}{why}.",
+            f"{before}{reason}.",
             index=i,
             t=float(t[i]),
         )
@@ -122,23 +124,23 @@ def describe_bursts(t: FloatArray, source: str) -> str:
     )
 
 
-def interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
+def interpolate(times: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
     """Values of several columns on straight lines between samples; beyond these they stay.
 
     Args:
-        at: Times [s], (m,).
+        times: Times [s], (m,).
         t: Times of the samples, increasing [s], (n,).
         values: The samples, (n, columns).
 
     Returns:
         The values, (m, columns).
     """
-    if len(at):
+    if len(times):
         # Only samples about the times asked for are copied, so that parts of long motions are fast.
-        first, last = np.searchsorted(t, (at.min(), at.max()))
-        near = slice(max(first - 1, 0), last + 1)
-        t, values = t[near], values[near]
-    return np.stack([np.interp(at, t, x) for x in values.T], axis=1)
+        first, last = np.searchsorted(t, (times.min(), times.max()))
+        neighbours = slice(max(first - 1, 0), last + 1)
+        t, values = t[neighbours], values[neighbours]
+    return np.stack([np.interp(times, t, x) for x in values.T], axis=1)
 
 
 def number_parts(count: IntArray) -> tuple[IntArray, IntArray]:
@@ -166,7 +168,7 @@ def white_noise(values: FloatArray, smoothed: bool = False, order: int = 3) -> F
     if len(values) <= order:
         return np.zeros(values.shape[1:])
     differences = np.abs(np.diff(values, order, axis=0))
-    usual = OF_MEDIAN * np.median(differences, axis=0)
-    usual = np.where(usual > 0, usual, np.sqrt(np.mean(differences**2, axis=0)))
+    deviation = OF_MEDIAN * np.median(differences, axis=0)
+    deviation = np.where(deviation > 0, deviation, np.sqrt(np.mean(differences**2, axis=0)))
     mean = [0.25, 0.5, 0.25] if smoothed else [1.0]
-    return np.asarray(usual / np.linalg.norm(np.diff(np.pad(mean, order), order)))
+    return np.asarray(deviation / np.linalg.norm(np.diff(np.pad(mean, order), order)))

@@ -48,8 +48,8 @@ def _lanewise(make: Callable[..., Any], count: int) -> Any:
     """A function of vectors and numbers, lane by lane."""
 
     def typed(typing: Any, *args: Any) -> Any:
-        def build(context: Any, builder: Any, of: Any, values: Any) -> Any:
-            return make(builder, *map(_spread, [builder] * count, values, of.args))
+        def build(context: Any, builder: Any, types_: Any, values: Any) -> Any:
+            return make(builder, *map(_spread, [builder] * count, values, types_.args))
 
         return VECTOR(*(x if x is VECTOR else types.float64 for x in args)), build
 
@@ -79,22 +79,22 @@ choose = _lanewise(
 )
 
 
-def _load(typing: Any, array: Any, at: Any) -> Any:
+def _load(typing: Any, array: Any, index: Any) -> Any:
     """Eight numbers of an array from one place on."""
 
-    def build(context: Any, builder: Any, of: Any, values: Any) -> Any:
-        data = context.make_array(of.args[0])(context, builder, values[0]).data
+    def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
+        data = context.make_array(call.args[0])(context, builder, values[0]).data
         place = builder.bitcast(builder.gep(data, [values[1]]), _KIND.as_pointer())
         return builder.load(place, align=8)
 
     return VECTOR(array, types.intp), build
 
 
-def _store(typing: Any, array: Any, at: Any, value: Any) -> Any:
+def _store(typing: Any, array: Any, index: Any, value: Any) -> Any:
     """Write eight numbers to an array from one place on."""
 
-    def build(context: Any, builder: Any, of: Any, values: Any) -> Any:
-        data = context.make_array(of.args[0])(context, builder, values[0]).data
+    def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
+        data = context.make_array(call.args[0])(context, builder, values[0]).data
         place = builder.bitcast(builder.gep(data, [values[1]]), _KIND.as_pointer())
         builder.store(values[2], place, align=8)
         return context.get_dummy_value()
@@ -142,8 +142,8 @@ def _define(symbol: Any, make: Callable[..., Any]) -> None:
 
     infer_global(symbol)(Template)
 
-    def build(context: Any, builder: Any, of: Any, values: Any) -> Any:
-        return make(builder, *map(_spread, [builder] * 2, values, of.args))
+    def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
+        return make(builder, *map(_spread, [builder] * 2, values, call.args))
 
     for kinds in ((_Vector, _Vector), (_Vector, types.Float), (types.Float, _Vector)):
         lower_builtin(symbol, *kinds)(build)

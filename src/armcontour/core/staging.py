@@ -130,15 +130,15 @@ def moving() -> Iterator[None]:
         yield
 
 
-def unwritable(what: object, error: OSError) -> InvalidInput:
+def unwritable(target: object, error: OSError) -> InvalidInput:
     """The refusal of a place that the system does not let us write, with what mends it.
 
     Args:
-        what: The file; or the folder, after "to the folder".
+        target: The file; or the folder, after "to the folder".
         error: What the system said.
     """
-    mend = MENDS.get(error.errno or 0, "name another place")
-    return InvalidInput(f"Cannot write {what}: {error.strerror or error}; {mend}.")
+    advice = MENDS.get(error.errno or 0, "name another place")
+    return InvalidInput(f"Cannot write {target}: {error.strerror or error}; {advice}.")
 
 
 def write_atomically(file: FilePath, write: Callable[[FilePath], object]) -> None:
@@ -195,13 +195,6 @@ def _take(place: FilePath, destination: FilePath) -> int | None:
 
     Windows and some network file systems have no locks on folders. There the process that makes
     the folder owns it.
-
-    Returns:
-        A handle with the lock; None if there are no locks.
-
-    Raises:
-        InvalidInput: Another process uses the folder, or it has files of an earlier result.
-        OSError: The folder cannot be made.
     """
     handle, is_ours = None, True
     try:

@@ -66,23 +66,23 @@ class Loader(yaml.SafeLoader):
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
         """Compose a mapping whose keys are all different, before merged keys are added."""
         node = super().compose_mapping_node(anchor)
-        seen = set()
+        keys = set()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode):
                 if key.tag == BOOL:
                     # Keys such as off are text.
                     key.tag = STR
-                if (key.tag, key.value) in seen:
+                if (key.tag, key.value) in keys:
                     raise _wrong(key, f"the key {show(key.value)} stands twice")
-                seen.add((key.tag, key.value))
+                keys.add((key.tag, key.value))
         return node
 
     def flatten_mapping(self, node: yaml.MappingNode) -> None:
         """Put merged keys before the own ones, which override them; PyYAML 6.0.4 does not."""
-        merged, own = [], []
+        merged, explicit = [], []
         for key, value in node.value:
             if key.tag != MERGE_TAG:
-                own.append((key, value))
+                explicit.append((key, value))
                 continue
             # The first mapping of a list overrides the others.
             for part in reversed(value.value) if isinstance(value, yaml.SequenceNode) else [value]:
@@ -90,7 +90,7 @@ class Loader(yaml.SafeLoader):
                     raise _wrong(part, f"{MERGE} takes a mapping or a list of mappings")
                 self.flatten_mapping(part)
                 merged += part.value
-        node.value = merged + own
+        node.value = merged + explicit
 
 
 class QuickLoader(Loader):
@@ -214,8 +214,8 @@ def load_with_node(text: str, source: str) -> tuple[Any, yaml.Node | None]:
             return None, None
         _refuse_flood(node)
         # Merging moves nodes, so that those with a merge key are made once more.
-        kept = yaml.compose(text, Loader=Loader) if MERGE in text else node
-        return loader.construct_document(node), kept
+        root = yaml.compose(text, Loader=Loader) if MERGE in text else node
+        return loader.construct_document(node), root
 
 
 @contextmanager
@@ -249,11 +249,7 @@ def _decoded(content: str | bytes) -> str:
 
 
 def _refuse_flood(root: yaml.Node) -> None:
-    """Refuse a document whose aliases add too many values.
-
-    Raises:
-        YAMLError: Too many values, or an alias inside its own anchor.
-    """
+    """Refuse a document whose aliases add too many values."""
     sizes: dict[int, int] = {}
     inside: set[int] = set()
     written = 0
@@ -263,12 +259,12 @@ def _refuse_flood(root: yaml.Node) -> None:
         if id(node) in inside:
             raise _wrong(node, "an alias stands for what it is part of")
         if id(node) not in sizes:
-            own = 1
+            count = 1
             if isinstance(node, yaml.ScalarNode):
-                own += len(node.value) // OF_ONE_VALUE
-            written += own
+                count += len(node.value) // OF_ONE_VALUE
+            written += count
             inside.add(id(node))
-            sizes[id(node)] = own + sum(map(size, _parts(node)))
+            sizes[id(node)] = count + sum(map(size, _parts(node)))
             inside.discard(id(node))
         return sizes[id(node)]
 
@@ -293,8 +289,8 @@ def _where(error: yaml.YAMLError) -> str:
         mark, begun = error.problem_mark, error.context_mark or error.problem_mark
         problem = error.problem or ""
         for pattern, words in PLAIN.items():
-            if (found := pattern.search(problem)) is not None:
-                problem = words.format(*found.groups(), begun=begun.line + 1)
+            if (match := pattern.search(problem)) is not None:
+                problem = words.format(*match.groups(), begun=begun.line + 1)
                 break
         return f"{problem} (line {mark.line + 1}, column {mark.column + 1})"
     return " ".join(str(error).split())

@@ -58,7 +58,7 @@ def read_mesh(
             "for meshes convert others."
         )
     factor = 1.0 if unit is None else _factor(unit, place)
-    content = file_access.read_bytes(place, "mesh", most=MOST_BYTES)
+    content = file_access.read_bytes(place, "mesh", maximum=MOST_BYTES)
     points, triangles = (_read_stl if kind == ".stl" else _read_obj)(content, str(place))
     points = points * factor * (1.0 if scale is None else np.asarray(scale))
     if unit is None and scale is None:
