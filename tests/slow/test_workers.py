@@ -77,7 +77,7 @@ def test_executors_of_processes(own):
             for text in [SLEEP.format(0.2), *["1"] * 20]:
                 crew.give(text)
         assert pool.submit(eval, "2").result() == 2 and len(crew) == 21
-        with pytest.raises(ExecutionError, match=r"has ended before it gave an answer.*memory"):
+        with pytest.raises(ExecutionError, match=r"ended before it returned a result.*memory"):
             map_in_processes(eval, ["__import__('os')._exit(3)"], executor=pool)
     with pytest.raises(ExecutionError, match="takes no work .*: give one that is open"):
         map_in_processes(halve, [1], executor=pool)

@@ -1,7 +1,7 @@
 """Checks of fields and arguments by their annotations: type, finiteness, sign, shape and choices.
 
-An annotation such as `speed: Speed | None` is the only declaration: `check` and `checked` read it
-here, and `files/keys.py` makes keys of files, their JSON schema and their tables from it.
+An annotation such as `speed: Speed | None` is the only declaration: `check` and `checked` use it
+here, and `files/keys.py` derives keys of files, their JSON schema and their tables from it.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ from armcontour.core.text import capitalise, shorten, show
 
 P = ParamSpec("P")
 R = TypeVar("R")
-# Reads a value: gives the checked one, or the value itself if nothing had to be converted.
+# Function that returns the checked value, or the value itself if no conversion was needed.
 Reader = Callable[[Any], Any]
-# Shapes of one number; of one for all joints or one per joint, then also with bounds; of any array.
+# Shapes: one number; one for all joints or one per joint; the same with bounds; any array.
 SINGLE = (Axes(),)
 PER_JOINT = (Axes(), Axes("joints"))
 BOUNDED = (*PER_JOINT, Axes("joints", 2))
@@ -56,11 +56,11 @@ class Checked(Value):
         self._check_together()
 
     def _check_together(self) -> None:
-        """Refuse fields that do not fit together, or compute others; each one is checked before."""
+        """Check combinations of fields, or compute others; called after the check of each field."""
 
 
 class Options(Checked):
-    """Base of the options of a method: dataclasses that are equal if all their values are."""
+    """Base of the options of a method: dataclasses that are equal if all their values are equal."""
 
     __slots__ = ()
     method: ClassVar[str]
@@ -68,7 +68,7 @@ class Options(Checked):
     def __post_init__(self) -> None:
         if not hasattr(self, "method"):
             raise InvalidInput(
-                f"{type(self).__name__} have no method: make the options of one of the methods."
+                f"{type(self).__name__} have no method: use the options of one of the methods."
             )
         Checked.__post_init__(self)
 
@@ -86,7 +86,7 @@ def check(value: Any) -> None:
     """Check the fields of a dataclass by their annotations; convert numbers and lock arrays.
 
     Raises:
-        InvalidInput: A field does not fit its annotation.
+        InvalidInput: A field violates its annotation.
     """
     kind: Any = type(value)
     readers, shapes = _readers(kind)
@@ -98,7 +98,7 @@ def check(value: Any) -> None:
         if shapes:
             _refuse_misfits(value, shapes)
     except InvalidInput as error:
-        # A property may need the field that does not fit.
+        # `name` and `source` may be properties that need the wrong field.
         named = {x.name for x in fields(kind)} & {"source", "name"} - {name}
         location = getattr(value, max(named)) if named else None
         if not isinstance(location, str) or not location:
@@ -108,21 +108,21 @@ def check(value: Any) -> None:
 
 @cache
 def quantities(kind: type) -> dict[str, Quantity]:
-    """The quantities of the fields of a dataclass that are quantities, by their names."""
+    """Quantities of the fields of a dataclass, by the names of the fields."""
     hints = get_type_hints(kind, include_extras=True).items()
     known = ((name, _find(Quantity, tuple(parts_of(hint)))) for name, hint in hints)
     return {name: x for name, x in known if x is not None}
 
 
 def parts_of(hint: Any) -> Iterator[Any]:
-    """An annotation and all that it consists of: classes, and metadata."""
+    """An annotation and its parts: classes and metadata."""
     yield get_origin(hint) or hint
     for x in get_args(hint):
         yield from parts_of(x)
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """Decorate a public function: it checks its arguments by their annotations, as fields."""
+    """Decorate a public function so that its arguments are checked by their annotations."""
     code = function.__code__
     names = code.co_varnames[: code.co_argcount]
 
@@ -133,7 +133,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
             readers[k](x) if k in readers else x for k, x in zip(names, args, strict=False)
         ]
         named = {k: readers[k](x) if k in readers else x for k, x in keywords.items()}
-        # No second wrapper: warnings name the line so many calls above.
+        # No second wrapper, because the stack level of warnings counts the calls.
         try:
             return function(*positional, *args[len(names) :], **named)
         except TypeError:
@@ -144,7 +144,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
 
 class _Field(NamedTuple):
-    """A field or an argument: its user, such as "A payload", its role, and both in one phrase."""
+    """A field or argument: its user, such as "A payload", its role, and both in one phrase."""
 
     user: str
     role: str
@@ -153,7 +153,7 @@ class _Field(NamedTuple):
 
 @cache
 def _readers(kind: Any) -> tuple[list[tuple[str, Reader, Any]], list[tuple[str, Axes]]]:
-    """Readers of the fields of a dataclass and defaults that fit; shapes with shared axes."""
+    """Readers of the fields of a dataclass with valid defaults, and shapes with shared axes."""
     hints = get_type_hints(kind, include_extras=True)
     user = _noun(kind)
     readers, shapes = [], []
@@ -165,7 +165,7 @@ def _readers(kind: Any) -> tuple[list[tuple[str, Reader, Any]], list[tuple[str, 
             axes = _find(Axes, getattr(hint, "__metadata__", ()))
             if axes is not None:
                 shapes.append((name, axes))
-    # Others have no axis that another field has.
+    # Only shapes with an axis of another field are needed.
     names: Counter[Any] = Counter(
         x for _, shape in shapes for x in shape.axes if isinstance(x, str)
     )
@@ -173,7 +173,7 @@ def _readers(kind: Any) -> tuple[list[tuple[str, Reader, Any]], list[tuple[str, 
 
 
 def _fits(default: Any, read: Reader) -> bool:
-    """Whether a default needs no check: some stand for values that are computed later."""
+    """Whether a default needs no check; some defaults are replaced later."""
     try:
         return default is not MISSING and read(default) is default
     except InvalidInput:
@@ -182,7 +182,7 @@ def _fits(default: Any, read: Reader) -> bool:
 
 @cache
 def _readers_of_arguments(function: Callable[..., Any]) -> dict[str, Reader]:
-    """Readers of the arguments of a function by their names; arrays are left to the function."""
+    """Readers of the arguments of a function by name; the function checks arrays itself."""
     user = function.__qualname__.removesuffix(".__init__")
     hints = get_type_hints(function, include_extras=True)
     readers = {
@@ -194,19 +194,19 @@ def _readers_of_arguments(function: Callable[..., Any]) -> dict[str, Reader]:
 
 
 def _noun(kind: type) -> str:
-    """The name of a class in words, such as "a joint path"; several things have no article."""
+    """Name of a class in words, such as "a joint path"; a plural has no article."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind.__name__).lower()
     is_plural = words.endswith(("s", "data")) and not words.endswith("ss")
     return words if is_plural else f"{'an' if words[0] in 'aeio' else 'a'} {words}"
 
 
 def _find(kind: type[R], marks: tuple[Any, ...]) -> R | None:
-    """The metadata of a class among those of an annotation."""
+    """First mark of a class in the metadata of an annotation."""
     return next((x for x in marks if isinstance(x, kind)), None)
 
 
 def _reader(hint: Any, field: _Field) -> Reader | None:
-    """The reader of values with an annotation; None if all values fit."""
+    """Reader of values with an annotation; None if all values are valid."""
     kinds, origin, parts = checks.kinds_of(hint), get_origin(hint), get_args(hint)
     if origin in (dict, Mapping):
         return _read_mapping(parts[1], field)
@@ -230,7 +230,7 @@ def _reader(hint: Any, field: _Field) -> Reader | None:
 
 
 def _read_kinds(kinds: tuple[type, ...], field: _Field) -> Reader:
-    """The reader of objects of some classes."""
+    """Reader of objects of some classes."""
     return lambda value: (
         value
         if isinstance(value, kinds)
@@ -239,7 +239,7 @@ def _read_kinds(kinds: tuple[type, ...], field: _Field) -> Reader:
 
 
 def _read_annotated(base: Any, marks: tuple[Any, ...], field: _Field) -> Reader | None:
-    """The reader of values with metadata."""
+    """Reader of values with metadata."""
     who, quantity, axes = field.who, _find(Quantity, marks), _find(Axes, marks)
     if quantity is not None or (axes is not None and get_origin(base) is np.ndarray):
         shapes: tuple[Axes, ...] = BOUNDED if quantity and quantity.bounds else PER_JOINT
@@ -256,7 +256,7 @@ def _read_annotated(base: Any, marks: tuple[Any, ...], field: _Field) -> Reader 
 
 
 def _read_choice(known: tuple[str, ...], single: bool, who: str) -> Reader:
-    """The reader of one of several texts, or of a list of them."""
+    """Reader of one of several texts, or of a list of them."""
 
     def read(value: Any) -> Any:
         if single or isinstance(value, str):
@@ -269,19 +269,19 @@ def _read_choice(known: tuple[str, ...], single: bool, who: str) -> Reader:
 
 
 def _read_name(value: Any, mark: Named, who: str) -> str:
-    """A printable text of a limited length."""
+    """Check a printable text of limited length."""
     name = checks.check_name(who, value, most=mark.most)
     checks.raise_if(mark.needed and not name.strip(), f"The {who} must not be empty.")
     return name
 
 
 def _read_whole(mark: AtLeast, who: str) -> Reader:
-    """The reader of a whole number."""
+    """Reader of an integer."""
     return lambda value: checks.check_int(who, value, mark.least, mark.most)
 
 
 def _read_union(parts: tuple[Any, ...], field: _Field) -> Reader | None:
-    """The reader of None, a text or another kind; any value if there are several other kinds."""
+    """Reader of None, a text or one other kind; any value if there are several other kinds."""
     texts = [x for x in parts if x is str or _is_text(x)]
     others = [x for x in parts if x not in (*texts, bool, type(None))]
     if len(texts) > 1 or len(others) > 1:
@@ -308,7 +308,7 @@ def _is_text(hint: Any) -> bool:
 
 
 def _read_tuple(parts: tuple[Any, ...], field: _Field) -> Reader:
-    """The reader of a list as a tuple."""
+    """Reader of a list as a tuple."""
     many = parts[1:] == (...,)
     each = [_reader(x, field) for x in (parts[:1] if many else parts)]
     kinds, count = checks.kinds_of(parts[0]) if many else (), None if many else len(parts)
@@ -329,7 +329,7 @@ def _read_tuple(parts: tuple[Any, ...], field: _Field) -> Reader:
 
 
 def _read_mapping(kind: Any, field: _Field) -> Reader:
-    """The reader of a mapping, whose values are of one kind."""
+    """Reader of a mapping whose values are of one kind."""
     each = _reader(kind, field) or (lambda value: value)
 
     def read(value: Any) -> Any:
@@ -347,7 +347,7 @@ def _read_mapping(kind: Any, field: _Field) -> Reader:
 def _read_numbers(
     base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...], field: _Field
 ) -> Reader:
-    """The reader of a number, or of an array, which is locked, of a shape and within a range."""
+    """Reader of a number, or of an array of given shapes, within a range; arrays are locked."""
     (low, high), unit = (quantity.range, quantity.words) if quantity else ((-np.inf, np.inf), "")
     limit = field.role if quantity is not None and quantity.endless else None
     # The type of other arrays than those of floats.
@@ -388,7 +388,7 @@ def _read_numbers(
 
 
 def _lock(value: Any, kind: Any, who: str, unit: str) -> Any:
-    """An array of a type that is locked; the value itself if it is one."""
+    """Locked array of a type; the value itself if it is one."""
     if kind is np.float64:
         return checks.frozen_array(value, who, unit)
     array = checks.indices(who, value) if kind is np.intp else value
@@ -397,7 +397,7 @@ def _lock(value: Any, kind: Any, who: str, unit: str) -> Any:
 
 
 def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | None) -> None:
-    """Refuse numbers outside the range of their quantity."""
+    """Check numbers against the range of their quantity; the message has the first wrong one."""
     low, high = quantity.range
     if low <= array.min(initial=low) and array.max(initial=high) <= high:
         return
@@ -421,7 +421,7 @@ def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | 
 
 
 def _refuse_misfits(value: Any, shapes: list[tuple[str, Axes]]) -> None:
-    """Refuse arrays whose axes have the same name, but another length."""
+    """Check that axes with the same name have the same length."""
     axis_lengths: dict[str, tuple[int, str]] = {}
     for name, shape in ((name, x) for name, x in shapes if getattr(value, name) is not None):
         array = getattr(value, name)

@@ -1,4 +1,4 @@
-"""Read files of other people: regular files only, up to a size limit."""
+"""Access to files of users: regular files only, up to a size limit."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from pathlib import Path as FilePath
 from armcontour.core.errors import InvalidInput
 
 MEGABYTE = 1_000_000
-# Size limit of jobs, arms and limits, which people or small tools write [bytes].
+# Size limit of jobs, arms and limits, which are written by hand or by small tools [bytes].
 SMALL = 64 * MEGABYTE
 # Size limit of logs and trajectories: an hour of seven joints at 1 kHz with 15 digits [bytes].
 LARGE = 1000 * MEGABYTE
-# First bytes of files that stand for others, or that another program converts.
+# First bytes of placeholders, and of files that need conversion.
 FOREIGN = {
     b"version https://git-lfs.github.com/": "a pointer of Git LFS and not the file itself: fetch "
     "it with `git lfs pull`",
@@ -27,13 +27,13 @@ FOREIGN = {
 
 @dataclass(frozen=True, slots=True)
 class _Allowed:
-    """Where files may be read: below folders, and some files elsewhere; all without links."""
+    """Folders and single files that may be read, with links resolved."""
 
     folders: tuple[FilePath, ...]
     files: frozenset[FilePath]
 
     def check(self, place: FilePath, what: str) -> None:
-        """Refuse a file that is elsewhere, before anything of it is known."""
+        """Raise an error for a file elsewhere, before its existence is checked."""
         real = place.resolve()
         if real not in self.files and not any(real.is_relative_to(x) for x in self.folders):
             raise InvalidInput(
@@ -42,16 +42,16 @@ class _Allowed:
             )
 
 
-# The innermost `reading_below` is the last; without one, files may be read everywhere.
+# Active restrictions, the innermost last; without one, all files may be read.
 _allowed: list[_Allowed] = []
 
-# Who is told of the content of every file that is read.
+# Called with path and content of each file that is read.
 _listeners: list[Callable[[FilePath, bytes], None]] = []
 
 
 @contextmanager
 def hear_reading(listener: Callable[[FilePath, bytes], None]) -> Iterator[None]:
-    """Call a function with the place and the content of each file that is read meanwhile."""
+    """Context in which `listener` is called with path and content of each file that is read."""
     _listeners.append(listener)
     try:
         yield
@@ -61,11 +61,13 @@ def hear_reading(listener: Callable[[FilePath, bytes], None]) -> Iterator[None]:
 
 @contextmanager
 def reading_below(folders: Iterable[FilePath], files: Iterable[FilePath] = ()) -> Iterator[None]:
-    """Read files in some folders only meanwhile, in all threads; links that lead out are refused.
+    """Context in which files may be read only in some folders, in all threads.
+
+    Links that lead out of the folders are refused.
 
     Args:
         folders: The folders.
-        files: Files elsewhere that may be read, too.
+        files: Further files that may be read.
     """
     allowed = _Allowed(tuple(x.resolve() for x in folders), frozenset(x.resolve() for x in files))
     _allowed.append(allowed)
@@ -78,16 +80,16 @@ def reading_below(folders: Iterable[FilePath], files: Iterable[FilePath] = ()) -
 def read_bytes(file: str | FilePath, what: str, *, maximum: int = SMALL) -> bytes:
     """Read the content of a regular file.
 
-    A pipe or a device is refused before anything is read, because reading may never end.
+    Pipes and devices are refused before reading, which might never end.
 
     Args:
-        file: The file; a link to a regular file will do.
-        what: What the file is, for messages, such as "job file".
+        file: The file, or a link to a regular file.
+        what: Kind of the file for messages, such as "job file".
         maximum: The size limit [bytes].
 
     Raises:
-        InvalidInput: No such file, no regular file, a file that is too large or unreadable, or one
-            that may not be read here.
+        InvalidInput: No such file, not a regular file, too large, unreadable, or outside the
+            folders that may be read.
     """
     place = FilePath(file)
     try:
@@ -97,7 +99,7 @@ def read_bytes(file: str | FilePath, what: str, *, maximum: int = SMALL) -> byte
             state = os.fstat(stream.fileno())
             if not stat.S_ISREG(state.st_mode):
                 raise InvalidInput(f"The {what} {place} is not a regular file.")
-            # Some system files report the size 0, so the number of bytes read counts, too.
+            # Some system files report the size 0, so the number of bytes is checked, too.
             content = b"" if state.st_size > maximum else stream.read(maximum + 1)
             size = max(state.st_size, len(content))
     except FileNotFoundError:
@@ -121,7 +123,7 @@ def read_bytes(file: str | FilePath, what: str, *, maximum: int = SMALL) -> byte
 def open_at_once(place: str, flags: int) -> int:
     """Open a file without blocking, as `opener` of `open`.
 
-    Opening a pipe without a writer would wait for ever.
+    Opening a pipe without a writer would block.
 
     Args:
         place: The file.
@@ -131,7 +133,7 @@ def open_at_once(place: str, flags: int) -> int:
 
 
 def tell_content(place: FilePath, content: bytes) -> None:
-    """Tell who listens what a file holds, or what was made of it by another process.
+    """Report the content of a file, possibly read by another process, to the listeners.
 
     Args:
         place: The file.
@@ -146,9 +148,9 @@ def read_text(file: str | FilePath, what: str, *, maximum: int = SMALL, latin: b
 
     Args:
         file: The file.
-        what: What the file is, for messages, such as "job file".
+        what: Kind of the file for messages, such as "job file".
         maximum: The size limit [bytes].
-        latin: Read text that is not UTF-8 as Latin-1, which logs of some controllers are.
+        latin: Read text that is not UTF-8 as Latin-1, which some controllers use for logs.
 
     Raises:
         InvalidInput: As in `read_bytes`, or the file is not text of these encodings.
@@ -163,6 +165,6 @@ def read_text(file: str | FilePath, what: str, *, maximum: int = SMALL, latin: b
 
 
 def _unreadable(what: str, place: FilePath, error: Exception) -> InvalidInput:
-    """The error for a file that cannot be read."""
+    """Error for a file that cannot be read."""
     reason = error.strerror if isinstance(error, OSError) else error
     return InvalidInput(f"The {what} {place} cannot be read: {reason}.")

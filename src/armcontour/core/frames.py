@@ -14,9 +14,9 @@ from armcontour.core.checks import FloatArray, Value
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import WHOLE_TURN
 
-# Tolerance of `R^T R - I` for a given rotation matrix R, which is then made orthonormal.
+# Tolerance of `R^T R - I` for rotation matrices R, which are then made orthonormal.
 ROTATION_TOLERANCE = 1e-6
-# Tolerance of the length of a given quaternion (about four printed digits), which is then scaled.
+# Tolerance of the length of quaternions (about four printed digits), which are then normalized.
 QUATERNION_TOLERANCE = 1e-3
 # Largest z offset [m] and tilt with which a frame keeps a path in the x-y plane; also the largest
 # z component of the vectors of an arc that lies in a plane of constant z.
@@ -28,7 +28,7 @@ UNTURNED = checks.frozen_array(np.eye(3))
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frame(Value):
-    """The position and orientation of a frame in another frame.
+    """Position and orientation of a frame in another frame.
 
         table = Frame((0.5, 0.0, 0.1))
         flipped = Frame((0.4, 0.0, 0.3), Rotation.from_euler("x", 180, degrees=True))
@@ -47,7 +47,7 @@ class Frame(Value):
     rotation: FloatArray = field(default_factory=lambda: UNTURNED, kw_only=False)
 
     def __post_init__(self) -> None:
-        # Most frames are these, and both are known to be right and are locked.
+        # Fast path for the most frequent frame, whose arrays are valid and locked.
         if self.position is ORIGIN and self.rotation is UNTURNED:
             return
         position, rotation = read_poses("position of a frame", self.position)
@@ -66,26 +66,26 @@ class Frame(Value):
 
     @classmethod
     def of(cls, pose: Pose) -> Frame:
-        """The frame of a pose: a `Frame` as it is, or what the constructor takes first.
+        """Convert a pose to a `Frame`; a `Frame` is returned unchanged.
 
         Args:
             pose: A Frame, a homogeneous transform, (4, 4), a pinocchio.SE3 or a position [m], (3,).
 
         Raises:
-            InvalidInput: It is no pose.
+            InvalidInput: Not a pose.
         """
         return pose if isinstance(pose, Frame) else cls(pose)  # type: ignore[arg-type]
 
     @classmethod
     def rpy(cls, position: npt.ArrayLike, angles: npt.ArrayLike) -> Frame:
-        """A frame rotated by roll, pitch and yaw about fixed x, y and z axes, as in URDF.
+        """Frame rotated by roll, pitch and yaw about fixed x, y and z axes, as in URDF.
 
         Args:
             position: Origin of the frame [m], (3,).
             angles: Roll, pitch and yaw [rad], (3,).
 
         Warns:
-            UserWarning: An angle is larger than a whole turn, as of somebody who means degrees.
+            UserWarning: An angle is larger than a whole turn, and probably in degrees.
         """
         rpy = checks.check_numbers("roll, pitch and yaw", angles, "rad")
         if (np.abs(rpy) > WHOLE_TURN).any():
@@ -101,7 +101,7 @@ class Frame(Value):
         )
 
     def __matmul__(self, other: Frame) -> Frame:
-        """The frame `other`, which is given in this frame, in this frame's reference frame."""
+        """Compose two frames: `other` is given in this frame."""
         return Frame(
             position=self.position + self.rotation @ other.position,
             rotation=self.rotation @ other.rotation,
@@ -125,7 +125,7 @@ class Frame(Value):
 
     @property
     def inverse(self) -> Frame:
-        """The reference frame of this frame, in the coordinates of this frame."""
+        """Inverse transform: the reference frame in coordinates of this frame."""
         back = self.rotation.T
         return Frame(position=-back @ self.position, rotation=back)
 
@@ -142,14 +142,14 @@ Pose: TypeAlias = Frame | Transform | npt.ArrayLike
 
 
 def transforms(matrices: FloatArray) -> FloatArray:
-    """Homogeneous transforms of rotations beside positions, (..., 3, 4) to (..., 4, 4)."""
+    """Homogeneous transforms from rotations and positions, (..., 3, 4) to (..., 4, 4)."""
     homogeneous = np.zeros((*matrices.shape[:-2], 4, 4))
     homogeneous[..., :3, :], homogeneous[..., 3, 3] = matrices, 1.0
     return homogeneous
 
 
 def read_poses(name: str, poses: Pose) -> tuple[FloatArray, FloatArray | None]:
-    """Positions and rotations of poses in any form that users have.
+    """Positions and rotations of poses in any supported form.
 
     Args:
         name: Name of the poses, for messages.
@@ -157,11 +157,11 @@ def read_poses(name: str, poses: Pose) -> tuple[FloatArray, FloatArray | None]:
             homogeneous transforms, (..., 4, 4); or positions alone [m], (..., 2) or (..., 3).
 
     Returns:
-        Positions [m], (..., 3), or (..., 2) if they are given so; and rotation matrices,
-        (..., 3, 3), or None for positions alone.
+        Positions [m], (..., 3) or (..., 2); and rotation matrices, (..., 3, 3), or None for
+        positions without rotations.
 
     Raises:
-        InvalidInput: The shape is another one, or a transform is none of a rigid body.
+        InvalidInput: A wrong shape, or a transform that is not rigid.
     """
     for attribute in ("homogeneous", "as_matrix"):
         if hasattr(poses, attribute):
@@ -191,7 +191,7 @@ def rotations(name: str, values: Any) -> FloatArray:
         values: Rotation matrices; quaternions x, y, z, w, (4,) or (n, 4); or a rotation of scipy.
 
     Raises:
-        InvalidInput: The shape is another one, or the values are not finite or not rotations.
+        InvalidInput: A wrong shape, or values that are not finite or not rotations.
     """
     if hasattr(values, "as_matrix"):
         values = values.as_matrix()
@@ -214,8 +214,8 @@ def rotations(name: str, values: Any) -> FloatArray:
         )
     if not _are_rotations(array):
         raise InvalidInput(
-            f"{name} has a matrix that is no rotation: its axes must be at right "
-            "angles, of length 1 and right-handed."
+            f"{name} has a matrix that is not a rotation: its axes must be orthogonal, "
+            "of length 1 and right-handed."
         )
     u, _, v = np.linalg.svd(array)
     return np.asarray(u @ v)
@@ -290,7 +290,7 @@ def cross_matrix(v: FloatArray) -> FloatArray:
 
 
 def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
-    """Rotation vectors [rad] of the shortest rotations of unit vectors into others, (..., 3).
+    """Rotation vectors [rad] of the shortest rotations between unit vectors, (..., 3).
 
     For opposite vectors the axis is one of the axes normal to them.
 
@@ -313,7 +313,7 @@ def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
 
 
 def perpendicular(vectors: FloatArray) -> FloatArray:
-    """A vector at right angles to each of several, (..., 3); at most 19% shorter."""
+    """Vectors at right angles to given vectors, (..., 3); at most 19% shorter."""
     return np.cross(vectors, np.eye(3)[np.argmin(np.abs(vectors), axis=-1)])
 
 
@@ -325,7 +325,7 @@ def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def _is_transform(array: FloatArray) -> bool:
-    """Whether an array is a homogeneous transform; four quaternions are one by chance only."""
+    """Whether an array is a homogeneous transform, not four quaternions."""
     if array.shape != (4, 4) or not np.array_equal(array[3], [0.0, 0.0, 0.0, 1.0]):
         return False
     return _are_rotations(array[:3, :3])

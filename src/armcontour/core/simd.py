@@ -1,7 +1,7 @@
-"""Vectors of eight numbers for compiled functions: the processor takes them all at once.
+"""Vectors of eight floats for compiled functions, processed by SIMD instructions.
 
-Compilers find such vectors in loops only where no array may overlap another, which they cannot know
-of arguments.
+The compiler vectorizes loops only if no array overlaps another, which it cannot prove for
+arguments.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class _Model(models.PrimitiveModel):
 
 
 def _spread(builder: Any, value: Any, kind: Any) -> Any:
-    """A vector as it is; a number in all lanes."""
+    """Broadcast a number to all lanes; a vector is returned unchanged."""
     if kind is VECTOR:
         return value
     none = ir.Constant(_KIND, ir.Undefined)
@@ -45,7 +45,7 @@ def _spread(builder: Any, value: Any, kind: Any) -> Any:
 
 
 def _lanewise(make: Callable[..., Any], count: int) -> Any:
-    """A function of vectors and numbers, lane by lane."""
+    """Intrinsic of vectors and numbers, lane by lane."""
 
     def typed(typing: Any, *args: Any) -> Any:
         def build(context: Any, builder: Any, types_: Any, values: Any) -> Any:
@@ -66,7 +66,7 @@ def _pick(sign: str) -> Callable[..., Any]:
 
 
 def _size(builder: Any, a: Any) -> Any:
-    # Without the bit of its sign.
+    # Clear the sign bit.
     bits = ir.VectorType(ir.IntType(64), LANES)
     mask = ir.Constant(bits, [(1 << 63) - 1] * LANES)
     return builder.bitcast(builder.and_(builder.bitcast(a, bits), mask), _KIND)
@@ -80,7 +80,7 @@ choose = _lanewise(
 
 
 def _load(typing: Any, array: Any, index: Any) -> Any:
-    """Eight numbers of an array from one place on."""
+    """Load eight numbers of an array from an index on."""
 
     def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
         data = context.make_array(call.args[0])(context, builder, values[0]).data
@@ -91,7 +91,7 @@ def _load(typing: Any, array: Any, index: Any) -> Any:
 
 
 def _store(typing: Any, array: Any, index: Any, value: Any) -> Any:
-    """Write eight numbers to an array from one place on."""
+    """Store eight numbers in an array from an index on."""
 
     def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
         data = context.make_array(call.args[0])(context, builder, values[0]).data
@@ -107,7 +107,7 @@ store: Any = intrinsic(_store)
 
 
 def _across(sign: str) -> Any:
-    """The lowest or highest number of a vector."""
+    """Intrinsic for the lowest or highest number of a vector."""
 
     def of(typing: Any, a: Any) -> Any:
         def build(context: Any, builder: Any, of: Any, values: Any) -> Any:
@@ -132,7 +132,7 @@ lowest, highest = _across("<"), _across(">")
 
 
 def _define(symbol: Any, make: Callable[..., Any]) -> None:
-    """Let compiled functions use an operator on vectors."""
+    """Define an operator on vectors for compiled functions."""
 
     class Template(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:

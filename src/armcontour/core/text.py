@@ -191,8 +191,8 @@ def draw(value: Any, kind: str = "path") -> Any:
     Args:
         value: The result.
         kind: "path", the path of the tool; "joints", positions, velocities and accelerations
-            with limits (of a job's result: those of its first run); "speed", the tool speed with the assigned
-            velocity; "error", the contour error.
+            with limits (of a job's result, those of its first run); "speed", the tool speed with
+            the assigned velocity; "error", the contour error.
 
     Raises:
         InvalidInput: An unknown kind, or a result without the data for it.

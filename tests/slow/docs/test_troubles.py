@@ -15,7 +15,7 @@ from docs.pages import run_command
 from markdown_it import MarkdownIt
 
 from armcontour.cli.progress_bars import compiling_said
-from armcontour.core.progress import tell_compiling
+from armcontour.core.progress import report_compiling
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs/guides/troubles.md"
@@ -180,6 +180,6 @@ def test_the_page_says_what_the_tool_says(name, tmp_path, monkeypatch):
 
 def test_every_sentence_on_the_page_is_provoked(capsys):
     with compiling_said():
-        tell_compiling("armcontour.robot._newton.solve")
+        report_compiling("armcontour.robot._newton.solve")
     assert capsys.readouterr().err == SAID["The first run is slow"] + "\n"
     assert SAID.keys() - {"The first run is slow"} == TROUBLES.keys()
