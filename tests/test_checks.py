@@ -292,7 +292,7 @@ def test_rotations_in_every_form():
 
 def test_other_arrays_are_refused(refuses):
     for wrong, words in (
-        (np.diag([1.0, 1.0, -1.0]), ("it has a matrix that is no rotation", "right-handed")),
+        (np.diag([1.0, 1.0, -1.0]), ("it has a matrix that is not a rotation", "right-handed")),
         (np.eye(3) * 1.1, ("no rotation",)),
         (np.eye(3) * 1e200, ("must be between", "1e+200")),
         (np.eye(3) * 1e11, ("no rotation",)),

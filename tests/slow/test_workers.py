@@ -79,7 +79,7 @@ def test_executors_of_processes(own):
         assert pool.submit(eval, "2").result() == 2 and len(crew) == 21
         with pytest.raises(ExecutionError, match=r"ended before it returned a result.*memory"):
             map_in_processes(eval, ["__import__('os')._exit(3)"], executor=pool)
-    with pytest.raises(ExecutionError, match="takes no work .*: give one that is open"):
+    with pytest.raises(ExecutionError, match="accepts no work .*: it must be open"):
         map_in_processes(halve, [1], executor=pool)
     with open_executor(2) as opened:
         assert workers_of(opened) == 2

@@ -1,4 +1,4 @@
-"""The command `batch`: work on all jobs of a plan, show how far it is, and what came of them."""
+"""The command `batch`: run all jobs of a plan, show the progress and the results."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ EVERY = 1.0
 
 
 def batch_file(plan: FilePath, out: FilePath, options: BatchOptions) -> int:
-    """Work on all jobs of a plan.
+    """Run all jobs of a plan.
 
     Args:
         plan: The plan file.
-        out: The folder for results.
+        out: Folder for the results.
         options: Options of the command.
 
     Returns:
-        The exit code: 1 if some jobs failed.
+        Exit code: 1 if some jobs failed.
 
     Raises:
-        ArmContourError: A wrong plan, or an executor that takes no work.
+        ArmContourError: A wrong plan, or an executor that accepts no work.
     """
     from armcontour.batches import batch
 
@@ -50,7 +50,7 @@ def batch_file(plan: FilePath, out: FilePath, options: BatchOptions) -> int:
         )
     report = (out / "report.html").resolve()
     if options.as_json:
-        _say_json({"end": _end(result)})
+        _print_json({"end": _end(result)})
     else:
         _print(result, report)
     if options.open_report and report.exists():
@@ -60,7 +60,7 @@ def batch_file(plan: FilePath, out: FilePath, options: BatchOptions) -> int:
 
 @contextmanager
 def _shown(as_json: bool) -> Iterator[tuple[Callable[[BatchProgress], None], Progress]]:
-    """Show how far a batch is, as a bar or as lines of JSON."""
+    """Context that shows the progress of a batch as a bar or as lines of JSON."""
     if not as_json:
         with batch_progress() as shown:
             yield shown
@@ -71,13 +71,13 @@ def _shown(as_json: bool) -> Iterator[tuple[Callable[[BatchProgress], None], Pro
         nonlocal last
         if tally.seconds - last >= EVERY or tally.done == tally.total:
             last = tally.seconds
-            _say_json({"progress": describe(tally)})
+            _print_json({"progress": describe(tally)})
 
     yield say, lambda step: None
 
 
 def describe(tally: BatchProgress) -> dict[str, object]:
-    """How far a batch is, as data."""
+    """Progress of a batch as data."""
     return {
         "done": tally.done,
         "total": tally.total,
@@ -91,7 +91,7 @@ def describe(tally: BatchProgress) -> dict[str, object]:
 
 
 def _end(batch: Batch) -> dict[str, object]:
-    """What came of a batch, as data."""
+    """Result of a batch as data."""
     return {
         "batch": batch.plan.name,
         "folder": str(batch.folder),
@@ -100,14 +100,14 @@ def _end(batch: Batch) -> dict[str, object]:
     }
 
 
-def _say_json(data: object) -> None:
+def _print_json(data: object) -> None:
     """Write a line of JSON."""
     sys.stdout.write(json.dumps(data) + "\n")
     sys.stdout.flush()
 
 
 def _print(batch: Batch, report: FilePath) -> None:
-    """Print what came of a batch."""
+    """Print the result of a batch."""
     console = Console()
     rows = [[name, str(n)] for name, n in batch.counts.items()]
     console.show_table(["jobs", "number"], rows, title=f"{batch.plan.name}: {len(batch.plan)} jobs")

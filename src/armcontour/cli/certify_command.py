@@ -20,12 +20,11 @@ def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOption
 
     Args:
         file: A job file, or a drawing.
-
         job_options: Options that replace values of the job.
         options: Options of the command; the folder gets summary.json, report.html and trajectories.
 
     Raises:
-        ArmContourError: An invalid job, or no plan that meets the goal; then nothing is written.
+        ArmContourError: An invalid job, or no plan that meets the goal. Nothing is written then.
     """
     from armcontour.cli.inputs import open_job
     from armcontour.cli.progress_bars import search_progress
@@ -61,13 +60,13 @@ def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOption
 
 
 def _refuse_nothing_shared(goal: CertificateGoal) -> None:
-    """Refuse `--workers` and `--cluster` for a certificate that has no work for them."""
+    """Reject `--workers` and `--cluster` for a certificate without parallel work."""
     from armcontour.core.errors import InvalidInput
 
     if goal.plant != "rigid_body" or goal.box is None:
         raise InvalidInput(
-            "--workers and --cluster share robots of a box that are executed as rigid bodies, and "
-            "this certificate executes none: leave them out, or give the job's certificate a box "
+            "--workers and --cluster distribute simulations of uncertain robots as rigid bodies, "
+            "and this certificate has none: remove them, or give the job's certificate a box "
             "and plant: rigid_body."
         )
 
@@ -85,7 +84,7 @@ def _write(certificate: Certificate, folder: Any) -> None:
 
 
 def _print(certificate: Certificate, report: FilePath | None) -> None:
-    """Print the certificate, beside the uncertified plan, with its notes and warnings."""
+    """Print the certificate and the uncertified plan, with notes and warnings."""
     from armcontour.core.render import compare, text
     from armcontour.core.result import TABLE
 

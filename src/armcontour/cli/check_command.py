@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from armcontour.verification import Check
     from armcontour.verification.clearance import Clearance
 
-# Less noise [rad] is rounding: an encoder of 32 bits has steps of 1.5e-9 rad.
-LEAST_NOISE = 1e-9
-# Titles of columns that one line lists.
-MOST_NAMED = 8
+# Smallest noise [rad]: below it is rounding; an encoder of 32 bits has steps of 1.5e-9 rad.
+MIN_NOISE = 1e-9
+# Largest number of listed column titles.
+MAX_TITLES = 8
 JOB_FILES = (".yaml", ".yml")
-# Exit code of every verdict; no error has the code 7.
+# Exit codes of the verdicts; no error has the code 7.
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
 
 
@@ -65,9 +65,9 @@ def check_file(trajectory: FilePath, options: CheckOptions) -> int:
         named = sorted({y.joint + 1 for y in result.uses if y.joint is not None})
         called = [joint_called(y, arm.joint_names) for y in named]
         remarks = [f"Joints: {', '.join(called)}."] if called != [str(y) for y in named] else []
-        remarks += _on_the_file(samples, result, declared=options.noise is not None)
+        remarks += _file_notes(samples, result, declared=options.noise is not None)
         if clearance is not None:
-            evenly = "Between samples the joints count as moving evenly."
+            evenly = "Between samples the joints are interpolated linearly."
             remarks.append(f"{clearance.sentence} {evenly}")
             remarks += filter(None, [clearance.below_base])
         remarks += [f"Note: {note}" for note in arm.notes]
@@ -79,7 +79,7 @@ def check_file(trajectory: FilePath, options: CheckOptions) -> int:
 def _limits_and_path(
     options: CheckOptions, job: Job | None, arm: Arm
 ) -> tuple[Limits, Program | None, float | None, float | None]:
-    """The limits, the path, and the allowed deviations from the path [m] and [rad]."""
+    """Limits, path, and allowed deviations from the path [m] and [rad]."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files import read_limits
     from armcontour.jobs import prepare_and_round
@@ -99,16 +99,17 @@ def _limits_and_path(
 
 
 def _clearance(samples: TrajectoryFile, arm: Arm, scene: Scene) -> Clearance:
-    """How far an arm stays from itself and from its cell; its times are those of the file."""
+    """Clearance of the arm to itself and to its cell, at the times of the file."""
     from armcontour.verification.clearance import check_clearance
 
     return check_clearance(samples.straight, arm, scene).later(float(samples.t[0]))
 
 
 def _arm_and_scene(options: CheckOptions, default: Arm | None) -> tuple[Arm, Scene | None]:
-    """The arm that the options name, and the scene; None if none is named.
+    """Arm and scene of the options; no scene without `--scene`.
 
-    The arm is that of `--arm`, or of the job `default`, or of the cell of the scene.
+    The arm is that of `--arm`, else `default` (that of the job), else that of the cell of the
+    scene.
     """
     from armcontour.files.cell import cell_names, read_cell_scene
     from armcontour.files.scene_files import read_scene_file
@@ -126,7 +127,7 @@ def _arm_and_scene(options: CheckOptions, default: Arm | None) -> tuple[Arm, Sce
 
 
 def _arm(options: CheckOptions, default: Arm | None) -> Arm:
-    """The arm that the options name; by default that of a job or a cell."""
+    """The arm of the options, by default that of the job or cell."""
     from armcontour.core.errors import InvalidInput
 
     if options.arm is not None:
@@ -153,7 +154,7 @@ def _arm(options: CheckOptions, default: Arm | None) -> Arm:
 
 
 def named_arm(name: str, x: ArmOptions) -> Arm:
-    """The arm of a name or file, by the options of robot descriptions."""
+    """Load the arm of a name or file with the options for robot descriptions."""
     from armcontour.files.robots import options
     from armcontour.files.robots.loading import load_arm
 
@@ -168,7 +169,7 @@ def named_arm(name: str, x: ArmOptions) -> Arm:
 
 
 def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
-    """The values of an option that is given as NAME=VALUE, by name."""
+    """Values of an option given as NAME=VALUE, by name."""
     from armcontour.core.errors import InvalidInput
 
     pairs = {}
@@ -181,7 +182,7 @@ def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
 
 
 def _samples(trajectory: FilePath, arm: Arm, options: CheckOptions) -> TrajectoryFile:
-    """Read a trajectory file, which must have as many joints as the arm."""
+    """Read a trajectory file, and check its number of joints."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files import read_trajectory
     from armcontour.motion.log_checks import check_range_of_log
@@ -220,25 +221,25 @@ def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
     for name, part, kind in zip(("q", "dq"), parts, (AngularDistance, AngularRate), strict=False):
         error = read_option("--noise", part, kind)
         assert error is not None
-        # A number is within half of its last digit.
+        # The resolution is twice the largest error, as for a rounded number.
         resolution[name] = max(resolution.get(name, 0.0), 2 * error)
     return replace(samples, resolution=resolution)
 
 
-def _on_the_file(samples: TrajectoryFile, result: Check, *, declared: bool) -> list[str]:
-    """Sentences on columns that were left out, and on noise that was not declared."""
+def _file_notes(samples: TrajectoryFile, result: Check, *, declared: bool) -> list[str]:
+    """Sentences on ignored columns and on undeclared noise."""
     lines = []
     if samples.left_out:
         lines.append(
             f"Left out of {samples.source}: "
-            f"{list_some([show(x) for x in samples.left_out], MOST_NAMED)}."
+            f"{list_some([show(x) for x in samples.left_out], MAX_TITLES)}."
         )
     lines += [f"Note: {x}" for x in samples.notes]
     noise = _noise(samples.q)
     if (
         result.violated
         and not declared
-        and noise > max(samples.resolution.get("q", 0.0), LEAST_NOISE)
+        and noise > max(samples.resolution.get("q", 0.0), MIN_NOISE)
     ):
         lines.append(
             f"The positions scatter by {digits(noise * 1e3, 2)} mrad from sample to sample, as "
@@ -251,12 +252,12 @@ def _on_the_file(samples: TrajectoryFile, result: Check, *, declared: bool) -> l
 
 
 def _noise(q: FloatArray) -> float:
-    """Standard deviation of the noise of measured positions [rad]; 0 of what looks computed."""
+    """Standard deviation of the noise of measured positions [rad]; 0 for computed positions."""
     third = np.diff(q, n=3, axis=0)
     power = np.sum(third**2, axis=0)
     noise = 0.0
     for j in np.flatnonzero(power > 0):
-        # Of noise alone, neighbouring third differences have the correlation -0.75.
+        # Neighbouring third differences of white noise have the correlation -0.75.
         if float(third[1:, j] @ third[:-1, j]) < -0.6 * power[j]:
             noise = max(noise, math.sqrt(power[j] / len(third) / 20))
     return noise
@@ -265,7 +266,7 @@ def _noise(q: FloatArray) -> float:
 def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
     """The run of a job whose path, and with `limited` whose limits, the check uses.
 
-    Without a name, the first run that rounds corners, if all such runs round alike.
+    Without a name it is the first run that rounds corners; all such runs must round alike.
     """
     from armcontour.core.errors import InvalidInput
     from armcontour.jobs.job import find_run

@@ -51,7 +51,7 @@ ROBOT, INSTALLED = "With the robot", "About this installation"
 
 
 class Kind(Enum):
-    """What the command `warm` compiles."""
+    """Functions that the command `warm` compiles."""
 
     all = "all"
     usual = "usual"
@@ -77,10 +77,10 @@ app = typer.Typer(
 
 
 def app_for(arguments: Sequence[str]) -> typer.Typer:
-    """The program with the command that is called only: to build all of them takes time.
+    """The program with only the called command, because building all commands takes time.
 
     Args:
-        arguments: Arguments of the program; if the first one is no command, all commands are there.
+        arguments: Arguments of the program; all commands are built if the first is no command.
     """
     called = [
         x for x in app.registered_commands if x.callback and x.callback.__name__ in arguments[:1]
@@ -91,7 +91,7 @@ def app_for(arguments: Sequence[str]) -> typer.Typer:
 
 
 def _command(topic: str, example: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Decorator for a command."""
+    """Decorator for a command with a topic in the help and the arguments of an example."""
     epilog = f"\b\nExample:\n  armcontour {example}"
     return app.command(cls=Command, rich_help_panel=topic, epilog=epilog)
 
@@ -112,7 +112,7 @@ def _common(
         ),
     ] = False,
 ) -> None:
-    """Options of the program itself."""
+    """Options of the program."""
     pass
 
 

@@ -1,6 +1,6 @@
 """Output on the terminal: tables, lines, and the report in a browser.
 
-All text goes through `to_line`, because names come from files of other people.
+All text passes through `to_line`, because names come from files of users.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ USUAL_NAME = 24
 
 
 class Console:
-    """The standard output, as wide as the terminal."""
+    """Standard output, as wide as the terminal."""
 
     def __init__(self) -> None:
         from rich.console import Console as Rich
@@ -78,18 +78,18 @@ class Console:
             self.say(note)
 
     def say(self, text: str) -> None:
-        """Print a line; the terminal may wrap the line, and markup has no effect."""
+        """Print a line; the terminal may wrap it, and markup has no effect."""
         self._rich.print(to_line(text), soft_wrap=True, highlight=False, markup=False)
 
 
 def say_at_once(text: str) -> None:
-    """Print a line without loading what draws tables, which takes longer than some starts."""
+    """Print a line without loading the library for tables, which takes a tenth of a second."""
     sys.stdout.write(f"{to_line(text)}\n")
     sys.stdout.flush()
 
 
 def show_notes(notes: Iterable[str]) -> None:
-    """Print notes on files that were read, apart from the results."""
+    """Print notes on input files to the standard error."""
     for note in notes:
         sys.stderr.write(f"Note: {to_line(note)}\n")
 

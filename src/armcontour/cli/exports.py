@@ -1,4 +1,4 @@
-"""Export set-points and plans in the formats of the command line, of a run or of a result."""
+"""Export of set-points and plans in the formats of the command line, from a run or a result."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 # Labels of the set-points for the robot, and of the plan without compensation.
 SET_POINTS, REFERENCE = "set_points", "reference"
-# Formats whose controllers join set-points with accelerations by quintics, and the share of the
-# limit above which such accelerations are said.
+# Formats whose controllers interpolate set-points by quintics, and the fraction of the limit of
+# acceleration above which a warning is given.
 JOINED_BY_QUINTICS = ("ros-yaml", "mcap")
 FAR_ABOVE = 3.0
 
@@ -47,14 +47,14 @@ class Target:
 
     @property
     def plans(self) -> bool:
-        """Whether the controller plans between the points: such files get the plan only."""
+        """Whether the controller plans between the points; such files contain the plan only."""
         from armcontour.files.exports.template import templates
 
         return self.format.label in templates()
 
     @property
     def option(self) -> str:
-        """The option of the command line for this file, for messages."""
+        """Option of the command line for this file, for messages."""
         kind = "template" if self.format.kind == "template" else "export"
         return f"--{kind} {self.format.label}"
 
@@ -65,7 +65,7 @@ class Exports:
 
     Args:
         targets: The files.
-        cycle: Time between points of the plan [s]; the cycle if None.
+        cycle: Time between points of the plan [s]; None for the cycle of the run.
         derivatives: Highest derivative.
         tool_motion: Whether files have point, orientation and speed of the tool.
     """
@@ -79,7 +79,7 @@ class Exports:
         return bool(self.targets)
 
     def write(self, target: Target, table: Table, file: FilePath) -> None:
-        """Write a table to one of the files, analog outputs only to formats that have them.
+        """Write a table to a file; analog outputs only if the format supports them.
 
         Raises:
             InvalidInput: The format cannot hold the table; names the option of the format.
@@ -92,12 +92,12 @@ class Exports:
         with error_context(target.option):
             target.format.write(table, file)
 
-    def period_of(self, target: Target) -> float | None:
-        """Time between points of the plan in one of the files; None for the cycle."""
+    def cycle_of(self, target: Target) -> float | None:
+        """Time between points of the plan in a file [s]; None for the cycle of the run."""
         return None if target.format.kind == "urscript" else self.cycle
 
     def warn_of_events(self, target: Target, table: Table) -> list[str]:
-        """Sentences on outputs that one of the files does not switch."""
+        """Sentences on outputs that a file does not switch."""
         from armcontour.files.exports.formats import outputs_of
         from armcontour.files.exports.template import describe_program
 
@@ -109,7 +109,7 @@ class Exports:
         )
 
     def table_options(self, arm: Arm) -> dict[str, Any]:
-        """Keyword arguments for a table of the arm; tool points only if a file has them."""
+        """Keyword arguments for a table of the arm; tool points only if a file contains them."""
         needed = self.tool_motion or any(x.format.kind in ("npz", "template") for x in self.targets)
         return {
             "arm": arm if needed else None,
@@ -170,7 +170,7 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -
     takers = [x.format.label for x in targets if isinstance(x.format, WITH_OUTPUTS)]
     if texts and not takers:
         raise InvalidInput("--output goes with --export urscript or with --template.")
-    # Of each format, and under "" of all of them.
+    # Outputs by format; the key "" is for all formats.
     outputs: dict[str, Outputs] = {}
     for text in texts:
         event, equals, number = text.partition("=")
@@ -202,24 +202,24 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -
 
 
 def _refuse_same_files(targets: list[Target]) -> None:
-    """Refuse two exports that would be written to the same file."""
+    """Reject two exports to the same file."""
     from armcontour.core.errors import InvalidInput
 
     taken: dict[str, str] = {}
     for x in targets:
         if taken.get(x.ending) == x.option:
-            raise InvalidInput(f"{x.option} is there twice: give it once.")
+            raise InvalidInput(f"{x.option} is given twice: give it once.")
         if x.ending in taken:
             raise InvalidInput(
                 f"{taken[x.ending]} and {x.option} would both be written to "
-                f"{SET_POINTS}{x.ending}: leave one of them out, or give a template "
+                f"{SET_POINTS}{x.ending}: remove one of them, or give a template "
                 "another ending, such as cell.txt.j2."
             )
         taken[x.ending] = x.option
 
 
 def rehearse(job: Job, exports: Exports, scratch: FilePath) -> None:
-    """Write a table of two points in every chosen format, to find errors before the run.
+    """Write a table of two points in each format, to find errors before the run.
 
     Args:
         job: The job.
@@ -241,9 +241,9 @@ def rehearse(job: Job, exports: Exports, scratch: FilePath) -> None:
     for number, cycle in enumerate(dict.fromkeys(cycles)):
         table = _two_points(job, cycle, events, exports)
         for target in exports.targets:
-            if cycle not in (*intervals, exports.period_of(target)):
+            if cycle not in (*intervals, exports.cycle_of(target)):
                 continue
-            # A bag is a folder, which no other one may replace.
+            # Each file has its own name, because a bag is a folder that cannot be replaced.
             file = scratch / f"rehearsal{number}{target.ending}"
             try:
                 exports.write(target, table, file)
@@ -252,7 +252,7 @@ def rehearse(job: Job, exports: Exports, scratch: FilePath) -> None:
 
 
 def _refuse_outputs(exports: Exports, events: Iterable[str], owner: str) -> None:
-    """Refuse outputs for events that do not exist."""
+    """Reject outputs for events that do not exist."""
     from armcontour.files.exports.formats import check_outputs, outputs_of
 
     names = {name: 0 for target in exports.targets for name in outputs_of(target.format)}
@@ -279,7 +279,7 @@ def _events_of(job: Job) -> list[Event]:
 
 
 def _two_points(job: Job, cycle: float, events: Sequence[Event], exports: Exports) -> Table:
-    """A table of two points with the joints and events of a job."""
+    """Table of two points with the joints and events of a job."""
     import numpy as np
 
     from armcontour.files.exports.table import tabulate
@@ -301,7 +301,7 @@ def _two_points(job: Job, cycle: float, events: Sequence[Event], exports: Export
 
 
 def _title(job: Job, label: str) -> str:
-    """The title of a table inside its file."""
+    """Title of a table inside its file."""
     return f"{job.name} {label}"
 
 
@@ -319,8 +319,8 @@ def write_exports(
     analog = analog_outputs(result.path, result.trajectory, job.process, result.run.limits)
     takers = ", ".join(kind for kind, of in FORMATS.items() if issubclass(of, WITH_ANALOG))
     warnings = [
-        f"{y.option}, run {name}: the format has no place for analog outputs "
-        f"({', '.join(analog)}), which these have: {takers}."
+        f"{y.option}, run {name}: the format does not support analog outputs "
+        f"({', '.join(analog)}); these formats do: {takers}."
         for y in exports.targets
         if analog and not isinstance(y.format, WITH_ANALOG)
     ]
@@ -328,7 +328,7 @@ def write_exports(
     made: dict[tuple[str, float], Table] = {}
     for target in exports.targets:
         tables: dict[str, tuple[SetPoints | Trajectory, float]]
-        tables = {REFERENCE: (result.trajectory, exports.period_of(target) or result.run.cycle)}
+        tables = {REFERENCE: (result.trajectory, exports.cycle_of(target) or result.run.cycle)}
         if not target.plans:
             tables[SET_POINTS] = (result.set_points, result.run.cycle)
         for label, (data, cycle) in tables.items():
@@ -343,7 +343,7 @@ def write_exports(
             if exports.derivatives == 0 and job.arm.name.lower().startswith("ur"):
                 warnings.append(
                     f"{target.option}, run {name}: the trajectory interface of UR (passthrough "
-                    "controller) needs velocities: leave out --derivatives 0 for it."
+                    "controller) needs velocities: remove --derivatives 0."
                 )
             warnings += _warn_of_jumps(target, table, result.run.limits, name)
         for sentence in exports.warn_of_events(target, table):
@@ -371,7 +371,7 @@ def _size(table: Table, file: FilePath) -> str:
 
 
 def _warn_of_jumps(target: Target, table: Table, limits: Limits, name: str) -> list[str]:
-    """Warn of a curve through set-points that needs far more than the limits of acceleration."""
+    """Warnings of set-points whose interpolation exceeds the limits of acceleration by far."""
     import numpy as np
 
     from armcontour.robot.limit_use import use_of
@@ -399,7 +399,7 @@ def _warn_of_jumps(target: Target, table: Table, limits: Limits, name: str) -> l
 
 
 def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions) -> None:
-    """Export a run of an earlier result to a file, and say what was written.
+    """Export a run of an earlier result to a file, and print a summary.
 
     Args:
         result: Folder of a result.
@@ -461,7 +461,7 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
 
 
 def _format(file: FilePath, options: StoredExportOptions) -> ExportFormat:
-    """The format of a file, by its options or its ending."""
+    """Format of a file by the options or its ending."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files.exports.formats import TemplateFormat, format_named, format_of
 

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from armcontour.motion import Log
     from armcontour.robot import Arm
 
-# Exit codes: all joints have a good model and compensation is trusted (with masses: all is
-# determined), not so, and so on one program only. No error has the code 9.
+# Exit codes: every joint has a valid model and compensation is trusted (with masses: all parameters
+# are determined); otherwise; trusted on one program only. No error has the code 9.
 DONE, DOUBTFUL, PROVISIONAL = 0, 1, 9
 
 
@@ -44,7 +44,7 @@ def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
     raise_if(
         options.out is not None and bool(options.package or options.xacro_arg),
         "robot.yaml cannot name packages and arguments of a .xacro file: expand it to a .urdf "
-        "file and name that, or leave --out out.",
+        "file and name that, or remove --out.",
     )
     arm = named_arm(options.arm, options)
     if not arm.has_bodies and options.servo is None and options.gravity is None:
@@ -53,12 +53,12 @@ def identify_files(logs: list[FilePath], options: IdentifyOptions) -> int:
         ("--predict", bool(options.predict)),
         ("--model", options.model != "auto"),
     ):
-        raise_if(is_set, f"{option} is for joints without an arm: leave it or --arm out.")
+        raise_if(is_set, f"{option} is for joints without an arm: remove it or --arm.")
     return _identify_bodies(logs, options, options.arm, arm)
 
 
 def _identify_servos(logs: list[FilePath], command: IdentifyOptions, arm: Arm | None) -> int:
-    """Identify the servo of every joint of some logs; the arm gives errors at the tool."""
+    """Identify the servo of each joint from logs; with an arm, errors at the tool are computed."""
     from armcontour.cli.progress_bars import search_progress
     from armcontour.control.identification import ServoFit, identify
     from armcontour.core.render import plain
@@ -109,14 +109,14 @@ def _identify_bodies(logs: list[FilePath], command: IdentifyOptions, name: str, 
         try:
             files["servo.yaml"] = robot_servo_yaml(fit)
         except InvalidInput as error:
-            # Not an error here: what else is known is of use.
+            # Not an error, because the other results are valid.
             remark = f", but no servo.yaml: {error}"
         _conclude(fit, command, files, remark=remark)
     return DONE if fit.determined else DOUBTFUL
 
 
 def _shared_options(command: IdentifyOptions) -> dict[str, Any]:
-    """The options that both kinds of identification have; without those that are not given."""
+    """The specified options that both kinds of identification have."""
     from armcontour.cli.inputs import read_option
     from armcontour.core.quantities import Interval
 
@@ -131,7 +131,7 @@ def _shared_options(command: IdentifyOptions) -> dict[str, Any]:
 
 
 def _read(log: FilePath, command: IdentifyOptions) -> Log:
-    """Read a log."""
+    """Read a log, and print its notes."""
     from armcontour.cli.inputs import read_window
     from armcontour.files.log_file import read_log
 

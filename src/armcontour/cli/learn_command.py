@@ -1,4 +1,4 @@
-"""The command `learn`: set-points for the next run, from the log of the last one."""
+"""The command `learn`: set-points for the next run from the log of the last one."""
 
 from __future__ import annotations
 
@@ -22,16 +22,17 @@ if TYPE_CHECKING:
     from armcontour.jobs.learning import JudgedStudy, LearningStudy
     from armcontour.motion import Log, SetPoints
 
-Found = TypeVar("Found", "JudgedStudy", "LearningStudy")
+Study = TypeVar("Study", "JudgedStudy", "LearningStudy")
 
 
 def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -> None:
-    """Learn a run of a job from a log, or judge it; print and write it.
+    """Learn a run of a job from a log, or evaluate the log; print and write the result.
 
     Args:
         file: A job file, or a drawing.
         job_options: Options that replace values of the job.
-        options: Options of the command.
+        options: Options of the command. The folder gets summary.json and, unless the log is only
+            evaluated, the set-points of the next run and report.html.
 
 
     Raises:
@@ -51,11 +52,11 @@ def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -
 def _do(
     options: LearnOptions,
     title: str,
-    work: Callable[[Progress], Found],
-    write: Callable[[Found, ResultFolder], None],
-    show: Callable[[Found, FilePath | None], None],
+    work: Callable[[Progress], Study],
+    write: Callable[[Study, ResultFolder], None],
+    show: Callable[[Study, FilePath | None], None],
 ) -> None:
-    """Do the work of the command, write what it found if there is a folder, and print it."""
+    """Run `work` with progress, write its result if there is a folder, and print it."""
     from armcontour.files import ResultFolder
     from armcontour.files.json_text import data_json
 
@@ -77,23 +78,23 @@ def _do(
 
 
 def _refuse_missing(options: LearnOptions) -> None:
-    """Refuse options without those that they need."""
+    """Reject options without those that they require."""
     from armcontour.core.errors import InvalidInput
 
     if options.out is None and (options.open_report or options.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
     if options.judge_only:
         if options.log is None:
-            raise InvalidInput("--judge-only needs what the robot did, --log.")
+            raise InvalidInput("--judge-only requires the log of the robot: give it with --log.")
         if options.open_report:
-            raise InvalidInput("--judge-only writes no report that --open can show: leave it out.")
+            raise InvalidInput("--judge-only writes no report that --open can show: remove --open.")
         return
     if options.set_points is None or options.log is None:
         raise InvalidInput(
-            "learn needs what the robot executed and what it did, --set-points and --log."
+            "learn requires the executed set-points and the log: give --set-points and --log."
         )
     if options.out is None:
-        raise InvalidInput("learn needs --out, the folder for the set-points of the next run.")
+        raise InvalidInput("learn requires --out, the folder for the set-points of the next run.")
 
 
 def _learn(
@@ -121,7 +122,7 @@ def _judge(
     window: tuple[float, float],
     progress: Progress,
 ) -> JudgedStudy:
-    """Read the job, plan its run, and judge the log of a robot."""
+    """Read the job, plan its run, and evaluate the log of a robot."""
     from armcontour.jobs.learning import judge_log, plan_run
 
     job = open_job(file, job_options, subprogress(progress, "reading"))
@@ -138,7 +139,7 @@ def _read(
     window: tuple[float, float],
     progress: Progress,
 ) -> tuple[SetPoints, Log | Recording, tuple[FloatArray, FloatArray] | None]:
-    """What the robot executed, its log, and positions of its tool if there are any."""
+    """Executed set-points, log, and measured tool positions if there are any."""
     from armcontour.files.log_file import read_run_log, read_tool_positions
     from armcontour.files.set_point_file import read_taught
 
@@ -166,7 +167,7 @@ def _read(
 
 
 def _write(study: LearningStudy, folder: ResultFolder) -> None:
-    """Write what was learned."""
+    """Write the learned set-points, the report and the summary."""
     import dataclasses
 
     from armcontour.cli.run_command import write_motions
@@ -185,7 +186,7 @@ def _write(study: LearningStudy, folder: ResultFolder) -> None:
 
 
 def _print(study: LearningStudy, out: FilePath | None) -> None:
-    """Print a table of the runs, whether to go on, and what was written."""
+    """Print a table of the runs, the next step, and the written files."""
     console = Console()
     console.say(f"{study.job.title}, run {study.plan.run.name}: error of the tool")
     console.show(study.result)
@@ -200,14 +201,14 @@ def _print(study: LearningStudy, out: FilePath | None) -> None:
 
 
 def _write_judged(study: JudgedStudy, folder: ResultFolder) -> None:
-    """Write the summary of a judged run."""
+    """Write the summary of an evaluated run."""
     from armcontour.files.json_text import data_json
 
     folder.write("summary.json", data_json(study.to_data([*folder.files, "summary.json"])))
 
 
 def _print_judged(study: JudgedStudy, out: FilePath | None) -> None:
-    """Print what the tool and the joints did by a log, and what was written."""
+    """Print the errors of the tool and the joints by a log, and the written file."""
     console = Console()
     console.say(f"{study.job.title}, run {study.plan.run.name}: the robot by its log")
     console.show(study.result)

@@ -1,4 +1,4 @@
-"""The command `place`: where the part of a job lies best."""
+"""The command `place`: find the best placement of the part of a job."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
     from armcontour.cli.options import JobOptions, PlaceOptions
     from armcontour.studies.placement import Placement
 
-# The job in its best place.
+# File of the job in its best placement.
 JOB = "job.yaml"
 
 
 def place_file(
     file: FilePath, out: FilePath, job_options: JobOptions, options: PlaceOptions
 ) -> None:
-    """Place a job, print the best place, and write maps, a table and the job in that place.
+    """Place a job, print the best placement, and write maps, a table and the placed job.
 
     Args:
         file: A job file, or a drawing.
@@ -29,7 +29,7 @@ def place_file(
         options: Options of the command.
 
     Raises:
-        ArmContourError: An invalid job, or no feasible place; then nothing is written.
+        ArmContourError: An invalid job, or no feasible placement. Nothing is written then.
     """
     from armcontour.cli.inputs import open_job
     from armcontour.cli.progress_bars import share_progress
@@ -38,7 +38,7 @@ def place_file(
     from armcontour.files import ResultFolder, placement_csv, placement_json
     from armcontour.studies.placement import place
 
-    # By default places decide by their number.
+    # By default the number of placements decides about processes.
     by_number = options.workers is None and options.cluster is None
     with (
         nullcontext() if by_number else open_executor(options.workers, options.cluster) as executor,
@@ -70,7 +70,7 @@ def place_file(
 
 
 def _job_text(placement: Placement, file: FilePath, out: FilePath, options: JobOptions) -> str:
-    """The text of the job in its best place."""
+    """Text of the job in its best placement."""
     from armcontour.cli.inputs import is_job, read_patch
     from armcontour.files import placed_job_text
     from armcontour.files.cell import drawing_text
@@ -85,7 +85,7 @@ def _job_text(placement: Placement, file: FilePath, out: FilePath, options: JobO
 
 
 def _print(placement: Placement, report: FilePath, job: FilePath | None, unwritten: str) -> None:
-    """Print the best place, what it gains, and how places were refused."""
+    """Print the best placement, its gain, and the reasons of rejected placements."""
     from armcontour.core.render import compare, text
     from armcontour.core.result import TABLE
 

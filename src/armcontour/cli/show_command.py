@@ -1,4 +1,4 @@
-"""The command `show`: size and layers of a drawing, before any arm."""
+"""The command `show`: size and layers of a drawing, without an arm."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def show_file(file: FilePath, drawing: DrawingOptions, as_json: bool) -> None:
     Args:
         file: The drawing.
         drawing: Options for reading it.
-        as_json: Whether to print JSON in place of a table.
+        as_json: Whether to print JSON instead of a table.
 
     Raises:
         InvalidInput: The drawing cannot be read.

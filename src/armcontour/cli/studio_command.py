@@ -1,4 +1,4 @@
-"""The command `studio`: a local page that shows a job and changes it."""
+"""The command `studio`: a local page that shows and changes a job."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def open_studio(file: FilePath | None, options: StudioOptions) -> None:
 
 
 def _check(file: FilePath | None, options: StudioOptions) -> None:
-    """Refuse what cannot be opened before anything is loaded that takes long."""
+    """Reject invalid inputs before slow imports."""
     from armcontour.cli.inputs import is_job
     from armcontour.core.errors import InvalidInput
     from armcontour.core.file_access import LARGE, read_bytes
@@ -59,7 +59,7 @@ def _check(file: FilePath | None, options: StudioOptions) -> None:
         find_reader(file)
     if not job and options.cell is None:
         raise InvalidInput(
-            f"{file.name} is a drawing: name the cell it is to be run in with --cell, such as "
+            f"{file.name} is a drawing: name the cell for it with --cell, such as "
             "ur5e, or a job file."
         )
     read_bytes(file, "job file" if job else "drawing", maximum=LARGE)
@@ -68,7 +68,7 @@ def _check(file: FilePath | None, options: StudioOptions) -> None:
 def _session(
     file: FilePath | None, options: StudioOptions, say: Callable[[bytes], None]
 ) -> Session:
-    """Open the document; this loads all that computes."""
+    """Open the document; this loads the numerical libraries."""
     from armcontour.studio.opening import open_session
 
     return open_session(file, cell=options.cell, trust_xacro=options.trust_xacro, say=say)
@@ -77,7 +77,7 @@ def _session(
 def _announce(address: str, open_page: bool) -> None:
     """Print the address, and open it in a browser."""
     say_at_once(f"Studio: {address}")
-    say_at_once("The address holds a key: give it to nobody. Ctrl+C ends the Studio.")
+    say_at_once("The address contains a key: do not share it. Ctrl+C ends the Studio.")
     if open_page:
         import threading
         import webbrowser
@@ -94,6 +94,6 @@ def _leave(desks: list[Desk]) -> None:
 
 
 def _unsaved(desks: list[Desk]) -> str | None:
-    """A sentence on changes that were not saved."""
+    """Sentence on unsaved changes."""
     session = desks[0].session if desks else None
     return None if session is None else session.document.unsaved()

@@ -39,7 +39,7 @@ COMPILED = re.compile(r"^@compiled\(", re.MULTILINE)
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 # glibc retains freed memory up to twice the size of the largest freed block; the system clears
-# other pages at each allocation. Freeing this block [bytes] saves a fifth of the time of an evaluation.
+# other pages at each allocation. Freeing this block [bytes] saves a fifth of an evaluation's time.
 np.empty(16_000_000, np.uint8)
 
 

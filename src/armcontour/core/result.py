@@ -98,7 +98,7 @@ class Table:
 
     @staticmethod
     def of(name: str, results: Sequence[Data], level: int = TABLE) -> Table:
-        """Table of results with the same figures, one per row; hides figures after the first screen.
+        """Table of results with the same figures, one per row; only main figures are shown.
 
         Args:
             name: As in `Table`.
