@@ -1,4 +1,4 @@
-"""Parameters of a plan: keys of job files, with the values that they take."""
+"""Parameters of a plan: keys of job files and their values."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ MOST_VALUES = 1_000_000
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A key of job files, with its values.
+    """A key of job files with its values.
 
     Args:
         key: The key, with dots between the keys that lead there.
-        unit: Unit of its numbers; None if they are no quantities.
-        values: Its values, in SI units; the ends of a range that is sampled.
-        ranged: Whether its values are a range.
-        log: Whether that has a logarithmic scale.
-        sampled: Whether a plan draws samples of it.
+        unit: Unit of the numbers; None if they are not quantities.
+        values: Values in SI units; the ends of a sampled range.
+        ranged: Whether the values are a range.
+        log: Whether the range has a logarithmic scale.
+        sampled: Whether the plan draws samples of the range.
     """
 
     key: str
@@ -48,19 +48,19 @@ class Parameter:
 
     @property
     def parts(self) -> Keys:
-        """The keys that lead to its key, and the last one."""
+        """The keys that lead to the value."""
         return key_of(self.key)
 
     @property
     def numeric(self) -> bool:
-        """Whether all its values are numbers."""
+        """Whether all values are numbers."""
         return all(isinstance(x, int | float) and not isinstance(x, bool) for x in self.values)
 
-    def at(self, fractions: FloatArray) -> FloatArray:
-        """Values of a range, from its start to its end.
+    def values_at(self, fractions: FloatArray) -> FloatArray:
+        """Values at fractions of a range.
 
         Args:
-            fractions: Places in the range, from 0 to 1.
+            fractions: Positions in the range, from 0 to 1.
         """
         return _between(self.values[0], self.values[-1], fractions, log=self.log)
 
@@ -70,7 +70,7 @@ def read_parameter(key: str, specified: Any, *, sampled: bool) -> Parameter:
 
     Args:
         key: The key.
-        specified: A list of values, a range, or a value that holds for all jobs.
+        specified: A list of values, a range, or a value for all jobs.
         sampled: Whether the plan draws samples of its ranges.
 
     Raises:
@@ -86,7 +86,7 @@ def read_parameter(key: str, specified: Any, *, sampled: bool) -> Parameter:
             return Parameter(key, unit, (low, high), True, log, True)
         values = _between(low, high, np.linspace(0.0, 1.0, count), log=log).tolist()
         if quantity is None and all(_whole(specified[x]) for x in ("from", "to")):
-            # Counts, such as knots, have to be whole.
+            # Counts, such as knots, must be integers.
             values = [round(x) if abs(x - round(x)) < 1e-9 * abs(x) else x for x in values]
         return Parameter(key, unit, tuple(values), True, log)
     listed = specified if isinstance(specified, list) else [specified]
@@ -96,7 +96,7 @@ def read_parameter(key: str, specified: Any, *, sampled: bool) -> Parameter:
         f"{location}: samples are drawn of ranges, not of lists: write {{from: ..., to: ...}}, or "
         "combine: product.",
     )
-    raise_if(count == 0, f"{location} is an empty list: give a value, or leave the key out.")
+    raise_if(count == 0, f"{location} is an empty list: give a value, or remove the key.")
     raise_if(count > MOST_VALUES, f"{location} has {count} values, more than {MOST_VALUES}.")
     return Parameter(key, unit, tuple(_in_si(key, x) for x in listed))
 
@@ -117,8 +117,7 @@ def _read_range(
             )
     raise_if(
         sampled and "steps" in ends,
-        f"{location}.steps: the plan draws samples, whose number stands in combine.sobol: leave "
-        "steps out.",
+        f"{location}.steps: the plan draws samples, whose number is combine.sobol: remove steps.",
     )
     scale = checks.check_choice(f"{location}.scale", ends.get("scale", "linear"), SCALES)
     low, high = (_read_end(f"{location}.{x}", ends[x], quantity) for x in ("from", "to"))
@@ -142,7 +141,7 @@ def _read_range(
 
 
 def _read_end(location: str, value: Any, quantity: Quantity | None) -> float:
-    """An end of a range in SI units."""
+    """End of a range in SI units."""
     try:
         return parse(value, "1") if quantity is None else read_quantity(value, quantity)
     except ValueError as error:
@@ -150,13 +149,13 @@ def _read_end(location: str, value: Any, quantity: Quantity | None) -> float:
 
 
 def _in_si(key: str, value: Any) -> Any:
-    """A value of a key in SI units; what is no quantity stays as it is."""
+    """Value of a key in SI units; a value without a quantity is unchanged."""
     keys = full_key(key_of(key))
     return value_at(in_si(change_data({}, [Change(keys, value)]), JobModel), keys)
 
 
 def _between(low: float, high: float, fractions: FloatArray, *, log: bool) -> FloatArray:
-    """Values between two ends, which are met exactly."""
+    """Values between two ends, which are reproduced exactly."""
     if log:
         values = np.exp(math.log(low) + fractions * (math.log(high) - math.log(low)))
     else:
@@ -166,5 +165,5 @@ def _between(low: float, high: float, fractions: FloatArray, *, log: bool) -> Fl
 
 
 def _whole(value: Any) -> bool:
-    """Whether a value is written as a whole number."""
+    """Whether a value is written as an integer."""
     return isinstance(value, int) and not isinstance(value, bool)

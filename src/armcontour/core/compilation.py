@@ -206,11 +206,14 @@ class Order:
         self._tell(Step((), 0.0))
         try:
             workers = _processes() if can_start() else 0
-            with open_executor(workers) as pool, TaskQueue[Calls, int](compile_calls, pool) as crew:
-                while self._remaining or len(crew):
-                    while len(crew) < crew.workers and (calls := self._take()):
-                        crew.give(calls)
-                    for (key, _), compiled in crew.take():
+            with (
+                open_executor(workers) as pool,
+                TaskQueue[Calls, int](compile_calls, pool) as queue,
+            ):
+                while self._remaining or len(queue):
+                    while len(queue) < queue.workers and (calls := self._take()):
+                        queue.give(calls)
+                    for (key, _), compiled in queue.take():
                         self._finish(key, compiled)
         finally:
             self.give_up()

@@ -408,11 +408,11 @@ def map_in_processes(
         executor = InProcess()
     with nullcontext(executor) if executor else open_executor(count) as opened:
         work_on_chunk = partial(_several, work)
-        with TaskQueue[tuple[int, Sequence[T]], list[R]](work_on_chunk, opened) as crew:
-            slices = split_evenly(len(items), max(PARTS, 4 * crew.workers))
+        with TaskQueue[tuple[int, Sequence[T]], list[R]](work_on_chunk, opened) as queue:
+            slices = split_evenly(len(items), max(PARTS, 4 * queue.workers))
             results_by_chunk: dict[int, list[R]] = {}
             number = 0
-            for (k, part), results in crew.work_off(enumerate(items[x] for x in slices)):
+            for (k, part), results in queue.work_off(enumerate(items[x] for x in slices)):
                 tell(number)
                 results_by_chunk[k] = results
                 number += len(part)
