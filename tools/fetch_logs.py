@@ -39,7 +39,7 @@ Table = npt.NDArray[np.float64]
 
 
 def from_kuka(traces: Sequence[str]) -> Table:
-    """Time [s], commands and measured positions [deg] of six axes' oscilloscope traces."""
+    """Time [s], commands and measured positions [deg] from oscilloscope traces of six axes."""
     axes = [np.loadtxt(x.splitlines(), delimiter=";", skiprows=1, ndmin=2) for x in traces]
     n = min(map(len, axes))
     command, measured = (
@@ -49,9 +49,9 @@ def from_kuka(traces: Sequence[str]) -> Table:
 
 
 def from_panda(dq: str, rate_times: str, q0: str, time: str, positions: str) -> Table:
-    """Time [s], velocity commands integrated, and measured positions [rad], up to a lost packet.
+    """Time [s], integrated velocity commands and measured positions [rad], until a lost packet.
 
-    The files have one value a line; those of the seven joints follow each other.
+    The files have one value per line; those of the seven joints follow each other.
     """
     rate, at_times, start, t, q = (
         np.loadtxt(x.splitlines(), ndmin=1) for x in (dq, rate_times, q0, time, positions)
@@ -83,7 +83,7 @@ def joints(count: int, unit: str) -> list[str]:
 
 
 def fetch(repository: tuple[str, str], file: str) -> str:
-    """The text of a file in a repository at a commit."""
+    """Text of a file in a repository at a commit."""
     with urlopen(SOURCE.format(*repository, quote(file)), timeout=60) as reply:
         return str(reply.read().decode("latin1"))
 

@@ -5,8 +5,8 @@ commands, drawings of the tests and drawings with random changes, and `check` on
 trajectories. Recorded are exit codes, the class and data of errors, and all numbers and keys of
 results; sentences are not. Records of a commit are kept in `.armcontour/freeze`.
 
-`--renamed FILE` lists what was renamed since that commit, a line each: the old name, a tab, the new
-one. Keys, values, options and names of files are compared under the new names.
+`--renamed FILE` lists renamed names since that commit, one per line: the old name, a tab, the new
+name. Keys, values, options and names of files are compared under the new names.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ RELATIVE, METRES = 1e-9, 1e-10  # largest differences: relative, and of contour 
 UNSTABLE = re.compile(r"armcontour|version|elapsed|seconds|progress|files|source|made_from")
 NAME = re.compile(r"(?:--)?\w(?:[\w-]*\w)?")  # of keys, options, files and their parts
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
-# A result below `run` is an input of later commands of the same group.
+# Results of a command are inputs of later commands of the same group.
 OVER = "--over 'x: -100 mm .. 100 mm, 3' --over 'yaw: 0 deg .. 90 deg, 2' --workers 0"
 GROUPS = [
     [f"run {{drawings}}/{drawing} --cell {cell} {more} --out out"]
@@ -109,7 +109,7 @@ GROUPS = [
 
 
 def corpus(folder: Path) -> list[tuple[str, str]]:
-    """Write the inputs that both trees read; returns names and command lines."""
+    """Write the inputs for both trees; returns names and command lines."""
     from soak.check import _limits, draw
     from soak.readers import mutated
     from soak.samples import samples
@@ -128,7 +128,7 @@ def corpus(folder: Path) -> list[tuple[str, str]]:
         inputs.append((f"drawing{k}", f"show drawing{k}{ending} --json"))
     for k in range(CHECKED):
         case = draw(k // 2, k % 2 == 0)
-        limits = {name: np.ravel(x).tolist() for name, x in _given(_limits(case))}
+        limits = {name: np.ravel(x).tolist() for name, x in _specified(_limits(case))}
         if "speed" in limits:
             limits["speed"] = limits["speed"][0]
         (folder / f"limits{k}.yaml").write_text(json.dumps(limits))
@@ -138,15 +138,15 @@ def corpus(folder: Path) -> list[tuple[str, str]]:
     return inputs
 
 
-def _given(limits: Any) -> Iterator[tuple[str, Any]]:
-    """Names and values of limits that are set."""
+def _specified(limits: Any) -> Iterator[tuple[str, Any]]:
+    """Names and values of the limits that are set."""
     for name in ("speed", "joint_velocity", "joint_acceleration", "joint_lower", "joint_upper"):
         if getattr(limits, name) is not None:
             yield name, getattr(limits, name)
 
 
 def renamed(value: Any, names: Mapping[str, str]) -> Any:
-    """A record, or a command line, with other names.
+    """Replace names in a record or a command line.
 
     Args:
         value: The record or the text.
@@ -235,7 +235,7 @@ def _run_command(arguments: list[str]) -> dict[str, Any]:
 
 
 def read(file: Path) -> Any:
-    """What is compared of a file: JSON as it is, else its columns or numbers, summed up."""
+    """Comparable content of a file: JSON unchanged, otherwise sums over columns or numbers."""
     if file.suffix == ".json":
         return json.loads(file.read_text())
     if file.suffix in (".html", ".npz", ".mcap", ".svg"):
@@ -249,7 +249,7 @@ def read(file: Path) -> Any:
 
 
 def _sums(texts: Any) -> Any:
-    """Number of values, largest amount and mean amount."""
+    """Number of values, largest and mean magnitude."""
     try:
         values = np.abs(np.array(texts, dtype=float))
     except ValueError:
@@ -258,7 +258,7 @@ def _sums(texts: Any) -> Any:
 
 
 def differences(old: Any, new: Any, key_path: str = "") -> Iterator[str]:
-    """Where two records differ."""
+    """Descriptions of the differences between two records."""
     if UNSTABLE.search(key_path.rpartition("/")[2]):
         return
     if isinstance(old, dict) and isinstance(new, dict):
@@ -286,7 +286,7 @@ def _is_sentence(value: Any) -> bool:
 def record_of(
     tree: Path, name: str, *, again: bool, names: Mapping[str, str] = MappingProxyType({})
 ) -> dict[str, Any]:
-    """The record of a tree, from the store if it is there; names of its commands by new ones."""
+    """Record of a tree, cached; names in its commands are replaced."""
     file = STORE / f"{name}.json"
     if file.exists() and not again:
         return json.loads(file.read_text())  # type: ignore[no-any-return]
@@ -316,7 +316,7 @@ def record_of(
 
 
 def compiled(tree: Path) -> Path:
-    """Folder of compiled functions of a tree: numba itself misses changes in functions called."""
+    """Folder of compiled functions of a tree; numba alone misses changes in called functions."""
     state = hashlib.sha256()
     for file in sorted((tree / "src").rglob("*.py")):
         text = file.read_bytes()
@@ -332,14 +332,14 @@ def compiled(tree: Path) -> Path:
 
 
 def _environment() -> str:
-    """A short name of the processor, Python, the installed versions and this program."""
+    """Short digest of the processor, Python, the installed versions and this program."""
     versions = sorted(f"{x.name} {x.version}" for x in distributions() if x.name != "armcontour")
     text = "\n".join([platform.processor(), sys.version, *versions, Path(__file__).read_text()])
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 def main() -> int:
-    """Compare; returns 1 if something differs."""
+    """Compare; returns 1 if there are differences."""
     parser = argparse.ArgumentParser(prog="python -m tools.freeze", description=__doc__)
     parser.add_argument("--against", default="HEAD", help="the earlier commit (default: HEAD)")
     parser.add_argument("--again", action="store_true", help="record that commit again")

@@ -1,9 +1,9 @@
-"""Measure what share of random faults the suite finds: `python -m tools.mutants`.
+"""Measure the fraction of random faults that the suite detects: `python -m tools.mutants`.
 
 Each mutant is one small change of planning, geometry, servo or readers, chosen by the seed. The
 tests of its package run first, then those of packages above it; the first failure kills the mutant.
-`--tests` names the tests of another commit, and `--only` a list of mutants, such as those that
-have survived: so two suites are compared without running both on all mutants.
+`--tests` names the tests of another commit, and `--only` a list of mutants, such as survivors, to
+compare two suites without running both on all mutants.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 SOURCES = ROOT / "src" / "armcontour"
-LONGEST = 1200  # a mutant whose tests take longer does not end [s]
+LONGEST = 1200  # timeout of the tests of a mutant, which then counts as killed [s]
 # Tests by package, the nearest first. Names are patterns.
 TESTS = {
     "planning": (
@@ -52,7 +52,7 @@ NAMES |= {"sin": "cos", "cos": "sin", "floor": "ceil", "ceil": "floor", "all": "
 
 
 class Mutant(NamedTuple):
-    """A change of one place of a file."""
+    """A change at one position of a file."""
 
     package: str
     file: str
@@ -63,7 +63,7 @@ class Mutant(NamedTuple):
 
 
 def mutants_of(package: str, file: Path) -> list[Mutant]:
-    """All changes that can be made in a file."""
+    """All possible changes of a file."""
     source = file.read_text(encoding="utf-8")
     rows = source.splitlines()
     mutants = []
@@ -102,7 +102,7 @@ def mutants_of(package: str, file: Path) -> list[Mutant]:
 
 
 def draw(count: int, seed: int) -> list[Mutant]:
-    """Random mutants, the same number of every package."""
+    """Random mutants, the same number for each package."""
     chance, drawn = random.Random(seed), []
     for package in TESTS:
         files = sorted((SOURCES / package).rglob("*.py"))
@@ -112,7 +112,7 @@ def draw(count: int, seed: int) -> list[Mutant]:
 
 
 def importers(file: str) -> set[str]:
-    """Modules whose compiled functions may contain some of a file: it, and all that import it."""
+    """Modules whose compiled functions may contain code of a file: the file and its importers."""
     texts = {
         ".".join(["armcontour", *x.relative_to(SOURCES).with_suffix("").parts]): x.read_text(
             "utf-8"
@@ -133,10 +133,10 @@ def importers(file: str) -> set[str]:
 
 
 class Slot:
-    """A copy of the sources in which one mutant after the other is tried.
+    """Copy of the sources in which mutants are tried one after another.
 
     Args:
-        place: Its folder. Compiled functions belong to a path, so that the folder has to stay.
+        place: Its folder, which must not change, because compiled functions depend on the path.
     """
 
     def __init__(self, place: Path) -> None:
@@ -178,14 +178,14 @@ class Slot:
 
 
 def main() -> None:
-    """Try the mutants, and print and write which survive."""
+    """Try the mutants, and print and write the survivors."""
     parser = argparse.ArgumentParser(prog="python -m tools.mutants", description=__doc__)
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--tests", type=Path, default=ROOT / "tests", help="the tests to judge")
     parser.add_argument("--only", type=Path, help="a file of mutants that --out has written")
-    parser.add_argument("--out", type=Path, required=True, help="file for those that survive")
-    parser.add_argument("--slots", type=int, default=2, help="how many at a time")
+    parser.add_argument("--out", type=Path, required=True, help="file for the survivors")
+    parser.add_argument("--slots", type=int, default=2, help="number of parallel copies")
     options = parser.parse_args()
     if options.only:
         remaining = [Mutant(*x) for x in json.loads(options.only.read_text())]

@@ -1,4 +1,4 @@
-"""Try the archives of a release: `python tools/try_package.py dist`, as `make package` does.
+"""Test the archives of a release: `python tools/try_package.py dist`, as `make package` does.
 
 Source archive and wheel must contain exactly the files that git tracks, and the wheel must import.
 With `--install`, as in `make slow`, the wheel is installed in an empty environment, where
@@ -20,32 +20,32 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "src/armcontour/"
-# Of the repository, but of no use to who has a source archive.
+# Folders of the repository that a source archive does not need.
 NOT_IN_SOURCES = (".ci/", ".github/")
-# The licences of what the package contains from others, as they are called in the repository.
+# Licences of third-party content of the package, as named in the repository.
 LICENCES = (
     "LICENSE",
     PACKAGE + "files/robots/library/hulls/LICENSE-universal-robots.txt",
     PACKAGE + "files/robots/library/hulls/NOTICE-franka.txt",
     PACKAGE + "studio/static/vendor/LICENSES.txt",
 )
-# Of the paper's method, as README.md has them: motion [s] and RMS contour error [m]; to a
-# hundredth, which is less than a fault makes of them, and more than the rounding of a library.
+# Motion [s] and RMS contour error [m] of the paper's method, as in README.md. The tolerance of 1 %
+# is below the effect of a fault, and above rounding differences between libraries.
 PROPOSED = (5.327, 2.28e-6)
 
 
 def main() -> None:
-    """Try the archives of a folder, and print what was found."""
+    """Test the archives of a folder, and print the results."""
     folder = Path(sys.argv[1])
     (sources,), (wheel,) = folder.glob("*.tar.gz"), folder.glob("*.whl")
     if (ROOT / ".git").exists():
-        # The folder may belong to somebody else, as in a container.
+        # The folder may belong to another user, as in a container.
         git = ("git", "-c", f"safe.directory={ROOT}", "-C", str(ROOT))
         known = set(run(*git, "ls-files", "-z").split("\0")) - {""}
         try_sources(sources, {x for x in known if not x.startswith(NOT_IN_SOURCES)})
         try_wheel(wheel, {x for x in known if x.startswith(PACKAGE)})
     else:
-        print("There is no git here: the files of the archives were not compared with its own.")
+        print("This is no git repository: the files of the archives were not compared with it.")
     with tempfile.TemporaryDirectory() as place:
         if "--install" in sys.argv:
             try_install(wheel.resolve(), Path(place))
@@ -54,14 +54,14 @@ def main() -> None:
 
 
 def try_sources(archive: Path, expected: set[str]) -> None:
-    """Compare a source archive with the files that it should hold."""
+    """Compare a source archive with the expected files."""
     with tarfile.open(archive) as opened:
         names = {x.name.partition("/")[2] for x in opened.getmembers() if x.isfile()}
     compare(archive, names, expected | {"PKG-INFO"})
 
 
 def try_wheel(archive: Path, expected: set[str]) -> None:
-    """Compare a wheel with the files that it should hold: the package, and its licences."""
+    """Compare a wheel with the expected files: the package and its licences."""
     with zipfile.ZipFile(archive) as opened:
         names = {x for x in opened.namelist() if not x.endswith("/")}
     info = "-".join(archive.name.split("-")[:2]) + ".dist-info/"
@@ -73,7 +73,7 @@ def try_wheel(archive: Path, expected: set[str]) -> None:
 
 
 def compare(archive: Path, contained: set[str], expected: set[str]) -> None:
-    """End the program if an archive lacks files, or has others."""
+    """End the program if an archive lacks files, or has unexpected ones."""
     for what, names in (("lacks", expected - contained), ("must not have", contained - expected)):
         if names:
             sys.exit(f"{archive.name} {what}: {', '.join(sorted(names)[:20])} ({len(names)} files)")
@@ -81,7 +81,7 @@ def compare(archive: Path, contained: set[str], expected: set[str]) -> None:
 
 
 def try_import(wheel: Path, place: Path) -> None:
-    """Import all public names from a wheel, next to the libraries of this environment."""
+    """Import all public names from a wheel with the libraries of this environment."""
     with zipfile.ZipFile(wheel) as opened:
         opened.extractall(place)
     code = (
@@ -97,7 +97,7 @@ def try_install(wheel: Path, place: Path) -> None:
     began = time.monotonic()
     venv.create(place / "env", with_pip=True)
     bin_folder = place / "env" / ("Scripts" if os.name == "nt" else "bin")
-    # Bytecode is written at the first use; pip would spend half of its time on that.
+    # Without bytecode, which takes half of the time of pip and is written at the first use.
     tested = "-c", str(ROOT / "constraints.txt")
     pip = (str(bin_folder / "python"), "-m", "pip", "install", "-q", "--no-compile")
     run(*pip, *tested, str(wheel))
@@ -106,7 +106,7 @@ def try_install(wheel: Path, place: Path) -> None:
     work = place / "work"
     work.mkdir()
     print(run(str(bin_folder / "armcontour"), "demo", cwd=work))
-    print(f"Demo, with what it compiles at its first run: {time.monotonic() - began:.0f} s.")
+    print(f"Demo, including the compilation at its first run: {time.monotonic() - began:.0f} s.")
     summary = json.loads((work / "demo" / "summary.json").read_text(encoding="utf-8"))
     files = {"report.html", *(f"{name}/set_points.csv" for name in summary["runs"])}
     missing = [x for x in files if not (work / "demo" / x).is_file()]
@@ -120,8 +120,8 @@ def try_install(wheel: Path, place: Path) -> None:
 
 
 def run(*command: str, cwd: Path | None = None, **more: str) -> str:
-    """What a command prints; one that fails ends the program with what it said."""
-    # The installed package is tried, not that of the repository.
+    """Output of a command; a failure ends the program with the command's messages."""
+    # Without PYTHONPATH, so that the installed package is tested.
     env = {name: x for name, x in os.environ.items() if name != "PYTHONPATH"} | more
     done = subprocess.run(command, cwd=cwd, env=env, text=True, capture_output=True)
     if done.returncode:
