@@ -17,10 +17,10 @@ from armcontour.core.errors import ExecutionError
 from armcontour.core.pool import (
     ProcessPool,
     TaskQueue,
+    count_workers,
     map_in_order,
     map_in_processes,
     open_executor,
-    workers_of,
 )
 from armcontour.core.process import ProcessEnded
 
@@ -70,7 +70,7 @@ def test_a_pool_that_is_killed_goes_on():
 @pytest.mark.parametrize("own", [True, False])
 def test_executors_of_processes(own):
     pool = ProcessPool(1) if own else ProcessPoolExecutor(1, mp_context=get_context("spawn"))
-    assert workers_of(pool) == 1
+    assert count_workers(pool) == 1
     with pool:
         assert len(set(map_in_processes(eval, [PID] * 20, executor=pool)) - {os.getpid()}) == 1
         with TaskQueue(eval, pool) as crew:
@@ -82,7 +82,7 @@ def test_executors_of_processes(own):
     with pytest.raises(ExecutionError, match="accepts no work .*: it must be open"):
         map_in_processes(halve, [1], executor=pool)
     with open_executor(2) as opened:
-        assert workers_of(opened) == 2
+        assert count_workers(opened) == 2
     with pytest.raises(RuntimeError, match="shutdown"):
         opened.submit(abs, 1)
 

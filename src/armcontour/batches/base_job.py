@@ -129,7 +129,7 @@ class BaseJob:
         def add_digest(file: FilePath, content: bytes) -> None:
             digests[file.resolve()] = hashlib.sha256(content).hexdigest()
 
-        with file_access.hear_reading(add_digest), error_context(self.source):
+        with file_access.listen_to_reading(add_digest), error_context(self.source):
             arm, *_ = _PartFactory(self.model(data), self.folder, trust_xacro).make()
             # Meshes are read at the first access to the shapes.
             arm.knows_shapes  # noqa: B018

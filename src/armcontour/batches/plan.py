@@ -301,7 +301,7 @@ def _refuse_unreadable(base: BaseJob, parameters: Sequence[Parameter]) -> None:
                 values[k] = x.values[i]
                 problems.append(_problem(base, keys, values))
             if None not in problems:
-                raise problem.at(location)
+                raise problem.with_location(location)
 
 
 def _problem(

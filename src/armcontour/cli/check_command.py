@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armcontour.cli.console import Console
-from armcontour.core.text import digits, joint_called, list_some, show
+from armcontour.core.text import digits, joint_label, list_some, show
 
 if TYPE_CHECKING:
     from armcontour.cli.options import ArmOptions, CheckOptions
@@ -63,7 +63,7 @@ def check_file(trajectory: FilePath, options: CheckOptions) -> int:
         print(data_json(replace(data, rows=(*data.rows, *notes), parts=parts)), end="")
     else:
         named = sorted({y.joint + 1 for y in result.uses if y.joint is not None})
-        called = [joint_called(y, arm.joint_names) for y in named]
+        called = [joint_label(y, arm.joint_names) for y in named]
         remarks = [f"Joints: {', '.join(called)}."] if called != [str(y) for y in named] else []
         remarks += _file_notes(samples, result, declared=options.noise is not None)
         if clearance is not None:

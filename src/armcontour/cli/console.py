@@ -82,7 +82,7 @@ class Console:
         self._rich.print(to_line(text), soft_wrap=True, highlight=False, markup=False)
 
 
-def say_at_once(text: str) -> None:
+def print_line(text: str) -> None:
     """Print a line without loading the library for tables, which takes a tenth of a second."""
     sys.stdout.write(f"{to_line(text)}\n")
     sys.stdout.flush()

@@ -8,7 +8,7 @@ from contextlib import suppress
 
 from armcontour.cli.interrupts import run_interruptibly
 from armcontour.core.errors import ArmContourError
-from armcontour.core.process import end_at_once, import_path, look_for_garbage_less
+from armcontour.core.process import import_path, reduce_garbage_collection, skip_exit_collection
 from armcontour.core.text import to_line
 
 # Exit code for a pipe whose reader has ended, as in `armcontour arms | head -1`.
@@ -28,8 +28,8 @@ def main() -> None:
     # A file .numba_config.yaml in the current folder could name a folder of compiled functions,
     # which numba would run; an environment variable overrides it.
     os.environ.setdefault("NUMBA_CACHE_DIR", "")
-    end_at_once()
-    look_for_garbage_less()
+    skip_exit_collection()
+    reduce_garbage_collection()
     # MuJoCo would start a process to find a graphics library, which no command needs.
     os.environ.setdefault("MUJOCO_GL", "disable")
     # pydantic would search all installed packages for plugins.

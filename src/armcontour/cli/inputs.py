@@ -85,7 +85,7 @@ def name_options(options: Mapping[str, str]) -> Iterator[None]:
             # A name without dots may occur as an ordinary word in the sentence.
             begin = r"\b" if "." in key else ": (unknown key )?"
             if re.search(rf"{begin}{re.escape(key)}\b", str(error)):
-                raise error.at(option).with_traceback(error.__traceback__) from None
+                raise error.with_location(option).with_traceback(error.__traceback__) from None
         raise
 
 

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
-from armcontour.core.progress import COMPILING, Progress, Step, hear_compiling
+from armcontour.core.progress import COMPILING, Progress, Step, listen_to_compilation
 from armcontour.core.text import to_line
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def search_progress(title: str) -> Iterator[Progress]:
             bar.update(task, description=words)
             lines.write(words, None if step.done is None else f"{step.done:.0%}")
 
-        with hear_compiling(lambda name: show(Step((COMPILING, name)))):
+        with listen_to_compilation(lambda name: show(Step((COMPILING, name)))):
             yield show
 
 
@@ -115,7 +115,7 @@ def compiling_notice() -> Iterator[None]:
             )
             sys.stderr.flush()
 
-    with hear_compiling(say):
+    with listen_to_compilation(say):
         yield
 
 
@@ -232,7 +232,7 @@ def job_progress() -> Iterator[JobProgress]:
             lines.write(words)
             bar.update(task, description=words)
 
-        with hear_compiling(compiling):
+        with listen_to_compilation(compiling):
             yield JobProgress(show)
 
 

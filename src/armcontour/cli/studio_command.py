@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.cli.console import say_at_once
+from armcontour.cli.console import print_line
 
 if TYPE_CHECKING:
     from armcontour.cli.options import StudioOptions
@@ -76,8 +76,8 @@ def _session(
 
 def _announce(address: str, open_page: bool) -> None:
     """Print the address, and open it in a browser."""
-    say_at_once(f"Studio: {address}")
-    say_at_once("The address contains a key: do not share it. Ctrl+C ends the Studio.")
+    print_line(f"Studio: {address}")
+    print_line("The address contains a key: do not share it. Ctrl+C ends the Studio.")
     if open_page:
         import threading
         import webbrowser

@@ -21,7 +21,7 @@ from armcontour.core import kernels
 from armcontour.core.errors import ArmContourError
 from armcontour.core.kernels import KERNELS, PACKAGE, ROOT, waiting
 from armcontour.core.pool import TaskQueue, open_executor
-from armcontour.core.process import can_start, is_other, processors
+from armcontour.core.process import can_start, is_child, processors
 from armcontour.core.progress import COMPILING, Progress, Step, report_compiling, subprogress
 from armcontour.core.quintics import solve_banded
 
@@ -72,7 +72,7 @@ def warm(which: Which = "all", progress: Progress | None = None) -> Warmed:
     listed, compiled = read_list(which), 0
     if not _is_warm(which):
         order = Order(listed, progress)
-        order.work_off()
+        order.run_all()
         compiled = order.compiled
         _stamp(which)
     return Warmed(len(listed), compiled, _folder())
@@ -102,7 +102,7 @@ def warm_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
 
     def work() -> None:
         with suppress(*FAILURES):
-            order.work_off()
+            order.run_all()
         if order.is_done:
             _stamp(which)
 
@@ -135,7 +135,7 @@ def compile_calls(calls: Calls) -> int:
     """Compile a function, or load it if it is compiled; returns the number of compilations."""
     from numba.core.errors import NumbaError
 
-    if is_other():
+    if is_child():
         # Numba creates so many objects that garbage collection takes a tenth of the time.
         gc.disable()
     key, arguments = calls
@@ -197,7 +197,7 @@ class Order:
         """Whether all functions are compiled."""
         return self._done == self._total
 
-    def work_off(self) -> None:
+    def run_all(self) -> None:
         """Compile the functions in other processes.
 
         Raises:

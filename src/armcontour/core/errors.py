@@ -68,7 +68,7 @@ class ArmContourError(Exception):
         self.needed = needed
         self.allowed = allowed
 
-    def at(self, where: str) -> ArmContourError:
+    def with_location(self, where: str) -> ArmContourError:
         """Copy of the error with a location before its message.
 
         Args:
@@ -93,7 +93,7 @@ def error_context(where: str) -> Iterator[None]:
     try:
         yield
     except ArmContourError as error:
-        raise error.at(where).with_traceback(error.__traceback__) from None
+        raise error.with_location(where).with_traceback(error.__traceback__) from None
 
 
 class InvalidInput(ArmContourError, ValueError):

@@ -103,7 +103,7 @@ def check(value: Any) -> None:
         location = getattr(value, max(named)) if named else None
         if not isinstance(location, str) or not location:
             raise
-        raise error.at(shorten(location, checks.LONGEST_NAME)) from None
+        raise error.with_location(shorten(location, checks.LONGEST_NAME)) from None
 
 
 @cache
@@ -338,7 +338,7 @@ def _read_mapping(kind: Any, field: _Field) -> Reader:
             try:
                 each(x)
             except InvalidInput as error:
-                raise error.at(show(key)) from None
+                raise error.with_location(show(key)) from None
         return value
 
     return read

@@ -50,7 +50,7 @@ _listeners: list[Callable[[FilePath, bytes], None]] = []
 
 
 @contextmanager
-def hear_reading(listener: Callable[[FilePath, bytes], None]) -> Iterator[None]:
+def listen_to_reading(listener: Callable[[FilePath, bytes], None]) -> Iterator[None]:
     """Context in which `listener` is called with path and content of each file that is read."""
     _listeners.append(listener)
     try:
@@ -95,7 +95,7 @@ def read_bytes(file: str | FilePath, what: str, *, maximum: int = SMALL) -> byte
     try:
         if _allowed:
             _allowed[-1].check(place, what)
-        with open(place, "rb", opener=open_at_once) as stream:
+        with open(place, "rb", opener=open_nonblocking) as stream:
             state = os.fstat(stream.fileno())
             if not stat.S_ISREG(state.st_mode):
                 raise InvalidInput(f"The {what} {place} is not a regular file.")
@@ -116,11 +116,11 @@ def read_bytes(file: str | FilePath, what: str, *, maximum: int = SMALL) -> byte
     for start, kind in FOREIGN.items():
         if content.startswith(start):
             raise InvalidInput(f"The {what} {place} is {kind}.")
-    tell_content(place, content)
+    report_content(place, content)
     return content
 
 
-def open_at_once(place: str, flags: int) -> int:
+def open_nonblocking(place: str, flags: int) -> int:
     """Open a file without blocking, as `opener` of `open`.
 
     Opening a pipe without a writer would block.
@@ -132,7 +132,7 @@ def open_at_once(place: str, flags: int) -> int:
     return os.open(place, flags | getattr(os, "O_NONBLOCK", 0))
 
 
-def tell_content(place: FilePath, content: bytes) -> None:
+def report_content(place: FilePath, content: bytes) -> None:
     """Report the content of a file, possibly read by another process, to the listeners.
 
     Args:

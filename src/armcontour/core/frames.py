@@ -22,7 +22,7 @@ QUATERNION_TOLERANCE = 1e-3
 # z component of the vectors of an arc that lies in a plane of constant z.
 IN_PLANE = 1e-12
 ORIGIN = checks.frozen_array(np.zeros(3))
-UNTURNED = checks.frozen_array(np.eye(3))
+IDENTITY = checks.frozen_array(np.eye(3))
 
 
 @checks.explain_calls
@@ -44,11 +44,11 @@ class Frame(Value):
     """
 
     position: FloatArray = field(default_factory=lambda: ORIGIN, kw_only=False)
-    rotation: FloatArray = field(default_factory=lambda: UNTURNED, kw_only=False)
+    rotation: FloatArray = field(default_factory=lambda: IDENTITY, kw_only=False)
 
     def __post_init__(self) -> None:
         # Fast path for the most frequent frame, whose arrays are valid and locked.
-        if self.position is ORIGIN and self.rotation is UNTURNED:
+        if self.position is ORIGIN and self.rotation is IDENTITY:
             return
         position, rotation = read_poses("position of a frame", self.position)
         if position.shape != (3,):
@@ -58,14 +58,14 @@ class Frame(Value):
         object.__setattr__(self, "position", checks.frozen_array(position))
         if rotation is None:
             rotation = rotations("rotation of a frame", self.rotation)
-        elif self.rotation is not UNTURNED:
+        elif self.rotation is not IDENTITY:
             raise InvalidInput("A frame takes a transform, or a position and a rotation, not both.")
         if rotation.shape != (3, 3):
             raise InvalidInput("A frame takes one rotation.")
         object.__setattr__(self, "rotation", checks.frozen_array(rotation))
 
     @classmethod
-    def of(cls, pose: Pose) -> Frame:
+    def from_pose(cls, pose: Pose) -> Frame:
         """Convert a pose to a `Frame`; a `Frame` is returned unchanged.
 
         Args:
@@ -118,7 +118,7 @@ class Frame(Value):
         return transforms(self.matrix)
 
     @property
-    def keeps_plane(self) -> bool:
+    def is_planar_transform(self) -> bool:
         """Whether points of the x-y plane stay in it."""
         lifted = max(abs(self.position[2]), float(np.abs(self.rotation[2] - [0, 0, 1]).max()))
         return bool(lifted <= IN_PLANE)
@@ -226,7 +226,7 @@ def from_rpy(angles: npt.ArrayLike) -> FloatArray:
     rpy = checks.check_numbers("roll, pitch and yaw", angles, "rad")
     if rpy.shape[-1:] != (3,):
         raise InvalidInput("Roll, pitch and yaw are three angles.")
-    x, y, z = (rpy[..., k, None] * UNTURNED[k] for k in range(3))
+    x, y, z = (rpy[..., k, None] * IDENTITY[k] for k in range(3))
     return np.asarray(exp(z) @ exp(y) @ exp(x))
 
 

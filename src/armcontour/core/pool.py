@@ -28,13 +28,13 @@ from armcontour.core.process import (
     ProcessEnded,
     call,
     can_start,
+    child_context,
     end,
-    is_other,
+    is_child,
     pack,
     processors,
     start,
     unpack,
-    working_for_another,
 )
 
 T = TypeVar("T")
@@ -67,7 +67,7 @@ def map_in_threads(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
         work: Function that spends nearly all of its time in compiled functions.
         items: The items; the results have the same order.
     """
-    count = 1 if is_other() else min(processors(), MOST_THREADS, len(items))
+    count = 1 if is_child() else min(processors(), MOST_THREADS, len(items))
     if count < 2:
         return [work(x) for x in items]
     with ThreadPoolExecutor(count) as pool:
@@ -120,9 +120,9 @@ class ProcessPool(ThreadPoolExecutor):
 
     def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
         """Call a function in a process; function, arguments and result must be picklable."""
-        return self.submit_heard(lambda told: None, partial(fn, *args, **kwargs))
+        return self.submit_reporting(lambda told: None, partial(fn, *args, **kwargs))
 
-    def submit_heard(self, heard: Callable[[Any], None], work: partial[R]) -> Future[R]:
+    def submit_reporting(self, heard: Callable[[Any], None], work: partial[R]) -> Future[R]:
         """Call work in a process; `heard` receives its reports before the result."""
         return super().submit(self._have_done, self._kills, heard, work)
 
@@ -238,7 +238,7 @@ def _dask(address: str) -> Iterator[Executor]:
         client.close()
 
 
-def workers_of(executor: Executor) -> int:
+def count_workers(executor: Executor) -> int:
     """Number of workers of an executor; number of processors if it is unknown."""
     if isinstance(executor, InProcess):
         return 1
@@ -266,7 +266,7 @@ class TaskQueue(Generic[T, R]):
     def __init__(
         self, work: Callable[[T], R], executor: Executor, lost: Callable[[], R] | None = None
     ) -> None:
-        self.workers = workers_of(executor)
+        self.workers = count_workers(executor)
         # Subclasses may defer the work.
         self._is_local = type(executor) is InProcess
         self._work, self._executor, self._lost = work, executor, lost
@@ -322,7 +322,7 @@ class TaskQueue(Generic[T, R]):
         results, self._done = self._done, []
         return results
 
-    def work_off(self, items: Iterable[T]) -> Iterator[tuple[T, R]]:
+    def run_all(self, items: Iterable[T]) -> Iterator[tuple[T, R]]:
         """Submit all items, at most `ahead` at once; yield each with its result when it is done.
 
         Raises:
@@ -367,7 +367,7 @@ class TaskQueue(Generic[T, R]):
 def _on(work: Packed, item: Packed) -> Packed:
     """Apply packed work to a packed item; errors of this package are returned with their class."""
     try:
-        with working_for_another():
+        with child_context():
             return pack(_unpacked(work)(unpack(item)))
     except ArmContourError as error:
         return pack(error)
@@ -403,7 +403,7 @@ def map_in_processes(
     """
     tell = done or (lambda number: None)
     count = min(processes or processors(), len(items))
-    in_process = count < 2 or len(items) < FEWEST or is_other() or not can_start()
+    in_process = count < 2 or len(items) < FEWEST or is_child() or not can_start()
     if executor is None and in_process:
         executor = InProcess()
     with nullcontext(executor) if executor else open_executor(count) as opened:
@@ -412,7 +412,7 @@ def map_in_processes(
             slices = split_evenly(len(items), max(PARTS, 4 * queue.workers))
             results_by_chunk: dict[int, list[R]] = {}
             number = 0
-            for (k, part), results in queue.work_off(enumerate(items[x] for x in slices)):
+            for (k, part), results in queue.run_all(enumerate(items[x] for x in slices)):
                 tell(number)
                 results_by_chunk[k] = results
                 number += len(part)
@@ -457,6 +457,6 @@ def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, Non
 
 def _worth(spent: float, fraction: float) -> int:
     """Number of processes that save more time than their start costs; 0 for none."""
-    if spent < START / 4 or is_other() or not can_start():
+    if spent < START / 4 or is_child() or not can_start():
         return 0
     return min(processors(), MOST_PROCESSES, int(spent * (1 / fraction - 1) / (2 * START)))

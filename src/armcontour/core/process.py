@@ -21,7 +21,7 @@ from types import MappingProxyType
 from typing import IO, Any, TypeAlias
 
 from armcontour.core.errors import ExecutionError
-from armcontour.core.progress import hear_compiling
+from armcontour.core.progress import listen_to_compilation
 
 Packed: TypeAlias = tuple[bytes, tuple[bytes, ...]]
 SERVE = "from armcontour.core.process import serve; serve()"
@@ -67,13 +67,13 @@ def can_start() -> bool:
     return bool(sys.executable) and not getattr(sys, "frozen", False)
 
 
-def is_other() -> bool:
+def is_child() -> bool:
     """Whether this process or thread works for another process."""
     return _Serving.here or getattr(_Serving.threads, "busy", False)
 
 
 @contextmanager
-def working_for_another() -> Iterator[None]:
+def child_context() -> Iterator[None]:
     """Context in which this thread works for another process and starts no further ones."""
     before = getattr(_Serving.threads, "busy", False)
     _Serving.threads.busy = True
@@ -83,12 +83,12 @@ def working_for_another() -> Iterator[None]:
         _Serving.threads.busy = before
 
 
-def end_at_once() -> None:
+def skip_exit_collection() -> None:
     """Skip garbage collection at exit, which saves about 0.5 s."""
     atexit.register(gc.freeze)
 
 
-def look_for_garbage_less() -> None:
+def reduce_garbage_collection() -> None:
     """Run the garbage collector less often, because most objects are in no cycles."""
     gc.set_threshold(*GARBAGE)
 
@@ -144,14 +144,14 @@ def end(child: subprocess.Popen[bytes]) -> None:
 def serve() -> None:
     """Main loop of a child process: run incoming work until the input ends."""
     _Serving.here = True
-    look_for_garbage_less()
+    reduce_garbage_collection()
     # The terminal interrupts all processes; the first one decides what that means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     answers = _Serving.answers = os.fdopen(os.dup(1), "wb")
     # Text that libraries print must not mix with the results.
     os.dup2(2, 1)
     # Compilation in a child process is not reported to the user.
-    with hear_compiling(lambda name: None), suppress(EOFError, OSError):
+    with listen_to_compilation(lambda name: None), suppress(EOFError, OSError):
         while True:
             work = pickle.load(sys.stdin.buffer)
             try:
@@ -165,7 +165,7 @@ def tell(value: Any) -> None:
     """Report a value to the parent process before the result.
 
     Args:
-        value: The report, picklable. Only work submitted by `ProcessPool.submit_heard` may report.
+        value: The report, picklable. Only work of `ProcessPool.submit_reporting` may report.
     """
     if _Serving.answers is not None:
         _write(_Serving.answers, pickle.dumps((None, value)))

@@ -48,7 +48,7 @@ _listeners: list[Callable[[str], None]] = []
 
 
 @contextmanager
-def hear_compiling(listener: Callable[[str], None]) -> Iterator[None]:
+def listen_to_compilation(listener: Callable[[str], None]) -> Iterator[None]:
     """Context in which `listener` is called with the name of each function that is compiled."""
     _listeners.append(listener)
     try:

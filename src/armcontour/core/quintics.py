@@ -88,7 +88,7 @@ def evaluate(coefficients: FloatArray, width: FloatArray, u: FloatArray, order: 
     return np.asarray(result / width[..., None] ** order)
 
 
-def re_expand(coefficients: FloatArray, begin: FloatArray, factor: FloatArray) -> FloatArray:
+def rescale(coefficients: FloatArray, begin: FloatArray, factor: FloatArray) -> FloatArray:
     """Coefficients in y of polynomials p(x) with x = begin + factor y, of the same shape.
 
     Args:

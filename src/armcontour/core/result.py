@@ -87,7 +87,7 @@ class Table:
         return [nest(zip(names, x, strict=True)) for x in values]
 
     @staticmethod
-    def of_rows(name: str, rows: Sequence[Sequence[Row]]) -> Table:
+    def from_rows(name: str, rows: Sequence[Sequence[Row]]) -> Table:
         """Table of rows with the same figures, each with its own unit and note; hidden if empty.
 
         Args:
@@ -97,7 +97,7 @@ class Table:
         return Table(name, tuple(rows[0]) if rows else (), rows, TABLE if rows else FILE)
 
     @staticmethod
-    def of(name: str, results: Sequence[Data], level: int = TABLE) -> Table:
+    def from_results(name: str, results: Sequence[Data], level: int = TABLE) -> Table:
         """Table of results with the same figures, one per row; only main figures are shown.
 
         Args:
@@ -139,7 +139,7 @@ class Data:
                 return row
         raise KeyError(name)
 
-    def under(self, name: str, level: int | None = None) -> tuple[Row, ...]:
+    def with_prefix(self, name: str, level: int | None = None) -> tuple[Row, ...]:
         """Rows with a prefix and a point before their names.
 
         Args:

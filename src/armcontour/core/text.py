@@ -245,7 +245,7 @@ def clock(t: float, count: int = 4) -> str:
     return f"{t:.{count}g}" if abs(t) < 1 else f"{t:.4f}".rstrip("0").rstrip(".")
 
 
-def place_and_time(t: float, s: float) -> str:
+def format_event(t: float, s: float) -> str:
     """Time and arc length of an extreme value, as text.
 
     Args:
@@ -269,7 +269,7 @@ def count_kinds(counts: Mapping[str, int]) -> str:
     return ", ".join(count_noun(n, what) for what, n in counts.items() if n)
 
 
-def joint_called(joint: int, names: Sequence[str]) -> str:
+def joint_label(joint: int, names: Sequence[str]) -> str:
     """The number of a joint, from 1, followed by its name unless that is "joint N"."""
     name = names[joint - 1]
     return str(joint) if name == f"joint {joint}" else f"{joint} ({name})"

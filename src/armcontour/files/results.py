@@ -244,7 +244,7 @@ def _checksum(file: FilePath) -> str:
     no_link = getattr(os, "O_NOFOLLOW", 0)
     try:
         stream = open(
-            file, "rb", opener=lambda x, flags: file_access.open_at_once(x, flags | no_link)
+            file, "rb", opener=lambda x, flags: file_access.open_nonblocking(x, flags | no_link)
         )
     except OSError:
         return ""

@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.quintics import re_expand
+from armcontour.core.quintics import rescale
 from armcontour.geometry.biarcs import UNEVEN, contact_of, join_up, length
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 
@@ -105,7 +105,7 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
         done.append((cubics[good], lengths[good], begin[good]))
         rest, begin, size = np.repeat(cubics[~good], 2, axis=0), begin[~good], size / 2
         half = np.tile([0.0, 0.5], len(begin))
-        cubics = re_expand(rest, half, np.full(len(rest), 0.5))
+        cubics = rescale(rest, half, np.full(len(rest), 0.5))
         begin = (begin[:, None] + [0.0, size]).ravel()
     cubics, lengths, begin = (np.concatenate(x) for x in zip(*done, strict=True))
     order = np.argsort(begin)

@@ -13,7 +13,7 @@ from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.fields import Checked
 from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row
-from armcontour.core.text import place_and_time, short_repr
+from armcontour.core.text import format_event, short_repr
 from armcontour.geometry import Orientation, Path, Projection
 from armcontour.geometry.nearest import pack
 from armcontour.geometry.orientation import turns_between
@@ -73,7 +73,7 @@ def error_rows(
     if error is None:
         return (Row(name, None),)
     key = f"{name}." if name else ""
-    where = place_and_time(error.t_max, error.s_max)
+    where = format_event(error.t_max, error.s_max)
     unit = "rad" if getattr(error, "angular", False) else "m"
     largest = (
         Row(f"{key}max", error.max, unit, f"{label}, largest", where, most),

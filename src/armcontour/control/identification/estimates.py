@@ -143,7 +143,7 @@ class Estimates(Result, Checked):
         Args:
             name: Name of the table.
         """
-        return Table.of_rows(name, [x.to_data().rows for x in self.estimates])
+        return Table.from_rows(name, [x.to_data().rows for x in self.estimates])
 
     __repr__ = short_repr
 
@@ -201,4 +201,4 @@ class IdentifiedJoints(Estimates):
             for x in self.joints
             if x.parameters
         ]
-        return Table.of_rows("joints", rows), Table.of_rows("parameters", parameters)
+        return Table.from_rows("joints", rows), Table.from_rows("parameters", parameters)
