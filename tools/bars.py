@@ -160,14 +160,14 @@ def quantity_lines(tree: ast.Module, attribute: str) -> Iterator[int]:
 
 
 def is_excluded(x: ast.AST) -> bool:
-    """Whether an expression is part of an error message, or creates the row of a figure."""
+    """True if an expression is part of an error message, or creates the row of a figure."""
     return isinstance(x, ast.Raise) or (
         isinstance(x, ast.Call) and ast.unparse(x.func).endswith("_row")
     )
 
 
 def is_presented(x: ast.AST) -> bool:
-    """Whether an expression formats or names values."""
+    """True if an expression formats or names values."""
     if isinstance(x, ast.Call) and FORMAT.fullmatch(ast.unparse(x.func)):
         return True
     first = {ast.Dict: "keys", ast.Tuple: "elts", ast.Call: "args"}.get(type(x))
@@ -175,7 +175,7 @@ def is_presented(x: ast.AST) -> bool:
 
 
 def is_text(nodes: list[ast.expr]) -> bool:
-    """Whether a text or f-string is among some nodes."""
+    """True if a text or f-string is among some nodes."""
     return any(
         isinstance(x, ast.JoinedStr) or (isinstance(x, ast.Constant) and isinstance(x.value, str))
         for x in nodes

@@ -165,7 +165,7 @@ def record(tree: Path, folder: Path, part: int, names: Mapping[str, str]) -> Non
     """Run one part of the work with the package of this process, and write its record."""
     signal.signal = lambda *_: None  # type: ignore[assignment]
     warnings.simplefilter("ignore")
-    places = {
+    folders = {
         "drawings": tree / "examples" / "drawings",
         "library": tree / "src" / "armcontour" / "jobs" / "library",
         "tests": ROOT / "tests",
@@ -177,21 +177,23 @@ def record(tree: Path, folder: Path, part: int, names: Mapping[str, str]) -> Non
         *((name, [line]) for name, line in json.loads((folder / "corpus.json").read_text())),
     ]
     for name, item in work[part::PARTS]:
-        place = folder / f"work{part}" if item in GROUPS or isinstance(item, Path) else folder
-        place.mkdir(exist_ok=True)
-        os.chdir(place)
+        work_folder = folder / f"work{part}" if item in GROUPS or isinstance(item, Path) else folder
+        work_folder.mkdir(exist_ok=True)
+        os.chdir(work_folder)
         if isinstance(item, Path):
             records[name] = _run_example(item)
         else:
             for line in item:
-                arguments = shlex.split(renamed(line, names).format(**places))
+                arguments = shlex.split(renamed(line, names).format(**folders))
                 records[f"{name}: {line}"] = _run_command(arguments)
-        if place != folder:
+        if work_folder != folder:
             records[f"{name}: files"] = {
-                str(x.relative_to(place)): read(x) for x in sorted(place.rglob("*")) if x.is_file()
+                str(x.relative_to(work_folder)): read(x)
+                for x in sorted(work_folder.rglob("*"))
+                if x.is_file()
             }
             os.chdir(folder)
-            shutil.rmtree(place)
+            shutil.rmtree(work_folder)
     (folder / f"part{part}.json").write_text(json.dumps(records, default=str))
 
 

@@ -78,8 +78,10 @@ def outer_hull(points: FloatArray, excess: float) -> FloatArray:
             return corners
         worst = np.argsort(-distances)[:MAX_ADDED]
         worst = worst[distances[worst] > max(excess, 0.5 * distances.max())]
-        more = (corners - nearest)[worst]
-        normals = np.vstack([normals, more / np.linalg.norm(more, axis=1, keepdims=True)])
+        directions = (corners - nearest)[worst]
+        normals = np.vstack(
+            [normals, directions / np.linalg.norm(directions, axis=1, keepdims=True)]
+        )
 
 
 class _Body:
@@ -99,8 +101,8 @@ class _Body:
         distances, nearest = np.empty(len(points)), np.empty((len(points), 3))
         for k, x in enumerate(points):
             result = coal.DistanceResult()
-            place = coal.Transform3s(np.eye(3), x)
-            distances[k] = coal.distance(self._hull, still, ball, place, request, result)
+            pose = coal.Transform3s(np.eye(3), x)
+            distances[k] = coal.distance(self._hull, still, ball, pose, request, result)
             nearest[k] = result.getNearestPoint1()
         return distances, nearest
 
@@ -180,8 +182,8 @@ def _compare(built_in: ac.Arm, described: ac.Arm) -> None:
 def _write(file: Path, page: dict[str, Any]) -> None:
     """Write a file of hulls, one hull per line."""
     hulls = ",\n".join(json.dumps(x, separators=(",", ":")) for x in page["hulls"])
-    rest = {key: x for key, x in page.items() if key != "hulls"}
-    text = json.dumps(rest, indent=1)[:-2] + ',\n "hulls": [\n' + hulls + "\n]}\n"
+    header = {key: x for key, x in page.items() if key != "hulls"}
+    text = json.dumps(header, indent=1)[:-2] + ',\n "hulls": [\n' + hulls + "\n]}\n"
     file.parent.mkdir(exist_ok=True)
     file.write_text(text, encoding="utf-8")
     print(f"{file}: {len(text) / 1e3:.0f} kB")

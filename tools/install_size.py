@@ -23,8 +23,8 @@ def plain(name: str) -> str:
 
 def size_of(package: Distribution) -> float:
     """Size of the files of a package [MB], without the targets of links."""
-    places = {Path(str(package.locate_file(x))) for x in package.files or ()}
-    return sum(x.lstat().st_size for x in places if x.is_symlink() or x.is_file()) / 1e6
+    paths = {Path(str(package.locate_file(x))) for x in package.files or ()}
+    return sum(x.lstat().st_size for x in paths if x.is_symlink() or x.is_file()) / 1e6
 
 
 def needs(package: Distribution) -> list[str]:

@@ -72,13 +72,13 @@ def mutants_of(package: str, file: Path) -> list[Mutant]:
         name = str(file.relative_to(SOURCES))
         mutants.append(Mutant(package, name, line, begin, end, text))
 
-    def between(left: ast.expr, right: ast.expr, operator: ast.AST) -> None:
+    def between(first: ast.expr, second: ast.expr, operator: ast.AST) -> None:
         text = SWAPS.get(type(operator))
-        if text and left.end_lineno == right.lineno and rows[right.lineno - 1].isascii():
-            begin, end = left.end_col_offset or 0, right.col_offset
-            gap = rows[right.lineno - 1][begin:end]
+        if text and first.end_lineno == second.lineno and rows[second.lineno - 1].isascii():
+            begin, end = first.end_col_offset or 0, second.col_offset
+            gap = rows[second.lineno - 1][begin:end]
             if not set(gap) & set("()#"):
-                add(right.lineno, begin, end, f" {text} ")
+                add(second.lineno, begin, end, f" {text} ")
 
     bodies = [x for x in ast.walk(ast.parse(source)) if isinstance(x, ast.FunctionDef)]
     for node in [x for body in bodies for part in body.body for x in ast.walk(part)]:
@@ -139,15 +139,15 @@ class Slot:
         place: Its folder, which must not change, because compiled functions depend on the path.
     """
 
-    def __init__(self, place: Path) -> None:
-        self.sources, self.clean, self.cache = (place / x for x in ("src", "clean", "cache"))
+    def __init__(self, folder: Path) -> None:
+        self.sources, self.clean, self.cache = (folder / x for x in ("src", "clean", "cache"))
         shutil.rmtree(self.sources, ignore_errors=True)
         shutil.copytree(ROOT / "src", self.sources, ignore=shutil.ignore_patterns("__pycache__"))
         self.clean.mkdir(exist_ok=True)
         self._run([sys.executable, "-m", "armcontour", "warm"], ROOT, self.clean)
 
     def is_killed(self, mutant: Mutant, tests: Path) -> bool:
-        """Whether a test fails with the mutant."""
+        """True if a test fails with the mutant."""
         shutil.rmtree(self.cache, ignore_errors=True)
         shutil.copytree(self.clean, self.cache)
         for module in importers(mutant.file):

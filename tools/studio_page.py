@@ -203,8 +203,8 @@ class Studio:
             self.wait("#view2d", rev=self.told("body", "rev"), stale="false")
             self.wait("#figures", exact="true")
         except LateError as error:
-            places = ("body", "#view2d", "#figures")
-            state = [self.find(x).evaluate("e => JSON.stringify(e.dataset)") for x in places]
+            selectors = ("body", "#view2d", "#figures")
+            state = [self.find(x).evaluate("e => JSON.stringify(e.dataset)") for x in selectors]
             raise AssertionError(
                 f"The page is not up to date: {state}, {self.refusal!r}"
             ) from error
@@ -308,14 +308,14 @@ class Studio:
         field.fill(text)
         field.press("Enter")
 
-    def slide(self, key: str, share: float) -> None:
+    def slide(self, key: str, fraction: float) -> None:
         """Drag the thumb of a slider to a fraction of its length."""
         box = self.slider(key).locator("input[type=range]").bounding_box()
         assert box is not None
         y = box["y"] + box["height"] / 2
         self.page.mouse.move(box["x"] + 0.5 * box["width"], y)
         self.page.mouse.down()
-        self.page.mouse.move(box["x"] + share * box["width"], y, steps=8)
+        self.page.mouse.move(box["x"] + fraction * box["width"], y, steps=8)
         self.page.mouse.up()
 
     def do(self, task: str, fields: Mapping[str, str] | None = None) -> Locator:

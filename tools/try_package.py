@@ -41,16 +41,16 @@ def main() -> None:
     if (ROOT / ".git").exists():
         # The folder may belong to another user, as in a container.
         git = ("git", "-c", f"safe.directory={ROOT}", "-C", str(ROOT))
-        known = set(run(*git, "ls-files", "-z").split("\0")) - {""}
-        try_sources(sources, {x for x in known if not x.startswith(NOT_IN_SOURCES)})
-        try_wheel(wheel, {x for x in known if x.startswith(PACKAGE)})
+        tracked = set(run(*git, "ls-files", "-z").split("\0")) - {""}
+        try_sources(sources, {x for x in tracked if not x.startswith(NOT_IN_SOURCES)})
+        try_wheel(wheel, {x for x in tracked if x.startswith(PACKAGE)})
     else:
         print("This is no git repository: the files of the archives were not compared with it.")
-    with tempfile.TemporaryDirectory() as place:
+    with tempfile.TemporaryDirectory() as name:
         if "--install" in sys.argv:
-            try_install(wheel.resolve(), Path(place))
+            try_install(wheel.resolve(), Path(name))
         else:
-            try_import(wheel.resolve(), Path(place))
+            try_import(wheel.resolve(), Path(name))
 
 
 def try_sources(archive: Path, expected: set[str]) -> None:
@@ -74,36 +74,36 @@ def try_wheel(archive: Path, expected: set[str]) -> None:
 
 def compare(archive: Path, contained: set[str], expected: set[str]) -> None:
     """End the program if an archive lacks files, or has unexpected ones."""
-    for what, names in (("lacks", expected - contained), ("must not have", contained - expected)):
+    for verb, names in (("lacks", expected - contained), ("must not have", contained - expected)):
         if names:
-            sys.exit(f"{archive.name} {what}: {', '.join(sorted(names)[:20])} ({len(names)} files)")
+            sys.exit(f"{archive.name} {verb}: {', '.join(sorted(names)[:20])} ({len(names)} files)")
     print(f"{archive.name}: {len(contained)} files, {archive.stat().st_size / 1e6:.1f} MB")
 
 
-def try_import(wheel: Path, place: Path) -> None:
+def try_import(wheel: Path, folder: Path) -> None:
     """Import all public names from a wheel with the libraries of this environment."""
     with zipfile.ZipFile(wheel) as opened:
-        opened.extractall(place)
+        opened.extractall(folder)
     code = (
         "import sys, armcontour as ac; names = [getattr(ac, x) for x in ac.__all__]; "
         "print(len(names), 'public names of', ac.__file__)"
     )
-    print(run(sys.executable, "-c", code, cwd=place, PYTHONPATH=str(place)))
-    run(sys.executable, "-m", "armcontour", "arms", cwd=place, PYTHONPATH=str(place))
+    print(run(sys.executable, "-c", code, cwd=folder, PYTHONPATH=str(folder)))
+    run(sys.executable, "-m", "armcontour", "arms", cwd=folder, PYTHONPATH=str(folder))
 
 
-def try_install(wheel: Path, place: Path) -> None:
+def try_install(wheel: Path, folder: Path) -> None:
     """Install a wheel in an empty environment, and run the demo there."""
     began = time.monotonic()
-    venv.create(place / "env", with_pip=True)
-    bin_folder = place / "env" / ("Scripts" if os.name == "nt" else "bin")
+    venv.create(folder / "env", with_pip=True)
+    bin_folder = folder / "env" / ("Scripts" if os.name == "nt" else "bin")
     # Without bytecode, which takes half of the time of pip and is written at the first use.
     tested = "-c", str(ROOT / "constraints.txt")
     pip = (str(bin_folder / "python"), "-m", "pip", "install", "-q", "--no-compile")
     run(*pip, *tested, str(wheel))
     print(f"Installed in {time.monotonic() - began:.0f} s.")
     began = time.monotonic()
-    work = place / "work"
+    work = folder / "work"
     work.mkdir()
     print(run(str(bin_folder / "armcontour"), "demo", cwd=work))
     print(f"Demo, including the compilation at its first run: {time.monotonic() - began:.0f} s.")
@@ -119,10 +119,10 @@ def try_install(wheel: Path, place: Path) -> None:
     print(run(str(bin_folder / "python"), str(ROOT / "tools" / "install_size.py")))
 
 
-def run(*command: str, cwd: Path | None = None, **more: str) -> str:
+def run(*command: str, cwd: Path | None = None, **variables: str) -> str:
     """Output of a command; a failure ends the program with the command's messages."""
     # Without PYTHONPATH, so that the installed package is tested.
-    env = {name: x for name, x in os.environ.items() if name != "PYTHONPATH"} | more
+    env = {name: x for name, x in os.environ.items() if name != "PYTHONPATH"} | variables
     done = subprocess.run(command, cwd=cwd, env=env, text=True, capture_output=True)
     if done.returncode:
         sys.exit(f"{' '.join(command)} ended with {done.returncode}:\n{done.stdout}{done.stderr}")

@@ -31,7 +31,7 @@ class Column:
     since: str
 
     def is_computed_by(self, work: str) -> bool:
-        """Whether a kind of work computes the figure."""
+        """True if a kind of work computes the figure."""
         if PLACE in (work, self.since):
             return work == self.since
         return RISING.index(self.since) <= RISING.index(work)

@@ -129,9 +129,9 @@ class Results:
         with self._closing as opened:
             try:
                 self.folder.mkdir(parents=True, exist_ok=True)
-                place = self.folder / f"{staging.PREFIX}batch"
+                path = self.folder / f"{staging.PREFIX}batch"
                 self._staging = opened.enter_context(
-                    staging.Staging(place, self.folder, growing=True)
+                    staging.Staging(path, self.folder, growing=True)
                 )
                 self._read()
                 self._lines = opened.enter_context(self._file.open("a", encoding="utf-8"))
@@ -211,7 +211,7 @@ class Results:
 
     def _put(self, name: str, content: bytes) -> None:
         """Write a file atomically."""
-        fresh = self._staging.place / name
+        fresh = self._staging.folder / name
         fresh.write_bytes(content)
         with staging.moving():
             os.replace(fresh, self.folder / name)

@@ -53,7 +53,7 @@ class Parameter:
 
     @property
     def numeric(self) -> bool:
-        """Whether all values are numbers."""
+        """True if all values are numbers."""
         return all(isinstance(x, int | float) and not isinstance(x, bool) for x in self.values)
 
     def values_at(self, fractions: FloatArray) -> FloatArray:
@@ -165,5 +165,5 @@ def _between(low: float, high: float, fractions: FloatArray, *, log: bool) -> Fl
 
 
 def _whole(value: Any) -> bool:
-    """Whether a value is written as an integer."""
+    """True if a value is written as an integer."""
     return isinstance(value, int) and not isinstance(value, bool)

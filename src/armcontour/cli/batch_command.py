@@ -62,31 +62,31 @@ def batch_file(plan: FilePath, out: FilePath, options: BatchOptions) -> int:
 def _shown(as_json: bool) -> Iterator[tuple[Callable[[BatchProgress], None], Progress]]:
     """Context that shows the progress of a batch as a bar or as lines of JSON."""
     if not as_json:
-        with batch_progress() as shown:
-            yield shown
+        with batch_progress() as functions:
+            yield functions
         return
     last = -EVERY
 
-    def say(tally: BatchProgress) -> None:
+    def say(progress: BatchProgress) -> None:
         nonlocal last
-        if tally.seconds - last >= EVERY or tally.done == tally.total:
-            last = tally.seconds
-            _print_json({"progress": describe(tally)})
+        if progress.seconds - last >= EVERY or progress.done == progress.total:
+            last = progress.seconds
+            _print_json({"progress": describe(progress)})
 
     yield say, lambda step: None
 
 
-def describe(tally: BatchProgress) -> dict[str, object]:
+def describe(progress: BatchProgress) -> dict[str, object]:
     """Progress of a batch as data."""
     return {
-        "done": tally.done,
-        "total": tally.total,
-        "before": tally.before,
-        "seconds": round(tally.seconds, 3),
-        "rate": round(tally.rate, 4),
-        "left": None if tally.left is None else round(tally.left, 1),
-        "statuses": tally.statuses,
-        "errors": tally.errors,
+        "done": progress.done,
+        "total": progress.total,
+        "before": progress.before,
+        "seconds": round(progress.seconds, 3),
+        "rate": round(progress.rate, 4),
+        "left": None if progress.left is None else round(progress.left, 1),
+        "statuses": progress.statuses,
+        "errors": progress.errors,
     }
 
 
@@ -112,5 +112,5 @@ def _print(batch: Batch, report: FilePath) -> None:
     rows = [[name, str(n)] for name, n in batch.counts.items()]
     console.show_table(["jobs", "number"], rows, title=f"{batch.plan.name}: {len(batch.plan)} jobs")
     for name, n in batch.errors.items():
-        console.say(f"{name}: {n}")
-    console.say(f"Report: {report.as_uri()}")
+        console.print(f"{name}: {n}")
+    console.print(f"Report: {report.as_uri()}")

@@ -90,14 +90,14 @@ def _print(certificate: Certificate, report: FilePath | None) -> None:
 
     console, data = Console(), certificate.to_data()
     for line in text(data).splitlines():
-        console.say(line)
+        console.print(line)
     header, *rows = compare(certificate.comparison, TABLE)
     console.show_table(["", *header[1:]], rows)
     for line in (*data.notes, *certificate.result.remarks):
-        console.say(line)
+        console.print(line)
     for line in data.warnings:
-        console.say(f"Warning: {line}")
+        console.print(f"Warning: {line}")
     for line in certificate.job.arm.notes:
-        console.say(f"Note: {line}")
+        console.print(f"Note: {line}")
     if report is not None:
-        console.say(f"Report: {report.resolve().as_uri()}")
+        console.print(f"Report: {report.resolve().as_uri()}")

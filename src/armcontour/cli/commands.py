@@ -306,8 +306,8 @@ def arms() -> None:
         arm = load_arm(name)
         chain = arm.chain
         heavy = chain is not None and chain.masses is not None
-        known = "known" if heavy else "not known"
-        typer.echo(f"{name}: {arm.name}, {arm.dof} joints, masses {known}")
+        masses = "known" if heavy else "not known"
+        typer.echo(f"{name}: {arm.name}, {arm.dof} joints, masses {masses}")
         notes = [f"source: {arm.source}"]
         if chain is not None and chain.assumed:
             notes.append(f"assumed: {chain.assumed}")
@@ -343,7 +343,7 @@ def init(
         staging.write_atomically(file, lambda x: x.write_text(text, encoding="utf-8"))
     except OSError as error:
         raise staging.unwritable(file, error) from None
-    Console().say(
+    Console().print(
         f"{file} is a copy of the cell {cell}: set its arm, servo and position of the drawing, "
         f"then armcontour run DRAWING --cell {file} --out FOLDER"
     )
@@ -366,12 +366,12 @@ def warm(
     with share_progress() as progress:
         warmed = warm(kind.value, progress)
     console = Console()
-    console.say(
+    console.print(
         f"{warmed.functions} functions are compiled, {warmed.compiled} of them now. They are "
         f"stored in {warmed.folder}."
     )
     if not os.environ.get("NUMBA_CACHE_DIR") and PACKAGE not in warmed.folder.parents:
-        console.say(
+        console.print(
             f"Note: only your own programs use these files, because the folder {PACKAGE} cannot "
             "be written. Other users compile their own, or set NUMBA_CACHE_DIR to a folder that "
             "all can write to, now and whenever armcontour runs."

@@ -54,8 +54,8 @@ def _command() -> int:
         return BROKEN_PIPE
     except OSError as error:
         _mute()
-        place = f" {error.filename}" if error.filename is not None else ""
-        _complain(f"The system refused to write or read{place}: {error.strerror or error}.")
+        file = f" {error.filename}" if error.filename is not None else ""
+        _complain(f"The system refused to write or read{file}: {error.strerror or error}.")
         return 1
 
 

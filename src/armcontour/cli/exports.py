@@ -47,7 +47,7 @@ class Target:
 
     @property
     def plans(self) -> bool:
-        """Whether the controller plans between the points; such files contain the plan only."""
+        """True if the controller plans between the points; such files contain the plan only."""
         from armcontour.files.exports.template import templates
 
         return self.format.label in templates()
@@ -449,15 +449,15 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     _refuse_outputs(exports, {event.name for event in table.events}, f"the run {run.name}")
     put(file, partial(exports.write, target, table), folder=target.format.kind == "mcap")
     for sentence in exports.warn_of_events(target, table):
-        Console().say(f"Warning: {capitalise(sentence)}")
+        Console().print(f"Warning: {capitalise(sentence)}")
     label = REFERENCE if options.reference else SET_POINTS
     if run.analog:
-        Console().say(
+        Console().print(
             f"Not exported: the analog outputs {', '.join(run.analog)}. A result does not have "
             "their values: export them with armcontour run."
         )
     motion = figure(duration_row(table.duration))
-    Console().say(f"Exported {label} of run {run.name}: {_size(table, file)}, {motion}: {file}")
+    Console().print(f"Exported {label} of run {run.name}: {_size(table, file)}, {motion}: {file}")
 
 
 def _format(file: FilePath, options: StoredExportOptions) -> ExportFormat:

@@ -178,6 +178,6 @@ def _conclude(
         for y in (data, *(further or [])):
             console.show(y)
         if options.out is not None:
-            console.say(f"Written to {options.out}: {', '.join([*files, 'report.html'])}{remark}")
+            console.print(f"Written to {options.out}: {', '.join([*files, 'report.html'])}{remark}")
     if options.out is not None and options.open_report:
         open_page(options.out / "report.html")

@@ -95,7 +95,7 @@ def library_file(name: str) -> FilePath:
 
 
 def is_job(file: FilePath) -> bool:
-    """Whether a file is a job by its name; otherwise it is a drawing."""
+    """True if a file is a job by its name; otherwise it is a drawing."""
     from armcontour.core.errors import InvalidInput
 
     if file.is_dir():

@@ -111,8 +111,8 @@ def _learn(
     plan = plan_run(job, options.run_name, progress=progress)
     set_points, log, tool = _read(job, plan, options, window, progress)
     progress(Step(("learning from the log",)))
-    lesson = learn_run(job, plan, set_points, log, tool=tool)
-    return LearningStudy(job=job, plan=plan, lesson=lesson)
+    result = learn_run(job, plan, set_points, log, tool=tool)
+    return LearningStudy(job=job, plan=plan, lesson=result)
 
 
 def _judge(
@@ -188,16 +188,16 @@ def _write(study: LearningStudy, folder: ResultFolder) -> None:
 def _print(study: LearningStudy, out: FilePath | None) -> None:
     """Print a table of the runs, the next step, and the written files."""
     console = Console()
-    console.say(f"{study.job.title}, run {study.plan.run.name}: error of the tool")
+    console.print(f"{study.job.title}, run {study.plan.run.name}: error of the tool")
     console.show(study.result)
     for note in study.job.arm.notes:
-        console.say(f"Note: {note}")
+        console.print(f"Note: {note}")
     if out is None:
         return
-    console.say(f"Set-points of the next run: {out / study.plan.run.name / 'set_points.csv'}")
+    console.print(f"Set-points of the next run: {out / study.plan.run.name / 'set_points.csv'}")
     if not study.lesson.finished:
-        console.say(f"Execute them, and give the log of that run with --set-points {out}.")
-    console.say(f"Report: {(out / 'report.html').resolve().as_uri()}")
+        console.print(f"Execute them, and give the log of that run with --set-points {out}.")
+    console.print(f"Report: {(out / 'report.html').resolve().as_uri()}")
 
 
 def _write_judged(study: JudgedStudy, folder: ResultFolder) -> None:
@@ -210,9 +210,9 @@ def _write_judged(study: JudgedStudy, folder: ResultFolder) -> None:
 def _print_judged(study: JudgedStudy, out: FilePath | None) -> None:
     """Print the errors of the tool and the joints by a log, and the written file."""
     console = Console()
-    console.say(f"{study.job.title}, run {study.plan.run.name}: the robot by its log")
+    console.print(f"{study.job.title}, run {study.plan.run.name}: the robot by its log")
     console.show(study.result)
     for note in study.job.arm.notes:
-        console.say(f"Note: {note}")
+        console.print(f"Note: {note}")
     if out is not None:
-        console.say(f"Summary: {out / 'summary.json'}")
+        console.print(f"Summary: {out / 'summary.json'}")

@@ -91,12 +91,12 @@ def _print(placement: Placement, report: FilePath, job: FilePath | None, unwritt
 
     console = Console()
     for line in text(placement.to_data()).splitlines():
-        console.say(line)
+        console.print(line)
     header, *rows = compare(placement.comparison, TABLE, texts=True)
     console.show_table(["", *header[1:]], rows)
     notes = [*placement.notes, *placement.job.arm.notes, *([unwritten] if unwritten else [])]
     for note in notes:
-        console.say(f"Note: {note}")
+        console.print(f"Note: {note}")
     if job is not None:
-        console.say(f"Job: {job}")
-    console.say(f"Report: {report.as_uri()}")
+        console.print(f"Job: {job}")
+    console.print(f"Report: {report.as_uri()}")

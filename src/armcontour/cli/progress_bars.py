@@ -78,10 +78,10 @@ def batch_progress() -> Iterator[tuple[Callable[[BatchProgress], None], Progress
         task = bar.add_task("starting", total=None)
         lines = Lines(bar.disable)
 
-        def show(tally: BatchProgress) -> None:
-            words = to_line(describe_batch_progress(tally))
-            bar.update(task, description=words, completed=tally.done, total=tally.total)
-            lines.write(f"{tally.done} of {tally.total}", words)
+        def show(progress: BatchProgress) -> None:
+            words = to_line(describe_batch_progress(progress))
+            bar.update(task, description=words, completed=progress.done, total=progress.total)
+            lines.write(f"{progress.done} of {progress.total}", words)
 
         def tell(step: Step) -> None:
             bar.update(task, description=to_line(str(step)))
@@ -89,13 +89,13 @@ def batch_progress() -> Iterator[tuple[Callable[[BatchProgress], None], Progress
         yield show, tell
 
 
-def describe_batch_progress(tally: BatchProgress) -> str:
+def describe_batch_progress(progress: BatchProgress) -> str:
     """Rate, remaining time and errors of a batch, in one line."""
-    remaining = "" if tally.left is None else f", left {timedelta(seconds=round(tally.left))}"
-    refused = [f"{n} {name}" for name, n in tally.statuses.items() if name != "done"]
-    kinds = [f"{n} {name}" for name, n in tally.errors.items()]
+    remaining = "" if progress.left is None else f", left {timedelta(seconds=round(progress.left))}"
+    refused = [f"{n} {name}" for name, n in progress.statuses.items() if name != "done"]
+    kinds = [f"{n} {name}" for name, n in progress.errors.items()]
     refusals = f"; {', '.join(refused)} ({', '.join(kinds)})" if refused else ""
-    return f"{tally.rate:.3g} jobs/s{remaining}{refusals}"
+    return f"{progress.rate:.3g} jobs/s{remaining}{refusals}"
 
 
 @contextmanager
@@ -108,10 +108,10 @@ def compiling_notice() -> Iterator[None]:
         if not is_written:
             is_written = True
             # Some of the functions that a run needs may be compiled already.
-            what = f"up to {name}" if name[:1].isdigit() else "functions"
+            subject = f"up to {name}" if name[:1].isdigit() else "functions"
             sys.stderr.write(
-                f"Compiling {what}, once: no earlier command has needed all of them; `armcontour "
-                "warm` compiles everything in advance.\n"
+                f"Compiling {subject}, once: no earlier command has needed all of them; "
+                "`armcontour warm` compiles everything in advance.\n"
             )
             sys.stderr.flush()
 

@@ -73,7 +73,7 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
 def _show_report(out: FilePath, open_report: bool) -> None:
     """Print the address of a report, and open it if requested."""
     report = (out / "report.html").resolve()
-    Console().say(f"Report: {report.as_uri()}")
+    Console().print(f"Report: {report.as_uri()}")
     if open_report:
         open_page(report)
 
@@ -158,7 +158,7 @@ def run_job(
     if simulate:
         _show_report(out, open_report)
     else:
-        Console().say(f"Not simulated. Set-points: {out.resolve()}")
+        Console().print(f"Not simulated. Set-points: {out.resolve()}")
 
 
 def write_motions(
@@ -198,17 +198,17 @@ def _print_results(study: JobResult, notes: Sequence[str]) -> None:
     console, job, runs = Console(), study.job, study.figures
     title = f"{job.title}, simulated with {job.plant_servo}" if study.simulated else job.title
     if len(runs) == 1:
-        console.say(title)
+        console.print(title)
         for line in text(next(iter(runs.values()))).splitlines():
-            console.say(line)
+            console.print(line)
     else:
         header, *rows = compare(runs)
         console.show_table(header, rows, title=title)
         for data in runs.values():
-            console.say(verdict(data))
+            console.print(verdict(data))
             for x in (y for y in data.tables if y.level == VERDICT):
                 for line in lay_out("", cells(x)).splitlines()[1:]:
-                    console.say(line)
+                    console.print(line)
     lines = [x for result in study.runs.values() for x in result.remarks]
     lines += [*(f"Warning: {x}" for x in warnings_of(study.runs.values())), *notes]
     lines += [f"Note: {x}" for x in job.arm.notes]
@@ -217,4 +217,4 @@ def _print_results(study: JobResult, notes: Sequence[str]) -> None:
         lines.append(f"Masses: {assumed}")
     lines += unknown_notes(study)
     for line in lines:
-        console.say(line)
+        console.print(line)

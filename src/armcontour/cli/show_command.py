@@ -40,7 +40,7 @@ def show_file(file: FilePath, drawing: DrawingOptions, as_json: bool) -> None:
     # A side of zero in z is omitted.
     sides = [x for k, x in enumerate(high - low) if k < 2 or x >= 5e-3]
     size, corner = " x ".join(f"{x:.2f}" for x in sides), ", ".join(f"{x:z.2f}" for x in low)
-    console.say(f"{file.name}: {size} mm from {corner} mm")
+    console.print(f"{file.name}: {size} mm from {corner} mm")
     console.show_table(
         ["layer", "contours", "closed", "length [mm]"],
         [
@@ -49,7 +49,7 @@ def show_file(file: FilePath, drawing: DrawingOptions, as_json: bool) -> None:
         ],
     )
     for note in program.notes:
-        console.say(f"Note: {note}")
+        console.print(f"Note: {note}")
 
 
 def _read_drawing(file: FilePath, drawing: DrawingOptions, progress: Progress) -> Program:

@@ -93,7 +93,7 @@ def kernel_array(values: npt.ArrayLike) -> FloatArray:
 
 
 def _is_locked(array: npt.NDArray[Any]) -> bool:
-    """Whether an array is read-only, of floats, and no view of another array."""
+    """True if an array is read-only, of floats, and no view of another array."""
     flags = array.flags
     return array.dtype == np.float64 and flags.owndata and not flags.writeable
 
@@ -160,7 +160,7 @@ def pack_state(values: Mapping[str, Any]) -> State:
 
 
 def _is_locked_value(x: Any) -> bool:
-    """Whether a value is a read-only array, or a tuple of such arrays."""
+    """True if a value is a read-only array, or a tuple of such arrays."""
     if type(x) is np.ndarray:
         return not x.flags.writeable
     if not isinstance(x, tuple) or not x or type(x[0]) is not np.ndarray:
@@ -273,14 +273,14 @@ def check_numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArra
             return array
     sound = np.abs(array) <= LARGEST
     if not sound.all():
-        where = np.argwhere(~sound)[0]
-        place = f" at index {', '.join(str(i) for i in where)}" if array.ndim else ""
-        value = float(array[tuple(where)] if array.ndim else array)
+        index = np.argwhere(~sound)[0]
+        location = f" at index {', '.join(str(i) for i in index)}" if array.ndim else ""
+        value = float(array[tuple(index)] if array.ndim else array)
         range_ = f"between -{LARGEST:g} and {LARGEST:g}{suffix(unit)}"
         needed = range_ if np.isfinite(value) else "finite"
         raise InvalidInput(
-            f"{name} must be {needed}, but is {value:g}{place}.",
-            index=int(where[0]) if array.ndim else None,
+            f"{name} must be {needed}, but is {value:g}{location}.",
+            index=int(index[0]) if array.ndim else None,
         )
     return array
 
@@ -338,8 +338,8 @@ def shaped(
     if array.ndim != len(shape) or any(
         x not in (n, None) for n, x in zip(array.shape, shape, strict=True)
     ):
-        known = ", ".join("any" if x is None else f"{x}" for x in shape)
-        raise InvalidInput(f"{name} must have shape ({known}), not {array.shape}.")
+        required = ", ".join("any" if x is None else f"{x}" for x in shape)
+        raise InvalidInput(f"{name} must have shape ({required}), not {array.shape}.")
     return array
 
 
@@ -390,11 +390,11 @@ def check_number(name: str, value: Any, unit: str = "") -> float:
     return float(array)
 
 
-def check_count(what: str, values: float, fix: str) -> None:
+def check_count(work: str, values: float, fix: str) -> None:
     """Check that work stays within MOST_VALUES, before its values are computed.
 
     Args:
-        what: The work, with its numbers.
+        work: The work, with its numbers.
         values: Number of values, such as samples times joints.
         fix: How the user can reduce the number.
 
@@ -403,7 +403,7 @@ def check_count(what: str, values: float, fix: str) -> None:
     """
     if not values <= MOST_VALUES:
         raise InvalidInput(
-            f"{what} would have {values:.3g} values, more than the limit of {MOST_VALUES:.3g}: "
+            f"{work} would have {values:.3g} values, more than the limit of {MOST_VALUES:.3g}: "
             f"{fix}.",
             limit="values",
             needed=values,
@@ -517,59 +517,60 @@ def per_joint(name: str, values: npt.ArrayLike, dof: int, unit: str = "") -> Flo
     return array
 
 
-def check_choice(name: str, value: str, known: tuple[str, ...]) -> str:
-    """Return `value` if it is one of the `known` texts.
+def check_choice(name: str, value: str, choices: tuple[str, ...]) -> str:
+    """Return `value` if it is one of the `choices` texts.
 
     Raises:
         InvalidInput: The value is another one; the message lists the known ones.
     """
     # Comparing an array would give an array.
-    if not isinstance(value, str) or value not in known:
-        raise InvalidInput(f"{name} must be one of {', '.join(known)}, not {show(value)}.")
+    if not isinstance(value, str) or value not in choices:
+        raise InvalidInput(f"{name} must be one of {', '.join(choices)}, not {show(value)}.")
     return value
 
 
-def derivative(order: Any, most: int = HIGHEST) -> int:
+def derivative(order: Any, highest: int = HIGHEST) -> int:
     """Return the order of a derivative, 0 for the value itself.
 
     Args:
         order: The order.
-        most: The highest one.
+        highest: The highest one.
 
     Raises:
-        InvalidInput: Not a whole number from 0 to `most`.
+        InvalidInput: Not a whole number from 0 to `highest`.
     """
-    if type(order) is int and 0 <= order <= most:
+    if type(order) is int and 0 <= order <= highest:
         return order
     if isinstance(order, np.integer):
-        return derivative(int(order), most)
+        return derivative(int(order), highest)
     raise InvalidInput(
-        f"The order of a derivative must be a whole number from 0 to {most}, but is {show(order)}."
+        f"The order of a derivative must be a whole number from 0 to {highest}, but is "
+        f"{show(order)}."
     )
 
 
-def check_name(what: str, value: Any, *, most: int = LONGEST_NAME) -> str:
+def check_name(description: str, value: Any, *, longest: int = LONGEST_NAME) -> str:
     """Return `value` if it is a name: printable text of limited length, possibly empty.
 
     Args:
-        what: Description of the name for messages, such as "name of the event".
+        description: Description of the name for messages, such as "name of the event".
         value: The name.
-        most: Largest number of characters.
+        longest: Largest number of characters.
 
     Raises:
         InvalidInput: The value is not a text, has a character that is not printable, or is too
             long.
     """
     if not isinstance(value, str):
-        raise InvalidInput(f"The {what} must be text, not {show(value)}.")
-    if len(value) > most:
+        raise InvalidInput(f"The {description} must be text, not {show(value)}.")
+    if len(value) > longest:
         raise InvalidInput(
-            f"The {what} has {len(value)} characters, more than {most}: {show(value)}."
+            f"The {description} has {len(value)} characters, more than {longest}: {show(value)}."
         )
     if not value.isprintable():
         bad = next(x for x in value if not x.isprintable())
         raise InvalidInput(
-            f"The {what} has the character U+{ord(bad):04X}, which is not printable: "
+            f"The {description} has the character U+{ord(bad):04X}, which is not printable: "
             f"'{make_printable(value)}'."
         )
     return value
@@ -756,27 +757,25 @@ def check_names(name: str, values: Any, count: int | None = None) -> tuple[str, 
     Raises:
         InvalidInput: Not a list of this number of short texts.
     """
-    what = "names" if count is None else f"{count} names"
-    names = check_sequence(name, values, str, what, count)
+    noun = "names" if count is None else f"{count} names"
+    names = check_sequence(name, values, str, noun, count)
     return tuple(check_name(f"name in {name}", x) for x in names)
 
 
-def read_place(user: str, place: Any) -> FilePath:
+def read_place(user: str, path: Any) -> FilePath:
     """Return the path of a file, given as text or a path.
 
     Args:
         user: Function that needs the file, for messages.
-        place: The path.
+        path: The path.
 
     Raises:
         InvalidInput: Another type of object.
     """
     try:
-        return FilePath(place)
+        return FilePath(path)
     except TypeError:
-        raise InvalidInput(
-            f"{user} needs the path of a file, not {type(place).__name__}."
-        ) from None
+        raise InvalidInput(f"{user} needs the path of a file, not {type(path).__name__}.") from None
 
 
 def check_side(value: str) -> Literal["left", "right"]:

@@ -59,22 +59,22 @@ class Warmed(NamedTuple):
     folder: FilePath
 
 
-def warm(which: Which = "all", progress: Progress | None = None) -> Warmed:
+def warm(kind: Which = "all", progress: Progress | None = None) -> Warmed:
     """Compile functions that are not compiled yet, in as many processes as the memory allows.
 
     Args:
-        which: Kind of the functions.
+        kind: Kind of the functions.
         progress: Called with the function that was compiled last, and the completed fraction.
 
     Raises:
         ExecutionError: A process ended before its work was done.
     """
-    listed, compiled = read_list(which), 0
-    if not _is_warm(which):
+    listed, compiled = read_list(kind), 0
+    if not _is_warm(kind):
         order = Order(listed, progress)
         order.run_all()
         compiled = order.compiled
-        _stamp(which)
+        _stamp(kind)
     return Warmed(len(listed), compiled, _folder())
 
 
@@ -89,8 +89,8 @@ def warm_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
         dimension: Dimension of the arm's work space; None for arms of both dimensions.
         progress: Called as by `warm`, while the run waits.
     """
-    which: Which = "usual" if dimension is None else "plane" if dimension == 2 else "space"
-    if _is_warm(which) or not can_start():
+    kind: Which = "usual" if dimension is None else "plane" if dimension == 2 else "space"
+    if _is_warm(kind) or not can_start():
         yield
         return
 
@@ -104,9 +104,9 @@ def warm_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
         with suppress(*FAILURES):
             order.run_all()
         if order.is_done:
-            _stamp(which)
+            _stamp(kind)
 
-    order = Order(read_list(which), tell)
+    order = Order(read_list(kind), tell)
     helper = Thread(target=work, name="compiling")
     helper.start()
     try:
@@ -119,12 +119,12 @@ def warm_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
         helper.join()
 
 
-def read_list(which: Which) -> dict[Key, list[str]]:
+def read_list(kind: Which) -> dict[Key, list[str]]:
     """Argument types of the functions that a kind of run calls, in the order of the list."""
     listed: dict[Key, list[str]] = {}
     for line in LIST.read_text(encoding="utf-8").splitlines():
         runs, call = line.split(" ", 1)
-        if which == "all" or which in runs.split(",") or (which == "usual" and runs != "-"):
+        if kind == "all" or kind in runs.split(",") or (kind == "usual" and runs != "-"):
             function, _, arguments = call.partition("(")
             module, _, name = function.rpartition(".")
             listed.setdefault((module, name), []).append(arguments.removesuffix(")"))
@@ -194,7 +194,7 @@ class Order:
 
     @property
     def is_done(self) -> bool:
-        """Whether all functions are compiled."""
+        """True if all functions are compiled."""
         return self._done == self._total
 
     def run_all(self) -> None:
@@ -295,17 +295,17 @@ def _state() -> str:
     return state.hexdigest()
 
 
-def _is_warm(which: Which) -> bool:
-    """Whether the functions have been compiled in this state."""
+def _is_warm(kind: Which) -> bool:
+    """True if the functions have been compiled in this state."""
     with suppress(OSError):
-        return (_folder() / f"compiled-{which}.txt").read_text(encoding="utf-8") == _state()
+        return (_folder() / f"compiled-{kind}.txt").read_text(encoding="utf-8") == _state()
     return False
 
 
-def _stamp(which: Which) -> None:
+def _stamp(kind: Which) -> None:
     """Record that the functions have been compiled in this state."""
     with suppress(OSError):
-        for name in INCLUDED[which]:
+        for name in INCLUDED[kind]:
             (_folder() / f"compiled-{name}.txt").write_text(_state(), encoding="utf-8")
 
 

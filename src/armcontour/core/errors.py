@@ -68,14 +68,14 @@ class ArmContourError(Exception):
         self.needed = needed
         self.allowed = allowed
 
-    def with_location(self, where: str) -> ArmContourError:
+    def with_location(self, location: str) -> ArmContourError:
         """Copy of the error with a location before its message.
 
         Args:
-            where: The location, such as the name of a file; a colon follows.
+            location: The location, such as the name of a file; a colon follows.
         """
         return type(self)(
-            f"{where}: {self}",
+            f"{location}: {self}",
             point=self.point,
             index=self.index,
             s=self.s,
@@ -88,12 +88,12 @@ class ArmContourError(Exception):
 
 
 @contextmanager
-def error_context(where: str) -> Iterator[None]:
+def error_context(location: str) -> Iterator[None]:
     """Context that adds a location, such as the name of a run, to the message of an error."""
     try:
         yield
     except ArmContourError as error:
-        raise error.with_location(where).with_traceback(error.__traceback__) from None
+        raise error.with_location(location).with_traceback(error.__traceback__) from None
 
 
 class InvalidInput(ArmContourError, ValueError):

@@ -110,8 +110,8 @@ def check(value: Any) -> None:
 def quantities(kind: type) -> dict[str, Quantity]:
     """Quantities of the fields of a dataclass, by the names of the fields."""
     hints = get_type_hints(kind, include_extras=True).items()
-    known = ((name, _find(Quantity, tuple(parts_of(hint)))) for name, hint in hints)
-    return {name: x for name, x in known if x is not None}
+    pairs = ((name, _find(Quantity, tuple(parts_of(hint)))) for name, hint in hints)
+    return {name: x for name, x in pairs if x is not None}
 
 
 def parts_of(hint: Any) -> Iterator[Any]:
@@ -173,7 +173,7 @@ def _readers(kind: Any) -> tuple[list[tuple[str, Reader, Any]], list[tuple[str, 
 
 
 def _fits(default: Any, read: Reader) -> bool:
-    """Whether a default needs no check; some defaults are replaced later."""
+    """True if a default needs no check; some defaults are replaced later."""
     try:
         return default is not MISSING and read(default) is default
     except InvalidInput:
@@ -255,22 +255,22 @@ def _read_annotated(base: Any, marks: tuple[Any, ...], field: _Field) -> Reader 
     return _reader(base, field)
 
 
-def _read_choice(known: tuple[str, ...], single: bool, who: str) -> Reader:
+def _read_choice(choices: tuple[str, ...], single: bool, who: str) -> Reader:
     """Reader of one of several texts, or of a list of them."""
 
     def read(value: Any) -> Any:
         if single or isinstance(value, str):
-            return checks.check_choice(who, value, known)
+            return checks.check_choice(who, value, choices)
         values = checks.check_sequence(who, value, str, "texts")
         checks.raise_if(not values, f"{who} must not be empty.")
-        return tuple(checks.check_choice(who, x, known) for x in values)
+        return tuple(checks.check_choice(who, x, choices) for x in values)
 
     return read
 
 
 def _read_name(value: Any, mark: Named, who: str) -> str:
     """Check a printable text of limited length."""
-    name = checks.check_name(who, value, most=mark.most)
+    name = checks.check_name(who, value, longest=mark.most)
     checks.raise_if(mark.needed and not name.strip(), f"The {who} must not be empty.")
     return name
 
@@ -301,7 +301,7 @@ def _read_union(parts: tuple[Any, ...], field: _Field) -> Reader | None:
 
 
 def _is_text(hint: Any) -> bool:
-    """Whether an annotation allows texts only."""
+    """True if an annotation allows texts only."""
     return get_origin(hint) is Literal or (
         get_origin(hint) is Annotated and get_args(hint)[0] is str
     )
@@ -316,10 +316,10 @@ def _read_tuple(parts: tuple[Any, ...], field: _Field) -> Reader:
         f"{x.__name__}{'es' if x.__name__.endswith('ch') else 's'}" for x in kinds if x is not str
     ]
     plain = "texts" if kinds else "names" if _is_text(parts[0]) else "values"
-    what = f"{f'{count} ' if count else ''}{' or '.join(names) or plain}"
+    noun = f"{f'{count} ' if count else ''}{' or '.join(names) or plain}"
 
     def read(value: Any) -> Any:
-        values = checks.check_sequence(field.who, value, kinds or object, what, count)
+        values = checks.check_sequence(field.who, value, kinds or object, noun, count)
         if kinds:
             return values
         every = zip(each * len(values) if many else each, values, strict=True)
@@ -408,13 +408,13 @@ def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | 
         return
     index = tuple(int(x) for x in np.argwhere(~sound)[0])
     value, unit = float(array[index]), checks.suffix(quantity.words)
-    place = f" at index {', '.join(str(x) for x in index)}" if index else ""
+    location = f" at index {', '.join(str(x) for x in index)}" if index else ""
     needed = quantity.needed(value) if np.isfinite(value) else "be finite"
     if quantity.bounds and array.ndim == 2:
         needed = "be a lower bound below zero and an upper bound above zero"
         value = -value if index[1] == 0 else value
     raise InvalidInput(
-        f"{field.who} must {needed}, but is {value:g}{unit}{place}.",
+        f"{field.who} must {needed}, but is {value:g}{unit}{location}.",
         index=index[0] if index else None,
         limit=limit,
     )

@@ -32,12 +32,12 @@ class _Allowed:
     folders: tuple[FilePath, ...]
     files: frozenset[FilePath]
 
-    def check(self, place: FilePath, what: str) -> None:
+    def check(self, file: FilePath, kind: str) -> None:
         """Raise an error for a file elsewhere, before its existence is checked."""
-        real = place.resolve()
+        real = file.resolve()
         if real not in self.files and not any(real.is_relative_to(x) for x in self.folders):
             raise InvalidInput(
-                f"The {what} {place} is not in {self.folders[0]} or below, where files may be read "
+                f"The {kind} {file} is not in {self.folders[0]} or below, where files may be read "
                 "here: copy it there, or name it in the job file before the start."
             )
 
@@ -77,94 +77,94 @@ def reading_below(folders: Iterable[FilePath], files: Iterable[FilePath] = ()) -
         _allowed.remove(allowed)
 
 
-def read_bytes(file: str | FilePath, what: str, *, maximum: int = SMALL) -> bytes:
+def read_bytes(file: str | FilePath, noun: str, *, maximum: int = SMALL) -> bytes:
     """Read the content of a regular file.
 
     Pipes and devices are refused before reading, which might never end.
 
     Args:
         file: The file, or a link to a regular file.
-        what: Kind of the file for messages, such as "job file".
+        noun: Kind of the file for messages, such as "job file".
         maximum: The size limit [bytes].
 
     Raises:
         InvalidInput: No such file, not a regular file, too large, unreadable, or outside the
             folders that may be read.
     """
-    place = FilePath(file)
+    path = FilePath(file)
     try:
         if _allowed:
-            _allowed[-1].check(place, what)
-        with open(place, "rb", opener=open_nonblocking) as stream:
+            _allowed[-1].check(path, noun)
+        with open(path, "rb", opener=open_nonblocking) as stream:
             state = os.fstat(stream.fileno())
             if not stat.S_ISREG(state.st_mode):
-                raise InvalidInput(f"The {what} {place} is not a regular file.")
+                raise InvalidInput(f"The {noun} {path} is not a regular file.")
             # Some system files report the size 0, so the number of bytes is checked, too.
             content = b"" if state.st_size > maximum else stream.read(maximum + 1)
             size = max(state.st_size, len(content))
     except FileNotFoundError:
-        raise InvalidInput(f"There is no {what} {place}.") from None
+        raise InvalidInput(f"There is no {noun} {path}.") from None
     except InvalidInput:
         raise
     except (OSError, ValueError) as error:
-        raise _unreadable(what, place, error) from None
+        raise _unreadable(noun, path, error) from None
     if size > maximum:
         raise InvalidInput(
-            f"The {what} {place} has {size / MEGABYTE:.0f} MB, more than the "
+            f"The {noun} {path} has {size / MEGABYTE:.0f} MB, more than the "
             f"{maximum / MEGABYTE:.0f} MB that are read: split it."
         )
     for start, kind in FOREIGN.items():
         if content.startswith(start):
-            raise InvalidInput(f"The {what} {place} is {kind}.")
-    report_content(place, content)
+            raise InvalidInput(f"The {noun} {path} is {kind}.")
+    report_content(path, content)
     return content
 
 
-def open_nonblocking(place: str, flags: int) -> int:
+def open_nonblocking(file: str, flags: int) -> int:
     """Open a file without blocking, as `opener` of `open`.
 
     Opening a pipe without a writer would block.
 
     Args:
-        place: The file.
+        file: The file.
         flags: Flags of `os.open`.
     """
-    return os.open(place, flags | getattr(os, "O_NONBLOCK", 0))
+    return os.open(file, flags | getattr(os, "O_NONBLOCK", 0))
 
 
-def report_content(place: FilePath, content: bytes) -> None:
+def report_content(file: FilePath, content: bytes) -> None:
     """Report the content of a file, possibly read by another process, to the listeners.
 
     Args:
-        place: The file.
+        file: The file.
         content: The content.
     """
     for tell in tuple(_listeners):
-        tell(place, content)
+        tell(file, content)
 
 
-def read_text(file: str | FilePath, what: str, *, maximum: int = SMALL, latin: bool = False) -> str:
+def read_text(file: str | FilePath, noun: str, *, maximum: int = SMALL, latin: bool = False) -> str:
     """Read a regular file as UTF-8 text, with or without a byte order mark.
 
     Args:
         file: The file.
-        what: Kind of the file for messages, such as "job file".
+        noun: Kind of the file for messages, such as "job file".
         maximum: The size limit [bytes].
         latin: Read text that is not UTF-8 as Latin-1, which some controllers use for logs.
 
     Raises:
         InvalidInput: As in `read_bytes`, or the file is not text of these encodings.
     """
-    content = read_bytes(file, what, maximum=maximum)
+    content = read_bytes(file, noun, maximum=maximum)
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
         if latin and b"\0" not in content:
             return content.decode("latin-1")
-        raise InvalidInput(f"The {what} {file} cannot be read: it is not UTF-8 text.") from None
+        raise InvalidInput(f"The {noun} {file} cannot be read: it is not UTF-8 text.") from None
 
 
-def _unreadable(what: str, place: FilePath, error: Exception) -> InvalidInput:
+def _unreadable(noun: str, file: FilePath, error: Exception) -> InvalidInput:
     """Error for a file that cannot be read."""
     reason = error.strerror if isinstance(error, OSError) else error
-    return InvalidInput(f"The {what} {place} cannot be read: {reason}.")
+    return InvalidInput(f"The {noun} {file} cannot be read: {reason}.")

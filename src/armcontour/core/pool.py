@@ -120,7 +120,7 @@ class ProcessPool(ThreadPoolExecutor):
 
     def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
         """Call a function in a process; function, arguments and result must be picklable."""
-        return self.submit_reporting(lambda told: None, partial(fn, *args, **kwargs))
+        return self.submit_reporting(lambda reported: None, partial(fn, *args, **kwargs))
 
     def submit_reporting(self, heard: Callable[[Any], None], work: partial[R]) -> Future[R]:
         """Call work in a process; `heard` receives its reports before the result."""

@@ -63,12 +63,12 @@ def processors() -> int:
 
 
 def can_start() -> bool:
-    """Whether child processes can be started; a frozen application has no Python to start."""
+    """True if child processes can be started; a frozen application has no Python to start."""
     return bool(sys.executable) and not getattr(sys, "frozen", False)
 
 
 def is_child() -> bool:
-    """Whether this process or thread works for another process."""
+    """True if this process or thread works for another process."""
     return _Serving.here or getattr(_Serving.threads, "busy", False)
 
 
@@ -111,7 +111,7 @@ def import_path(*refused: str) -> list[str]:
 
 
 def _is_same(one: str, other: str) -> bool:
-    """Whether two paths are the same existing folder."""
+    """True if two paths are the same existing folder."""
     with suppress(OSError):
         return os.path.samefile(one, other)
     return False

@@ -63,7 +63,7 @@ class Quantity:
     def needed(self, value: float) -> str:
         """Requirement for a finite value outside the range, to follow the word "must"."""
         low, high = self.range
-        more = self.words and f" {self.words}"
+        unit = self.words and f" {self.words}"
         if self.within is None and self.sign == "share":
             return "be from 0 to below 1, as 0.1 for 10 %"
         if value <= 0 < low:
@@ -72,7 +72,7 @@ class Quantity:
             return "not be negative"
         if value >= 0 > high:
             return "be below zero"
-        return f"be from {low:g} to {high:g}{more}"
+        return f"be from {low:g} to {high:g}{unit}"
 
 
 @dataclass(frozen=True, slots=True, init=False)

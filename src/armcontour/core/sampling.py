@@ -29,12 +29,12 @@ MOST_GAPS = 0.05
 DEVIATION_PER_MEDIAN = 1.4826
 
 
-def check_distance(t: FloatArray, place: Place, rename: Callable[[str], str] = str) -> None:
+def check_distance(t: FloatArray, describe: Place, rename: Callable[[str], str] = str) -> None:
     """Check that times are small enough to be seconds.
 
     Args:
         t: Times [s], (n,).
-        place: As in `check_samples`.
+        describe: As in `check_samples`.
         rename: Converts a title such as "t [ms]" to the text that the message recommends.
 
     Raises:
@@ -45,27 +45,27 @@ def check_distance(t: FloatArray, place: Place, rename: Callable[[str], str] = s
         i = int(distant[0])
         unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if abs(t[i]) * y < LATEST), "ns")
         raise InvalidInput(
-            f"{place('t', i, 0)} is {t[i]:.3g} s, but times must stay within {LATEST:g} s: correct "
-            f"the number, or give the times their unit, such as {rename(f't [{unit}]')}.",
+            f"{describe('t', i, 0)} is {t[i]:.3g} s, but times must stay within {LATEST:g} s: "
+            f"correct the number, or give the times their unit, such as {rename(f't [{unit}]')}.",
             index=i,
             t=float(t[i]),
         )
 
 
-def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], place: Place) -> None:
+def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Place) -> None:
     """Check times and joint values of a sampled motion for possible values.
 
     Args:
         t: Times [s], (n,).
         arrays: Joint positions ("q"; or "command" and "measured"), velocities "dq" and
             accelerations "ddq", (n, dof) each.
-        place: Function of "t" or the name of an array, the index of a row and that of a joint.
+        describe: Function of "t" or the name of an array, the index of a row and that of a joint.
             Returns the subject of a sentence on the value, such as "t in row 3".
 
     Raises:
         InvalidInput: A value is impossible.
     """
-    check_distance(t, place)
+    check_distance(t, describe)
     # The bound depends on the later time; a step back is below any bound.
     steps = np.diff(t)
     short = np.flatnonzero(~(steps >= _shortest_step(t[1:])))
@@ -83,7 +83,7 @@ def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], place: Place)
             )
         before, after = (f"{float(x)!r} s" for x in t[i - 1 : i + 1])
         raise InvalidInput(
-            f"{place('t', i, 0)} is {after}, but times must increase, and the one before is "
+            f"{describe('t', i, 0)} is {after}, but times must increase, and the one before is "
             f"{before}{reason}.",
             index=i,
             t=float(t[i]),
@@ -95,7 +95,7 @@ def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], place: Place)
             i, j = map(int, large[0])
             unit = JOINT_UNITS[kind]
             raise InvalidInput(
-                f"{place(name, i, j)} is {values[i, j]:.3g} {unit}, but no joint has more than "
+                f"{describe(name, i, j)} is {values[i, j]:.3g} {unit}, but no joint has more than "
                 f"{LARGEST[kind]:g} {unit}: correct the number, or give it its unit, such as "
                 "q1 [deg].",
                 index=i,

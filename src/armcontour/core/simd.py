@@ -84,8 +84,8 @@ def _load(typing: Any, array: Any, index: Any) -> Any:
 
     def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
         data = context.make_array(call.args[0])(context, builder, values[0]).data
-        place = builder.bitcast(builder.gep(data, [values[1]]), _KIND.as_pointer())
-        return builder.load(place, align=8)
+        pointer = builder.bitcast(builder.gep(data, [values[1]]), _KIND.as_pointer())
+        return builder.load(pointer, align=8)
 
     return VECTOR(array, types.intp), build
 
@@ -95,8 +95,8 @@ def _store(typing: Any, array: Any, index: Any, value: Any) -> Any:
 
     def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
         data = context.make_array(call.args[0])(context, builder, values[0]).data
-        place = builder.bitcast(builder.gep(data, [values[1]]), _KIND.as_pointer())
-        builder.store(values[2], place, align=8)
+        pointer = builder.bitcast(builder.gep(data, [values[1]]), _KIND.as_pointer())
+        builder.store(values[2], pointer, align=8)
         return context.get_dummy_value()
 
     return types.void(array, types.intp, VECTOR), build
@@ -109,8 +109,8 @@ store: Any = intrinsic(_store)
 def _across(sign: str) -> Any:
     """Intrinsic for the lowest or highest number of a vector."""
 
-    def of(typing: Any, a: Any) -> Any:
-        def build(context: Any, builder: Any, of: Any, values: Any) -> Any:
+    def across(typing: Any, a: Any) -> Any:
+        def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
             (v,), n = values, LANES
             while n > 1:
                 n //= 2
@@ -125,7 +125,7 @@ def _across(sign: str) -> Any:
 
         return types.float64(VECTOR), build
 
-    return intrinsic(of)
+    return intrinsic(across)
 
 
 lowest, highest = _across("<"), _across(">")

@@ -56,12 +56,12 @@ class Staging:
         OSError: The folder cannot be made.
     """
 
-    def __init__(self, place: FilePath, destination: FilePath, *, growing: bool = False) -> None:
-        self.place = place
+    def __init__(self, folder: FilePath, destination: FilePath, *, growing: bool = False) -> None:
+        self.folder = folder
         # The program must not be ended by a signal between these steps.
         with moving():
-            self._handle = _take(place, destination)
-            _open[place] = None if growing else destination
+            self._handle = _take(folder, destination)
+            _open[folder] = None if growing else destination
 
     def __enter__(self) -> Staging:
         return self
@@ -71,7 +71,7 @@ class Staging:
 
     def empty(self) -> None:
         """Remove the content of the folder."""
-        for inner in self.place.iterdir():
+        for inner in self.folder.iterdir():
             if inner.is_dir() and not inner.is_symlink():
                 shutil.rmtree(inner)
             else:
@@ -93,18 +93,18 @@ class Staging:
                 for source, target in moves:
                     os.rename(source, target)
             except BaseException:
-                destination = _open.pop(self.place)
+                destination = _open.pop(self.folder)
                 for source, target in reversed(moves):
                     if os.path.lexists(target) and not os.path.lexists(source):
                         os.rename(target, source)
-                _open[self.place] = destination
+                _open[self.folder] = destination
                 raise
 
     def remove(self) -> None:
         """Remove the folder with its content, and release the lock."""
-        if self.place in _open:
-            shutil.rmtree(self.place, ignore_errors=True)
-            del _open[self.place]
+        if self.folder in _open:
+            shutil.rmtree(self.folder, ignore_errors=True)
+            del _open[self.folder]
         if self._handle is not None:
             os.close(self._handle)
             self._handle = None
@@ -155,10 +155,10 @@ def write_atomically(file: FilePath, write: Callable[[FilePath], object]) -> Non
     """
     with Staging(hidden_sibling(file), file) as staging:
         staging.empty()
-        fresh = staging.place / file.name
+        fresh = staging.folder / file.name
         write(fresh)
         if fresh.is_dir() and file.exists():
-            old = staging.place / OLD
+            old = staging.folder / OLD
             old.mkdir()
             staging.move([(file, old / file.name), (fresh, file)])
         else:
@@ -181,16 +181,16 @@ def abandon(patience: float) -> list[str]:
         # The staging folder may have the only copy of an earlier result, so it must stay.
         return []
     ended = dict(_open)
-    for place in ended:
+    for folder in ended:
         # The writing thread may add a file between these attempts.
         for _ in range(3):
-            shutil.rmtree(place, ignore_errors=True)
-            if not place.exists():
+            shutil.rmtree(folder, ignore_errors=True)
+            if not folder.exists():
                 break
     return [str(x) for x in ended.values() if x is not None]
 
 
-def _take(place: FilePath, destination: FilePath) -> int | None:
+def _take(folder: FilePath, destination: FilePath) -> int | None:
     """Create a staging folder or take over that of a killed process; returns the locked handle.
 
     Windows and some network file systems have no locks on folders. There the process that creates
@@ -198,21 +198,21 @@ def _take(place: FilePath, destination: FilePath) -> int | None:
     """
     handle, is_ours = None, True
     try:
-        place.mkdir()
+        folder.mkdir()
     except FileExistsError:
         is_ours = False
     try:
         import fcntl
 
-        handle = os.open(place, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         # Another process may have removed its folder before this one locked it.
-        is_ours = os.path.samestat(os.fstat(handle), os.lstat(place))
+        is_ours = os.path.samestat(os.fstat(handle), os.lstat(folder))
     except BlockingIOError:
         is_ours = False
     except (ImportError, OSError):
         pass
-    old = place / OLD
+    old = folder / OLD
     if is_ours and not (old.is_dir() and any(old.iterdir())):
         return handle
     if handle is not None:
@@ -220,5 +220,5 @@ def _take(place: FilePath, destination: FilePath) -> int | None:
     raise InvalidInput(
         f"Another run is writing to {destination}, or was killed while it replaced an earlier "
         f"result: wait for its end, or choose another destination. If there is no other run, move "
-        f"the files in {old} elsewhere, if there are any, and remove {place}."
+        f"the files in {old} elsewhere, if there are any, and remove {folder}."
     )

@@ -67,14 +67,14 @@ def list_some(names: Sequence[str], maximum: int) -> str:
     return listed if len(names) <= maximum else f"{listed} and {len(names) - maximum} more"
 
 
-def suggest(name: str, known: Iterable[str], otherwise: str) -> str:
+def suggest(name: str, valid: Iterable[str], otherwise: str) -> str:
     """A question with the valid name most similar to an unknown one, or `otherwise`."""
-    known = list(known)
+    valid = list(valid)
     # Speed and velocity are used for the same quantity.
     equivalent = [
-        x for x in known if x.replace("velocity", "speed") == name.replace("velocity", "speed")
+        x for x in valid if x.replace("velocity", "speed") == name.replace("velocity", "speed")
     ]
-    candidates = equivalent or difflib.get_close_matches(name, known, n=1)
+    candidates = equivalent or difflib.get_close_matches(name, valid, n=1)
     return f"did you mean {candidates[0]}?" if candidates else otherwise
 
 

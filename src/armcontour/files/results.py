@@ -77,7 +77,7 @@ class ResultFolder:
 
     def _made(self, name: str) -> FilePath:
         """A folder in the staging folder."""
-        place = self._staging.place / name
+        place = self._staging.folder / name
         place.mkdir(exist_ok=True)
         return place
 
@@ -153,7 +153,7 @@ class ResultFolder:
         data = {"armcontour": __version__, "kind": self._kind, "files": checksums}
         text = json.dumps(data, indent=1)
         (self._new / MANIFEST).write_text(text + "\n", encoding="utf-8")
-        if self._staging.place.parent != self._target:
+        if self._staging.folder.parent != self._target:
             self._target.parent.mkdir(parents=True, exist_ok=True)
             self._staging.move([(self._new, self._target)])
             return
