@@ -59,7 +59,10 @@ HOSTILE = {
     "flow": ("[" * 100_000, "nested too deeply"),
     "block": ("- " * 100_000, "nested too deeply"),
     "keys": ("? " * 10_000, "nested too deeply"),
-    "size": ("#" * (MOST_CHARACTERS + 1), "16 million characters, more than the 16 million"),
+    "size": (
+        "#" * (MOST_CHARACTERS + 1),
+        "16 million characters, more than the limit of 16 million",
+    ),
     "tag": ("a: !" + "x" * 100_000 + " 1", "could not determine a constructor"),
     "alias of nothing": ("a: *" + "x" * 100_000, "found undefined alias"),
     "escapes": ('"\\e]52;c;cA==\\e": 1\n"\\e]52;c;cA==\\e": 1', "is repeated"),
