@@ -38,7 +38,7 @@ def test_moves_are_shared_by_all_processes(monkeypatch):
     found = list(map_in_order(eval, items))
     assert [k for k, _ in found] == list(range(200))
     assert len({pid for _, pid in found}) == 3
-    with pytest.raises(ExecutionError, match="has ended"):
+    with pytest.raises(ExecutionError, match="ended before"):
         map_in_processes(sys.exit, [3] * 20, processes=2)
 
 
