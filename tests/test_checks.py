@@ -292,13 +292,13 @@ def test_rotations_in_every_form():
 
 def test_other_arrays_are_refused(refuses):
     for wrong, words in (
-        (np.diag([1.0, 1.0, -1.0]), ("it has a matrix that is no rotation", "right-handed")),
-        (np.eye(3) * 1.1, ("no rotation",)),
+        (np.diag([1.0, 1.0, -1.0]), ("it has a matrix that is not a rotation", "right-handed")),
+        (np.eye(3) * 1.1, ("not a rotation",)),
         (np.eye(3) * 1e200, ("must be between", "1e+200")),
-        (np.eye(3) * 1e11, ("no rotation",)),
-        (np.full((3, 3), 1e11) * [[1, 1, 1], [1, -1, 1], [1, 1, -1]], ("no rotation",)),
-        (np.zeros((3, 3)), ("no rotation",)),
-        ([np.eye(3), np.eye(3)[::-1]], ("no rotation",)),
+        (np.eye(3) * 1e11, ("not a rotation",)),
+        (np.full((3, 3), 1e11) * [[1, 1, 1], [1, -1, 1], [1, 1, -1]], ("not a rotation",)),
+        (np.zeros((3, 3)), ("not a rotation",)),
+        ([np.eye(3), np.eye(3)[::-1]], ("not a rotation",)),
         ([0.0, 0.0, 0.0, 1.1], ("quaternion (x, y, z, w) must have the length 1",)),
         ([0.0, 0.0, 0.0, 0.0], ("length 1",)),
         ([1.0, 2.0, 3.0], ("it must be rotation matrices (3 by 3) or quaternions", "(3,)")),
@@ -313,7 +313,7 @@ def test_other_arrays_are_refused(refuses):
         ({"position": [0, 0]}, ("position of a frame", "3 coordinates", "not 2")),
         ({"position": [0, 0, np.inf]}, ("position of a frame", "finite")),
         ({"rotation": [np.eye(3), np.eye(3)]}, ("one rotation",)),
-        ({"rotation": np.eye(3) * 2}, ("rotation of a frame", "no rotation")),
+        ({"rotation": np.eye(3) * 2}, ("rotation of a frame", "not a rotation")),
     ):
         refuses(lambda arguments=arguments: Frame(**arguments), ac.InvalidInput, *words)
     for angles in ([1.0, 2.0], 1.0, [[1.0, 2.0]]):

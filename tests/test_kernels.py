@@ -163,7 +163,7 @@ def test_a_function_comes_after_those_that_it_calls(kernels, monkeypatch):
     monkeypatch.setattr(compilation, "open_executor", lambda workers: nullcontext(watched))
     listed, steps = read_list("usual"), []
     order = Order(listed, steps.append)
-    order.work_off()
+    order.run_all()
     assert set(watched.taken) == set(listed) and order.is_done and order.compiled == len(listed)
     assert steps[0].done == 0.0 and steps[-1].done == 1.0
     place = {key: k for k, key in enumerate(watched.taken)}

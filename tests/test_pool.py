@@ -18,12 +18,12 @@ from armcontour.core.pool import (
     InProcess,
     ProcessPool,
     TaskQueue,
+    count_workers,
     map_in_order,
     map_in_processes,
     map_in_threads,
     open_executor,
     split_evenly,
-    workers_of,
 )
 from armcontour.core.process import ProcessEnded, pack, unpack
 
@@ -104,15 +104,15 @@ def test_a_pool_is_an_executor_of_other_processes():
         told = []
         tell = "__import__('armcontour.core.process', fromlist=['tell']).tell"
         work = partial(eval, f"[{tell}(x) for x in 'ab'] and 3")
-        assert pool.submit_heard(told.append, work).result() == 3 and told == ["a", "b"]
+        assert pool.submit_reporting(told.append, work).result() == 3 and told == ["a", "b"]
         # An answer that is not read to its end is not taken for that of the next work.
         with pytest.raises(ZeroDivisionError):
-            pool.submit_heard(lambda told: 1 / 0, work).result()
+            pool.submit_reporting(lambda told: 1 / 0, work).result()
         assert pool.submit(abs, -5).result() == 5
         # A process that ends costs its work only.
         ended = pool.submit(eval, "__import__('os')._exit(3)")
         assert pool.submit(abs, -4).result() == 4
-        with pytest.raises(ProcessEnded, match="has ended"):
+        with pytest.raises(ProcessEnded, match="ended before"):
             ended.result()
     with pytest.raises(RuntimeError, match="shutdown"):
         pool.submit(abs, 1)
@@ -169,7 +169,7 @@ def test_this_process_works_when_an_item_is_given():
 
 def test_options_that_do_not_go_together_are_refused(monkeypatch):
     with ProcessPool(3) as opened:
-        assert workers_of(opened) == 3 and workers_of(InProcess()) == 1
+        assert count_workers(opened) == 3 and count_workers(InProcess()) == 1
     monkeypatch.setattr(pool, "find_spec", lambda name: None)
     for arguments, words in (
         ((2, "tcp://127.0.0.1:1", None), "A cluster or an executor has its own workers"),

@@ -47,8 +47,8 @@ HOSTILE = {
     "aliases": (LISTS, "fewer aliases"),
     "pairs": (PAIRS, "fewer aliases"),
     "text": ('a: &a "' + "x" * 100_000 + '"\nb: [' + "*a, " * 1000 + "]", "fewer aliases"),
-    "itself": ("a: &a [1, *a]", "an alias stands for what it is part of"),
-    "merges itself": ("a: &a {<<: *a}", "an alias stands for what it is part of"),
+    "itself": ("a: &a [1, *a]", "an alias is inside its own anchor"),
+    "merges itself": ("a: &a {<<: *a}", "an alias is inside its own anchor"),
     "sixties": ("a: !!float " + "59:" * 100_000 + "59.5", "too many for a number"),
     "whole sixties": ("a: !!int " + "59:" * 100_000 + "59", "not a whole number"),
     "a short one": ("a: !!float 59:59.5", "is not a finite number"),
@@ -59,20 +59,25 @@ HOSTILE = {
     "flow": ("[" * 100_000, "nested too deeply"),
     "block": ("- " * 100_000, "nested too deeply"),
     "keys": ("? " * 10_000, "nested too deeply"),
-    "size": ("#" * (MOST_CHARACTERS + 1), "16 million characters, more than the 16 million"),
+    "size": (
+        "#" * (MOST_CHARACTERS + 1),
+        "16 million characters, more than the limit of 16 million",
+    ),
     "tag": ("a: !" + "x" * 100_000 + " 1", "could not determine a constructor"),
     "alias of nothing": ("a: *" + "x" * 100_000, "found undefined alias"),
-    "escapes": ('"\\e]52;c;cA==\\e": 1\n"\\e]52;c;cA==\\e": 1', "stands twice"),
+    "escapes": ('"\\e]52;c;cA==\\e": 1\n"\\e]52;c;cA==\\e": 1', "is repeated"),
 }
 
 
 MISTAKES = {
     "name: a\ntitle: 'open\nb: 1\n": "the quote that begins in line 2 does not end (line 4,",
-    "a:\n\tb: 1\n": "a tab stands here, but lines are indented by blanks (line 2, column 1)",
-    "a:\n   b: 1\n  c: 2\n": "this line is not indented as those beside it (line 3, column 3)",
-    "a: {b: 1}}\n": "} has no place here (line 1, column 10)",
+    "a:\n\tb: 1\n": "this line is indented by a tab: use blanks (line 2, column 1)",
+    "a:\n   b: 1\n  c: 2\n": (
+        "this line is not indented like the lines around it (line 3, column 3)"
+    ),
+    "a: {b: 1}}\n": "} is not allowed here (line 1, column 10)",
     "x: 1\na: {b: 1\nc: 2\n": "the bracket of line 2 needs a } before this (line 3, column 2)",
-    "a:\n  b: 1\n   c: 2\n": "this colon has no place: the line is indented too far, or a text",
+    "a:\n  b: 1\n   c: 2\n": "this colon is wrong: the line is indented too far, or a text",
 }
 
 

@@ -1,10 +1,10 @@
-r"""Count what repetition costs: places per option and per quantity, parameters, modules.
+r"""Count repetition: lines per option and per quantity, parameters, modules.
 
     python -m tools.bars [--list NAME] [--sample SEED]
 
-A place of an option is a line of `src` that has its name as a field of a class, a parameter of a
+A line of an option is a line of `src` that has its name as a field of a class, a parameter of a
 public function, an entry of the arguments in a docstring, the keyword of a call, or a text such as
-"units", "path.units" or "--units"; in the page's JavaScript as a text. A place of a quantity is a
+"units", "path.units" or "--units"; in the page's JavaScript as a text. A line of a quantity is a
 line that reads it from a result (`.duration`) within an f-string, a dictionary with texts as keys,
 a tuple or a call that begins with a text, or a call of a function that formats numbers (`FORMAT`);
 of JavaScript, any line that reads it. Messages of errors do not count, nor texts of JavaScript such
@@ -121,14 +121,14 @@ def modules() -> Iterator[tuple[str, str]]:
 
 
 def docstrings(tree: ast.Module) -> Iterator[ast.Constant]:
-    """The nodes of all docstrings."""
+    """Nodes of all docstrings."""
     for x in ast.walk(tree):
         if isinstance(x, ast.FunctionDef | ast.ClassDef | ast.Module) and ast.get_docstring(x):
             yield x.body[0].value
 
 
 def option_lines(tree: ast.Module, text: str, names: str) -> Iterator[int]:
-    """Lines of a Python module that are places of an option."""
+    """Lines of a Python module that mention an option."""
     lines, documents = text.splitlines(), set(docstrings(tree))
     entry = re.compile(rf" +([\w, ]+, )?({names})(, [\w, ]+)?( \(.*\))?: ")
     named, key = re.compile(names), re.compile(rf"(--|[\w.]+\.)?({names})")
@@ -149,25 +149,25 @@ def option_lines(tree: ast.Module, text: str, names: str) -> Iterator[int]:
 
 
 def quantity_lines(tree: ast.Module, attribute: str) -> Iterator[int]:
-    """Lines of a Python module that are places of a quantity."""
+    """Lines of a Python module that mention a quantity."""
     pattern = re.compile(attribute)
-    left_out = {y for x in ast.walk(tree) if is_left_out(x) for y in ast.walk(x)}
+    excluded = {y for x in ast.walk(tree) if is_excluded(x) for y in ast.walk(x)}
     for x in ast.walk(tree):
-        if x not in left_out and is_presented(x):
+        if x not in excluded and is_presented(x):
             attributes = (y for y in ast.walk(x) if isinstance(y, ast.Attribute))
-            read = (y for y in attributes if y not in left_out and pattern.search(f".{y.attr}"))
+            read = (y for y in attributes if y not in excluded and pattern.search(f".{y.attr}"))
             yield from (y.end_lineno for y in read)
 
 
-def is_left_out(x: ast.AST) -> bool:
-    """Whether what is read there is of a message of an error, or makes the row of a figure."""
+def is_excluded(x: ast.AST) -> bool:
+    """True if an expression is part of an error message, or creates the row of a figure."""
     return isinstance(x, ast.Raise) or (
         isinstance(x, ast.Call) and ast.unparse(x.func).endswith("_row")
     )
 
 
 def is_presented(x: ast.AST) -> bool:
-    """Whether an expression writes values or gives them names."""
+    """True if an expression formats or names values."""
     if isinstance(x, ast.Call) and FORMAT.fullmatch(ast.unparse(x.func)):
         return True
     first = {ast.Dict: "keys", ast.Tuple: "elts", ast.Call: "args"}.get(type(x))
@@ -175,7 +175,7 @@ def is_presented(x: ast.AST) -> bool:
 
 
 def is_text(nodes: list[ast.expr]) -> bool:
-    """Whether there is a text, or an f-string, among some nodes."""
+    """True if a text or f-string is among some nodes."""
     return any(
         isinstance(x, ast.JoinedStr) or (isinstance(x, ast.Constant) and isinstance(x.value, str))
         for x in nodes
@@ -183,9 +183,9 @@ def is_text(nodes: list[ast.expr]) -> bool:
 
 
 @cache
-def places() -> dict[str, list[str]]:
-    """Places of each option and of each quantity, as file:line."""
-    found: dict[str, set[tuple[str, int]]] = {x: set() for x in (*OPTIONS, *QUANTITIES)}
+def find_lines() -> dict[str, list[str]]:
+    """Lines of each option and quantity, as file:line."""
+    lines_by_name: dict[str, set[tuple[str, int]]] = {x: set() for x in (*OPTIONS, *QUANTITIES)}
     for file, text in modules():
         tree = ast.parse(text) if file.endswith(".py") else None
         for name, (pattern, others) in (OPTIONS | QUANTITIES).items():
@@ -200,8 +200,8 @@ def places() -> dict[str, list[str]]:
                 lines = option_lines(tree, text, pattern)
             else:
                 lines = quantity_lines(tree, pattern)
-            found[name].update((file, i) for i in lines)
-    return {name: [f"{file}:{i}" for file, i in sorted(x)] for name, x in found.items()}
+            lines_by_name[name].update((file, i) for i in lines)
+    return {name: [f"{file}:{i}" for file, i in sorted(x)] for name, x in lines_by_name.items()}
 
 
 def mechanisms() -> list[str]:
@@ -220,7 +220,7 @@ def loaded(program: str) -> int:
 
 
 def texts() -> Iterator[str]:
-    """First paragraphs of docstrings, comments, and messages of errors, with their places."""
+    """First paragraphs of docstrings, comments, and messages of errors, with their locations."""
     for file, text in modules():
         if not file.endswith(".py"):
             continue
@@ -240,21 +240,21 @@ def texts() -> Iterator[str]:
 
 
 def main() -> None:
-    """Print the counts, the places of one, or a sample of texts."""
-    parser = argparse.ArgumentParser(description="Count what repetition costs.")
-    parser.add_argument("--list", metavar="NAME", help="an option or a quantity: print its places")
+    """Print the counts, the lines of one name, or a sample of texts."""
+    parser = argparse.ArgumentParser(description="Count repetition.")
+    parser.add_argument("--list", metavar="NAME", help="an option or a quantity: print its lines")
     parser.add_argument("--sample", metavar="SEED", type=int, help="print 100 texts")
-    asked = parser.parse_args()
-    if asked.sample is not None:
-        print("\n".join(random.Random(asked.sample).sample(list(texts()), 100)))
+    options = parser.parse_args()
+    if options.sample is not None:
+        print("\n".join(random.Random(options.sample).sample(list(texts()), 100)))
         return
-    found = places()
-    if asked.list is not None:
-        print("\n".join(found[asked.list]))
+    lines = find_lines()
+    if options.list is not None:
+        print("\n".join(lines[options.list]))
         return
-    for name, x in found.items():
-        print(f"{len(x):5d}  places of {name}, in {len({y.split(':')[0] for y in x})} files")
-    print(f"{mean(len(found[x]) for x in OPTIONS):5.1f}  places of an option, mean")
+    for name, x in lines.items():
+        print(f"{len(x):5d}  lines of {name}, in {len({y.split(':')[0] for y in x})} files")
+    print(f"{mean(len(lines[x]) for x in OPTIONS):5.1f}  lines of an option, mean")
     print(f"{len(mechanisms()):5d}  mechanisms that change a key: {', '.join(mechanisms())}")
     for function in FUNCTIONS:
         count = len(inspect.signature(function).parameters)

@@ -39,7 +39,7 @@ Table = npt.NDArray[np.float64]
 
 
 def from_kuka(traces: Sequence[str]) -> Table:
-    """Time [s], commands and measured positions [deg] of six axes' oscilloscope traces."""
+    """Time [s], commands and measured positions [deg] from oscilloscope traces of six axes."""
     axes = [np.loadtxt(x.splitlines(), delimiter=";", skiprows=1, ndmin=2) for x in traces]
     n = min(map(len, axes))
     command, measured = (
@@ -48,13 +48,13 @@ def from_kuka(traces: Sequence[str]) -> Table:
     return np.column_stack([axes[0][:n, 0], command, measured])
 
 
-def from_panda(dq: str, at: str, q0: str, time: str, positions: str) -> Table:
-    """Time [s], velocity commands integrated, and measured positions [rad], up to a lost packet.
+def from_panda(dq: str, rate_times: str, q0: str, time: str, positions: str) -> Table:
+    """Time [s], integrated velocity commands and measured positions [rad], until a lost packet.
 
-    The files have one value a line; those of the seven joints follow each other.
+    The files have one value per line; those of the seven joints follow each other.
     """
     rate, at_times, start, t, q = (
-        np.loadtxt(x.splitlines(), ndmin=1) for x in (dq, at, q0, time, positions)
+        np.loadtxt(x.splitlines(), ndmin=1) for x in (dq, rate_times, q0, time, positions)
     )
     joints = len(start)
     moved = start + cumulative_trapezoid(rate.reshape(-1, joints), at_times, axis=0, initial=0)
@@ -83,7 +83,7 @@ def joints(count: int, unit: str) -> list[str]:
 
 
 def fetch(repository: tuple[str, str], file: str) -> str:
-    """The text of a file in a repository at a commit."""
+    """Text of a file in a repository at a commit."""
     with urlopen(SOURCE.format(*repository, quote(file)), timeout=60) as reply:
         return str(reply.read().decode("latin1"))
 
@@ -94,12 +94,12 @@ def main(folder: Path) -> None:
         files = [f"Traces_Real/{stem}_NextGenDrive#{j}.csv" for j in range(1, 7)]
         table = from_kuka([fetch(KUKA, x) for x in files])
         write(folder / "kuka_kr3_krc4" / f"{name}.csv", table, joints(6, "deg"))
-    at = "matlab/data/Exciting_Traj/Trajectory_1/{}.txt"
-    table = from_panda(*(fetch(PANDA, at.format(x)) for x in PANDA_FILES))
+    path = "matlab/data/Exciting_Traj/Trajectory_1/{}.txt"
+    table = from_panda(*(fetch(PANDA, path.format(x)) for x in PANDA_FILES))
     write(folder / "panda" / "panda_gaz_first_part.csv", table, joints(7, "rad"))
-    at = "data_performance_abb/curve_1/curve_pose_opt1/100L/realrobot/run_{}.csv"
+    path = "data_performance_abb/curve_1/curve_pose_opt1/100L/realrobot/run_{}.csv"
     for k in range(5):
-        table = from_abb(fetch(ABB, at.format(k)))
+        table = from_abb(fetch(ABB, path.format(k)))
         names = ["program line", *(f"J{j} [deg]" for j in range(1, 7))]
         write(folder / "abb_irb6640" / f"run_{k}.csv", table, names)
 

@@ -5,8 +5,8 @@ commands, drawings of the tests and drawings with random changes, and `check` on
 trajectories. Recorded are exit codes, the class and data of errors, and all numbers and keys of
 results; sentences are not. Records of a commit are kept in `.armcontour/freeze`.
 
-`--renamed FILE` lists what was renamed since that commit, a line each: the old name, a tab, the new
-one. Keys, values, options and names of files are compared under the new names.
+`--renamed FILE` lists renamed names since that commit, one per line: the old name, a tab, the new
+name. Keys, values, options and names of files are compared under the new names.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ RELATIVE, METRES = 1e-9, 1e-10  # largest differences: relative, and of contour 
 UNSTABLE = re.compile(r"armcontour|version|elapsed|seconds|progress|files|source|made_from")
 NAME = re.compile(r"(?:--)?\w(?:[\w-]*\w)?")  # of keys, options, files and their parts
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
-# A result below `run` is an input of later commands of the same group.
+# Results of a command are inputs of later commands of the same group.
 OVER = "--over 'x: -100 mm .. 100 mm, 3' --over 'yaw: 0 deg .. 90 deg, 2' --workers 0"
 GROUPS = [
     [f"run {{drawings}}/{drawing} --cell {cell} {more} --out out"]
@@ -109,12 +109,12 @@ GROUPS = [
 
 
 def corpus(folder: Path) -> list[tuple[str, str]]:
-    """Write the inputs that both trees read; returns names and command lines."""
+    """Write the inputs for both trees; returns names and command lines."""
     from soak.check import _limits, draw
     from soak.readers import mutated
     from soak.samples import samples
 
-    found = []
+    inputs = []
     drawings = sorted((ROOT / "tests" / "files" / "drawings" / "gcode").rglob("*.ngc"))
     texts = [(x.suffix, x.read_bytes()) for x in drawings]
     kinds = (("dxf", ".dxf"), ("svg", ".svg"), ("gcode", ".ngc"), ("csv", ".csv"))
@@ -125,28 +125,28 @@ def corpus(folder: Path) -> list[tuple[str, str]]:
         texts.append((ending, mutated(originals[int(rng.integers(len(originals)))], rng)))
     for k, (ending, data) in enumerate(texts):
         (folder / f"drawing{k}{ending}").write_bytes(data)
-        found.append((f"drawing{k}", f"show drawing{k}{ending} --json"))
+        inputs.append((f"drawing{k}", f"show drawing{k}{ending} --json"))
     for k in range(CHECKED):
         case = draw(k // 2, k % 2 == 0)
-        limits = {name: np.ravel(x).tolist() for name, x in _given(_limits(case))}
+        limits = {name: np.ravel(x).tolist() for name, x in _specified(_limits(case))}
         if "speed" in limits:
             limits["speed"] = limits["speed"][0]
         (folder / f"limits{k}.yaml").write_text(json.dumps(limits))
         (folder / f"trajectory{k}.csv").write_text(case.text)
         line = f"check trajectory{k}.csv --arm {case.arm} --limits limits{k}.yaml --json"
-        found.append((f"trajectory{k}", line))
-    return found
+        inputs.append((f"trajectory{k}", line))
+    return inputs
 
 
-def _given(limits: Any) -> Iterator[tuple[str, Any]]:
-    """Names and values of limits that are set."""
+def _specified(limits: Any) -> Iterator[tuple[str, Any]]:
+    """Names and values of the limits that are set."""
     for name in ("speed", "joint_velocity", "joint_acceleration", "joint_lower", "joint_upper"):
         if getattr(limits, name) is not None:
             yield name, getattr(limits, name)
 
 
 def renamed(value: Any, names: Mapping[str, str]) -> Any:
-    """A record, or a command line, with other names.
+    """Replace names in a record or a command line.
 
     Args:
         value: The record or the text.
@@ -165,34 +165,36 @@ def record(tree: Path, folder: Path, part: int, names: Mapping[str, str]) -> Non
     """Run one part of the work with the package of this process, and write its record."""
     signal.signal = lambda *_: None  # type: ignore[assignment]
     warnings.simplefilter("ignore")
-    places = {
+    folders = {
         "drawings": tree / "examples" / "drawings",
         "library": tree / "src" / "armcontour" / "jobs" / "library",
         "tests": ROOT / "tests",
     }
-    found: dict[str, Any] = {}
+    records: dict[str, Any] = {}
     work: list[tuple[str, list[str] | Path]] = [
         *((x.name, x) for x in sorted((tree / "examples").glob("*.py"))),
         *((group[0], group) for group in GROUPS),
         *((name, [line]) for name, line in json.loads((folder / "corpus.json").read_text())),
     ]
     for name, item in work[part::PARTS]:
-        place = folder / f"work{part}" if item in GROUPS or isinstance(item, Path) else folder
-        place.mkdir(exist_ok=True)
-        os.chdir(place)
+        work_folder = folder / f"work{part}" if item in GROUPS or isinstance(item, Path) else folder
+        work_folder.mkdir(exist_ok=True)
+        os.chdir(work_folder)
         if isinstance(item, Path):
-            found[name] = _run_example(item)
+            records[name] = _run_example(item)
         else:
             for line in item:
-                arguments = shlex.split(renamed(line, names).format(**places))
-                found[f"{name}: {line}"] = _run_command(arguments)
-        if place != folder:
-            found[f"{name}: files"] = {
-                str(x.relative_to(place)): read(x) for x in sorted(place.rglob("*")) if x.is_file()
+                arguments = shlex.split(renamed(line, names).format(**folders))
+                records[f"{name}: {line}"] = _run_command(arguments)
+        if work_folder != folder:
+            records[f"{name}: files"] = {
+                str(x.relative_to(work_folder)): read(x)
+                for x in sorted(work_folder.rglob("*"))
+                if x.is_file()
             }
             os.chdir(folder)
-            shutil.rmtree(place)
-    (folder / f"part{part}.json").write_text(json.dumps(found, default=str))
+            shutil.rmtree(work_folder)
+    (folder / f"part{part}.json").write_text(json.dumps(records, default=str))
 
 
 def _run_example(file: Path) -> dict[str, Any]:
@@ -209,10 +211,10 @@ def _run_command(arguments: list[str]) -> dict[str, Any]:
 
     raised: list[BaseException] = []
     base = armcontour.ArmContourError
-    made = base.__init__  # type: ignore[misc]
+    original = base.__init__  # type: ignore[misc]
 
     def keep(self: Any, *args: Any, **data: Any) -> None:
-        made(self, *args, **data)
+        original(self, *args, **data)
         raised[:] = [self]
 
     printed, sys.argv = io.StringIO(), ["armcontour", *arguments]
@@ -224,18 +226,18 @@ def _run_command(arguments: list[str]) -> dict[str, Any]:
     except SystemExit as end:
         code = end.code or 0
     finally:
-        base.__init__ = made  # type: ignore[method-assign]
-    found: dict[str, Any] = {"code": code}
+        base.__init__ = original  # type: ignore[method-assign]
+    outcome: dict[str, Any] = {"code": code}
     with contextlib.suppress(ValueError):
-        found["printed"] = json.loads(printed.getvalue())
+        outcome["printed"] = json.loads(printed.getvalue())
     if code in REFUSED and raised:
         data = {k: v for k, v in vars(raised[0]).items() if v is not None}
-        found["error"] = {"class": type(raised[0]).__name__, "data": data}
-    return found
+        outcome["error"] = {"class": type(raised[0]).__name__, "data": data}
+    return outcome
 
 
 def read(file: Path) -> Any:
-    """What is compared of a file: JSON as it is, else its columns or numbers, summed up."""
+    """Comparable content of a file: JSON unchanged, otherwise sums over columns or numbers."""
     if file.suffix == ".json":
         return json.loads(file.read_text())
     if file.suffix in (".html", ".npz", ".mcap", ".svg"):
@@ -249,7 +251,7 @@ def read(file: Path) -> Any:
 
 
 def _sums(texts: Any) -> Any:
-    """Number of values, largest amount and mean amount."""
+    """Number of values, largest and mean magnitude."""
     try:
         values = np.abs(np.array(texts, dtype=float))
     except ValueError:
@@ -257,26 +259,26 @@ def _sums(texts: Any) -> Any:
     return [len(values), *((values.max(), values.mean()) if len(values) else ())]
 
 
-def differences(old: Any, new: Any, at: str = "") -> Iterator[str]:
-    """Where two records differ."""
-    if UNSTABLE.search(at.rpartition("/")[2]):
+def differences(old: Any, new: Any, key_path: str = "") -> Iterator[str]:
+    """Descriptions of the differences between two records."""
+    if UNSTABLE.search(key_path.rpartition("/")[2]):
         return
     if isinstance(old, dict) and isinstance(new, dict):
         for key in sorted({*old, *new}):
             if key in old and key in new:
-                yield from differences(old[key], new[key], f"{at}/{key}")
+                yield from differences(old[key], new[key], f"{key_path}/{key}")
             else:
-                yield f"{at}/{key}: only {'before' if key in old else 'now'}"
+                yield f"{key_path}/{key}: only {'before' if key in old else 'now'}"
     elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
         for k, pair in enumerate(zip(old, new, strict=True)):
-            yield from differences(*pair, f"{at}/{k}")
+            yield from differences(*pair, f"{key_path}/{k}")
     elif isinstance(old, (int, float)) and isinstance(new, (int, float)):
-        small = METRES if "error" in at else 0.0
+        small = METRES if "error" in key_path else 0.0
         if not (old == new or abs(old - new) <= max(RELATIVE * max(abs(old), abs(new)), small)):
             if not (old != old and new != new):
-                yield f"{at}: {old!r} before, {new!r} now"
+                yield f"{key_path}: {old!r} before, {new!r} now"
     elif old != new and not (_is_sentence(old) and _is_sentence(new)):
-        yield f"{at}: {str(old)[:80]} before, {str(new)[:80]} now"
+        yield f"{key_path}: {str(old)[:80]} before, {str(new)[:80]} now"
 
 
 def _is_sentence(value: Any) -> bool:
@@ -286,7 +288,7 @@ def _is_sentence(value: Any) -> bool:
 def record_of(
     tree: Path, name: str, *, again: bool, names: Mapping[str, str] = MappingProxyType({})
 ) -> dict[str, Any]:
-    """The record of a tree, from the store if it is there; names of its commands by new ones."""
+    """Record of a tree, cached; names in its commands are replaced."""
     file = STORE / f"{name}.json"
     if file.exists() and not again:
         return json.loads(file.read_text())  # type: ignore[no-any-return]
@@ -307,16 +309,16 @@ def record_of(
     ]
     if any([process.wait() for process in running]):
         sys.exit(f"The work of {tree} could not be recorded.")
-    found: dict[str, Any] = {}
+    records: dict[str, Any] = {}
     for part in range(PARTS):
-        found |= json.loads((folder / f"part{part}.json").read_text())
-    file.write_text(json.dumps(found))
+        records |= json.loads((folder / f"part{part}.json").read_text())
+    file.write_text(json.dumps(records))
     shutil.rmtree(folder)
-    return found
+    return records
 
 
 def compiled(tree: Path) -> Path:
-    """Folder of compiled functions of a tree: numba itself misses changes in functions called."""
+    """Folder of compiled functions of a tree; numba alone misses changes in called functions."""
     state = hashlib.sha256()
     for file in sorted((tree / "src").rglob("*.py")):
         text = file.read_bytes()
@@ -325,52 +327,52 @@ def compiled(tree: Path) -> Path:
     folder = STORE / "cache" / state.hexdigest()[:12]
     folder.mkdir(parents=True, exist_ok=True)
     folder.touch()
-    kept = sorted(folder.parent.iterdir(), key=lambda x: x.stat().st_mtime)
-    for old in kept[:-CACHES]:
+    caches = sorted(folder.parent.iterdir(), key=lambda x: x.stat().st_mtime)
+    for old in caches[:-CACHES]:
         shutil.rmtree(old)
     return folder
 
 
 def _environment() -> str:
-    """A short name of the processor, Python, the installed versions and this program."""
+    """Short digest of the processor, Python, the installed versions and this program."""
     versions = sorted(f"{x.name} {x.version}" for x in distributions() if x.name != "armcontour")
     text = "\n".join([platform.processor(), sys.version, *versions, Path(__file__).read_text()])
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 def main() -> int:
-    """Compare; returns 1 if something differs."""
+    """Compare; returns 1 if there are differences."""
     parser = argparse.ArgumentParser(prog="python -m tools.freeze", description=__doc__)
     parser.add_argument("--against", default="HEAD", help="the earlier commit (default: HEAD)")
     parser.add_argument("--again", action="store_true", help="record that commit again")
     parser.add_argument("--record", nargs=4, help=argparse.SUPPRESS)
     parser.add_argument("--renamed", type=Path, help="file of old and new names, with tabs between")
-    given = parser.parse_args()
-    if given.record:
-        tree, folder, part, names = given.record
+    options = parser.parse_args()
+    if options.record:
+        tree, folder, part, names = options.record
         record(Path(tree), Path(folder), int(part), json.loads(names))
         return 0
 
     def git(*arguments: str) -> str:
         return subprocess.check_output(["git", *arguments], cwd=ROOT, text=True).strip()
 
-    commit = git("rev-parse", f"{given.against}^{{commit}}")
+    commit = git("rev-parse", f"{options.against}^{{commit}}")
     tree = STORE / "tree"
     git("worktree", "prune")
     if not tree.exists():
         git("worktree", "add", "--detach", str(tree), commit)
     subprocess.check_call(["git", "checkout", "-q", "--detach", "-f", commit], cwd=tree)
-    rows = given.renamed.read_text("utf-8").splitlines() if given.renamed else []
+    rows = options.renamed.read_text("utf-8").splitlines() if options.renamed else []
     names = dict(x.split("\t") for x in rows if x)
     state = hashlib.sha256("\n".join(rows).encode()).hexdigest()[:6]
     before = {new: old for old, new in names.items()}
     name = f"{commit[:12]}-{_environment()}-{state}"
-    old = renamed(record_of(tree, name, again=given.again, names=before), names)
+    old = renamed(record_of(tree, name, again=options.again, names=before), names)
     new = record_of(ROOT, "now", again=True)
-    found = list(differences(old, new))
-    print(*found, sep="\n")
-    print(f"{len(old)} results before, {len(new)} now; {len(found)} differences.")
-    return int(bool(found))
+    changes = list(differences(old, new))
+    print(*changes, sep="\n")
+    print(f"{len(old)} results before, {len(new)} now; {len(changes)} differences.")
+    return int(bool(changes))
 
 
 if __name__ == "__main__":

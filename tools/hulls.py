@@ -1,8 +1,8 @@
-r"""Make the hulls of a built-in arm from the meshes that its maker publishes.
+r"""Compute the hulls of a built-in arm from the meshes of its manufacturer.
 
     python -m tools.hulls NAME DESCRIPTION [--package NAME=FOLDER] [--argument NAME=VALUE] ...
 
-For the built-in arms (repositories of the makers, beside this one):
+For the built-in arms (with the manufacturers' repositories next to this one):
 
     python -m tools.hulls ur5e Universal_Robots_ROS2_Description/urdf/ur.urdf.xacro \
         --package ur_description=Universal_Robots_ROS2_Description \
@@ -13,9 +13,9 @@ For the built-in arms (repositories of the makers, beside this one):
     python -m tools.hulls fr3 franka_description/robots/fr3/fr3.urdf.xacro \
         --package franka_description=franka_description --argument hand=false
 
-A hull is the intersection of half-spaces that hold every corner of the mesh, so it holds the mesh.
-Half-spaces are added where the hull is farthest from the mesh's own convex hull (the sandwich
-algorithm), until it is nowhere farther than EXCESS.
+A hull is the intersection of half-spaces that contain every corner of the mesh. Half-spaces are
+added where the hull is farthest from the convex hull of the mesh (sandwich algorithm), until the
+distance is at most EXCESS.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ from armcontour.files.robots.loading import STEP
 from armcontour.robot.chain import link_poses
 from armcontour.robot.scene import ArmShapes, LinkShape, Mesh
 
-# How far a hull may be from the convex hull of the mesh [m].
+# Largest distance of a hull from the convex hull of the mesh [m].
 EXCESS = 3e-4
-# What rounding to whole steps may move a corner by, and the half-spaces before it [m].
+# Largest displacement of a corner by rounding to whole steps, and offset of the half-spaces [m].
 ROUNDING = STEP
-# How far apart places of links may be in the description and in the built-in arm [m].
-SAME = 1e-8
-# Half-spaces that are added at a time.
-AT_ONCE = 12
+# Tolerance of the frames of links between the description and the built-in arm [m].
+FRAME_TOLERANCE = 1e-8
+# Largest number of half-spaces added per iteration.
+MAX_ADDED = 12
 FOLDER = Path(loading.__file__).parent / "library" / "hulls"
 SOURCES = {
     "ur": (
@@ -61,7 +61,7 @@ FloatArray = npt.NDArray[np.float64]
 
 
 def outer_hull(points: FloatArray, excess: float) -> FloatArray:
-    """Corners of a convex body that holds points, and exceeds their hull by less than `excess`."""
+    """Corners of a convex body that contains points and exceeds their hull by at most `excess`."""
     hull = points[ConvexHull(points).vertices]
     inside = hull.mean(axis=0)
     grid = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), axis=-1).reshape(-1, 3)
@@ -72,18 +72,20 @@ def outer_hull(points: FloatArray, excess: float) -> FloatArray:
         offsets = (hull @ normals.T).max(axis=0) + ROUNDING
         planes = np.column_stack([normals, -offsets])
         corners = HalfspaceIntersection(planes, inside).intersections
-        corners = _apart(corners)
+        corners = _rounded(corners)
         distances, nearest = body.distances(corners)
         if distances.max() <= excess:
             return corners
-        worst = np.argsort(-distances)[:AT_ONCE]
+        worst = np.argsort(-distances)[:MAX_ADDED]
         worst = worst[distances[worst] > max(excess, 0.5 * distances.max())]
-        more = (corners - nearest)[worst]
-        normals = np.vstack([normals, more / np.linalg.norm(more, axis=1, keepdims=True)])
+        directions = (corners - nearest)[worst]
+        normals = np.vstack(
+            [normals, directions / np.linalg.norm(directions, axis=1, keepdims=True)]
+        )
 
 
 class _Body:
-    """The convex hull of points, for distances of other points from it."""
+    """Convex hull of points, for distances of other points from it."""
 
     def __init__(self, points: FloatArray) -> None:
         model = coal.BVHModelOBBRSS()
@@ -96,22 +98,22 @@ class _Body:
     def distances(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Distances of points, (n,), and the nearest points of the hull, (n, 3)."""
         request, ball, still = coal.DistanceRequest(), coal.Sphere(1e-9), coal.Transform3s()
-        found, nearest = np.empty(len(points)), np.empty((len(points), 3))
+        distances, nearest = np.empty(len(points)), np.empty((len(points), 3))
         for k, x in enumerate(points):
             result = coal.DistanceResult()
-            place = coal.Transform3s(np.eye(3), x)
-            found[k] = coal.distance(self._hull, still, ball, place, request, result)
+            pose = coal.Transform3s(np.eye(3), x)
+            distances[k] = coal.distance(self._hull, still, ball, pose, request, result)
             nearest[k] = result.getNearestPoint1()
-        return found, nearest
+        return distances, nearest
 
 
-def _apart(points: FloatArray) -> FloatArray:
-    """The points in whole steps, each once."""
+def _rounded(points: FloatArray) -> FloatArray:
+    """Unique points after rounding to whole steps."""
     return np.unique(np.round(points / STEP), axis=0) * STEP
 
 
 def hull_of(shape: LinkShape, excess: float) -> dict[str, Any]:
-    """The entry of a link in the file of hulls, checked.
+    """Checked entry of a link in the file of hulls.
 
     Raises:
         AssertionError: A corner of the mesh is outside the hull.
@@ -122,66 +124,66 @@ def hull_of(shape: LinkShape, excess: float) -> dict[str, Any]:
     outside = ConvexHull(corners).equations @ np.column_stack([mesh, np.ones(len(mesh))]).T
     assert outside.max() <= 1e-9, f"{shape.name}: {outside.max():.3g} m outside"
     corners = corners[ConvexHull(corners).vertices]
-    far = _Body(mesh[ConvexHull(mesh).vertices]).distances(corners)[0].max()
-    print(f"{shape.name}: {len(mesh)} -> {len(corners)} points, {far * 1e3:.3f} mm outside")
+    excess_used = _Body(mesh[ConvexHull(mesh).vertices]).distances(corners)[0].max()
+    print(f"{shape.name}: {len(mesh)} -> {len(corners)} points, {excess_used * 1e3:.3f} mm outside")
     return {
         "name": shape.name,
         "link": shape.link,
-        "excess": round(float(far), 6),
+        "excess": round(float(excess_used), 6),
         "points": np.rint(corners / STEP).astype(int).tolist(),
     }
 
 
 def main(words: list[str]) -> int:
     """Make the hulls of an arm."""
-    given = argparse.ArgumentParser()
-    given.add_argument("name")
-    given.add_argument("description")
-    given.add_argument("--package", action="append", default=[])
-    given.add_argument("--argument", action="append", default=[])
-    given.add_argument("--base")
-    given.add_argument("--tip")
-    given.add_argument("--rename", default="=")
-    given.add_argument("--excess", type=float, default=EXCESS)
-    told = given.parse_args(words)
+    parser = argparse.ArgumentParser()
+    parser.add_argument("name")
+    parser.add_argument("description")
+    parser.add_argument("--package", action="append", default=[])
+    parser.add_argument("--argument", action="append", default=[])
+    parser.add_argument("--base")
+    parser.add_argument("--tip")
+    parser.add_argument("--rename", default="=")
+    parser.add_argument("--excess", type=float, default=EXCESS)
+    options_given = parser.parse_args(words)
     options = ac.ArmOptions(
-        base=told.base,
-        tip=told.tip,
-        packages=dict(x.split("=") for x in told.package),
-        arguments=dict(x.split("=") for x in told.argument),
+        base=options_given.base,
+        tip=options_given.tip,
+        packages=dict(x.split("=") for x in options_given.package),
+        arguments=dict(x.split("=") for x in options_given.argument),
     )
-    arm = ac.load_arm(told.description, options, trust_xacro=True)
-    _compare(ac.load_arm(told.name), arm)
+    arm = ac.load_arm(options_given.description, options, trust_xacro=True)
+    _compare(ac.load_arm(options_given.name), arm)
     assert isinstance(arm.shapes, ArmShapes)
-    old, new = told.rename.split("=")
-    hulls = [hull_of(x, told.excess) for x in arm.shapes.shapes]
+    old, new = options_given.rename.split("=")
+    hulls = [hull_of(x, options_given.excess) for x in arm.shapes.shapes]
     for x in hulls:
         x["name"] = x["name"].replace(old, new) if old else x["name"]
-    source, license_text = SOURCES["franka" if told.name in ("panda", "fr3") else "ur"]
+    source, license_text = SOURCES["franka" if options_given.name in ("panda", "fr3") else "ur"]
     page = {
         "source": f"{source} They are up to {max(x['excess'] for x in hulls) * 1e3:.2g} mm larger.",
         "license": license_text,
         "unit": "um",
         "hulls": hulls,
     }
-    _write(FOLDER / f"{told.name}.json", page)
+    _write(FOLDER / f"{options_given.name}.json", page)
     return 0
 
 
 def _compare(built_in: ac.Arm, described: ac.Arm) -> None:
-    """Refuse a description whose links have other frames than those of the built-in arm."""
+    """Check that the links of a description have the same frames as the built-in arm."""
     assert built_in.chain is not None and described.chain is not None
     q = np.random.default_rng(1).uniform(-3, 3, (100, built_in.dof))
-    apart = np.abs(link_poses(built_in.chain, q) - link_poses(described.chain, q)).max()
-    print(f"frames of links: {apart:.2g} m apart")
-    assert apart <= SAME
+    difference = np.abs(link_poses(built_in.chain, q) - link_poses(described.chain, q)).max()
+    print(f"frames of links: {difference:.2g} m apart")
+    assert difference <= FRAME_TOLERANCE
 
 
 def _write(file: Path, page: dict[str, Any]) -> None:
-    """Write a file of hulls, one hull a line."""
+    """Write a file of hulls, one hull per line."""
     hulls = ",\n".join(json.dumps(x, separators=(",", ":")) for x in page["hulls"])
-    rest = {key: x for key, x in page.items() if key != "hulls"}
-    text = json.dumps(rest, indent=1)[:-2] + ',\n "hulls": [\n' + hulls + "\n]}\n"
+    header = {key: x for key, x in page.items() if key != "hulls"}
+    text = json.dumps(header, indent=1)[:-2] + ',\n "hulls": [\n' + hulls + "\n]}\n"
     file.parent.mkdir(exist_ok=True)
     file.write_text(text, encoding="utf-8")
     print(f"{file}: {len(text) / 1e3:.0f} kB")

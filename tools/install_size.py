@@ -1,7 +1,7 @@
-"""What takes the room in an environment: a table of its packages, as Markdown.
+"""Sizes of the packages of an environment, as a table in Markdown.
 
 `python tools/install_size.py` measures the environment of that Python, from the files that its
-packages list; bytecode that Python wrote later is not among them. Sizes are in MB of 1e6 bytes.
+packages list, without bytecode that Python wrote later. Sizes are in MB of 1e6 bytes.
 """
 
 from __future__ import annotations
@@ -10,42 +10,42 @@ import re
 from importlib.metadata import Distribution, distributions
 from pathlib import Path
 
-# What makes an environment, and is not installed for anything.
-OF_THE_ENVIRONMENT = {"pip", "setuptools", "wheel"}
+# Packages that belong to the environment itself.
+ENVIRONMENT_PACKAGES = {"pip", "setuptools", "wheel"}
 # Smaller packages share one row [MB].
 SMALL = 5.0
 
 
 def plain(name: str) -> str:
-    """The name of a package as package indexes compare it."""
+    """Name of a package as package indexes compare it."""
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def size_of(package: Distribution) -> float:
-    """Size of the files of a package [MB]; a link counts as a link."""
-    places = {Path(str(package.locate_file(x))) for x in package.files or ()}
-    return sum(x.lstat().st_size for x in places if x.is_symlink() or x.is_file()) / 1e6
+    """Size of the files of a package [MB], without the targets of links."""
+    paths = {Path(str(package.locate_file(x))) for x in package.files or ()}
+    return sum(x.lstat().st_size for x in paths if x.is_symlink() or x.is_file()) / 1e6
 
 
 def needs(package: Distribution) -> list[str]:
-    """Names of the packages that a package needs without any of its extras."""
-    wanted = (x for x in package.requires or () if "extra" not in x.partition(";")[2])
-    return [plain(found[0]) for x in wanted if (found := re.match(r"[\w.-]+", x))]
+    """Names of the packages that a package requires without extras."""
+    requirements = (x for x in package.requires or () if "extra" not in x.partition(";")[2])
+    return [plain(match[0]) for x in requirements if (match := re.match(r"[\w.-]+", x))]
 
 
 def brought_by(name: str, packages: dict[str, Distribution]) -> set[str]:
-    """A package, and the installed ones that it brings."""
-    found, todo = set(), [name]
+    """A package and its installed dependencies."""
+    names, todo = set(), [name]
     while todo:
         one = todo.pop()
-        if one in packages and one not in found:
-            found.add(one)
+        if one in packages and one not in names:
+            names.add(one)
             todo += needs(packages[one])
-    return found
+    return names
 
 
 def table(packages: dict[str, Distribution], root: str) -> list[str]:
-    """Rows of Markdown: package, version, size, and what of the root's needs brings it."""
+    """Rows of Markdown: package, version, size, and the direct dependency that requires it."""
     sizes = {name: size_of(x) for name, x in packages.items()}
     direct = needs(packages[root]) if root in packages else []
     reach = {x: brought_by(x, packages) for x in direct}
@@ -54,8 +54,8 @@ def table(packages: dict[str, Distribution], root: str) -> list[str]:
     for name in sorted(large, key=lambda x: -sizes[x]):
         by = "" if name in direct else ", ".join(x for x in direct if name in reach[x])
         rows.append(f"| {name} | {packages[name].version} | {sizes[name]:.0f} | {by} |")
-    rest = sum(sizes.values()) - sum(sizes[x] for x in large)
-    rows.append(f"| {len(sizes) - len(large)} smaller ones | | {rest:.0f} | |")
+    remainder = sum(sizes.values()) - sum(sizes[x] for x in large)
+    rows.append(f"| {len(sizes) - len(large)} smaller ones | | {remainder:.0f} | |")
     rows.append(f"| **together** | | **{sum(sizes.values()):.0f}** | |")
     return rows
 
@@ -63,8 +63,8 @@ def table(packages: dict[str, Distribution], root: str) -> list[str]:
 def main() -> None:
     """Print the table of this environment."""
     packages = {plain(x.name): x for x in distributions()}
-    kept = {name: x for name, x in packages.items() if name not in OF_THE_ENVIRONMENT}
-    print("\n".join(table(kept, "armcontour")))
+    listed = {name: x for name, x in packages.items() if name not in ENVIRONMENT_PACKAGES}
+    print("\n".join(table(listed, "armcontour")))
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """`python -m tools.kernels`: write src/armcontour/core/kernels.txt anew.
 
-The list says what compiled functions are called with by a run on a plane arm, by one on an arm in
-space, and by the tests. `armcontour warm` compiles it. Each of the three runs here in a process
-that has nothing compiled, and notes what it compiles.
+The list has the argument types with which compiled functions are called by a run on a plane arm, by
+a run on an arm in space, and by the tests. `armcontour warm` compiles it. Each of the three runs in
+a process without cached functions, which records the functions that it compiles.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ TESTS = "-"
 
 
 def to_text(arguments: Sequence[Any]) -> str:
-    """Types of arguments as text, which `armcontour.core.compilation.from_text` reads.
+    """Types of arguments as text for `armcontour.core.compilation.from_text`.
 
     Raises:
         ValueError: A type that has no text.
@@ -65,7 +65,7 @@ def _text(kind: Any) -> str:
 
 
 def calls() -> set[str]:
-    """Calls that Python made to compiled functions of the package in this process."""
+    """Calls from Python to compiled functions of the package in this process."""
     from armcontour.core.kernels import KERNELS
 
     return {
@@ -77,32 +77,32 @@ def calls() -> set[str]:
 
 
 def unlisted() -> set[str]:
-    """Calls in this process that the list does not have."""
+    """Calls in this process that the list lacks."""
     return calls() - {x.partition(" ")[2] for x in LIST.read_text(encoding="utf-8").splitlines()}
 
 
 def record(run: str, arguments: list[str], out: Path) -> None:
-    """Run a command of armcontour, or tests, and write what is compiled meanwhile."""
+    """Run a command of armcontour, or tests, and write the functions compiled meanwhile."""
     from numba.core import event
 
     from armcontour.core import compilation
 
-    # Nothing is compiled ahead.
+    # Disable ahead-of-time compilation.
     compilation.LIST = Path(os.devnull)
-    found: dict[str, None] = {}
+    recorded: dict[str, None] = {}
 
     class Listener(event.Listener):
-        """Notes functions of the package."""
+        """Records functions of the package."""
 
         def on_start(self, event: Any) -> None:
-            """Nothing."""
+            """Required by numba."""
 
         def on_end(self, event: Any) -> None:
-            """Note a function."""
+            """Record a function."""
             function = event.data["dispatcher"].py_func
             if function.__module__.startswith("armcontour."):
                 text = to_text(event.data["args"])
-                found[f"{function.__module__}.{function.__name__}({text})"] = None
+                recorded[f"{function.__module__}.{function.__name__}({text})"] = None
 
     event.register("numba:compile", Listener())  # type: ignore[no-untyped-call]
     if run == TESTS:
@@ -113,7 +113,7 @@ def record(run: str, arguments: list[str], out: Path) -> None:
         from armcontour.cli.commands import app
 
         app(arguments, standalone_mode=False)
-    out.write_text("\n".join(found), encoding="utf-8")
+    out.write_text("\n".join(recorded), encoding="utf-8")
 
 
 def main() -> int:
@@ -126,26 +126,26 @@ def main() -> int:
         run, out, *arguments = sys.argv[2:]
         record(run, arguments, Path(out))
         return 0
-    given = parser.parse_args()
-    wanted = {x: RUNS[x] for x in given.what or RUNS if x in RUNS}
-    tests = [x for x in given.what if x not in RUNS] if given.what else ["tests", "tests/slow"]
+    options = parser.parse_args()
+    requested = {x: RUNS[x] for x in options.what or RUNS if x in RUNS}
+    tests = [x for x in options.what if x not in RUNS] if options.what else ["tests", "tests/slow"]
     if tests:
-        wanted[TESTS] = tests
+        requested[TESTS] = tests
     tags: dict[str, set[str]] = {}
-    for line in LIST.read_text(encoding="utf-8").splitlines() if given.what else []:
+    for line in LIST.read_text(encoding="utf-8").splitlines() if options.what else []:
         runs, _, call = line.partition(" ")
-        if kept := set(runs.split(",")) - set(wanted) | ({TESTS} & set(runs.split(","))):
-            tags[call] = kept
-    for run, arguments in wanted.items():
-        for call in _record_apart(run, arguments):
+        if remaining := set(runs.split(",")) - set(requested) | ({TESTS} & set(runs.split(","))):
+            tags[call] = remaining
+    for run, arguments in requested.items():
+        for call in _record_in_process(run, arguments):
             tags.setdefault(call, set()).add(run)
     lines = [f"{','.join(sorted(runs))} {call}" for call, runs in sorted(tags.items())]
     LIST.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return 0
 
 
-def _record_apart(run: str, arguments: list[str]) -> list[str]:
-    """Record a run in a process of its own that has nothing compiled; gives the calls."""
+def _record_in_process(run: str, arguments: list[str]) -> list[str]:
+    """Record a run in a separate process without cached functions; returns the calls."""
     with tempfile.TemporaryDirectory() as name:
         out = Path(name) / "calls.txt"
         command = [sys.executable, "-m", "tools.kernels", "--record", run, str(out), *arguments]

@@ -1,9 +1,9 @@
-"""Measure what share of random faults the suite finds: `python -m tools.mutants`.
+"""Measure the fraction of random faults that the suite detects: `python -m tools.mutants`.
 
 Each mutant is one small change of planning, geometry, servo or readers, chosen by the seed. The
 tests of its package run first, then those of packages above it; the first failure kills the mutant.
-`--tests` names the tests of another commit, and `--only` a list of mutants, such as those that
-have survived: so two suites are compared without running both on all mutants.
+`--tests` names the tests of another commit, and `--only` a list of mutants, such as survivors, to
+compare two suites without running both on all mutants.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 SOURCES = ROOT / "src" / "armcontour"
-LONGEST = 1200  # a mutant whose tests take longer does not end [s]
+LONGEST = 1200  # timeout of the tests of a mutant, which then counts as killed [s]
 # Tests by package, the nearest first. Names are patterns.
 TESTS = {
     "planning": (
@@ -52,7 +52,7 @@ NAMES |= {"sin": "cos", "cos": "sin", "floor": "ceil", "ceil": "floor", "all": "
 
 
 class Mutant(NamedTuple):
-    """A change of one place of a file."""
+    """A change at one position of a file."""
 
     package: str
     file: str
@@ -63,22 +63,22 @@ class Mutant(NamedTuple):
 
 
 def mutants_of(package: str, file: Path) -> list[Mutant]:
-    """All changes that can be made in a file."""
+    """All possible changes of a file."""
     source = file.read_text(encoding="utf-8")
     rows = source.splitlines()
-    found = []
+    mutants = []
 
     def add(line: int, begin: int, end: int, text: str) -> None:
         name = str(file.relative_to(SOURCES))
-        found.append(Mutant(package, name, line, begin, end, text))
+        mutants.append(Mutant(package, name, line, begin, end, text))
 
-    def between(left: ast.expr, right: ast.expr, operator: ast.AST) -> None:
+    def between(first: ast.expr, second: ast.expr, operator: ast.AST) -> None:
         text = SWAPS.get(type(operator))
-        if text and left.end_lineno == right.lineno and rows[right.lineno - 1].isascii():
-            begin, end = left.end_col_offset or 0, right.col_offset
-            gap = rows[right.lineno - 1][begin:end]
+        if text and first.end_lineno == second.lineno and rows[second.lineno - 1].isascii():
+            begin, end = first.end_col_offset or 0, second.col_offset
+            gap = rows[second.lineno - 1][begin:end]
             if not set(gap) & set("()#"):
-                add(right.lineno, begin, end, f" {text} ")
+                add(second.lineno, begin, end, f" {text} ")
 
     bodies = [x for x in ast.walk(ast.parse(source)) if isinstance(x, ast.FunctionDef)]
     for node in [x for body in bodies for part in body.body for x in ast.walk(part)]:
@@ -98,21 +98,21 @@ def mutants_of(package: str, file: Path) -> list[Mutant]:
             end = node.end_col_offset or 0
             if rows[node.lineno - 1][node.col_offset : end].replace(".", "").isdigit():
                 add(node.lineno, node.col_offset, end, f"({node.value!r} + 1)")
-    return sorted(set(found))
+    return sorted(set(mutants))
 
 
 def draw(count: int, seed: int) -> list[Mutant]:
-    """Random mutants, the same number of every package."""
-    chance, found = random.Random(seed), []
+    """Random mutants, the same number for each package."""
+    chance, drawn = random.Random(seed), []
     for package in TESTS:
         files = sorted((SOURCES / package).rglob("*.py"))
         all_of = [x for file in files for x in mutants_of(package, file)]
-        found += chance.sample(all_of, count // len(TESTS))
-    return found
+        drawn += chance.sample(all_of, count // len(TESTS))
+    return drawn
 
 
 def importers(file: str) -> set[str]:
-    """Modules whose compiled functions may contain some of a file: it, and all that import it."""
+    """Modules whose compiled functions may contain code of a file: the file and its importers."""
     texts = {
         ".".join(["armcontour", *x.relative_to(SOURCES).with_suffix("").parts]): x.read_text(
             "utf-8"
@@ -120,39 +120,39 @@ def importers(file: str) -> set[str]:
         for x in SOURCES.rglob("*.py")
     }
     texts = {name: text for name, text in texts.items() if "@compiled" in text}
-    found = {".".join(["armcontour", *Path(file).with_suffix("").parts])} & {*texts}
+    modules = {".".join(["armcontour", *Path(file).with_suffix("").parts])} & {*texts}
     while True:
-        more = {
+        further = {
             name
             for name, text in texts.items()
-            if name not in found and any(f"from {x} import" in text for x in found)
+            if name not in modules and any(f"from {x} import" in text for x in modules)
         }
-        if not more:
-            return found
-        found |= more
+        if not further:
+            return modules
+        modules |= further
 
 
 class Slot:
-    """A copy of the sources in which one mutant after the other is tried.
+    """Copy of the sources in which mutants are tried one after another.
 
     Args:
-        place: Its folder. Compiled functions belong to a path, so that the folder has to stay.
+        place: Its folder, which must not change, because compiled functions depend on the path.
     """
 
-    def __init__(self, place: Path) -> None:
-        self.sources, self.clean, self.cache = (place / x for x in ("src", "clean", "cache"))
+    def __init__(self, folder: Path) -> None:
+        self.sources, self.clean, self.cache = (folder / x for x in ("src", "clean", "cache"))
         shutil.rmtree(self.sources, ignore_errors=True)
         shutil.copytree(ROOT / "src", self.sources, ignore=shutil.ignore_patterns("__pycache__"))
         self.clean.mkdir(exist_ok=True)
         self._run([sys.executable, "-m", "armcontour", "warm"], ROOT, self.clean)
 
     def is_killed(self, mutant: Mutant, tests: Path) -> bool:
-        """Whether a test fails with the mutant."""
+        """True if a test fails with the mutant."""
         shutil.rmtree(self.cache, ignore_errors=True)
         shutil.copytree(self.clean, self.cache)
         for module in importers(mutant.file):
-            for kept in self.cache.rglob(f"{module.rpartition('.')[2]}.*"):
-                kept.unlink()
+            for cached in self.cache.rglob(f"{module.rpartition('.')[2]}.*"):
+                cached.unlink()
         file = self.sources / "armcontour" / mutant.file
         text = file.read_text(encoding="utf-8")
         rows = text.splitlines(keepends=True)
@@ -178,34 +178,34 @@ class Slot:
 
 
 def main() -> None:
-    """Try the mutants, and print and write which survive."""
+    """Try the mutants, and print and write the survivors."""
     parser = argparse.ArgumentParser(prog="python -m tools.mutants", description=__doc__)
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--tests", type=Path, default=ROOT / "tests", help="the tests to judge")
     parser.add_argument("--only", type=Path, help="a file of mutants that --out has written")
-    parser.add_argument("--out", type=Path, required=True, help="file for those that survive")
-    parser.add_argument("--slots", type=int, default=2, help="how many at a time")
-    given = parser.parse_args()
-    if given.only:
-        left = [Mutant(*x) for x in json.loads(given.only.read_text())]
+    parser.add_argument("--out", type=Path, required=True, help="file for the survivors")
+    parser.add_argument("--slots", type=int, default=2, help="number of parallel copies")
+    options = parser.parse_args()
+    if options.only:
+        remaining = [Mutant(*x) for x in json.loads(options.only.read_text())]
     else:
-        left = draw(given.count, given.seed)
-    total, survivors = len(left), list[Mutant]()
+        remaining = draw(options.count, options.seed)
+    total, survivors = len(remaining), list[Mutant]()
 
     def work(k: int) -> None:
         slot = Slot(ROOT / ".armcontour" / "mutants" / str(k))
-        while left:
-            mutant = left.pop(0)
-            killed = slot.is_killed(mutant, given.tests.resolve())
+        while remaining:
+            mutant = remaining.pop(0)
+            killed = slot.is_killed(mutant, options.tests.resolve())
             if not killed:
                 survivors.append(mutant)
-            where = f"{mutant.file}:{mutant.line}: {mutant.text.strip()}"
-            print("killed  " if killed else "survives", where, flush=True)
+            location = f"{mutant.file}:{mutant.line}: {mutant.text.strip()}"
+            print("killed  " if killed else "survives", location, flush=True)
 
-    with ThreadPoolExecutor(given.slots) as pool:
-        list(pool.map(work, range(given.slots)))
-    given.out.write_text(json.dumps(survivors))
+    with ThreadPoolExecutor(options.slots) as pool:
+        list(pool.map(work, range(options.slots)))
+    options.out.write_text(json.dumps(survivors))
     print(f"{total - len(survivors)} of {total} killed")
 
 

@@ -14,8 +14,8 @@ SOURCE = Path(armcontour.__file__).parent
 
 
 def stubs() -> dict[Path, str]:
-    """The stub of each package with lazy names, by its file."""
-    found = {}
+    """Stub of each package with lazy names, by file."""
+    texts = {}
     for file in sorted(SOURCE.rglob("__init__.py")):
         name = ".".join(("armcontour", *file.parent.relative_to(SOURCE).parts))
         home = getattr(import_module(name), "_HOME", {})
@@ -26,8 +26,8 @@ def stubs() -> dict[Path, str]:
         ]
         lines = [f"from {module} import {x} as {x}" for module, x in sorted(names)]
         if names:
-            found[file.with_suffix(".pyi")] = "\n".join([*lines, ""])
-    return found
+            texts[file.with_suffix(".pyi")] = "\n".join([*lines, ""])
+    return texts
 
 
 if __name__ == "__main__":

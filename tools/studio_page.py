@@ -1,7 +1,7 @@
-"""The Studio in a real browser: its server as a process, its page, and what a person does there.
+"""The Studio in a real browser: its server as a process, its page, and actions of a user.
 
-Tests, the soak, the benchmark and the pictures of the documentation all use it. The page tells its
-state in attributes, because its content security policy forbids the evaluation of text in it.
+Used by the tests, the soak, the benchmark and the pictures of the documentation. The page reports
+its state in attributes, because its content security policy forbids `eval`.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator, Page
 
-# Where a browser is looked for; ARMCONTOUR_CHROMIUM names another one.
+# Names of browsers to search for; ARMCONTOUR_CHROMIUM overrides them.
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
-# How long the page may take to show something [ms], on a machine that others use as well.
+# Timeout of the page [ms], on a shared machine.
 PATIENCE = 60_000
 ADDRESS = re.compile(r"http://127\.0\.0\.1:\d+/#[0-9a-f]{32}")
 # A square on a UR5e, whose joint torques are limits; its only run is `optimal`.
@@ -41,7 +41,7 @@ runs: {optimal: {}}
 
 
 def find_browser() -> str | None:
-    """The program that tests drive, if there is one."""
+    """Path of the browser for tests; None if there is none."""
     named = os.environ.get("ARMCONTOUR_CHROMIUM")
     return named or next(filter(None, map(shutil.which, NAMES)), None)
 
@@ -51,7 +51,7 @@ class Server:
 
     Args:
         *arguments: Its arguments.
-        folder: Where it starts.
+        folder: Its current folder.
     """
 
     def __init__(self, *arguments: str | FilePath, folder: FilePath | None = None) -> None:
@@ -61,31 +61,31 @@ class Server:
             command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
         assert self.process.stdout is not None
-        found = ADDRESS.search(self.process.stdout.readline())
-        if found is None:
+        match = ADDRESS.search(self.process.stdout.readline())
+        if match is None:
             raise RuntimeError(f"The Studio did not start: {self.stop()}")
-        self.address = found[0]
+        self.address = match[0]
         self.port = int(self.address.split(":")[2].split("/")[0])
 
     def stop(self) -> str:
-        """End it as Ctrl+C does; returns what it has said of errors."""
+        """End the process as Ctrl+C does; returns its error output."""
         self.process.send_signal(2)
         try:
             return self.process.communicate(timeout=20)[1]
         except subprocess.TimeoutExpired:
             self.process.kill()
-            return "It did not end at Ctrl+C.\n" + self.process.communicate()[1]
+            return "The server did not end at Ctrl+C.\n" + self.process.communicate()[1]
 
     @property
     def memory(self) -> float:
-        """Memory that the server itself has in use [bytes]; Linux only."""
+        """Memory of the server process [bytes]; Linux only."""
         fields = FilePath(f"/proc/{self.process.pid}/statm").read_text().split()
         return int(fields[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 @contextmanager
 def serving(*arguments: str | FilePath, folder: FilePath | None = None) -> Iterator[Server]:
-    """A server that ends with the block; it must have told no error.
+    """Context with a server, which must report no error.
 
     Raises:
         AssertionError: It wrote a traceback, or did not end.
@@ -94,13 +94,13 @@ def serving(*arguments: str | FilePath, folder: FilePath | None = None) -> Itera
     try:
         yield server
     finally:
-        said = server.stop() if server.process.poll() is None else server.process.communicate()[1]
-    assert "Traceback" not in said, said
+        errors = server.stop() if server.process.poll() is None else server.process.communicate()[1]
+    assert "Traceback" not in errors, errors
 
 
 @contextmanager
 def browsing() -> Iterator[Browser]:
-    """A browser that ends with the block."""
+    """Context with a browser."""
     from playwright.sync_api import sync_playwright
 
     # Chromium has no sandbox for root.
@@ -116,7 +116,7 @@ def browsing() -> Iterator[Browser]:
 
 
 class Studio:
-    """A page of the Studio, and all that must not happen in it.
+    """A page of the Studio; records errors of the console and requests to other hosts.
 
     Args:
         browser: The browser.
@@ -141,7 +141,7 @@ class Studio:
         context.set_default_timeout(PATIENCE)
         self.server = server
         self.troubles: list[str] = []
-        # While the server is away on purpose, the page cannot reach it, and the console says so.
+        # Set by tests that stop the server, after which the console reports errors.
         self.is_cut_off = False
         self.page: Page = context.new_page()
         self.page.on("console", self._hear)
@@ -150,27 +150,27 @@ class Studio:
         self.page.goto(server.address)
 
     def _hear(self, message: Any) -> None:
-        """Violations of the content security policy are such messages, too."""
+        """Record errors, including violations of the content security policy."""
         if message.type == "error" and not self.is_cut_off:
             self.troubles.append(f"console: {message.text}")
 
     def _watch(self, request: Any) -> None:
-        own = (f"http://127.0.0.1:{self.server.port}/", "data:", "blob:")
-        if not request.url.startswith(own):
+        allowed = (f"http://127.0.0.1:{self.server.port}/", "data:", "blob:")
+        if not request.url.startswith(allowed):
             self.troubles.append(f"foreign request: {request.url}")
 
     def close(self) -> None:
         """Close the page."""
         self.page.context.close()
 
-    # What the page shows.
+    # Contents of the page.
 
     def find(self, selector: str) -> Locator:
-        """An element by a selector."""
+        """Element of a selector."""
         return self.page.locator(selector)
 
     def told(self, selector: str, name: str) -> str:
-        """An attribute `data-...` of an element."""
+        """Attribute `data-...` of an element."""
         return self.find(selector).get_attribute(f"data-{name}") or ""
 
     def wait(self, selector: str, **facts: str) -> None:
@@ -179,18 +179,18 @@ class Studio:
         self.wait_for(selector + "".join(f'[data-{k}="{v}"]' for k, v in names.items()))
 
     def wait_for(self, selector: str, timeout: float = PATIENCE) -> None:
-        """Wait until there is an element, seen or not.
+        """Wait until an element exists, visible or not.
 
-        Unlike `expect`, this looks in every frame of the page, and not only now and then.
+        Unlike `expect`, this checks in every frame of the page.
         """
         self.page.wait_for_selector(selector, state="attached", timeout=timeout)
 
     def begin(self) -> None:
-        """Wait for the first document, and for all regions of the page."""
+        """Wait for the first document and all regions of the page."""
         self.wait_for("body[data-link=open][data-rev][data-regions=all]")
 
     def rest(self) -> None:
-        """Wait until what is shown is exact, as `armcontour run` would have it.
+        """Wait until the displayed results are exact, as those of `armcontour run`.
 
         Raises:
             AssertionError: It does not come to rest; says in what state the page is.
@@ -203,20 +203,22 @@ class Studio:
             self.wait("#view2d", rev=self.told("body", "rev"), stale="false")
             self.wait("#figures", exact="true")
         except LateError as error:
-            places = ("body", "#view2d", "#figures")
-            state = [self.find(x).evaluate("e => JSON.stringify(e.dataset)") for x in places]
-            raise AssertionError(f"No rest: {state}, {self.refusal!r}") from error
+            selectors = ("body", "#view2d", "#figures")
+            state = [self.find(x).evaluate("e => JSON.stringify(e.dataset)") for x in selectors]
+            raise AssertionError(
+                f"The page is not up to date: {state}, {self.refusal!r}"
+            ) from error
 
     @contextmanager
     def renewing(self) -> Iterator[None]:
-        """Wait until what is done in the block has changed the document."""
+        """Context that ends when its actions have changed the document."""
         before = self.told("body", "rev")
         yield
         self.wait_for(f'body:not([data-rev="{before}"])')
 
     @contextmanager
     def changing(self) -> Iterator[None]:
-        """Wait until what is done in the block has changed the document, and rests."""
+        """Context that ends when its actions have changed the document and results are exact."""
         with self.renewing():
             yield
         self.rest()
@@ -227,28 +229,28 @@ class Studio:
 
     @property
     def text(self) -> str:
-        """The job file as the page has it."""
+        """Text of the job file in the page."""
         return self.find("#tab-text textarea").input_value()
 
     @property
     def refusal(self) -> str:
-        """The sentence of the refusal that is shown."""
+        """Sentence of the displayed refusal."""
         return self.find("#messages .refusal > span").first.inner_text()
 
     @property
     def memory(self) -> float:
-        """Memory of the page's objects after its garbage is collected [bytes]."""
+        """Memory of the objects of the page after garbage collection [bytes]."""
         session = self.page.context.new_cdp_session(self.page)
         session.send("HeapProfiler.collectGarbage")
         used = session.send("Runtime.getHeapUsage")
         session.detach()
-        # Arrays of numbers lie beside the heap.
+        # Typed arrays are stored outside the heap.
         return float(used["usedSize"] + used.get("backingStorageSize", 0))
 
-    # What a person does.
+    # Actions of a user.
 
     def open(self, file: FilePath, cell: str | None = None) -> None:
-        """Open a file by the picker; a cell is chosen for drawings."""
+        """Open a file with the file picker; `cell` is chosen for drawings."""
         with self.renewing():
             self.find("#picker").set_input_files(file)
             dialog = self.find("#question")
@@ -256,7 +258,7 @@ class Studio:
                 dialog.locator("select").select_option(cell)
             if cell is not None or self.told("body", "dirty") == "true":
                 dialog.get_by_role("button", name="Open").click()
-        # The file is wanted as it is.
+        # Discard the draft, to open the file unchanged.
         if self.told("body", "draft"):
             dialog.get_by_role("button", name="Throw them away").click()
             self.wait("body", draft="")
@@ -270,18 +272,18 @@ class Studio:
         self.find("#run").select_option(name)
 
     def handle(self, kind: str, index: int) -> Locator:
-        """A handle over the drawing: "waypoint", "corner" or "middle"."""
+        """Handle on the drawing: "waypoint", "corner" or "middle"."""
         return self.find(f"g.handle.{kind}[data-index='{index}']")
 
     def middle(self, element: Locator) -> tuple[float, float]:
-        """The middle of an element [px]."""
+        """Centre of an element [px]."""
         box = element.bounding_box()
         assert box is not None
         return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
     @contextmanager
     def grabbing(self, element: Locator) -> Iterator[tuple[float, float]]:
-        """Hold the mouse's button down on an element during the block."""
+        """Context in which the mouse button is down on an element."""
         x, y = self.middle(element)
         mouse = self.page.mouse
         mouse.move(x, y)
@@ -292,12 +294,12 @@ class Studio:
             mouse.up()
 
     def drag(self, element: Locator, by: tuple[float, float], steps: int = 8) -> None:
-        """Drag an element [px], right and down."""
+        """Drag an element to the right and down [px]."""
         with self.grabbing(element) as (x, y):
             self.page.mouse.move(x + by[0], y + by[1], steps=steps)
 
     def slider(self, key: str) -> Locator:
-        """The row of a quantity that can be set."""
+        """Row of a quantity in the settings."""
         return self.find(f"#panel .setting[data-key='{key}']")
 
     def type(self, key: str, text: str) -> None:
@@ -306,18 +308,18 @@ class Studio:
         field.fill(text)
         field.press("Enter")
 
-    def slide(self, key: str, share: float) -> None:
-        """Drag the thumb of a slider to a share of its length."""
+    def slide(self, key: str, fraction: float) -> None:
+        """Drag the thumb of a slider to a fraction of its length."""
         box = self.slider(key).locator("input[type=range]").bounding_box()
         assert box is not None
         y = box["y"] + box["height"] / 2
         self.page.mouse.move(box["x"] + 0.5 * box["width"], y)
         self.page.mouse.down()
-        self.page.mouse.move(box["x"] + share * box["width"], y, steps=8)
+        self.page.mouse.move(box["x"] + fraction * box["width"], y, steps=8)
         self.page.mouse.up()
 
     def do(self, task: str, fields: Mapping[str, str] | None = None) -> Locator:
-        """Do a task by its button; returns what came of it."""
+        """Start a task by its button; returns the element of its result."""
         self.tab("tasks")
         form = self.find(f"#tasks form[data-task={task}]")
         for name, value in (fields or {}).items():
@@ -337,7 +339,7 @@ class Studio:
 
 
 def write_shapes(file: FilePath, count: int, columns: int, pitch: float, radius: float) -> FilePath:
-    """A drawing of circles, squares and ellipses, in rows from left to right [mm]."""
+    """Write a drawing of circles, squares and ellipses in rows from left to right [mm]."""
     import ezdxf
 
     drawing = ezdxf.new()
@@ -357,20 +359,20 @@ def write_shapes(file: FilePath, count: int, columns: int, pitch: float, radius:
 
 
 def write_job(file: FilePath, *runs: str, changes: Sequence[tuple[str, str]] = ()) -> FilePath:
-    """The paper's job with some of its runs, set-points every 4 ms and no experiment.
+    """Write the paper's job with some of its runs, a cycle of 4 ms and no experiment.
 
     Args:
         file: Where it is written.
-        *runs: Names of the runs that stay, in this order of the file.
-        changes: Texts that are replaced, and by what.
+        *runs: Names of the remaining runs, in the order of the file.
+        changes: Texts and their replacements.
     """
     from importlib.resources import files
 
     text = files("armcontour.jobs").joinpath("library", "paper.yaml").read_text(encoding="utf-8")
-    head, _, rest = text.partition("\nruns:\n")
-    blocks = re.split(r"(?m)^(?=  [\w-]+:)", rest)
-    kept = "".join(x for x in blocks if x.strip().partition(":")[0] in runs)
-    text = f"{head}\nruns:\n{kept}".replace("experiment: {}\n", "")
+    head, _, runs_text = text.partition("\nruns:\n")
+    blocks = re.split(r"(?m)^(?=  [\w-]+:)", runs_text)
+    chosen = "".join(x for x in blocks if x.strip().partition(":")[0] in runs)
+    text = f"{head}\nruns:\n{chosen}".replace("experiment: {}\n", "")
     for old, new in (("cycle: 0.2 ms", "cycle: 4 ms"), *changes):
         assert old in text, old
         text = text.replace(old, new)

@@ -1,4 +1,4 @@
-"""Try the archives of a release: `python tools/try_package.py dist`, as `make package` does.
+"""Test the archives of a release: `python tools/try_package.py dist`, as `make package` does.
 
 Source archive and wheel must contain exactly the files that git tracks, and the wheel must import.
 With `--install`, as in `make slow`, the wheel is installed in an empty environment, where
@@ -30,100 +30,100 @@ LICENCES = (
     PACKAGE + "report/vendor/LICENSES.txt",
     PACKAGE + "studio/static/vendor/LICENSES.txt",
 )
-# Of the paper's method, as README.md has them: motion [s] and RMS contour error [m]; to a
-# hundredth, which is less than a fault makes of them, and more than the rounding of a library.
+# Motion [s] and RMS contour error [m] of the paper's method, as in README.md. The tolerance of 1 %
+# is below the effect of a fault, and above rounding differences between libraries.
 PROPOSED = (5.327, 2.28e-6)
 
 
 def main() -> None:
-    """Try the archives of a folder, and print what was found."""
+    """Test the archives of a folder, and print the results."""
     folder = Path(sys.argv[1])
     (sources,), (wheel,) = folder.glob("*.tar.gz"), folder.glob("*.whl")
     if (ROOT / ".git").exists():
-        # The folder may belong to somebody else, as in a container.
+        # The folder may belong to another user, as in a container.
         git = ("git", "-c", f"safe.directory={ROOT}", "-C", str(ROOT))
-        known = set(run(*git, "ls-files", "-z").split("\0")) - {""}
-        try_sources(sources, {x for x in known if not x.startswith(NOT_IN_SOURCES)})
-        try_wheel(wheel, {x for x in known if x.startswith(PACKAGE)})
+        tracked = set(run(*git, "ls-files", "-z").split("\0")) - {""}
+        try_sources(sources, {x for x in tracked if not x.startswith(NOT_IN_SOURCES)})
+        try_wheel(wheel, {x for x in tracked if x.startswith(PACKAGE)})
     else:
-        print("There is no git here: the files of the archives were not compared with its own.")
-    with tempfile.TemporaryDirectory() as place:
+        print("This is no git repository: the files of the archives were not compared with it.")
+    with tempfile.TemporaryDirectory() as name:
         if "--install" in sys.argv:
-            try_install(wheel.resolve(), Path(place))
+            try_install(wheel.resolve(), Path(name))
         else:
-            try_import(wheel.resolve(), Path(place))
+            try_import(wheel.resolve(), Path(name))
 
 
-def try_sources(archive: Path, known: set[str]) -> None:
-    """Compare a source archive with the files that it should hold."""
+def try_sources(archive: Path, expected: set[str]) -> None:
+    """Compare a source archive with the expected files."""
     with tarfile.open(archive) as opened:
-        found = {x.name.partition("/")[2] for x in opened.getmembers() if x.isfile()}
-    compare(archive, found, known | {"PKG-INFO"})
+        names = {x.name.partition("/")[2] for x in opened.getmembers() if x.isfile()}
+    compare(archive, names, expected | {"PKG-INFO"})
 
 
-def try_wheel(archive: Path, known: set[str]) -> None:
-    """Compare a wheel with the files that it should hold: the package, and its licences."""
+def try_wheel(archive: Path, expected: set[str]) -> None:
+    """Compare a wheel with the expected files: the package and its licences."""
     with zipfile.ZipFile(archive) as opened:
         names = {x for x in opened.namelist() if not x.endswith("/")}
     info = "-".join(archive.name.split("-")[:2]) + ".dist-info/"
     of_package = {x for x in names if not x.startswith(info)}
-    compare(archive, of_package, {x.removeprefix("src/") for x in known})
+    compare(archive, of_package, {x.removeprefix("src/") for x in expected})
     missing = [x for x in LICENCES if f"{info}licenses/{x}" not in names]
     if missing:
         sys.exit(f"{archive.name} lacks licences: {', '.join(missing)}")
 
 
-def compare(archive: Path, found: set[str], expected: set[str]) -> None:
-    """End the program if an archive lacks files, or has others."""
-    for what, names in (("lacks", expected - found), ("must not have", found - expected)):
+def compare(archive: Path, contained: set[str], expected: set[str]) -> None:
+    """End the program if an archive lacks files, or has unexpected ones."""
+    for verb, names in (("lacks", expected - contained), ("must not have", contained - expected)):
         if names:
-            sys.exit(f"{archive.name} {what}: {', '.join(sorted(names)[:20])} ({len(names)} files)")
-    print(f"{archive.name}: {len(found)} files, {archive.stat().st_size / 1e6:.1f} MB")
+            sys.exit(f"{archive.name} {verb}: {', '.join(sorted(names)[:20])} ({len(names)} files)")
+    print(f"{archive.name}: {len(contained)} files, {archive.stat().st_size / 1e6:.1f} MB")
 
 
-def try_import(wheel: Path, place: Path) -> None:
-    """Import all public names from a wheel, next to the libraries of this environment."""
+def try_import(wheel: Path, folder: Path) -> None:
+    """Import all public names from a wheel with the libraries of this environment."""
     with zipfile.ZipFile(wheel) as opened:
-        opened.extractall(place)
+        opened.extractall(folder)
     code = (
         "import sys, armcontour as ac; names = [getattr(ac, x) for x in ac.__all__]; "
         "print(len(names), 'public names of', ac.__file__)"
     )
-    print(run(sys.executable, "-c", code, cwd=place, PYTHONPATH=str(place)))
-    run(sys.executable, "-m", "armcontour", "arms", cwd=place, PYTHONPATH=str(place))
+    print(run(sys.executable, "-c", code, cwd=folder, PYTHONPATH=str(folder)))
+    run(sys.executable, "-m", "armcontour", "arms", cwd=folder, PYTHONPATH=str(folder))
 
 
-def try_install(wheel: Path, place: Path) -> None:
+def try_install(wheel: Path, folder: Path) -> None:
     """Install a wheel in an empty environment, and run the demo there."""
     began = time.monotonic()
-    venv.create(place / "env", with_pip=True)
-    bin_folder = place / "env" / ("Scripts" if os.name == "nt" else "bin")
-    # Bytecode is written at the first use; pip would spend half of its time on that.
+    venv.create(folder / "env", with_pip=True)
+    bin_folder = folder / "env" / ("Scripts" if os.name == "nt" else "bin")
+    # Without bytecode, which takes half of the time of pip and is written at the first use.
     tested = "-c", str(ROOT / "constraints.txt")
     pip = (str(bin_folder / "python"), "-m", "pip", "install", "-q", "--no-compile")
     run(*pip, *tested, str(wheel))
     print(f"Installed in {time.monotonic() - began:.0f} s.")
     began = time.monotonic()
-    work = place / "work"
+    work = folder / "work"
     work.mkdir()
     print(run(str(bin_folder / "armcontour"), "demo", cwd=work))
-    print(f"Demo, with what it compiles at its first run: {time.monotonic() - began:.0f} s.")
+    print(f"Demo, including the compilation at its first run: {time.monotonic() - began:.0f} s.")
     summary = json.loads((work / "demo" / "summary.json").read_text(encoding="utf-8"))
     files = {"report.html", *(f"{name}/set_points.csv" for name in summary["runs"])}
     missing = [x for x in files if not (work / "demo" / x).is_file()]
     if missing:
         sys.exit(f"The demo lacks files: {', '.join(sorted(missing))}.")
     run_of_paper = summary["runs"]["proposed"]
-    found = run_of_paper["duration"], run_of_paper["contour_error"]["rms"]
-    if any(abs(x / y - 1) > 0.01 for x, y in zip(found, PROPOSED, strict=True)):
-        sys.exit(f"The demo's run proposed has {found}; README.md says {PROPOSED}.")
+    figures = run_of_paper["duration"], run_of_paper["contour_error"]["rms"]
+    if any(abs(x / y - 1) > 0.01 for x, y in zip(figures, PROPOSED, strict=True)):
+        sys.exit(f"The demo's run proposed has {figures}; README.md says {PROPOSED}.")
     print(run(str(bin_folder / "python"), str(ROOT / "tools" / "install_size.py")))
 
 
-def run(*command: str, cwd: Path | None = None, **more: str) -> str:
-    """What a command prints; one that fails ends the program with what it said."""
-    # The installed package is tried, not that of the repository.
-    env = {name: x for name, x in os.environ.items() if name != "PYTHONPATH"} | more
+def run(*command: str, cwd: Path | None = None, **variables: str) -> str:
+    """Output of a command; a failure ends the program with the command's messages."""
+    # Without PYTHONPATH, so that the installed package is tested.
+    env = {name: x for name, x in os.environ.items() if name != "PYTHONPATH"} | variables
     done = subprocess.run(command, cwd=cwd, env=env, text=True, capture_output=True)
     if done.returncode:
         sys.exit(f"{' '.join(command)} ended with {done.returncode}:\n{done.stdout}{done.stderr}")

@@ -158,7 +158,7 @@ def test_columns_are_rows_of_results_with_their_units(jobs):
         rows = dict(result.to_data().walk())
         if work == "certify":
             rows = dict(result.result.to_data().walk()) | rows
-        columns = [name for name, x in COLUMNS.items() if x.comes_from(work)]
+        columns = [name for name, x in COLUMNS.items() if x.is_computed_by(work)]
         figures = dict(zip(columns, figures_of(result, columns, work), strict=True))
         for name in columns:
             if name in rows:

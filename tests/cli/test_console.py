@@ -24,7 +24,7 @@ def test_every_line_is_printable(text):
 def test_tables_lines_and_errors_escape_control_sequences(capsys, tmp_path, command_in):
     console = Console()
     console.show_table(["a"], [[CLIPBOARD], ["[bold]plain[/bold]"]], title=CLIPBOARD)
-    console.say(CLIPBOARD)
+    console.print(CLIPBOARD)
     shown = capsys.readouterr().out
     assert "\x1b" not in shown and shown.count(r"\x1b]52") == 3
     assert "[bold]plain[/bold]" in shown

@@ -164,7 +164,9 @@ def test_analog_outputs_are_columns_of_a_run_and_not_of_an_earlier_result(call, 
     (folder / "laser.yaml").write_text(LASER)
     given = ("--no-simulation", "--export", "csv", "--export", "ros-yaml", "--out", "laser")
     told = call("run", "laser.yaml", *given)
-    assert told.count("no place for analog outputs (power)") == 1 and "--export ros-yaml" in told
+    assert (
+        told.count("does not support analog outputs (power)") == 1 and "--export ros-yaml" in told
+    )
     found = pd.read_csv(folder / "laser" / "compensated" / "export" / "reference.csv")
     power = found["analog power"]
     assert power.iloc[0] == 0.0 and 990 < power.max() <= 1000 + 1e-6

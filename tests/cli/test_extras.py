@@ -189,7 +189,7 @@ heavy = {'numpy', 'scipy', 'numba', 'pint', 'yaml', 'uvicorn', 'armcontour.files
 def tell(text):
     print(*(heavy & set(sys.modules)))
     raise KeyboardInterrupt
-studio_command.say_at_once = tell
+studio_command.print_line = tell
 from armcontour.cli import main
 main()
 """

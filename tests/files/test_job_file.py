@@ -132,7 +132,7 @@ def test_a_file_that_is_no_job(tmp_path):
         ("{", "not valid YAML: ... line 1"),
         ("- 1", "must hold a mapping"),
         ("", "must hold a mapping"),
-        ("name: a\nname: b", "'name' stands twice"),
+        ("name: a\nname: b", "'name' is repeated"),
         ("[" * 20000, "nested too deeply"),
         ("a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n" + flood, "fewer aliases"),
         ("a: 2024-99-99", ""),

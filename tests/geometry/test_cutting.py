@@ -132,7 +132,7 @@ def test_a_placed_path_is_seen_from_where_its_frame_stands(path, scale):
 
 
 def test_a_path_in_the_plane_stays_there_where_its_frame_does():
-    assert FLAT.keeps_plane and not FRAME.keeps_plane
+    assert FLAT.is_planar_transform and not FRAME.is_planar_transform
     found, s = PLANE.placed(FLAT, scale=2.0), SHARES * PLANE.length
     assert found.dimension == 2
     seen = 2 * PLANE(s) @ FLAT.rotation[:2, :2].T + FLAT.position[:2]

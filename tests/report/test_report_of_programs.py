@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from tests.dynamics_extra import mark_all_but, needs_dynamics
 
 import armcontour as ac
-from armcontour.core.render import LIMITS, number
+from armcontour.core.palette import LIMITS
+from armcontour.core.render import number
 from armcontour.files.cell import read_cell
 from armcontour.files.drawings.read import read_path
 from armcontour.jobs import run

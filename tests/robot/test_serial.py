@@ -277,7 +277,7 @@ ODD_CHAINS = (
     ({"joints": ()}, "joints = 0"),
     ({"centers": None}, "needs centres of mass"),
     ({"positions": [0, 0, 0]}, "positions of a chain", "(joints, 3)"),
-    ({"rotations": np.tile(2 * np.eye(3), (2, 1, 1))}, "rotations of a chain", "no rotation"),
+    ({"rotations": np.tile(2 * np.eye(3), (2, 1, 1))}, "rotations of a chain", "not a rotation"),
     ({"rotations": np.tile(-np.eye(3), (2, 1, 1))}, "rotations of a chain", "right-handed"),
     ({"gravity": [0, 0, np.inf]}, "gravity", "finite"),
     ({"axes": [[0, 0, 2], [0, 1, 0]]}, "unit vectors"),

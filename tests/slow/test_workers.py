@@ -17,10 +17,10 @@ from armcontour.core.errors import ExecutionError
 from armcontour.core.pool import (
     ProcessPool,
     TaskQueue,
+    count_workers,
     map_in_order,
     map_in_processes,
     open_executor,
-    workers_of,
 )
 from armcontour.core.process import ProcessEnded
 
@@ -38,7 +38,7 @@ def test_moves_are_shared_by_all_processes(monkeypatch):
     found = list(map_in_order(eval, items))
     assert [k for k, _ in found] == list(range(200))
     assert len({pid for _, pid in found}) == 3
-    with pytest.raises(ExecutionError, match="has ended"):
+    with pytest.raises(ExecutionError, match="ended before"):
         map_in_processes(sys.exit, [3] * 20, processes=2)
 
 
@@ -70,19 +70,19 @@ def test_a_pool_that_is_killed_goes_on():
 @pytest.mark.parametrize("own", [True, False])
 def test_executors_of_processes(own):
     pool = ProcessPool(1) if own else ProcessPoolExecutor(1, mp_context=get_context("spawn"))
-    assert workers_of(pool) == 1
+    assert count_workers(pool) == 1
     with pool:
         assert len(set(map_in_processes(eval, [PID] * 20, executor=pool)) - {os.getpid()}) == 1
         with TaskQueue(eval, pool) as crew:
             for text in [SLEEP.format(0.2), *["1"] * 20]:
                 crew.give(text)
         assert pool.submit(eval, "2").result() == 2 and len(crew) == 21
-        with pytest.raises(ExecutionError, match=r"has ended before it gave an answer.*memory"):
+        with pytest.raises(ExecutionError, match=r"ended before it returned a result.*memory"):
             map_in_processes(eval, ["__import__('os')._exit(3)"], executor=pool)
-    with pytest.raises(ExecutionError, match="takes no work .*: give one that is open"):
+    with pytest.raises(ExecutionError, match="accepts no work .*: it must be open"):
         map_in_processes(halve, [1], executor=pool)
     with open_executor(2) as opened:
-        assert workers_of(opened) == 2
+        assert count_workers(opened) == 2
     with pytest.raises(RuntimeError, match="shutdown"):
         opened.submit(abs, 1)
 

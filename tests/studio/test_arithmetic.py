@@ -12,7 +12,7 @@ import pytest
 
 import armcontour as ac
 import armcontour.studio as studio
-from armcontour.core import render
+from armcontour.core import palette
 from armcontour.core.frames import Frame
 from armcontour.core.render import jsonable
 from armcontour.robot.chain import link_poses
@@ -40,7 +40,7 @@ def compute(script, given=None):
     """What a script of the page gives: `given` is what it is given, `tell` takes its result."""
     start = (
         f"const given = {json.dumps(jsonable(given))}, tell = x => console.log(JSON.stringify(x));"
-        f"globalThis.fetch = async () => ({{ json: () => ({render.PALETTE_FILE.read_text()}) }});"
+        f"globalThis.fetch = async () => ({{ json: () => ({palette.PALETTE_FILE.read_text()}) }});"
     )
     command, code = [NODE, "--input-type=module", "-"], start + script
     done = subprocess.run(

@@ -15,7 +15,7 @@ from tests.studio.talking import figure
 
 from armcontour.core import render
 from armcontour.core.errors import Collision, ExecutionError, InvalidInput, Unreachable
-from armcontour.core.render import LIMITS
+from armcontour.core.palette import LIMITS
 from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.studio.executed import executed_frame

@@ -109,7 +109,7 @@ class Pool:
     def submit(self, work, given):
         assert given in (WARM, lanes.NICE)
 
-    def submit_heard(self, heard, work):
+    def submit_reporting(self, heard, work):
         (given,), future, killed = work.args, Future(), self.killed
         future.set_running_or_notify_cancel()
         if given.task == "long":

@@ -42,4 +42,4 @@ def test_places_of_a_quantity():
 
 @pytest.mark.parametrize("name", [*bars.OPTIONS, *bars.QUANTITIES])
 def test_every_option_and_quantity_has_places(name):
-    assert bars.places()[name]
+    assert bars.find_lines()[name]

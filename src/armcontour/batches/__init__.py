@@ -1,4 +1,4 @@
-"""Many jobs: plans over keys of job files, executors that work on them, results that grow."""
+"""Batches of jobs: plans over keys of job files, execution by workers, and stored results."""
 
 from armcontour.batches.plan import Plan, read_plan
 from armcontour.batches.runner import Batch, BatchProgress, batch

@@ -1,4 +1,4 @@
-"""The figures of a job that a batch may ask for: rows of what is done with the job."""
+"""Figures of a job that a batch can have as columns."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from armcontour.core.result import Row
 from armcontour.core.text import suggest
 from armcontour.jobs.place_search import UNITS
 
-# What is done with each job: each more than the one before, or something else.
+# Kinds of work on each job: each of the first includes those before it; `PLACE` is separate.
 TEACH, RUN, CERTIFY = RISING = ("teach", "run", "certify")
 PLACE = "place"
 WORKS = (*RISING, PLACE)
@@ -20,18 +20,18 @@ WORKS = (*RISING, PLACE)
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A figure of a job, known before the job is done.
+    """A figure of a job, known before the job runs.
 
     Args:
         unit: Its SI unit, as in the row.
-        since: The least work that gives it.
+        since: The smallest work that computes it.
     """
 
     unit: str
     since: str
 
-    def comes_from(self, work: str) -> bool:
-        """Whether some work gives it."""
+    def is_computed_by(self, work: str) -> bool:
+        """True if a kind of work computes the figure."""
         if PLACE in (work, self.since):
             return work == self.since
         return RISING.index(self.since) <= RISING.index(work)
@@ -39,7 +39,7 @@ class Column:
 
 ERRORS = ("contour_error", "objective_error", "tracking_error", "experiment.contour_error")
 PLACED = {"duration": "s", "singular": "m/rad", "clearance": "m", "torque_margin": "1"}
-# Units of the rows by their names, for each work that first gives them.
+# Units of the rows by name, for the smallest work that computes them.
 ROWS: dict[str, dict[str, str]] = {
     TEACH: {
         **{"duration": "s", "length": "m", "corner_error": "m", "full_stops.count": ""},
@@ -79,52 +79,52 @@ USUAL = {
 }
 
 
-def read_columns(given: Iterable[str] | None, work: str) -> tuple[str, ...]:
-    """The names of the columns that a plan asks for, or the usual ones.
+def read_columns(requested: Iterable[str] | None, work: str) -> tuple[str, ...]:
+    """Names of the columns of a plan, or the usual ones.
 
     Args:
-        given: The names; None for the usual ones.
-        work: What is done with each job.
+        requested: The names; None for the usual ones.
+        work: Kind of work on each job.
 
     Raises:
-        InvalidInput: No such column, one that this work does not give, or one twice.
+        InvalidInput: An unknown column, one that this work does not compute, or a repeated one.
     """
-    if given is None:
+    if requested is None:
         return USUAL[work]
-    known = [x for x, column in COLUMNS.items() if column.comes_from(work)]
-    names = tuple(given)
+    available = [x for x, column in COLUMNS.items() if column.is_computed_by(work)]
+    names = tuple(requested)
     for k, name in enumerate(names):
-        where = f"columns (item {k + 1})"
+        location = f"columns (item {k + 1})"
         if name not in COLUMNS:
-            hint = suggest(name, known, f"there are {', '.join(known)}.")
-            raise InvalidInput(f"{where}: there is no column {name}: {hint}")
-        if name not in known:
+            hint = suggest(name, available, f"there are {', '.join(available)}.")
+            raise InvalidInput(f"{location}: unknown column {name}: {hint}")
+        if name not in available:
             raise InvalidInput(
-                f"{where}: {name} comes from do: {COLUMNS[name].since}, but the plan does "
+                f"{location}: {name} comes from do: {COLUMNS[name].since}, but the plan does "
                 f"{work}: change one of them."
             )
         if name in names[:k]:
-            raise InvalidInput(f"{where}: {name} stands there twice.")
+            raise InvalidInput(f"{location}: {name} is repeated.")
     if not names:
-        raise InvalidInput(f"columns is empty: name some of {', '.join(known)}, or leave it out.")
+        raise InvalidInput(f"columns is empty: name some of {', '.join(available)}, or remove it.")
     return names
 
 
-def figures_of(found: Any, names: Iterable[str], work: str) -> tuple[float | None, ...]:
-    """The figures of a job, in the order of the columns.
+def figures_of(result: Any, names: Iterable[str], work: str) -> tuple[float | None, ...]:
+    """Figures of a job, in the order of the columns.
 
     Args:
-        found: What the work gave: a `RunResult`, a `Certificate` or a `Placement`.
+        result: Result of the work: a `RunResult`, a `Certificate` or a `Placement`.
         names: The columns.
-        work: What was done.
+        work: Kind of work.
     """
     from armcontour.jobs.job_result import judging_rows
 
     rows: list[Row] = []
     if work != PLACE:
-        rows += judging_rows(found.result if work == CERTIFY else found)
+        rows += judging_rows(result.result if work == CERTIFY else result)
     if work in (CERTIFY, PLACE):
-        rows += found.to_data().rows
-    known = {x.name: x.figure for x in rows if COLUMNS.get(x.name)}
-    figures = ((None if (x := known.get(name)) is None else float(x)) for name in names)
+        rows += result.to_data().rows
+    figures_by_name = {x.name: x.figure for x in rows if COLUMNS.get(x.name)}
+    figures = ((None if (x := figures_by_name.get(name)) is None else float(x)) for name in names)
     return tuple(None if x is None or not math.isfinite(x) else x for x in figures)

@@ -25,19 +25,19 @@ from armcontour.jobs import Job
 if TYPE_CHECKING:
     from armcontour.report.sections.batch import Axis
 
-# What can come of a job: figures, a refusal by this library, or neither, which may be tried again.
+# Statuses of jobs: with figures, refused by this library, or failed, which may be repeated.
 DONE, REFUSED, FAILED = STATUSES = ("done", "refused", "failed")
 
 
 class Outcome(NamedTuple):
-    """What came of a job.
+    """Outcome of a job.
 
     Args:
         status: One of STATUSES.
         error: Name of the error; None for a job that is done.
-        sentence: Its message.
-        figures: The figures that the plan asks for; empty for a job that is not done.
-        seconds: Time that the job took [s].
+        sentence: Message of the error.
+        figures: Figures for the columns of the plan; empty for a job that is not done.
+        seconds: Duration of the work [s].
     """
 
     status: str
@@ -49,7 +49,7 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True)
 class Work:
-    """The work on jobs of a plan; it can be called in other processes.
+    """Work on jobs of a plan; picklable for other processes.
 
     Args:
         plan: The plan.
@@ -63,8 +63,8 @@ class Work:
         try:
             base = self.plan.bases[self.plan.base(index)]
             job = base.job(self.plan.data(index), trust_xacro=self.plan.trust_xacro)
-            found = _do(self.plan.work, job, base.run)
-            outcome = Outcome(DONE, figures=figures_of(found, self.plan.columns, self.plan.work))
+            result = _do(self.plan.work, job, base.run)
+            outcome = Outcome(DONE, figures=figures_of(result, self.plan.columns, self.plan.work))
         except ArmContourError as error:
             outcome = Outcome(REFUSED, type(error).__name__, str(error))
         except Exception as error:
@@ -73,7 +73,7 @@ class Work:
 
 
 def killed() -> Outcome:
-    """The outcome of a job whose process ended before it."""
+    """Outcome of a job whose process ended."""
     return Outcome(
         FAILED,
         "ProcessEnded",
@@ -83,7 +83,7 @@ def killed() -> Outcome:
 
 
 def _do(work: str, job: Job, run: str | None) -> Any:
-    """Do what the plan says with a job."""
+    """Do the work of the plan on a job."""
     if work == CERTIFY:
         from armcontour.studies.certification import certify
 
@@ -91,7 +91,7 @@ def _do(work: str, job: Job, run: str | None) -> Any:
     if work == PLACE:
         from armcontour.studies.placement import place
 
-        # Others have jobs of their own.
+        # Other processes work on other jobs.
         return place(job, run=run, processes=1)
     from armcontour import jobs
 
@@ -99,12 +99,12 @@ def _do(work: str, job: Job, run: str | None) -> Any:
 
 
 ROWS, TABLE, REPORT = "results.jsonl", "results.parquet", "report.html"
-# A column that differs from one run of the same batch to the next.
+# Column that differs between runs of the same batch.
 SECONDS = "seconds (not reproducible)"
 
 
 class Results:
-    """The results of a batch in its folder; a context that keeps other runs out of the folder.
+    """Results of a batch in its folder; as a context manager it locks the folder.
 
     Args:
         folder: The folder.
@@ -114,7 +114,7 @@ class Results:
         rows: Rows by the indices of their jobs.
 
     Raises:
-        InvalidInput: The folder holds other files, cannot be written, or another run has it.
+        InvalidInput: The folder has other files, cannot be written, or is in use by another run.
     """
 
     def __init__(self, folder: FilePath, plan: Plan) -> None:
@@ -129,9 +129,9 @@ class Results:
         with self._closing as opened:
             try:
                 self.folder.mkdir(parents=True, exist_ok=True)
-                place = self.folder / f"{staging.PREFIX}batch"
+                path = self.folder / f"{staging.PREFIX}batch"
                 self._staging = opened.enter_context(
-                    staging.Staging(place, self.folder, growing=True)
+                    staging.Staging(path, self.folder, growing=True)
                 )
                 self._read()
                 self._lines = opened.enter_context(self._file.open("a", encoding="utf-8"))
@@ -147,14 +147,14 @@ class Results:
         """Indices of the jobs without a result.
 
         Args:
-            retry: Whether those that failed count as such.
+            retry: Whether to include failed jobs.
         """
         again = FAILED if retry else None
         rows = (self.rows.get(k, {"status": again}) for k in range(len(self._plan)))
         return [k for k, row in enumerate(rows) if row["status"] == again]
 
     def add(self, index: int, outcome: Outcome) -> None:
-        """Keep what came of a job; the row is in the file when this returns."""
+        """Store the outcome of a job; the row is written when this returns."""
         figures = outcome.figures or [None] * len(self._plan.columns)
         named = dict(zip(self._plan.columns, figures, strict=True))
         row = self._row(index, outcome._asdict() | named | {SECONDS: outcome.seconds})
@@ -172,62 +172,65 @@ class Results:
         self._put(REPORT, render_page(self._plan, rows).encode())
         return rows
 
-    def _row(self, index: int, found: Mapping[str, Any]) -> dict[str, Any]:
-        """The row of a job: which it is, what came of it, and its key."""
-        given = zip(self._plan.parameters, self._plan.values(index), strict=True)
+    def _row(self, index: int, outcome: Mapping[str, Any]) -> dict[str, Any]:
+        """Row of a job: its parameters, outcome and key."""
+        parameters = zip(self._plan.parameters, self._plan.values(index), strict=True)
         return {
             "number": index + 1,
             "job": self._plan.bases[self._plan.base(index)].name,
-            **{x.key: y if x.numeric or isinstance(y, str) else json.dumps(y) for x, y in given},
-            **{x: found[x] for x in ("status", "error", "sentence", *self._plan.columns)},
-            SECONDS: found[SECONDS],
+            **{
+                x.key: y if x.numeric or isinstance(y, str) else json.dumps(y)
+                for x, y in parameters
+            },
+            **{x: outcome[x] for x in ("status", "error", "sentence", *self._plan.columns)},
+            SECONDS: outcome[SECONDS],
             "key": self._keys[index],
         }
 
     def _read(self) -> None:
-        """Read the rows of the plan that are there, and cut off one that was not written whole."""
+        """Read existing rows of the plan, and truncate an incomplete last one."""
         if not self._file.exists():
             return
         data = self._file.read_bytes()
-        whole = data.rfind(b"\n") + 1
-        for k, line in enumerate(data[:whole].splitlines()):
+        complete = data.rfind(b"\n") + 1
+        for k, line in enumerate(data[:complete].splitlines()):
             try:
-                found = json.loads(line)
-                index = self._indices.get(found["key"])
-                if found["status"] not in STATUSES:
+                row = json.loads(line)
+                index = self._indices.get(row["key"])
+                if row["status"] not in STATUSES:
                     raise ValueError
                 if index is not None:
-                    self.rows[index] = self._row(index, found)
+                    self.rows[index] = self._row(index, row)
             except (ValueError, KeyError, TypeError, RecursionError):
                 raise InvalidInput(
-                    f"{self._file}, line {k + 1}: that is no result of a batch: remove the line, "
+                    f"{self._file}, line {k + 1}: not a result of a batch: remove the line, "
                     "or the file, and run the batch again, which repeats its jobs."
                 ) from None
-        if whole < len(data):
-            os.truncate(self._file, whole)
+        if complete < len(data):
+            os.truncate(self._file, complete)
 
     def _put(self, name: str, content: bytes) -> None:
-        """Write a file whole."""
-        fresh = self._staging.place / name
+        """Write a file atomically."""
+        fresh = self._staging.folder / name
         fresh.write_bytes(content)
         with staging.moving():
             os.replace(fresh, self.folder / name)
 
     def _refuse_others(self) -> None:
-        """Refuse a folder that holds no batch but other files."""
+        """Reject a folder with other files and no batch."""
         if self.folder.exists() and not self.folder.is_dir():
             raise InvalidInput(f"{self.folder} is a file, not a folder: choose another --out.")
         there = self.folder.iterdir() if self.folder.exists() else ()
         names = [x.name for x in there if not x.name.startswith(staging.PREFIX)]
         if names and ROWS not in names:
             raise InvalidInput(
-                f"The folder {self.folder} is not empty and holds no {ROWS} of a batch: choose "
+                f"The folder {self.folder} is not empty and has no {ROWS} of a batch: choose "
                 "another --out."
             )
 
 
 def _parquet(rows: list[dict[str, Any]], plan: Plan) -> bytes:
-    """Rows as a Parquet file, whose columns tell their units."""
+    """Rows as a Parquet file, with units in the metadata of the columns."""
     import pyarrow as pa  # type: ignore[import-untyped, unused-ignore]
     import pyarrow.parquet as pq  # type: ignore[import-untyped, unused-ignore]
 
@@ -248,8 +251,8 @@ def _parquet(rows: list[dict[str, Any]], plan: Plan) -> bytes:
     return bytes(sink.getvalue())
 
 
-# Largest number of jobs that are drawn.
-MOST = 5_000
+# Largest number of drawn jobs.
+MAX_DRAWN = 5_000
 
 
 def render_page(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
@@ -259,16 +262,16 @@ def render_page(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
         plan: The plan.
         rows: The results.
     """
-    # Loads the library that draws, which processes that only work on jobs do not need.
+    # Imported here, because worker processes do not need the library for drawing.
     from armcontour.report import render_batch
     from armcontour.report.sections.batch import BatchView
 
-    stride = max(1, -(-len(rows) // MOST))
-    shown = rows[::stride]
-    axes = [_axis(x.key, x.unit, shown, log=x.log) for x in plan.varied if x.numeric]
-    figures = [_axis(x, COLUMNS[x].unit, shown) for x in plan.columns]
-    # Figures that no job has, such as places along axes that are not varied, are left out.
-    known = [x for x in figures if np.isfinite(x.values).any()]
+    stride = max(1, -(-len(rows) // MAX_DRAWN))
+    sampled = rows[::stride]
+    axes = [_axis(x.key, x.unit, sampled, log=x.log) for x in plan.varied if x.numeric]
+    figures = [_axis(x, COLUMNS[x].unit, sampled) for x in plan.columns]
+    # Figures without values, such as placements along axes that are not varied, are omitted.
+    drawn = [x for x in figures if np.isfinite(x.values).any()]
     names = ", ".join(x.name for x in plan.bases)
     varied = ", ".join(x.key for x in plan.varied)
     view = BatchView(
@@ -277,8 +280,8 @@ def render_page(plan: Plan, rows: Sequence[Mapping[str, Any]]) -> str:
         counts=Counter(x["status"] for x in rows),
         errors=Counter(x["error"] for x in rows if x["error"]),
         axes=tuple(axes),
-        figures=tuple(known or figures),
-        status=tuple(x["status"] for x in shown),
+        figures=tuple(drawn or figures),
+        status=tuple(x["status"] for x in sampled),
         done=DONE,
         stride=stride,
     )

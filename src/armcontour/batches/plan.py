@@ -1,4 +1,4 @@
-"""Plans of many jobs: what a plan file says, and the jobs that it means."""
+"""Plans of many jobs: the keys of a plan file, and the jobs of the plan."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from armcontour.batches.base_job import (
-    Base,
+    BaseJob,
     check_placed,
     named_files,
     read_base,
@@ -34,7 +34,7 @@ MOST_JOBS = 1_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawingModel:
-    """A drawing and the cell that it is run in.
+    """A drawing and its cell.
 
     Args:
         drawing: The drawing, relative to the plan.
@@ -66,14 +66,13 @@ class PlanModel:
         name: Name of the plan; by default that of its file.
         job: A job file relative to the plan, or a drawing and its cell.
         jobs: Several of them, each with all parameters.
-        run: Name of the run of the jobs; it may be left out where they have one run.
-        do: What is done with each job: `teach` plans and compensates, `run` simulates too,
-            `certify` finds the fastest plan that keeps the job's certificate, `place` finds where
-            its part lies best.
+        run: Name of the run of the jobs; not needed if they have one run.
+        do: Kind of work: `teach` plans and compensates, `run` also simulates, `certify` finds the
+            fastest plan that satisfies the job's certificate, `place` finds the best placement.
         over: Values of keys of the jobs, by the keys with dots between them.
-        combine: How the values are combined: `product` is each with each other, `zip` the first
-            of all, the second of all and so on; or samples of ranges.
-        columns: Figures of each job that are kept; the guide lists them.
+        combine: Combination of the values: `product` combines each with each, `zip` the first
+            values of all, the second values of all and so on; or samples of ranges.
+        columns: Stored figures of each job; the guide lists them.
     """
 
     name: str | None = None
@@ -88,21 +87,21 @@ class PlanModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plan:
-    """Many jobs, each a base with values of all parameters; it is a sequence of them.
+    """Many jobs, each a base job with values of all parameters, as a sequence.
 
     Args:
         name: Name of the plan.
-        bases: The jobs before their parameters have values.
+        bases: Base jobs, without values of parameters.
         parameters: The parameters.
-        work: What is done with each job: "teach", "run", "certify" or "place".
-        columns: Names of the figures that are kept.
-        combine: "product" or "zip"; samples are combined already.
-        samples: Values of the parameters that are sampled, (n, sampled); None without samples.
+        work: Kind of work: "teach", "run", "certify" or "place".
+        columns: Names of the stored figures.
+        combine: "product" or "zip"; not used with samples.
+        samples: Values of the sampled parameters, (n, sampled); None without samples.
         trust_xacro: Whether arms may be .xacro files.
     """
 
     name: str
-    bases: tuple[Base, ...]
+    bases: tuple[BaseJob, ...]
     parameters: tuple[Parameter, ...]
     work: str
     columns: tuple[str, ...]
@@ -112,7 +111,7 @@ class Plan:
 
     @property
     def each(self) -> int:
-        """Number of jobs of one base."""
+        """Number of jobs per base job."""
         if self.samples is not None:
             return len(self.samples)
         counts = [len(x.values) for x in self.parameters]
@@ -123,7 +122,7 @@ class Plan:
 
     @property
     def keys(self) -> tuple[tuple[str | int, ...], ...]:
-        """For each parameter, the keys that lead to its values."""
+        """For each parameter, the keys that lead to its value."""
         return tuple(x.parts for x in self.parameters)
 
     @property
@@ -133,57 +132,57 @@ class Plan:
 
     @property
     def units(self) -> dict[str, str]:
-        """The units of all columns of results that are numbers."""
-        found = {x.key: x.unit for x in self.parameters if x.unit is not None}
-        return found | {x: COLUMNS[x].unit for x in self.columns}
+        """Units of all numeric columns of results."""
+        units = {x.key: x.unit for x in self.parameters if x.unit is not None}
+        return units | {x: COLUMNS[x].unit for x in self.columns}
 
     def base(self, index: int) -> int:
-        """Index of the base of a job."""
+        """Index of the base job of a job."""
         return index // self.each
 
     def values(self, index: int) -> tuple[Any, ...]:
-        """The values of the parameters of a job, in SI units.
+        """Values of the parameters of a job, in SI units.
 
         Args:
             index: Index of the job, from 0.
         """
-        at = index % self.each
+        position = index % self.each
         if self.samples is not None:
-            sampled = iter(self.samples[at].tolist())
+            sampled = iter(self.samples[position].tolist())
             return tuple(next(sampled) if x.sampled else x.values[0] for x in self.parameters)
         if self.combine == ZIP:
-            return tuple(x.values[at if len(x.values) > 1 else 0] for x in self.parameters)
-        found: list[Any] = []
+            return tuple(x.values[position if len(x.values) > 1 else 0] for x in self.parameters)
+        values: list[Any] = []
         for x in reversed(self.parameters):
-            at, k = divmod(at, len(x.values))
-            found.append(x.values[k])
-        return tuple(reversed(found))
+            position, k = divmod(position, len(x.values))
+            values.append(x.values[k])
+        return tuple(reversed(values))
 
     def data(self, index: int) -> dict[str, Any]:
-        """The data of the job file of a job, in SI units.
+        """Data of the job file of a job, in SI units.
 
         Args:
             index: Index of the job, from 0.
         """
-        return self.bases[self.base(index)].at(self.keys, self.values(index))
+        return self.bases[self.base(index)].data_with(self.keys, self.values(index))
 
     def job_keys(self) -> list[str]:
-        """The key of each job: a digest of all that its row depends on.
+        """Key of each job: a digest of all that its row depends on.
 
         Raises:
-            InvalidInput: A file that a job names is missing, or two jobs are the same.
+            InvalidInput: A missing file, or two equal jobs.
         """
-        asked = [self.work, *self.columns]
-        found = dict[str, int]()
+        request = [self.work, *self.columns]
+        indices = dict[str, int]()
         for index in range(len(self)):
-            key = self.bases[self.base(index)].key(self.data(index), asked)
-            first = found.setdefault(key, index)
+            key = self.bases[self.base(index)].key(self.data(index), request)
+            first = indices.setdefault(key, index)
             if first != index:
                 raise InvalidInput(
-                    f"The jobs {first + 1} and {index + 1} of the plan are the same: leave out one "
-                    "of the values, or files, that stand there twice."
+                    f"The jobs {first + 1} and {index + 1} of the plan are the same: remove "
+                    "one of the repeated values or files."
                 )
-        return list(found)
+        return list(indices)
 
 
 def read_plan(plan: str | FilePath | Mapping[str, Any], *, trust_xacro: bool = False) -> Plan:
@@ -194,8 +193,7 @@ def read_plan(plan: str | FilePath | Mapping[str, Any], *, trust_xacro: bool = F
         trust_xacro: Whether arms may be .xacro files, as in `read_job`.
 
     Raises:
-        InvalidInput: No such file, an unknown key, an empty range, or a job that is not valid; one
-            sentence with the place.
+        InvalidInput: No such file, an unknown key, an empty range, or an invalid job.
     """
     if isinstance(plan, Mapping):
         data, source, folder = dict(plan), "the plan", FilePath()
@@ -211,9 +209,9 @@ def read_plan(plan: str | FilePath | Mapping[str, Any], *, trust_xacro: bool = F
 
 
 def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> Plan:
-    """The plan of its model."""
+    """Plan from its model."""
     if (model.job is None) == (model.jobs is None):
-        raise InvalidInput("a plan has either job, one job, or jobs, a list of several.")
+        raise InvalidInput("a plan needs either the key job, or the key jobs with a list.")
     sampled = isinstance(model.combine, SamplesModel)
     parameters = tuple(read_parameter(k, x, sampled=sampled) for k, x in model.over.items())
     _refuse_overlaps([x.key for x in parameters])
@@ -231,9 +229,9 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
         if model.do == PLACE:
             check_placed(base, _first(base, parameters))
         _refuse_unreadable(base, parameters)
-    found = Plan(
+    plan = Plan(
         name=checks.check_name("name of the plan", model.name or name),
-        bases=tuple(_heard(x, parameters, trust_xacro) for x in bases),
+        bases=tuple(_with_digests(x, parameters, trust_xacro) for x in bases),
         parameters=parameters,
         work=model.do,
         columns=columns,
@@ -241,35 +239,35 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
         samples=_samples(model.combine, parameters),
         trust_xacro=trust_xacro,
     )
-    _refuse_uneven(found)
-    if len(found) > MOST_JOBS:
+    _refuse_uneven(plan)
+    if len(plan) > MOST_JOBS:
         raise InvalidInput(
-            f"the plan has {len(found)} jobs, more than {MOST_JOBS}: take fewer steps, or samples "
+            f"the plan has {len(plan)} jobs, more than {MOST_JOBS}: take fewer steps, or samples "
             "with combine: {sobol: 4096}."
         )
-    return found
+    return plan
 
 
-def _heard(base: Base, parameters: Sequence[Parameter], trust_xacro: bool) -> Base:
-    """A base with the digests of all files that it reads."""
-    return base.heard(_first(base, parameters), trust_xacro=trust_xacro)
+def _with_digests(base: BaseJob, parameters: Sequence[Parameter], trust_xacro: bool) -> BaseJob:
+    """Base job with the digests of all files that it reads."""
+    return base.with_digests(_first(base, parameters), trust_xacro=trust_xacro)
 
 
-def _first(base: Base, parameters: Sequence[Parameter]) -> dict[str, Any]:
-    """The data of a base with the first values of all parameters."""
-    return base.at([x.parts for x in parameters], [x.values[0] for x in parameters])
+def _first(base: BaseJob, parameters: Sequence[Parameter]) -> dict[str, Any]:
+    """Data of a base job with the first values of all parameters."""
+    return base.data_with([x.parts for x in parameters], [x.values[0] for x in parameters])
 
 
 def _refuse_overlaps(keys: Sequence[str]) -> None:
-    """Refuse two parameters of which one is inside the other."""
+    """Reject two parameters of which one is inside the other."""
     for key in keys:
         for other in keys:
             if other.startswith(f"{key}."):
-                raise InvalidInput(f"over.{key} and over.{other} set the same: leave one out.")
+                raise InvalidInput(f"over.{key} and over.{other} set the same: remove one of them.")
 
 
 def _refuse_uneven(plan: Plan) -> None:
-    """Refuse parameters that are zipped but have different numbers of values."""
+    """Reject zipped parameters with different numbers of values."""
     if plan.combine != ZIP:
         return
     counts = {x.key: len(x.values) for x in plan.varied}
@@ -281,40 +279,37 @@ def _refuse_uneven(plan: Plan) -> None:
         )
 
 
-def _refuse_unreadable(base: Base, parameters: Sequence[Parameter]) -> None:
-    """Refuse keys and values that a job file cannot have.
+def _refuse_unreadable(base: BaseJob, parameters: Sequence[Parameter]) -> None:
+    """Reject keys and values that are invalid in a job file.
 
-    Values that go only with other values of the plan, such as gains of a servo model, may pass:
-    the jobs in which they do not are refused one by one.
-
-    Raises:
-        InvalidInput: There is such a key or value.
+    Values that are valid only with other values of the plan, such as gains of a servo model, may
+    pass; the jobs in which they are invalid are refused individually.
     """
     keys = [x.parts for x in parameters]
     for k, x in enumerate(parameters):
-        # Values of a range are as valid as its ends.
+        # The ends of a range represent its values.
         tried = {0, len(x.values) - 1} if x.ranged else range(len(x.values))
         for i in sorted(tried):
-            place = f"over.{x.key} (item {i + 1})" if len(x.values) > 1 else f"over.{x.key}"
-            alone = _problem(base, [x.parts], [x.values[i]])
-            if alone is None:
+            location = f"over.{x.key} (item {i + 1})" if len(x.values) > 1 else f"over.{x.key}"
+            problem = _problem(base, [x.parts], [x.values[i]])
+            if problem is None:
                 continue
-            # With the first values of the others, and with those that stand at the same place.
-            found = []
+            # With the first values of the others, and with those of the same index.
+            problems = []
             for j in (0, i):
                 values = [y.values[min(j, len(y.values) - 1)] for y in parameters]
                 values[k] = x.values[i]
-                found.append(_problem(base, keys, values))
-            if None not in found:
-                raise alone.at(place)
+                problems.append(_problem(base, keys, values))
+            if None not in problems:
+                raise problem.with_location(location)
 
 
 def _problem(
-    base: Base, keys: Sequence[tuple[str | int, ...]], values: Sequence[Any]
+    base: BaseJob, keys: Sequence[tuple[str | int, ...]], values: Sequence[Any]
 ) -> InvalidInput | None:
-    """Why some values are not valid in a job; None if they are."""
+    """Error of some values in a job; None if they are valid."""
     try:
-        data = base.at(keys, values)
+        data = base.data_with(keys, values)
         base.model(data)
     except InvalidInput as error:
         return error
@@ -325,11 +320,7 @@ def _problem(
 
 
 def _samples(combine: Any, parameters: Sequence[Parameter]) -> FloatArray | None:
-    """Values of all parameters that are sampled, (n, sampled); None without samples.
-
-    Raises:
-        InvalidInput: There is no range to sample.
-    """
+    """Values of all sampled parameters, (n, sampled); None without samples."""
     if not isinstance(combine, SamplesModel):
         return None
     ranges = [x for x in parameters if x.sampled]
@@ -341,6 +332,6 @@ def _samples(combine: Any, parameters: Sequence[Parameter]) -> FloatArray | None
         raise InvalidInput(f"combine.sobol is {combine.sobol}, more than {MOST_JOBS} jobs.")
     from scipy.stats import qmc
 
-    drawn = qmc.Sobol(len(ranges), scramble=True, seed=combine.seed)
-    shares = drawn.random_base2(math.ceil(math.log2(combine.sobol)))[: combine.sobol]
-    return np.column_stack([x.at(shares[:, k]) for k, x in enumerate(ranges)])
+    sequence = qmc.Sobol(len(ranges), scramble=True, seed=combine.seed)
+    fractions = sequence.random_base2(math.ceil(math.log2(combine.sobol)))[: combine.sobol]
+    return np.column_stack([x.values_at(fractions[:, k]) for k, x in enumerate(ranges)])

@@ -1,4 +1,4 @@
-"""Entry point `batch`: work on all jobs of a plan, and keep what comes of them."""
+"""Entry point `batch`: run all jobs of a plan and store their results."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from armcontour.core.text import count_noun, digits, format_table
 
 @dataclass(frozen=True, slots=True)
 class BatchProgress:
-    """How far a batch is.
+    """Progress of a batch.
 
     Args:
         total: Number of its jobs.
-        done: How many of them have a result.
-        before: How many of them had one when the batch started.
-        seconds: Time since then [s].
-        statuses: Number of the jobs since then by what came of them.
-        errors: Number of the jobs since then by the name of their error.
+        done: Number of jobs with a result.
+        before: Number of jobs with a result when the batch started.
+        seconds: Time since the start [s].
+        statuses: Number of the jobs since the start, by status.
+        errors: Number of the jobs since the start, by name of the error.
     """
 
     total: int
@@ -40,12 +40,12 @@ class BatchProgress:
     errors: Mapping[str, int]
 
     def __str__(self) -> str:
-        """How many jobs are done, how fast, and what came of them."""
-        left = "" if self.left is None else f", {digits(self.left)} s left"
+        """Number of finished jobs, rate, remaining time and results."""
+        remaining = "" if self.left is None else f", {digits(self.left)} s left"
         return format_table(
             f"{self.done} of {count_noun(self.total, 'job')} done",
             [
-                ("rate", f"{digits(self.rate)} jobs/s{left}"),
+                ("rate", f"{digits(self.rate)} jobs/s{remaining}"),
                 ("results", ", ".join(f"{n} {x}" for x, n in self.statuses.items())),
                 ("errors", ", ".join(f"{n} {x}" for x, n in self.errors.items())),
             ],
@@ -53,12 +53,12 @@ class BatchProgress:
 
     @property
     def rate(self) -> float:
-        """Jobs in a second; 0 at the start."""
+        """Jobs per second; 0 at the start."""
         return (self.done - self.before) / self.seconds if self.seconds > 0 else 0.0
 
     @property
     def left(self) -> float | None:
-        """Time left at this rate [s]; None if unknown."""
+        """Remaining time at this rate [s]; None if unknown."""
         return (self.total - self.done) / self.rate if self.rate > 0 else None
 
 
@@ -68,8 +68,8 @@ class Batch:
 
     Args:
         plan: The plan.
-        folder: The folder with its results.
-        rows: The results in the order of the jobs: values by the names of the columns.
+        folder: The folder with the results.
+        rows: Results in the order of the jobs: values by column.
     """
 
     plan: Plan
@@ -87,11 +87,11 @@ class Batch:
         return dict(Counter(x["error"] for x in self.rows if x["error"]).most_common())
 
     def table(self) -> dict[str, list[Any]]:
-        """The results as columns, by their names."""
+        """The results as columns, by name."""
         return {name: [x[name] for x in self.rows] for name in self.rows[0]}
 
     def __str__(self) -> str:
-        """What came of the jobs."""
+        """Numbers of jobs by status and error, and the folder."""
         return format_table(
             f"Batch {self.plan.name}: {count_noun(len(self.plan), 'job')}",
             [
@@ -102,7 +102,7 @@ class Batch:
         )
 
     def __repr__(self) -> str:
-        """Name, number of jobs and what came of them."""
+        """Name, number of jobs and numbers by status."""
         counts = ", ".join(f"{n} {x}" for x, n in self.counts.items())
         return f"Batch({self.plan.name!r}, {len(self.plan)} jobs: {counts})"
 
@@ -120,58 +120,58 @@ def batch(
     progress: Callable[[BatchProgress], None] | None = None,
     compiling: Progress | None = None,
 ) -> Batch:
-    """Work on all jobs of a plan; an interrupted batch goes on where it was.
+    """Run all jobs of a plan; an interrupted batch continues.
 
-    What a job cannot do is a result too: a row with the error's sentence. Each row is in the file
-    `results.jsonl` as soon as it is there; table and page are written when all jobs have one.
+    An error of a job is a result, too: a row with the message. Each row is written to the file
+    `results.jsonl` as soon as it exists; table and page are written when all jobs have a result.
 
     Args:
         plan: A plan file (YAML), or its data; the guide on batches explains its keys.
-        out: The folder for results: a new one, or that of an earlier run of this plan.
-        workers: Number of processes on this machine; by default one a processor. 0 works in this
-            process.
-        cluster: Address of a Dask scheduler whose workers do the work.
-        executor: An executor of your own that does it.
-        retry: Whether jobs that failed are tried again.
+        out: Folder for the results: a new one, or that of an earlier run of this plan.
+        workers: Number of processes on this machine; by default one per processor. 0 works in
+            this process.
+        cluster: Address of a Dask scheduler whose workers run the jobs.
+        executor: Your own executor.
+        retry: Whether failed jobs are repeated.
         trust_xacro: Whether arms may be .xacro files, which are programs.
-        progress: Called after each job with how far the batch is.
+        progress: Called after each job with the progress of the batch.
         compiling: Called while functions are compiled, before the work starts.
 
     Raises:
-        InvalidInput: A wrong plan, two jobs that are the same, or a folder with other files.
-        ExecutionError: The executor takes no work, or has lost its workers; what is done stays.
+        InvalidInput: A wrong plan, two equal jobs, or a folder with other files.
+        ExecutionError: The executor accepts no work, or lost its workers; finished results remain.
     """
-    found = read_plan(plan, trust_xacro=trust_xacro)
+    parsed = read_plan(plan, trust_xacro=trust_xacro)
     with (
         open_executor(workers, cluster, executor) as opened,
-        Results(FilePath(out), found) as results,
+        Results(FilePath(out), parsed) as results,
     ):
-        left = results.left(retry=retry)
-        if left:
+        remaining = results.left(retry=retry)
+        if remaining:
             if not isinstance(opened, InProcess):
-                # Several processes would compile the same.
-                for x in {x.dimension for x in found.bases}:
+                # Otherwise several processes would compile the same functions.
+                for x in {x.dimension for x in parsed.bases}:
                     warm("plane" if x == 2 else "space", compiling)
-            _work(found, left, opened, results, progress or (lambda tally: None))
-        return Batch(plan=found, folder=results.folder, rows=results.finish())
+            _work(parsed, remaining, opened, results, progress or (lambda tally: None))
+        return Batch(plan=parsed, folder=results.folder, rows=results.finish())
 
 
 def _work(
     plan: Plan,
-    left: Sequence[int],
+    remaining: Sequence[int],
     executor: Executor,
     results: Results,
     progress: Callable[[BatchProgress], None],
 ) -> None:
-    """Have the jobs done that have no result."""
+    """Run the jobs that have no result."""
     statuses, errors = Counter[str](), Counter[str]()
-    before, begin = len(plan) - len(left), time.monotonic()
-    with TaskQueue[int, Outcome](Work(plan), executor, killed) as crew:
-        waiting = iter(left)
-        while statuses.total() < len(left):
-            while len(crew) < crew.ahead and (index := next(waiting, None)) is not None:
-                crew.give(index)
-            for index, outcome in crew.take():
+    before, begin = len(plan) - len(remaining), time.monotonic()
+    with TaskQueue[int, Outcome](Work(plan), executor, killed) as queue:
+        waiting = iter(remaining)
+        while statuses.total() < len(remaining):
+            while len(queue) < queue.ahead and (index := next(waiting, None)) is not None:
+                queue.give(index)
+            for index, outcome in queue.take():
                 results.add(index, outcome)
                 statuses[outcome.status] += 1
                 if outcome.error is not None:

@@ -1,4 +1,4 @@
-"""The command `batch`: work on all jobs of a plan, show how far it is, and what came of them."""
+"""The command `batch`: run all jobs of a plan, show the progress and the results."""
 
 from __future__ import annotations
 
@@ -21,96 +21,96 @@ if TYPE_CHECKING:
 EVERY = 1.0
 
 
-def batch_file(plan: FilePath, out: FilePath, x: BatchOptions) -> int:
-    """Work on all jobs of a plan.
+def batch_file(plan: FilePath, out: FilePath, options: BatchOptions) -> int:
+    """Run all jobs of a plan.
 
     Args:
         plan: The plan file.
-        out: The folder for results.
-        x: Options of the command.
+        out: Folder for the results.
+        options: Options of the command.
 
     Returns:
-        The exit code: 1 if some jobs failed.
+        Exit code: 1 if some jobs failed.
 
     Raises:
-        ArmContourError: A wrong plan, or an executor that takes no work.
+        ArmContourError: A wrong plan, or an executor that accepts no work.
     """
     from armcontour.batches import batch
 
-    with _shown(x.as_json) as (progress, compiling):
-        found = batch(
+    with _shown(options.as_json) as (progress, compiling):
+        result = batch(
             plan,
             out,
-            workers=x.workers,
-            cluster=x.cluster,
-            retry=x.retry,
-            trust_xacro=x.trust_xacro,
+            workers=options.workers,
+            cluster=options.cluster,
+            retry=options.retry,
+            trust_xacro=options.trust_xacro,
             progress=progress,
             compiling=compiling,
         )
     report = (out / "report.html").resolve()
-    if x.as_json:
-        _say_json({"end": _end(found)})
+    if options.as_json:
+        _print_json({"end": _end(result)})
     else:
-        _print(found, report)
-    if x.open_report and report.exists():
+        _print(result, report)
+    if options.open_report and report.exists():
         open_page(report)
-    return int("failed" in found.counts)
+    return int("failed" in result.counts)
 
 
 @contextmanager
 def _shown(as_json: bool) -> Iterator[tuple[Callable[[BatchProgress], None], Progress]]:
-    """Show how far a batch is, as a bar or as lines of JSON."""
+    """Context that shows the progress of a batch as a bar or as lines of JSON."""
     if not as_json:
-        with batch_progress() as shown:
-            yield shown
+        with batch_progress() as functions:
+            yield functions
         return
-    said = -EVERY
+    last = -EVERY
 
-    def say(tally: BatchProgress) -> None:
-        nonlocal said
-        if tally.seconds - said >= EVERY or tally.done == tally.total:
-            said = tally.seconds
-            _say_json({"progress": describe(tally)})
+    def say(progress: BatchProgress) -> None:
+        nonlocal last
+        if progress.seconds - last >= EVERY or progress.done == progress.total:
+            last = progress.seconds
+            _print_json({"progress": describe(progress)})
 
     yield say, lambda step: None
 
 
-def describe(tally: BatchProgress) -> dict[str, object]:
-    """How far a batch is, as data."""
+def describe(progress: BatchProgress) -> dict[str, object]:
+    """Progress of a batch as data."""
     return {
-        "done": tally.done,
-        "total": tally.total,
-        "before": tally.before,
-        "seconds": round(tally.seconds, 3),
-        "rate": round(tally.rate, 4),
-        "left": None if tally.left is None else round(tally.left, 1),
-        "statuses": tally.statuses,
-        "errors": tally.errors,
+        "done": progress.done,
+        "total": progress.total,
+        "before": progress.before,
+        "seconds": round(progress.seconds, 3),
+        "rate": round(progress.rate, 4),
+        "left": None if progress.left is None else round(progress.left, 1),
+        "statuses": progress.statuses,
+        "errors": progress.errors,
     }
 
 
-def _end(found: Batch) -> dict[str, object]:
-    """What came of a batch, as data."""
+def _end(batch: Batch) -> dict[str, object]:
+    """Result of a batch as data."""
     return {
-        "batch": found.plan.name,
-        "folder": str(found.folder),
-        "statuses": dict(found.counts),
-        "errors": dict(found.errors),
+        "batch": batch.plan.name,
+        "folder": str(batch.folder),
+        "statuses": dict(batch.counts),
+        "errors": dict(batch.errors),
     }
 
 
-def _say_json(data: object) -> None:
+def _print_json(data: object) -> None:
     """Write a line of JSON."""
     sys.stdout.write(json.dumps(data) + "\n")
     sys.stdout.flush()
 
 
-def _print(found: Batch, report: FilePath) -> None:
-    """Print what came of a batch."""
+def _print(batch: Batch, report: FilePath) -> None:
+    """Print the result of a batch."""
     console = Console()
-    rows = [[name, str(n)] for name, n in found.counts.items()]
-    console.show_table(["jobs", "number"], rows, title=f"{found.plan.name}: {len(found.plan)} jobs")
-    for name, n in found.errors.items():
-        console.say(f"{name}: {n}")
-    console.say(f"Report: {report.as_uri()}")
+    rows = [[name, str(n)] for name, n in batch.counts.items()]
+    console.show_table(["jobs", "number"], rows, title=f"{batch.plan.name}: {len(batch.plan)} jobs")
+    for name, n in batch.errors.items():
+        console.print(f"{name}: {n}")
+    console.print(f"Report: {report.as_uri()}")

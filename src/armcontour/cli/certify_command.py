@@ -15,17 +15,16 @@ if TYPE_CHECKING:
     from armcontour.studies.certification import Certificate
 
 
-def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> None:
+def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOptions) -> None:
     """Certify a job, print the certificate, and write it with its set-points.
 
     Args:
         file: A job file, or a drawing.
-
         job_options: Options that replace values of the job.
-        x: Options of the command; the folder gets summary.json, report.html and trajectories.
+        options: Options of the command; the folder gets summary.json, report.html and trajectories.
 
     Raises:
-        ArmContourError: An invalid job, or no plan that meets the goal; then nothing is written.
+        ArmContourError: An invalid job, or no plan that meets the goal. Nothing is written then.
     """
     from armcontour.cli.inputs import open_job
     from armcontour.cli.progress_bars import search_progress
@@ -33,74 +32,72 @@ def certify_file(file: FilePath, job_options: JobOptions, x: CertifyOptions) -> 
     from armcontour.core.pool import open_executor
     from armcontour.files import ResultFolder, certificate_json
 
-    if x.out is None and (x.open_report or x.force):
+    if options.out is None and (options.open_report or options.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
-    shared = x.workers is not None or x.cluster is not None
+    shared = options.workers is not None or options.cluster is not None
     with (
-        open_executor(x.workers, x.cluster) if shared else nullcontext() as executor,
-        nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder,
+        open_executor(options.workers, options.cluster) if shared else nullcontext() as executor,
+        nullcontext()
+        if options.out is None
+        else ResultFolder(options.out, force=options.force) as folder,
     ):
         from armcontour.studies.certification import certify
         from armcontour.studies.certification.certifying import goal_of
 
         with search_progress("certifying") as progress:
-            job = open_job(file, job_options, subprogress(progress, "reading"), x)
+            job = open_job(file, job_options, subprogress(progress, "reading"), options)
             if shared:
                 _refuse_nothing_shared(goal_of(job))
-            found = certify(job, x.run_name, executor=executor, progress=progress)
+            certificate = certify(job, options.run_name, executor=executor, progress=progress)
         if folder is not None:
-            _write(found, folder)
-    if x.as_json:
-        print(certificate_json(found), end="")
+            _write(certificate, folder)
+    if options.as_json:
+        print(certificate_json(certificate), end="")
     else:
-        _print(found, None if x.out is None else x.out / "report.html")
-    if x.open_report and x.out is not None:
-        open_page(x.out / "report.html")
+        _print(certificate, None if options.out is None else options.out / "report.html")
+    if options.open_report and options.out is not None:
+        open_page(options.out / "report.html")
 
 
 def _refuse_nothing_shared(goal: CertificateGoal) -> None:
-    """Refuse `--workers` and `--cluster` for a certificate that has no work for them.
-
-    Raises:
-        InvalidInput: No robots of a box are executed as rigid bodies.
-    """
+    """Reject `--workers` and `--cluster` for a certificate without parallel work."""
     from armcontour.core.errors import InvalidInput
 
     if goal.plant != "rigid_body" or goal.box is None:
         raise InvalidInput(
-            "--workers and --cluster share robots of a box that are executed as rigid bodies, and "
-            "this certificate executes none: leave them out, or give the job's certificate a box "
+            "--workers and --cluster distribute simulations of uncertain robots as rigid bodies, "
+            "and this certificate has none: remove them, or give the job's certificate a box "
             "and plant: rigid_body."
         )
 
 
-def _write(found: Certificate, folder: Any) -> None:
+def _write(certificate: Certificate, folder: Any) -> None:
     """Write the plan, its set-points, the derating, the report and the summary."""
     from armcontour.cli.run_command import write_motions
     from armcontour.files import certificate_json, derating_csv
     from armcontour.report import render_report
 
-    write_motions(folder, found.job, found.study.runs)
-    folder.write("derating.csv", derating_csv(found))
-    folder.write("report.html", render_report(found.study, certificate=found))
-    folder.write("summary.json", certificate_json(found, [*folder.files, "summary.json"]))
+    write_motions(folder, certificate.job, certificate.study.runs)
+    folder.write("derating.csv", derating_csv(certificate))
+    folder.write("report.html", render_report(certificate.study, certificate=certificate))
+    folder.write("summary.json", certificate_json(certificate, [*folder.files, "summary.json"]))
 
 
-def _print(found: Certificate, report: FilePath | None) -> None:
-    """Print the certificate, beside the uncertified plan, with its notes and warnings."""
+def _print(certificate: Certificate, report: FilePath | None) -> None:
+    """Print the certificate and the uncertified plan, with notes and warnings."""
     from armcontour.core.render import compare, text
     from armcontour.core.result import TABLE
 
-    console, data = Console(), found.to_data()
+    console, data = Console(), certificate.to_data()
     for line in text(data).splitlines():
-        console.say(line)
-    header, *rows = compare(found.comparison, TABLE)
+        console.print(line)
+    header, *rows = compare(certificate.comparison, TABLE)
     console.show_table(["", *header[1:]], rows)
-    for line in (*data.notes, *found.result.remarks):
-        console.say(line)
+    for line in (*data.notes, *certificate.result.remarks):
+        console.print(line)
     for line in data.warnings:
-        console.say(f"Warning: {line}")
-    for line in found.job.arm.notes:
-        console.say(f"Note: {line}")
+        console.print(f"Warning: {line}")
+    for line in certificate.job.arm.notes:
+        console.print(f"Note: {line}")
     if report is not None:
-        console.say(f"Report: {report.resolve().as_uri()}")
+        console.print(f"Report: {report.resolve().as_uri()}")

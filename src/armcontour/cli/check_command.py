@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armcontour.cli.console import Console
-from armcontour.core.text import digits, joint_called, list_some, show
+from armcontour.core.text import digits, joint_label, list_some, show
 
 if TYPE_CHECKING:
     from armcontour.cli.options import ArmOptions, CheckOptions
@@ -23,21 +23,21 @@ if TYPE_CHECKING:
     from armcontour.verification import Check
     from armcontour.verification.clearance import Clearance
 
-# Less noise [rad] is rounding: an encoder of 32 bits has steps of 1.5e-9 rad.
-LEAST_NOISE = 1e-9
-# Titles of columns that one line lists.
-MOST_NAMED = 8
+# Smallest noise [rad]: below it is rounding; an encoder of 32 bits has steps of 1.5e-9 rad.
+MIN_NOISE = 1e-9
+# Largest number of listed column titles.
+MAX_TITLES = 8
 JOB_FILES = (".yaml", ".yml")
-# Exit code of every verdict; no error has the code 7.
+# Exit codes of the verdicts; no error has the code 7.
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
 
 
-def check_file(trajectory: FilePath, x: CheckOptions) -> int:
+def check_file(trajectory: FilePath, options: CheckOptions) -> int:
     """Check a trajectory file, print the result, and return the exit code of the verdict.
 
     Args:
         trajectory: CSV file, YAML or bag of ROS.
-        x: Options of the command; an arm of a job has its tool and payload.
+        options: Options of the command; an arm of a job has its tool and payload.
 
     Raises:
         InvalidInput: A file or an option that cannot be used.
@@ -48,133 +48,148 @@ def check_file(trajectory: FilePath, x: CheckOptions) -> int:
     from armcontour.files.result_folder import data_json
     from armcontour.verification import check
 
-    job = None if x.path is None else read_job(x.path, trust_xacro=x.trust_xacro)
-    arm, scene = _arm_and_scene(x, None if job is None else job.arm)
-    limits, path, deviation, angle = _limits_and_path(x, job, arm)
-    samples = _samples(trajectory, arm, x)
-    found = check(samples, arm, limits, path, deviation=deviation, orientation_deviation=angle)
+    job = None if options.path is None else read_job(options.path, trust_xacro=options.trust_xacro)
+    arm, scene = _arm_and_scene(options, None if job is None else job.arm)
+    limits, path, deviation, angle = _limits_and_path(options, job, arm)
+    samples = _samples(trajectory, arm, options)
+    result = check(samples, arm, limits, path, deviation=deviation, orientation_deviation=angle)
     clearance = None if scene is None else _clearance(samples, arm, scene)
-    if not found.uses and found.path_deviation is None and clearance is None:
+    if not result.uses and result.path_deviation is None and clearance is None:
         raise InvalidInput(f"There is no limit to check: {arm.name} has none, so give --limits.")
-    data = found.to_data()
-    if x.as_json:
+    data = result.to_data()
+    if options.as_json:
         notes = (Row("left_out", samples.left_out), Row("notes", samples.notes))
         parts = {} if clearance is None else {"clearance": clearance.to_data()}
         print(data_json(replace(data, rows=(*data.rows, *notes), parts=parts)), end="")
     else:
-        named = sorted({y.joint + 1 for y in found.uses if y.joint is not None})
-        called = [joint_called(y, arm.joint_names) for y in named]
+        named = sorted({y.joint + 1 for y in result.uses if y.joint is not None})
+        called = [joint_label(y, arm.joint_names) for y in named]
         remarks = [f"Joints: {', '.join(called)}."] if called != [str(y) for y in named] else []
-        remarks += _on_the_file(samples, found, declared=x.noise is not None)
+        remarks += _file_notes(samples, result, declared=options.noise is not None)
         if clearance is not None:
-            evenly = "Between samples the joints count as moving evenly."
+            evenly = "Between samples the joints are interpolated linearly."
             remarks.append(f"{clearance.sentence} {evenly}")
             remarks += filter(None, [clearance.below_base])
         remarks += [f"Note: {note}" for note in arm.notes]
         Console().show(replace(data, notes=(*data.notes, *remarks)))
     touches = clearance is not None and not clearance.kept
-    return EXIT_CODES["violated" if touches else found.verdict]
+    return EXIT_CODES["violated" if touches else result.verdict]
 
 
 def _limits_and_path(
-    x: CheckOptions, job: Job | None, arm: Arm
+    options: CheckOptions, job: Job | None, arm: Arm
 ) -> tuple[Limits, Program | None, float | None, float | None]:
-    """The limits, the path, and the allowed deviations from the path [m] and [rad]."""
+    """Limits, path, and allowed deviations from the path [m] and [rad]."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files import read_limits
     from armcontour.jobs import prepare_and_round
 
     path, limits = None, arm.limits
     if job is not None:
-        run = _run(job, x.run_name, limited=x.limits is None)
+        run = _run(job, options.run_name, limited=options.limits is None)
         path, limits = prepare_and_round(job, run)[1], run.limits
-    if x.limits is None:
+    if options.limits is None:
         return limits, path, None, None
-    limits, deviation, angle = read_limits(x.limits, arm)
+    limits, deviation, angle = read_limits(options.limits, arm)
     if path is None and (deviation, angle) != (None, None):
         raise InvalidInput(
-            f"{x.limits} limits the deviation from a path: name its job with --path."
+            f"{options.limits} limits the deviation from a path: name its job with --path."
         )
     return limits, path, deviation, angle
 
 
 def _clearance(samples: TrajectoryFile, arm: Arm, scene: Scene) -> Clearance:
-    """How far an arm stays from itself and from its cell; its times are those of the file."""
+    """Clearance of the arm to itself and to its cell, at the times of the file."""
     from armcontour.verification.clearance import check_clearance
 
     return check_clearance(samples.straight, arm, scene).later(float(samples.t[0]))
 
 
-def _arm_and_scene(x: CheckOptions, own: Arm | None) -> tuple[Arm, Scene | None]:
-    """The arm that the options name, and the scene; None if none is named.
+def _arm_and_scene(options: CheckOptions, default: Arm | None) -> tuple[Arm, Scene | None]:
+    """Arm and scene of the options; no scene without `--scene`.
 
-    The arm is that of `--arm`, or of the job `own`, or of the cell of the scene.
+    The arm is that of `--arm`, else `default` (that of the job), else that of the cell of the
+    scene.
     """
     from armcontour.files.cell import cell_names, read_cell_scene
     from armcontour.files.scene_file import read_scene_file
     from armcontour.robot.scene import Scene
 
-    if x.scene is None:
-        return _arm(x, own), None
-    if FilePath(x.scene).suffix.lower() not in JOB_FILES and x.scene not in cell_names():
-        return _arm(x, own), Scene(obstacles=read_scene_file(x.scene))
-    arm, scene = read_cell_scene(x.scene, trust_xacro=x.trust_xacro)
-    return _arm(x, arm if own is None else own), scene
+    if options.scene is None:
+        return _arm(options, default), None
+    if (
+        FilePath(options.scene).suffix.lower() not in JOB_FILES
+        and options.scene not in cell_names()
+    ):
+        return _arm(options, default), Scene(obstacles=read_scene_file(options.scene))
+    arm, scene = read_cell_scene(options.scene, trust_xacro=options.trust_xacro)
+    return _arm(options, arm if default is None else default), scene
 
 
-def _arm(x: CheckOptions, own: Arm | None) -> Arm:
-    """The arm that the options name; by default that of a job or a cell."""
+def _arm(options: CheckOptions, default: Arm | None) -> Arm:
+    """The arm of the options, by default that of the job or cell."""
     from armcontour.core.errors import InvalidInput
 
-    if x.arm is not None:
-        return named_arm(x.arm, x)
-    if own is None:
+    if options.arm is not None:
+        return named_arm(options.arm, options)
+    if default is None:
         raise InvalidInput(
             "Name the arm with --arm, with --path a job that has one, or with --scene a cell."
         )
-    if any(y is not None for y in (x.tip, x.base, x.joint_limits, x.package, x.xacro_arg)):
+    if any(
+        y is not None
+        for y in (
+            options.tip,
+            options.base,
+            options.joint_limits,
+            options.package,
+            options.xacro_arg,
+        )
+    ):
         raise InvalidInput(
             "--tip, --base, --joint-limits, --package and --xacro-arg go with --arm: the job's arm "
             "has its own."
         )
-    return own
+    return default
 
 
 def named_arm(name: str, x: ArmOptions) -> Arm:
-    """The arm of a name or file, by the options of robot descriptions."""
+    """Load the arm of a name or file with the options for robot descriptions."""
     from armcontour.files.robots import options
     from armcontour.files.robots.loading import load_arm
 
-    given = options.ArmOptions(
+    arm_options = options.ArmOptions(
         tip=x.tip,
         base=x.base,
         joint_limits=x.joint_limits,
         packages=_pairs("--package", x.package),
         arguments=_pairs("--xacro-arg", x.xacro_arg),
     )
-    return load_arm(name, given, trust_xacro=x.trust_xacro)
+    return load_arm(name, arm_options, trust_xacro=x.trust_xacro)
 
 
-def _pairs(option: str, given: list[str] | None) -> dict[str, str]:
-    """The values of an option that is given as NAME=VALUE, by name."""
+def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:
+    """Values of an option given as NAME=VALUE, by name."""
     from armcontour.core.errors import InvalidInput
 
-    found = {}
-    for text in given or []:
+    pairs = {}
+    for text in texts or []:
         name, equals, value = text.partition("=")
         if not name or not equals:
             raise InvalidInput(f"{option} takes NAME=VALUE, such as {option} a=b, not {text!r}.")
-        found[name.strip()] = value.strip()
-    return found
+        pairs[name.strip()] = value.strip()
+    return pairs
 
 
-def _samples(trajectory: FilePath, arm: Arm, x: CheckOptions) -> TrajectoryFile:
-    """Read a trajectory file, which must have as many joints as the arm."""
+def _samples(trajectory: FilePath, arm: Arm, options: CheckOptions) -> TrajectoryFile:
+    """Read a trajectory file, and check its number of joints."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files import read_trajectory
     from armcontour.motion.log_checks import check_range_of_log
 
-    samples = read_trajectory(trajectory, arm.joint_names, columns=x.columns, topic=x.topic)
+    samples = read_trajectory(
+        trajectory, arm.joint_names, columns=options.columns, topic=options.topic
+    )
     if samples.q.shape[1] != arm.dof:
         raise InvalidInput(
             f"{samples.source} has positions of {samples.q.shape[1]} joints "
@@ -185,15 +200,11 @@ def _samples(trajectory: FilePath, arm: Arm, x: CheckOptions) -> TrajectoryFile:
         samples.source, samples.t, {"position": samples.q}, samples.joints, arm,
         margin=2 * math.pi, degrees_only=True,
     )  # fmt: skip
-    return _with_noise(samples, x.noise)
+    return _with_noise(samples, options.noise)
 
 
 def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
-    """The samples with a declared largest error of positions and velocities.
-
-    Raises:
-        InvalidInput: No such quantities, or an error of velocities that the file does not have.
-    """
+    """The samples with a declared largest error of positions and velocities."""
     from armcontour.cli.inputs import read_option
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import AngularDistance, AngularRate
@@ -210,25 +221,25 @@ def _with_noise(samples: TrajectoryFile, noise: str | None) -> TrajectoryFile:
     for name, part, kind in zip(("q", "dq"), parts, (AngularDistance, AngularRate), strict=False):
         error = read_option("--noise", part, kind)
         assert error is not None
-        # A number is within half of its last digit.
+        # The resolution is twice the largest error, as for a rounded number.
         resolution[name] = max(resolution.get(name, 0.0), 2 * error)
     return replace(samples, resolution=resolution)
 
 
-def _on_the_file(samples: TrajectoryFile, found: Check, *, declared: bool) -> list[str]:
-    """Sentences on columns that were left out, and on noise that was not declared."""
+def _file_notes(samples: TrajectoryFile, result: Check, *, declared: bool) -> list[str]:
+    """Sentences on ignored columns and on undeclared noise."""
     lines = []
     if samples.left_out:
         lines.append(
             f"Left out of {samples.source}: "
-            f"{list_some([show(x) for x in samples.left_out], MOST_NAMED)}."
+            f"{list_some([show(x) for x in samples.left_out], MAX_TITLES)}."
         )
     lines += [f"Note: {x}" for x in samples.notes]
     noise = _noise(samples.q)
     if (
-        found.violated
+        result.violated
         and not declared
-        and noise > max(samples.resolution.get("q", 0.0), LEAST_NOISE)
+        and noise > max(samples.resolution.get("q", 0.0), MIN_NOISE)
     ):
         lines.append(
             f"The positions scatter by {digits(noise * 1e3, 2)} mrad from sample to sample, as "
@@ -241,12 +252,12 @@ def _on_the_file(samples: TrajectoryFile, found: Check, *, declared: bool) -> li
 
 
 def _noise(q: FloatArray) -> float:
-    """Standard deviation of the noise of measured positions [rad]; 0 of what looks computed."""
+    """Standard deviation of the noise of measured positions [rad]; 0 for computed positions."""
     third = np.diff(q, n=3, axis=0)
     power = np.sum(third**2, axis=0)
     noise = 0.0
     for j in np.flatnonzero(power > 0):
-        # Of noise alone, neighbouring third differences have the correlation -0.75.
+        # Neighbouring third differences of white noise have the correlation -0.75.
         if float(third[1:, j] @ third[:-1, j]) < -0.6 * power[j]:
             noise = max(noise, math.sqrt(power[j] / len(third) / 20))
     return noise
@@ -255,7 +266,7 @@ def _noise(q: FloatArray) -> float:
 def _run(job: Job, run_name: str | None, *, limited: bool) -> Run:
     """The run of a job whose path, and with `limited` whose limits, the check uses.
 
-    Without a name, the first run that rounds corners, if all such runs round alike.
+    Without a name it is the first run that rounds corners; all such runs must round alike.
     """
     from armcontour.core.errors import InvalidInput
     from armcontour.jobs.job import find_run

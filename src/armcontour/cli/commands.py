@@ -51,7 +51,7 @@ ROBOT, INSTALLED = "With the robot", "About this installation"
 
 
 class Kind(Enum):
-    """What the command `warm` compiles."""
+    """Functions that the command `warm` compiles."""
 
     all = "all"
     usual = "usual"
@@ -77,10 +77,10 @@ app = typer.Typer(
 
 
 def app_for(arguments: Sequence[str]) -> typer.Typer:
-    """The program with the command that is called only: to build all of them takes time.
+    """The program with only the called command, because building all commands takes time.
 
     Args:
-        arguments: Arguments of the program; if the first one is no command, all commands are there.
+        arguments: Arguments of the program; all commands are built if the first is no command.
     """
     called = [
         x for x in app.registered_commands if x.callback and x.callback.__name__ in arguments[:1]
@@ -91,12 +91,7 @@ def app_for(arguments: Sequence[str]) -> typer.Typer:
 
 
 def _command(topic: str, example: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Decorator for a command.
-
-    Args:
-        topic: Its section in the help of the program.
-        example: Arguments of an example, which its own help ends with.
-    """
+    """Decorator for a command with a topic in the help and the arguments of an example."""
     epilog = f"\b\nExample:\n  armcontour {example}"
     return app.command(cls=Command, rich_help_panel=topic, epilog=epilog)
 
@@ -117,7 +112,7 @@ def _common(
         ),
     ] = False,
 ) -> None:
-    """Options of the program itself."""
+    """Options of the program."""
     pass
 
 
@@ -311,8 +306,8 @@ def arms() -> None:
         arm = load_arm(name)
         chain = arm.chain
         heavy = chain is not None and chain.masses is not None
-        known = "known" if heavy else "not known"
-        typer.echo(f"{name}: {arm.name}, {arm.dof} joints, masses {known}")
+        masses = "known" if heavy else "not known"
+        typer.echo(f"{name}: {arm.name}, {arm.dof} joints, masses {masses}")
         notes = [f"source: {arm.source}"]
         if chain is not None and chain.assumed:
             notes.append(f"assumed: {chain.assumed}")
@@ -348,7 +343,7 @@ def init(
         staging.write_atomically(file, lambda x: x.write_text(text, encoding="utf-8"))
     except OSError as error:
         raise staging.unwritable(file, error) from None
-    Console().say(
+    Console().print(
         f"{file} is a copy of the cell {cell}: set its arm, servo and position of the drawing, "
         f"then armcontour run DRAWING --cell {file} --out FOLDER"
     )
@@ -371,12 +366,12 @@ def warm(
     with share_progress() as progress:
         warmed = warm(kind.value, progress)
     console = Console()
-    console.say(
+    console.print(
         f"{warmed.functions} functions are compiled, {warmed.compiled} of them now. They are "
         f"stored in {warmed.folder}."
     )
     if not os.environ.get("NUMBA_CACHE_DIR") and PACKAGE not in warmed.folder.parents:
-        console.say(
+        console.print(
             f"Note: only your own programs use these files, because the folder {PACKAGE} cannot "
             "be written. Other users compile their own, or set NUMBA_CACHE_DIR to a folder that "
             "all can write to, now and whenever armcontour runs."

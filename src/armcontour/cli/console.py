@@ -1,6 +1,6 @@
 """Output on the terminal: tables, lines, and the report in a browser.
 
-All text goes through `to_line`, because names come from files of other people.
+All text passes through `to_line`, because names come from files of users.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ USUAL_NAME = 24
 
 
 class Console:
-    """The standard output, as wide as the terminal."""
+    """Standard output, as wide as the terminal."""
 
     def __init__(self) -> None:
         from rich.console import Console as Rich
@@ -37,7 +37,7 @@ class Console:
         rows: Iterable[Sequence[str]],
         *,
         title: str | None = None,
-        left: Collection[int] = (0,),
+        left_aligned: Collection[int] = (0,),
         whole: Collection[int] = (0,),
     ) -> None:
         """Print a table.
@@ -46,7 +46,7 @@ class Console:
             headings: One heading per column.
             rows: Cells, row by row.
             title: A line above the table.
-            left: Indices of columns that are aligned left; others are aligned right.
+            left_aligned: Indices of columns that are aligned left; others are aligned right.
             whole: Indices of columns whose cells are not folded if they have a usual length.
         """
         from rich.markup import escape
@@ -57,7 +57,7 @@ class Console:
         lines = [[to_line(x) for x in row] for row in rows]
         for i, heading in enumerate(headings):
             # Long names are folded, not cut; usual names of runs and joints stay on one line.
-            justify: Literal["left", "right"] = "left" if i in left else "right"
+            justify: Literal["left", "right"] = "left" if i in left_aligned else "right"
             usual = i in whole and max((len(x[i]) for x in lines), default=0) <= USUAL_NAME
             table.add_column(escape(heading), justify=justify, overflow="fold", no_wrap=usual)
         for row in lines:
@@ -73,23 +73,23 @@ class Console:
         from armcontour.core.render import text
 
         for line in text(data).splitlines():
-            self.say(line)
+            self.print(line)
         for note in data.notes:
-            self.say(note)
+            self.print(note)
 
-    def say(self, text: str) -> None:
-        """Print a line; the terminal may wrap the line, and markup has no effect."""
+    def print(self, text: str) -> None:
+        """Print a line; the terminal may wrap it, and markup has no effect."""
         self._rich.print(to_line(text), soft_wrap=True, highlight=False, markup=False)
 
 
-def say_at_once(text: str) -> None:
-    """Print a line without loading what draws tables, which takes longer than some starts."""
+def print_line(text: str) -> None:
+    """Print a line without loading the library for tables, which takes a tenth of a second."""
     sys.stdout.write(f"{to_line(text)}\n")
     sys.stdout.flush()
 
 
 def show_notes(notes: Iterable[str]) -> None:
-    """Print notes on files that were read, apart from the results."""
+    """Print notes on input files to the standard error."""
     for note in notes:
         sys.stderr.write(f"Note: {to_line(note)}\n")
 

@@ -8,31 +8,31 @@ from contextlib import suppress
 
 from armcontour.cli.interrupts import run_interruptibly
 from armcontour.core.errors import ArmContourError
-from armcontour.core.process import end_at_once, import_path, look_for_garbage_less
+from armcontour.core.process import import_path, reduce_garbage_collection, skip_exit_collection
 from armcontour.core.text import to_line
 
 # Exit code for a pipe whose reader has ended, as in `armcontour arms | head -1`.
 BROKEN_PIPE = 128 + 13
 OUT_OF_MEMORY = (
-    "The memory that this program may take is used up: close other programs, or give the job less "
-    "to do, with a longer cycle, fewer runs or --no-simulation."
+    "The available memory is used up: close other programs, or reduce the job by a longer cycle, "
+    "fewer runs or --no-simulation."
 )
 
 
 def main() -> None:
-    """Run the command line; an error is printed as one sentence and ends with its exit code.
+    """Run the command line; an error is printed as one sentence and determines the exit code.
 
-    Nothing is imported from the current folder, nor from that of a file that is named.
+    Nothing is imported from the current folder, nor from the folders of the arguments.
     """
     sys.path[:] = import_path(*map(os.path.dirname, sys.argv[1:]))
-    # A file .numba_config.yaml of the current folder could name a folder of compiled functions,
-    # which numba would load and run; the environment comes first.
+    # A file .numba_config.yaml in the current folder could name a folder of compiled functions,
+    # which numba would run; an environment variable overrides it.
     os.environ.setdefault("NUMBA_CACHE_DIR", "")
-    end_at_once()
-    look_for_garbage_less()
-    # MuJoCo would start a process to look for a library that draws, which no command needs.
+    skip_exit_collection()
+    reduce_garbage_collection()
+    # MuJoCo would start a process to find a graphics library, which no command needs.
     os.environ.setdefault("MUJOCO_GL", "disable")
-    # pydantic would look through all packages of this Python for plugins.
+    # pydantic would search all installed packages for plugins.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")
     sys.exit(run_interruptibly(_command))
 
@@ -54,22 +54,22 @@ def _command() -> int:
         return BROKEN_PIPE
     except OSError as error:
         _mute()
-        place = f" {error.filename}" if error.filename is not None else ""
-        _complain(f"The system refused to write or read{place}: {error.strerror or error}.")
+        file = f" {error.filename}" if error.filename is not None else ""
+        _complain(f"The system refused to write or read{file}: {error.strerror or error}.")
         return 1
 
 
 def _run() -> int:
     """Run the typer app and return its exit code."""
-    # Imported here: typer takes a tenth of a second, during which signals must work already.
+    # Imported here, because loading typer takes 0.1 s, in which signals must already work.
     from armcontour.cli.commands import app_for
-    from armcontour.cli.progress_bars import compiling_said
+    from armcontour.cli.progress_bars import compiling_notice
 
     try:
-        with compiling_said():
+        with compiling_notice():
             app_for(sys.argv[1:])()
     except SystemExit as end:
-        # A pipe whose reader has ended: click makes it the exit code 1.
+        # Click converts a broken pipe to the exit code 1.
         if isinstance(end.__context__, BrokenPipeError):
             raise end.__context__ from None
         return end.code if isinstance(end.code, int) else int(end.code is not None)
@@ -83,6 +83,6 @@ def _complain(text: str) -> None:
 
 
 def _mute() -> None:
-    """Discard output that cannot be written, so that Python does not try again when it ends."""
+    """Discard output that cannot be written, so that Python does not try again at exit."""
     with suppress(OSError, ValueError, AttributeError), open(os.devnull, "wb") as null:
         os.dup2(null.fileno(), sys.stdout.fileno())

@@ -1,4 +1,4 @@
-"""Export set-points and plans in the formats of the command line, of a run or of a result."""
+"""Export of set-points and plans in the formats of the command line, from a run or a result."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
 # Labels of the set-points for the robot, and of the plan without compensation.
 SET_POINTS, REFERENCE = "set_points", "reference"
-# Formats whose controllers join set-points with accelerations by quintics, and the share of the
-# limit above which such accelerations are said.
+# Formats whose controllers interpolate set-points by quintics, and the fraction of the limit of
+# acceleration above which a warning is given.
 JOINED_BY_QUINTICS = ("ros-yaml", "mcap")
 FAR_ABOVE = 3.0
 
@@ -47,14 +47,14 @@ class Target:
 
     @property
     def plans(self) -> bool:
-        """Whether the controller plans between the points: such files get the plan only."""
+        """True if the controller plans between the points; such files contain the plan only."""
         from armcontour.files.exports.template import templates
 
         return self.format.label in templates()
 
     @property
     def option(self) -> str:
-        """The option of the command line for this file, for messages."""
+        """Option of the command line for this file, for messages."""
         kind = "template" if self.format.kind == "template" else "export"
         return f"--{kind} {self.format.label}"
 
@@ -65,7 +65,7 @@ class Exports:
 
     Args:
         targets: The files.
-        cycle: Time between points of the plan [s]; the cycle if None.
+        cycle: Time between points of the plan [s]; None for the cycle of the run.
         derivatives: Highest derivative.
         tool_motion: Whether files have point, orientation and speed of the tool.
     """
@@ -79,7 +79,7 @@ class Exports:
         return bool(self.targets)
 
     def write(self, target: Target, table: SetPointTable, file: FilePath) -> None:
-        """Write a table to one of the files, analog outputs only to formats that have them.
+        """Write a table to a file; analog outputs only if the format supports them.
 
         Raises:
             InvalidInput: The format cannot hold the table; names the option of the format.
@@ -93,11 +93,11 @@ class Exports:
             target.format.write(table, file)
 
     def cycle_of(self, target: Target) -> float | None:
-        """Time between points of the plan in one of the files; None for the cycle."""
+        """Time between points of the plan in a file [s]; None for the cycle of the run."""
         return None if target.format.kind == "urscript" else self.cycle
 
     def warn_of_events(self, target: Target, table: SetPointTable) -> list[str]:
-        """Sentences on outputs that one of the files does not switch."""
+        """Sentences on outputs that a file does not switch."""
         from armcontour.files.exports.formats import outputs_of
         from armcontour.files.exports.template import describe_program
 
@@ -109,7 +109,7 @@ class Exports:
         )
 
     def table_options(self, arm: Arm) -> dict[str, Any]:
-        """Keyword arguments for a table of the arm; tool points only if a file has them."""
+        """Keyword arguments for a table of the arm; tool points only if a file contains them."""
         needed = self.tool_motion or any(x.format.kind in ("npz", "template") for x in self.targets)
         return {
             "arm": arm if needed else None,
@@ -149,8 +149,8 @@ def exports_of(x: ExportOptions) -> Exports:
             "--tool-motion": x.tool_motion,
             "--call": x.call,
         }
-        for option, given in options.items():
-            if given:
+        for option, is_set in options.items():
+            if is_set:
                 raise InvalidInput(f"{option} goes with --export or --template.")
     _refuse_same_files(targets)
     return Exports(
@@ -162,16 +162,7 @@ def exports_of(x: ExportOptions) -> Exports:
 
 
 def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -> list[Target]:
-    """Targets with outputs of events, from texts such as "tool=0", or "abb:tool=doTool" for one.
-
-    Args:
-        targets: The files of the export.
-        texts: The texts.
-        call: Whether programs in URScript are followed by their call.
-
-    Raises:
-        InvalidInput: No format takes outputs, or a text is not "event=output".
-    """
+    """Targets with outputs of events, from texts such as "tool=0", or "abb:tool=doTool" for one."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files.exports.formats import FORMATS, WITH_OUTPUTS, URScriptFormat
     from armcontour.files.exports.template import templates
@@ -179,13 +170,13 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -
     takers = [x.format.label for x in targets if isinstance(x.format, WITH_OUTPUTS)]
     if texts and not takers:
         raise InvalidInput("--output goes with --export urscript or with --template.")
-    # Of each format, and under "" of all of them.
+    # Outputs by format; the key "" is for all formats.
     outputs: dict[str, Outputs] = {}
     for text in texts:
         event, equals, number = text.partition("=")
-        kind, colon, rest = event.partition(":")
+        kind, colon, remainder = event.partition(":")
         if colon and kind in takers:
-            event = rest
+            event = remainder
         elif colon and kind in (*FORMATS, *templates()):
             raise InvalidInput(f"--output {text} is for {kind}, which is not exported.")
         else:
@@ -194,16 +185,16 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -
             raise InvalidInput(
                 f"--output must be an event and its output, such as tool=0: {text!r}."
             )
-        of = outputs.setdefault(kind, {})
-        if event in of:
+        events = outputs.setdefault(kind, {})
+        if event in events:
             raise InvalidInput(f"--output gives the event {event!r} two outputs: give it one.")
-        of[event] = int(number) if number.isdecimal() else number
+        events[event] = int(number) if number.isdecimal() else number
     complete = []
     for x in targets:
         format = x.format
         if isinstance(format, WITH_OUTPUTS):
-            own = outputs.get("", {}) | outputs.get(format.label, {})
-            format = dataclasses.replace(format, outputs=own)
+            merged = outputs.get("", {}) | outputs.get(format.label, {})
+            format = dataclasses.replace(format, outputs=merged)
         if isinstance(format, URScriptFormat):
             format = dataclasses.replace(format, call=call)
         complete.append(Target(format=format, ending=x.ending))
@@ -211,28 +202,28 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -
 
 
 def _refuse_same_files(targets: list[Target]) -> None:
-    """Refuse two exports that would be written to the same file."""
+    """Reject two exports to the same file."""
     from armcontour.core.errors import InvalidInput
 
     taken: dict[str, str] = {}
     for x in targets:
         if taken.get(x.ending) == x.option:
-            raise InvalidInput(f"{x.option} is there twice: give it once.")
+            raise InvalidInput(f"{x.option} is given twice: give it once.")
         if x.ending in taken:
             raise InvalidInput(
                 f"{taken[x.ending]} and {x.option} would both be written to "
-                f"{SET_POINTS}{x.ending}: leave one of them out, or give a template "
+                f"{SET_POINTS}{x.ending}: remove one of them, or give a template "
                 "another ending, such as cell.txt.j2."
             )
         taken[x.ending] = x.option
 
 
-def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
-    """Write a table of two points in every chosen format, to find errors before the run.
+def rehearse(job: Job, exports: Exports, scratch: FilePath) -> None:
+    """Write a table of two points in each format, to find errors before the run.
 
     Args:
         job: The job.
-        x: The formats.
+        exports: The formats.
         scratch: A folder for the files.
 
     Raises:
@@ -242,27 +233,29 @@ def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
     from armcontour.core.errors import InvalidInput
 
     events = _events_of(job)
-    _refuse_outputs(x, {*(event.name for event in events), *job.process.analog_names}, "the job")
+    _refuse_outputs(
+        exports, {*(event.name for event in events), *job.process.analog_names}, "the job"
+    )
     intervals = [run.cycle for run in job.runs]
-    cycles = intervals if x.cycle is None else [*intervals, x.cycle]
+    cycles = intervals if exports.cycle is None else [*intervals, exports.cycle]
     for number, cycle in enumerate(dict.fromkeys(cycles)):
-        table = _two_points(job, cycle, events, x)
-        for target in x.targets:
-            if cycle not in (*intervals, x.cycle_of(target)):
+        table = _two_points(job, cycle, events, exports)
+        for target in exports.targets:
+            if cycle not in (*intervals, exports.cycle_of(target)):
                 continue
-            # A bag is a folder, which no other one may replace.
-            place = scratch / f"rehearsal{number}{target.ending}"
+            # Each file has its own name, because a bag is a folder that cannot be replaced.
+            file = scratch / f"rehearsal{number}{target.ending}"
             try:
-                x.write(target, table, place)
+                exports.write(target, table, file)
             except OSError as error:
                 raise InvalidInput(f"Cannot try {target.option}: {error.strerror}.") from None
 
 
-def _refuse_outputs(x: Exports, events: Iterable[str], owner: str) -> None:
-    """Refuse outputs for events that do not exist."""
+def _refuse_outputs(exports: Exports, events: Iterable[str], owner: str) -> None:
+    """Reject outputs for events that do not exist."""
     from armcontour.files.exports.formats import check_outputs, outputs_of
 
-    names = {name: 0 for target in x.targets for name in outputs_of(target.format)}
+    names = {name: 0 for target in exports.targets for name in outputs_of(target.format)}
     check_outputs(names, events, option="--output", owner=owner)
 
 
@@ -270,21 +263,23 @@ def _events_of(job: Job) -> list[Event]:
     """All events of a job, each name and value once."""
     from armcontour.program import Contour, Event
 
-    found: list[Event] = []
-    for own in job.process.variants:
-        found += own.events
-        if own.switch is not None:
-            found += [Event(name=own.switch.name, value=x) for x in (own.switch.value, False)]
+    events: list[Event] = []
+    for variant in job.process.variants:
+        events += variant.events
+        if variant.switch is not None:
+            events += [
+                Event(name=variant.switch.name, value=x) for x in (variant.switch.value, False)
+            ]
     for move in job.program.moves:
         if isinstance(move, Event):
-            found.append(move)
+            events.append(move)
         elif isinstance(move, Contour):
-            found += move.events
-    return list({(x.name, type(x.value), x.value): x for x in found}.values())
+            events += move.events
+    return list({(x.name, type(x.value), x.value): x for x in events}.values())
 
 
-def _two_points(job: Job, cycle: float, events: Sequence[Event], x: Exports) -> SetPointTable:
-    """A table of two points with the joints and events of a job."""
+def _two_points(job: Job, cycle: float, events: Sequence[Event], exports: Exports) -> SetPointTable:
+    """SetPointTable of two points with the joints and events of a job."""
     import numpy as np
 
     from armcontour.files.exports.table import tabulate
@@ -301,17 +296,17 @@ def _two_points(job: Job, cycle: float, events: Sequence[Event], x: Exports) -> 
             for y in events
         ),
         analog={y: np.zeros(2) for y in job.process.analog_names},
-        **x.table_options(job.arm),
+        **exports.table_options(job.arm),
     )
 
 
 def _title(job: Job, label: str) -> str:
-    """The title of a table inside its file."""
+    """Title of a table inside its file."""
     return f"{job.name} {label}"
 
 
 def write_exports(
-    folder: ResultFolder, job: Job, name: str, result: RunResult, x: Exports
+    folder: ResultFolder, job: Job, name: str, result: RunResult, exports: Exports
 ) -> tuple[list[str], list[str]]:
     """Export set-points and plan of one run to the result folder.
 
@@ -324,16 +319,16 @@ def write_exports(
     analog = analog_outputs(result.path, result.trajectory, job.process, result.run.limits)
     takers = ", ".join(kind for kind, of in FORMATS.items() if issubclass(of, WITH_ANALOG))
     warnings = [
-        f"{y.option}, run {name}: the format has no place for analog outputs "
-        f"({', '.join(analog)}), which these have: {takers}."
-        for y in x.targets
+        f"{y.option}, run {name}: the format does not support analog outputs "
+        f"({', '.join(analog)}); these formats do: {takers}."
+        for y in exports.targets
         if analog and not isinstance(y.format, WITH_ANALOG)
     ]
-    options, written = x.table_options(job.arm), list[str]()
+    options, written = exports.table_options(job.arm), list[str]()
     made: dict[tuple[str, float], SetPointTable] = {}
-    for target in x.targets:
+    for target in exports.targets:
         tables: dict[str, tuple[SetPoints | Trajectory, float]]
-        tables = {REFERENCE: (result.trajectory, x.cycle_of(target) or result.run.cycle)}
+        tables = {REFERENCE: (result.trajectory, exports.cycle_of(target) or result.run.cycle)}
         if not target.plans:
             tables[SET_POINTS] = (result.set_points, result.run.cycle)
         for label, (data, cycle) in tables.items():
@@ -342,31 +337,31 @@ def write_exports(
                 data, name=title, cycle=cycle, analog=analog, **options
             )
             made[label, cycle] = table
-            place = f"{name}/export/{label}{target.ending}"
-            written.append(f"Exported {place}: {_place(folder, place, x, target, table)}.")
+            path = f"{name}/export/{label}{target.ending}"
+            written.append(f"Exported {path}: {_place(folder, path, exports, target, table)}.")
         if target.format.kind in JOINED_BY_QUINTICS:
-            if x.derivatives == 0 and job.arm.name.lower().startswith("ur"):
+            if exports.derivatives == 0 and job.arm.name.lower().startswith("ur"):
                 warnings.append(
                     f"{target.option}, run {name}: the trajectory interface of UR (passthrough "
-                    "controller) needs velocities: leave out --derivatives 0 for it."
+                    "controller) needs velocities: remove --derivatives 0."
                 )
             warnings += _warn_of_jumps(target, table, result.run.limits, name)
-        for said in x.warn_of_events(target, table):
-            warnings.append(f"{target.option}, run {name}: {said}")
+        for sentence in exports.warn_of_events(target, table):
+            warnings.append(f"{target.option}, run {name}: {sentence}")
     return written, warnings
 
 
 def _place(
-    folder: ResultFolder, place: str, x: Exports, target: Target, table: SetPointTable
+    folder: ResultFolder, name: str, exports: Exports, target: Target, table: SetPointTable
 ) -> str:
     """Write a table to the result folder; returns its size in words."""
     sizes: list[str] = []
 
     def write(file: FilePath) -> None:
-        x.write(target, table, file)
+        exports.write(target, table, file)
         sizes.append(_size(table, file))
 
-    folder.place(place, write)
+    folder.place(name, write)
     return sizes[0]
 
 
@@ -378,7 +373,7 @@ def _size(table: SetPointTable, file: FilePath) -> str:
 
 
 def _warn_of_jumps(target: Target, table: SetPointTable, limits: Limits, name: str) -> list[str]:
-    """Warn of a curve through set-points that needs far more than the limits of acceleration."""
+    """Warnings of set-points whose interpolation exceeds the limits of acceleration by far."""
     import numpy as np
 
     from armcontour.robot.limit_use import use_of
@@ -406,7 +401,7 @@ def _warn_of_jumps(target: Target, table: SetPointTable, limits: Limits, name: s
 
 
 def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions) -> None:
-    """Export a run of an earlier result to a file, and say what was written.
+    """Export a run of an earlier result to a file, and print a summary.
 
     Args:
         result: Folder of a result.
@@ -443,33 +438,32 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     elif options.tool_motion:
         raise InvalidInput("--tool-motion needs the arm: give its job file or its cell with --job.")
     run = read_run(result, options.run_name)
-    more: dict[str, Any] = {"derivatives": options.derivatives, "tool_motion": options.tool_motion}
+    table_options: dict[str, Any] = {
+        "derivatives": options.derivatives,
+        "tool_motion": options.tool_motion,
+    }
     table = (
-        run.reference(cycle, arm=arm, **more)
+        run.reference(cycle, arm=arm, **table_options)
         if options.reference
-        else run.set_points(arm=arm, **more)
+        else run.set_points(arm=arm, **table_options)
     )
-    x = Exports(targets=(target,))
-    _refuse_outputs(x, {event.name for event in table.events}, f"the run {run.name}")
-    put(file, partial(x.write, target, table), folder=target.format.kind == "mcap")
-    for said in x.warn_of_events(target, table):
-        Console().say(f"Warning: {capitalise(said)}")
-    what = REFERENCE if options.reference else SET_POINTS
+    exports = Exports(targets=(target,))
+    _refuse_outputs(exports, {event.name for event in table.events}, f"the run {run.name}")
+    put(file, partial(exports.write, target, table), folder=target.format.kind == "mcap")
+    for sentence in exports.warn_of_events(target, table):
+        Console().print(f"Warning: {capitalise(sentence)}")
+    label = REFERENCE if options.reference else SET_POINTS
     if run.analog:
-        Console().say(
+        Console().print(
             f"Not exported: the analog outputs {', '.join(run.analog)}. A result does not have "
             "their values: export them with armcontour run."
         )
     motion = figure(duration_row(table.duration))
-    Console().say(f"Exported {what} of run {run.name}: {_size(table, file)}, {motion}: {file}")
+    Console().print(f"Exported {label} of run {run.name}: {_size(table, file)}, {motion}: {file}")
 
 
 def _format(file: FilePath, options: StoredExportOptions) -> ExportFormat:
-    """The format of a file, by its options or its ending.
-
-    Raises:
-        InvalidInput: No such format, or a template without its format.
-    """
+    """Format of a file by the options or its ending."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files.exports.formats import TemplateFormat, format_named, format_of
 
@@ -479,7 +473,7 @@ def _format(file: FilePath, options: StoredExportOptions) -> ExportFormat:
                 f"A template is given, but the format is {options.format} and not template."
             )
         return TemplateFormat(template=options.template)
-    of = format_of(file) if options.format is None else format_named(options.format)
-    if of is TemplateFormat:
+    kind = format_of(file) if options.format is None else format_named(options.format)
+    if kind is TemplateFormat:
         raise InvalidInput("The format template needs a template: kuka, abb, or a file.")
-    return of()
+    return kind()

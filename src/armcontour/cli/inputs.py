@@ -19,14 +19,14 @@ if TYPE_CHECKING:
     from armcontour.files.patch import Patch
     from armcontour.jobs import Job
 
-# A job may have one of these endings, or none.
+# File endings of jobs.
 JOBS = (".yaml", ".yml", "")
-# Name of the built-in job, which any command takes in place of a job file.
+# Name of the built-in job, which all commands accept instead of a job file.
 PAPER = "paper"
 
 
 def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
-    """The keys of a job that options set.
+    """Keys of a job that options set.
 
     Args:
         groups: Groups of options.
@@ -55,21 +55,23 @@ def read_patch(*groups: Any) -> tuple[Patch, dict[str, str]]:
             patch |= {(*outer, key): item for key, item in each}
             options[row["key"].removesuffix(".*")] = option
         for text in getattr(group, "sets", None) or ():
-            # Loads the checks of jobs.
+            # Imported here, because it loads the checks of jobs.
             from armcontour.files import parse_set
 
             with error_context("--set"):
                 [(keys, value)] = parse_set(text).items()
             key = ".".join(map(str, keys))
             if key in options:
-                raise InvalidInput(f"{options[key]} and --set {key} set the same: leave one out.")
+                raise InvalidInput(
+                    f"{options[key]} and --set {key} set the same: remove one of them."
+                )
             patch[keys], options[key] = value, "--set"
     return patch, options
 
 
 @contextmanager
 def name_options(options: Mapping[str, str]) -> Iterator[None]:
-    """Put the option that has set a key before the message of an error that names this key.
+    """Context that puts the option of a key before the message of an error that names the key.
 
     Args:
         options: The options by keys with dots.
@@ -80,10 +82,10 @@ def name_options(options: Mapping[str, str]) -> Iterator[None]:
         yield
     except InvalidInput as error:
         for key, option in options.items():
-            # A name without dots may be another word elsewhere in the sentence.
+            # A name without dots may occur as an ordinary word in the sentence.
             begin = r"\b" if "." in key else ": (unknown key )?"
             if re.search(rf"{begin}{re.escape(key)}\b", str(error)):
-                raise error.at(option).with_traceback(error.__traceback__) from None
+                raise error.with_location(option).with_traceback(error.__traceback__) from None
         raise
 
 
@@ -93,7 +95,7 @@ def library_file(name: str) -> FilePath:
 
 
 def is_job(file: FilePath) -> bool:
-    """Whether a file is a job by its name; else it is a drawing."""
+    """True if a file is a job by its name; otherwise it is a drawing."""
     from armcontour.core.errors import InvalidInput
 
     if file.is_dir():
@@ -101,12 +103,12 @@ def is_job(file: FilePath) -> bool:
     return file.suffix.lower() in JOBS
 
 
-def open_job(file: FilePath, x: JobOptions, progress: Progress, *groups: Any) -> Job:
+def open_job(file: FilePath, job_options: JobOptions, progress: Progress, *groups: Any) -> Job:
     """Read the job in a job file, or combine a drawing with a cell.
 
     Args:
         file: A job file, or a drawing.
-        x: Options that set keys of the job; --cell is for a drawing only.
+        job_options: Options that set keys of the job; --cell is for a drawing only.
         progress: Called with the progress of reading the drawing.
         groups: More groups of options that set keys of the job.
 
@@ -118,29 +120,37 @@ def open_job(file: FilePath, x: JobOptions, progress: Progress, *groups: Any) ->
     from armcontour.files.cell import cell_names, read_cell
     from armcontour.files.drawings.endings import find_reader
 
-    patch, options = read_patch(x, *groups)
+    patch, options = read_patch(job_options, *groups)
     if is_job(file):
-        if x.cell is not None:
+        if job_options.cell is not None:
             raise InvalidInput(
                 f"{file.name} is a job, which has an arm: --cell goes with a drawing."
             )
         if str(file) == PAPER and not file.exists():
             file = library_file("paper.yaml")
         with name_options(options):
-            return read_job(file, patch=patch, reading=progress, trust_xacro=x.trust_xacro)
-    # A robot description, say, is no drawing, and needs no cell.
+            return read_job(
+                file, patch=patch, reading=progress, trust_xacro=job_options.trust_xacro
+            )
+    # Other files, such as robot descriptions, are rejected before the check for a cell.
     find_reader(file)
-    if x.cell is None:
+    if job_options.cell is None:
         raise InvalidInput(
-            f"{file.name} is a drawing: name the cell it is to be run in with --cell, one of "
+            f"{file.name} is a drawing: name the cell for it with --cell, one of "
             f"{', '.join(cell_names())}, or a job file."
         )
     with name_options(options):
-        return read_cell(x.cell, file, patch=patch, reading=progress, trust_xacro=x.trust_xacro)
+        return read_cell(
+            job_options.cell,
+            file,
+            patch=patch,
+            reading=progress,
+            trust_xacro=job_options.trust_xacro,
+        )
 
 
 def read_option(option: str, text: str | int | None, kind: Any) -> float | None:
-    """The quantity of an option in SI units; None without the option.
+    """Quantity of an option in SI units; None without the option.
 
     Args:
         option: The option, such as "--speed".
@@ -170,23 +180,23 @@ def read_window(start: str | None, end: str | None) -> tuple[float, float]:
 
 
 def to_quantity(text: str) -> str | int:
-    """A quantity as a job file has it: text with a unit, or zero."""
+    """Quantity as in a job file: text with a unit, or zero."""
     return 0 if plain_number(text) == 0 else text.strip()
 
 
 def to_quantities(text: str) -> list[str | int]:
-    """Quantities that are separated by commas."""
+    """Quantities separated by commas."""
     return [to_quantity(part) for part in text.split(",")]
 
 
 def to_point(text: str) -> list[str | int]:
-    """A point; without z it is zero."""
+    """Point; z is zero by default."""
     coordinates = to_quantities(text)
     return [*coordinates, 0] if len(coordinates) == 2 else coordinates
 
 
 def to_skip(_: bool) -> str:
-    """What the reader does with unknown elements."""
+    """Treatment of unknown elements by the reader."""
     return "skip"
 
 
@@ -196,7 +206,7 @@ def to_words(texts: list[str]) -> dict[str, list[str]]:
 
 
 def to_tools(texts: list[str]) -> dict[int, str | int]:
-    """Diameters of tools by their numbers."""
+    """Diameters of tools by number."""
     example = "1: 3 mm"
     diameters = _named([part for text in texts for part in text.split(",")], example)
     for name in diameters:
@@ -219,21 +229,17 @@ def to_axes(texts: list[str]) -> dict[str, dict[str, str | int]]:
 
 
 def to_offsets(texts: list[str]) -> dict[str, str | int]:
-    """By how much the part may be off along axes."""
+    """Uncertainty of the position of the part along axes."""
     return {name: to_quantity(text) for name, text in _named(texts, "x: 2 mm").items()}
 
 
 def to_anchor(text: str) -> str | list[str | int]:
-    """The name of a point, or its coordinates."""
+    """Name of a point, or its coordinates."""
     return to_quantities(text) if "," in text else text
 
 
 def _named(texts: list[str], example: str) -> dict[str, str]:
-    """Texts such as 'x: 2 mm', by the names before their colons.
-
-    Raises:
-        ValueError: Text of another form, or a name twice.
-    """
+    """Texts such as 'x: 2 mm', by the names before their colons."""
     values: dict[str, str] = {}
     for text in texts:
         name, colon, value = (part.strip() for part in text.partition(":"))
@@ -246,7 +252,7 @@ def _named(texts: list[str], example: str) -> dict[str, str]:
 
 
 def _read(option: str, text: str, kind: Any) -> float:
-    """Read one quantity of an option: options are text, and text other than 0 needs a unit."""
+    """Read one quantity of an option; text other than 0 needs a unit."""
     from armcontour.core.errors import InvalidInput
     from armcontour.files.units import read_quantity
 
@@ -254,7 +260,7 @@ def _read(option: str, text: str, kind: Any) -> float:
     plain = text.strip()
     number = plain_number(plain)
     if number:
-        # Not the number with a unit: the unit that was meant is not known.
+        # The intended unit is unknown, so the message has an example only.
         raise InvalidInput(
             f"{option}: {plain!r} has no unit: write one, as in '{quantity.example}'."
         )

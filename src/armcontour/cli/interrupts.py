@@ -1,8 +1,8 @@
 """Signals that end a command within a second, also while compiled code runs.
 
 The work runs in a second thread, so that the main thread can handle signals. On a signal the main
-thread waits for results that are just being moved into place, removes incomplete files, and ends
-the program.
+thread waits until results that are being moved are in place, removes incomplete files, and ends the
+program.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 PATIENCE = 0.5
 # Period of the wait on Windows, which handles no signal during a wait [s].
 PULSE = 0.2
-# Stack of the thread, as large as that of a main thread: deep documents need it [bytes].
+# Stack of the thread [bytes], as large as that of a main thread, for deeply nested documents.
 STACK = 64 * 1024 * 1024
 
 
-# Called before the program ends because of a signal; they may return a sentence to be printed.
-_farewells: list[Callable[[], str | None]] = []
+# Called before a signal ends the program; may return a sentence for the user.
+_cleanups: list[Callable[[], str | None]] = []
 
 
 class _Stopped(BaseException):
@@ -39,23 +39,23 @@ class _Stopped(BaseException):
 
 
 @contextmanager
-def before_interrupt(farewell: Callable[[], str | None]) -> Iterator[None]:
-    """Call a function before a signal ends the program meanwhile; it has `PATIENCE`.
+def before_interrupt(cleanup: Callable[[], str | None]) -> Iterator[None]:
+    """Context in which a function is called before a signal ends the program.
 
     Args:
-        farewell: Tidies up, and may return a sentence for the user.
+        cleanup: Function that may take `PATIENCE`, and may return a sentence for the user.
     """
-    _farewells.append(farewell)
+    _cleanups.append(cleanup)
     try:
         yield
     finally:
-        _farewells.remove(farewell)
+        _cleanups.remove(cleanup)
 
 
 def run_interruptibly(work: Callable[[], int]) -> int:
     """Run work in a thread, and end the program if a signal arrives.
 
-    Signals that are ignored already stay ignored, as under `nohup`.
+    Ignored signals stay ignored, as under `nohup`.
 
     Args:
         work: Function that returns an exit code.
@@ -92,7 +92,7 @@ def run_interruptibly(work: Callable[[], int]) -> int:
 
 
 def _listen() -> dict[int, Any]:
-    """Install handlers that stop the wait; returns the handlers that were there before."""
+    """Install handlers that stop the wait; returns the earlier handlers."""
 
     def stop(number: int, _: object) -> None:
         raise _Stopped(number)
@@ -110,11 +110,11 @@ def _end(number: int) -> NoReturn:
     for name in SIGNALS:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
-    said = _bid_farewell()
+    sentences = _clean_up()
     unwritten = staging.abandon(PATIENCE)
     message = f"Interrupted ({signal.Signals(number).name})"
     message += f": nothing was written to {', '.join(unwritten)}." if unwritten else "."
-    message = " ".join([message, *said])
+    message = " ".join([message, *sentences])
     # Written directly to the file descriptor: the thread may hold the locks of the streams.
     with suppress(OSError, AttributeError, ValueError):
         # Clears the line of a progress bar and shows the cursor again.
@@ -123,17 +123,17 @@ def _end(number: int) -> NoReturn:
     os._exit(128 + number)
 
 
-def _bid_farewell() -> list[str]:
-    """Call the functions that tidy up, each in a thread that is not waited for too long."""
-    said: list[str] = []
+def _clean_up() -> list[str]:
+    """Call the cleanup functions, each in a thread and for at most `PATIENCE`."""
+    sentences: list[str] = []
 
-    def call(farewell: Callable[[], str | None]) -> None:
+    def call(cleanup: Callable[[], str | None]) -> None:
         with suppress(Exception):
-            if (sentence := farewell()) is not None:
-                said.append(sentence)
+            if (sentence := cleanup()) is not None:
+                sentences.append(sentence)
 
-    for farewell in tuple(_farewells):
-        thread = threading.Thread(target=call, args=(farewell,), daemon=True)
+    for cleanup in tuple(_cleanups):
+        thread = threading.Thread(target=call, args=(cleanup,), daemon=True)
         thread.start()
         thread.join(PATIENCE)
-    return said
+    return sentences

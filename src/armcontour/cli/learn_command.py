@@ -1,4 +1,4 @@
-"""The command `learn`: set-points for the next run, from the log of the last one."""
+"""The command `learn`: set-points for the next run from the log of the last one."""
 
 from __future__ import annotations
 
@@ -22,92 +22,85 @@ if TYPE_CHECKING:
     from armcontour.jobs.run_learning import JudgedStudy, LearningStudy
     from armcontour.motion import Log, SetPoints
 
-Found = TypeVar("Found", "JudgedStudy", "LearningStudy")
+Study = TypeVar("Study", "JudgedStudy", "LearningStudy")
 
 
-def learn_file(file: FilePath, job_options: JobOptions, x: LearnOptions) -> None:
-    """Learn a run of a job from a log, or judge it; print and write it.
+def learn_file(file: FilePath, job_options: JobOptions, options: LearnOptions) -> None:
+    """Learn a run of a job from a log, or evaluate the log; print and write the result.
 
     Args:
         file: A job file, or a drawing.
         job_options: Options that replace values of the job.
-        x: Options of the command. The folder gets summary.json and, unless the log is only judged,
-            the set-points of the next run and report.html.
+        options: Options of the command. The folder gets summary.json and, unless the log is only
+            evaluated, the set-points of the next run and report.html.
+
 
     Raises:
         ArmContourError: An invalid job, or a log that is not of its set-points; then nothing is
             written.
     """
-    _refuse_missing(x)
-    window = read_window(x.start, x.end)
-    if x.judge_only:
-        judge = partial(_judge, file, job_options, x, window)
-        _do(x, "judging", judge, _write_judged, _print_judged)
+    _refuse_missing(options)
+    window = read_window(options.start, options.end)
+    if options.judge_only:
+        judge = partial(_judge, file, job_options, options, window)
+        _do(options, "judging", judge, _write_judged, _print_judged)
     else:
-        learn = partial(_learn, file, job_options, x, window)
-        _do(x, "learning", learn, _write, _print)
+        learn = partial(_learn, file, job_options, options, window)
+        _do(options, "learning", learn, _write, _print)
 
 
 def _do(
-    x: LearnOptions,
-    what: str,
-    work: Callable[[Progress], Found],
-    write: Callable[[Found, ResultFolder], None],
-    show: Callable[[Found, FilePath | None], None],
+    options: LearnOptions,
+    title: str,
+    work: Callable[[Progress], Study],
+    write: Callable[[Study, ResultFolder], None],
+    show: Callable[[Study, FilePath | None], None],
 ) -> None:
-    """Do the work of the command, write what it found if there is a folder, and print it.
-
-    Args:
-        x: Options of the command.
-        what: What is done, for the progress.
-        work: Does it.
-        write: Writes what was found.
-        show: Prints what was found.
-    """
+    """Run `work` with progress, write its result if there is a folder, and print it."""
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
 
-    with nullcontext() if x.out is None else ResultFolder(x.out, force=x.force) as folder:
-        with search_progress(what) as progress:
-            found = work(progress)
+    with (
+        nullcontext()
+        if options.out is None
+        else ResultFolder(options.out, force=options.force) as folder
+    ):
+        with search_progress(title) as progress:
+            study = work(progress)
         if folder is not None:
-            write(found, folder)
-    if x.as_json:
-        print(data_json(found.to_data()), end="")
+            write(study, folder)
+    if options.as_json:
+        print(data_json(study.to_data()), end="")
     else:
-        show(found, x.out)
-    if x.out is not None and x.open_report:
-        open_page(x.out / "report.html")
+        show(study, options.out)
+    if options.out is not None and options.open_report:
+        open_page(options.out / "report.html")
 
 
-def _refuse_missing(x: LearnOptions) -> None:
-    """Refuse options without those that they need.
-
-    Raises:
-        InvalidInput: An option is missing.
-    """
+def _refuse_missing(options: LearnOptions) -> None:
+    """Reject options without those that they require."""
     from armcontour.core.errors import InvalidInput
 
-    if x.out is None and (x.open_report or x.force):
+    if options.out is None and (options.open_report or options.force):
         raise InvalidInput("--open and --force go with --out, the folder for the report.")
-    if x.judge_only:
-        if x.log is None:
-            raise InvalidInput("--judge-only needs what the robot did, --log.")
-        if x.open_report:
-            raise InvalidInput("--judge-only writes no report that --open can show: leave it out.")
+    if options.judge_only:
+        if options.log is None:
+            raise InvalidInput("--judge-only requires the log of the robot: give it with --log.")
+        if options.open_report:
+            raise InvalidInput("--judge-only writes no report that --open can show: remove --open.")
         return
-    if x.set_points is None or x.log is None:
+    if options.set_points is None or options.log is None:
         raise InvalidInput(
-            "learn needs what the robot executed and what it did, --set-points and --log."
+            "learn requires the executed set-points and the log: give --set-points and --log."
         )
-    if x.out is None:
-        raise InvalidInput("learn needs --out, the folder for the set-points of the next run.")
+    if options.out is None:
+        raise InvalidInput("learn requires --out, the folder for the set-points of the next run.")
 
 
 def _learn(
     file: FilePath,
     job_options: JobOptions,
-    x: LearnOptions,
+    options: LearnOptions,
     window: tuple[float, float],
     progress: Progress,
 ) -> LearningStudy:
@@ -115,58 +108,66 @@ def _learn(
     from armcontour.jobs.run_learning import LearningStudy, learn_run, plan_run
 
     job = open_job(file, job_options, subprogress(progress, "reading"))
-    plan = plan_run(job, x.run_name, progress=progress)
-    set_points, log, tool = _read(job, plan, x, window, progress)
+    plan = plan_run(job, options.run_name, progress=progress)
+    set_points, log, tool = _read(job, plan, options, window, progress)
     progress(Step(("learning from the log",)))
-    lesson = learn_run(job, plan, set_points, log, tool=tool)
-    return LearningStudy(job=job, plan=plan, lesson=lesson)
+    result = learn_run(job, plan, set_points, log, tool=tool)
+    return LearningStudy(job=job, plan=plan, lesson=result)
 
 
 def _judge(
     file: FilePath,
     job_options: JobOptions,
-    x: LearnOptions,
+    options: LearnOptions,
     window: tuple[float, float],
     progress: Progress,
 ) -> JudgedStudy:
-    """Read the job, plan its run, and judge the log of a robot."""
+    """Read the job, plan its run, and evaluate the log of a robot."""
     from armcontour.jobs.run_learning import judge_log, plan_run
 
     job = open_job(file, job_options, subprogress(progress, "reading"))
-    plan = plan_run(job, x.run_name, progress=progress)
-    set_points, log, tool = _read(job, plan, x, window, progress)
+    plan = plan_run(job, options.run_name, progress=progress)
+    set_points, log, tool = _read(job, plan, options, window, progress)
     progress(Step(("judging the log",)))
     return judge_log(job, plan, set_points, log, tool=tool)
 
 
 def _read(
-    job: Job, plan: RunResult, x: LearnOptions, window: tuple[float, float], progress: Progress
+    job: Job,
+    plan: RunResult,
+    options: LearnOptions,
+    window: tuple[float, float],
+    progress: Progress,
 ) -> tuple[SetPoints, Log | Recording, tuple[FloatArray, FloatArray] | None]:
-    """What the robot executed, its log, and positions of its tool if there are any."""
+    """Executed set-points, log, and measured tool positions if there are any."""
     from armcontour.files.log_file import read_run_log, read_tool_positions
     from armcontour.files.set_point_file import read_taught
 
-    assert x.log is not None
+    assert options.log is not None
     progress(Step(("reading the log",)))
-    set_points = plan.set_points if x.set_points is None else read_taught(x.set_points, job, plan)
+    set_points = (
+        plan.set_points
+        if options.set_points is None
+        else read_taught(options.set_points, job, plan)
+    )
     log = read_run_log(
-        x.log,
+        options.log,
         job.arm.joint_names,
         start=window[0],
         end=window[1],
-        unwrap=x.unwrap,
-        columns=x.columns,
-        topic=x.topic,
+        unwrap=options.unwrap,
+        columns=options.columns,
+        topic=options.topic,
     )
     show_notes(log.notes)
     tool = None
-    if x.tool_positions is not None:
-        tool = read_tool_positions(x.tool_positions, job.program.dimension)
+    if options.tool_positions is not None:
+        tool = read_tool_positions(options.tool_positions, job.program.dimension)
     return set_points, log, tool
 
 
-def _write(found: LearningStudy, folder: ResultFolder) -> None:
-    """Write what was learned."""
+def _write(study: LearningStudy, folder: ResultFolder) -> None:
+    """Write the learned set-points, the report and the summary."""
     import dataclasses
 
     from armcontour.cli.run_command import write_motions
@@ -174,43 +175,43 @@ def _write(found: LearningStudy, folder: ResultFolder) -> None:
     from armcontour.files.set_point_file import LESSON, write_lesson
     from armcontour.report import render_learning
 
-    name = found.plan.run.name
+    name = study.plan.run.name
     write_motions(
-        folder, found.job, {name: dataclasses.replace(found.plan, set_points=found.lesson)}
+        folder, study.job, {name: dataclasses.replace(study.plan, set_points=study.lesson)}
     )
-    folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=found.lesson))
-    folder.write("report.html", render_learning(found))
-    folder.write("summary.json", data_json(found.to_data([*folder.files, "summary.json"])))
+    folder.place(f"{name}/{LESSON}", partial(write_lesson, lesson=study.lesson))
+    folder.write("report.html", render_learning(study))
+    folder.write("summary.json", data_json(study.to_data([*folder.files, "summary.json"])))
 
 
-def _print(found: LearningStudy, out: FilePath | None) -> None:
-    """Print a table of the runs, whether to go on, and what was written."""
+def _print(study: LearningStudy, out: FilePath | None) -> None:
+    """Print a table of the runs, the next step, and the written files."""
     console = Console()
-    console.say(f"{found.job.title}, run {found.plan.run.name}: error of the tool")
-    console.show(found.result)
-    for note in found.job.arm.notes:
-        console.say(f"Note: {note}")
+    console.print(f"{study.job.title}, run {study.plan.run.name}: error of the tool")
+    console.show(study.result)
+    for note in study.job.arm.notes:
+        console.print(f"Note: {note}")
     if out is None:
         return
-    console.say(f"Set-points of the next run: {out / found.plan.run.name / 'set_points.csv'}")
-    if not found.lesson.finished:
-        console.say(f"Execute them, and give the log of that run with --set-points {out}.")
-    console.say(f"Report: {(out / 'report.html').resolve().as_uri()}")
+    console.print(f"Set-points of the next run: {out / study.plan.run.name / 'set_points.csv'}")
+    if not study.lesson.finished:
+        console.print(f"Execute them, and give the log of that run with --set-points {out}.")
+    console.print(f"Report: {(out / 'report.html').resolve().as_uri()}")
 
 
 def _write_judged(study: JudgedStudy, folder: ResultFolder) -> None:
-    """Write the summary of a judged run."""
+    """Write the summary of an evaluated run."""
     from armcontour.files.result_folder import data_json
 
     folder.write("summary.json", data_json(study.to_data([*folder.files, "summary.json"])))
 
 
 def _print_judged(study: JudgedStudy, out: FilePath | None) -> None:
-    """Print what the tool and the joints did by a log, and what was written."""
+    """Print the errors of the tool and the joints by a log, and the written file."""
     console = Console()
-    console.say(f"{study.job.title}, run {study.plan.run.name}: the robot by its log")
+    console.print(f"{study.job.title}, run {study.plan.run.name}: the robot by its log")
     console.show(study.result)
     for note in study.job.arm.notes:
-        console.say(f"Note: {note}")
+        console.print(f"Note: {note}")
     if out is not None:
-        console.say(f"Summary: {out / 'summary.json'}")
+        console.print(f"Summary: {out / 'summary.json'}")

@@ -25,7 +25,7 @@ SHORT: dict[str, dict[str, Any]] = {
 }
 KINDS = {"text": str, "texts": list[str], "flag": bool, "number": float, "whole": int}
 POSITION = "Cell and position of the drawing"
-# Topics in the help of a command, with the names of their options; others stand under "Options".
+# Topics in the help of a command, with the names of their options; others are under "Options".
 TOPICS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("Drawing", "G-code"), ()),
     POSITION: ("cell",),
@@ -48,10 +48,10 @@ _TYPE = re.compile(r"<(?:list\[)?(str|int|float|path)\]?(?: range)?>", re.IGNORE
 
 
 class Command(TyperCommand):
-    """A command whose help lists the options by topic."""
+    """Command whose help lists the options by topic."""
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        """Write a section for the arguments, for the options without a topic, and per topic."""
+        """Write sections for the arguments, the options without a topic, and each topic."""
         topics = {name: topic for topic, names in TOPICS.items() for name in names}
         sections: dict[str, list[tuple[str, str]]] = {
             x: [] for x in ("Arguments", "Options", *TOPICS)
@@ -77,7 +77,7 @@ class Command(TyperCommand):
 
 
 class Commands(TyperGroup):
-    """A group of commands whose help lists them by topic, which is their `rich_help_panel`."""
+    """Group of commands whose help lists them by topic (`rich_help_panel`)."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write a section per topic."""
@@ -89,7 +89,7 @@ class Commands(TyperGroup):
 
 
 def _write_sections(sections: dict[str, list[tuple[str, str]]], formatter: Any) -> None:
-    """Write the sections that have rows into a help text."""
+    """Write non-empty sections into a help text."""
     for title, rows in sections.items():
         if rows:
             with formatter.section(title):
@@ -98,13 +98,13 @@ def _write_sections(sections: dict[str, list[tuple[str, str]]], formatter: Any) 
 
 @dataclass(frozen=True, slots=True)
 class Keys:
-    """Annotation of a mapping that takes the short options of some topics, by their names."""
+    """Annotation of a mapping that takes the short options of some topics, by name."""
 
     topics: tuple[str, ...]
 
     @property
     def options(self) -> list[str]:
-        """The names of the options."""
+        """Names of the options."""
         return [name for name, x in SHORT.items() if x["topic"] in self.topics]
 
 
@@ -112,40 +112,40 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
     """Decorate a command so that the fields of its dataclass parameters become options.
 
     Args:
-        command: A function whose parameters have annotations of typer; so may the fields of its
-            dataclass parameters, which else have the names and descriptions of the fields.
+        command: Function whose parameters have annotations of typer. Fields of its dataclass
+            parameters may have them, too; by default options have names and texts of fields.
     """
     hints = get_type_hints(command, include_extras=True)
     groups = {k: x for k, x in hints.items() if isinstance(x, type) and is_dataclass(x)}
 
     @wraps(command)
     def call(**options: Any) -> Any:
-        for name, of in groups.items():
-            options[name] = of(
+        for name, group in groups.items():
+            options[name] = group(
                 **{
                     x: {y: options.pop(y) for y in keys.options} if keys else options.pop(x)
-                    for x, (_, _, keys) in _fields_of(of).items()
+                    for x, (_, _, keys) in _fields_of(group).items()
                 }
             )
         return command(**options)
 
-    found: list[inspect.Parameter] = []
+    parameters: list[inspect.Parameter] = []
     for x in inspect.signature(command).parameters.values():
-        of = groups.get(x.name)
-        known = {x.name: (hints[x.name], x.default)} if of is None else options_of(of)
-        found += [
+        group = groups.get(x.name)
+        declared = {x.name: (hints[x.name], x.default)} if group is None else options_of(group)
+        parameters += [
             inspect.Parameter(
                 name, inspect.Parameter.KEYWORD_ONLY, annotation=hint, default=default
             )
-            for name, (hint, default) in known.items()
+            for name, (hint, default) in declared.items()
         ]
-    call.__annotations__ = {x.name: x.annotation for x in found}
-    call.__signature__ = inspect.Signature(found)  # type: ignore[attr-defined]
+    call.__annotations__ = {x.name: x.annotation for x in parameters}
+    call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     return call
 
 
 def options_of(group: type) -> dict[str, tuple[Any, Any]]:
-    """The annotations of typer and the defaults of the options of a dataclass, by their names.
+    """Annotations of typer and defaults of the options of a dataclass, by name.
 
     Args:
         group: The dataclass.
@@ -166,13 +166,13 @@ def options_of(group: type) -> dict[str, tuple[Any, Any]]:
 
 
 def _fields_of(group: type) -> dict[str, tuple[Any, OptionInfo | None, Keys | None]]:
-    """The type of each field of a dataclass, its option of typer, and its short options."""
-    found: dict[str, Any] = {}
+    """Type of each field of a dataclass, its option of typer, and its short options."""
+    fields: dict[str, Any] = {}
     for name, hint in get_type_hints(group, include_extras=True).items():
         kind, *marks = get_args(hint) if get_origin(hint) is Annotated else (hint,)
         one = [next((x for x in marks if isinstance(x, y)), None) for y in (OptionInfo, Keys)]
-        found[name] = (kind, *one)
-    return found
+        fields[name] = (kind, *one)
+    return fields
 
 
 Set: TypeAlias = dict[str, Any]
@@ -187,7 +187,7 @@ CellOfDrawing = Annotated[
     str | None,
     typer.Option(
         "--cell",
-        help="Where a drawing is run: a built-in cell (fr3, panda, pmk3s, ur10e, ur5e), or a job "
+        help="Cell for a drawing: a built-in cell (fr3, panda, pmk3s, ur10e, ur5e), or a job "
         "file without a path.",
     ),
 ]
@@ -206,7 +206,7 @@ Workers = Annotated[
         "--workers",
         min=0,
         max=1000,
-        help="Processes on this machine; by default one a processor. 0 works in this one.",
+        help="Processes on this machine; by default one per processor. 0 works in this one.",
     ),
 ]
 Cluster = Annotated[
@@ -224,8 +224,8 @@ class RunOptions:
 
     Args:
         simulate: Simulate the servo, and write a report of it.
-        changes: Plan changes of each run, and report those that save most time or make a run that
-            is not kept one that is; by default for jobs of up to 50 segments in all runs.
+        changes: Plan changes of each run, and report those that save most time or turn a violated
+            run into a valid one; by default for jobs of up to 50 segments in all runs.
     """
 
     simulate: Annotated[bool, typer.Option("--simulate/--no-simulation")] = True
@@ -300,7 +300,7 @@ class LogOptions:
     Args:
         columns: Names of the columns of CSV without a first line for them: 't [ms],q1 [deg],-,q2';
             or new names of columns or joints: 'q# [deg]=axis_#'.
-        topic: Topic of a bag of ROS, if several would do.
+        topic: Topic of a bag of ROS, if several are suitable.
     """
 
     columns: Text = None
@@ -383,7 +383,7 @@ class CheckOptions(ArmOptions, LogOptions):
     Args:
         arm: Built-in arm, or an arm file (.yaml, .urdf; .xacro with --trust-xacro); by
             default the job's.
-        limits: Limits file (YAML); else the job's, or the arm's own.
+        limits: Limits file (YAML); by default the limits of the job, or of the arm.
         path: Job file (YAML) with the required path of the tool.
         run_name: Run of that job, if its runs differ in corners.
         scene: Cell: check how near the arm comes to it and to itself. A built-in cell such
@@ -410,13 +410,13 @@ class IdentifyOptions(ArmOptions, WindowOptions):
             too; without, errors are also at the tool. Built in, or an arm file (.yaml,
             .urdf; .xacro with --trust-xacro).
         servo: Nominal servo of that arm: a job file, or a servo.yaml.
-        gravity: What the controller of that arm adds against gravity: nominal, loaded or
-            none; by default what the logs speak for.
+        gravity: Gravity compensation of the controller of that arm: nominal, loaded or none; by
+            default determined from the logs.
         drive_cycle: Cycle of the drives' loops; by default continuous, with --arm 0.25 ms.
-        out: Folder for servo file, robot file, report; else none.
+        out: Folder for servo file, robot file and report; by default none is written.
         model: Model of the servo: auto, second or first.
-        interpolation: Command between set-points: linear or step; by default as the log
-            says.
+        interpolation: Command between set-points: linear or step; by default determined from
+            the log.
         longest_dead_time: Longest dead time in the search.
         predict: Log to predict, which is not used otherwise; repeatable.
     """
@@ -442,7 +442,7 @@ class CertifyOptions:
     Args:
         workers: Processes on this machine that execute robots of a box as rigid bodies; by
             default one a processor. 0 works in this one.
-        out: Folder for the certificate; else none.
+        out: Folder for the certificate; by default none is written.
     """
 
     keys: Annotated[Set, Keys(("Certificate",))]
@@ -460,7 +460,7 @@ class PlaceOptions:
     """Options of the command `place`.
 
     Args:
-        workers: Processes on this machine; by default one a processor for 100 places or
+        workers: Processes on this machine; by default one per processor for 100 places or
             more. 0 works in this one.
     """
 
@@ -477,13 +477,13 @@ class LearnOptions(WindowOptions):
     """Options of the command `learn`.
 
     Args:
-        set_points: What the robot executed: set_points.csv of run or of the learn before, or the
+        set_points: Executed set-points: set_points.csv of run or of the previous learn, or the
             folder of that result.
         log: Log of that run: CSV of positions over time, or a bag.
         tool_positions: CSV of measured positions of the tool over the same time: t, x, y,
             z.
-        judge_only: Say what the robot did by its log, the contour error, and learn nothing.
-            Without --set-points it executed the set-points of the job.
+        judge_only: Report the contour error by the log, and learn nothing. Without --set-points
+            the executed set-points are those of the job.
         out: Folder for set-points of the next run, and a report.
     """
 
@@ -503,7 +503,7 @@ class BatchOptions:
     """Options of the command `batch`.
 
     Args:
-        retry: Try jobs again that failed.
+        retry: Repeat failed jobs.
         as_json: Print progress and the end as lines of JSON.
     """
 

@@ -1,4 +1,4 @@
-"""The command `place`: where the part of a job lies best."""
+"""The command `place`: find the best placement of the part of a job."""
 
 from __future__ import annotations
 
@@ -13,21 +13,23 @@ if TYPE_CHECKING:
     from armcontour.cli.options import JobOptions, PlaceOptions
     from armcontour.studies.placement import Placement
 
-# The job in its best place.
+# File of the job in its best placement.
 JOB = "job.yaml"
 
 
-def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceOptions) -> None:
-    """Place a job, print the best place, and write maps, a table and the job in that place.
+def place_file(
+    file: FilePath, out: FilePath, job_options: JobOptions, options: PlaceOptions
+) -> None:
+    """Place a job, print the best placement, and write maps, a table and the placed job.
 
     Args:
         file: A job file, or a drawing.
         out: Folder for summary.json, placement.csv, report.html and job.yaml.
         job_options: Options that replace values of the job.
-        x: Options of the command.
+        options: Options of the command.
 
     Raises:
-        ArmContourError: An invalid job, or no feasible place; then nothing is written.
+        ArmContourError: An invalid job, or no feasible placement. Nothing is written then.
     """
     from armcontour.cli.inputs import open_job
     from armcontour.cli.progress_bars import share_progress
@@ -36,43 +38,39 @@ def place_file(file: FilePath, out: FilePath, job_options: JobOptions, x: PlaceO
     from armcontour.files import ResultFolder, placement_csv, placement_json
     from armcontour.studies.placement import place
 
-    # By default places decide by their number.
-    own = x.workers is None and x.cluster is None
+    # By default the number of placements decides about processes.
+    by_number = options.workers is None and options.cluster is None
     with (
-        nullcontext() if own else open_executor(x.workers, x.cluster) as executor,
-        ResultFolder(out, force=x.force) as folder,
+        nullcontext() if by_number else open_executor(options.workers, options.cluster) as executor,
+        ResultFolder(out, force=options.force) as folder,
     ):
         from armcontour.report import render_placement
 
         with share_progress() as progress:
-            job = open_job(file, job_options, subprogress(progress, "reading"), x)
+            job = open_job(file, job_options, subprogress(progress, "reading"), options)
             if job.placement is None or not job.placement.over:
                 raise InvalidInput(
                     "place needs --over for each axis along which to place, such as 'x: -300 mm .. "
                     "300 mm, 25', or the key placement.over of the job."
                 )
-            found = place(job, run=x.run_name, executor=executor, progress=progress)
-        folder.write("report.html", render_placement(found))
-        folder.write("placement.csv", placement_csv(found))
+            placement = place(job, run=options.run_name, executor=executor, progress=progress)
+        folder.write("report.html", render_placement(placement))
+        folder.write("placement.csv", placement_csv(placement))
         unwritten = ""
         try:
-            folder.write(JOB, _job_text(found, file, out, job_options))
+            folder.write(JOB, _job_text(placement, file, out, job_options))
         except InvalidInput as error:
             unwritten = str(error)
         files = [*folder.files, "summary.json"]
-        folder.write("summary.json", placement_json(found, files))
+        folder.write("summary.json", placement_json(placement, files))
     report = (out / "report.html").resolve()
-    _print(found, report, None if unwritten else out / JOB, unwritten)
-    if x.open_report:
+    _print(placement, report, None if unwritten else out / JOB, unwritten)
+    if options.open_report:
         open_page(report)
 
 
-def _job_text(found: Placement, file: FilePath, out: FilePath, options: JobOptions) -> str:
-    """The text of the job in its best place.
-
-    Raises:
-        InvalidInput: It cannot be written with keys of a job.
-    """
+def _job_text(placement: Placement, file: FilePath, out: FilePath, options: JobOptions) -> str:
+    """Text of the job in its best placement."""
     from armcontour.cli.inputs import is_job, read_patch
     from armcontour.files import placed_job_text
     from armcontour.files.cell import drawing_text
@@ -83,22 +81,22 @@ def _job_text(found: Placement, file: FilePath, out: FilePath, options: JobOptio
     else:
         text, folder = drawing_text(str(options.cell), file, out), out
     patch, _ = read_patch(options)
-    return placed_job_text(found, text, folder=folder, to=out, patch=patch)
+    return placed_job_text(placement, text, folder=folder, to=out, patch=patch)
 
 
-def _print(found: Placement, report: FilePath, job: FilePath | None, unwritten: str) -> None:
-    """Print the best place, what it gains, and how places were refused."""
+def _print(placement: Placement, report: FilePath, job: FilePath | None, unwritten: str) -> None:
+    """Print the best placement, its gain, and the reasons of rejected placements."""
     from armcontour.core.render import compare, text
     from armcontour.core.result import TABLE
 
     console = Console()
-    for line in text(found.to_data()).splitlines():
-        console.say(line)
-    header, *rows = compare(found.comparison, TABLE, texts=True)
+    for line in text(placement.to_data()).splitlines():
+        console.print(line)
+    header, *rows = compare(placement.comparison, TABLE, texts=True)
     console.show_table(["", *header[1:]], rows)
-    notes = [*found.notes, *found.job.arm.notes, *([unwritten] if unwritten else [])]
+    notes = [*placement.notes, *placement.job.arm.notes, *([unwritten] if unwritten else [])]
     for note in notes:
-        console.say(f"Note: {note}")
+        console.print(f"Note: {note}")
     if job is not None:
-        console.say(f"Job: {job}")
-    console.say(f"Report: {report.as_uri()}")
+        console.print(f"Job: {job}")
+    console.print(f"Report: {report.as_uri()}")

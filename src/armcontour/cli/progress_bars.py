@@ -1,6 +1,6 @@
-"""Progress: the current step, and for a job a bar with the time left.
+"""Progress on the terminal: the current step, and for a job a bar with the remaining time.
 
-A pipe or a file gets a line of long work now and then, where a terminal has the bar.
+A pipe or a file gets a line every few seconds of long work instead.
 """
 
 from __future__ import annotations
@@ -12,42 +12,42 @@ from contextlib import contextmanager
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
-from armcontour.core.progress import COMPILING, Progress, Step, hear_compiling
+from armcontour.core.progress import COMPILING, Progress, Step, listen_to_compilation
 from armcontour.core.text import to_line
 
 if TYPE_CHECKING:
     from armcontour.batches import BatchProgress
 
-# Time between two lines of progress in a pipe, and before the first [s].
+# Time between lines of progress in a pipe, and before the first line [s].
 EVERY = 10.0
-# A step of a job is shown again after so long at the earliest [s]: there may be thousands of
-# contours, and showing takes a good part of what each of them takes.
-MOMENT = 0.05
+# Shortest time between updates of one step [s]: there may be thousands of contours, and an update
+# takes about as long as a contour.
+REFRESH = 0.05
 
 
 @contextmanager
-def search_progress(what: str) -> Iterator[Progress]:
-    """Show a line with the current step, on a terminal; yields the function that updates the line.
+def search_progress(title: str) -> Iterator[Progress]:
+    """Show a line with the current step on a terminal; yields the function that updates it.
 
     Args:
-        what: Text before the step.
+        title: Text before the step.
     """
     with _bar() as bar:
-        task = bar.add_task(what)
+        task = bar.add_task(title)
         lines = Lines(bar.disable)
 
         def show(step: Step) -> None:
-            words = to_line(f"{what}: {step}")
+            words = to_line(f"{title}: {step}")
             bar.update(task, description=words)
-            lines.tell(words, None if step.done is None else f"{step.done:.0%}")
+            lines.write(words, None if step.done is None else f"{step.done:.0%}")
 
-        with hear_compiling(lambda name: show(Step((COMPILING, name)))):
+        with listen_to_compilation(lambda name: show(Step((COMPILING, name)))):
             yield show
 
 
 @contextmanager
 def share_progress() -> Iterator[Progress]:
-    """Show a bar with the share that is done, on a terminal; yields the function that updates it.
+    """Show a bar with the completed fraction on a terminal; yields its update function.
 
     A pipe or a file gets the first step at once.
     """
@@ -60,16 +60,17 @@ def share_progress() -> Iterator[Progress]:
         def show(step: Step) -> None:
             words = to_line(str(step))
             bar.update(task, description=words, completed=step.done or 0.0)
-            lines.tell(words, f"{step.done:.0%}" if step.done else None)
+            lines.write(words, f"{step.done:.0%}" if step.done else None)
 
         yield show
 
 
 @contextmanager
 def batch_progress() -> Iterator[tuple[Callable[[BatchProgress], None], Progress]]:
-    """Show how far a batch is: a bar with rate and time left; a pipe gets a line now and then.
+    """Show the progress of a batch as a bar with rate and remaining time; yields two functions.
 
-    Yields the functions that update it, with how far the batch is, and before that with a step.
+    The first takes the progress of the batch, the second a step before its start. A pipe gets
+    lines.
     """
     from rich.progress import BarColumn, MofNCompleteColumn
 
@@ -77,10 +78,10 @@ def batch_progress() -> Iterator[tuple[Callable[[BatchProgress], None], Progress
         task = bar.add_task("starting", total=None)
         lines = Lines(bar.disable)
 
-        def show(tally: BatchProgress) -> None:
-            words = to_line(describe_tally(tally))
-            bar.update(task, description=words, completed=tally.done, total=tally.total)
-            lines.tell(f"{tally.done} of {tally.total}", words)
+        def show(progress: BatchProgress) -> None:
+            words = to_line(describe_batch_progress(progress))
+            bar.update(task, description=words, completed=progress.done, total=progress.total)
+            lines.write(f"{progress.done} of {progress.total}", words)
 
         def tell(step: Step) -> None:
             bar.update(task, description=to_line(str(step)))
@@ -88,78 +89,78 @@ def batch_progress() -> Iterator[tuple[Callable[[BatchProgress], None], Progress
         yield show, tell
 
 
-def describe_tally(tally: BatchProgress) -> str:
-    """How fast a batch is, how long it takes yet, and what its jobs were refused for, in a line."""
-    left = "" if tally.left is None else f", left {timedelta(seconds=round(tally.left))}"
-    refused = [f"{n} {name}" for name, n in tally.statuses.items() if name != "done"]
-    kinds = [f"{n} {name}" for name, n in tally.errors.items()]
-    shown = f"; {', '.join(refused)} ({', '.join(kinds)})" if refused else ""
-    return f"{tally.rate:.3g} jobs/s{left}{shown}"
+def describe_batch_progress(progress: BatchProgress) -> str:
+    """Rate, remaining time and errors of a batch, in one line."""
+    remaining = "" if progress.left is None else f", left {timedelta(seconds=round(progress.left))}"
+    refused = [f"{n} {name}" for name, n in progress.statuses.items() if name != "done"]
+    kinds = [f"{n} {name}" for name, n in progress.errors.items()]
+    refusals = f"; {', '.join(refused)} ({', '.join(kinds)})" if refused else ""
+    return f"{progress.rate:.3g} jobs/s{remaining}{refusals}"
 
 
 @contextmanager
-def compiling_said() -> Iterator[None]:
-    """Write one line when a function has to be compiled, which takes a while."""
-    said = False
+def compiling_notice() -> Iterator[None]:
+    """Context that writes one line when the first function has to be compiled."""
+    is_written = False
 
     def say(name: str) -> None:
-        nonlocal said
-        if not said:
-            said = True
-            # Of the functions that a run needs, others may have been compiled already.
-            what = f"up to {name}" if name[:1].isdigit() else "functions"
+        nonlocal is_written
+        if not is_written:
+            is_written = True
+            # Some of the functions that a run needs may be compiled already.
+            subject = f"up to {name}" if name[:1].isdigit() else "functions"
             sys.stderr.write(
-                f"Compiling {what}, once: no command before has needed them all; `armcontour warm` "
-                "compiles everything beforehand.\n"
+                f"Compiling {subject}, once: no earlier command has needed all of them; "
+                "`armcontour warm` compiles everything in advance.\n"
             )
             sys.stderr.flush()
 
-    with hear_compiling(say):
+    with listen_to_compilation(say):
         yield
 
 
 class Lines:
-    """Lines of progress on the standard error of a program whose output is no terminal.
+    """Lines of progress on the standard error of a program whose output is not a terminal.
 
     Args:
-        wanted: Whether to write any.
+        active: Whether to write lines.
         clock: Gives the current time [s].
         at_once: Whether the first line is written at once.
     """
 
     def __init__(
         self,
-        wanted: bool,
+        active: bool,
         clock: Callable[[], float] = time.monotonic,
         *,
         at_once: bool = False,
     ) -> None:
-        self._wanted, self._clock = wanted, clock
+        self._wanted, self._clock = active, clock
         self._last = clock() - (EVERY if at_once else 0.0)
 
-    def tell(self, words: str, more: str | None = None) -> None:
-        """Write a line, unless there was one a moment ago.
+    def write(self, words: str, detail: str | None = None) -> None:
+        """Write a line, at most one every EVERY seconds.
 
         Args:
             words: The current step.
-            more: What else is known of it.
+            detail: Further information on the step.
         """
         now = self._clock()
         if not self._wanted or now - self._last < EVERY:
             return
         self._last = now
-        sys.stderr.write(f"{words if more is None else f'{words}, {more}'}\n")
+        sys.stderr.write(f"{words if detail is None else f'{words}, {detail}'}\n")
         sys.stderr.flush()
 
 
 class JobProgress:
-    """Estimates the time left of a job from the measured times of its steps.
+    """Estimate of the remaining time of a job from the measured times of its steps.
 
     The estimate for a step is the mean time of the same step in earlier runs, else of all steps.
 
     Args:
-        show: Takes the description, the time spent, and the expected total time [s].
-        clock: Gives the current time [s].
+        show: Function of the description, the elapsed time and the expected total time [s].
+        clock: Function that returns the current time [s].
     """
 
     def __init__(
@@ -167,18 +168,18 @@ class JobProgress:
     ) -> None:
         self._show, self._clock = show, clock
         self._start = self._since = clock()
-        # The names that were shown last, and when.
+        # Names and time of the last update.
         self._shown: tuple[tuple[str, ...], float] = (), self._start
         self._now: tuple[str, ...] = ()
         self._took: dict[str, list[float]] = {}
         self._ahead: list[str] = []
 
     def expect(self, steps: Sequence[str]) -> None:
-        """Set the names of all steps to come."""
+        """Set the names of all future steps."""
         self._ahead = list(steps)
 
     def __call__(self, step: Step) -> None:
-        """Update the estimate: a step starts, or its share that is done grows."""
+        """Update the estimate with a new step or its completed fraction."""
         now, names = self._clock(), step.names[:2]
         if names != self._now:
             if self._now:
@@ -186,13 +187,13 @@ class JobProgress:
             self._now, self._since = names, now
             if names[-1] in self._ahead:
                 self._ahead.remove(names[-1])
-        elif step.names == self._shown[0] and now - self._shown[1] < MOMENT:
+        elif step.names == self._shown[0] and now - self._shown[1] < REFRESH:
             return
         self._shown = step.names, now
         spent = now - self._since
         whole = spent / step.done if step.done else max(spent, self._typical(names[-1]))
-        rest = whole - spent + sum(map(self._typical, self._ahead))
-        self._show(to_line(str(step)), now - self._start, now - self._start + rest)
+        remaining = whole - spent + sum(map(self._typical, self._ahead))
+        self._show(to_line(str(step)), now - self._start, now - self._start + remaining)
 
     def _typical(self, name: str) -> float:
         """Estimated duration of a step [s]."""
@@ -202,12 +203,12 @@ class JobProgress:
 
 @contextmanager
 def job_progress() -> Iterator[JobProgress]:
-    """Show a bar with the time left, on a terminal; yields the function that updates the bar."""
+    """Show a bar with the remaining time on a terminal; yields the function that updates it."""
     from rich.progress import BarColumn, ProgressColumn, Task
     from rich.text import Text
 
-    class Left(ProgressColumn):
-        """The time until the expected end; the column of rich resets when the end changes."""
+    class RemainingTime(ProgressColumn):
+        """Time until the expected end; the column of rich resets when the end changes."""
 
         def render(self, task: Task) -> Text:
             end = task.fields["end"]
@@ -215,35 +216,35 @@ def job_progress() -> Iterator[JobProgress]:
                 return Text("left -:--:--")
             return Text(f"left {timedelta(seconds=max(0, round(end - time.monotonic())))}")
 
-    with _bar(BarColumn(), Left()) as bar:
+    with _bar(BarColumn(), RemainingTime()) as bar:
         task = bar.add_task("reading", total=None, end=None)
         lines = Lines(bar.disable)
 
-        def show(what: str, spent: float, whole: float) -> None:
-            left = timedelta(seconds=round(max(whole - spent, 0)))
-            known = whole > spent
-            lines.tell(what, f"{spent / whole:.0%}, left {left}" if known else None)
-            end = time.monotonic() + whole - spent if known else None
-            bar.update(task, description=what, completed=spent, total=whole, end=end)
+        def show(description: str, spent: float, whole: float) -> None:
+            remaining = timedelta(seconds=round(max(whole - spent, 0)))
+            is_known = whole > spent
+            lines.write(description, f"{spent / whole:.0%}, left {remaining}" if is_known else None)
+            end = time.monotonic() + whole - spent if is_known else None
+            bar.update(task, description=description, completed=spent, total=whole, end=end)
 
         def compiling(name: str) -> None:
             words = to_line(f"{COMPILING}: {name}")
-            lines.tell(words)
+            lines.write(words)
             bar.update(task, description=words)
 
-        with hear_compiling(compiling):
+        with listen_to_compilation(compiling):
             yield JobProgress(show)
 
 
 @contextmanager
-def _bar(*more: Any) -> Iterator[Any]:
-    """A line of rich, on a terminal only, which is removed at the end."""
+def _bar(*extra: Any) -> Iterator[Any]:
+    """Line of rich on a terminal, which is removed at the end."""
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
     console = Console(stderr=True)
     words = TextColumn("{task.description}", markup=False)
-    columns = (SpinnerColumn(), words, TimeElapsedColumn(), *more)
+    columns = (SpinnerColumn(), words, TimeElapsedColumn(), *extra)
     with Progress(
         *columns, console=console, transient=True, disable=not console.is_terminal
     ) as bar:

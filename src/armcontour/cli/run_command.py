@@ -28,8 +28,8 @@ COMPARED = ("conventional", "proposed", "shaped")
 def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
     """Run three runs of the paper's job and cut a plate with a UR5e; write one report of both.
 
-    The results of the paper's job are in the folder itself, those of the plate in its subfolder.
-    An earlier result of the demo is replaced if its files did not change.
+    The results of the paper's job are in the folder itself, those of the plate in its subfolder. An
+    earlier result of the demo is replaced if its files did not change.
 
     Args:
         out: Folder for the results.
@@ -60,9 +60,9 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
             for name, study in studies.items():
                 others = len(folder.files)
                 write_motions(folder, study.job, study.runs, prefix=name)
-                own = [x.removeprefix(name) for x in folder.files[others:]]
+                files = [x.removeprefix(name) for x in folder.files[others:]]
                 folder.write(
-                    f"{name}summary.json", data_json(study.to_data([*own, "summary.json"]))
+                    f"{name}summary.json", data_json(study.to_data([*files, "summary.json"]))
                 )
             folder.write("report.html", render_demo(list(studies.values())))
     for study in studies.values():
@@ -71,22 +71,22 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
 
 
 def _show_report(out: FilePath, open_report: bool) -> None:
-    """Print the address of a report, and open it if asked."""
+    """Print the address of a report, and open it if requested."""
     report = (out / "report.html").resolve()
-    Console().say(f"Report: {report.as_uri()}")
+    Console().print(f"Report: {report.as_uri()}")
     if open_report:
         open_page(report)
 
 
 def built_in_job() -> Job:
-    """The paper's job, which is a part of the package."""
+    """The paper's job, which is part of the package."""
     from armcontour.files import parse_job
 
     return parse_job(library_file("paper.yaml").read_text("utf-8"), source="the built-in job")
 
 
 def _compared_runs() -> Job:
-    """The paper's job with the runs that the demo compares, without experiments."""
+    """The paper's job with the compared runs of the demo, without experiments."""
     job = built_in_job()
     runs = tuple(replace(x, experiment=None) for x in job.runs if x.name in COMPARED)
     return replace(job, runs=runs)
@@ -105,7 +105,7 @@ def run_job(
     """Read a job, run it, and write its results.
 
     Args:
-        read: Reads the job; called with a function that takes the progress.
+        read: Function that reads the job; its argument is a function that takes the progress.
         out: Folder for the results.
         force: Whether an earlier result there may be replaced.
         open_report: Whether to open the report in a browser.
@@ -114,20 +114,20 @@ def run_job(
         changes: Whether to plan changes of each run; by default for small jobs.
 
     Raises:
-        ArmContourError: An invalid job, or a run that fails; then nothing is written.
+        ArmContourError: An invalid job, or a run that fails. Nothing is written then.
     """
-    # Heavy imports come later, so that a wrong folder or job is refused at once.
+    # Heavy imports follow the checks, so that a wrong folder or job is rejected at once.
     from armcontour.core.compilation import warm_for_run
     from armcontour.core.errors import InvalidInput
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
 
     if open_report and not simulate:
-        raise InvalidInput("--open opens the report of a simulation: leave --no-simulation out.")
+        raise InvalidInput("--open opens the report of a simulation: remove --no-simulation.")
     with ResultFolder(out, force=force) as folder, job_progress() as progress:
         job = read(subprogress(progress, "reading"))
         if exports:
-            # An export that cannot be written is refused before the run.
+            # An export that cannot be written is rejected before the run.
             rehearse(job, exports, folder.scratch)
         with warm_for_run(job.arm.dimension, progress):
             from armcontour.jobs import run, steps_of
@@ -142,7 +142,7 @@ def run_job(
                 study = advised(study, progress)
             progress(WRITING)
             if simulate or not exports:
-                # With formats chosen, plans that are not simulated have no other files.
+                # Without simulation, exports replace the usual files.
                 write_motions(folder, job, study.runs)
             notes: list[str] = []
             if exports:
@@ -158,7 +158,7 @@ def run_job(
     if simulate:
         _show_report(out, open_report)
     else:
-        Console().say(f"Not simulated. Set-points: {out.resolve()}")
+        Console().print(f"Not simulated. Set-points: {out.resolve()}")
 
 
 def write_motions(
@@ -170,13 +170,13 @@ def write_motions(
         folder: The folder of the results.
         job: The job.
         plans: Plans by the names of their runs.
-        prefix: Begin of all names of files, such as `plate/`.
+        prefix: Prefix of all file names, such as `plate/`.
     """
     from armcontour.files import write_planned, write_taught, write_torque
 
     names = job.arm.joint_names
     for name, result in plans.items():
-        # Thousands of laws take long to evaluate: once for both files.
+        # Sampled once for both files, because the evaluation of thousands of laws is slow.
         planned = result.trajectory.sample(result.run.cycle)
         set_points = partial(write_taught, set_points=result.set_points, joint_names=names)
         folder.place(f"{prefix}{name}/set_points.csv", set_points)
@@ -188,7 +188,7 @@ def write_motions(
 
 
 def _print_results(study: JobResult, notes: Sequence[str]) -> None:
-    """Print the verdict on every run, its figures, remarks and warnings."""
+    """Print the verdict on each run, its figures, remarks and warnings."""
     from armcontour.core.render import cells, compare, lay_out, text, verdict
     from armcontour.core.result import VERDICT
     from armcontour.jobs import warnings_of
@@ -198,17 +198,17 @@ def _print_results(study: JobResult, notes: Sequence[str]) -> None:
     console, job, runs = Console(), study.job, study.figures
     title = f"{job.title}, simulated with {job.plant_servo}" if study.simulated else job.title
     if len(runs) == 1:
-        console.say(title)
+        console.print(title)
         for line in text(next(iter(runs.values()))).splitlines():
-            console.say(line)
+            console.print(line)
     else:
         header, *rows = compare(runs)
         console.show_table(header, rows, title=title)
         for data in runs.values():
-            console.say(verdict(data))
+            console.print(verdict(data))
             for x in (y for y in data.tables if y.level == VERDICT):
                 for line in lay_out("", cells(x)).splitlines()[1:]:
-                    console.say(line)
+                    console.print(line)
     lines = [x for result in study.runs.values() for x in result.remarks]
     lines += [*(f"Warning: {x}" for x in warnings_of(study.runs.values())), *notes]
     lines += [f"Note: {x}" for x in job.arm.notes]
@@ -217,4 +217,4 @@ def _print_results(study: JobResult, notes: Sequence[str]) -> None:
         lines.append(f"Masses: {assumed}")
     lines += unknown_notes(study)
     for line in lines:
-        console.say(line)
+        console.print(line)

@@ -1,4 +1,4 @@
-"""The command `show`: size and layers of a drawing, before any arm."""
+"""The command `show`: size and layers of a drawing, without an arm."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def show_file(file: FilePath, drawing: DrawingOptions, as_json: bool) -> None:
     Args:
         file: The drawing.
         drawing: Options for reading it.
-        as_json: Whether to print JSON in place of a table.
+        as_json: Whether to print JSON instead of a table.
 
     Raises:
         InvalidInput: The drawing cannot be read.
@@ -40,7 +40,7 @@ def show_file(file: FilePath, drawing: DrawingOptions, as_json: bool) -> None:
     # A side of zero in z is omitted.
     sides = [x for k, x in enumerate(high - low) if k < 2 or x >= 5e-3]
     size, corner = " x ".join(f"{x:.2f}" for x in sides), ", ".join(f"{x:z.2f}" for x in low)
-    console.say(f"{file.name}: {size} mm from {corner} mm")
+    console.print(f"{file.name}: {size} mm from {corner} mm")
     console.show_table(
         ["layer", "contours", "closed", "length [mm]"],
         [
@@ -49,15 +49,11 @@ def show_file(file: FilePath, drawing: DrawingOptions, as_json: bool) -> None:
         ],
     )
     for note in program.notes:
-        console.say(f"Note: {note}")
+        console.print(f"Note: {note}")
 
 
 def _read_drawing(file: FilePath, drawing: DrawingOptions, progress: Progress) -> Program:
-    """Read a drawing with the options of the command line.
-
-    Raises:
-        InvalidInput: The drawing cannot be read.
-    """
+    """Read a drawing with the options of the command line."""
     from armcontour.cli.inputs import name_options, read_patch
     from armcontour.files.drawings.read import read_path
     from armcontour.files.drawings.read_options import ReadOptions

@@ -1,4 +1,4 @@
-"""The command `studio`: a local page that shows a job and changes it."""
+"""The command `studio`: a local page that shows and changes a job."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.cli.console import say_at_once
+from armcontour.cli.console import print_line
 
 if TYPE_CHECKING:
     from armcontour.cli.options import StudioOptions
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from armcontour.studio.session import Session
 
 
-def open_studio(file: FilePath | None, x: StudioOptions) -> None:
+def open_studio(file: FilePath | None, options: StudioOptions) -> None:
     """Serve the Studio until it is interrupted, or its last page is closed.
 
     Args:
         file: A job file or a drawing; None opens the start page.
-        x: The options.
+        options: The options.
 
     Raises:
         InvalidInput: No such file, a drawing without a cell, or a library that is missing.
@@ -28,54 +28,56 @@ def open_studio(file: FilePath | None, x: StudioOptions) -> None:
     from armcontour.studio.server import require_server, serve
 
     require_server()
-    _check(file, x)
+    _check(file, options)
 
     desks: list[Desk] = []
     with before_interrupt(lambda: _unsaved(desks)), before_interrupt(lambda: _leave(desks)):
         serve(
-            lambda say: _session(file, x, say),
-            port=x.port,
-            announce=lambda address: _announce(address, x.open_page),
-            exit_when_closed=x.exit_when_closed,
+            lambda say: _session(file, options, say),
+            port=options.port,
+            announce=lambda address: _announce(address, options.open_page),
+            exit_when_closed=options.exit_when_closed,
             opened=desks.append,
         )
 
 
-def _check(file: FilePath | None, x: StudioOptions) -> None:
-    """Refuse what cannot be opened before anything is loaded that takes long."""
+def _check(file: FilePath | None, options: StudioOptions) -> None:
+    """Reject invalid inputs before slow imports."""
     from armcontour.cli.inputs import is_job
     from armcontour.core.errors import InvalidInput
     from armcontour.core.file_access import LARGE, read_bytes
     from armcontour.files.drawings.endings import find_reader
 
     if file is None:
-        if x.cell is not None:
+        if options.cell is not None:
             raise InvalidInput("--cell goes with a drawing: name one.")
         return
     job = is_job(file)
-    if job and x.cell is not None:
+    if job and options.cell is not None:
         raise InvalidInput(f"{file.name} is a job, which has an arm: --cell goes with a drawing.")
     if not job:
         find_reader(file)
-    if not job and x.cell is None:
+    if not job and options.cell is None:
         raise InvalidInput(
-            f"{file.name} is a drawing: name the cell it is to be run in with --cell, such as "
+            f"{file.name} is a drawing: name the cell for it with --cell, such as "
             "ur5e, or a job file."
         )
-    read_bytes(file, "job file" if job else "drawing", most=LARGE)
+    read_bytes(file, "job file" if job else "drawing", maximum=LARGE)
 
 
-def _session(file: FilePath | None, x: StudioOptions, say: Callable[[bytes], None]) -> Session:
-    """Open the document; this loads all that computes."""
+def _session(
+    file: FilePath | None, options: StudioOptions, say: Callable[[bytes], None]
+) -> Session:
+    """Open the document; this loads the numerical libraries."""
     from armcontour.studio.opening import open_session
 
-    return open_session(file, cell=x.cell, trust_xacro=x.trust_xacro, say=say)
+    return open_session(file, cell=options.cell, trust_xacro=options.trust_xacro, say=say)
 
 
 def _announce(address: str, open_page: bool) -> None:
     """Print the address, and open it in a browser."""
-    say_at_once(f"Studio: {address}")
-    say_at_once("The address holds a key: give it to nobody. Ctrl+C ends the Studio.")
+    print_line(f"Studio: {address}")
+    print_line("The address contains a key: do not share it. Ctrl+C ends the Studio.")
     if open_page:
         import threading
         import webbrowser
@@ -92,6 +94,6 @@ def _leave(desks: list[Desk]) -> None:
 
 
 def _unsaved(desks: list[Desk]) -> str | None:
-    """A sentence on changes that were not saved."""
+    """Sentence on unsaved changes."""
     session = desks[0].session if desks else None
     return None if session is None else session.document.unsaved()

@@ -1,1 +1,1 @@
-"""What all parts share: checks of fields, how a result is described, how its figures look."""
+"""Foundations: checks, errors, results and their presentation, kernels, processes."""

@@ -1,4 +1,4 @@
-"""Values nearest to given ones whose differences are within bounds, for set-points."""
+"""Nearest values whose differences satisfy bounds, for set-points."""
 
 from __future__ import annotations
 
@@ -11,32 +11,33 @@ from armcontour.core.checks import FloatArray
 
 # Largest number of steps; 12 to 30 are usual.
 MOST_STEPS = 80
-# Violation relative to the bounds, and duality gap relative to the objective, of a solution. If
-# rounding errors end the search, a gap of ROUNDED is accepted.
+# Tolerances of a solution: violation relative to the bounds, and duality gap relative to the
+# objective; a gap of ROUNDED is accepted if rounding errors end the search.
 EXACT, OPTIMAL, ROUNDED = 1e-10, 1e-9, 1e-5
 # First product of slack and multiplier, for an excess of half the distance between the bounds.
 FIRST_PRODUCT = 1.0
 # A missing bound is replaced by this multiple of the largest value and of the other bound.
 FAR = 10.0
-# Share of the way to the nearest bound that a step takes.
+# Fraction of the distance to the nearest bound that a step takes.
 INSIDE = 0.995
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) -> FloatArray | None:
-    """The values nearest to given ones, in the mean square, whose differences are within bounds.
+    """Nearest values, in the mean square, whose differences are within bounds.
 
     The first and the last value do not change, and values are constant before and after them. The
     primal-dual interior-point method (Mehrotra, SIAM J. Optim. 2, 575-601, 1992) solves banded
     equations in each step, so the time is proportional to the number of values.
 
     Args:
-        values: The given values, (n,).
+        values: The values, (n,).
         bounds: Lower and upper bounds of the values, and of their differences of orders 1, 2, ...;
             infinite without bounds.
 
     Returns:
-        The nearest values, (n,): `values` itself if it is within the bounds; None if no values are.
+        The nearest values, (n,); `values` itself if it satisfies the bounds; None if the bounds
+        cannot be satisfied.
     """
     from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
 
@@ -45,12 +46,14 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
         return values
     rooms, scales = [], []
     for k in orders:
-        now = differences(values, k) if k else values[1:-1]
-        # In place of a missing bound, one that the nearest values do not reach.
-        far = FAR * max(float(np.abs(now).max()), *(abs(x) for x in bounds[k] if isfinite(x)))
-        low, high = max(bounds[k][0], -far), min(bounds[k][1], far)
+        values_of_order = differences(values, k) if k else values[1:-1]
+        # A missing bound is replaced by one that the nearest values do not reach.
+        distant = FAR * max(
+            float(np.abs(values_of_order).max()), *(abs(x) for x in bounds[k] if isfinite(x))
+        )
+        low, high = max(bounds[k][0], -distant), min(bounds[k][1], distant)
         scales.append(2 / (high - low))
-        rooms.append(scales[-1] * np.stack([high - now, now - low]))
+        rooms.append(scales[-1] * np.stack([high - values_of_order, values_of_order - low]))
     room, cuts = np.concatenate(rooms, axis=1), np.cumsum([x.shape[1] for x in rooms])[:-1]
     excess = -float(room.min())
     if excess <= 0:
@@ -63,7 +66,7 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
         return np.concatenate([scale * np.diff(np.pad(x, k), k) for k, scale in parts])
 
     def adjoint(x: FloatArray) -> FloatArray:
-        """The transpose of `forward`, for the upper bounds less the lower ones."""
+        """Transpose of `forward`, for the upper minus the lower bounds."""
         parts = zip(orders, scales, np.split(x[0] - x[1], cuts), strict=True)
         return np.asarray(sum(scale * (-1) ** k * np.diff(y, k) for k, scale, y in parts))
 
@@ -73,13 +76,13 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
         outside: FloatArray,
         slacks: FloatArray,
         multipliers: FloatArray,
-        wanted: FloatArray,
+        target: FloatArray,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The step that changes products of slacks and multipliers by wanted ones."""
-        right = -gradient - adjoint((wanted + multipliers * outside) / slacks)
+        """Newton step that changes the products of slacks and multipliers by `target`."""
+        right = -gradient - adjoint((target + multipliers * outside) / slacks)
         step = cho_solve_banded((matrix, True), right, check_finite=False)
         wider = -outside - side * forward(step)
-        return step, wider, (wanted - multipliers * wider) / slacks
+        return step, wider, (target - multipliers * wider) / slacks
 
     slacks = np.maximum(room, max(excess, 1.0))
     multipliers = FIRST_PRODUCT * min(excess, 1.0) ** 2 / slacks
@@ -104,19 +107,22 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
 
         state = matrix, gradient, outside, slacks, multipliers
         _, wider, stronger = direction(*state, -products)
-        primal, dual = _reach(slacks, wider), _reach(multipliers, stronger)
+        primal, dual = _step_fraction(slacks, wider), _step_fraction(multipliers, stronger)
         after = float(np.sum((slacks + primal * wider) * (multipliers + dual * stronger)))
         mean = (after / gap) ** 3 * gap / slacks.size
         step, wider, stronger = direction(*state, mean - products - wider * stronger)
-        primal, dual = INSIDE * _reach(slacks, wider), INSIDE * _reach(multipliers, stronger)
+        primal, dual = (
+            INSIDE * _step_fraction(slacks, wider),
+            INSIDE * _step_fraction(multipliers, stronger),
+        )
         change += primal * step
         slacks += primal * wider
         multipliers += dual * stronger
     else:
         return None
-    found = values.copy()
-    found[1:-1] += change
-    return found
+    nearest = values.copy()
+    nearest[1:-1] += change
+    return nearest
 
 
 def differences(values: FloatArray, order: int) -> FloatArray:
@@ -134,17 +140,17 @@ def _bands(
     count: int, orders: Sequence[int], scales: Sequence[float], weights: Sequence[FloatArray]
 ) -> FloatArray:
     """Bands of the identity plus weighted squares of scaled differences, from the diagonal down."""
-    found = np.zeros((max(orders) + 1, count))
-    found[0] = 1.0
+    bands = np.zeros((max(orders) + 1, count))
+    bands[0] = 1.0
     for k, scale, weight in zip(orders, scales, weights, strict=True):
         signs = [(-1) ** j * comb(k, j) * scale for j in range(k + 1)]
         for band in range(min(k + 1, count)):
             for j in range(band, k + 1):
                 shifted = weight[j : j + count - band]
-                found[band, : count - band] += signs[j] * signs[j - band] * shifted
-    return found
+                bands[band, : count - band] += signs[j] * signs[j - band] * shifted
+    return bands
 
 
-def _reach(values: FloatArray, step: FloatArray) -> float:
-    """Largest share of a step, up to 1, that keeps values above zero."""
+def _step_fraction(values: FloatArray, step: FloatArray) -> float:
+    """Largest fraction of a step, up to 1, that leaves values positive."""
     return float(1 / max(1.0, -(step / values).min()))

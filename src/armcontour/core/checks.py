@@ -1,4 +1,4 @@
-"""Checks of given values: type, shape, finiteness, range. Each refusal is one sentence."""
+"""Checks of type, shape, finiteness and range of values. Each error is one sentence."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ C = TypeVar("C")
 # Longest name [characters]: names are written in lines of robot programs, tables and terminals.
 LONGEST_NAME = 80
 FloatArray = npt.NDArray[np.float64]
-# Largest number in SI units: no length, time, speed or torque of a robot is larger. Its powers up
-# to the twenty-fifth are finite, so products of squares and cubes do not overflow.
+# Largest number in SI units, above any length, time, speed or torque of a robot. Its powers up to
+# the twenty-fifth are finite, so products of squares and cubes do not overflow.
 LARGEST = 1e12
-# Smallest number that counts as above zero: the powers of its reciprocal up to the tenth are
-# finite. No tolerance or time is smaller, in any unit.
+# Smallest positive number, below any tolerance or time in any unit. Powers of its reciprocal up to
+# the tenth are finite.
 SMALLEST = 1e-30
-# More than any arm has.
+# Largest number of joints, more than any arm has.
 MOST_JOINTS = 1000
 # Largest number of values that are sampled, such as set-points times joints: with all that is
 # computed from them, some GB.
@@ -50,10 +50,10 @@ BoolArray = npt.NDArray[np.bool_]
 # Attributes of a copied object by their names, and the names of those that are locked.
 State = tuple[dict[str, Any], tuple[str, ...]]
 
-# Highest derivative of a curve that anybody asks for.
+# Highest supported derivative of a curve.
 HIGHEST = 20
 
-# numpy's kinds of arrays that can be numbers; an array of objects if each object is a number.
+# Kinds of numpy arrays that can be numbers; each object of an object array must be a number.
 NUMERIC = "iufO"
 # Names of the other kinds, for messages.
 NOT_NUMERIC = {
@@ -68,7 +68,7 @@ NOT_NUMERIC = {
 
 
 def frozen_array(values: npt.ArrayLike, name: str = "An array", unit: str = "") -> FloatArray:
-    """A read-only copy of `values` as a float array; `values` if it is one that owns its data.
+    """Read-only copy of `values` as a float array; `values` itself if it is one.
 
     Raises:
         InvalidInput: As in `floats`.
@@ -81,9 +81,9 @@ def frozen_array(values: npt.ArrayLike, name: str = "An array", unit: str = "") 
 
 
 def kernel_array(values: npt.ArrayLike) -> FloatArray:
-    """An array of floats as kernels are compiled for: in C order, and one that may be written.
+    """Array of floats as kernels require: C order and writeable; `values` itself if possible.
 
-    It is `values` if that is one, which `np.require` takes ten times as long to find out.
+    The check of the flags takes a tenth of the time of `np.require`.
     """
     if isinstance(values, np.ndarray) and values.dtype == np.float64:
         flags = values.flags
@@ -93,37 +93,37 @@ def kernel_array(values: npt.ArrayLike) -> FloatArray:
 
 
 def _is_locked(array: npt.NDArray[Any]) -> bool:
-    """Whether an array is read-only, of floats, and no view of another array."""
+    """True if an array is read-only, of floats, and no view of another array."""
     flags = array.flags
     return array.dtype == np.float64 and flags.owndata and not flags.writeable
 
 
 def lock_copy(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """A read-only copy of `array`, of the same type."""
+    """Read-only copy of an array, of the same type."""
     copy = array.copy()
     copy.setflags(write=False)
     return copy
 
 
 class Value:
-    """Base of frozen dataclasses with arrays: copies, in other processes too, are locked as well.
+    """Base of frozen dataclasses with arrays; arrays of copies are locked as well.
 
-    `copy.deepcopy` and `pickle` make arrays that may be written of those that may not.
+    `copy.deepcopy` and `pickle` alone would make writeable copies of read-only arrays.
     """
 
     __slots__ = ()
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
-        # A dataclass with slots would define them, if the class itself does not.
+        # Otherwise a dataclass with slots defines these methods.
         for name in ("__getstate__", "__setstate__"):
             if getattr(cls, name) is getattr(Value, name):
                 setattr(cls, name, getattr(Value, name))
 
     def __getstate__(self) -> tuple[list[Any], list[int], dict[str, Any] | None]:
-        """The values of all fields, which of them are locked, and other attributes."""
-        own: Any = type(self)
-        names = _field_names(own)
+        """Values of all fields, indices of the locked ones, and other attributes."""
+        kind: Any = type(self)
+        names = _field_names(kind)
         values = [getattr(self, name) for name in names]
         locked = [k for k, x in enumerate(values) if _is_locked_value(x)]
         others = getattr(self, "__dict__", None)
@@ -132,26 +132,26 @@ class Value:
         return values, locked, others or None
 
     def __setstate__(self, state: tuple[list[Any], list[int], dict[str, Any] | None]) -> None:
-        """Take the values, and lock those that were locked."""
+        """Restore the values, and lock those that were locked."""
         _refuse_old(self, state, 3)
         values, locked, others = state
         for k in locked:
             _lock_value(values[k])
         if others is not None:
             vars(self).update(others)
-        own: Any = type(self)
-        for name, value in zip(_field_names(own), values, strict=True):
+        kind: Any = type(self)
+        for name, value in zip(_field_names(kind), values, strict=True):
             object.__setattr__(self, name, value)
 
 
 @cache
 def _field_names(kind: type) -> tuple[str, ...]:
-    """Names of the fields of a dataclass; none for another class."""
+    """Names of the fields of a dataclass; empty for other classes."""
     return tuple(x.name for x in fields(kind)) if is_dataclass(kind) else ()
 
 
 def pack_state(values: Mapping[str, Any]) -> State:
-    """Attributes for a copy, with the names of those that are locked.
+    """Attributes for a copy, and the names of the locked ones.
 
     Args:
         values: The attributes by their names.
@@ -160,7 +160,7 @@ def pack_state(values: Mapping[str, Any]) -> State:
 
 
 def _is_locked_value(x: Any) -> bool:
-    """Whether a value is a read-only array, or a tuple of such arrays."""
+    """True if a value is a read-only array, or a tuple of such arrays."""
     if type(x) is np.ndarray:
         return not x.flags.writeable
     if not isinstance(x, tuple) or not x or type(x[0]) is not np.ndarray:
@@ -169,7 +169,7 @@ def _is_locked_value(x: Any) -> bool:
 
 
 def _refuse_old(x: object, state: Any, count: int) -> None:
-    """Refuse what another version has pickled, whose states are no tuples of so many parts."""
+    """Reject a pickled state of another version, which is no tuple of `count` parts."""
     if not (isinstance(state, tuple) and len(state) == count):
         raise InvalidInput(
             f"This pickled {type(x).__name__} was made by another version of armcontour: make it "
@@ -184,14 +184,14 @@ def _lock_value(x: Any) -> None:
 
 
 class Immutable:
-    """Base of classes whose instances do not change once their constructor has returned.
+    """Base of classes whose instances do not change after construction.
 
-    Constructors, of subclasses too, set attributes as usual; at their end all arrays are made
-    read-only. A `functools.cached_property` works as ever. A subclass that is a dataclass locks
-    itself, with `frozen=True`.
+    Constructors, also those of subclasses, set attributes as usual; at the end all arrays become
+    read-only. `functools.cached_property` works. A subclass that is a dataclass needs
+    `frozen=True`.
     """
 
-    # How to get a changed one, the end of a sentence.
+    # End of the error message: how to get a changed instance.
     _instead: ClassVar[str] = "make another one"
 
     def __init_subclass__(cls, **options: Any) -> None:
@@ -203,7 +203,7 @@ class Immutable:
         @wraps(construct)
         def construct_and_lock(self: Immutable, *args: Any, **keywords: Any) -> None:
             construct(self, *args, **keywords)
-            # The constructor of a subclass goes on after this one.
+            # Within a subclass, its own constructor continues after this one.
             if type(self).__init__ is construct_and_lock:
                 arrays = {k: x for k, x in vars(self).items() if isinstance(x, np.ndarray)}
                 vars(self).update({k: lock_copy(x) for k, x in arrays.items()}, _locked=True)
@@ -211,11 +211,11 @@ class Immutable:
         cls.__init__ = construct_and_lock  # type: ignore[assignment, method-assign]
 
     def __getstate__(self) -> State:
-        """The values of all attributes, and which of them are locked."""
+        """Values of all attributes, and the names of the locked ones."""
         return pack_state(vars(self))
 
     def __setstate__(self, state: State) -> None:
-        """Take the values, and lock those that were locked."""
+        """Restore the values, and lock those that were locked."""
         _refuse_old(self, state, 2)
         values, locked = state
         for name in locked:
@@ -233,13 +233,13 @@ class Immutable:
     def _refuse_change(self, name: str) -> None:
         if "_locked" in vars(self):
             raise FrozenInstanceError(
-                f"The {name} of a {type(self).__name__} cannot be set after it was made, as plans "
-                f"may rely on it: {self._instead}."
+                f"The {name} of a {type(self).__name__} cannot be set after construction, because "
+                f"plans may depend on it: {self._instead}."
             )
 
 
 def lock_numbers(name: str, values: npt.ArrayLike) -> FloatArray:
-    """The read-only float array of `check_numbers`, without a copy if `values` is such an array.
+    """Read-only result of `check_numbers`; `values` itself if it is such an array.
 
     Raises:
         InvalidInput: As in `check_numbers`.
@@ -257,37 +257,36 @@ def check_numbers(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArra
     """Return `values` as a new float array, all finite and at most LARGEST.
 
     Args:
-        name: As in `floats`, as are the others.
+        name: Name of the values, for messages.
         values: The values.
-        unit: Their unit.
+        unit: Unit of the values, for messages.
 
     Raises:
         InvalidInput: As in `floats`, or a value is not finite or too large; the message names the
             index of the first one.
     """
     array = np.array(floats(name, values, unit))
-    # No number is too large if the sum of their squares is not, which is found sooner. NaN fails
-    # the comparison.
+    # The sum of squares is a fast sufficient test. NaN fails the comparison.
     row = array.ravel("K")
     with np.errstate(over="ignore", invalid="ignore"):
         if row.dot(row) <= LARGEST**2:
             return array
     sound = np.abs(array) <= LARGEST
     if not sound.all():
-        where = np.argwhere(~sound)[0]
-        place = f" at index {', '.join(str(i) for i in where)}" if array.ndim else ""
-        value = float(array[tuple(where)] if array.ndim else array)
+        index = np.argwhere(~sound)[0]
+        location = f" at index {', '.join(str(i) for i in index)}" if array.ndim else ""
+        value = float(array[tuple(index)] if array.ndim else array)
         range_ = f"between -{LARGEST:g} and {LARGEST:g}{suffix(unit)}"
         needed = range_ if np.isfinite(value) else "finite"
         raise InvalidInput(
-            f"{name} must be {needed}, but is {value:g}{place}.",
-            index=int(where[0]) if array.ndim else None,
+            f"{name} must be {needed}, but is {value:g}{location}.",
+            index=int(index[0]) if array.ndim else None,
         )
     return array
 
 
 def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
-    """Return `values` as a float array; as they are if they are one already, finite or not.
+    """Return `values` as a float array, finite or not; unchanged if it is one.
 
     Args:
         name: Name of the values, for messages.
@@ -295,7 +294,7 @@ def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
         unit: Unit of the values, for messages.
 
     Raises:
-        InvalidInput: The values are not numbers: texts, truth values and masked ones are not.
+        InvalidInput: The values are not numbers, such as texts, truth values or masked values.
     """
     if type(values) is np.ndarray and values.dtype == np.float64:
         return values
@@ -303,22 +302,22 @@ def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
         raise InvalidInput(f"{name} must be numbers{in_unit(unit)}, not None.")
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
         raise InvalidInput(
-            f"{name} must be numbers{in_unit(unit)}, but some are masked: leave them out."
+            f"{name} must be numbers{in_unit(unit)}, but some are masked: remove them."
         )
     try:
-        given = np.asarray(values)
-        if given.dtype.kind not in NUMERIC and given.size:
+        array = np.asarray(values)
+        if array.dtype.kind not in NUMERIC and array.size:
             raise InvalidInput(
-                f"{name} must be numbers{in_unit(unit)}, not {NOT_NUMERIC[given.dtype.kind]}."
+                f"{name} must be numbers{in_unit(unit)}, not {NOT_NUMERIC[array.dtype.kind]}."
             )
-        if given.dtype.kind == "O":
-            # numpy makes numbers of these, too: None becomes NaN.
-            for x in given.flat:
+        if array.dtype.kind == "O":
+            # numpy would convert these objects to numbers, None to NaN.
+            for x in array.flat:
                 if x is None or isinstance(x, str | bytes | bool):
                     raise InvalidInput(
                         f"{name} must be numbers{in_unit(unit)}, but one of them is {show(x)}."
                     )
-        return np.asarray(given, dtype=np.float64)
+        return np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         if isinstance(error, InvalidInput):
             raise
@@ -330,7 +329,7 @@ def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
 def shaped(
     name: str, values: npt.ArrayLike, shape: tuple[int | None, ...], unit: str = ""
 ) -> FloatArray:
-    """Return `values` as a float array of a shape; None in it stands for any number.
+    """Return `values` as a float array of a shape; None in the shape allows any length.
 
     Raises:
         InvalidInput: As in `floats`, or the shape is another one.
@@ -339,13 +338,13 @@ def shaped(
     if array.ndim != len(shape) or any(
         x not in (n, None) for n, x in zip(array.shape, shape, strict=True)
     ):
-        known = ", ".join("any" if x is None else f"{x}" for x in shape)
-        raise InvalidInput(f"{name} must have shape ({known}), not {array.shape}.")
+        required = ", ".join("any" if x is None else f"{x}" for x in shape)
+        raise InvalidInput(f"{name} must have shape ({required}), not {array.shape}.")
     return array
 
 
 def indices(name: str, values: npt.ArrayLike) -> IntArray:
-    """Return `values` as an array of whole numbers; as they are if they are one already.
+    """Return `values` as an array of integers; unchanged if it is one.
 
     Raises:
         InvalidInput: As in `check_numbers`, or a value is not a whole number.
@@ -380,7 +379,7 @@ def check_number(name: str, value: Any, unit: str = "") -> float:
     Raises:
         InvalidInput: The value is not one finite number.
     """
-    # Most are such numbers. NaN fails the comparison.
+    # Fast path for most values. NaN fails the comparison.
     if type(value) in (float, int) and -LARGEST <= value <= LARGEST:
         return float(value)
     array = check_numbers(name, value, unit)
@@ -391,20 +390,20 @@ def check_number(name: str, value: Any, unit: str = "") -> float:
     return float(array)
 
 
-def check_count(what: str, values: float, fix: str) -> None:
-    """Refuse work on more values than MOST_VALUES, before they are computed.
+def check_count(work: str, values: float, fix: str) -> None:
+    """Check that work stays within MOST_VALUES, before its values are computed.
 
     Args:
-        what: The work, with its numbers.
+        work: The work, with its numbers.
         values: Number of values, such as samples times joints.
         fix: How the user can reduce the number.
 
     Raises:
-        InvalidInput: There are more.
+        InvalidInput: There are more values.
     """
     if not values <= MOST_VALUES:
         raise InvalidInput(
-            f"{what} would have {values:.3g} values, more than the limit of {MOST_VALUES:.3g}: "
+            f"{work} would have {values:.3g} values, more than the limit of {MOST_VALUES:.3g}: "
             f"{fix}.",
             limit="values",
             needed=values,
@@ -463,11 +462,11 @@ def check_int(name: str, value: Any, low: int | None = None, high: int | None = 
     Raises:
         InvalidInput: The value is not a whole number, or outside this range.
     """
-    least, most = (-LARGEST if low is None else low), (MOST_WHOLE if high is None else high)
-    if type(value) is int and least <= value <= most:
+    minimum, maximum = (-LARGEST if low is None else low), (MOST_WHOLE if high is None else high)
+    if type(value) is int and minimum <= value <= maximum:
         return value
     checked = check_number(name, value)
-    if checked != int(checked) or not least <= checked <= most:
+    if checked != int(checked) or not minimum <= checked <= maximum:
         range_ = "" if low is None else f" of at least {low}"
         range_ = range_ if high is None else f" from {low} to {high}"
         raise InvalidInput(f"{name} must be a whole number{range_}, but is {checked:g}.")
@@ -518,66 +517,67 @@ def per_joint(name: str, values: npt.ArrayLike, dof: int, unit: str = "") -> Flo
     return array
 
 
-def check_choice(name: str, value: str, known: tuple[str, ...]) -> str:
-    """Return `value` if it is one of `known`.
+def check_choice(name: str, value: str, choices: tuple[str, ...]) -> str:
+    """Return `value` if it is one of the `choices` texts.
 
     Raises:
         InvalidInput: The value is another one; the message lists the known ones.
     """
-    # An array is compared value by value.
-    if not isinstance(value, str) or value not in known:
-        raise InvalidInput(f"{name} must be one of {', '.join(known)}, not {show(value)}.")
+    # Comparing an array would give an array.
+    if not isinstance(value, str) or value not in choices:
+        raise InvalidInput(f"{name} must be one of {', '.join(choices)}, not {show(value)}.")
     return value
 
 
-def derivative(order: Any, most: int = HIGHEST) -> int:
+def derivative(order: Any, highest: int = HIGHEST) -> int:
     """Return the order of a derivative, 0 for the value itself.
 
     Args:
         order: The order.
-        most: The highest one.
+        highest: The highest one.
 
     Raises:
-        InvalidInput: It is no whole number, or not from 0 to `most`.
+        InvalidInput: Not a whole number from 0 to `highest`.
     """
-    if type(order) is int and 0 <= order <= most:
+    if type(order) is int and 0 <= order <= highest:
         return order
     if isinstance(order, np.integer):
-        return derivative(int(order), most)
+        return derivative(int(order), highest)
     raise InvalidInput(
-        f"The order of a derivative must be a whole number from 0 to {most}, but is {show(order)}."
+        f"The order of a derivative must be a whole number from 0 to {highest}, but is "
+        f"{show(order)}."
     )
 
 
-def check_name(what: str, value: Any, *, most: int = LONGEST_NAME) -> str:
-    """Return `value` if it is a name: a short text of printable characters, or an empty one.
+def check_name(description: str, value: Any, *, longest: int = LONGEST_NAME) -> str:
+    """Return `value` if it is a name: printable text of limited length, possibly empty.
 
     Args:
-        what: Description of the name for messages, such as "name of the event".
+        description: Description of the name for messages, such as "name of the event".
         value: The name.
-        most: Largest number of characters.
+        longest: Largest number of characters.
 
     Raises:
         InvalidInput: The value is not a text, has a character that is not printable, or is too
             long.
     """
     if not isinstance(value, str):
-        raise InvalidInput(f"The {what} must be text, not {show(value)}.")
-    if len(value) > most:
+        raise InvalidInput(f"The {description} must be text, not {show(value)}.")
+    if len(value) > longest:
         raise InvalidInput(
-            f"The {what} has {len(value)} characters, more than {most}: {show(value)}."
+            f"The {description} has {len(value)} characters, more than {longest}: {show(value)}."
         )
     if not value.isprintable():
         bad = next(x for x in value if not x.isprintable())
         raise InvalidInput(
-            f"The {what} has the character U+{ord(bad):04X}, which is not printable: "
+            f"The {description} has the character U+{ord(bad):04X}, which is not printable: "
             f"'{make_printable(value)}'."
         )
     return value
 
 
 def raise_if(wrong: bool | np.bool_, message: str) -> None:
-    """Refuse with a message if a condition is true; for messages that cost nothing to format.
+    """Raise InvalidInput if a condition is true; for messages that cost nothing to format.
 
     Args:
         wrong: The condition.
@@ -590,15 +590,15 @@ def raise_if(wrong: bool | np.bool_, message: str) -> None:
         raise InvalidInput(message)
 
 
-# How to get an object of a class, for messages.
+# Ways to obtain an object of a class, for messages.
 ORIGINS = {
     "Arm": "such as load_arm('ur5e')",
     "ArmOptions": "such as ArmOptions(tip='tool0')",
     "CompensationOptions": "such as Inverse()",
     "SegmentLimits": "such as SegmentLimits(speed=0.1)",
-    "Execution": "as execute gives it",
+    "Execution": "as simulate returns it",
     "Frame": "such as Frame(position=(0.4, 0, 0.1))",
-    "Job": "as read_job gives it",
+    "Job": "as read_job returns it",
     "Limits": "such as arm.limits",
     "Payload": "such as Payload(mass=2.0)",
     "PlaceSearch": "such as PlaceSearch(over={'x': (-0.1, 0.1, 11)})",
@@ -607,11 +607,11 @@ ORIGINS = {
     "ReadOptions": "such as ReadOptions(units='mm')",
     "ServoModel": "such as ServoModel(kp=25, kv=150)",
     "Shaped": "such as Shaped(tolerance=1e-3)",
-    "JobResult": "as run gives it",
-    "SetPoints": "as compensate gives it",
-    "Trajectory": "as plan gives it",
+    "JobResult": "as run returns it",
+    "SetPoints": "as compensate returns it",
+    "Trajectory": "as plan returns it",
 }
-# Other classes that annotations may name, in words.
+# Descriptions of other classes in annotations.
 WORDS: dict[Any, str] = {
     bool: "True or False",
     str: "text",
@@ -623,10 +623,10 @@ WORDS: dict[Any, str] = {
 
 
 def check_type(user: str, value: Any, *kinds: type, role: str = "") -> None:
-    """Refuse a value that is no object of some classes.
+    """Check that a value is an object of one of some classes.
 
     Args:
-        user: What needs the object, the first words of the message.
+        user: Function or class that needs the object, for messages.
         value: The value.
         kinds: The classes.
         role: Name of the value, for messages.
@@ -647,17 +647,17 @@ def _with_article(name: str) -> str:
 
 
 def explain_calls(constructed: type[C]) -> type[C]:
-    """Decorate a public dataclass: its constructors refuse arguments that they do not have."""
-    own: Any = constructed
-    own.__init__ = explained(own.__init__)
-    for name, x in list(vars(own).items()):
+    """Decorate a public dataclass: its constructors raise InvalidInput for wrong arguments."""
+    cls: Any = constructed
+    cls.__init__ = explained(cls.__init__)
+    for name, x in list(vars(cls).items()):
         if isinstance(x, classmethod) and not name.startswith("_"):
-            setattr(own, name, classmethod(explained(x.__func__)))
+            setattr(cls, name, classmethod(explained(x.__func__)))
     return constructed
 
 
 def explained(function: Callable[P, R]) -> Callable[P, R]:
-    """The function, which refuses calls with wrong arguments by InvalidInput."""
+    """Wrap a function so that calls with wrong arguments raise InvalidInput."""
 
     @wraps(function)
     def call(*args: P.args, **keywords: P.kwargs) -> R:
@@ -673,14 +673,14 @@ def explained(function: Callable[P, R]) -> Callable[P, R]:
 def raise_call_error(
     function: Callable[..., Any], args: tuple[Any, ...], keywords: Mapping[str, Any]
 ) -> None:
-    """Refuse arguments that a function does not have, and the lack of those that it needs.
+    """Raise InvalidInput for unknown, repeated or missing arguments of a call.
 
     Raises:
-        InvalidInput: There are such arguments.
+        InvalidInput: The arguments are wrong.
     """
     every = signature(function).parameters
     slots = {name: x for name, x in every.items() if name not in ("self", "cls")}
-    given = args[len(every) - len(slots) :]
+    positional = args[len(every) - len(slots) :]
     user = function.__qualname__.removesuffix(".__init__")
     if any(x.kind in (Parameter.VAR_KEYWORD, Parameter.VAR_POSITIONAL) for x in slots.values()):
         return
@@ -689,13 +689,13 @@ def raise_call_error(
         hint = suggest(name, slots, takes[:-1])
         raise InvalidInput(f"{user} has no argument {show(name)} ({hint}).")
     by_place = [x.name for x in slots.values() if x.kind is Parameter.POSITIONAL_OR_KEYWORD]
-    if len(given) > len(by_place):
+    if len(positional) > len(by_place):
         only = f"only {' and '.join(by_place)}" if by_place else "no argument"
-        raise InvalidInput(
-            f"{user} takes {only} without a name: write the names of others; {takes}"
-        )
-    done = {*by_place[: len(given)], *keywords}
-    raise_if(len(done) < len(given) + len(keywords), f"{user} was given an argument twice; {takes}")
+        raise InvalidInput(f"{user} takes {only} as positional arguments: name the others; {takes}")
+    done = {*by_place[: len(positional)], *keywords}
+    raise_if(
+        len(done) < len(positional) + len(keywords), f"{user} was given an argument twice; {takes}"
+    )
     lacking = [
         x.name for x in slots.values() if x.default is Parameter.empty and x.name not in done
     ]
@@ -703,45 +703,51 @@ def raise_call_error(
 
 
 def kinds_of(annotation: Any) -> tuple[type, ...]:
-    """The classes that an annotation allows; none if it allows numbers, arrays or lists."""
+    """Classes that an annotation allows; empty if it allows numbers, arrays or lists."""
     kind = get_origin(annotation) or annotation
     if kind in (Union, UnionType):
         parts = [kinds_of(x) for x in get_args(annotation)]
         return sum(parts, ()) if all(parts) else ()
     if kind in (bool, FilePath):
         return (bool, np.bool_) if kind is bool else (PathLike,)
-    own = isinstance(kind, type) and kind.__module__.startswith(("armcontour.", "concurrent."))
-    return (kind,) if kind in WORDS or (own and not getattr(kind, "_is_protocol", False)) else ()
+    is_library_class = isinstance(kind, type) and kind.__module__.startswith(
+        ("armcontour.", "concurrent.")
+    )
+    return (
+        (kind,)
+        if kind in WORDS or (is_library_class and not getattr(kind, "_is_protocol", False))
+        else ()
+    )
 
 
 def check_sequence(
-    name: str, values: Any, kind: Any, what: str, count: int | None = None
+    name: str, values: Any, kind: Any, noun: str, count: int | None = None
 ) -> tuple[Any, ...]:
-    """The values of a list as a tuple.
+    """Return the values of a list as a tuple.
 
     Args:
         name: Name of the list, for messages.
-        values: The list, or what gives its values one after the other.
+        values: The list, or another iterable.
         kind: Class of each value.
-        what: The values in words, such as "Events".
+        noun: The values in words, such as "Events".
         count: Their number; None for any.
 
     Raises:
-        InvalidInput: No list of such values; a text and a mapping are none.
+        InvalidInput: Not a list of such values; texts and mappings are not lists.
     """
     if isinstance(values, np.ndarray):
         values = np.atleast_1d(values)
-    # Most lists are tuples, many of them empty.
+    # Fast path for tuples.
     no_list = (str, bytes, Mapping)
     if type(values) is tuple or (isinstance(values, Iterable) and not isinstance(values, no_list)):
-        found = tuple(values)
-        if count in (None, len(found)) and (not found or all(isinstance(x, kind) for x in found)):
-            return found
-    raise InvalidInput(f"{name} must be a list of {what}, not {show(values)}.")
+        items = tuple(values)
+        if count in (None, len(items)) and (not items or all(isinstance(x, kind) for x in items)):
+            return items
+    raise InvalidInput(f"{name} must be a list of {noun}, not {show(values)}.")
 
 
 def check_names(name: str, values: Any, count: int | None = None) -> tuple[str, ...]:
-    """The names of a list as a tuple.
+    """Return the names of a list as a tuple.
 
     Args:
         name: Name of the list, for messages.
@@ -749,33 +755,31 @@ def check_names(name: str, values: Any, count: int | None = None) -> tuple[str, 
         count: Number of names; None for any.
 
     Raises:
-        InvalidInput: No list of so many short texts.
+        InvalidInput: Not a list of this number of short texts.
     """
-    what = "names" if count is None else f"{count} names"
-    found = check_sequence(name, values, str, what, count)
-    return tuple(check_name(f"name in {name}", x) for x in found)
+    noun = "names" if count is None else f"{count} names"
+    names = check_sequence(name, values, str, noun, count)
+    return tuple(check_name(f"name in {name}", x) for x in names)
 
 
-def read_place(user: str, place: Any) -> FilePath:
-    """The place of a file, which is text or a path.
+def read_place(user: str, path: Any) -> FilePath:
+    """Return the path of a file, given as text or a path.
 
     Args:
-        user: What needs the file, the first words of the message.
-        place: The place.
+        user: Function that needs the file, for messages.
+        path: The path.
 
     Raises:
-        InvalidInput: The place is another object.
+        InvalidInput: Another type of object.
     """
     try:
-        return FilePath(place)
+        return FilePath(path)
     except TypeError:
-        raise InvalidInput(
-            f"{user} needs the path of a file, not {type(place).__name__}."
-        ) from None
+        raise InvalidInput(f"{user} needs the path of a file, not {type(path).__name__}.") from None
 
 
 def check_side(value: str) -> Literal["left", "right"]:
-    """Return "left" or "right": which of two values a function with a jump returns at the jump.
+    """Return "left" or "right", the side from which a function with a jump is evaluated.
 
     Raises:
         InvalidInput: The value is another word.
@@ -789,10 +793,10 @@ def check_side(value: str) -> Literal["left", "right"]:
 
 
 def in_unit(unit: str) -> str:
-    """The words " in <unit>" for messages; empty without a unit."""
+    """Words " in <unit>" for messages; empty without a unit."""
     return f" in {unit}" if unit else ""
 
 
 def suffix(unit: str) -> str:
-    """The unit after a number in messages, with a space before it; empty without a unit."""
+    """Unit after a number in messages, with a leading space; empty without a unit."""
     return f" {unit}" if unit else ""

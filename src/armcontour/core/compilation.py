@@ -1,7 +1,7 @@
-"""Compile functions ahead in several processes: all of them, or those of a usual run.
+"""Ahead-of-time compilation in several processes: of all functions, or those of a usual run.
 
-`kernels.txt` lists the runs that call a function, and the types of its arguments, one call a line.
-A function is compiled after those that it calls, because it loads them then.
+`kernels.txt` lists, one call per line, the runs that call a function and the types of its
+arguments. A function is compiled after its callees, because it loads them.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from armcontour.core import kernels
 from armcontour.core.errors import ArmContourError
 from armcontour.core.kernels import KERNELS, PACKAGE, ROOT, waiting
 from armcontour.core.pool import TaskQueue, open_executor
-from armcontour.core.process import can_start, is_other, processors
-from armcontour.core.progress import COMPILING, Progress, Step, subprogress, tell_compiling
+from armcontour.core.process import can_start, is_child, processors
+from armcontour.core.progress import COMPILING, Progress, Step, report_compiling, subprogress
 from armcontour.core.quintics import solve_banded
 
 # Runs on plane arms, runs on arms in space, both, and everything.
@@ -39,18 +39,18 @@ Key: TypeAlias = tuple[str, str]
 # A function, and the types of its arguments for each kind of call.
 Calls: TypeAlias = tuple[Key, list[str]]
 LIST = FilePath(__file__).with_name("kernels.txt")
-# A run goes on after these errors: it compiles what it needs.
+# After these errors of the other processes, a run compiles the functions that it needs.
 FAILURES = (ArmContourError, RuntimeError, OSError)
 # Memory of a process that compiles [bytes].
-EACH = 0.4e9
+MEMORY = 0.4e9
 
 
 class Warmed(NamedTuple):
     """Result of `warm`.
 
     Args:
-        functions: Number of functions that are compiled now.
-        compiled: Number of functions that were not compiled before.
+        functions: Number of compiled functions.
+        compiled: Number of functions that this call compiled.
         folder: Folder of their files.
     """
 
@@ -59,38 +59,38 @@ class Warmed(NamedTuple):
     folder: FilePath
 
 
-def warm(which: Which = "all", progress: Progress | None = None) -> Warmed:
+def warm(kind: Which = "all", progress: Progress | None = None) -> Warmed:
     """Compile functions that are not compiled yet, in as many processes as the memory allows.
 
     Args:
-        which: Which functions.
-        progress: Called with the function that was compiled last, and the share that is done.
+        kind: Kind of the functions.
+        progress: Called with the function that was compiled last, and the completed fraction.
 
     Raises:
-        ExecutionError: A process ended before its work did.
+        ExecutionError: A process ended before its work was done.
     """
-    listed, compiled = read_list(which), 0
-    if not _is_warm(which):
+    listed, compiled = read_list(kind), 0
+    if not _is_warm(kind):
         order = Order(listed, progress)
-        order.work_off()
+        order.run_all()
         compiled = order.compiled
-        _stamp(which)
+        _stamp(kind)
     return Warmed(len(listed), compiled, _folder())
 
 
 @contextmanager
 def warm_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
-    """Compile the functions of a usual run in other processes meanwhile, if they are not compiled.
+    """Context in which other processes compile the functions of a usual run.
 
-    The run waits where it needs a function that is not compiled; that function comes next. If the
-    other processes fail, the run compiles the function itself.
+    The run waits if it needs a function that is not compiled; that function is compiled next. If
+    the other processes fail, the run compiles the function itself.
 
     Args:
         dimension: Dimension of the arm's work space; None for arms of both dimensions.
         progress: Called as by `warm`, while the run waits.
     """
-    which: Which = "usual" if dimension is None else "plane" if dimension == 2 else "space"
-    if _is_warm(which) or not can_start():
+    kind: Which = "usual" if dimension is None else "plane" if dimension == 2 else "space"
+    if _is_warm(kind) or not can_start():
         yield
         return
 
@@ -98,15 +98,15 @@ def warm_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
         if order.waits or not step.done:
             progress(step)
         if not step.done:
-            tell_compiling(step.names[-1])
+            report_compiling(step.names[-1])
 
     def work() -> None:
         with suppress(*FAILURES):
-            order.work_off()
+            order.run_all()
         if order.is_done:
-            _stamp(which)
+            _stamp(kind)
 
-    order = Order(read_list(which), tell)
+    order = Order(read_list(kind), tell)
     helper = Thread(target=work, name="compiling")
     helper.start()
     try:
@@ -119,12 +119,12 @@ def warm_for_run(dimension: int | None, progress: Progress) -> Iterator[None]:
         helper.join()
 
 
-def read_list(which: Which) -> dict[Key, list[str]]:
-    """Arguments of the functions that a kind of run calls, in the order of the list."""
+def read_list(kind: Which) -> dict[Key, list[str]]:
+    """Argument types of the functions that a kind of run calls, in the order of the list."""
     listed: dict[Key, list[str]] = {}
     for line in LIST.read_text(encoding="utf-8").splitlines():
         runs, call = line.split(" ", 1)
-        if which == "all" or which in runs.split(",") or (which == "usual" and runs != "-"):
+        if kind == "all" or kind in runs.split(",") or (kind == "usual" and runs != "-"):
             function, _, arguments = call.partition("(")
             module, _, name = function.rpartition(".")
             listed.setdefault((module, name), []).append(arguments.removesuffix(")"))
@@ -132,11 +132,11 @@ def read_list(which: Which) -> dict[Key, list[str]]:
 
 
 def compile_calls(calls: Calls) -> int:
-    """Compile a function, or load it if it is compiled; returns how often it was compiled."""
+    """Compile a function, or load it if it is compiled; returns the number of compilations."""
     from numba.core.errors import NumbaError
 
-    if is_other():
-        # Numba makes so many objects that collecting garbage takes a tenth of the time.
+    if is_child():
+        # Numba creates so many objects that garbage collection takes a tenth of the time.
         gc.disable()
     key, arguments = calls
     dispatcher = _dispatcher(key)
@@ -150,10 +150,10 @@ def compile_calls(calls: Calls) -> int:
 def from_text(text: str) -> tuple[Any, ...]:
     """Types of arguments from text such as `float64[:, ::1], const(float64[::1]), int64`.
 
-    The text is Python in the words of `numba.types`, and three more: `const`, for an array that is
-    read-only, `named`, for a named tuple, and `Vector`, of `simd`.
+    The text is a Python expression with the names of `numba.types` and three more: `const` for a
+    read-only array, `named` for a named tuple, and `Vector` of `simd`.
     """
-    # Only some of these types have annotations.
+    # numba.types is only partly annotated.
     types: Any = import_module("numba.types")
     from armcontour.core.simd import VECTOR
 
@@ -163,14 +163,14 @@ def from_text(text: str) -> tuple[Any, ...]:
             return types.NamedUniTuple(parts[0], len(parts), kind)
         return types.NamedTuple(parts, kind)
 
-    own = {"const": lambda x: x.copy(readonly=True), "named": named, "Vector": VECTOR}
+    words = {"const": lambda x: x.copy(readonly=True), "named": named, "Vector": VECTOR}
     # The text comes from this package.
-    kinds: tuple[Any, ...] = eval(f"({text},)" if text else "()", vars(types) | own)
+    kinds: tuple[Any, ...] = eval(f"({text},)" if text else "()", vars(types) | words)
     return kinds
 
 
 class Order:
-    """Functions in the order in which they are compiled: the longest whose callees are done.
+    """Functions in the order of compilation: the longest function whose callees are compiled.
 
     Args:
         listed: Arguments of the functions.
@@ -181,86 +181,89 @@ class Order:
         self._tell = subprogress(
             progress, COMPILING, f"{len(listed)} functions in {_processes()} processes"
         )
-        self._news = Condition()
-        # Functions to be compiled, and those of them that a process compiles.
-        self._left = {key: x for key, x in listed.items() if _dispatcher(key) is not None}
-        self._away = set[Key]()
-        self._needs = {key: _callees(key) for key in self._left}
-        # The length of its code stands for the time to compile a function.
-        self._size = {key: len(KERNELS[key].py_func.__code__.co_code) for key in self._left}
-        self._whole = sum(self._size.values())
-        self._wanted = set[Key]()
+        self._changed = Condition()
+        # Functions to be compiled, and those that a process is compiling.
+        self._remaining = {key: x for key, x in listed.items() if _dispatcher(key) is not None}
+        self._started = set[Key]()
+        self._needs = {key: _callees(key) for key in self._remaining}
+        # Length of the code as an estimate of the time to compile.
+        self._size = {key: len(KERNELS[key].py_func.__code__.co_code) for key in self._remaining}
+        self._total = sum(self._size.values())
+        self._requested = set[Key]()
         self.waits = self.compiled = self._done = 0
 
     @property
     def is_done(self) -> bool:
-        """Whether all functions are compiled."""
-        return self._done == self._whole
+        """True if all functions are compiled."""
+        return self._done == self._total
 
-    def work_off(self) -> None:
+    def run_all(self) -> None:
         """Compile the functions in other processes.
 
         Raises:
-            ExecutionError: A process ended before its work did.
+            ExecutionError: A process ended before its work was done.
         """
         self._tell(Step((), 0.0))
         try:
             workers = _processes() if can_start() else 0
-            with open_executor(workers) as pool, TaskQueue[Calls, int](compile_calls, pool) as crew:
-                while self._left or len(crew):
-                    while len(crew) < crew.workers and (calls := self._take()):
-                        crew.give(calls)
-                    for (key, _), compiled in crew.take():
+            with (
+                open_executor(workers) as pool,
+                TaskQueue[Calls, int](compile_calls, pool) as queue,
+            ):
+                while self._remaining or len(queue):
+                    while len(queue) < queue.workers and (calls := self._take()):
+                        queue.give(calls)
+                    for (key, _), compiled in queue.take():
                         self._finish(key, compiled)
         finally:
             self.give_up()
 
     def wait(self, function: Any) -> None:
-        """Wait until a function is compiled, if it is one of these; it comes next."""
+        """Wait until a function is compiled, and give it priority; return at once for others."""
         key = function.__module__, function.__name__
-        with self._news:
-            self._wanted |= {key, *self._needs.get(key, ())}
+        with self._changed:
+            self._requested |= {key, *self._needs.get(key, ())}
             self.waits += 1
-            self._news.wait_for(lambda: key not in self._left)
+            self._changed.wait_for(lambda: key not in self._remaining)
             self.waits -= 1
 
     def give_up(self) -> None:
         """Compile no further functions."""
-        with self._news:
-            self._left.clear()
-            self._news.notify_all()
+        with self._changed:
+            self._remaining.clear()
+            self._changed.notify_all()
 
     def _take(self) -> Calls | None:
-        """The next function; None if all others wait for functions that are not done."""
-        with self._news:
-            undone = self._left.keys()
-            ready = [x for x in undone - self._away if not self._needs[x] & undone]
+        """Next function; None if all others wait for their callees."""
+        with self._changed:
+            undone = self._remaining.keys()
+            ready = [x for x in undone - self._started if not self._needs[x] & undone]
             if not ready:
                 return None
-            key = max(ready, key=lambda x: (x in self._wanted, self._size[x]))
-            self._away.add(key)
-            return key, self._left[key]
+            key = max(ready, key=lambda x: (x in self._requested, self._size[x]))
+            self._started.add(key)
+            return key, self._remaining[key]
 
     def _finish(self, key: Key, compiled: int) -> None:
-        """Count a function that is done, and how often it was compiled."""
-        with self._news:
-            self._left.pop(key, None)
+        """Count a finished function and its compilations."""
+        with self._changed:
+            self._remaining.pop(key, None)
             self._done += self._size[key]
             self.compiled += compiled > 0
             name = ".".join(key).removeprefix(f"{PACKAGE}.")
-            self._tell(Step((name,), self._done / self._whole))
-            self._news.notify_all()
+            self._tell(Step((name,), self._done / self._total))
+            self._changed.notify_all()
 
 
 def _dispatcher(key: Key) -> Any:
-    """The compiled function of these names; None if there is none any more."""
+    """The compiled function of a module and name; None if it does not exist."""
     with suppress(ImportError):
         import_module(key[0])
     return KERNELS.get(key)
 
 
 def _callees(key: Key) -> set[Key]:
-    """Other compiled functions that a compiled function calls, directly or not."""
+    """Compiled functions that a compiled function calls, directly or indirectly."""
     reached, new = {key}, [key]
     while new:
         function = KERNELS[new.pop()].py_func
@@ -274,7 +277,7 @@ def _callees(key: Key) -> set[Key]:
 
 
 def _folder() -> FilePath:
-    """Folder of the compiled functions of the package's own modules."""
+    """Folder of the compiled functions of this package."""
     kernel: Any = solve_banded
     return FilePath(kernel.stats.cache_path)
 
@@ -292,23 +295,23 @@ def _state() -> str:
     return state.hexdigest()
 
 
-def _is_warm(which: Which) -> bool:
-    """Whether the functions have been compiled in this state."""
+def _is_warm(kind: Which) -> bool:
+    """True if the functions have been compiled in this state."""
     with suppress(OSError):
-        return (_folder() / f"compiled-{which}.txt").read_text(encoding="utf-8") == _state()
+        return (_folder() / f"compiled-{kind}.txt").read_text(encoding="utf-8") == _state()
     return False
 
 
-def _stamp(which: Which) -> None:
-    """Note that the functions have been compiled in this state."""
+def _stamp(kind: Which) -> None:
+    """Record that the functions have been compiled in this state."""
     with suppress(OSError):
-        for name in INCLUDED[which]:
+        for name in INCLUDED[kind]:
             (_folder() / f"compiled-{name}.txt").write_text(_state(), encoding="utf-8")
 
 
 def _processes() -> int:
-    """Number of processes: one a processor, if they have enough memory."""
+    """Number of processes: one per processor, if the memory suffices."""
     if sys.platform != "linux":
         return processors()
     free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    return max(1, min(processors(), int(free / EACH)))
+    return max(1, min(processors(), int(free / MEMORY)))

@@ -1,20 +1,20 @@
-"""Every error that armcontour raises on purpose.
+"""The exceptions of armcontour.
 
 ```
 ArmContourError
 ├── InvalidInput (also a ValueError)   the input does not have the required form
 ├── Unreachable                        the tool cannot reach a position or pose
-├── NotRealizable                      no timing of this method keeps the limits
+├── NotRealizable                      no timing of this method satisfies the limits
 ├── CompensationError                  the servo's delay cannot be compensated by this method
 ├── ExecutionError                     the simulated servo did not complete the motion
-└── Collision                          the arm comes too near to itself or to its cell
+└── Collision                          a distance to the arm itself or to the cell is too small
 ```
 
-Each has its exit code of the command line, 2 to 6 in this order, and 8 for a collision. 0 and 1 are
-answers (`check`: all limits kept, a limit violated; `identify`: all joints have a model, or not),
-and 7 is the answer of `check` that the samples cannot tell.
+The exit codes of the command line are 2 to 6 in this order, and 8 for a collision. 0 and 1 are
+results (`check`: all limits satisfied, a limit violated; `identify`: all joints have a model, or
+not); 7 is the result of `check` if the samples do not decide.
 
-A message is one sentence: what is wrong, where, and how to correct it. Attributes hold the same
+A message is one sentence that states the problem, its location and a fix. Attributes hold the same
 facts in SI units, for programs. Messages count joints, segments, waypoints, corners and items of a
 list in a file from 1. The attributes `index` and `joint` count from 0, as in Python.
 """
@@ -37,8 +37,8 @@ class ArmContourError(Exception):
         s: Arc length of the position [m].
         t: Time of the event [s].
         joint: Index of the joint, from 0; the message counts joints from 1, as the paper does.
-        limit: Name of the limit that binds.
-        needed: Necessary value (unit of the limit).
+        limit: Name of the active limit.
+        needed: Required value (unit of the limit).
         allowed: Allowed value (unit of the limit).
     """
 
@@ -68,14 +68,14 @@ class ArmContourError(Exception):
         self.needed = needed
         self.allowed = allowed
 
-    def at(self, where: str) -> ArmContourError:
-        """The same error with a location before its message.
+    def with_location(self, location: str) -> ArmContourError:
+        """Copy of the error with a location before its message.
 
         Args:
-            where: The location, such as the name of a file; a colon follows.
+            location: The location, such as the name of a file; a colon follows.
         """
         return type(self)(
-            f"{where}: {self}",
+            f"{location}: {self}",
             point=self.point,
             index=self.index,
             s=self.s,
@@ -88,12 +88,12 @@ class ArmContourError(Exception):
 
 
 @contextmanager
-def error_context(where: str) -> Iterator[None]:
-    """Add a location, such as the name of a run, before the message of an error raised inside."""
+def error_context(location: str) -> Iterator[None]:
+    """Context that adds a location, such as the name of a run, to the message of an error."""
     try:
         yield
     except ArmContourError as error:
-        raise error.at(where).with_traceback(error.__traceback__) from None
+        raise error.with_location(location).with_traceback(error.__traceback__) from None
 
 
 class InvalidInput(ArmContourError, ValueError):
@@ -109,7 +109,7 @@ class Unreachable(ArmContourError):
 
 
 class NotRealizable(ArmContourError):
-    """No timing of the required method keeps the limits."""
+    """No timing of the required method satisfies the limits."""
 
     exit_code = 4
 
@@ -127,6 +127,6 @@ class ExecutionError(ArmContourError):
 
 
 class Collision(ArmContourError):
-    """The arm comes nearer to itself or to something in its cell than it may."""
+    """A distance of the arm to itself or to an obstacle is below the required clearance."""
 
     exit_code = 8

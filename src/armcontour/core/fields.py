@@ -1,7 +1,7 @@
 """Checks of fields and arguments by their annotations: type, finiteness, sign, shape and choices.
 
-An annotation such as `speed: Speed | None` is the only declaration: `check` and `checked` read it
-here, and `files/file_keys.py` makes keys of files, their JSON schema and their tables from it.
+An annotation such as `speed: Speed | None` is the only declaration: `check` and `checked` use it
+here, and `files/file_keys.py` derives keys of files, their JSON schema and their tables from it.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ from armcontour.core.text import capitalise, shorten, show
 
 P = ParamSpec("P")
 R = TypeVar("R")
-# Reads a value: gives the checked one, or the value itself if nothing had to be converted.
+# Function that returns the checked value, or the value itself if no conversion was needed.
 Reader = Callable[[Any], Any]
-# Shapes of one number; of one for all joints or one per joint, then also with bounds; of any array.
+# Shapes: one number; one for all joints or one per joint; the same with bounds; any array.
 SINGLE = (Axes(),)
 PER_JOINT = (Axes(), Axes("joints"))
 BOUNDED = (*PER_JOINT, Axes("joints", 2))
@@ -56,11 +56,11 @@ class Checked(Value):
         self._check_together()
 
     def _check_together(self) -> None:
-        """Refuse fields that do not fit together, or compute others; each one is checked before."""
+        """Check combinations of fields, or compute others; called after the check of each field."""
 
 
 class Options(Checked):
-    """Base of the options of a method: dataclasses that are equal if all their values are."""
+    """Base of the options of a method: dataclasses that are equal if all their values are equal."""
 
     __slots__ = ()
     method: ClassVar[str]
@@ -68,7 +68,7 @@ class Options(Checked):
     def __post_init__(self) -> None:
         if not hasattr(self, "method"):
             raise InvalidInput(
-                f"{type(self).__name__} have no method: make the options of one of the methods."
+                f"{type(self).__name__} have no method: use the options of one of the methods."
             )
         Checked.__post_init__(self)
 
@@ -86,54 +86,56 @@ def check(value: Any) -> None:
     """Check the fields of a dataclass by their annotations; convert numbers and lock arrays.
 
     Raises:
-        InvalidInput: A field does not fit its annotation.
+        InvalidInput: A field violates its annotation.
     """
     kind: Any = type(value)
     readers, shapes = _readers(kind)
     try:
         for name, read, default in readers:
-            given = getattr(value, name)
-            if given is not default and (checked := read(given)) is not given:
+            original = getattr(value, name)
+            if original is not default and (checked := read(original)) is not original:
                 object.__setattr__(value, name, checked)
         if shapes:
             _refuse_misfits(value, shapes)
     except InvalidInput as error:
-        # A property may need the field that does not fit.
+        # `name` and `source` may be properties that need the wrong field.
         named = {x.name for x in fields(kind)} & {"source", "name"} - {name}
-        where = getattr(value, max(named)) if named else None
-        if not isinstance(where, str) or not where:
+        location = getattr(value, max(named)) if named else None
+        if not isinstance(location, str) or not location:
             raise
-        raise error.at(shorten(where, checks.LONGEST_NAME)) from None
+        raise error.with_location(shorten(location, checks.LONGEST_NAME)) from None
 
 
 @cache
 def quantities(kind: type) -> dict[str, Quantity]:
-    """The quantities of the fields of a dataclass that are quantities, by their names."""
+    """Quantities of the fields of a dataclass, by the names of the fields."""
     hints = get_type_hints(kind, include_extras=True).items()
-    known = ((name, _find(Quantity, tuple(parts_of(hint)))) for name, hint in hints)
-    return {name: x for name, x in known if x is not None}
+    pairs = ((name, _find(Quantity, tuple(parts_of(hint)))) for name, hint in hints)
+    return {name: x for name, x in pairs if x is not None}
 
 
 def parts_of(hint: Any) -> Iterator[Any]:
-    """An annotation and all that it consists of: classes, and metadata."""
+    """An annotation and its parts: classes and metadata."""
     yield get_origin(hint) or hint
     for x in get_args(hint):
         yield from parts_of(x)
 
 
 def checked(function: Callable[P, R]) -> Callable[P, R]:
-    """Decorate a public function: it checks its arguments by their annotations, as fields."""
+    """Decorate a public function so that its arguments are checked by their annotations."""
     code = function.__code__
     names = code.co_varnames[: code.co_argcount]
 
     @wraps(function)
     def call(*args: Any, **keywords: Any) -> R:
-        known = _readers_of_arguments(function)
-        given = [known[k](x) if k in known else x for k, x in zip(names, args, strict=False)]
-        named = {k: known[k](x) if k in known else x for k, x in keywords.items()}
-        # No second wrapper: warnings name the line so many calls above.
+        readers = _readers_of_arguments(function)
+        positional = [
+            readers[k](x) if k in readers else x for k, x in zip(names, args, strict=False)
+        ]
+        named = {k: readers[k](x) if k in readers else x for k, x in keywords.items()}
+        # No second wrapper, because the stack level of warnings counts the calls.
         try:
-            return function(*given, *args[len(names) :], **named)
+            return function(*positional, *args[len(names) :], **named)
         except TypeError:
             checks.raise_call_error(function, args, keywords)
             raise
@@ -142,7 +144,7 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
 
 
 class _Field(NamedTuple):
-    """A field or an argument: its user, such as "A payload", its role, and both in one phrase."""
+    """A field or argument: its user, such as "A payload", its role, and both in one phrase."""
 
     user: str
     role: str
@@ -151,7 +153,7 @@ class _Field(NamedTuple):
 
 @cache
 def _readers(kind: Any) -> tuple[list[tuple[str, Reader, Any]], list[tuple[str, Axes]]]:
-    """Readers of the fields of a dataclass and defaults that fit; shapes with shared axes."""
+    """Readers of the fields of a dataclass with valid defaults, and shapes with shared axes."""
     hints = get_type_hints(kind, include_extras=True)
     user = _noun(kind)
     readers, shapes = [], []
@@ -163,7 +165,7 @@ def _readers(kind: Any) -> tuple[list[tuple[str, Reader, Any]], list[tuple[str, 
             axes = _find(Axes, getattr(hint, "__metadata__", ()))
             if axes is not None:
                 shapes.append((name, axes))
-    # Others have no axis that another field has.
+    # Only shapes with an axis of another field are needed.
     names: Counter[Any] = Counter(
         x for _, shape in shapes for x in shape.axes if isinstance(x, str)
     )
@@ -171,7 +173,7 @@ def _readers(kind: Any) -> tuple[list[tuple[str, Reader, Any]], list[tuple[str, 
 
 
 def _fits(default: Any, read: Reader) -> bool:
-    """Whether a default needs no check: some stand for values that are computed later."""
+    """True if a default needs no check; some defaults are replaced later."""
     try:
         return default is not MISSING and read(default) is default
     except InvalidInput:
@@ -180,31 +182,31 @@ def _fits(default: Any, read: Reader) -> bool:
 
 @cache
 def _readers_of_arguments(function: Callable[..., Any]) -> dict[str, Reader]:
-    """Readers of the arguments of a function by their names; arrays are left to the function."""
+    """Readers of the arguments of a function by name; the function checks arrays itself."""
     user = function.__qualname__.removesuffix(".__init__")
     hints = get_type_hints(function, include_extras=True)
-    found = {
+    readers = {
         name: _reader(hint, _Field(user, name, name))
         for name, hint in hints.items()
         if name != "return" and np.ndarray not in [get_origin(x) for x in (hint, *get_args(hint))]
     }
-    return {name: read for name, read in found.items() if read is not None}
+    return {name: read for name, read in readers.items() if read is not None}
 
 
 def _noun(kind: type) -> str:
-    """The name of a class in words, such as "a joint path"; several things have no article."""
+    """Name of a class in words, such as "a joint path"; a plural has no article."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind.__name__).lower()
     is_plural = words.endswith(("s", "data")) and not words.endswith("ss")
     return words if is_plural else f"{'an' if words[0] in 'aeio' else 'a'} {words}"
 
 
 def _find(kind: type[R], marks: tuple[Any, ...]) -> R | None:
-    """The metadata of a class among those of an annotation."""
+    """First mark of a class in the metadata of an annotation."""
     return next((x for x in marks if isinstance(x, kind)), None)
 
 
 def _reader(hint: Any, field: _Field) -> Reader | None:
-    """The reader of values with an annotation; None if all values fit."""
+    """Reader of values with an annotation; None if all values are valid."""
     kinds, origin, parts = checks.kinds_of(hint), get_origin(hint), get_args(hint)
     if origin in (dict, Mapping):
         return _read_mapping(parts[1], field)
@@ -228,7 +230,7 @@ def _reader(hint: Any, field: _Field) -> Reader | None:
 
 
 def _read_kinds(kinds: tuple[type, ...], field: _Field) -> Reader:
-    """The reader of objects of some classes."""
+    """Reader of objects of some classes."""
     return lambda value: (
         value
         if isinstance(value, kinds)
@@ -236,50 +238,50 @@ def _read_kinds(kinds: tuple[type, ...], field: _Field) -> Reader:
     )
 
 
-def _read_annotated(of: Any, marks: tuple[Any, ...], field: _Field) -> Reader | None:
-    """The reader of values with metadata."""
+def _read_annotated(base: Any, marks: tuple[Any, ...], field: _Field) -> Reader | None:
+    """Reader of values with metadata."""
     who, quantity, axes = field.who, _find(Quantity, marks), _find(Axes, marks)
-    if quantity is not None or (axes is not None and get_origin(of) is np.ndarray):
+    if quantity is not None or (axes is not None and get_origin(base) is np.ndarray):
         shapes: tuple[Axes, ...] = BOUNDED if quantity and quantity.bounds else PER_JOINT
-        shapes = SINGLE if of is float else (axes,) if axes is not None else shapes
-        return _read_numbers(of, quantity, shapes, field)
+        shapes = SINGLE if base is float else (axes,) if axes is not None else shapes
+        return _read_numbers(base, quantity, shapes, field)
     for mark in marks:
         if isinstance(mark, Choice):
-            return _read_choice(mark.known, of is str, who)
+            return _read_choice(mark.known, base is str, who)
         if isinstance(mark, AtLeast):
             return _read_whole(mark, who)
         if isinstance(mark, Named):
             return lambda value: _read_name(value, mark, who)
-    return _reader(of, field)
+    return _reader(base, field)
 
 
-def _read_choice(known: tuple[str, ...], single: bool, who: str) -> Reader:
-    """The reader of one of several texts, or of a list of them."""
+def _read_choice(choices: tuple[str, ...], single: bool, who: str) -> Reader:
+    """Reader of one of several texts, or of a list of them."""
 
     def read(value: Any) -> Any:
         if single or isinstance(value, str):
-            return checks.check_choice(who, value, known)
+            return checks.check_choice(who, value, choices)
         values = checks.check_sequence(who, value, str, "texts")
         checks.raise_if(not values, f"{who} must not be empty.")
-        return tuple(checks.check_choice(who, x, known) for x in values)
+        return tuple(checks.check_choice(who, x, choices) for x in values)
 
     return read
 
 
 def _read_name(value: Any, mark: Named, who: str) -> str:
-    """A printable text of a limited length."""
-    name = checks.check_name(who, value, most=mark.most)
+    """Check a printable text of limited length."""
+    name = checks.check_name(who, value, longest=mark.most)
     checks.raise_if(mark.needed and not name.strip(), f"The {who} must not be empty.")
     return name
 
 
 def _read_whole(mark: AtLeast, who: str) -> Reader:
-    """The reader of a whole number."""
+    """Reader of an integer."""
     return lambda value: checks.check_int(who, value, mark.least, mark.most)
 
 
 def _read_union(parts: tuple[Any, ...], field: _Field) -> Reader | None:
-    """The reader of None, a text or another kind; any value if there are several other kinds."""
+    """Reader of None, a text or one other kind; any value if there are several other kinds."""
     texts = [x for x in parts if x is str or _is_text(x)]
     others = [x for x in parts if x not in (*texts, bool, type(None))]
     if len(texts) > 1 or len(others) > 1:
@@ -299,14 +301,14 @@ def _read_union(parts: tuple[Any, ...], field: _Field) -> Reader | None:
 
 
 def _is_text(hint: Any) -> bool:
-    """Whether an annotation allows texts only."""
+    """True if an annotation allows texts only."""
     return get_origin(hint) is Literal or (
         get_origin(hint) is Annotated and get_args(hint)[0] is str
     )
 
 
 def _read_tuple(parts: tuple[Any, ...], field: _Field) -> Reader:
-    """The reader of a list as a tuple."""
+    """Reader of a list as a tuple."""
     many = parts[1:] == (...,)
     each = [_reader(x, field) for x in (parts[:1] if many else parts)]
     kinds, count = checks.kinds_of(parts[0]) if many else (), None if many else len(parts)
@@ -314,10 +316,10 @@ def _read_tuple(parts: tuple[Any, ...], field: _Field) -> Reader:
         f"{x.__name__}{'es' if x.__name__.endswith('ch') else 's'}" for x in kinds if x is not str
     ]
     plain = "texts" if kinds else "names" if _is_text(parts[0]) else "values"
-    what = f"{f'{count} ' if count else ''}{' or '.join(names) or plain}"
+    noun = f"{f'{count} ' if count else ''}{' or '.join(names) or plain}"
 
     def read(value: Any) -> Any:
-        values = checks.check_sequence(field.who, value, kinds or object, what, count)
+        values = checks.check_sequence(field.who, value, kinds or object, noun, count)
         if kinds:
             return values
         every = zip(each * len(values) if many else each, values, strict=True)
@@ -326,9 +328,9 @@ def _read_tuple(parts: tuple[Any, ...], field: _Field) -> Reader:
     return read
 
 
-def _read_mapping(of: Any, field: _Field) -> Reader:
-    """The reader of a mapping, whose values are of one kind."""
-    each = _reader(of, field) or (lambda value: value)
+def _read_mapping(kind: Any, field: _Field) -> Reader:
+    """Reader of a mapping whose values are of one kind."""
+    each = _reader(kind, field) or (lambda value: value)
 
     def read(value: Any) -> Any:
         checks.check_type(field.user, value, Mapping, role=field.role)
@@ -336,20 +338,20 @@ def _read_mapping(of: Any, field: _Field) -> Reader:
             try:
                 each(x)
             except InvalidInput as error:
-                raise error.at(show(key)) from None
+                raise error.with_location(show(key)) from None
         return value
 
     return read
 
 
 def _read_numbers(
-    of: Any, quantity: Quantity | None, shapes: tuple[Axes, ...], field: _Field
+    base: Any, quantity: Quantity | None, shapes: tuple[Axes, ...], field: _Field
 ) -> Reader:
-    """The reader of a number, or of an array, which is locked, of a shape and within a range."""
+    """Reader of a number, or of an array of given shapes, within a range; arrays are locked."""
     (low, high), unit = (quantity.range, quantity.words) if quantity else ((-np.inf, np.inf), "")
     limit = field.role if quantity is not None and quantity.endless else None
     # The type of other arrays than those of floats.
-    kind = get_args(get_args(of)[1])[0] if get_origin(of) is np.ndarray else np.float64
+    kind = get_args(get_args(base)[1])[0] if get_origin(base) is np.ndarray else np.float64
     needed = "be one number" if shapes is SINGLE else f"have shape {shapes[0]}"
     per_joint = shapes in (PER_JOINT, BOUNDED)
     if per_joint:
@@ -386,7 +388,7 @@ def _read_numbers(
 
 
 def _lock(value: Any, kind: Any, who: str, unit: str) -> Any:
-    """An array of a type that is locked; the value itself if it is one."""
+    """Locked array of a type; the value itself if it is one."""
     if kind is np.float64:
         return checks.frozen_array(value, who, unit)
     array = checks.indices(who, value) if kind is np.intp else value
@@ -395,11 +397,7 @@ def _lock(value: Any, kind: Any, who: str, unit: str) -> Any:
 
 
 def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | None) -> None:
-    """Refuse numbers outside the range of their quantity.
-
-    Raises:
-        InvalidInput: A number is outside; the message names the first one.
-    """
+    """Check numbers against the range of their quantity; the message has the first wrong one."""
     low, high = quantity.range
     if low <= array.min(initial=low) and array.max(initial=high) <= high:
         return
@@ -408,33 +406,29 @@ def _refuse_outside(array: Any, quantity: Quantity, field: _Field, limit: str | 
         sound |= np.isposinf(array) | (np.isneginf(array) & (low < 0))
     if sound.all():
         return
-    where = tuple(int(x) for x in np.argwhere(~sound)[0])
-    value, more = float(array[where]), checks.suffix(quantity.words)
-    place = f" at index {', '.join(str(x) for x in where)}" if where else ""
+    index = tuple(int(x) for x in np.argwhere(~sound)[0])
+    value, unit = float(array[index]), checks.suffix(quantity.words)
+    location = f" at index {', '.join(str(x) for x in index)}" if index else ""
     needed = quantity.needed(value) if np.isfinite(value) else "be finite"
     if quantity.bounds and array.ndim == 2:
         needed = "be a lower bound below zero and an upper bound above zero"
-        value = -value if where[1] == 0 else value
+        value = -value if index[1] == 0 else value
     raise InvalidInput(
-        f"{field.who} must {needed}, but is {value:g}{more}{place}.",
-        index=where[0] if where else None,
+        f"{field.who} must {needed}, but is {value:g}{unit}{location}.",
+        index=index[0] if index else None,
         limit=limit,
     )
 
 
 def _refuse_misfits(value: Any, shapes: list[tuple[str, Axes]]) -> None:
-    """Refuse arrays whose axes have the same name, but another length.
-
-    Raises:
-        InvalidInput: An axis has two lengths.
-    """
-    known: dict[str, tuple[int, str]] = {}
+    """Check that axes with the same name have the same length."""
+    axis_lengths: dict[str, tuple[int, str]] = {}
     for name, shape in ((name, x) for name, x in shapes if getattr(value, name) is not None):
         array = getattr(value, name)
         lengths = (len(array),) if isinstance(array, tuple) else array.shape
         for axis, n in zip(shape.axes, lengths, strict=True):
-            if isinstance(axis, str) and known.setdefault(axis, (n, name))[0] != n:
-                needed, first = known[axis]
+            if isinstance(axis, str) and axis_lengths.setdefault(axis, (n, name))[0] != n:
+                needed, first = axis_lengths[axis]
                 raise InvalidInput(
                     f"{name} of {_noun(type(value))} has shape {lengths}, but must have shape "
                     f"{shape} with {axis} = {needed}, as {first} has."

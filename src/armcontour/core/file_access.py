@@ -1,4 +1,4 @@
-"""Read files of other people: regular files only, up to a size limit."""
+"""Access to files of users: regular files only, up to a size limit."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from pathlib import Path as FilePath
 from armcontour.core.errors import InvalidInput
 
 MEGABYTE = 1_000_000
-# Size limit of jobs, arms and limits, which people or small tools write [bytes].
+# Size limit of jobs, arms and limits, which are written by hand or by small tools [bytes].
 SMALL = 64 * MEGABYTE
 # Size limit of logs and trajectories: an hour of seven joints at 1 kHz with 15 digits [bytes].
 LARGE = 1000 * MEGABYTE
-# First bytes of files that stand for others, or that another program converts.
+# First bytes of placeholders, and of files that need conversion.
 FOREIGN = {
     b"version https://git-lfs.github.com/": "a pointer of Git LFS and not the file itself: fetch "
     "it with `git lfs pull`",
@@ -27,31 +27,31 @@ FOREIGN = {
 
 @dataclass(frozen=True, slots=True)
 class _Allowed:
-    """Where files may be read: below folders, and some files elsewhere; all without links."""
+    """Folders and single files that may be read, with links resolved."""
 
     folders: tuple[FilePath, ...]
     files: frozenset[FilePath]
 
-    def check(self, place: FilePath, what: str) -> None:
-        """Refuse a file that is elsewhere, before anything of it is known."""
-        real = place.resolve()
+    def check(self, file: FilePath, kind: str) -> None:
+        """Raise an error for a file elsewhere, before its existence is checked."""
+        real = file.resolve()
         if real not in self.files and not any(real.is_relative_to(x) for x in self.folders):
             raise InvalidInput(
-                f"The {what} {place} is not in {self.folders[0]} or below, where files may be read "
+                f"The {kind} {file} is not in {self.folders[0]} or below, where files may be read "
                 "here: copy it there, or name it in the job file before the start."
             )
 
 
-# The innermost `reading_below` is the last; without one, files may be read everywhere.
+# Active restrictions, the innermost last; without one, all files may be read.
 _allowed: list[_Allowed] = []
 
-# Who is told of the content of every file that is read.
+# Called with path and content of each file that is read.
 _listeners: list[Callable[[FilePath, bytes], None]] = []
 
 
 @contextmanager
-def hear_reading(listener: Callable[[FilePath, bytes], None]) -> Iterator[None]:
-    """Call a function with the place and the content of each file that is read meanwhile."""
+def listen_to_reading(listener: Callable[[FilePath, bytes], None]) -> Iterator[None]:
+    """Context in which `listener` is called with path and content of each file that is read."""
     _listeners.append(listener)
     try:
         yield
@@ -61,11 +61,13 @@ def hear_reading(listener: Callable[[FilePath, bytes], None]) -> Iterator[None]:
 
 @contextmanager
 def reading_below(folders: Iterable[FilePath], files: Iterable[FilePath] = ()) -> Iterator[None]:
-    """Read files in some folders only meanwhile, in all threads; links that lead out are refused.
+    """Context in which files may be read only in some folders, in all threads.
+
+    Links that lead out of the folders are refused.
 
     Args:
         folders: The folders.
-        files: Files elsewhere that may be read, too.
+        files: Further files that may be read.
     """
     allowed = _Allowed(tuple(x.resolve() for x in folders), frozenset(x.resolve() for x in files))
     _allowed.append(allowed)
@@ -75,94 +77,94 @@ def reading_below(folders: Iterable[FilePath], files: Iterable[FilePath] = ()) -
         _allowed.remove(allowed)
 
 
-def read_bytes(file: str | FilePath, what: str, *, most: int = SMALL) -> bytes:
+def read_bytes(file: str | FilePath, noun: str, *, maximum: int = SMALL) -> bytes:
     """Read the content of a regular file.
 
-    A pipe or a device is refused before anything is read, because reading may never end.
+    Pipes and devices are refused before reading, which might never end.
 
     Args:
-        file: The file; a link to a regular file will do.
-        what: What the file is, for messages, such as "job file".
-        most: The size limit [bytes].
+        file: The file, or a link to a regular file.
+        noun: Kind of the file for messages, such as "job file".
+        maximum: The size limit [bytes].
 
     Raises:
-        InvalidInput: No such file, no regular file, a file that is too large or unreadable, or one
-            that may not be read here.
+        InvalidInput: No such file, not a regular file, too large, unreadable, or outside the
+            folders that may be read.
     """
-    place = FilePath(file)
+    path = FilePath(file)
     try:
         if _allowed:
-            _allowed[-1].check(place, what)
-        with open(place, "rb", opener=open_at_once) as stream:
+            _allowed[-1].check(path, noun)
+        with open(path, "rb", opener=open_nonblocking) as stream:
             state = os.fstat(stream.fileno())
             if not stat.S_ISREG(state.st_mode):
-                raise InvalidInput(f"The {what} {place} is not a regular file.")
-            # Some system files report the size 0, so the number of bytes read counts, too.
-            content = b"" if state.st_size > most else stream.read(most + 1)
+                raise InvalidInput(f"The {noun} {path} is not a regular file.")
+            # Some system files report the size 0, so the number of bytes is checked, too.
+            content = b"" if state.st_size > maximum else stream.read(maximum + 1)
             size = max(state.st_size, len(content))
     except FileNotFoundError:
-        raise InvalidInput(f"There is no {what} {place}.") from None
+        raise InvalidInput(f"There is no {noun} {path}.") from None
     except InvalidInput:
         raise
     except (OSError, ValueError) as error:
-        raise _unreadable(what, place, error) from None
-    if size > most:
+        raise _unreadable(noun, path, error) from None
+    if size > maximum:
         raise InvalidInput(
-            f"The {what} {place} has {size / MEGABYTE:.0f} MB, more than the "
-            f"{most / MEGABYTE:.0f} MB that are read: split it."
+            f"The {noun} {path} has {size / MEGABYTE:.0f} MB, more than the "
+            f"{maximum / MEGABYTE:.0f} MB that are read: split it."
         )
     for start, kind in FOREIGN.items():
         if content.startswith(start):
-            raise InvalidInput(f"The {what} {place} is {kind}.")
-    tell_content(place, content)
+            raise InvalidInput(f"The {noun} {path} is {kind}.")
+    report_content(path, content)
     return content
 
 
-def open_at_once(place: str, flags: int) -> int:
+def open_nonblocking(file: str, flags: int) -> int:
     """Open a file without blocking, as `opener` of `open`.
 
-    Opening a pipe without a writer would wait for ever.
+    Opening a pipe without a writer would block.
 
     Args:
-        place: The file.
+        file: The file.
         flags: Flags of `os.open`.
     """
-    return os.open(place, flags | getattr(os, "O_NONBLOCK", 0))
+    return os.open(file, flags | getattr(os, "O_NONBLOCK", 0))
 
 
-def tell_content(place: FilePath, content: bytes) -> None:
-    """Tell who listens what a file holds, or what was made of it by another process.
+def report_content(file: FilePath, content: bytes) -> None:
+    """Report the content of a file, possibly read by another process, to the listeners.
 
     Args:
-        place: The file.
+        file: The file.
         content: The content.
     """
     for tell in tuple(_listeners):
-        tell(place, content)
+        tell(file, content)
 
 
-def read_text(file: str | FilePath, what: str, *, most: int = SMALL, latin: bool = False) -> str:
+def read_text(file: str | FilePath, noun: str, *, maximum: int = SMALL, latin: bool = False) -> str:
     """Read a regular file as UTF-8 text, with or without a byte order mark.
 
     Args:
         file: The file.
-        what: What the file is, for messages, such as "job file".
-        most: The size limit [bytes].
-        latin: Read text that is not UTF-8 as Latin-1, which logs of some controllers are.
+        noun: Kind of the file for messages, such as "job file".
+        maximum: The size limit [bytes].
+        latin: Read text that is not UTF-8 as Latin-1, which some controllers use for logs.
 
     Raises:
         InvalidInput: As in `read_bytes`, or the file is not text of these encodings.
     """
-    content = read_bytes(file, what, most=most)
+    content = read_bytes(file, noun, maximum=maximum)
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
         if latin and b"\0" not in content:
             return content.decode("latin-1")
-        raise InvalidInput(f"The {what} {file} cannot be read: it is not UTF-8 text.") from None
+        raise InvalidInput(f"The {noun} {file} cannot be read: it is not UTF-8 text.") from None
 
 
-def _unreadable(what: str, place: FilePath, error: Exception) -> InvalidInput:
-    """The error for a file that cannot be read."""
+def _unreadable(noun: str, file: FilePath, error: Exception) -> InvalidInput:
+    """Error for a file that cannot be read."""
     reason = error.strerror if isinstance(error, OSError) else error
-    return InvalidInput(f"The {what} {place} cannot be read: {reason}.")
+    return InvalidInput(f"The {noun} {file} cannot be read: {reason}.")

@@ -14,21 +14,21 @@ from armcontour.core.checks import FloatArray, Value
 from armcontour.core.errors import InvalidInput
 from armcontour.core.quantities import WHOLE_TURN
 
-# Tolerance of `R^T R - I` for a given rotation matrix R, which is then made orthonormal.
+# Tolerance of `R^T R - I` for rotation matrices R, which are then made orthonormal.
 ROTATION_TOLERANCE = 1e-6
-# Tolerance of the length of a given quaternion (about four printed digits), which is then scaled.
+# Tolerance of the length of quaternions (about four printed digits), which are then normalized.
 QUATERNION_TOLERANCE = 1e-3
 # Largest z offset [m] and tilt with which a frame keeps a path in the x-y plane; also the largest
 # z component of the vectors of an arc that lies in a plane of constant z.
 IN_PLANE = 1e-12
 ORIGIN = checks.frozen_array(np.zeros(3))
-UNTURNED = checks.frozen_array(np.eye(3))
+IDENTITY = checks.frozen_array(np.eye(3))
 
 
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frame(Value):
-    """The position and orientation of a frame in another frame.
+    """Position and orientation of a frame in another frame.
 
         table = Frame((0.5, 0.0, 0.1))
         flipped = Frame((0.4, 0.0, 0.3), Rotation.from_euler("x", 180, degrees=True))
@@ -44,64 +44,64 @@ class Frame(Value):
     """
 
     position: FloatArray = field(default_factory=lambda: ORIGIN, kw_only=False)
-    rotation: FloatArray = field(default_factory=lambda: UNTURNED, kw_only=False)
+    rotation: FloatArray = field(default_factory=lambda: IDENTITY, kw_only=False)
 
     def __post_init__(self) -> None:
-        # Most frames are these, and both are known to be right and are locked.
-        if self.position is ORIGIN and self.rotation is UNTURNED:
+        # Fast path for the most frequent frame, whose arrays are valid and locked.
+        if self.position is ORIGIN and self.rotation is IDENTITY:
             return
-        position, turned = read_poses("position of a frame", self.position)
+        position, rotation = read_poses("position of a frame", self.position)
         if position.shape != (3,):
             raise InvalidInput(
                 f"The position of a frame must be 3 coordinates in m, not {position.size}."
             )
         object.__setattr__(self, "position", checks.frozen_array(position))
-        if turned is None:
-            turned = rotations("rotation of a frame", self.rotation)
-        elif self.rotation is not UNTURNED:
+        if rotation is None:
+            rotation = rotations("rotation of a frame", self.rotation)
+        elif self.rotation is not IDENTITY:
             raise InvalidInput("A frame takes a transform, or a position and a rotation, not both.")
-        if turned.shape != (3, 3):
+        if rotation.shape != (3, 3):
             raise InvalidInput("A frame takes one rotation.")
-        object.__setattr__(self, "rotation", checks.frozen_array(turned))
+        object.__setattr__(self, "rotation", checks.frozen_array(rotation))
 
     @classmethod
-    def of(cls, pose: Pose) -> Frame:
-        """The frame of a pose: a `Frame` as it is, or what the constructor takes first.
+    def from_pose(cls, pose: Pose) -> Frame:
+        """Convert a pose to a `Frame`; a `Frame` is returned unchanged.
 
         Args:
             pose: A Frame, a homogeneous transform, (4, 4), a pinocchio.SE3 or a position [m], (3,).
 
         Raises:
-            InvalidInput: It is no pose.
+            InvalidInput: Not a pose.
         """
         return pose if isinstance(pose, Frame) else cls(pose)  # type: ignore[arg-type]
 
     @classmethod
     def rpy(cls, position: npt.ArrayLike, angles: npt.ArrayLike) -> Frame:
-        """A frame rotated by roll, pitch and yaw about fixed x, y and z axes, as in URDF.
+        """Frame rotated by roll, pitch and yaw about fixed x, y and z axes, as in URDF.
 
         Args:
             position: Origin of the frame [m], (3,).
             angles: Roll, pitch and yaw [rad], (3,).
 
         Warns:
-            UserWarning: An angle is larger than a whole turn, as of somebody who means degrees.
+            UserWarning: An angle is larger than a whole turn, and probably in degrees.
         """
-        given = checks.check_numbers("roll, pitch and yaw", angles, "rad")
-        if (np.abs(given) > WHOLE_TURN).any():
-            largest = float(given.flat[int(np.abs(given).argmax())])
+        rpy = checks.check_numbers("roll, pitch and yaw", angles, "rad")
+        if (np.abs(rpy) > WHOLE_TURN).any():
+            largest = float(rpy.flat[int(np.abs(rpy).argmax())])
             warnings.warn(
                 f"Roll, pitch and yaw are in radians, and {largest:g} rad is more than a whole "
-                f"turn: for degrees give np.radians({given.tolist()}).",
+                f"turn: for degrees give np.radians({rpy.tolist()}).",
                 stacklevel=3,
             )
         return cls(
             position=checks.check_numbers("position of a frame", position, "m"),
-            rotation=from_rpy(given),
+            rotation=from_rpy(rpy),
         )
 
     def __matmul__(self, other: Frame) -> Frame:
-        """The frame `other`, which is given in this frame, in this frame's reference frame."""
+        """Compose two frames: `other` is given in this frame."""
         return Frame(
             position=self.position + self.rotation @ other.position,
             rotation=self.rotation @ other.rotation,
@@ -118,14 +118,14 @@ class Frame(Value):
         return transforms(self.matrix)
 
     @property
-    def keeps_plane(self) -> bool:
-        """Whether points of the x-y plane stay in it."""
+    def is_planar_transform(self) -> bool:
+        """True if points of the x-y plane stay in it."""
         lifted = max(abs(self.position[2]), float(np.abs(self.rotation[2] - [0, 0, 1]).max()))
         return bool(lifted <= IN_PLANE)
 
     @property
     def inverse(self) -> Frame:
-        """The reference frame of this frame, in the coordinates of this frame."""
+        """Inverse transform: the reference frame in coordinates of this frame."""
         back = self.rotation.T
         return Frame(position=-back @ self.position, rotation=back)
 
@@ -142,14 +142,14 @@ Pose: TypeAlias = Frame | Transform | npt.ArrayLike
 
 
 def transforms(matrices: FloatArray) -> FloatArray:
-    """Homogeneous transforms of rotations beside positions, (..., 3, 4) to (..., 4, 4)."""
-    found = np.zeros((*matrices.shape[:-2], 4, 4))
-    found[..., :3, :], found[..., 3, 3] = matrices, 1.0
-    return found
+    """Homogeneous transforms from rotations and positions, (..., 3, 4) to (..., 4, 4)."""
+    homogeneous = np.zeros((*matrices.shape[:-2], 4, 4))
+    homogeneous[..., :3, :], homogeneous[..., 3, 3] = matrices, 1.0
+    return homogeneous
 
 
 def read_poses(name: str, poses: Pose) -> tuple[FloatArray, FloatArray | None]:
-    """Positions and rotations of poses in any form that users have.
+    """Positions and rotations of poses in any supported form.
 
     Args:
         name: Name of the poses, for messages.
@@ -157,24 +157,24 @@ def read_poses(name: str, poses: Pose) -> tuple[FloatArray, FloatArray | None]:
             homogeneous transforms, (..., 4, 4); or positions alone [m], (..., 2) or (..., 3).
 
     Returns:
-        Positions [m], (..., 3), or (..., 2) if they are given so; and rotation matrices,
-        (..., 3, 3), or None for positions alone.
+        Positions [m], (..., 3) or (..., 2); and rotation matrices, (..., 3, 3), or None for
+        positions without rotations.
 
     Raises:
-        InvalidInput: The shape is another one, or a transform is none of a rigid body.
+        InvalidInput: A wrong shape, or a transform that is not rigid.
     """
     for attribute in ("homogeneous", "as_matrix"):
         if hasattr(poses, attribute):
-            found = getattr(poses, attribute)
-            poses = found() if callable(found) else found
+            pose = getattr(poses, attribute)
+            poses = pose() if callable(pose) else pose
     array = checks.check_numbers(name, poses, "m")  # type: ignore[arg-type]
     if array.shape[-2:] == (4, 4) and array.size:
         if not (array[..., 3, :] == (0.0, 0.0, 0.0, 1.0)).all():
             raise InvalidInput(
                 f"{name}: the last row of a homogeneous transform must be 0, 0, 0, 1."
             )
-        turned = rotations(f"rotation of {name}", array[..., :3, :3].reshape(-1, 3, 3))
-        return array[..., :3, 3], turned.reshape(*array.shape[:-2], 3, 3)
+        rotation = rotations(f"rotation of {name}", array[..., :3, :3].reshape(-1, 3, 3))
+        return array[..., :3, 3], rotation.reshape(*array.shape[:-2], 3, 3)
     if array.shape[-1:] not in ((2,), (3,)) or not array.size:
         raise InvalidInput(
             f"{name} must be a Frame, a 4 by 4 transform, a pinocchio.SE3 or a position in m, but "
@@ -191,7 +191,7 @@ def rotations(name: str, values: Any) -> FloatArray:
         values: Rotation matrices; quaternions x, y, z, w, (4,) or (n, 4); or a rotation of scipy.
 
     Raises:
-        InvalidInput: The shape is another one, or the values are not finite or not rotations.
+        InvalidInput: A wrong shape, or values that are not finite or not rotations.
     """
     if hasattr(values, "as_matrix"):
         values = values.as_matrix()
@@ -200,11 +200,11 @@ def rotations(name: str, values: Any) -> FloatArray:
         raise InvalidInput(f"{name} is a 4 by 4 transform: give Frame or its 3 by 3 rotation.")
     if array.ndim in (1, 2) and array.shape[-1] == 4:
         size = np.linalg.norm(array, axis=-1, keepdims=True)
-        off = np.abs(size - 1)
-        if (off > QUATERNION_TOLERANCE).any():
+        deviation = np.abs(size - 1)
+        if (deviation > QUATERNION_TOLERANCE).any():
             raise InvalidInput(
                 f"{name}: a quaternion (x, y, z, w) must have the length 1 within "
-                f"{QUATERNION_TOLERANCE:g}, but has {size.flat[int(np.argmax(off))]:.6g}."
+                f"{QUATERNION_TOLERANCE:g}, but has {size.flat[int(np.argmax(deviation))]:.6g}."
             )
         return _from_quaternions(array / size)
     if array.ndim not in (2, 3) or array.shape[-2:] != (3, 3):
@@ -214,8 +214,8 @@ def rotations(name: str, values: Any) -> FloatArray:
         )
     if not _are_rotations(array):
         raise InvalidInput(
-            f"{name} has a matrix that is no rotation: its axes must be at right "
-            "angles, of length 1 and right-handed."
+            f"{name} has a matrix that is not a rotation: its axes must be orthogonal, "
+            "of length 1 and right-handed."
         )
     u, _, v = np.linalg.svd(array)
     return np.asarray(u @ v)
@@ -223,10 +223,10 @@ def rotations(name: str, values: Any) -> FloatArray:
 
 def from_rpy(angles: npt.ArrayLike) -> FloatArray:
     """Rotation matrices from roll, pitch and yaw about fixed x, y and z [rad], (..., 3)."""
-    given = checks.check_numbers("roll, pitch and yaw", angles, "rad")
-    if given.shape[-1:] != (3,):
+    rpy = checks.check_numbers("roll, pitch and yaw", angles, "rad")
+    if rpy.shape[-1:] != (3,):
         raise InvalidInput("Roll, pitch and yaw are three angles.")
-    x, y, z = (given[..., k, None] * UNTURNED[k] for k in range(3))
+    x, y, z = (rpy[..., k, None] * IDENTITY[k] for k in range(3))
     return np.asarray(exp(z) @ exp(y) @ exp(x))
 
 
@@ -290,7 +290,7 @@ def cross_matrix(v: FloatArray) -> FloatArray:
 
 
 def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
-    """Rotation vectors [rad] of the shortest rotations of unit vectors into others, (..., 3).
+    """Rotation vectors [rad] of the shortest rotations between unit vectors, (..., 3).
 
     For opposite vectors the axis is one of the axes normal to them.
 
@@ -313,7 +313,7 @@ def shortest(first: npt.ArrayLike, second: npt.ArrayLike) -> FloatArray:
 
 
 def perpendicular(vectors: FloatArray) -> FloatArray:
-    """A vector at right angles to each of several, (..., 3); at most 19% shorter."""
+    """Vectors at right angles to given vectors, (..., 3); at most 19% shorter."""
     return np.cross(vectors, np.eye(3)[np.argmin(np.abs(vectors), axis=-1)])
 
 
@@ -325,18 +325,18 @@ def angle_between(first: FloatArray, second: FloatArray) -> FloatArray:
 
 
 def _is_transform(array: FloatArray) -> bool:
-    """Whether an array is a homogeneous transform; four quaternions are one by chance only."""
+    """True if an array is a homogeneous transform, not four quaternions."""
     if array.shape != (4, 4) or not np.array_equal(array[3], [0.0, 0.0, 0.0, 1.0]):
         return False
     return _are_rotations(array[:3, :3])
 
 
 def _are_rotations(matrices: FloatArray) -> bool:
-    """Whether all matrices are rotations within `ROTATION_TOLERANCE`."""
+    """True if all matrices are rotations within `ROTATION_TOLERANCE`."""
     # Entries of a rotation are at most 1; much larger entries could overflow below.
     capped = np.clip(matrices, -2.0, 2.0)
-    off = np.abs(np.swapaxes(capped, -1, -2) @ capped - np.eye(3)).max(axis=(-2, -1))
-    return not ((off > ROTATION_TOLERANCE).any() or (np.linalg.det(capped) < 0).any())
+    deviation = np.abs(np.swapaxes(capped, -1, -2) @ capped - np.eye(3)).max(axis=(-2, -1))
+    return not ((deviation > ROTATION_TOLERANCE).any() or (np.linalg.det(capped) < 0).any())
 
 
 def _from_quaternions(q: FloatArray) -> FloatArray:

@@ -1,7 +1,7 @@
-"""The decorator of every compiled function: cached, and without the interpreter's lock.
+"""Decorator of all compiled functions: cached on disk, and without the interpreter's lock.
 
-While a compiled function runs, other threads go on. The command line needs that: its main thread
-answers signals while the work is done in another.
+Other threads run while a compiled function runs. The command line needs that, because its main
+thread handles signals while another thread works.
 """
 
 from __future__ import annotations
@@ -23,14 +23,13 @@ from numba.core.runtime.nrt import rtsys
 
 from armcontour.core import progress
 
-# For `fastmath`: products may be added without rounding in between, which is faster and no less
-# exact.
+# For `fastmath`: fused multiply-add, which is faster and no less accurate.
 FUSED = {"contract"}
-# All compiled functions of modules that are imported, by module and name.
+# Compiled functions of imported modules, by module and name.
 KERNELS: dict[tuple[str, str], Any] = {}
-# Called with a function before its code is looked for on disk: others may be compiling it.
+# Called with a function before its code is loaded, because another process may be compiling it.
 _waiting: list[Callable[[Any], None]] = []
-# Where nobody listens, the log tells of compiling that goes on for longer than this [s].
+# Without listeners, compilation that lasts longer than this is logged [s].
 PATIENCE = 2.0
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT.name
@@ -39,36 +38,35 @@ COMPILED = re.compile(r"^@compiled\(", re.MULTILINE)
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-# glibc keeps as much of the memory that is freed as twice the largest block that was freed so far,
-# and gives the rest back to the system, which clears each page anew. A block of this size is freed
-# here, untouched [bytes]: otherwise it takes a fifth more time to evaluate an execution.
+# glibc retains freed memory up to twice the size of the largest freed block; the system clears
+# other pages at each allocation. Freeing this block [bytes] saves a fifth of an evaluation's time.
 np.empty(16_000_000, np.uint8)
 
 
 def compiled(
     *, inner: bool = False, allocates: bool = False, **options: Any
 ) -> Callable[[Function], Function]:
-    """A decorator that compiles a function at its first call, and keeps the result on disk.
+    """Decorator that compiles a function at its first call and caches the result on disk.
 
     Args:
-        inner: Whether only compiled functions call the function: half of the time to compile a
-            small function goes into what Python needs to call it.
-        allocates: Whether an inner function makes arrays. If not, references to arrays are counted
-            by those who call it, which is faster.
-        options: More options of `numba.njit`, such as `inline="always"`.
+        inner: Whether only compiled functions call the function; omitting the interface for Python
+            halves the time to compile a small function.
+        allocates: Whether an inner function creates arrays. If not, its callers count references
+            to arrays, which is faster.
+        options: Further options of `numba.njit`, such as `inline="always"`.
     """
     # Nothing calls compiled functions by C pointers.
     options |= {"no_cfunc_wrapper": True, "no_cpython_wrapper": inner}
-    # Said of all functions, as numba takes what is not said from the function that calls.
+    # Set for all functions, because numba inherits missing options from the caller.
     options["_nrt"] = allocates or not inner
     if inner and not allocates:
-        # Calls with tuples of arrays put a hundred words on the stack.
+        # Without inlining, calls with tuples of arrays put a hundred words on the stack.
         options.setdefault("forceinline", True)
     decorate = njit(error_model="numpy", nogil=True, **options)
 
     def keep(function: Function) -> Function:
         kernel: Function = decorate(function)
-        # Typing does not see that the decorator makes an object of numba.
+        # The decorator returns an object of numba, which its annotation does not express.
         made: Any = kernel
         made._cache = _Files(function)
         _take_no_literals(kernel)
@@ -81,10 +79,10 @@ def compiled(
 
 
 class _Files(FunctionCache):
-    """Files of a compiled function, loaded without the modules that only compiling needs.
+    """Cache files of a compiled function, loaded without the modules that only compiling needs.
 
-    Numba stamps the files with the state of the function's source only. Here the stamp includes
-    the sources of the compiled functions that it calls.
+    Numba stamps the files with the state of the function's source only. Here the stamp includes the
+    sources of the compiled functions that it calls.
     """
 
     def __init__(self, function: Function) -> None:
@@ -112,7 +110,7 @@ class _Files(FunctionCache):
 
 @functools.cache
 def _sources(file: Path) -> frozenset[Path]:
-    """A file with compiled functions and those that it imports; nothing for other files."""
+    """A file with compiled functions and those that it imports; empty for other files."""
     text = file.read_text(encoding="utf-8")
     if COMPILED.search(text) is None:
         return frozenset()
@@ -122,9 +120,9 @@ def _sources(file: Path) -> frozenset[Path]:
 
 
 def _take_no_literals(kernel: Any) -> None:
-    """Make compiled callers take the same version for `f(0)` as for `f(i)`.
+    """Make compiled callers use the same version for `f(0)` as for `f(i)`.
 
-    For numba each number written in a call is a type, for which it compiles the function once more.
+    Numba has a type for each literal number, and would compile the function again for it.
     """
     find = kernel.get_call_template
 
@@ -136,22 +134,22 @@ def _take_no_literals(kernel: Any) -> None:
 
 
 def _refuse_calls(kernel: Any, name: str) -> None:
-    """Make calls from Python an error, where they would end the process."""
+    """Make calls from Python an error; they would crash the process."""
 
     def refuse(*args: Any, **kwargs: Any) -> NoReturn:
         raise TypeError(f"{name} is compiled to be called by compiled functions only (inner=True).")
 
-    # What numba calls if it knows no version for the arguments; and what tells it a version.
+    # Numba calls the first method if no version fits the arguments; the second adds a version.
     kernel._compile_for_args = refuse
     kernel._insert = lambda *args: None
 
 
 @contextmanager
 def waiting(wait: Callable[[Any], None]) -> Iterator[None]:
-    """Call something with each function that has to be loaded or compiled meanwhile, before it.
+    """Context in which `wait` is called before a compiled function is loaded or compiled.
 
     Args:
-        wait: Called with the function; it returns when nobody else is compiling the function.
+        wait: Called with the function; returns when no other process is compiling it.
     """
     _waiting.append(wait)
     try:
@@ -161,26 +159,26 @@ def waiting(wait: Callable[[Any], None]) -> Iterator[None]:
 
 
 class _Listener(event.Listener):
-    """Tells who wants to know it that a function is being compiled; else the log, once."""
+    """Reports each compilation to the listeners of progress; without listeners, once to the log."""
 
     def __init__(self) -> None:
         self._begin: float | None = None
         self._logged = False
 
     def on_start(self, event: Any) -> None:
-        """Tell the name of a function of this package."""
+        """Report a function of this package."""
         function = event.data["dispatcher"].py_func
         if not function.__module__.startswith(f"{PACKAGE}."):
             return
         name = f"{function.__module__}.{function.__name__}"
-        if not (progress.tell_compiling(name) or self._logged):
+        if not (progress.report_compiling(name) or self._logged):
             self._log()
 
     def on_end(self, event: Any) -> None:
-        """Nothing."""
+        """Required by numba."""
 
     def _log(self) -> None:
-        """Log that functions are compiled, if they were before, a while ago."""
+        """Log compilation that lasts longer than `PATIENCE`."""
         now = time.monotonic()
         self._begin = self._begin or now
         if now > self._begin + PATIENCE:

@@ -1,4 +1,4 @@
-"""Packages whose public names are loaded at first use, so that importing them costs nothing."""
+"""Packages whose public names are loaded at first use, so that their import is cheap."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any
 
 
 def lazy_names(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any], list[str]]:
-    """`__getattr__` and `__all__` of a package whose names are loaded at first use, and kept.
+    """`__getattr__` and `__all__` of a package whose names are loaded and cached at first use.
 
     Args:
         package: Name of the package.
-        home: The public names, separated by spaces, by the modules that have them; modules of
-            other packages have their whole name.
+        home: Public names, separated by spaces, by the module that defines them; modules of other
+            packages with their full name.
     """
     module_of = {name: module for module, names in home.items() for name in names.split()}
 

@@ -1,4 +1,4 @@
-"""One engine for work on many items: threads, other processes, a cluster, or this process."""
+"""Work on many items in threads, in other processes, on a cluster, or in this process."""
 
 from __future__ import annotations
 
@@ -28,46 +28,46 @@ from armcontour.core.process import (
     ProcessEnded,
     call,
     can_start,
+    child_context,
     end,
-    is_other,
+    is_child,
     pack,
     processors,
     start,
     unpack,
-    working_for_another,
 )
 
 T = TypeVar("T")
 R = TypeVar("R")
-# Largest number of threads that share compiled work; their results are put together in one.
+# Largest number of threads for compiled work; combining their results is serial.
 MOST_THREADS = 8
-# Starting a process takes as long as some items, so that fewer of them are not given away.
+# Fewest items for other processes: starting one takes as long as several items.
 FEWEST = 12
-# Time that starting a process costs, about [s]: work is shared if twice as much is left for each.
+# Approximate time to start a process [s]. Work is shared if each process saves twice as much.
 START = 1.0
-# Largest number of processes that plan moves; each takes about as much memory as this one.
+# Largest number of processes that plan moves; each needs about as much memory as this one.
 MOST_PROCESSES = 8
-# Least number of parts of the items that an executor gets, each with the work.
+# Smallest number of chunks for an executor; each chunk carries the pickled work.
 PARTS = 32
-# How long a scheduler may take to answer [s].
+# Timeout for the answer of a scheduler.
 PATIENCE = "20s"
-# Longest time between two looks at what is done [s]: an interrupt is heard then everywhere.
+# Longest wait for results [s]; between waits an interrupt is handled on all systems.
 PULSE = 1.0
-# What executors raise for work whose process is gone; Dask's are named, as it may be missing.
+# Errors for work whose process ended; those of Dask by name, because it may not be installed.
 LOST = (ProcessEnded, BrokenExecutor, CancelledError, MemoryError)
 LOST_NAMES = ("KilledWorker", "FutureCancelledError", "CommClosedError", "FutureLostError")
 
 
 def map_in_threads(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
-    """Do compiled work on all items, in threads: it lets other threads of this process go on.
+    """Apply a compiled function to all items in threads; kernels release the interpreter's lock.
 
-    Calls should take a millisecond or more: between them a thread waits for the others.
+    A call should take 1 ms or more, because the Python code between calls is serial.
 
     Args:
-        work: The work, nearly all of it in few calls of compiled functions.
-        items: The items, in whose order the results are.
+        work: Function that spends nearly all of its time in compiled functions.
+        items: The items; the results have the same order.
     """
-    count = 1 if is_other() else min(processors(), MOST_THREADS, len(items))
+    count = 1 if is_child() else min(processors(), MOST_THREADS, len(items))
     if count < 2:
         return [work(x) for x in items]
     with ThreadPoolExecutor(count) as pool:
@@ -75,21 +75,21 @@ def map_in_threads(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
 
 
 def split_evenly(count: int, parts: int) -> list[slice]:
-    """Slices of so many parts, about equally long, that make up a sequence.
+    """Slices of approximately equal length that cover a sequence.
 
     Args:
         count: Length of the sequence.
         parts: Largest number of parts.
     """
-    few = max(1, min(parts, count))
-    return [slice(count * k // few, count * (k + 1) // few) for k in range(few)]
+    number = max(1, min(parts, count))
+    return [slice(count * k // number, count * (k + 1) // number) for k in range(number)]
 
 
 class InProcess(Executor):
-    """Does all work in this process, when it is given."""
+    """Executor that runs work in this process, at submission."""
 
     def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
-        """Call a function."""
+        """Call a function at once."""
         future: Future[R] = Future()
         try:
             future.set_result(fn(*args, **kwargs))
@@ -99,12 +99,12 @@ class InProcess(Executor):
 
 
 class ProcessPool(ThreadPoolExecutor):
-    """Other processes; a thread of this process gives each of them one piece of work at a time.
+    """Executor of child processes; one thread of this process serves each of them.
 
-    Scripts that use it need no guard against being imported. A process that ends costs what it was
-    working on: that raises `ProcessEnded`, and another process takes its place. Other errors of
-    the work come as a RuntimeError with their text. Where no process can be started, threads of
-    this one work.
+    Scripts that use it need no `if __name__ == "__main__"`. If a process ends during a call, the
+    call raises `ProcessEnded`, and a new process replaces it. Other errors of the work are raised
+    as RuntimeError with their text. If processes cannot be started, threads of this process do the
+    work.
 
     Args:
         processes: Number of processes; by default that of processors.
@@ -113,27 +113,27 @@ class ProcessPool(ThreadPoolExecutor):
     def __init__(self, processes: int | None = None) -> None:
         self.processes = processes or processors()
         super().__init__(self.processes, "pool")
-        # Number of calls of `kill`; the processes, and those of them that wait for work.
+        # Number of calls of `kill`, all processes, and the idle ones.
         self._lock, self._kills = Lock(), 0
         self._children = set[subprocess.Popen[bytes]]()
         self._idle = list[subprocess.Popen[bytes]]()
 
     def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
-        """Have a process call a function; function, arguments and result can be pickled."""
-        return self.submit_heard(lambda told: None, partial(fn, *args, **kwargs))
+        """Call a function in a process; function, arguments and result must be picklable."""
+        return self.submit_reporting(lambda reported: None, partial(fn, *args, **kwargs))
 
-    def submit_heard(self, heard: Callable[[Any], None], work: partial[R]) -> Future[R]:
-        """Have a process do some work, and hear what it reports by `tell` before its result."""
+    def submit_reporting(self, heard: Callable[[Any], None], work: partial[R]) -> Future[R]:
+        """Call work in a process; `heard` receives its reports before the result."""
         return super().submit(self._have_done, self._kills, heard, work)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the processes after the work that is given, or after what they are at."""
+        """End the processes after the submitted work, or after the current work."""
         super().shutdown(wait, cancel_futures=cancel_futures)
         if wait:
             self.kill()
 
     def kill(self) -> None:
-        """End the work that is given so far, whatever the processes are at; others replace them."""
+        """Cancel all submitted work by killing the processes; later work starts new ones."""
         with self._lock:
             self._kills += 1
             for child in self._children:
@@ -142,19 +142,19 @@ class ProcessPool(ThreadPoolExecutor):
                 self._end(self._idle.pop())
 
     def end(self) -> None:
-        """End the processes at once; work that is not done is lost."""
+        """Kill the processes and shut down; unfinished work is lost."""
         super().shutdown(wait=False, cancel_futures=True)
         self.kill()
         if can_start():
             self.shutdown()
 
     def _have_done(self, kills: int, heard: Callable[[Any], None], work: partial[R]) -> R:
-        """Have a process do some work that was given after so many calls of `kill`."""
+        """Run work in an idle or new process; `kills` is the count of `kill` at submission."""
         if not can_start():
             return work()
         with self._lock:
             if self._kills > kills:
-                raise ProcessEnded("The work was ended before a process began it.")
+                raise ProcessEnded("The work was cancelled before a process started it.")
             child = self._idle.pop() if self._idle else start()
             self._children.add(child)
         try:
@@ -167,7 +167,7 @@ class ProcessPool(ThreadPoolExecutor):
                     self._end(child)
 
     def _end(self, child: subprocess.Popen[bytes]) -> None:
-        """End a process, with the lock."""
+        """End a process; the caller holds the lock."""
         self._children.discard(child)
         end(child)
 
@@ -176,17 +176,17 @@ class ProcessPool(ThreadPoolExecutor):
 def open_executor(
     workers: int | None = None, cluster: str | None = None, executor: Executor | None = None
 ) -> Iterator[Executor]:
-    """Open an executor, and close it at the end; that of the caller stays open.
+    """Context with an executor, which is closed at the end unless it is the caller's.
 
     Args:
-        workers: Number of processes on this machine; by default one a processor. 0 works in this
-            process.
+        workers: Number of processes on this machine; by default one per processor. 0 works in
+            this process.
         cluster: Address of a Dask scheduler, such as `tcp://10.0.0.1:8786`.
         executor: An executor of the caller.
 
     Raises:
-        InvalidInput: Options that do not go together, or Dask is not installed.
-        ExecutionError: Nobody answers at the address, or the cluster has no workers.
+        InvalidInput: Options that exclude each other, or Dask is not installed.
+        ExecutionError: No answer from the address, or the cluster has no workers.
     """
     if workers is not None and workers < 0:
         raise InvalidInput(f"workers must be 0 or more, but is {workers}.")
@@ -207,14 +207,13 @@ def open_executor(
         try:
             yield pool
         finally:
-            # Nobody waits for what is under way now: all is done, nobody needs it, or an error ends
-            # the work.
+            # Remaining work is not needed: its results were taken, or an error ended the context.
             pool.end()
 
 
 @contextmanager
 def _dask(address: str) -> Iterator[Executor]:
-    """The executor of a Dask cluster."""
+    """Context with the executor of a Dask cluster."""
     if find_spec("distributed") is None:
         raise InvalidInput(
             "A cluster needs the library distributed: pip install 'armcontour[cluster]'."
@@ -233,20 +232,20 @@ def _dask(address: str) -> Iterator[Executor]:
                 f"The Dask cluster at {address} has no workers: start some with `dask worker "
                 f"{address} --nthreads 1`."
             )
-        # Work has no side effects, but Dask would take equal calls for one.
+        # With pure=True Dask would merge equal calls into one.
         yield client.get_executor(pure=False)
     finally:
         client.close()
 
 
-def workers_of(executor: Executor) -> int:
-    """Number of workers of an executor; that of processors where it does not tell."""
+def count_workers(executor: Executor) -> int:
+    """Number of workers of an executor; number of processors if it is unknown."""
     if isinstance(executor, InProcess):
         return 1
     if isinstance(executor, ProcessPool):
         return executor.processes
     cores = getattr(getattr(executor, "_client", None), "ncores", dict)
-    # A client of Dask that is closed says so when it is given work.
+    # A closed Dask client raises its error at submission.
     with suppress(Exception):
         if count := sum(cores().values()):
             return int(count)
@@ -254,12 +253,12 @@ def workers_of(executor: Executor) -> int:
 
 
 class TaskQueue(Generic[T, R]):
-    """An executor that works on items, which come back as they are done.
+    """Queue of items for an executor; results are taken in order of completion.
 
-    As a context it takes back at its end what nobody works on yet.
+    As a context manager, it cancels at its end the items that no worker has started.
 
     Args:
-        work: The work; it can be pickled, as items and results can.
+        work: Function of an item; work, items and results must be picklable.
         executor: The executor; `InProcess` works when an item is given.
         lost: The result of an item whose worker ended; by default that is an error.
     """
@@ -267,68 +266,68 @@ class TaskQueue(Generic[T, R]):
     def __init__(
         self, work: Callable[[T], R], executor: Executor, lost: Callable[[], R] | None = None
     ) -> None:
-        self.workers = workers_of(executor)
-        # A subclass may do otherwise.
-        self._alone = type(executor) is InProcess
+        self.workers = count_workers(executor)
+        # Subclasses may defer the work.
+        self._is_local = type(executor) is InProcess
         self._work, self._executor, self._lost = work, executor, lost
-        self._call = None if self._alone else partial(_on, pack(work))
+        self._call = None if self._is_local else partial(_on, pack(work))
         self._done: list[tuple[T, R]] = []
-        self._away: dict[Future[Packed], T] = {}
+        self._pending: dict[Future[Packed], T] = {}
 
     def __enter__(self) -> TaskQueue[T, R]:
         return self
 
     def __exit__(self, *error: object) -> None:
-        for x in self._away:
+        for x in self._pending:
             x.cancel()
 
     def __len__(self) -> int:
-        """Number of items that are given and not taken."""
-        return len(self._done) + len(self._away)
+        """Number of items that were given and not taken."""
+        return len(self._done) + len(self._pending)
 
     @property
     def ahead(self) -> int:
-        """So many items are enough that no worker waits for one."""
-        return 1 if self._alone else self.workers + self.workers // 4 + 1
+        """Number of submitted items that keeps all workers busy."""
+        return 1 if self._is_local else self.workers + self.workers // 4 + 1
 
     def give(self, item: T) -> None:
-        """Have an item worked on.
+        """Submit an item.
 
         Raises:
-            ExecutionError: The executor takes no work.
+            ExecutionError: The executor accepts no work.
         """
         if self._call is None:
             self._done.append((item, self._work(item)))
             return
         try:
-            self._away[self._executor.submit(self._call, pack(item))] = item
+            self._pending[self._executor.submit(self._call, pack(item))] = item
         except Exception as error:
             raise ExecutionError(
-                f"The executor takes no work ({type(error).__name__}: {error}): give one that is "
-                "open, and whose workers have not ended."
+                f"The executor accepts no work ({type(error).__name__}: {error}): it must be open, "
+                "and its workers must be running."
             ) from None
 
     def take(self) -> list[tuple[T, R]]:
-        """The items that are done, after a while, and their results; none if none is away.
+        """Wait for finished items and return them with their results; empty if none is submitted.
 
         Raises:
             ExecutionError: A worker has ended, or cannot do the work.
-            ArmContourError: As the work raises.
+            ArmContourError: Raised by the work.
         """
-        while self._away and not self._done:
-            wait_for(self._away, timeout=PULSE, return_when=FIRST_COMPLETED)
-            # That does not wait for what its executor has cancelled.
-            for x in [x for x in self._away if x.done()]:
-                self._done.append((self._away.pop(x), self._result(x)))
-        found, self._done = self._done, []
-        return found
+        while self._pending and not self._done:
+            wait_for(self._pending, timeout=PULSE, return_when=FIRST_COMPLETED)
+            # `wait_for` ignores futures that the executor cancelled; `done` includes them.
+            for x in [x for x in self._pending if x.done()]:
+                self._done.append((self._pending.pop(x), self._result(x)))
+        results, self._done = self._done, []
+        return results
 
-    def work_off(self, items: Iterable[T]) -> Iterator[tuple[T, R]]:
-        """Give items such that no worker waits; yield each with its result as it is done.
+    def run_all(self, items: Iterable[T]) -> Iterator[tuple[T, R]]:
+        """Submit all items, at most `ahead` at once; yield each with its result when it is done.
 
         Raises:
-            ExecutionError: As `give` and `take` raise it.
-            ArmContourError: As the work raises.
+            ExecutionError: See `give` and `take`.
+            ArmContourError: Raised by the work.
         """
         waiting = iter(items)
         while True:
@@ -339,9 +338,9 @@ class TaskQueue(Generic[T, R]):
             yield from self.take()
 
     def _result(self, future: Future[Packed]) -> R:
-        """What came of an item."""
+        """Result of an item, or the error to raise or replace."""
         try:
-            found = unpack(future.result())
+            result = unpack(future.result())
         except (Exception, CancelledError) as error:
             name = type(error).__name__
             if isinstance(error, ProcessEnded) or name == "KilledWorker":
@@ -351,8 +350,8 @@ class TaskQueue(Generic[T, R]):
                     raise
             if isinstance(error, LOST) or name in LOST_NAMES:
                 raise ExecutionError(
-                    f"A worker of the executor has ended before it gave an answer ({name}), as "
-                    "when memory runs out: take fewer workers, or give each more memory."
+                    f"A worker of the executor ended before it returned a result ({name}), for "
+                    "example because memory ran out: use fewer workers, or more memory for each."
                 ) from None
             if isinstance(self._executor, ProcessPool):
                 raise
@@ -360,18 +359,15 @@ class TaskQueue(Generic[T, R]):
                 f"The workers of the executor cannot do the work ({name}: {error}): they need the "
                 "same version of armcontour as this process."
             ) from None
-        if isinstance(found, ArmContourError):
-            raise found
-        return cast(R, found)
+        if isinstance(result, ArmContourError):
+            raise result
+        return cast(R, result)
 
 
 def _on(work: Packed, item: Packed) -> Packed:
-    """Do packed work on an item; arrays are read-only as in this package's own processes.
-
-    An error of this package is a result, which keeps its kind on every way.
-    """
+    """Apply packed work to a packed item; errors of this package are returned with their class."""
     try:
-        with working_for_another():
+        with child_context():
             return pack(_unpacked(work)(unpack(item)))
     except ArmContourError as error:
         return pack(error)
@@ -379,7 +375,7 @@ def _on(work: Packed, item: Packed) -> Packed:
 
 @lru_cache(maxsize=2)
 def _unpacked(work: Packed) -> Callable[[Any], Any]:
-    """The work, which is made once in each process."""
+    """Unpacked work, cached in each process."""
     return cast(Callable[[Any], Any], unpack(work))
 
 
@@ -391,51 +387,51 @@ def map_in_processes(
     executor: Executor | None = None,
     done: Callable[[int], None] | None = None,
 ) -> list[R]:
-    """Do some work on all items; results are in the order of the items.
+    """Apply work to all items in other processes; results are in the order of the items.
 
     Args:
-        work: The work; it can be pickled, as items and results can.
+        work: Function of an item; work, items and results must be picklable.
         items: The items.
-        processes: Number of processes; by default that of processors. 1 works in this process, and
-            so does one of the other processes itself.
-        executor: An executor that does the work in place of these processes.
-        done: Called with the number of items that are done, from time to time.
+        processes: Number of processes; by default one per processor. 1, or a call from a child
+            process, works in this process.
+        executor: An executor to use instead of processes.
+        done: Called repeatedly with the number of finished items.
 
     Raises:
-        ExecutionError: The executor takes no work, or a worker has ended or cannot do it.
-        Exception: As the work raises, or a RuntimeError with its text from another process.
+        ExecutionError: The executor accepts no work, or a worker ended or cannot do it.
+        Exception: Raised by the work; from another process as a RuntimeError with its text.
     """
     tell = done or (lambda number: None)
     count = min(processes or processors(), len(items))
-    here = count < 2 or len(items) < FEWEST or is_other() or not can_start()
-    if executor is None and here:
+    in_process = count < 2 or len(items) < FEWEST or is_child() or not can_start()
+    if executor is None and in_process:
         executor = InProcess()
     with nullcontext(executor) if executor else open_executor(count) as opened:
         work_on_chunk = partial(_several, work)
-        with TaskQueue[tuple[int, Sequence[T]], list[R]](work_on_chunk, opened) as crew:
-            slices = split_evenly(len(items), max(PARTS, 4 * crew.workers))
-            found: dict[int, list[R]] = {}
+        with TaskQueue[tuple[int, Sequence[T]], list[R]](work_on_chunk, opened) as queue:
+            slices = split_evenly(len(items), max(PARTS, 4 * queue.workers))
+            results_by_chunk: dict[int, list[R]] = {}
             number = 0
-            for (k, part), results in crew.work_off(enumerate(items[x] for x in slices)):
+            for (k, part), results in queue.run_all(enumerate(items[x] for x in slices)):
                 tell(number)
-                found[k] = results
+                results_by_chunk[k] = results
                 number += len(part)
-    return [x for k in sorted(found) for x in found[k]]
+    return [x for k in sorted(results_by_chunk) for x in results_by_chunk[k]]
 
 
 def _several(work: Callable[[T], R], numbered: tuple[int, Sequence[T]]) -> list[R]:
-    """Do some work on several items."""
+    """Apply work to the items of a numbered chunk."""
     return [work(x) for x in numbered[1]]
 
 
 def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, None, None]:
-    """The results of all items, each when it is asked for; other processes work if it saves time.
+    """Yield the results of all items in order; other processes work if that saves time.
 
-    What another process fails at is done again here, so that an error is raised in the place of its
-    item.
+    If another process fails, this process repeats the item, so that its error is raised in order.
 
     Args:
-        work: The work; if it, an item or a result cannot be pickled, this process does all.
+        work: Function of an item. If it, an item or a result is not picklable, this process does
+            all the work.
         items: The items.
     """
     begin, count = time.thread_time(), 0
@@ -446,21 +442,21 @@ def map_in_order(work: Callable[[T], R], items: Sequence[T]) -> Generator[R, Non
         yield work(item)
     if count < 2:
         return
-    left = items[k:]
-    parts = [left[x] for x in split_evenly(len(left), 8 * count)]
+    remaining = items[k:]
+    parts = [remaining[x] for x in split_evenly(len(remaining), 8 * count)]
     with open_executor(count) as pool:
         futures = [pool.submit(_several, work, (0, x)) for x in parts]
         for part, future in zip(parts, futures, strict=True):
             try:
-                found = future.result()
-            except Exception:  # Also what pickle raises, which is anything.
+                results = future.result()
+            except Exception:  # Pickle can raise any exception.
                 yield from map(work, part)
             else:
-                yield from found
+                yield from results
 
 
-def _worth(spent: float, share: float) -> int:
-    """Number of processes that are worth their start, after a share of some work [s]."""
-    if spent < START / 4 or is_other() or not can_start():
+def _worth(spent: float, fraction: float) -> int:
+    """Number of processes that save more time than their start costs; 0 for none."""
+    if spent < START / 4 or is_child() or not can_start():
         return 0
-    return min(processors(), MOST_PROCESSES, int(spent * (1 / share - 1) / (2 * START)))
+    return min(processors(), MOST_PROCESSES, int(spent * (1 / fraction - 1) / (2 * START)))

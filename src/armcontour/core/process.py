@@ -1,7 +1,7 @@
-"""Another Python process that works for this one: its start, its end, and what is said.
+"""Child Python processes that work for this one: start, end and communication.
 
-The processes are started as programs of their own, so that scripts need no guard against being
-imported, and end when this process ends, however it does: their input ends then.
+A child is a separate program, so that scripts need no guard against being imported. It ends when
+this process ends for any reason, because its input is closed then.
 """
 
 from __future__ import annotations
@@ -21,61 +21,60 @@ from types import MappingProxyType
 from typing import IO, Any, TypeAlias
 
 from armcontour.core.errors import ExecutionError
-from armcontour.core.progress import hear_compiling
+from armcontour.core.progress import listen_to_compilation
 
 Packed: TypeAlias = tuple[bytes, tuple[bytes, ...]]
 SERVE = "from armcontour.core.process import serve; serve()"
-# How many more objects than are freed make Python look for garbage in cycles, and how many looks at
-# young objects go before one at older ones: a program of thousands of contours has millions, none
-# of them in cycles, and looking at them takes as long as reading the drawing.
+# Thresholds of the garbage collector. A program of thousands of contours has millions of objects
+# without cycles; with the default thresholds, collection takes as long as reading the drawing.
 GARBAGE = (20_000, 20, 50)
-# Every process computes in one thread, but for `map_in_threads`.
+# Libraries use one thread per process; only `map_in_threads` uses several.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
 def locked(mapping: Mapping[Any, Any]) -> MappingProxyType[Any, Any]:
-    """A mapping that does not change."""
+    """Read-only copy of a mapping."""
     return MappingProxyType(dict(mapping))
 
 
-# Values have such mappings, which pickle does not know by itself.
+# Fields of values are such mappings, which pickle does not support.
 copyreg.pickle(MappingProxyType, lambda x: (locked, (dict(x),)))
 
 
 class ProcessEnded(ExecutionError):
-    """Another process ended before its work did."""
+    """A child process ended before its work was done."""
 
 
 class _Serving:
-    """Whether this process is one of the others, which start no further ones."""
+    """State of a child process, which starts no further ones."""
 
     here = False
-    # The same of threads that work for an executor.
+    # Threads that work for an executor.
     threads = threading.local()
-    # Where answers go.
+    # Stream of results.
     answers: IO[bytes] | None = None
 
 
 def processors() -> int:
-    """Number of processors that this process may use."""
+    """Number of processors available to this process."""
     if sys.platform == "linux":
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def can_start() -> bool:
-    """Whether other processes can be started: a frozen application is no Python to start."""
+    """True if child processes can be started; a frozen application has no Python to start."""
     return bool(sys.executable) and not getattr(sys, "frozen", False)
 
 
-def is_other() -> bool:
-    """Whether this process, or this thread, only works for another one."""
+def is_child() -> bool:
+    """True if this process or thread works for another process."""
     return _Serving.here or getattr(_Serving.threads, "busy", False)
 
 
 @contextmanager
-def working_for_another() -> Iterator[None]:
-    """Context in which this thread works for another process, and starts no further ones."""
+def child_context() -> Iterator[None]:
+    """Context in which this thread works for another process and starts no further ones."""
     before = getattr(_Serving.threads, "busy", False)
     _Serving.threads.busy = True
     try:
@@ -84,78 +83,75 @@ def working_for_another() -> Iterator[None]:
         _Serving.threads.busy = before
 
 
-def end_at_once() -> None:
-    """Skip garbage collection at exit, which saves about 0.5 s.
-
-    Compiled functions and their modules are many objects, and the process frees all of them.
-    """
+def skip_exit_collection() -> None:
+    """Skip garbage collection at exit, which saves about 0.5 s."""
     atexit.register(gc.freeze)
 
 
-def look_for_garbage_less() -> None:
-    """Have Python look for garbage in cycles less often: there is little, among many objects."""
+def reduce_garbage_collection() -> None:
+    """Run the garbage collector less often, because most objects are in no cycles."""
     gc.set_threshold(*GARBAGE)
 
 
 def import_path(*refused: str) -> list[str]:
-    """Import path without relative folders, the current folder and some more.
+    """Import path without relative folders, the current folder and further excluded folders.
 
     Files in these folders could replace modules of Python and of libraries.
 
     Args:
-        refused: Folders that are also left out.
+        refused: Further excluded folders.
     """
-    own = os.path.dirname(os.path.dirname(os.path.dirname(__file__)))
+    package_parent = os.path.dirname(os.path.dirname(os.path.dirname(__file__)))
 
     def is_kept(folder: str) -> bool:
         out = any(_is_same(folder, x) for x in (os.curdir, *refused))
-        return folder == own or (os.path.isabs(folder) and not out)
+        return folder == package_parent or (os.path.isabs(folder) and not out)
 
-    return [*([] if own in sys.path else [own]), *filter(is_kept, sys.path)]
+    return [*([] if package_parent in sys.path else [package_parent]), *filter(is_kept, sys.path)]
 
 
 def _is_same(one: str, other: str) -> bool:
-    """Whether two paths name the same existing folder."""
+    """True if two paths are the same existing folder."""
     with suppress(OSError):
         return os.path.samefile(one, other)
     return False
 
 
 def start() -> subprocess.Popen[bytes]:
-    """Start a process that serves; it imports nothing from the current folder."""
-    own = {"PYTHONPATH": os.pathsep.join(import_path())} | dict.fromkeys(THREADS, "1")
+    """Start a child process; it imports nothing from the current folder."""
+    overrides = {"PYTHONPATH": os.pathsep.join(import_path())} | dict.fromkeys(THREADS, "1")
     return subprocess.Popen(
         [sys.executable, "-P", "-c", SERVE],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
-        env=os.environ | own,
+        env=os.environ | overrides,
         creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
     )
 
 
 def end(child: subprocess.Popen[bytes]) -> None:
-    """End a process, and close its pipes."""
+    """Kill a process and close its pipes."""
     child.kill()
     child.wait()
     for pipe in (child.stdin, child.stdout):
         assert pipe is not None
-        # What was not written has no reader any more.
+        # Closing flushes data, which no process reads any more.
         with suppress(OSError):
             pipe.close()
 
 
 def serve() -> None:
-    """The other process: do the work that comes in, until none comes."""
+    """Main loop of a child process: run incoming work until the input ends."""
     _Serving.here = True
-    look_for_garbage_less()
+    reduce_garbage_collection()
     # The terminal interrupts all processes; the first one decides what that means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     answers = _Serving.answers = os.fdopen(os.dup(1), "wb")
-    # What libraries print is no answer.
+    # Text that libraries print must not mix with the results.
     os.dup2(2, 1)
-    # What is compiled here is no news to the user.
-    with hear_compiling(lambda name: None), suppress(EOFError, OSError):
+    # Compilation in a child process is not reported to the user.
+    with listen_to_compilation(lambda name: None), suppress(EOFError, OSError):
         while True:
             work = pickle.load(sys.stdin.buffer)
             try:
@@ -166,10 +162,10 @@ def serve() -> None:
 
 
 def tell(value: Any) -> None:
-    """Report something to the process that this one works for, before the answer.
+    """Report a value to the parent process before the result.
 
     Args:
-        value: The report; it can be pickled. Work that nobody hears must not report.
+        value: The report, picklable. Only work of `ProcessPool.submit_reporting` may report.
     """
     if _Serving.answers is not None:
         _write(_Serving.answers, pickle.dumps((None, value)))
@@ -178,15 +174,15 @@ def tell(value: Any) -> None:
 def call(
     child: subprocess.Popen[bytes], work: Callable[[], Any], heard: Callable[[Any], None]
 ) -> Any:
-    """Have a process do some work, whose arrays are read-only there.
+    """Run work in a child process, where its arrays are read-only.
 
     Args:
         child: The process.
-        work: The work; it can be pickled.
-        heard: Called with what the process reports before its answer.
+        work: The work, picklable.
+        heard: Called with each report of the process before its result.
 
     Raises:
-        ProcessEnded: The process has ended before it gave an answer.
+        ProcessEnded: The process ended before it returned a result.
         RuntimeError: The work failed.
     """
     assert child.stdin is not None and child.stdout is not None
@@ -196,14 +192,14 @@ def call(
         while (answer := pickle.load(child.stdout))[0] is None:
             heard(answer[1])
     except BaseException as error:
-        # The rest of its answer would be read as the next one.
+        # The next call would read the remainder of this result.
         child.kill()
         child.wait()
         if not isinstance(error, EOFError | OSError | pickle.UnpicklingError):
             raise
         raise ProcessEnded(
-            "Another process of this work has ended before it gave an answer, as when memory "
-            "runs out: take fewer processes, or free some memory."
+            "Another process of this work ended before it returned a result, for example "
+            "because memory ran out: use fewer processes, or free some memory."
         ) from None
     if not answer[0]:
         raise RuntimeError(f"Another process of this work failed: {answer[1]}")
@@ -211,15 +207,15 @@ def call(
 
 
 def _write(pipe: IO[bytes], data: bytes) -> None:
-    """Write bytes to a pipe at once."""
+    """Write bytes to a pipe and flush it."""
     pipe.write(data)
     pipe.flush()
 
 
 def pack(value: Any) -> Packed:
-    """A value as bytes. Arrays are read-only when they are unpacked, as checked values have them.
+    """Pickle a value; its arrays are read-only after `unpack`, like checked arrays.
 
-    Compiled functions are compiled for such arrays.
+    Kernels are compiled for read-only arrays.
     """
     buffers: list[pickle.PickleBuffer] = []
     data = pickle.dumps(value, protocol=5, buffer_callback=buffers.append)
@@ -227,6 +223,6 @@ def pack(value: Any) -> Packed:
 
 
 def unpack(packed: Packed) -> Any:
-    """The value that was packed."""
+    """Unpickle a packed value."""
     data, buffers = packed
     return pickle.loads(data, buffers=buffers)

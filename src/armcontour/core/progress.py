@@ -1,4 +1,4 @@
-"""Progress of long work: `Step`, and functions that take it."""
+"""Progress of long work: `Step`, and functions that receive it."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ class Step:
     Args:
         names: Name of the step, after the names of the work that it belongs to, such as ("fast",
             "timing") for a run and its step.
-        done: Share of the step that is done, from 0 to 1; None if unknown.
+        done: Completed fraction of the step, from 0 to 1; None if unknown.
     """
 
     names: tuple[str, ...]
     done: float | None = None
 
     def __str__(self) -> str:
-        """The names as one line for a terminal."""
+        """Names in one line, for a terminal."""
         return ": ".join(self.names)
 
 
@@ -29,7 +29,7 @@ Progress = Callable[[Step], None]
 
 
 def subprogress(progress: Progress | None, *names: str) -> Progress:
-    """A function that adds names before the names of steps, and passes the steps on.
+    """Wrap a progress function so that names are prepended to those of each step.
 
     Args:
         progress: Called with the steps; None ignores them.
@@ -40,16 +40,16 @@ def subprogress(progress: Progress | None, *names: str) -> Progress:
     return lambda step: progress(Step((*names, *step.names), step.done))
 
 
-# What a user reads while functions are compiled.
+# Name of the step in which functions are compiled.
 COMPILING = "compiling, once"
 
-# Who is told that a function is being compiled.
+# Called with the name of each function that is compiled.
 _listeners: list[Callable[[str], None]] = []
 
 
 @contextmanager
-def hear_compiling(listener: Callable[[str], None]) -> Iterator[None]:
-    """Call a function with the name of each function that is compiled in this process meanwhile."""
+def listen_to_compilation(listener: Callable[[str], None]) -> Iterator[None]:
+    """Context in which `listener` is called with the name of each function that is compiled."""
     _listeners.append(listener)
     try:
         yield
@@ -57,15 +57,16 @@ def hear_compiling(listener: Callable[[str], None]) -> Iterator[None]:
         _listeners.remove(listener)
 
 
-def tell_compiling(name: str) -> bool:
-    """Tell all who want to know it that a function is being compiled.
+def report_compiling(name: str) -> bool:
+    """Report the compilation of a function to all listeners.
 
     Args:
-        name: Name of the function, after that of its module.
+        name: Name of the function, with its module.
 
     Returns:
-        Whether anybody was told.
+        Whether there is a listener.
     """
-    for listener in (told := tuple(_listeners)):
+    listeners = tuple(_listeners)
+    for listener in listeners:
         listener(name)
-    return bool(told)
+    return bool(listeners)

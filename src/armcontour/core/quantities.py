@@ -1,7 +1,7 @@
 """Kinds of quantities, as annotations of fields: unit, example, range.
 
-Data only: `core/fields.py` checks fields, `files/units.py` converts text of users,
-`files/file_keys.py` makes keys of files.
+`core/fields.py` checks fields by them, `files/units.py` converts text of users, and
+`files/file_keys.py` derives keys of files.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from typing import Annotated, Literal
 
 from armcontour.core.checks import LARGEST, LONGEST_NAME, SMALLEST, FloatArray
 
-# Largest angle about an axis [rad]: a whole turn, written with three decimals. A larger one is
-# most likely in degrees.
+# Largest angle about an axis [rad]: a whole turn with three decimals. A larger angle is probably in
+# degrees.
 WHOLE_TURN = 6.284
 
 
-# Range of numbers by their sign. Below one is the largest share.
+# Range of numbers by their sign. The largest fraction is the largest float below 1.
 RANGES = {
     "any": (-LARGEST, LARGEST),
     "positive": (SMALLEST, LARGEST),
@@ -33,14 +33,14 @@ class Quantity:
     """Kind of a quantity: annotates a float, or an array with one value or one per joint.
 
     Args:
-        unit: The SI unit; "1" is a share, which users may write in percent, and an empty one is
-            that of plain numbers.
-        example: Text that users may write.
-        sign: Allowed range of the value; a "share" is from 0 to below 1. A "turn" without a unit is
-            at most WHOLE_TURN either way.
+        unit: SI unit; "1" for a fraction, which users may write in percent; empty for plain
+            numbers.
+        example: Example of a text that users may write.
+        sign: Allowed range of the value; a "share" is from 0 to below 1. The magnitude of a "turn"
+            without a unit is at most WHOLE_TURN.
         endless: Whether the value may be infinite, as `.inf` or as the texts "inf" and "none".
-        bounds: Whether a lower and an upper bound may stand for each value of an array.
-        within: The smallest and the largest allowed value; None is any of this sign.
+        bounds: Whether each value of an array may be replaced by a lower and an upper bound.
+        within: Smallest and largest allowed value; None for any value of this sign.
     """
 
     unit: str
@@ -52,18 +52,18 @@ class Quantity:
 
     @property
     def range(self) -> tuple[float, float]:
-        """The smallest and the largest allowed finite value."""
+        """Smallest and largest allowed finite value."""
         return self.within or RANGES[self.sign]
 
     @property
     def words(self) -> str:
-        """The unit for messages; empty for plain numbers."""
+        """Unit for messages; empty for plain numbers."""
         return "" if self.unit == "1" else self.unit.replace("^2", "²").replace("^3", "³")
 
     def needed(self, value: float) -> str:
-        """What a finite value outside the range must do, after the word "must"."""
+        """Requirement for a finite value outside the range, to follow the word "must"."""
         low, high = self.range
-        more = self.words and f" {self.words}"
+        unit = self.words and f" {self.words}"
         if self.within is None and self.sign == "share":
             return "be from 0 to below 1, as 0.1 for 10 %"
         if value <= 0 < low:
@@ -72,12 +72,12 @@ class Quantity:
             return "not be negative"
         if value >= 0 > high:
             return "be below zero"
-        return f"be from {low:g} to {high:g}{more}"
+        return f"be from {low:g} to {high:g}{unit}"
 
 
 @dataclass(frozen=True, slots=True, init=False)
 class Axes:
-    """The shape of an array: annotates an array.
+    """Shape of an array: annotates an array.
 
     Args:
         axes: Length of each axis, or its name. Axes with the same name have the same length in all
@@ -90,20 +90,20 @@ class Axes:
         object.__setattr__(self, "axes", axes)
 
     def __str__(self) -> str:
-        """The shape as numpy writes it, such as "(n, 3)"."""
+        """Shape as numpy writes it, such as "(n, 3)"."""
         return f"({', '.join(str(x) for x in self.axes)}{',' * (len(self.axes) == 1)})"
 
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """The allowed texts: annotates a str."""
+    """Allowed texts: annotates a str."""
 
     known: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class AtLeast:
-    """The smallest and the largest allowed whole number, None for any: annotates an int."""
+    """Range of an integer, None for no bound: annotates an int."""
 
     least: int | None
     most: int | None = None
@@ -111,7 +111,7 @@ class AtLeast:
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """Printable texts of at most so many characters, such as names: annotates a str."""
+    """Printable text of limited length, such as a name: annotates a str."""
 
     most: int = LONGEST_NAME
     needed: bool = False
@@ -128,10 +128,10 @@ class About:
         option: The option of the command line, such as "--units"; "" for none.
         topic: Its section in the help of commands; by default that of the keys around it.
         help: Its help.
-        read: The function of `cli/inputs.py` that reads it, if it is no single value.
-        key: The key that it sets in the mapping of the field; "*" for the keys that it names.
-        usual: Range of the slider on the page of the Studio, in SI units; from 0 it is linear,
-            otherwise logarithmic. By default there is none.
+        read: The function of `cli/inputs.py` that reads it, unless it is a single value.
+        key: The key that it sets in the mapping of the field; "*" if its text names the keys.
+        usual: Range of the slider in the Studio, in SI units; linear if it begins at 0, otherwise
+            logarithmic. By default there is no slider.
     """
 
     option: str = ""
@@ -186,8 +186,7 @@ DAMPING = Quantity("N m s/rad", "2 N m s/rad", "not negative")
 MORE_PAYLOAD = Quantity("kg", "2 kg")
 SHARE = Quantity("1", "50 %")
 GAIN_ERROR = Quantity("1", "10 %", "share")
-# One value for all joints, or one per joint.
-# Limits, which infinity lifts.
+# One value for all joints, or one per joint. An infinite limit is no limit.
 JointRanges = Annotated[FloatArray, Quantity("rad", "90 deg", endless=True)]
 JointVelocities = Annotated[
     FloatArray, Quantity("rad/s", "1.5 rad/s", "positive", endless=True, bounds=True)

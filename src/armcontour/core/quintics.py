@@ -1,4 +1,4 @@
-"""Quintics between places with given values and derivatives, in joint space or tool space."""
+"""Quintics between given values and derivatives, and the banded equations of splines."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def quintic(
     width: FloatArray,
     begin: Iterable[FloatArray],
     end: Iterable[FloatArray],
-    play: float = 0.0,
+    width_error: float = 0.0,
 ) -> FloatArray:
     """Coefficients of quintics with given values and derivatives at both ends of intervals.
 
@@ -27,14 +27,14 @@ def quintic(
         width: Lengths of the intervals, (n,).
         begin: Value, first and second derivative at the start of each interval, (n, dof) each.
         end: Value, first and second derivative at the end of each interval, (n, dof) each.
-        play: Rounding error of the widths, which are differences of arc lengths.
+        width_error: Rounding error of the widths, which are differences of arc lengths.
 
     Returns:
         Coefficients of powers of x = u / width, from 1 to x⁵, (n, 6, dof).
     """
-    own: Any = map(kernel_array, (width, *begin, *end))
+    arrays: Any = map(kernel_array, (width, *begin, *end))
     kernel: Any = _fill
-    return np.asarray(kernel(*own, play))
+    return np.asarray(kernel(*arrays, width_error))
 
 
 @compiled()
@@ -46,29 +46,29 @@ def _fill(
     q1: FloatArray,
     d1: FloatArray,
     c1: FloatArray,
-    play: float,
+    width_error: float,
 ) -> FloatArray:
-    """What `quintic` returns."""
+    """Compute the coefficients for `quintic`."""
     n, dof = q0.shape
-    found = np.empty((n, 6, dof))
+    coefficients = np.empty((n, 6, dof))
     for i in range(n):
         h = width[i]
         for j in range(dof):
             a0, a1, a2 = q0[i, j], d0[i, j] * h, c0[i, j] * (h * h) / 2
             value = q1[i, j] - a0 - a1 - a2
             slope = d1[i, j] * h - a1 - 2 * a2
-            bend = c1[i, j] * (h * h) - 2 * a2
+            curvature = c1[i, j] * (h * h) - 2 * a2
             # On a very short interval `value` consists of rounding errors of positions, which the
             # derivatives of the quintic would magnify. The quartic with the given derivatives then
             # ends at the given value up to rounding errors, and is used instead.
-            cubic, quartic = slope - bend / 3, (bend - 2 * slope) / 4
-            rounding = ROUNDING * (1 + abs(a0) + abs(q1[i, j])) + play * abs(d0[i, j])
+            cubic, quartic = slope - curvature / 3, (curvature - 2 * slope) / 4
+            rounding = ROUNDING * (1 + abs(a0) + abs(q1[i, j])) + width_error * abs(d0[i, j])
             short = abs(value - cubic - quartic) <= rounding
-            found[i, 0, j], found[i, 1, j], found[i, 2, j] = a0, a1, a2
-            found[i, 3, j] = cubic if short else 10 * value - 4 * slope + bend / 2
-            found[i, 4, j] = quartic if short else -15 * value + 7 * slope - bend
-            found[i, 5, j] = 0.0 if short else 6 * value - 3 * slope + bend / 2
-    return found
+            coefficients[i, 0, j], coefficients[i, 1, j], coefficients[i, 2, j] = a0, a1, a2
+            coefficients[i, 3, j] = cubic if short else 10 * value - 4 * slope + curvature / 2
+            coefficients[i, 4, j] = quartic if short else -15 * value + 7 * slope - curvature
+            coefficients[i, 5, j] = 0.0 if short else 6 * value - 3 * slope + curvature / 2
+    return coefficients
 
 
 def evaluate(coefficients: FloatArray, width: FloatArray, u: FloatArray, order: int) -> FloatArray:
@@ -88,33 +88,33 @@ def evaluate(coefficients: FloatArray, width: FloatArray, u: FloatArray, order: 
     return np.asarray(result / width[..., None] ** order)
 
 
-def re_expand(coefficients: FloatArray, begin: FloatArray, factor: FloatArray) -> FloatArray:
+def rescale(coefficients: FloatArray, begin: FloatArray, factor: FloatArray) -> FloatArray:
     """Coefficients in y of polynomials p(x) with x = begin + factor y, of the same shape.
 
     Args:
         coefficients: Coefficients of powers of x, from 1 on, (n, degree + 1, values).
-        begin: Where y is 0, (n,).
-        factor: Derivative of x by y, (n,); below zero reverses the polynomials.
+        begin: Value of x at y = 0, (n,).
+        factor: dx/dy, (n,); a negative factor reverses the polynomials.
     """
-    found = np.empty_like(coefficients)
+    expanded = np.empty_like(coefficients)
     size = coefficients.shape[1]
     for k in range(size):
         term = np.zeros_like(coefficients[:, 0])
         for j in range(size - 1, k - 1, -1):
             term = term * begin[:, None] + math.comb(j, k) * coefficients[:, j]
-        found[:, k] = term * factor[:, None] ** k
-    return found
+        expanded[:, k] = term * factor[:, None] ** k
+    return expanded
 
 
 @compiled()
 def solve_banded(bands: FloatArray, right: FloatArray) -> None:
     """Solve symmetric banded equations in place; `right` becomes the solution.
 
-    By elimination without pivots, as for diagonally dominant or positive definite equations.
+    Elimination without pivoting, for diagonally dominant or positive definite matrices.
 
     Args:
-        bands: Row i has the entries of row i of the matrix from its diagonal to the right, and
-            anything beyond the last column, (m, width), overwritten.
+        bands: Entries of row i of the matrix from the diagonal to the right, (m, width); entries
+            beyond the last column are ignored. Overwritten.
         right: Right sides, one a column, (m, n).
     """
     m, width = bands.shape

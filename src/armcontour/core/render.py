@@ -1,27 +1,19 @@
-"""How results look in text and files: the only place with mm, ms, degrees and digits."""
+"""Presentation of results in text and files: the only place with mm, ms, degrees and digits."""
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
+from armcontour.core.palette import VERDICTS
 from armcontour.core.result import FIRST, JUDGED, TABLE, VERDICT, Data, Row, Table, nest
 from armcontour.core.text import digits, format_table, to_html
 
-# Colours, dashes and words; the page of the Studio reads this file, too.
-PALETTE_FILE = FilePath(__file__).with_name("palette.json")
-# Colours by theme, dashes [px] and words. Limits are by their names in explanations.
-PALETTE: dict[str, Any] = json.loads(PALETTE_FILE.read_text("utf-8"))
-LIMITS: dict[str, dict[str, Any]] = PALETTE["limits"]
-VERDICTS: dict[str, dict[str, Any]] = PALETTE["verdicts"]
-LINES: dict[str, str] = PALETTE["lines"]
-# Units in which people read quantities, and their sizes in SI units.
+# Display units of SI units, and their sizes.
 SHOWN = {
     "1": ("%", 1e-2),
     "m": ("mm", 1e-3),
@@ -29,7 +21,7 @@ SHOWN = {
     "rad": ("deg", math.pi / 180),
     "rad/s": ("deg/s", math.pi / 180),
 }
-# Units as people write them.
+# Spelling of units in text.
 WRITTEN = {"m/s^2": "m/s²", "rad/s^2": "rad/s²", "rad/s^3": "rad/s³", "kg m^2": "kg m²"}
 # Times below this are shown in ms [s].
 SHORT = 0.1
@@ -38,16 +30,16 @@ FINE = 1e-3
 # Widest figure after which notes are aligned, and widest line of a table [characters].
 WIDEST_FIGURE = 16
 WIDEST_TABLE = 118
-# Longest list in a file, which people and small programs read.
+# Longest list in a JSON file.
 MOST_LISTED = 10_000
 
 
 def split(value: Any, unit: str = "") -> tuple[str, str]:
-    """A value as people read it: its digits and its unit.
+    """Digits and unit of a value for display.
 
     Args:
         value: The value, in SI units.
-        unit: Its SI unit; "1" for a share, which is shown in percent.
+        unit: Its SI unit; "1" for a fraction, which is shown in percent.
     """
     if value is None or isinstance(value, float) and math.isnan(value):
         return "-", ""
@@ -68,7 +60,7 @@ def split(value: Any, unit: str = "") -> tuple[str, str]:
 
 
 def scale(unit: str) -> tuple[str, float]:
-    """The unit in which people read a quantity, and its size in the SI unit.
+    """Display unit of a quantity, and its size in the SI unit.
 
     Args:
         unit: The SI unit.
@@ -77,7 +69,7 @@ def scale(unit: str) -> tuple[str, float]:
 
 
 def number(value: Any, unit: str = "") -> str:
-    """A value as people read it, with its unit, as in "0.252 mm".
+    """Value with its unit for display, as in "0.252 mm".
 
     Args:
         value: The value, in SI units.
@@ -87,25 +79,27 @@ def number(value: Any, unit: str = "") -> str:
 
 
 def number_range(values: Iterable[float], unit: str = "") -> str:
-    """The smallest and the largest of some values; one of them if they look the same.
+    """Smallest and largest of some values for display; one of them if they look the same.
 
     Args:
         values: The values, in SI units; "" for none.
         unit: Their SI unit.
     """
-    known = sorted(values)
-    low, high = (split(x, unit) for x in (known[0], known[-1])) if known else (("", ""), ("", ""))
+    ordered = sorted(values)
+    low, high = (
+        (split(x, unit) for x in (ordered[0], ordered[-1])) if ordered else (("", ""), ("", ""))
+    )
     start = low[0] if low[1] == high[1] else " ".join(low)
     return " ".join(filter(None, high if low == high else (start, "to", *high)))
 
 
 def figure(row: Row) -> str:
-    """The figure of a row, with its unit."""
+    """Displayed figure of a row, with its unit."""
     return number(row.figure, row.unit)
 
 
 def text(data: Data, level: int = TABLE) -> str:
-    """A result in lines, for `print` and the command line.
+    """A result as lines, for `print` and the command line.
 
     Args:
         data: The result.
@@ -122,7 +116,7 @@ def text(data: Data, level: int = TABLE) -> str:
 
 
 def lay_out(title: str, rows: Sequence[Sequence[str]]) -> str:
-    """A table in lines, below its title.
+    """A table as lines below its title.
 
     Args:
         title: The title.
@@ -132,20 +126,20 @@ def lay_out(title: str, rows: Sequence[Sequence[str]]) -> str:
 
 
 def verdict(data: Data) -> str:
-    """What is said of a result first, in one sentence.
+    """Verdict on a result in one sentence.
 
     Args:
         data: The result.
     """
-    said = []
+    parts = []
     for x in data.shown(VERDICT):
         words = figure(x) if x.unit == JUDGED else f"{x.label} {figure(x)}"
-        said.append(f"{words} ({x.note})" if x.note else words)
-    return f"{data.title}: {'; '.join(said)}."
+        parts.append(f"{words} ({x.note})" if x.note else words)
+    return f"{data.title}: {'; '.join(parts)}."
 
 
 def cells(table: Table) -> list[tuple[str, ...]]:
-    """A table as rows of text, the header first; columns without a label are left out."""
+    """A table as rows of text, the header first, without columns that have no label."""
     columns = [(k, x) for k, x in enumerate(table.columns) if x.label]
     rows = [tuple(_cell(x, row[k]) for k, x in columns) for row in table.rows]
     return [tuple(x.label for _, x in columns), *rows]
@@ -161,12 +155,12 @@ def _cell(column: Row, value: Any) -> str:
 def compare(
     results: Mapping[str, Data], level: int = FIRST, *, texts: bool = False
 ) -> list[tuple[str, ...]]:
-    """Several results as rows of text: the header first, then a row for each.
+    """Several results as rows of text: the header, then a row per result.
 
     Args:
         results: The results, by their names.
         level: The last level that is shown.
-        texts: Whether figures that are texts are among them.
+        texts: Whether to include figures that are texts.
     """
     rows = {
         name: {
@@ -174,30 +168,30 @@ def compare(
         }
         for name, data in results.items()
     }
-    # In the order of the result that has most of them.
+    # The result with most figures determines the order.
     longest = sorted(rows.values(), key=len, reverse=True)
     labels = list(dict.fromkeys(label for row in longest for label in row))
-    found = [(name, *(row.get(x, "-") for x in labels)) for name, row in rows.items()]
-    return [("run", *labels), *found]
+    table = [(name, *(row.get(x, "-") for x in labels)) for name, row in rows.items()]
+    return [("run", *labels), *table]
 
 
 def plain(data: Data) -> dict[str, Any]:
     """A result as mappings and lists in SI units, for JSON.
 
-    Lists are cut after 10,000 entries; `left_out` has the number of entries that were cut.
+    Lists are truncated after 10,000 entries; `left_out` has the number of omitted entries.
     """
-    found = nest((x.name, x.value) for x in data.rows)
+    figures = nest((x.name, x.value) for x in data.rows)
     for table in data.tables:
-        found[table.name] = table.as_dicts(MOST_LISTED)
+        figures[table.name] = table.as_dicts(MOST_LISTED)
     cut = {x.name: len(x.rows) - MOST_LISTED for x in data.tables if len(x.rows) > MOST_LISTED}
     if cut:
-        found["left_out"] = cut
-    page = found | {key: plain(part) for key, part in data.parts.items()}
+        figures["left_out"] = cut
+    page = figures | {key: plain(part) for key, part in data.parts.items()}
     return {key: jsonable(value) for key, value in page.items()}
 
 
 def jsonable(value: Any) -> Any:
-    """A value as JSON has it: lists for arrays, null for numbers that are not finite."""
+    """Convert a value for JSON: arrays to lists, numbers that are not finite to null."""
     if value is None or isinstance(value, bool | int | str):
         return value
     if isinstance(value, float):
@@ -210,41 +204,47 @@ def jsonable(value: Any) -> Any:
 
 
 def units(results: Iterable[Data]) -> dict[str, str]:
-    """The units of all figures by their names, for JSON."""
-    found: dict[str, str] = {}
+    """Units of all figures by name, for JSON."""
+    units_by_name: dict[str, str] = {}
     for data in results:
         named: Sequence[Row] = [x for _, x in data.walk()]
         named = [*named, *(y for x in data.tables for y in x.columns)]
-        found |= {x.name: x.unit for x in named if x.unit and x.unit != JUDGED}
-        found |= units(data.parts.values())
-    return found
+        units_by_name |= {x.name: x.unit for x in named if x.unit and x.unit != JUDGED}
+        units_by_name |= units(data.parts.values())
+    return units_by_name
 
 
 def frame(data: Data, level: int = TABLE) -> list[dict[str, Any]]:
-    """The figures of a result for the Studio's page."""
-    found = []
+    """Figures of a result for the page of the Studio."""
+    figures = []
     for x in data.shown(level):
-        shown, unit = split(x.figure, x.unit)
-        found.append(
-            {"name": x.name, "label": x.label, "value": x.figure, "text": shown, "unit": unit}
+        digits_shown, unit = split(x.figure, x.unit)
+        figures.append(
+            {
+                "name": x.name,
+                "label": x.label,
+                "value": x.figure,
+                "text": digits_shown,
+                "unit": unit,
+            }
             | ({"note": x.note} if x.note else {})
         )
-    return found
+    return figures
 
 
 class Result:
-    """A result that says what it is by `to_data`; the rest follows from it."""
+    """Base of results: text, HTML and JSON follow from `to_data`."""
 
     __slots__ = ()
 
     def to_data(self) -> Data:
-        """Its figures, tables and sentences."""
+        """Figures, tables and sentences of the result."""
         raise NotImplementedError
 
     def __str__(self) -> str:
-        """Its figures and warnings in lines."""
+        """Figures and warnings as lines."""
         data = self.to_data()
-        said = (Row("warning", x, "", "warning", level=TABLE) for x in data.warnings)
-        return text(replace(data, rows=(*data.rows, *said)))
+        warnings = (Row("warning", x, "", "warning", level=TABLE) for x in data.warnings)
+        return text(replace(data, rows=(*data.rows, *warnings)))
 
     _repr_html_ = to_html

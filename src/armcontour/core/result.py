@@ -1,4 +1,4 @@
-"""`Data`: what a result says, in SI units, for all that shows it."""
+"""`Data`: figures, tables and sentences of a result in SI units, for all outputs."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import numpy as np
 
 # Levels of a row: a verdict, on the first screen, in tables and in print, or only in files.
 VERDICT, FIRST, TABLE, FILE = range(4)
-# Unit of True and False where they judge: people read "kept" or "NOT KEPT".
+# Unit of verdicts, which are shown as "kept" or "NOT KEPT".
 JUDGED = "verdict"
 
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One figure of a result: its only name, label and unit.
+    """One figure of a result, with its only name, label and unit.
 
     Args:
-        name: Its key in JSON, and its column in batches; "contour_error.rms" is the key `rms` in
-            the mapping `contour_error`.
-        value: A number, a text, True or False, or numbers per joint or per name, of which the
-            largest is shown; None if it is not known.
-        unit: Its SI unit, "1" for a share, "" for a count, `JUDGED` for a judgement.
-        label: What it is called; "" for a figure of files only.
-        note: What else is said of it, such as the time or the joint.
+        name: Key in JSON and column in batches; "contour_error.rms" is the key `rms` in the
+            mapping `contour_error`.
+        value: A number, text, True or False; or numbers per joint or per name, of which the
+            largest is shown; None if unknown.
+        unit: SI unit, "1" for a fraction, "" for a count, `JUDGED` for a verdict.
+        label: Displayed name; "" for a figure in files only.
+        note: Further information, such as the time or the joint.
         level: `VERDICT`, `FIRST`, `TABLE` or `FILE`.
     """
 
@@ -38,7 +38,7 @@ class Row:
 
     @property
     def figure(self) -> Any:
-        """The value that is shown: of several numbers the largest; None if there is none."""
+        """The displayed value: the largest of several numbers; None if there is none."""
         value = self.value
         if isinstance(value, Mapping):
             value = list(value.values())
@@ -48,20 +48,20 @@ class Row:
 
 
 def nest(values: Iterable[tuple[str, Any]]) -> dict[str, Any]:
-    """Values by their names as mappings: "error.max" is the key `max` in the mapping `error`."""
-    found: dict[str, Any] = {}
+    """Nested mappings from dotted names: "error.max" is the key `max` in the mapping `error`."""
+    nested: dict[str, Any] = {}
     for name, value in values:
         *path, key = name.split(".")
-        inner = found
+        inner = nested
         for part in path:
             inner = inner.setdefault(part, {})
         inner[key] = value
-    return found
+    return nested
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Many things of one kind, such as corners or moves.
+    """Items of one kind, such as corners or moves.
 
     Args:
         name: Its key in JSON, and its caption.
@@ -76,19 +76,19 @@ class Table:
     rows: Sequence[Sequence[Any]]
     level: int = FILE
 
-    def as_dicts(self, most: int | None = None) -> list[dict[str, Any]]:
-        """The rows by the names of the columns.
+    def as_dicts(self, maximum: int | None = None) -> list[dict[str, Any]]:
+        """Rows as mappings by the names of the columns.
 
         Args:
-            most: Number of rows at most; None for all.
+            maximum: Largest number of rows; None for all.
         """
         names = [x.name for x in self.columns]
-        values = ([y.value if isinstance(y, Row) else y for y in x] for x in self.rows[:most])
+        values = ([y.value if isinstance(y, Row) else y for y in x] for x in self.rows[:maximum])
         return [nest(zip(names, x, strict=True)) for x in values]
 
     @staticmethod
-    def of_rows(name: str, rows: Sequence[Sequence[Row]]) -> Table:
-        """Rows of the same figures, each with its own unit and note; shown if there are any.
+    def from_rows(name: str, rows: Sequence[Sequence[Row]]) -> Table:
+        """Table of rows with the same figures, each with its own unit and note; hidden if empty.
 
         Args:
             name: As in `Table`.
@@ -97,8 +97,8 @@ class Table:
         return Table(name, tuple(rows[0]) if rows else (), rows, TABLE if rows else FILE)
 
     @staticmethod
-    def of(name: str, results: Sequence[Data], level: int = TABLE) -> Table:
-        """Results with the same figures, one a row; those of the first screen are shown.
+    def from_results(name: str, results: Sequence[Data], level: int = TABLE) -> Table:
+        """Table of results with the same figures, one per row; only main figures are shown.
 
         Args:
             name: As in `Table`.
@@ -114,15 +114,15 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Data:
-    """What a result says.
+    """Figures, tables and sentences of a result.
 
     Args:
-        title: What it is, in a few words.
-        rows: Its figures, those that matter most first.
-        tables: Things of which there are many.
-        parts: Results that are parts of it, by their keys in JSON.
-        notes: Sentences on it.
-        warnings: Sentences on its weak points, the worst first.
+        title: Short title.
+        rows: Figures, the most important first.
+        tables: Lists of items.
+        parts: Partial results, by their keys in JSON.
+        notes: Sentences on the result.
+        warnings: Sentences on limitations, the most severe first.
     """
 
     title: str
@@ -133,18 +133,18 @@ class Data:
     warnings: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Row:
-        """The row of a name; those of parts begin with the key of the part and a point."""
+        """Row by name; names in parts begin with the key of the part and a point."""
         for key, row in self.walk():
             if key == name:
                 return row
         raise KeyError(name)
 
-    def under(self, name: str, level: int | None = None) -> tuple[Row, ...]:
-        """The rows, with names that begin with a name and a point.
+    def with_prefix(self, name: str, level: int | None = None) -> tuple[Row, ...]:
+        """Rows with a prefix and a point before their names.
 
         Args:
-            name: The name.
-            level: A level for all rows; None keeps their levels.
+            name: The prefix.
+            level: Level for all rows; None leaves their levels unchanged.
         """
         return tuple(
             replace(x, name=f"{name}.{x.name}", level=x.level if level is None else level)
@@ -152,7 +152,7 @@ class Data:
         )
 
     def walk(self) -> Iterator[tuple[str, Row]]:
-        """All rows, also those of parts, with their names."""
+        """All rows with their names, including those of parts."""
         for row in self.rows:
             yield row.name, row
         for key, part in self.parts.items():
@@ -160,7 +160,7 @@ class Data:
                 yield f"{key}.{name}", row
 
     def shown(self, level: int = TABLE) -> tuple[Row, ...]:
-        """The rows with a label and a value, up to a level: those of the verdict first."""
+        """Rows with a label and a value, up to a level; those of the verdict first."""
         rows = (replace(row, name=name) for name, row in self.walk())
-        found = (x for x in rows if x.label and x.level <= level and x.figure is not None)
-        return tuple(sorted(found, key=lambda x: x.level > VERDICT))
+        labelled = (x for x in rows if x.label and x.level <= level and x.figure is not None)
+        return tuple(sorted(labelled, key=lambda x: x.level > VERDICT))

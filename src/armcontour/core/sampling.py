@@ -1,4 +1,4 @@
-"""Times and joint values that a sampled motion can have; wholes that are cut into parts."""
+"""Checks, interpolation and noise of sampled motions; numbering of parts."""
 
 from __future__ import annotations
 
@@ -9,81 +9,82 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 
-# Steps of time [s]. Controllers and planners sample at 1 MHz at most; a nanosecond is the last
-# digit of times that are printed with nine decimals. Shorter steps come of damaged files, and
-# dividing by their squares would exceed all floats.
+# Shortest step of time [s]: controllers and planners sample at 1 MHz at most, and times are printed
+# with at most nine decimals. Shorter steps are damaged data; division by their square overflows.
 SHORTEST_STEP = 1e-9
-# Nor can two times be told apart that differ by less than this many units in the last binary place.
+# Smallest distinguishable difference of two times, in units in the last place.
 STEP_ULPS = 4
-# Times [s]: 300 years. Seconds since 1970 are below it, milliseconds without their unit are not.
+# Largest time [s]: 300 years. It admits seconds since 1970, and rejects milliseconds since 1970.
 LATEST = 1e10
-# Joint positions [rad], velocities [rad/s] and accelerations [rad/s²]. 10,000 rad are 1,600 turns.
-# The others only keep sums and squares finite: wrong values below them are there to be judged.
+# Largest joint positions [rad], velocities [rad/s] and accelerations [rad/s²]. 10,000 rad are 1,600
+# turns. The other bounds only keep sums and squares finite; the limits are checked elsewhere.
 LARGEST = {"q": 1e4, "dq": 1e9, "ddq": 1e12}
 Place = Callable[[str, int, int], str]
 JOINT_UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
-# An interval this many times the usual one is a gap: nobody knows what was commanded in it.
+# Length of a gap relative to the usual interval; the command in a gap is unknown.
 GAP = 3.0
-# Where more of the intervals are gaps, the times come in bursts.
+# Fraction of gaps above which the times come in bursts.
 MOST_GAPS = 0.05
-# Standard deviation of normal values over the median of their sizes.
-OF_MEDIAN = 1.4826
+# Standard deviation of normally distributed values, relative to the median of their magnitudes.
+DEVIATION_PER_MEDIAN = 1.4826
 
 
-def check_distance(t: FloatArray, place: Place, rename: Callable[[str], str] = str) -> None:
-    """Refuse times that are too large to be seconds.
+def check_distance(t: FloatArray, describe: Place, rename: Callable[[str], str] = str) -> None:
+    """Check that times are small enough to be seconds.
 
     Args:
         t: Times [s], (n,).
-        place: As in `check_samples`.
-        rename: Gives what the message advises, for a title such as "t [ms]".
+        describe: As in `check_samples`.
+        rename: Converts a title such as "t [ms]" to the text that the message recommends.
 
     Raises:
-        InvalidInput: There is such a time.
+        InvalidInput: A time is too large.
     """
-    far = np.flatnonzero(np.abs(t) > LATEST)
-    if len(far):
-        i = int(far[0])
+    distant = np.flatnonzero(np.abs(t) > LATEST)
+    if len(distant):
+        i = int(distant[0])
         unit = next((x for x, y in (("ms", 1e-3), ("us", 1e-6)) if abs(t[i]) * y < LATEST), "ns")
         raise InvalidInput(
-            f"{place('t', i, 0)} is {t[i]:.3g} s, but times must stay within {LATEST:g} s: correct "
-            f"the number, or give the times their unit, such as {rename(f't [{unit}]')}.",
+            f"{describe('t', i, 0)} is {t[i]:.3g} s, but times must stay within {LATEST:g} s: "
+            f"correct the number, or give the times their unit, such as {rename(f't [{unit}]')}.",
             index=i,
             t=float(t[i]),
         )
 
 
-def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], place: Place) -> None:
-    """Refuse times and joint values that no sampled motion can have.
+def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], describe: Place) -> None:
+    """Check times and joint values of a sampled motion for possible values.
 
     Args:
         t: Times [s], (n,).
         arrays: Joint positions ("q"; or "command" and "measured"), velocities "dq" and
             accelerations "ddq", (n, dof) each.
-        place: Takes "t" or the name of an array, the index of a row and that of a joint. Gives the
-            subject of a sentence on the value, such as "t in row 3".
+        describe: Function of "t" or the name of an array, the index of a row and that of a joint.
+            Returns the subject of a sentence on the value, such as "t in row 3".
 
     Raises:
-        InvalidInput: There is such a value.
+        InvalidInput: A value is impossible.
     """
-    check_distance(t, place)
-    # Compared with the later time: where times jump back, any bound is missed.
+    check_distance(t, describe)
+    # The bound depends on the later time; a step back is below any bound.
     steps = np.diff(t)
     short = np.flatnonzero(~(steps >= _shortest_step(t[1:])))
     if len(short):
         i = int(short[0]) + 1
-        step, least, why = float(steps[i - 1]), f"{SHORTEST_STEP * 1e9:g} ns", ""
+        step, minimum, reason = float(steps[i - 1]), f"{SHORTEST_STEP * 1e9:g} ns", ""
         if step > 0:
-            why = f": the step must be at least {least} and more than the rounding of the times"
+            reason = (
+                f": the step must be at least {minimum} and more than the rounding of the times"
+            )
         elif step == 0:
-            why = (
+            reason = (
                 ": the times are repeated or rounded, and do not agree with even steps; print them "
                 "with more digits"
             )
         before, after = (f"{float(x)!r} s" for x in t[i - 1 : i + 1])
         raise InvalidInput(
-            f"{place('t', i, 0)} is {after}, but times must increase, and the one before is "
-            f"{before}{why}.",
+            f"{describe('t', i, 0)} is {after}, but times must increase, and the one before is "
+            f"{before}{reason}.",
             index=i,
             t=float(t[i]),
         )
@@ -94,7 +95,7 @@ def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], place: Place)
             i, j = map(int, large[0])
             unit = JOINT_UNITS[kind]
             raise InvalidInput(
-                f"{place(name, i, j)} is {values[i, j]:.3g} {unit}, but no joint has more than "
+                f"{describe(name, i, j)} is {values[i, j]:.3g} {unit}, but no joint has more than "
                 f"{LARGEST[kind]:g} {unit}: correct the number, or give it its unit, such as "
                 "q1 [deg].",
                 index=i,
@@ -104,14 +105,14 @@ def check_samples(t: FloatArray, arrays: Mapping[str, FloatArray], place: Place)
 
 
 def _shortest_step(t: FloatArray) -> FloatArray:
-    """The shortest usable steps before times `t` [s]."""
+    """Shortest usable steps before times `t` [s]."""
     ulp = STEP_ULPS * np.finfo(np.float64).eps
     # The difference of two times that are printed a nanosecond apart may be a little less.
     return np.asarray(np.maximum(0.999 * SHORTEST_STEP, ulp * np.abs(t)))
 
 
 def describe_bursts(t: FloatArray, source: str) -> str:
-    """A sentence on times that come in bursts, as those at which messages arrive; else empty."""
+    """Sentence on times in bursts, such as arrival times of messages; empty for regular times."""
     steps = np.diff(t)
     if len(steps) < 10 or np.mean(steps > GAP * np.median(steps)) < MOST_GAPS:
         return ""
@@ -122,23 +123,23 @@ def describe_bursts(t: FloatArray, source: str) -> str:
     )
 
 
-def interpolate(at: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
-    """Values of several columns on straight lines between samples; beyond these they stay.
+def interpolate(times: FloatArray, t: FloatArray, values: FloatArray) -> FloatArray:
+    """Linear interpolation of several columns; constant outside the range of the samples.
 
     Args:
-        at: Times [s], (m,).
+        times: Times [s], (m,).
         t: Times of the samples, increasing [s], (n,).
         values: The samples, (n, columns).
 
     Returns:
         The values, (m, columns).
     """
-    if len(at):
-        # Only samples about the times asked for are copied, so that parts of long motions are fast.
-        first, last = np.searchsorted(t, (at.min(), at.max()))
-        near = slice(max(first - 1, 0), last + 1)
-        t, values = t[near], values[near]
-    return np.stack([np.interp(at, t, x) for x in values.T], axis=1)
+    if len(times):
+        # Only the needed samples are copied, so that short parts of long motions are fast.
+        first, last = np.searchsorted(t, (times.min(), times.max()))
+        neighbours = slice(max(first - 1, 0), last + 1)
+        t, values = t[neighbours], values[neighbours]
+    return np.stack([np.interp(times, t, x) for x in values.T], axis=1)
 
 
 def integrate(values: FloatArray, t: FloatArray) -> float:
@@ -147,7 +148,7 @@ def integrate(values: FloatArray, t: FloatArray) -> float:
 
 
 def number_parts(count: IntArray) -> tuple[IntArray, IntArray]:
-    """The whole that each part belongs to, and the number of the part in it, both from 0.
+    """Index of the whole that each part belongs to, and index of the part in it.
 
     Args:
         count: Number of parts of each whole, (n,).
@@ -159,19 +160,19 @@ def number_parts(count: IntArray) -> tuple[IntArray, IntArray]:
 def white_noise(values: FloatArray, smoothed: bool = False, order: int = 3) -> FloatArray:
     """Standard deviation of the white noise in regular samples of smooth motion, (...).
 
-    By differences of a high order, which hardly see smooth motion. Their median ignores outliers
-    and what is not smooth for a short time, as friction at a reversal. If most differences are 0,
-    as with a coarse encoder, their root mean square is used.
+    Computed from differences of a high order, to which smooth motion contributes little. The median
+    ignores outliers and short disturbances, such as friction at a reversal. If most differences are
+    0, as with a coarse encoder, their root mean square is used.
 
     Args:
         values: Samples, (n, ...).
-        smoothed: Whether the mean over neighbours was taken, with the weights 1/4, 1/2 and 1/4.
+        smoothed: Whether the samples are means over neighbours with the weights 1/4, 1/2, 1/4.
         order: Order of the differences.
     """
     if len(values) <= order:
         return np.zeros(values.shape[1:])
     differences = np.abs(np.diff(values, order, axis=0))
-    usual = OF_MEDIAN * np.median(differences, axis=0)
-    usual = np.where(usual > 0, usual, np.sqrt(np.mean(differences**2, axis=0)))
+    deviation = DEVIATION_PER_MEDIAN * np.median(differences, axis=0)
+    deviation = np.where(deviation > 0, deviation, np.sqrt(np.mean(differences**2, axis=0)))
     mean = [0.25, 0.5, 0.25] if smoothed else [1.0]
-    return np.asarray(usual / np.linalg.norm(np.diff(np.pad(mean, order), order)))
+    return np.asarray(deviation / np.linalg.norm(np.diff(np.pad(mean, order), order)))

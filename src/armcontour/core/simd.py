@@ -1,7 +1,7 @@
-"""Vectors of eight numbers for compiled functions: the processor takes them all at once.
+"""Vectors of eight floats for compiled functions, processed by SIMD instructions.
 
-Compilers find such vectors in loops only where no array may overlap another, which they cannot know
-of arguments.
+The compiler vectorizes loops only if no array overlaps another, which it cannot prove for
+arguments.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class _Model(models.PrimitiveModel):
 
 
 def _spread(builder: Any, value: Any, kind: Any) -> Any:
-    """A vector as it is; a number in all lanes."""
+    """Broadcast a number to all lanes; a vector is returned unchanged."""
     if kind is VECTOR:
         return value
     none = ir.Constant(_KIND, ir.Undefined)
@@ -45,11 +45,11 @@ def _spread(builder: Any, value: Any, kind: Any) -> Any:
 
 
 def _lanewise(make: Callable[..., Any], count: int) -> Any:
-    """A function of vectors and numbers, lane by lane."""
+    """Intrinsic of vectors and numbers, lane by lane."""
 
     def typed(typing: Any, *args: Any) -> Any:
-        def build(context: Any, builder: Any, of: Any, values: Any) -> Any:
-            return make(builder, *map(_spread, [builder] * count, values, of.args))
+        def build(context: Any, builder: Any, types_: Any, values: Any) -> Any:
+            return make(builder, *map(_spread, [builder] * count, values, types_.args))
 
         return VECTOR(*(x if x is VECTOR else types.float64 for x in args)), build
 
@@ -66,7 +66,7 @@ def _pick(sign: str) -> Callable[..., Any]:
 
 
 def _size(builder: Any, a: Any) -> Any:
-    # Without the bit of its sign.
+    # Clear the sign bit.
     bits = ir.VectorType(ir.IntType(64), LANES)
     mask = ir.Constant(bits, [(1 << 63) - 1] * LANES)
     return builder.bitcast(builder.and_(builder.bitcast(a, bits), mask), _KIND)
@@ -79,24 +79,24 @@ choose = _lanewise(
 )
 
 
-def _load(typing: Any, array: Any, at: Any) -> Any:
-    """Eight numbers of an array from one place on."""
+def _load(typing: Any, array: Any, index: Any) -> Any:
+    """Load eight numbers of an array from an index on."""
 
-    def build(context: Any, builder: Any, of: Any, values: Any) -> Any:
-        data = context.make_array(of.args[0])(context, builder, values[0]).data
-        place = builder.bitcast(builder.gep(data, [values[1]]), _KIND.as_pointer())
-        return builder.load(place, align=8)
+    def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
+        data = context.make_array(call.args[0])(context, builder, values[0]).data
+        pointer = builder.bitcast(builder.gep(data, [values[1]]), _KIND.as_pointer())
+        return builder.load(pointer, align=8)
 
     return VECTOR(array, types.intp), build
 
 
-def _store(typing: Any, array: Any, at: Any, value: Any) -> Any:
-    """Write eight numbers to an array from one place on."""
+def _store(typing: Any, array: Any, index: Any, value: Any) -> Any:
+    """Store eight numbers in an array from an index on."""
 
-    def build(context: Any, builder: Any, of: Any, values: Any) -> Any:
-        data = context.make_array(of.args[0])(context, builder, values[0]).data
-        place = builder.bitcast(builder.gep(data, [values[1]]), _KIND.as_pointer())
-        builder.store(values[2], place, align=8)
+    def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
+        data = context.make_array(call.args[0])(context, builder, values[0]).data
+        pointer = builder.bitcast(builder.gep(data, [values[1]]), _KIND.as_pointer())
+        builder.store(values[2], pointer, align=8)
         return context.get_dummy_value()
 
     return types.void(array, types.intp, VECTOR), build
@@ -107,10 +107,10 @@ store: Any = intrinsic(_store)
 
 
 def _across(sign: str) -> Any:
-    """The lowest or highest number of a vector."""
+    """Intrinsic for the lowest or highest number of a vector."""
 
-    def of(typing: Any, a: Any) -> Any:
-        def build(context: Any, builder: Any, of: Any, values: Any) -> Any:
+    def across(typing: Any, a: Any) -> Any:
+        def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
             (v,), n = values, LANES
             while n > 1:
                 n //= 2
@@ -125,14 +125,14 @@ def _across(sign: str) -> Any:
 
         return types.float64(VECTOR), build
 
-    return intrinsic(of)
+    return intrinsic(across)
 
 
 lowest, highest = _across("<"), _across(">")
 
 
 def _define(symbol: Any, make: Callable[..., Any]) -> None:
-    """Let compiled functions use an operator on vectors."""
+    """Define an operator on vectors for compiled functions."""
 
     class Template(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
@@ -142,8 +142,8 @@ def _define(symbol: Any, make: Callable[..., Any]) -> None:
 
     infer_global(symbol)(Template)
 
-    def build(context: Any, builder: Any, of: Any, values: Any) -> Any:
-        return make(builder, *map(_spread, [builder] * 2, values, of.args))
+    def build(context: Any, builder: Any, call: Any, values: Any) -> Any:
+        return make(builder, *map(_spread, [builder] * 2, values, call.args))
 
     for kinds in ((_Vector, _Vector), (_Vector, types.Float), (types.Float, _Vector)):
         lower_builtin(symbol, *kinds)(build)

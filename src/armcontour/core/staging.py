@@ -1,7 +1,7 @@
-"""Staging folders: hidden folders in which results are made before they are moved into place.
+"""Staging folders: hidden folders in which results are written before they are moved into place.
 
-A staging folder has a fixed name next to its destination and belongs to one process, which has a
-lock on it. So a second run into the same destination is refused.
+A staging folder has a fixed name next to its destination and belongs to one process, which holds a
+lock on it. A second run with the same destination is therefore refused.
 """
 
 from __future__ import annotations
@@ -22,32 +22,33 @@ PREFIX = ".armcontour-"
 # and with prefix and checksum below 255 bytes.
 LONGEST_NAME = 40
 
-# What mends it that the system refuses to write; of others nothing is known.
-MENDS = {
+# Fixes of errors in writing.
+FIXES = {
     **dict.fromkeys(
-        (errno.EACCES, errno.EPERM, errno.EROFS), "name a place where you may write, or allow it"
+        (errno.EACCES, errno.EPERM, errno.EROFS),
+        "choose a writable location, or change its permissions",
     ),
-    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "free some space, or name another place"),
-    **dict.fromkeys((errno.ENOENT, errno.ENOTDIR), "name a place in a folder that is there"),
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "free some space, or choose another location"),
+    **dict.fromkeys((errno.ENOENT, errno.ENOTDIR), "choose a location in an existing folder"),
 }
 
 # Folder in a staging folder for the earlier result, which is removed once the new one is in place.
 OLD = ".old"
 
-# A thread that moves results into place has this lock; a thread that ends the program waits for it.
+# Held while results are moved into place; a thread that ends the program waits for it.
 _placing = threading.Lock()
-# For each staging folder that is removed at its end its destination, unless that grows in parts.
+# Open staging folders and their destinations; None for a destination that grows in parts.
 _open: dict[FilePath, FilePath | None] = {}
 
 
 class Staging:
-    """A staging folder of this process; a context manager that removes the folder at its end.
+    """Staging folder of this process; a context manager that removes the folder at its end.
 
     Args:
         place: Path of the staging folder; `hidden_sibling` and `inside` give it for a destination.
         destination: The file or folder that is made in it, for messages.
-        growing: Whether the destination is written in parts: then it is not unwritten if the
-            program ends because of a signal.
+        growing: Whether the destination is written in parts, so that it is not reported as
+            unwritten if a signal ends the program.
 
     Raises:
         InvalidInput: Another process uses the folder, or a killed process left an earlier result
@@ -55,12 +56,12 @@ class Staging:
         OSError: The folder cannot be made.
     """
 
-    def __init__(self, place: FilePath, destination: FilePath, *, growing: bool = False) -> None:
-        self.place = place
+    def __init__(self, folder: FilePath, destination: FilePath, *, growing: bool = False) -> None:
+        self.folder = folder
         # The program must not be ended by a signal between these steps.
         with moving():
-            self._handle = _take(place, destination)
-            _open[place] = None if growing else destination
+            self._handle = _take(folder, destination)
+            _open[folder] = None if growing else destination
 
     def __enter__(self) -> Staging:
         return self
@@ -70,7 +71,7 @@ class Staging:
 
     def empty(self) -> None:
         """Remove the content of the folder."""
-        for inner in self.place.iterdir():
+        for inner in self.folder.iterdir():
             if inner.is_dir() and not inner.is_symlink():
                 shutil.rmtree(inner)
             else:
@@ -92,31 +93,31 @@ class Staging:
                 for source, target in moves:
                     os.rename(source, target)
             except BaseException:
-                destination = _open.pop(self.place)
+                destination = _open.pop(self.folder)
                 for source, target in reversed(moves):
                     if os.path.lexists(target) and not os.path.lexists(source):
                         os.rename(target, source)
-                _open[self.place] = destination
+                _open[self.folder] = destination
                 raise
 
     def remove(self) -> None:
         """Remove the folder with its content, and release the lock."""
-        if self.place in _open:
-            shutil.rmtree(self.place, ignore_errors=True)
-            del _open[self.place]
+        if self.folder in _open:
+            shutil.rmtree(self.folder, ignore_errors=True)
+            del _open[self.folder]
         if self._handle is not None:
             os.close(self._handle)
             self._handle = None
 
 
 def hidden_sibling(file: FilePath) -> FilePath:
-    """Path of the staging folder for a file or folder, next to it."""
+    """Path of the staging folder next to a file or folder."""
     checksum = zlib.crc32(os.fsencode(file.name))
     return file.parent / f"{PREFIX}{file.name[:LONGEST_NAME]}-{checksum:08x}"
 
 
 def inside(folder: FilePath) -> FilePath:
-    """Path of the staging folder for the content of an existing folder, inside it."""
+    """Path of the staging folder inside an existing folder."""
     return folder / f"{PREFIX}next"
 
 
@@ -124,25 +125,25 @@ def inside(folder: FilePath) -> FilePath:
 def moving() -> Iterator[None]:
     """Context in which results are moved into place; signals do not end the program meanwhile.
 
-    The context must be short: only renames.
+    Only renames belong in this context, so that it is short.
     """
     with _placing:
         yield
 
 
-def unwritable(what: object, error: OSError) -> InvalidInput:
-    """The refusal of a place that the system does not let us write, with what mends it.
+def unwritable(target: object, error: OSError) -> InvalidInput:
+    """Error for a destination that cannot be written, with a fix.
 
     Args:
-        what: The file; or the folder, after "to the folder".
-        error: What the system said.
+        target: The file, or "to the folder" with its path.
+        error: The error of the system.
     """
-    mend = MENDS.get(error.errno or 0, "name another place")
-    return InvalidInput(f"Cannot write {what}: {error.strerror or error}; {mend}.")
+    advice = FIXES.get(error.errno or 0, "choose another location")
+    return InvalidInput(f"Cannot write {target}: {error.strerror or error}; {advice}.")
 
 
 def write_atomically(file: FilePath, write: Callable[[FilePath], object]) -> None:
-    """Write a file or folder atomically: completely, or not at all if writing fails.
+    """Write a file or folder completely, or not at all if writing fails.
 
     Args:
         file: The destination, which may exist.
@@ -154,10 +155,10 @@ def write_atomically(file: FilePath, write: Callable[[FilePath], object]) -> Non
     """
     with Staging(hidden_sibling(file), file) as staging:
         staging.empty()
-        fresh = staging.place / file.name
+        fresh = staging.folder / file.name
         write(fresh)
         if fresh.is_dir() and file.exists():
-            old = staging.place / OLD
+            old = staging.folder / OLD
             old.mkdir()
             staging.move([(file, old / file.name), (fresh, file)])
         else:
@@ -166,10 +167,9 @@ def write_atomically(file: FilePath, write: Callable[[FilePath], object]) -> Non
 
 
 def abandon(patience: float) -> list[str]:
-    """Remove all staging folders before the program ends because of a signal.
+    """Remove all staging folders before a signal ends the program.
 
-    The function waits until the current moves into place are complete. After it no result can be
-    moved into place.
+    Current moves into place are completed first. Afterwards no result can be moved into place.
 
     Args:
         patience: Longest time to wait for moves [s].
@@ -181,45 +181,38 @@ def abandon(patience: float) -> list[str]:
         # The staging folder may have the only copy of an earlier result, so it must stay.
         return []
     ended = dict(_open)
-    for place in ended:
+    for folder in ended:
         # The writing thread may add a file between these attempts.
         for _ in range(3):
-            shutil.rmtree(place, ignore_errors=True)
-            if not place.exists():
+            shutil.rmtree(folder, ignore_errors=True)
+            if not folder.exists():
                 break
     return [str(x) for x in ended.values() if x is not None]
 
 
-def _take(place: FilePath, destination: FilePath) -> int | None:
-    """Make a staging folder, or take over the folder of a killed process.
+def _take(folder: FilePath, destination: FilePath) -> int | None:
+    """Create a staging folder or take over that of a killed process; returns the locked handle.
 
-    Windows and some network file systems have no locks on folders. There the process that makes
-    the folder owns it.
-
-    Returns:
-        A handle with the lock; None if there are no locks.
-
-    Raises:
-        InvalidInput: Another process uses the folder, or it has files of an earlier result.
-        OSError: The folder cannot be made.
+    Windows and some network file systems have no locks on folders. There the process that creates
+    the folder owns it, and the handle is None.
     """
     handle, is_ours = None, True
     try:
-        place.mkdir()
+        folder.mkdir()
     except FileExistsError:
         is_ours = False
     try:
         import fcntl
 
-        handle = os.open(place, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         # Another process may have removed its folder before this one locked it.
-        is_ours = os.path.samestat(os.fstat(handle), os.lstat(place))
+        is_ours = os.path.samestat(os.fstat(handle), os.lstat(folder))
     except BlockingIOError:
         is_ours = False
     except (ImportError, OSError):
         pass
-    old = place / OLD
+    old = folder / OLD
     if is_ours and not (old.is_dir() and any(old.iterdir())):
         return handle
     if handle is not None:
@@ -227,5 +220,5 @@ def _take(place: FilePath, destination: FilePath) -> int | None:
     raise InvalidInput(
         f"Another run is writing to {destination}, or was killed while it replaced an earlier "
         f"result: wait for its end, or choose another destination. If there is no other run, move "
-        f"the files in {old} elsewhere, if there are any, and remove {place}."
+        f"the files in {old} elsewhere, if there are any, and remove {folder}."
     )

@@ -1,4 +1,4 @@
-"""Text of other people for messages: printable, in one line, of limited length; and numbers."""
+"""Text for messages and terminals: printable, of limited length, in aligned tables; numbers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from html import escape
 from importlib import import_module
 from typing import Any
 
-# Characters of a value that a message repeats.
+# Largest number of characters of a value that a message repeats.
 MOST_SHOWN = 40
 # Longest message; a longer one would repeat the content of a file.
 LONGEST_SENTENCE = 2000
@@ -26,7 +26,7 @@ LONGEST = 100
 
 
 def make_printable(text: str) -> str:
-    r"""The text with an escape, such as `\x1b`, for every character that is not printable.
+    r"""Escape every character that is not printable, as in `\x1b`.
 
     Such characters are control characters, ends of line, characters that change the direction of
     writing, and lone surrogates. Some control the terminal, others make names misleading.
@@ -37,60 +37,59 @@ def make_printable(text: str) -> str:
 
 
 def to_line(text: str) -> str:
-    """The text as one printable line of limited length, for a terminal."""
+    """One printable line of limited length, for a terminal."""
     return make_printable(shorten(text))
 
 
 def capitalise(text: str) -> str:
-    """The text with a capital at its start, as a sentence begins."""
+    """The text with a capital first letter."""
     return text[:1].upper() + text[1:]
 
 
-def shorten(text: str, most: int = LONGEST_SENTENCE) -> str:
-    """The text; its middle is left out if the text has more than `most` characters."""
-    if len(text) <= most:
+def shorten(text: str, maximum: int = LONGEST_SENTENCE) -> str:
+    """Replace the middle of a text of more than `maximum` characters by an ellipsis."""
+    if len(text) <= maximum:
         return text
-    half = (most - 5) // 2
-    return f"{text[: most - 5 - half]} ... {text[len(text) - half :]}"
+    half = (maximum - 5) // 2
+    return f"{text[: maximum - 5 - half]} ... {text[len(text) - half :]}"
 
 
 def show(value: Any) -> str:
-    """The start of a value as Python writes it, for messages."""
+    """The first characters of the `repr` of a value, for messages."""
     text = _short.repr(value) if not isinstance(value, str) else repr(value[: MOST_SHOWN + 1])
     long = len(value) > MOST_SHOWN if isinstance(value, str) else len(text) > MOST_SHOWN
     return f"{text[:MOST_SHOWN]}..." if long else text
 
 
-def list_some(names: Sequence[str], most: int) -> str:
-    """The first names, separated by commas, and the number of other names."""
-    shown = ", ".join(names[:most])
-    return shown if len(names) <= most else f"{shown} and {len(names) - most} more"
+def list_some(names: Sequence[str], maximum: int) -> str:
+    """The first names, separated by commas, and the number of the other names."""
+    listed = ", ".join(names[:maximum])
+    return listed if len(names) <= maximum else f"{listed} and {len(names) - maximum} more"
 
 
-def suggest(name: str, known: Iterable[str], otherwise: str) -> str:
-    """A question with the known name that is most similar to an unknown one, or `otherwise`."""
-    known = list(known)
-    # Two words of the field for one quantity.
-    alike = [
-        x for x in known if x.replace("velocity", "speed") == name.replace("velocity", "speed")
+def suggest(name: str, valid: Iterable[str], otherwise: str) -> str:
+    """A question with the valid name most similar to an unknown one, or `otherwise`."""
+    valid = list(valid)
+    # Speed and velocity are used for the same quantity.
+    equivalent = [
+        x for x in valid if x.replace("velocity", "speed") == name.replace("velocity", "speed")
     ]
-    near = alike or difflib.get_close_matches(name, known, n=1)
-    return f"did you mean {near[0]}?" if near else otherwise
+    candidates = equivalent or difflib.get_close_matches(name, valid, n=1)
+    return f"did you mean {candidates[0]}?" if candidates else otherwise
 
 
 def describe_fields(cls: type) -> dict[str, str]:
     """Descriptions of the fields of a dataclass, from its docstring and those of its bases."""
     texts: dict[str, str] = {}
     for base in reversed(cls.__mro__):
-        _, _, rest = inspect.cleandoc(base.__doc__ or "").partition("\nArgs:\n")
-        for entry in filter(None, re.split(r"\n(?= {4}\w)", rest.split("\n\n")[0])):
+        _, _, entries = inspect.cleandoc(base.__doc__ or "").partition("\nArgs:\n")
+        for entry in filter(None, re.split(r"\n(?= {4}\w)", entries.split("\n\n")[0])):
             names, _, text = entry.strip().partition(": ")
             texts |= dict.fromkeys(names.split(", "), " ".join(text.split()))
     return texts
 
 
 def _escape(character: str) -> str:
-    """The escape of a character."""
     return character.encode("unicode_escape").decode("ascii")
 
 
@@ -111,44 +110,44 @@ def parse_number(text: str) -> float:
 
 
 def plain_number(value: Any) -> float | None:
-    """Convert a value of a YAML file to a finite number; None if the value is no number."""
+    """Convert a value of a YAML file to a finite number; None if that is impossible."""
     if isinstance(value, bool):
         return None
     try:
-        found = parse_number(value) if isinstance(value, str) else float(value)
+        number = parse_number(value) if isinstance(value, str) else float(value)
     except (TypeError, ValueError, OverflowError):
         return None
-    return found if math.isfinite(found) else None
+    return number if math.isfinite(number) else None
 
 
 # Widest line and widest name of a row [characters], and most lines.
 WIDTH, WIDEST_NAME, MOST_LINES = 98, 60, 60
 GAP = "  "
-# Values of an array, or members of a list, that `repr` writes out.
+# Largest number of values of an array, or members of a list, that `repr` shows.
 FEW = 6
 
 
 def format_table(
     title: str, rows: Iterable[Sequence[str]] = (), *, columns: str = "<", width: int = WIDTH
 ) -> str:
-    """A title, and below it rows of aligned cells, for `print`.
+    """Lay out a title and rows of aligned cells, for `print`.
 
-    Rows whose cells after the first are all empty are left out. Long lines go on in the next one;
-    of too many lines, the number of the others is said.
+    Rows whose cells after the first are all empty are omitted. Long lines are wrapped; a long table
+    is truncated, and its last line states the number of omitted lines.
 
     Args:
-        title: The first line.
+        title: First line.
         rows: The cells, the name of the row first.
-        columns: Alignment of the columns after the first, as in a format, "<" or ">"; the last one
-            holds for all columns that follow.
+        columns: Alignment of the columns after the first, "<" or ">"; the last one applies to all
+            columns that follow.
         width: Longest line.
     """
-    kept = [[shorten(x[0], WIDEST_NAME), *x[1:]] for x in rows if any(x[1:])]
-    widths = [max(map(len, x)) for x in zip(*kept, strict=True)]
+    filled = [[shorten(x[0], WIDEST_NAME), *x[1:]] for x in rows if any(x[1:])]
+    widths = [max(map(len, x)) for x in zip(*filled, strict=True)]
     align = "<" + columns.ljust(len(widths), columns[-1])
     margin = " " * (sum(widths[:-1]) + len(GAP) * len(widths))
     lines = []
-    for row in kept:
+    for row in filled:
         cells = [f"{x:{a}{w}}" for x, a, w in zip(row, align, widths, strict=False)]
         line = make_printable(GAP + GAP.join(cells)).rstrip()
         lines += textwrap.wrap(line, width, subsequent_indent=margin[: width // 2])
@@ -159,20 +158,20 @@ def format_table(
 
 
 def short_repr(value: Any) -> str:
-    """A dataclass in one line: arrays by their shapes, what it holds by its classes; for `repr`."""
-    shown = ", ".join(
+    """A dataclass in one line, for `repr`: arrays by shape, other members by class."""
+    members = ", ".join(
         f"{x.name}={_member(getattr(value, x.name))}" for x in fields(value) if x.repr
     )
-    return f"{type(value).__name__}({shown})"
+    return f"{type(value).__name__}({members})"
 
 
 def to_html(value: Any) -> str:
-    """What a result prints, as a table of HTML; for `_repr_html_` in notebooks."""
+    """The printed text of a result as an HTML table, for `_repr_html_` in notebooks."""
     title, *lines = str(value).splitlines()
     rows: list[list[str]] = []
     for x in lines:
         if rows and x.startswith(GAP * 3):
-            # A long line goes on.
+            # Continuation of a wrapped line.
             rows[-1][-1] += f" {x.strip()}"
         else:
             rows.append(re.split(f"{GAP}+", x.strip()))
@@ -184,27 +183,27 @@ def to_html(value: Any) -> str:
 
 
 def draw(value: Any, kind: str = "path") -> Any:
-    """Draw a result as the report does: a figure of plotly, to show, change or save.
+    """Draw a result as in the report: a plotly figure that you can show, change or save.
 
         planned.figure("speed").show()
         result.figure("error").write_html("error.html")
 
     Args:
         value: The result.
-        kind: "path", the path of the tool; "joints", positions, velocities and accelerations with
-            limits, of a study those of its first run; "speed", the tool speed with the assigned
-            velocity; "error", the contour error.
+        kind: "path", the path of the tool; "joints", positions, velocities and accelerations
+            with limits (of a job's result, those of its first run); "speed", the tool speed with
+            the assigned velocity; "error", the contour error.
 
     Raises:
         InvalidInput: There is no such kind, the result has nothing of it, or plotly is not
             installed.
     """
-    # An import by name: what draws knows the results.
+    # Imported by name, because the report imports the results.
     return import_module("armcontour.report.results").draw_result(value, kind)
 
 
 def _member(value: Any, depth: int = 0) -> str:
-    """A member of a dataclass in a few characters."""
+    """Short text of a member of a dataclass."""
     if hasattr(value, "shape") and hasattr(value, "tolist"):
         few = value.size <= FEW
         return repr(value.tolist()) if few else f"<{'x'.join(map(str, value.shape))} array>"
@@ -216,7 +215,7 @@ def _member(value: Any, depth: int = 0) -> str:
 
 
 def _members(value: Any, depth: int) -> str:
-    """A mapping or a list in a few characters."""
+    """Short text of a mapping or list."""
     if len(value) > FEW or depth > 1:
         return f"<{len(value)} {type(next(iter(value))).__name__}>"
     if isinstance(value, Mapping):
@@ -227,28 +226,28 @@ def _members(value: Any, depth: int) -> str:
 
 
 def digits(value: float, count: int = 4) -> str:
-    """A number with some digits that count, and without an exponent below 10^15.
+    """Format a number with a number of significant digits, without exponent below 10^15.
 
     Args:
         value: The number.
-        count: Number of digits.
+        count: Number of significant digits.
     """
     text = f"{value:.{count}g}"
     return f"{value:.0f}" if "e+" in text and abs(value) < 1e15 else text
 
 
 def clock(t: float, count: int = 4) -> str:
-    """A time in s with some digits that count, and 0.1 ms also long after zero, as since 1970.
+    """Format a time in s with significant digits, to 0.1 ms for large times such as Unix time.
 
     Args:
         t: The time [s].
-        count: Number of digits of times below 1 s.
+        count: Number of significant digits of times below 1 s.
     """
     return f"{t:.{count}g}" if abs(t) < 1 else f"{t:.4f}".rstrip("0").rstrip(".")
 
 
-def place_and_time(t: float, s: float) -> str:
-    """When and where something is largest.
+def format_event(t: float, s: float) -> str:
+    """Time and arc length of an extreme value, as text.
 
     Args:
         t: The time [s].
@@ -257,13 +256,13 @@ def place_and_time(t: float, s: float) -> str:
     return f"t = {t:.3f} s, s = {digits(s)} m"
 
 
-def count_noun(count: int, what: str) -> str:
-    """A count with its noun."""
-    return f"{count} {what}{'' if count == 1 else 's'}"
+def count_noun(count: int, noun: str) -> str:
+    """A count with its noun, in the plural if needed."""
+    return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
 def count_kinds(counts: Mapping[str, int]) -> str:
-    """Counts with their nouns, without what there is none of.
+    """Non-zero counts with their nouns.
 
     Args:
         counts: Counts by their nouns.
@@ -271,14 +270,14 @@ def count_kinds(counts: Mapping[str, int]) -> str:
     return ", ".join(count_noun(n, what) for what, n in counts.items() if n)
 
 
-def joint_called(joint: int, names: Sequence[str]) -> str:
-    """The number of a joint, from 1, with its name if that says more."""
+def joint_label(joint: int, names: Sequence[str]) -> str:
+    """The number of a joint, from 1, followed by its name unless that is "joint N"."""
     name = names[joint - 1]
     return str(joint) if name == f"joint {joint}" else f"{joint} ({name})"
 
 
 def joint_rows(q: Any, names: Sequence[str] = ()) -> list[tuple[str, str]]:
-    """Rows that say between which positions joints are.
+    """Rows with the range of positions of each joint.
 
     Args:
         q: Joint positions [rad], (n, dof).

@@ -18,7 +18,7 @@ MOST_CHARACTERS = 16_000_000
 # Largest number of values that aliases add: an alias repeats all values of its anchor.
 MOST_ALIASED = 100_000
 # Number of characters of text that count as one value.
-OF_ONE_VALUE = 80
+CHARACTERS_PER_VALUE = 80
 FLOAT = "tag:yaml.org,2002:float"
 INT = "tag:yaml.org,2002:int"
 BOOL = "tag:yaml.org,2002:bool"
@@ -30,22 +30,24 @@ MERGE, MERGE_TAG = "<<", "tag:yaml.org,2002:merge"
 # Possessive quantifiers prevent backtracking, so that the time is linear in the length.
 WHOLE = re.compile(r"[-+]?[0-9]++\Z")
 DECIMAL = re.compile(r"[-+]?(?:\.[0-9]++|[0-9]++(?:\.[0-9]*+)?+)(?:[eE][-+]?[0-9]++)?+\Z")
-# What libyaml reads otherwise than PyYAML's own parser: tabs and other line ends, marks of the byte
-# order, directives, tags, "?" in texts, heads of text blocks.
-OTHERWISE = re.compile("[\t\r\x85\u2028\u2029\ufeff?!]|^%|[|>][-+0-9]*#", re.MULTILINE)
-# What the parser says, and the same for people who do not know its words; `begun` is the line in
-# which what is wrong began.
+# Text that libyaml and PyYAML's own parser read differently: tabs and other line ends, marks of the
+# byte order, directives, tags, "?" in texts, heads of text blocks.
+PARSED_DIFFERENTLY = re.compile("[\t\r\x85\u2028\u2029\ufeff?!]|^%|[|>][-+0-9]*#", re.MULTILINE)
+# Messages of the parser and their replacements in plain words; `begun` is the first line of the
+# wrong construct.
 PLAIN = {
     re.compile(r"unexpected end of stream"): "the quote that begins in line {begun} does not end",
-    re.compile(r"'\\t' that cannot start"): "a tab stands here, but lines are indented by blanks",
+    re.compile(r"'\\t' that cannot start"): "this line is indented by a tab: use blanks",
     re.compile(r"'(.)' that cannot start"): "a text that begins with {0} needs quotes",
-    re.compile(r"<block end>, but found '<block"): "this line is not indented as those beside it",
-    re.compile(r"<block end>, but found '(.+)'"): "{0} has no place here",
+    re.compile(
+        r"<block end>, but found '<block"
+    ): "this line is not indented like the lines around it",
+    re.compile(r"<block end>, but found '(.+)'"): "{0} is not allowed here",
     re.compile(
         r"expected ',' or '(.)', but got"
     ): "the bracket of line {begun} needs a {0} before this",
     re.compile(r"mapping values are not allowed"): (
-        "this colon has no place: the line is indented too far, or a text with a colon needs quotes"
+        "this colon is wrong: the line is indented too far, or a text with a colon needs quotes"
     ),
     re.compile(r"could not find expected ':'"): "line {begun} has no colon after its key",
 }
@@ -53,10 +55,10 @@ ENDLESS = re.compile(r"(?:[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z")
 
 
 class Loader(yaml.SafeLoader):
-    """A safe loader that refuses repeated keys and aliases that multiply the size of a document."""
+    """Safe loader that rejects repeated keys and aliases that multiply the size of a document."""
 
     def get_single_data(self) -> Any:
-        """The document, if its aliases, also merged ones, do not add too many values."""
+        """Construct the document after a check of the number of aliased values."""
         node = self.get_single_node()
         if node is None:
             return None
@@ -64,25 +66,25 @@ class Loader(yaml.SafeLoader):
         return self.construct_document(node)
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
-        """Compose a mapping whose keys are all different, before merged keys are added."""
+        """Compose a mapping; its keys must differ before merged keys are added."""
         node = super().compose_mapping_node(anchor)
-        seen = set()
+        keys = set()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode):
                 if key.tag == BOOL:
                     # Keys such as off are text.
                     key.tag = STR
-                if (key.tag, key.value) in seen:
-                    raise _wrong(key, f"the key {show(key.value)} stands twice")
-                seen.add((key.tag, key.value))
+                if (key.tag, key.value) in keys:
+                    raise _wrong(key, f"the key {show(key.value)} is repeated")
+                keys.add((key.tag, key.value))
         return node
 
     def flatten_mapping(self, node: yaml.MappingNode) -> None:
-        """Put merged keys before the own ones, which override them; PyYAML 6.0.4 does not."""
-        merged, own = [], []
+        """Insert merged keys before explicit ones, which override them; PyYAML 6.0.4 does not."""
+        merged, explicit = [], []
         for key, value in node.value:
             if key.tag != MERGE_TAG:
-                own.append((key, value))
+                explicit.append((key, value))
                 continue
             # The first mapping of a list overrides the others.
             for part in reversed(value.value) if isinstance(value, yaml.SequenceNode) else [value]:
@@ -90,17 +92,17 @@ class Loader(yaml.SafeLoader):
                     raise _wrong(part, f"{MERGE} takes a mapping or a list of mappings")
                 self.flatten_mapping(part)
                 merged += part.value
-        node.value = merged + own
+        node.value = merged + explicit
 
 
 class QuickLoader(Loader):
-    """The same with libyaml's parser below, which makes it six times as fast."""
+    """`Loader` with the parser of libyaml, which makes it six times as fast."""
 
     def __init__(self, stream: str) -> None:
         yaml.composer.Composer.__init__(self)
         yaml.constructor.SafeConstructor.__init__(self)
         yaml.resolver.Resolver.__init__(self)
-        # Not everywhere where PyYAML is.
+        # Some builds of PyYAML lack this module.
         from yaml._yaml import CParser
 
         parser = CParser(stream)
@@ -109,17 +111,17 @@ class QuickLoader(Loader):
 
 
 def construct_int(loader: Loader, node: yaml.ScalarNode) -> int:
-    """A whole number in decimal digits; 1_000, 1:30 and 010 are no such numbers."""
+    """Integer in decimal digits; 1_000, 1:30 and 010 are rejected."""
     text = str(loader.construct_scalar(node))
     if not WHOLE.match(text):
         raise _wrong(node, f"{show(text)} is not a whole number")
-    # Refuses thousands of digits.
+    # Rejects thousands of digits.
     _parse(text, node)
     return int(text)
 
 
 def construct_float(loader: Loader, node: yaml.ScalarNode) -> float:
-    """A decimal number, or infinity or NaN, which the checks of the keys refuse by name."""
+    """Decimal number, infinity or NaN; the checks of the keys reject the last two by name."""
     text = str(loader.construct_scalar(node))
     if ENDLESS.match(text):
         return float(text.replace(".", ""))
@@ -127,7 +129,7 @@ def construct_float(loader: Loader, node: yaml.ScalarNode) -> float:
 
 
 def _parse(text: str, node: yaml.Node) -> float:
-    """Parse a number; an error names its line."""
+    """Parse a number; the error has its line."""
     if len(text) > LONGEST:
         raise _wrong(node, f"{show(text)} has {len(text)} characters, too many for a number")
     try:
@@ -137,7 +139,7 @@ def _parse(text: str, node: yaml.Node) -> float:
 
 
 def _wrong(node: yaml.Node, problem: str) -> yaml.constructor.ConstructorError:
-    """An error at a place of the document."""
+    """Error at the position of a node."""
     return yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
 
 
@@ -154,7 +156,7 @@ Loader.add_constructor(FLOAT, construct_float)
 
 
 class AngleLoader(Loader):
-    """A loader with the tags for angles in robot files, which are converted to radians."""
+    """Loader with the tags for angles in robot files, which are converted to radians."""
 
 
 def construct_degrees(loader: Loader, node: yaml.Node) -> float:
@@ -185,17 +187,17 @@ def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> An
     """
     with _reading(content, source):
         text = _decoded(content)
-        # These two differ by their tags only, of which there are none then.
-        plain = loader in (Loader, AngleLoader) and not OTHERWISE.search(text)
+        # These two classes differ only by tags, which PARSED_DIFFERENTLY excludes.
+        plain = loader in (Loader, AngleLoader) and not PARSED_DIFFERENTLY.search(text)
         if plain and yaml.__with_libyaml__:
-            # What it refuses is read again, as sentences name what PyYAML's own parser finds.
+            # After an error, PyYAML's own parser reads the text again for the message.
             with suppress(yaml.YAMLError, ValueError, TypeError, OverflowError, RecursionError):
                 return yaml.load(text, Loader=QuickLoader)
         return yaml.load(text, Loader=loader)
 
 
 def load_with_node(text: str, source: str) -> tuple[Any, yaml.Node | None]:
-    """Load the YAML document in a text, with the nodes that say where its values are written.
+    """Load the YAML document in a text together with its nodes, which have the line numbers.
 
     Args:
         text: The text.
@@ -213,19 +215,19 @@ def load_with_node(text: str, source: str) -> tuple[Any, yaml.Node | None]:
         if node is None:
             return None, None
         _refuse_flood(node)
-        # Merging moves nodes, so that those with a merge key are made once more.
-        kept = yaml.compose(text, Loader=Loader) if MERGE in text else node
-        return loader.construct_document(node), kept
+        # Merging moves nodes, so a text with a merge key is composed again.
+        root = yaml.compose(text, Loader=Loader) if MERGE in text else node
+        return loader.construct_document(node), root
 
 
 @contextmanager
 def _reading(content: str | bytes, source: str) -> Iterator[None]:
-    """Context in which a text is parsed; what it raises are sentences."""
+    """Context that converts errors of parsing to InvalidInput."""
     if len(content) > MOST_CHARACTERS:
         raise InvalidInput(
             f"{source} has {len(content) / 1e6:.0f} million characters, more than the "
-            f"{MOST_CHARACTERS / 1e6:.0f} million that are read of YAML: a long path can stand in "
-            "a CSV file of its own."
+            f"limit of {MOST_CHARACTERS / 1e6:.0f} million for YAML: write a long path to a "
+            "separate CSV file."
         )
     try:
         yield
@@ -244,16 +246,12 @@ def _reading(content: str | bytes, source: str) -> Iterator[None]:
 
 
 def _decoded(content: str | bytes) -> str:
-    """A text, from bytes of UTF-8 if need be."""
+    """Decode bytes of UTF-8."""
     return content if isinstance(content, str) else content.decode("utf-8")
 
 
 def _refuse_flood(root: yaml.Node) -> None:
-    """Refuse a document whose aliases add too many values.
-
-    Raises:
-        YAMLError: Too many values, or an alias inside its own anchor.
-    """
+    """Check the number of values that aliases add, and that no anchor contains its own alias."""
     sizes: dict[int, int] = {}
     inside: set[int] = set()
     written = 0
@@ -261,14 +259,14 @@ def _refuse_flood(root: yaml.Node) -> None:
     def size(node: yaml.Node) -> int:
         nonlocal written
         if id(node) in inside:
-            raise _wrong(node, "an alias stands for what it is part of")
+            raise _wrong(node, "an alias is inside its own anchor")
         if id(node) not in sizes:
-            own = 1
+            count = 1
             if isinstance(node, yaml.ScalarNode):
-                own += len(node.value) // OF_ONE_VALUE
-            written += own
+                count += len(node.value) // CHARACTERS_PER_VALUE
+            written += count
             inside.add(id(node))
-            sizes[id(node)] = own + sum(map(size, _parts(node)))
+            sizes[id(node)] = count + sum(map(size, _parts(node)))
             inside.discard(id(node))
         return sizes[id(node)]
 
@@ -276,12 +274,11 @@ def _refuse_flood(root: yaml.Node) -> None:
     if aliased > MOST_ALIASED:
         raise _wrong(
             root,
-            f"its aliases stand for more than {MOST_ALIASED} values: use fewer aliases",
+            f"its aliases add more than {MOST_ALIASED} values: use fewer aliases",
         )
 
 
 def _parts(node: yaml.Node) -> list[yaml.Node]:
-    """The children of a node."""
     if isinstance(node, yaml.MappingNode):
         return [x for pair in node.value for x in pair]
     return list(node.value) if isinstance(node, yaml.SequenceNode) else []
@@ -293,8 +290,8 @@ def _where(error: yaml.YAMLError) -> str:
         mark, begun = error.problem_mark, error.context_mark or error.problem_mark
         problem = error.problem or ""
         for pattern, words in PLAIN.items():
-            if (found := pattern.search(problem)) is not None:
-                problem = words.format(*found.groups(), begun=begun.line + 1)
+            if (match := pattern.search(problem)) is not None:
+                problem = words.format(*match.groups(), begun=begun.line + 1)
                 break
         return f"{problem} (line {mark.line + 1}, column {mark.column + 1})"
     return " ".join(str(error).split())

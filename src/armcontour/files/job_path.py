@@ -88,7 +88,7 @@ def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path 
         InvalidInput: A frame out of the plane in which the arm moves its tool.
     """
     frame = part_of(model)
-    if dimension == 2 and path.dimension == 2 and not frame.keeps_plane:
+    if dimension == 2 and path.dimension == 2 and not frame.is_planar_transform:
         raise InvalidInput(LIFTED)
     if isinstance(path, Program):
         return path.placed(frame)

@@ -307,7 +307,7 @@ def read_csv_text(file: str | FilePath, kind: str, topic: str | None = None) -> 
     if topic is not None:
         name = FilePath(file).name
         raise InvalidInput(f"{name} is CSV, which has no topics: leave --topic out.")
-    return read_text(file, kind, most=LARGE, latin=True)
+    return read_text(file, kind, maximum=LARGE, latin=True)
 
 
 def joints_of(table: CsvTable[Key], kind: str, role: str) -> list[str]:

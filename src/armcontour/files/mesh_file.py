@@ -56,7 +56,7 @@ def read_mesh(
             "programs for meshes convert others."
         )
     factor = 1.0 if unit is None else _factor(unit, location)
-    content = file_access.read_bytes(location, "mesh", most=MOST_BYTES)
+    content = file_access.read_bytes(location, "mesh", maximum=MOST_BYTES)
     points, triangles = (_read_stl if kind == ".stl" else _read_obj)(content, str(location))
     points = points * factor * (1.0 if scale is None else np.asarray(scale))
     if unit is None and scale is None:

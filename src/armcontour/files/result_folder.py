@@ -89,7 +89,7 @@ class ResultFolder:
 
     def _made(self, name: str) -> FilePath:
         """A folder in the staging folder."""
-        folder = self._staging.place / name
+        folder = self._staging.folder / name
         folder.mkdir(exist_ok=True)
         return folder
 
@@ -161,7 +161,7 @@ class ResultFolder:
         data = {"armcontour": __version__, "kind": self._kind, "files": checksums}
         text = json.dumps(data, indent=1)
         (self._new / MANIFEST).write_text(text + "\n", encoding="utf-8")
-        if self._staging.place.parent != self._target:
+        if self._staging.folder.parent != self._target:
             self._target.parent.mkdir(parents=True, exist_ok=True)
             self._staging.move([(self._new, self._target)])
             return
@@ -248,7 +248,7 @@ def _checksum(file: FilePath) -> str:
     no_link = getattr(os, "O_NOFOLLOW", 0)
     try:
         stream = open(
-            file, "rb", opener=lambda x, flags: file_access.open_at_once(x, flags | no_link)
+            file, "rb", opener=lambda x, flags: file_access.open_nonblocking(x, flags | no_link)
         )
     except OSError:
         return ""

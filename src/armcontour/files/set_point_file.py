@@ -95,7 +95,7 @@ def read_lesson(file: FilePath, plan: Trajectory) -> LearningResult:
             **{x: y for x, y in arrays.items() if ": " not in x},
         )
     except InvalidInput as error:
-        raise error.at(str(file)) from None
+        raise error.with_location(str(file)) from None
     except Exception as error:
         # A damaged zip file can raise almost anything.
         raise InvalidInput(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
-from armcontour.core.quintics import re_expand
+from armcontour.core.quintics import rescale
 from armcontour.core.sampling import number_parts
 from armcontour.geometry.biarcs import (
     UNEVEN,
@@ -261,7 +261,7 @@ def bound_deviation(
         rows = segment[bent]
         change[bent] = largest_change(old.quintics[rows], old.lengths[rows])
     allowance = ratio**2 * change * step / 2
-    relative = re_expand(drawn.quintics[row], number / parts, np.full(len(row), 1 / parts))
+    relative = rescale(drawn.quintics[row], number / parts, np.full(len(row), 1 / parts))
     relative[:, 2] -= second_derivative * (h**2 / 2)[:, None]
     bound = np.maximum(*distances) + h**2 / 8 * (largest_bend(relative, h) + allowance)
     return np.asarray(bound.reshape(len(drawn), parts).max(axis=1))

@@ -18,7 +18,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked
 from armcontour.core.frames import angle_between, exp, log
 from armcontour.core.quantities import Axes, Quantity
-from armcontour.core.quintics import re_expand
+from armcontour.core.quintics import rescale
 from armcontour.core.text import count_noun, short_repr
 
 # Orientations that differ by less than this count as equal [rad].
@@ -330,7 +330,7 @@ def shift_polynomials(c: FloatArray, by: FloatArray) -> FloatArray:
         c: Coefficients of 1, u, u², ..., (n, degree + 1).
         by: The shifts, (n,).
     """
-    return re_expand(c[:, :, None], by, np.ones(len(c)))[:, :, 0]
+    return rescale(c[:, :, None], by, np.ones(len(c)))[:, :, 0]
 
 
 def turns_between(first: FloatArray, second: FloatArray, *, axis_only: bool) -> FloatArray:

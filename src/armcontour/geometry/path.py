@@ -232,8 +232,8 @@ class Path(Checked):
         Raises:
             InvalidInput: `frame` is no frame, or the scale is not above zero.
         """
-        frame, factor = Frame.of(frame), scale
-        path = self if frame.keeps_plane else self.lifted()
+        frame, factor = Frame.from_pose(frame), scale
+        path = self if frame.is_planar_transform else self.lifted()
         d, orientation = path.dimension, path.orientation
         if orientation is not None:
             orientation = orientation.place(frame.rotation, factor)

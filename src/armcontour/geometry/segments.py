@@ -12,7 +12,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray, Value
 from armcontour.core.errors import InvalidInput
-from armcontour.core.quintics import evaluate, re_expand
+from armcontour.core.quintics import evaluate, rescale
 
 # Points closer than this count as one point: no arm resolves a nanometre [m].
 REPEATED_POINT = 1e-9
@@ -291,7 +291,7 @@ class Segments(Value):
         quintics, curvatures, tangents = (
             getattr(self, x).copy() for x in ("quintics", "curvatures", "tangents")
         )
-        parts = re_expand(quintics[changed], begin[changed], factor[changed])
+        parts = rescale(quintics[changed], begin[changed], factor[changed])
         parts[:, 0] = 0.0
         quintics[changed] = parts
         curvatures[changed] = largest_bend(parts, self.lengths[changed])

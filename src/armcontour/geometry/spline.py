@@ -8,7 +8,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.quintics import re_expand
+from armcontour.core.quintics import rescale
 from armcontour.geometry.biarcs import UNEVEN, join_by_quintics, length, tangent_and_curvature
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 
@@ -95,7 +95,7 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
         done.append((cubics[good], lengths[good], begin[good]))
         halved, begin, size = np.repeat(cubics[~good], 2, axis=0), begin[~good], size / 2
         half = np.tile([0.0, 0.5], len(begin))
-        cubics = re_expand(halved, half, np.full(len(halved), 0.5))
+        cubics = rescale(halved, half, np.full(len(halved), 0.5))
         begin = (begin[:, None] + [0.0, size]).ravel()
     cubics, lengths, begin = (np.concatenate(x) for x in zip(*done, strict=True))
     order = np.argsort(begin)

@@ -192,7 +192,7 @@ class JudgedStudy:
                 *error_rows("contour_error", "", self.profile, FILE, FILE),
                 Row("notes", self.notes),
             ),
-            (Table.of("contours", errors), joints),
+            (Table.from_results("contours", errors), joints),
             notes=tuple(self.notes),
         )
 

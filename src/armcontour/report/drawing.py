@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.core.render import LIMITS, LINES, number, number_range
+from armcontour.core.palette import LIMITS, LINES
+from armcontour.core.render import number, number_range
 from armcontour.core.text import count_noun
 from armcontour.geometry import RoundedPath
 from armcontour.jobs import Job, RunResult

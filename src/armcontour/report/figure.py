@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from armcontour._version import __version__
-from armcontour.core.render import VERDICTS, number
+from armcontour.core.palette import VERDICTS
+from armcontour.core.render import number
 
 # Types of arrays that plotly.js reads from base64, by their names there.
 TYPES = {

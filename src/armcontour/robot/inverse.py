@@ -11,7 +11,7 @@ import numpy.typing as npt
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, Unreachable
-from armcontour.core.frames import UNTURNED, Pose, read_poses
+from armcontour.core.frames import IDENTITY, Pose, read_poses
 from armcontour.core.pool import map_in_threads, split_evenly
 from armcontour.robot import newton
 from armcontour.robot.arm import hint_at_unit
@@ -54,7 +54,7 @@ def solve(arm: ChainArm, pose: Pose, near: npt.ArrayLike | None, *, every: bool)
     elif rows.shape[1] != 3:
         raise InvalidInput(f"The arm {arm.name} moves in space: give x, y and z of a position.")
     turned = np.broadcast_to(
-        UNTURNED if axes is None else axes.reshape(-1, 3, 3), (len(rows), 3, 3)
+        IDENTITY if axes is None else axes.reshape(-1, 3, 3), (len(rows), 3, 3)
     )
     solutions: list[FloatArray] = []
     for i, point in enumerate(rows):

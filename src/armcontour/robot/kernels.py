@@ -35,7 +35,7 @@ JOINT_ROWS = 5
 # First rows of the vectors of a state: columns of the rotation, position, vector from the joint
 # before, axis; then velocity and angular velocity, and their first and second derivatives.
 PLACE, WAY, AXIS, MOTION, ROWS = 9, 12, 15, 18, 36
-UNTURNED = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
+IDENTITY = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
 # Up to this angle [rad] from a known angle, sine and cosine come from a series, which is exact to
 # rounding there.
 NEAR_ANGLE = 0.125
@@ -134,7 +134,7 @@ def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
         r = rotation_of(links, j)
         p0, p1, p2 = links[j, 9], links[j, 10], links[j, 11]
         for k in range(3):
-            x, y, z, origin = UNTURNED[k]
+            x, y, z, origin = IDENTITY[k]
             if j > 0:
                 x, y = frames[j - 1, k, 0], frames[j - 1, k, 1]
                 z, origin = frames[j - 1, k, 2], frames[j - 1, k, 3]

@@ -275,7 +275,7 @@ class SerialArm(ChainArm):
             payload: Load at the tip; by default the load of this arm.
         """
         carried = self.chain.payload if payload is None else payload
-        return self._with(self.chain.replace(tool=Frame.of(tool), payload=carried))
+        return self._with(self.chain.replace(tool=Frame.from_pose(tool), payload=carried))
 
     @checked
     def with_work(self, work: Pose) -> SerialArm:
@@ -284,7 +284,7 @@ class SerialArm(ChainArm):
         Args:
             work: Work frame of the paths, in the frame of the base, in the forms of a tool.
         """
-        return self._with(self.chain.replace(base=Frame.of(work).inverse), "closed_form")
+        return self._with(self.chain.replace(base=Frame.from_pose(work).inverse), "closed_form")
 
     def pose(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Tool points [m], (n, 3), and tool orientations as rotation matrices, (n, 3, 3).

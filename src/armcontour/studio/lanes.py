@@ -167,7 +167,7 @@ class SlowLane:
                 self._pool = ProcessPool(1)
                 _get_ready(self._pool)
             self._running = given = self._waiting.popleft()
-            self._doing = self._pool.submit_heard(self._hear, partial(work, given))
+            self._doing = self._pool.submit_reporting(self._hear, partial(work, given))
             return self._doing
 
     def _hear(self, data: bytes) -> None:

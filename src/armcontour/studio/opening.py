@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING
 
-from armcontour.core.file_access import hear_reading
+from armcontour.core.file_access import listen_to_reading
 from armcontour.core.progress import Step
 from armcontour.studio.wire import Frame
 
@@ -66,13 +66,13 @@ def open_session(
 
     named: list[FilePath] = []
     # The job file may be a link to another folder: the user has named it.
-    with hear_reading(lambda place, content: named.append(place)):
+    with listen_to_reading(lambda place, content: named.append(place)):
         document = _document(file, cell)
     folder = document.folder or FilePath.cwd()
     previewer = CoarsePlanner(folder, trust_xacro=trust_xacro)
     tell(Step(("reading the job",)))
     named_arm = arm_file_of(document.data)
-    with hear_reading(lambda place, content: named.append(place)):
+    with listen_to_reading(lambda place, content: named.append(place)):
         session = Session(
             document,
             previewer,

@@ -21,7 +21,7 @@ from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, quote
 
-from armcontour.core import render
+from armcontour.core import palette
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.studio.desk import Desk, Tab
 from armcontour.studio.guard import (
@@ -193,7 +193,7 @@ class Server:
 def page_files() -> dict[str, FilePath]:
     """The files of the page, by their names."""
     own = {x.relative_to(STATIC).as_posix(): x for x in STATIC.rglob("*") if x.suffix in KINDS}
-    return {**own, render.PALETTE_FILE.name: render.PALETTE_FILE}
+    return {**own, palette.PALETTE_FILE.name: palette.PALETTE_FILE}
 
 
 def serve(

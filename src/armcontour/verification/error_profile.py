@@ -14,7 +14,7 @@ from armcontour.core.fields import Checked
 from armcontour.core.render import Result
 from armcontour.core.result import TABLE, Data, Row
 from armcontour.core.sampling import integrate
-from armcontour.core.text import place_and_time, short_repr
+from armcontour.core.text import format_event, short_repr
 from armcontour.geometry import Orientation, Path, Projection
 from armcontour.geometry.orientation import turns_between
 from armcontour.geometry.projection import pack_segments
@@ -74,7 +74,7 @@ def error_rows(
     if error is None:
         return (Row(name, None),)
     key = f"{name}." if name else ""
-    location = place_and_time(error.t_max, error.s_max)
+    location = format_event(error.t_max, error.s_max)
     unit = "rad" if getattr(error, "angular", False) else "m"
     largest = (
         Row(f"{key}max", error.max, unit, f"{label}, largest", location, most),

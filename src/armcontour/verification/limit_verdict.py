@@ -137,7 +137,7 @@ class LimitUse(Result, Occurrence):
                 Row(
                     "verdict", self.verdict, "", "verdict", printed * (self.verdict == CANNOT_TELL)
                 ),
-                *(replace(x, label="") for x in Data("", highest).under("highest")),
+                *(replace(x, label="") for x in Data("", highest).with_prefix("highest")),
             ),
         )
 

@@ -143,7 +143,7 @@ class Check(Result):
                 *(Row(x, getattr(self, x)) for x in ("tolerance", "rounding")),
                 *(Row(x, getattr(self, x)) for x in ("not_judged", "reconstruction")),
             ),
-            (Table.of_rows("limits", [x.to_data().rows for x in self.uses]),),
+            (Table.from_rows("limits", [x.to_data().rows for x in self.uses]),),
             notes=tuple(self._notes()),
         )
 

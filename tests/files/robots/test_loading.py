@@ -175,12 +175,12 @@ def test_built_in_arms_take_tools_payloads_and_frames():
 def test_arm_files_are_read_without_the_traps_of_yaml(tmp_path):
     flood = "".join(f"x{i}: &x{i} [{', '.join([f'*x{i - 1}'] * 10)}]\n" for i in range(1, 9))
     table = [
-        ("name: a\nlinks: [1, 1]\nname: b\n", "arm.yaml ... 'name' stands twice ... line 3"),
+        ("name: a\nlinks: [1, 1]\nname: b\n", "arm.yaml ... 'name' is repeated ... line 3"),
         (f"x0: &x0 [1]\n{flood}", "fewer aliases"),
     ]
     refusals(lambda x: ac.load_arm(write(tmp_path, x)), table)
     limits = write(tmp_path, "joint_limits: {a: {max_velocity: 1, max_velocity: 2}}")
-    twice = [(limits, "'max_velocity' stands twice")]
+    twice = [(limits, "'max_velocity' is repeated")]
     refusals(lambda x: ac.load_arm("ur5e", ac.ArmOptions(joint_limits=x)), twice)
 
 

@@ -14,8 +14,8 @@ import yaml
 from docs.pages import run_command
 from markdown_it import MarkdownIt
 
-from armcontour.cli.progress_bars import compiling_said
-from armcontour.core.progress import tell_compiling
+from armcontour.cli.progress_bars import compiling_notice
+from armcontour.core.progress import report_compiling
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "docs/guides/troubles.md"
@@ -179,7 +179,7 @@ def test_the_page_says_what_the_tool_says(name, tmp_path, monkeypatch):
 
 
 def test_every_sentence_on_the_page_is_provoked(capsys):
-    with compiling_said():
-        tell_compiling("armcontour.robot.newton.solve")
+    with compiling_notice():
+        report_compiling("armcontour.robot.newton.solve")
     assert capsys.readouterr().err == SAID["The first run is slow"] + "\n"
     assert SAID.keys() - {"The first run is slow"} == TROUBLES.keys()

@@ -45,7 +45,7 @@ def test_a_process_that_dies_is_said_and_replaced(slow, heard):
     slow.submit("g", "sweep", LONG)
     heard.wait("g", "progress")
     next(iter(slow._pool._children)).kill()
-    assert "has ended before it gave an answer" in heard.wait("g", "failed").header["sentence"]
+    assert "ended before it returned a result" in heard.wait("g", "failed").header["sentence"]
     slow.submit("h", "figures", {"text": SMALL})
     assert figure(heard.wait("h", "figures").header, "duration") > 0
 

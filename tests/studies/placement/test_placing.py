@@ -440,7 +440,7 @@ class Losing(InProcess):
 
 
 def test_a_lost_worker_is_an_error(square, refuses):
-    lost = "A worker of the executor has ended before"
+    lost = "A worker of the executor ended before"
     for after in (0, 2):
         with pytest.raises(ExecutionError, match=lost):
             ac.place(square, ac.PlaceSearch(over=FEW), executor=Losing(after))

@@ -134,7 +134,7 @@ class Estimates(Result, Checked):
         Args:
             name: Name of the table.
         """
-        return Table.of_rows(name, [x.to_data().rows for x in self.estimates])
+        return Table.from_rows(name, [x.to_data().rows for x in self.estimates])
 
     __repr__ = short_repr
 
@@ -192,4 +192,4 @@ class IdentifiedJoints(Estimates):
             for x in self.joints
             if x.parameters
         ]
-        return Table.of_rows("joints", rows), Table.of_rows("parameters", parameters)
+        return Table.from_rows("joints", rows), Table.from_rows("parameters", parameters)

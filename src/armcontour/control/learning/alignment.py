@@ -15,7 +15,7 @@ from armcontour.control.learning.lifted_model import Lifted, rms
 from armcontour.core import checks
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.core.sampling import OF_MEDIAN, interpolate, white_noise
+from armcontour.core.sampling import DEVIATION_PER_MEDIAN, interpolate, white_noise
 from armcontour.motion import SetPoints
 from armcontour.motion.log_checks import check_is_whole, find_misreading
 
@@ -176,7 +176,7 @@ def align(
         apart, outliers = replace_outliers(apart, noise)
     if has_forerunner:
         middle = np.median(apart, axis=0)
-        spread = OF_MEDIAN * np.median(np.abs(apart - middle), axis=0)
+        spread = DEVIATION_PER_MEDIAN * np.median(np.abs(apart - middle), axis=0)
         sure = np.maximum(SHIFTED * np.maximum(spread, noise), LEAST_SHIFT)
         shift = np.where(np.abs(middle) > sure, middle, 0.0)
     measured = expected + lifted.bridge(t, apart - shift, noise)

@@ -291,7 +291,7 @@ class LearningResult(Result, SetPoints):
                 Row("delay", self.delay, "s", "further dead time"),
                 Row("reason", self.reason),
             ),
-            (Table.of("runs", [x.to_data() for x in self.runs]),),
+            (Table.from_results("runs", [x.to_data() for x in self.runs]),),
         )
 
     __repr__ = short_repr

@@ -71,7 +71,7 @@ def read_path(
     if module in WITH_PROGRESS:
         read = partial(read, progress=progress)
     program: Program = read(
-        read_bytes(location, "file", most=LARGEST), source=location.name, options=options
+        read_bytes(location, "file", maximum=LARGEST), source=location.name, options=options
     )
     factor, unit = options.scale, options.unit
     program = _select(program, options)

@@ -280,7 +280,7 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
     if not isinstance(joints, list) or not all(isinstance(x, str) for x in joints) or not joints:
         raise InvalidInput(f"{file}: joints must be the names of the joints.")
     for joint in joints:
-        checks.check_name(f"name of a joint of {file}", joint, most=MOST_CHARACTERS)
+        checks.check_name(f"name of a joint of {file}", joint, longest=MOST_CHARACTERS)
     n = len(joints)
     values = _bodies(file, data, n)
     for key in PER_JOINT:
@@ -343,7 +343,7 @@ def _derived(
     arm = arm.with_dynamics(**changes)
     if "name" in data:
         name = str(data["name"])
-        checks.check_name(f"name of the arm of {file}", name, most=MOST_CHARACTERS)
+        checks.check_name(f"name of the arm of {file}", name, longest=MOST_CHARACTERS)
         arm = arm.with_name(name)
     return arm
 
@@ -407,7 +407,7 @@ def _common(file: str, data: Mapping[str, Any]) -> dict[str, Any]:
             f"{file}: unknown limit {sorted(unknown)[0]}: an arm has {', '.join(LIMITS)}."
         )
     name = str(data.get("name", file))
-    checks.check_name(f"name of the arm of {file}", name, most=MOST_CHARACTERS)
+    checks.check_name(f"name of the arm of {file}", name, longest=MOST_CHARACTERS)
     hint = f"add joint_acceleration to the limits in {file}"
     return {
         "name": name,

@@ -153,7 +153,7 @@ def read_tree(file: str, content: bytes | str) -> Tree:
         raise InvalidInput(
             f"{file} is not a robot description: it holds <{robot.tag}>, not <robot>."
         )
-    check_name(f"name of the robot of {file}", robot.get("name", ""), most=MOST_CHARACTERS)
+    check_name(f"name of the robot of {file}", robot.get("name", ""), longest=MOST_CHARACTERS)
     if any(str(element.tag).startswith("{") and "xacro" in str(element.tag) for element in robot):
         raise InvalidInput(
             f"{file} holds xacro that is not expanded: name it .xacro, and say "
@@ -242,7 +242,7 @@ def _required_name(file: str, element: ET.Element) -> str:
     name = element.get("name")
     if not name:
         raise InvalidInput(f"{file} has a {element.tag} without a name.")
-    check_name(f"name of a {element.tag} of {file}", name, most=MOST_CHARACTERS)
+    check_name(f"name of a {element.tag} of {file}", name, longest=MOST_CHARACTERS)
     return name
 
 

@@ -80,7 +80,7 @@ def expand_xacro(
         message = make_printable(answer["error"][:500].rstrip(". "))
         raise InvalidInput(f"{file} cannot be expanded by xacro: {message}.")
     # The child process reads the included files, so listeners get the expanded text.
-    file_access.tell_content(file.with_name(f"{file.name} expanded"), answer["text"].encode())
+    file_access.report_content(file.with_name(f"{file.name} expanded"), answer["text"].encode())
     return str(answer["text"])
 
 

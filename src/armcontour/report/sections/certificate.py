@@ -76,7 +76,11 @@ def certificate(found: Certificate) -> Section:
             _derating(found),
             side_by_side(found.comparison, caption="Compared"),
             *(
-                [table_of(core.Table.of("contours", worst), "Contours, the least left first")]
+                [
+                    table_of(
+                        core.Table.from_results("contours", worst), "Contours, the least left first"
+                    )
+                ]
                 if has_contours
                 else []
             ),

@@ -11,7 +11,8 @@ import numpy as np
 
 from armcontour.core import result as core
 from armcontour.core.checks import FloatArray
-from armcontour.core.render import LIMITS, number
+from armcontour.core.palette import LIMITS
+from armcontour.core.render import number
 from armcontour.core.result import Row
 from armcontour.jobs import JobResult, RunResult
 from armcontour.jobs.job_result import unknown_notes

@@ -39,7 +39,7 @@ GUARANTEED = "off the drawing, guaranteed"
 
 def _part(name: str, data: Data | None) -> tuple[Row, ...]:
     """The rows of a part that may be unknown, for files."""
-    return (Row(name, None),) if data is None else data.under(name, FILE)
+    return (Row(name, None),) if data is None else data.with_prefix(name, FILE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,7 +194,7 @@ class ContourCertificate(Result):
             "Certified contour",
             (
                 Row("name", self.name, "", "contour", level=FIRST),
-                *self.budget.to_data().under("budget"),
+                *self.budget.to_data().with_prefix("budget"),
                 duration_row(self.duration),
                 Row("cost", self.cost, "s", "cost", f"uncertified {optimum}", FIRST),
                 Row("optimum", self.optimum, "s"),
@@ -312,7 +312,7 @@ class Certificate(Result):
         """The verdict on the plan, its parts, the model, and what repeats it."""
         count = len(self.contours)
         title = f"Certificate of {self.job.title}, run {self.run.name}"
-        contours = Table.of(
+        contours = Table.from_results(
             "contours", [x.to_data() for x in self.contours], TABLE if count > 1 else FILE
         )
         return Data(
@@ -350,7 +350,7 @@ class Certificate(Result):
 
     def _figures(self) -> Iterator[Row]:
         """Parts of the budget, shape, derating, model, goal, and the plan that was not derated."""
-        for x in self.budget.to_data().under("budget"):
+        for x in self.budget.to_data().with_prefix("budget"):
             # Budgets of several contours are in their table.
             shown = len(self.contours) == 1 and x.name != "budget.total"
             if x.name != "budget.left":
@@ -372,7 +372,7 @@ class Certificate(Result):
         yield Row("simulate_rigid_bodies", self.simulate_rigid_bodies)
         yield Row("run", self.run.name)
         yield from field_rows("goal", self.goal)
-        yield from self.uncertified.to_data().under("uncertified", FILE)
+        yield from self.uncertified.to_data().with_prefix("uncertified", FILE)
 
     def _repeat(self) -> Iterator[Row]:
         """All that a repetition of the plan needs, for files."""
@@ -390,7 +390,7 @@ class Certificate(Result):
             *field_rows("plant", self.job.plant_servo),
             Row("start", self.trajectory(0.0), "rad"),
         )
-        yield from Data("", rows).under("repeat")
+        yield from Data("", rows).with_prefix("repeat")
 
     def _on(self, contour: ContourCertificate) -> str:
         """The name of a contour, if there are others."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.render import number
-from armcontour.core.text import joint_called
+from armcontour.core.text import joint_label
 from armcontour.motion import Trajectory
 from armcontour.studies.certification._derating import CAUSES, Derating
 
@@ -124,7 +124,7 @@ def find_lowered(
                     cause=cause,
                     share=float(share[k, j]),
                     joint=None if alike else j,
-                    joint_name="" if alike else joint_called(j + 1, names),
+                    joint_name="" if alike else joint_label(j + 1, names),
                     **at(k, np.asarray((share > LEAST).any(axis=1))),
                 )
         for name, factor in factors.items():

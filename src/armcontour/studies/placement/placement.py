@@ -178,7 +178,7 @@ class Placement(Result):
             Row("files", list(files)),
         ]
         off = Data("", tuple(Row(x, y, UNITS[x]) for x, y in self.uncertainty.items()))
-        rows += off.under("uncertainty") or (Row("uncertainty", {}),)
+        rows += off.with_prefix("uncertainty") or (Row("uncertainty", {}),)
         rows.append(Row("units", {x.name: x.unit for x in rows if x.unit}))
         axes = [(x.name, x.values[0], x.values[-1], len(x.values)) for x in self.axes]
         columns = tuple(Row(x, None) for x in ("name", "from", "to", "places"))

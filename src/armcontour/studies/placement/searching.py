@@ -16,7 +16,7 @@ from typing import TypeAlias, cast
 import numpy as np
 
 from armcontour.core.pool import TaskQueue, open_executor
-from armcontour.core.process import is_other
+from armcontour.core.process import is_child
 from armcontour.core.progress import Progress, Step
 from armcontour.core.render import number
 from armcontour.jobs.place_search import DURATION
@@ -59,7 +59,7 @@ def search_grid(
     Raises:
         ExecutionError: The executor takes no work, or has lost a worker.
     """
-    if processes is None and (len(places) < FEWEST_PLACES or is_other()):
+    if processes is None and (len(places) < FEWEST_PLACES or is_child()):
         processes = 1
     workers = None if executor else 0 if processes == 1 else processes
     with open_executor(workers, executor=executor) as opened:
@@ -113,7 +113,7 @@ class _Search:
         """Find bounds of all places, some of them at a time."""
         count, done = len(self.verdicts), 0
         parts = (tuple(range(k, min(k + CHUNK, count))) for k in range(0, count, CHUNK))
-        for (which, _), answer in crew.work_off((x, None) for x in parts):
+        for (which, _), answer in crew.run_all((x, None) for x in parts):
             for k, seen in zip(which, cast(list[Screened], answer), strict=True):
                 self._looked(k, seen)
             done += len(which)

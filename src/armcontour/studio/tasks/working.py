@@ -119,7 +119,7 @@ class _Telling:
 
 def _be_ready() -> None:
     """Load what tasks need; end with the parent."""
-    if process.is_other() and hasattr(os, "nice"):
+    if process.is_child() and hasattr(os, "nice"):
         threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     figures(Request(text=SMALL))
 
