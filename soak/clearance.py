@@ -239,7 +239,7 @@ def mujoco_contacts(arm: ac.Arm) -> Callable[[FloatArray], set[frozenset[str]]]:
         geoms[x.link] += f'<geom type="mesh" mesh="m{k}" name="{x.name}"/>'
     text = geoms[0]
     for k in range(arm.dof):
-        turn = Rotation.from_matrix(chain.rotations[k]).as_quat()[[3, 0, 1, 2]]
+        turn = Rotation.from_matrix(np.array(chain.rotations[k])).as_quat()[[3, 0, 1, 2]]
         text += (
             f'<body pos="{_words(chain.positions[k])}" quat="{_words(turn)}">'
             f'<joint type="hinge" axis="{_words(chain.axes[k])}"/>{geoms[k + 1]}'
