@@ -1,10 +1,10 @@
-"""The optimal planner: the fastest timing of a path that keeps its limits, between grid points too.
+"""Optimal planner: the fastest timing that satisfies the limits, also between grid points.
 
-Backward and forward reachability in (s, ds²), after TOPP-RA. On each interval the path acceleration
-is linear in s. Its slope is chosen beforehand so that the binding constraint binds on the whole
-interval. Every constraint is kept at both ends of an interval, less a margin that bounds what can
-happen between them; for torques and some limits of the tool that bound comes from samples. See
-docs/concepts/optimal.md for the proof.
+The method is backward and forward reachability in (s, ds²), after TOPP-RA. On each interval the
+path acceleration is linear in s. Its slope is chosen in advance so that the active constraint is
+active on the whole interval. Every constraint is satisfied at both ends of an interval with a
+margin that bounds its rise between them; for torques and some limits of the tool the bound is
+sampled. docs/concepts/optimal.md has the proof.
 """
 
 from __future__ import annotations
@@ -76,14 +76,13 @@ def plan_optimal(
     Args:
         joint_path: A traced path, or a joint path without a tool path (then without tool limits).
         arm: The arm.
-        limits: The limits. All are kept except those of range; the speed of each path segment is
-            kept too.
-        options: Grid, speeds at the ends, and further constraints. Where a joint path needs another
-            parameter than s, grid points keep their shares of the pieces.
+        limits: The limits. Joint ranges are ignored; the speed of each path segment applies too.
+        options: Grid, speeds at the ends, and additional constraints. If a joint path needs another
+            parameter than s, grid points keep their relative positions in the pieces.
 
     Raises:
         NotRealizable: The limits do not allow the start or end speed, or no motion at some point.
-        InvalidInput: Nothing limits the acceleration, or tool limits without a tool path.
+        InvalidInput: The acceleration is not limited, or tool limits without a tool path.
     """
     points, intervals, constraints = options.grid, options.intervals, options.constraints
     if points is not None:
@@ -170,7 +169,7 @@ def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Cons
 
 
 def assigned_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
-    """Assigned velocity on each piece of a joint path [m/s], infinite without one, (pieces,).
+    """Assigned velocity on each piece of a joint path [m/s], infinite if none, (pieces,).
 
     Raises:
         InvalidInput: Tool limits without a tool path.
@@ -199,7 +198,7 @@ def time_optimal(
     end_speed: float,
     largest_loss: float = math.inf,
 ) -> PathLaw:
-    """Plan on a grid, which is refined where margins or the estimated loss of time are too large.
+    """Plan on a grid and refine it where margins or the estimated loss of time are too large.
 
     Args:
         grid: The grid.
@@ -210,7 +209,7 @@ def time_optimal(
         largest_loss: Share of the duration that the grid may lose.
 
     Raises:
-        InvalidInput: Nothing limits the acceleration.
+        InvalidInput: The acceleration is not limited.
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
     # Where dq_ds vanishes, the joints rest at any ds.
@@ -261,13 +260,13 @@ def time_optimal(
 
 
 def _parts_by_loss(loss: FloatArray, max_loss: float) -> FloatArray:
-    """Into how many parts to split intervals with such losses, to lose at most so much on all."""
+    """Number of parts of each interval for a total loss of at most `max_loss`."""
     parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / max_loss, MOST_PARTS_AT_ONCE**2))
     return _whole(parts, max(MOST_REFINED, len(loss)))
 
 
 def _whole(parts: FloatArray, max_parts: int) -> FloatArray:
-    """Numbers of parts rounded up, after halving until there are at most so many in all."""
+    """Round numbers of parts up, after halving them until their sum is at most `max_parts`."""
     while True:
         counts = np.maximum(np.ceil(parts), 1.0)
         if counts.sum() <= max_parts:
@@ -276,7 +275,7 @@ def _whole(parts: FloatArray, max_parts: int) -> FloatArray:
 
 
 def _with_stops(limits: GridLimits, grid: Grid) -> GridLimits:
-    """Limits with x = 0 at the stops of the joint path."""
+    """Add x = 0 at the stops of the joint path."""
     stops = grid.joint_path.stops
     if not len(stops):
         return limits
@@ -286,11 +285,7 @@ def _with_stops(limits: GridLimits, grid: Grid) -> GridLimits:
 
 
 def _law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
-    """Make the continuous time law: the path acceleration is linear in s on every interval.
-
-    Raises:
-        NotRealizable: Two neighbouring points are at rest.
-    """
+    """Make the time law, with path acceleration linear in s on every interval."""
     try:
         return PathLaw.of_squares(grid.joint_path, grid.s, grid_plan.x, grid_plan.k)
     except InvalidInput as error:
@@ -300,7 +295,7 @@ def _law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
 
 
 def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn:
-    """Raise the error of a plan that was not found, as in `time_optimal`."""
+    """Raise the error of a failed plan, as in `time_optimal`."""
     i = grid_plan.interval
     if grid_plan.outcome == kernels.START:
         raise_too_fast("start", rules.start, grid_plan.allowed, float(grid.s[0]))
@@ -321,7 +316,7 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
 
 
 def _refuse_standing(s: float) -> NoReturn:
-    """Refuse constraints that count in s along a path on which the joints stand at some s."""
+    """Refuse constraints in s along a path on which the joints rest at some s."""
     raise NotRealizable(
         f"At {s:.6g} m along the path no joint moves with s, so that nothing bounds ds there, and "
         "constraints that are functions of s cannot be kept: leave them out, or give the joint "
@@ -331,7 +326,7 @@ def _refuse_standing(s: float) -> NoReturn:
 
 
 def _refuse_stuck(grid: Grid, i: int) -> NoReturn:
-    """Refuse a path on which the limits allow no motion in the interval i."""
+    """Refuse a path on which the limits allow no motion in interval i."""
     s = float(grid.s[i])
     raise NotRealizable(
         f"At {s:.6g} m along the path the limits allow no motion at all: check the limits, or move "

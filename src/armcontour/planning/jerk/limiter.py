@@ -1,4 +1,4 @@
-"""Limits of jerk: a plan without them becomes the fastest plan with them."""
+"""Plans with limits of jerk, computed from a plan without them."""
 
 from __future__ import annotations
 
@@ -100,11 +100,7 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
 
 
 def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
-    """The second pass, where limits need margins between the ends of cells.
-
-    Raises:
-        NotRealizable: Margins leave no room however small the cells, or as `limit_jerk`.
-    """
+    """Second pass, for limits that need margins between the ends of cells."""
     curved = any(x.curved for x in task.active)
     splits, wider, best = 0, 1.0, None
     while True:
@@ -134,9 +130,9 @@ def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
 
 
 def _with_slow_ramps(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
-    """The rows, with lower bounds on cells of uniform jerk of which margins take too much.
+    """Reduce bounds on cells of uniform jerk whose margins are too large.
 
-    Such cells are not split; the bounds hold the plan, and margins fall with them.
+    Such cells are not split; the bounds limit the plan, and margins decrease with them.
     """
     for _ in range(MOST_SPLITS):
         bounds, mesh = rows.bounds, rows.mesh
@@ -152,12 +148,11 @@ def _with_slow_ramps(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
 def _rows(
     task: Task, mesh: JerkMesh, near: PathLaw, bounds: MotionBounds | None = None
 ) -> MeshRows:
-    """The rows of all cells for a plan near another one."""
     return MeshRows(mesh, task.active, task.jerk, bounds, _squares(near, mesh), task.arm)
 
 
 def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
-    """Number of cells by default: by the time without even motion, over that of a build-up."""
+    """Default number of cells: the time without even motion over the time of a build-up."""
     acceleration, jerk = np.median([(x.acceleration, x.jerk) for y in ends for x in y], axis=0)
     times, (_, dds, slope, _) = np.diff(law.breaks), law.rates
     largest = np.maximum(np.abs(dds), np.abs(dds + slope * np.diff(law.s)))
@@ -213,7 +208,7 @@ def _bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> Motion
 
 
 def _gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
-    """The share of the duration that wider bounds of a plan may save.
+    """Share of the duration that wider bounds of a plan may save.
 
     At the end of the search the product of each slack and its multiplier is the same share of the
     duration, and the multiplier times the bound is the gain of a bound that is twice as wide.
@@ -235,17 +230,7 @@ def _gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
 
 
 def _solve(rows: MeshRows, near: tuple[PathLaw, float], task: Task, tolerance: float) -> PathLaw:
-    """The fastest motion within the rows.
-
-    Args:
-        rows: The rows of all sections.
-        near: A plan to start from, and the share of its ds², as in `_start`.
-        task: The problem.
-        tolerance: Share of the optimum.
-
-    Raises:
-        NotRealizable: As `limit_jerk`.
-    """
+    """Fastest motion within the rows of all sections; `near` as in `_start`."""
     mesh, solutions = rows.mesh, []
     speeds = np.square([task.start_speed, task.end_speed])
     for k, at_rest in enumerate(mesh.at_rest):
@@ -276,21 +261,12 @@ def _start(
     targets: FloatArray,
     steep: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """Control points of ds² of one section that keep every row, with its ends.
+    """Control points of ds² of one section that satisfy every row, with its ends.
 
-    A start is the given plan, lowered where it breaks rows. `ds^1.5` of a motion of uniform jerk
-    from a rest is a line, so a slope that it may have everywhere bounds how fast a start rises.
-
-    Args:
-        p: The rows.
-        s: Ends of the cells of the section [m].
-        at_rest: Whether the motion rests at its ends.
-        near: A plan, and the share of its ds² to begin with.
-        targets: ds² at both ends [m²/s²].
-        steep: The slope of ds^1.5, and that of ds², on every cell, (n,) each.
-
-    Raises:
-        NotRealizable: No motion keeps the rows, however slow.
+    The start is the plan `near`, scaled by its factor and reduced where it violates rows. `ds^1.5`
+    of a motion of uniform jerk from a rest is a line, so its allowed slope bounds the rise of a
+    start. `steep` are the slopes of ds^1.5 and of ds² on every cell, (n,) each; `targets` are ds²
+    at both ends.
     """
     law, share = near
     inner = s[int(at_rest[0]) : len(s) - int(at_rest[1])]
@@ -330,7 +306,7 @@ def _start(
 
 
 def _law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
-    """The time law of control points of ds² of all sections, with both ends of each."""
+    """Time law of control points of ds² of all sections, including both ends of each."""
     mesh, begin, end = rows.mesh, rows.section.begin, rows.section.end
     grid, width, ramps = mesh.grid, mesh.width, mesh.ramps
     square = np.zeros((3, len(width)))  # control points of ds² on each cell
@@ -373,5 +349,5 @@ def _law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
 
 
 def _parabola(points: FloatArray, x: FloatArray) -> FloatArray:
-    """Parabolas of three control points at places from 0 to 1, (m,)."""
+    """Parabolas of three control points at positions from 0 to 1, (m,)."""
     return np.asarray(((1 - x) * points[0] + 2 * x * points[1]) * (1 - x) + x * x * points[2])

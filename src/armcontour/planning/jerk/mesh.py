@@ -1,4 +1,4 @@
-"""Cells of a path for a plan with limits of jerk: finer next to rests."""
+"""Sections of a path between rests, and their cells for plans with limits of jerk."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ SNAP = 0.2
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """How motion may start at an end of a section, or stop there.
+    """Start or stop of the motion at an end of a section.
 
     Args:
-        rest: Whether it rests there.
+        rest: Whether the motion rests there.
         square: ds² there [m²/s²].
         acceleration: Largest path acceleration near it [m/s²].
         jerk: Largest path jerk near it [m/s³].
         speed: Largest path speed of the section [m/s].
-        even: Length over which the joint path hardly bends near it [m].
+        even: Length over which the joint path is nearly straight near it [m].
     """
 
     rest: bool
@@ -77,7 +77,7 @@ class End:
 
 @dataclass(frozen=True, slots=True)
 class JerkMesh:
-    """Cells of a path, in sections between rests or other ends, and their parts.
+    """Cells of a path and their parts, in sections between rests or other ends.
 
     ds² is one parabola on each cell, and the joint path one polynomial on each part.
 
@@ -86,8 +86,7 @@ class JerkMesh:
         nodes: Ends of the n cells [m], (n + 1,).
         cell: The cell of each part, (m,).
         sections: First cell of each section, and the number of all cells, (sections + 1,).
-        at_rest: Whether the motion rests at the start and at the end of each section,
-            (sections, 2).
+        at_rest: True at starts and ends of sections at which the motion rests, (sections, 2).
     """
 
     grid: Grid
@@ -113,14 +112,14 @@ class JerkMesh:
     def through(
         cls, joint_path: JointPath, nodes: FloatArray, sections: IntArray, at_rest: BoolArray
     ) -> JerkMesh:
-        """The mesh of given cells, with the breaks of the joint path as further ends of parts."""
+        """Mesh of given cells; breaks of the joint path are additional ends of parts."""
         s = np.union1d(nodes, joint_path.breaks)
         middle = (s[:-1] + s[1:]) / 2
         grid = Grid(joint_path, s, joint_path.locate(middle))
         return cls(grid, nodes, np.searchsorted(nodes, middle) - 1, sections, at_rest)
 
     def split(self, parts: FloatArray) -> JerkMesh:
-        """Split cells, but those of uniform jerk, into the largest number of their parts, (m,)."""
+        """Split cells, except those of uniform jerk; `parts` are numbers for the parts, (m,)."""
         largest = np.ones(len(self.nodes) - 1)
         np.maximum.at(largest, self.cell, parts)
         count = np.where(self.ramps != 0, 1, np.ceil(largest)).astype(np.intp)
@@ -136,11 +135,11 @@ class JerkMesh:
 
 @dataclass(frozen=True, slots=True)
 class _Share:
-    """Which share of the cells lies where.
+    """Distribution of the cells along the path.
 
     Args:
         law: A plan.
-        turns: Arc lengths that are denser where the joints turn [m], from start to end.
+        turns: Arc lengths from start to end, denser where the joints turn [m].
     """
 
     law: PathLaw
@@ -164,14 +163,14 @@ def place_mesh(
     section_ends: FloatArray,
     ends: list[tuple[End, End]],
 ) -> JerkMesh:
-    """Make cells for a plan near another one.
+    """Make cells for a plan close to another one.
 
     Args:
         law: The other plan.
-        turns: Arc lengths that are denser where the joints turn [m], from start to end.
-        cells: About so many cells, without those next to rests.
+        turns: Arc lengths from start to end, denser where the joints turn [m].
+        cells: Approximate number of cells, without those next to rests.
         section_ends: Arc lengths of the ends of the sections [m], (sections + 1,).
-        ends: How the motion starts and stops in each section.
+        ends: Start and stop of the motion in each section.
     """
     node_rows, first, share = [], [0], _Share(law, turns)
     per_ramp = float(np.clip(cells / 50, 8, 20))
@@ -225,7 +224,7 @@ def _nodes(
 
 
 def _apart(nodes: FloatArray, spacing: float) -> FloatArray:
-    """Leave out inner nodes until all are at least so far apart [m]."""
+    """Remove inner nodes until all distances are at least `spacing` [m]."""
     steps = np.floor((nodes - nodes[0]) / spacing)
     mask = np.append(True, np.diff(steps) > 1)
     mask[-1] = True
@@ -255,12 +254,10 @@ def _near_ends(limits: tuple[float, float], firsts: list[float]) -> FloatArray:
 
 
 def _mass_near(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
-    """Number of cells between the first one and places at a distance from an end, (n,).
+    """Number of cells between the first one and points at distances `away` from an end [m], (n,).
 
-    Args:
-        first: Length of the first cell [m].
-        away: The distances [m], (n,).
-        per_ramp: Cells per time of the first cell next to a rest; 0 next to another end.
+    `per_ramp` is the number of cells per time of the first cell next to a rest; 0 next to other
+    ends.
     """
     if per_ramp == 0:
         return np.asarray(np.log1p(GROWTH * away / first) / GROWTH)
@@ -287,7 +284,7 @@ NEAR_REST = 5e-3
 
 
 def find_sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:
-    """Ends of the sections of a path [m], and whether the motion rests there."""
+    """Ends of the sections of a path [m], and a mask of rests at their starts and ends."""
     path, inner = law.joint_path, law.s[1:-1]
     stops = np.union1d(path.stops, _bends(law, task))
     stops = stops[(stops > law.s[0]) & (stops < law.s[-1])]
@@ -319,7 +316,7 @@ def _bends(law: PathLaw, task: Task) -> FloatArray:
 def find_ends(
     law: PathLaw, task: Task, section_ends: FloatArray, at_rest: BoolArray
 ) -> list[tuple[End, End]]:
-    """How the motion may start and stop in each section, near a plan."""
+    """Start and stop of the motion in each section, close to a plan."""
     grid = Grid(law.joint_path, law.s, law.joint_path.locate((law.s[:-1] + law.s[1:]) / 2))
     path = OnGrid(grid)
     (first, second), (third, _) = path.derivatives

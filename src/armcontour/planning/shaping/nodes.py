@@ -1,4 +1,4 @@
-"""Nodes along a start, and how far the control points may leave them."""
+"""Nodes along a start, and the largest offsets of control points from them."""
 
 from __future__ import annotations
 
@@ -60,16 +60,16 @@ class Nodes:
         s_objective: Arc lengths on the objective [m], (n,).
         points: Points on the start [m], (n, dimension).
         frames: Directions of the offsets as columns, (n, dimension, k).
-        sides: Directions in the coordinates of the offsets in which they are bounded, (m, k).
-        sag: How far the curve may lie from the polygon of the control points [m], (n,).
+        sides: Directions of the bounds in the coordinates of the offsets, (m, k).
+        sag: Largest distance of the curve from the polygon of the control points [m], (n,).
         tolerance: Tolerance at each node [m], (n,).
         smallest: Least tolerance of each node and its neighbours, whose control points shape the
             curve together [m], (n,).
         reach: Reach of the own part of each node along the objective [m], (n,).
-        fixed: Whether the control point stays on the start, (n,).
-        rest: Whether the joints rest at the knots before, between and after the spans, (n + 1,).
-        vertex: Index of the corner, in the tube, that each node has to stay near; -1 for none.
-        group: Number of the corner or rest that each node is nearest to, ascending, (n,).
+        fixed: True if the control point stays on the start, (n,).
+        rest: True if the joints rest at a knot before, between or after the spans, (n + 1,).
+        vertex: Index of the corner, in the tube, that each node must stay close to; -1 for none.
+        group: Number of the nearest corner or rest of each node, ascending, (n,).
         times: Times at which the start passes the nodes' ends, halfway between nodes [s], (n + 1,).
         near: Inverse kinematics near the start.
         q: Joint positions at the nodes [rad], (n, dof).
@@ -96,11 +96,11 @@ class Nodes:
         return len(self.s_objective)
 
     def bounds(self, tube: Tube, inside: FloatArray) -> FloatArray:
-        """Largest offsets along every side, (n, m), in metres.
+        """Largest offsets along every side [m], (n, m).
 
         Args:
             tube: The tube of the tolerance.
-            inside: Share of the tolerance that offsets stay inside by, (n,).
+            inside: Share of the tolerance by which offsets stay inside, (n,).
         """
         windows = self._windows(tube)
         spare = inside * self.smallest + np.minimum(self.sag, 0.3 * self.smallest)
@@ -126,7 +126,7 @@ class Nodes:
         return offsets
 
     def _windows(self, tube: Tube) -> IntArray:
-        """First and last piece that each node may be near, (n, 2): of its stretch of the objective.
+        """First and last piece of the stretch of the objective for each node, (n, 2).
 
         A stretch leads from corner to corner; a node at a corner belongs to both.
         """
@@ -144,7 +144,7 @@ def _farthest(
     direction: FloatArray,
     tolerance: FloatArray,
 ) -> FloatArray:
-    """Largest offsets along directions up to which all smaller ones fit [m], (n,)."""
+    """Largest offsets along directions with all smaller ones inside [m], (n,)."""
     low, inside = np.zeros(len(tolerance)), np.ones(len(tolerance), dtype=bool)
     for share in np.arange(MARCH, FARTHEST, MARCH):
         inside &= is_inside(share * tolerance, direction)
@@ -213,9 +213,9 @@ class _Marks:
 
     Args:
         s: Arc lengths on the start, ascending [m], (m,).
-        rest: Whether the tool rests there, (m,).
+        rest: True if the tool rests there, (m,).
         corner: Index of the corner in the tube; -1 for rests, (m,).
-        first: Distance to the next nodes [m], (m,); of no meaning for rests.
+        first: Distance to the next nodes [m], (m,); meaningless for rests.
     """
 
     s: FloatArray
@@ -225,7 +225,7 @@ class _Marks:
 
     @classmethod
     def from_path(cls, path: Path, matches: FloatArray, tube: Tube) -> _Marks:
-        """The marks of a path with places in a tube."""
+        """Marks of a path whose matching arc lengths on the objective are `matches`."""
         s_corners = np.interp(tube.objective.breaks[tube.vertex], matches[:, 0], matches[:, 1])
         stops = np.concatenate([[0.0], path.stops, [path.length]])
         turns = path_turns(tube)
@@ -244,7 +244,7 @@ class _Marks:
 
 
 def _beside_corners(corner: IntArray) -> IntArray:
-    """The corner that each node is at or next to; -1 for none, (n,)."""
+    """The corner at or next to each node; -1 for none, (n,)."""
     nearest = corner.copy()
     indices = np.flatnonzero(corner >= 0)
     for side in (np.maximum(indices - 1, 0), np.minimum(indices + 1, len(corner) - 1)):
@@ -254,7 +254,7 @@ def _beside_corners(corner: IntArray) -> IntArray:
 
 
 def _least_nearby(values: FloatArray) -> FloatArray:
-    """The least of each value and its neighbours, (n,)."""
+    """Minimum of each value and its neighbours, (n,)."""
     smallest = values.copy()
     smallest[1:] = np.minimum(smallest[1:], values[:-1])
     smallest[:-1] = np.minimum(smallest[:-1], values[1:])
@@ -267,13 +267,13 @@ def path_turns(tube: Tube) -> FloatArray:
 
 
 def _near(s: FloatArray, others: FloatArray) -> BoolArray:
-    """Whether each of several arc lengths is one of others."""
+    """Mask of arc lengths that are equal to one of `others`."""
     i = np.clip(np.searchsorted(others, s), 1, len(others) - 1)
     return np.asarray(np.minimum(np.abs(s - others[i - 1]), np.abs(s - others[i])) < 1e-9)
 
 
 def _tolerance_at(tube: Tube, s_objective: FloatArray) -> FloatArray:
-    """Tolerance at places on the objective; the smaller one where it changes [m], (n,)."""
+    """Tolerance at points of the objective [m], (n,); the smaller one at a change."""
     last = len(tube) - 1
     before = np.clip(np.searchsorted(tube.breaks, s_objective, side="left") - 1, 0, last)
     after = np.clip(np.searchsorted(tube.breaks, s_objective, side="right") - 1, 0, last)
@@ -290,7 +290,7 @@ def _bend(joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArray:
 def _spread(
     start: Candidate, arm: Arm, tube: Tube, marks: _Marks
 ) -> tuple[FloatArray, IntArray] | None:
-    """Arc lengths of nodes, and the mark at which each is; -1 for none. None if they are too many.
+    """Arc lengths of nodes, and the mark of each; -1 for none. None if there are too many nodes.
 
     The distance between nodes grows from that at a mark by GROWTH from node to node.
     """
@@ -341,11 +341,8 @@ def _divide(
 ) -> tuple[FloatArray, IntArray]:
     """Arc lengths that divide the stretches between marks, and the mark of each; -1 for none.
 
-    Args:
-        ends: Values at the marks that each stretch is divided evenly in, (m,).
-        marks: Arc lengths of the marks [m], (m,).
-        count: Parts of every stretch, (m - 1,).
-        along: These values over arc lengths, where they are others.
+    Each stretch is divided evenly in `ends`, values at the marks, (m,), into `count` parts, (m -
+    1,). `along` are such values over arc lengths, if they are not arc lengths.
     """
     stretch, number = number_parts(count)
     value = ends[stretch] + np.diff(ends)[stretch] * number / count[stretch]
@@ -355,7 +352,7 @@ def _divide(
 
 
 def _frames(tangents: FloatArray) -> FloatArray:
-    """Unit vectors at right angles to tangents as columns, (n, dimension, dimension - 1)."""
+    """Unit vectors normal to tangents as columns, (n, dimension, dimension - 1)."""
     if tangents.shape[1] == 2:
         return np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)[:, :, None]
     first = perpendicular(tangents)
@@ -364,7 +361,7 @@ def _frames(tangents: FloatArray) -> FloatArray:
 
 
 def _sides(k: int) -> FloatArray:
-    """Directions in which offsets are bounded, (m, k)."""
+    """Directions of the bounds of offsets, (m, k)."""
     if k == 1:
         return np.array([[1.0], [-1.0]])
     angle = 2 * np.pi * np.arange(SIDES) / SIDES

@@ -1,9 +1,9 @@
-"""Compiled interior-point method for quadratic programs whose rows each touch three neighbours.
+"""Compiled interior-point method for quadratic programs whose rows couple three neighbours.
 
-The program is `min c x + weight |x|² / 2` with `rows x <= bounds`. The unknowns of a node stand
-together, and a row touches the unknowns of its node and of both neighbours only. The normal matrix
-is then banded, and an iteration takes time in proportion to the number of nodes. The method is
-Mehrotra's, with one correction of a predicted step.
+The program is `min c x + weight |x|² / 2` with `rows x <= bounds`. The unknowns of a node are
+contiguous, and a row depends only on the unknowns of its node and of both neighbours. The normal
+matrix is therefore banded, and an iteration takes time in proportion to the number of nodes. The
+method is Mehrotra's, with one correction of a predicted step.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ FIRST_SLACK = 0.1
 def solve_program(
     cost: FloatArray, rows: FloatArray, bounds: FloatArray, weight: FloatArray
 ) -> tuple[FloatArray, int]:
-    """Solve the program; the solution of an unfinished one is its last iterate.
+    """Solve the program; without convergence the result is the last iterate.
 
     Args:
         cost: Cost of the unknowns, (n, k).
-        rows: Coefficients of the rows of each node, for the unknowns of the node before, its own
-            and those of the node after, (n, m, 3 k); rows of zeros are left out.
+        rows: Coefficients of the rows of each node, for the unknowns of the previous node, its own
+            and those of the next node, (n, m, 3 k); rows of zeros are ignored.
         bounds: Upper bounds of the rows, (n, m).
-        weight: Weights of the squares of the unknowns, above zero, (n, k).
+        weight: Positive weights of the squares of the unknowns, (n, k).
 
     Returns:
         The unknowns, (n, k), and the number of iterations; negative if they did not converge.
@@ -105,10 +105,10 @@ def solve_program(
 def _pack(
     rows: FloatArray, bounds: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-    """The rows that are not zero, each from its first to its last coefficient.
+    """Nonzero rows, each from its first to its last coefficient.
 
     Returns:
-        The first unknown of each row, (p,); where the coefficients of each row begin and end among
+        The first unknown of each row, (p,); the start and end of the coefficients of each row among
         all coefficients, (p + 1,); the coefficients; and the bounds, (p,).
     """
     n, m, width = rows.shape
@@ -157,7 +157,7 @@ def _normal_matrix(
     weight: FloatArray,
     matrix: FloatArray,
 ) -> None:
-    """Write the lower bands of the normal matrix; entry (a, b) stands at column `last + b - a`."""
+    """Write the lower bands of the normal matrix; entry (a, b) is in column `last + b - a`."""
     last = matrix.shape[1] - 1
     matrix[:] = 0.0
     for a in range(len(weight)):
@@ -177,7 +177,7 @@ def _factor(matrix: FloatArray) -> bool:
     """Replace a banded matrix by its Cholesky factor, with the inverse of its diagonal.
 
     Returns:
-        False if the matrix is not positive.
+        False if the matrix is not positive definite.
     """
     last = matrix.shape[1] - 1
     for a in range(matrix.shape[0]):
@@ -218,7 +218,7 @@ def _solve(matrix: FloatArray, x: FloatArray) -> None:
 def _longest_step(
     slack: FloatArray, dual: FloatArray, d_slack: FloatArray, d_dual: FloatArray
 ) -> float:
-    """The longest step, up to 1, that keeps slacks and multipliers positive."""
+    """Longest step, up to 1, with positive slacks and multipliers."""
     step_length = 1.0
     for r in range(len(slack)):
         if d_slack[r] < 0.0:

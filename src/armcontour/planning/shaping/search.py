@@ -1,4 +1,4 @@
-"""The search for a faster shape: proposed by a quadratic program, decided by the exact timing."""
+"""Search for a faster shape: a quadratic program proposes, the exact timing decides."""
 
 from __future__ import annotations
 
@@ -31,21 +31,17 @@ CORNERS, SHIFT = 8, 3
 
 
 def is_long(group: IntArray) -> bool:
-    """Whether a path is long.
-
-    Args:
-        group: Number of the corner or rest that each node is nearest to, ascending, (n,).
-    """
+    """Test whether a path is long; `group` is the nearest corner or rest of each node, (n,)."""
     return bool(group[-1] >= LONG)
 
 
 def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntArray:
-    """The first of both nodes that stay between chunks, none where the path is not long, (m,).
+    """First of both fixed nodes between chunks, (m,); none if the path is not long, or `whole`.
 
     Args:
-        group: Number of the corner or rest that each node is nearest to, ascending, (n,).
+        group: Number of the nearest corner or rest of each node, ascending, (n,).
         iteration: Number of the iteration.
-        whole: Whether a long path is not cut either.
+        whole: True if long paths are not divided either.
     """
     if whole or not is_long(group):
         return np.zeros(0, dtype=np.intp)
@@ -63,15 +59,15 @@ def solve_in_chunks(
     cuts: IntArray,
     threads: int | None = None,
 ) -> FloatArray:
-    """Solve the programs of all chunks; the others' unknowns are zero meanwhile, (n, k).
+    """Solve the programs of all chunks, each with zero unknowns in the other chunks, (n, k).
 
     Args:
         cost: As in `solve_program`.
         rows: As in `solve_program`.
         bounds: As in `solve_program`.
         weight: As in `solve_program`.
-        cuts: The first of both nodes that stay between chunks, (m,).
-        threads: Number of threads; by default that of processors.
+        cuts: First of both fixed nodes between chunks, (m,).
+        threads: Number of threads; by default the number of processors.
     """
     if not len(cuts):
         return solve_program(cost, rows, bounds, weight)[0]
@@ -79,7 +75,7 @@ def solve_in_chunks(
     begins, ends = np.append(0, cuts + 1), np.append(cuts + 1, n)
 
     def solve(begin: int, end: int) -> FloatArray:
-        """The unknowns of a chunk, whose first and last node stay."""
+        """Unknowns of a chunk, whose first and last node are fixed."""
         part = slice(begin, end)
         chunk_cost, chunk_rows = cost[part].copy(), rows[part].copy()
         if begin > 0:
@@ -116,17 +112,17 @@ SHARE = 0.7
 
 @dataclass(slots=True)
 class _State:
-    """The best shape so far.
+    """Best shape found by the search.
 
     Args:
         best: The best candidate.
         offsets: Its offsets [m], (n, k).
         h: Its span times [s], (n,).
         trust: Largest change of the offsets of each node, over the tolerance, (n,).
-        inside: Share of the tolerance that offsets stay inside by, (n,).
+        inside: Share of the tolerance by which offsets stay inside, (n,).
         limits: Largest offsets along every side [m], (n, m).
-        refused: How many proposals in sequence were slower.
-        proposals: Number of quadratic programs that were solved.
+        refused: Number of consecutive slower proposals.
+        proposals: Number of solved quadratic programs.
     """
 
     best: Candidate
@@ -141,7 +137,7 @@ class _State:
 
 @dataclass(slots=True)
 class ShapeSearch:
-    """A search along the nodes of one start; each step gives the best candidate so far.
+    """Search along the nodes of one start; each step yields the best candidate.
 
     Args:
         nodes: The nodes.
@@ -160,7 +156,7 @@ class ShapeSearch:
 
     @property
     def size(self) -> float:
-        """Number of control points of the joints, for each corner or rest."""
+        """Number of joint values of the control points per corner or rest."""
         return self.nodes.q.size / float(self.nodes.group[-1] + 1)
 
     def __post_init__(self) -> None:
@@ -176,7 +172,7 @@ class ShapeSearch:
         )
 
     def run(self) -> Iterator[Candidate]:
-        """Yield the best candidate after each iteration, until nothing is gained."""
+        """Yield the best candidate after each iteration, until the gain is negligible."""
         idle = tightened = 0
         while idle < IDLE and tightened < MOST_TIGHTENED:
             before = self.state.best.duration
@@ -187,10 +183,10 @@ class ShapeSearch:
             yield self.state.best
 
     def _iterate(self) -> bool:
-        """Propose a change and keep it if the exact timing is faster.
+        """Propose a change and accept it if the exact timing is faster.
 
         Returns:
-            False if the change left the tube, whose limits are then less.
+            False if the change left the tube, whose limits are then reduced.
         """
         state, nodes = self.state, self.nodes
         try:
@@ -224,11 +220,9 @@ class ShapeSearch:
         return True
 
     def _keep_near(self, candidate: Candidate, knots: FloatArray) -> None:
-        """Let control points have the tool orientations, and redundant joints, of a candidate.
+        """Use the tool orientations and the redundant joints of a candidate for the control points.
 
-        Args:
-            candidate: The candidate.
-            knots: Arc lengths of the knots on its path [m], (n + 1,).
+        `knots` are the arc lengths of the knots on its path [m], (n + 1,).
         """
         if self.nodes.near.poses is None:
             return
@@ -243,7 +237,7 @@ class ShapeSearch:
         self.nodes = replace(self.nodes, near=near, q=q)
 
     def _judge(self, drawn: DrawnPath) -> tuple[Candidate, FloatArray, BoolArray] | None:
-        """The drawn path timed, its span times [s], and which corners are slower than before.
+        """Time the drawn path; returns it with its span times [s] and a mask of slower corners.
 
         None if the arm cannot follow the path.
         """
@@ -258,10 +252,10 @@ class ShapeSearch:
     def _draw_most(
         self, offsets: FloatArray, h: FloatArray
     ) -> tuple[FloatArray, FloatArray, DrawnPath | None]:
-        """Draw a proposal; on a long path, corners that leave the tube go back to the best shape.
+        """Draw a proposal; on a long path, corners outside the tube revert to the best shape.
 
         Returns:
-            The offsets and times that are drawn, and their path; None if it leaves the tube.
+            The offsets and times, and their path; None if it leaves the tube.
         """
         for _ in range(MOST_MENDED if is_long(self.nodes.group) else 1):
             before = self.state.inside
@@ -273,7 +267,7 @@ class ShapeSearch:
         return offsets, h, None
 
     def _keep_faster_parts(self, offsets: FloatArray, h: FloatArray, slower: BoolArray) -> bool:
-        """On a long path, keep a proposal but for the corners that are slower, if that pays."""
+        """On a long path, accept a proposal without its slower corners if that is faster."""
         if not is_long(self.nodes.group) or slower.all():
             return False
         try:
@@ -290,14 +284,9 @@ class ShapeSearch:
     def _back(
         self, offsets: FloatArray, h: FloatArray, corners: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
-        """A proposal in which some corners go back to the best shape.
+        """Proposal in which the masked corners revert to the best shape, (groups,).
 
-        Their neighbours go back less and less.
-
-        Args:
-            offsets: Offsets of the proposal [m], (n, k).
-            h: Span times of the proposal [s], (n,).
-            corners: Whether each corner or rest goes back, (groups,).
+        The share of their neighbours decreases with the distance.
         """
         group, state = self.nodes.group, self.state
         stays = 1.0 - corners
@@ -312,7 +301,7 @@ class ShapeSearch:
         )
 
     def _spline(self, offsets: FloatArray, h: FloatArray) -> JointSpline:
-        """The spline of the joints for offsets [m] and span times [s]."""
+        """Spline of the joints for offsets [m] and span times [s]."""
         nodes = self.nodes
         points = nodes.points + np.einsum("ndk,nk->nd", nodes.frames, offsets)
         return JointSpline(q=nodes.near.solve(points, nodes.q), h=h, rest=nodes.rest)
@@ -359,7 +348,7 @@ class ShapeSearch:
         return assemble(spline, span_rows(spline, self.timer.arm, limits, assigned), steps, unit)
 
     def _own_rows(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rows of each node alone: the tube, the trust region, and the least span time."""
+        """Rows of single nodes: the tube, the trust region, and the smallest span time."""
         state, nodes = self.state, self.nodes
         n, k = state.offsets.shape
         m = len(nodes.sides)
@@ -378,14 +367,14 @@ class ShapeSearch:
         return rows, bounds
 
     def _clip(self, offsets: FloatArray) -> FloatArray:
-        """Offsets drawn back to their limits along the line to the start, (n, k)."""
+        """Offsets reduced to their limits along the line to the start, (n, k)."""
         along = offsets @ self.nodes.sides.T
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.where(along > self.state.limits, self.state.limits / along, 1.0)
         return np.asarray(offsets * np.clip(share.min(axis=1), 0.0, 1.0)[:, None])
 
     def _draw(self, offsets: FloatArray, h: FloatArray) -> DrawnPath | None:
-        """The path of offsets and times; None if it leaves the tube, whose limits are then less."""
+        """Path of offsets and times; None if it leaves the tube, whose limits are then reduced."""
         nodes = self.nodes
         spline = self._spline(offsets, h)
         drawn = draw(
@@ -414,11 +403,10 @@ class ShapeSearch:
         return None
 
     def _tighten(self, lacking: FloatArray, excess: FloatArray) -> None:
-        """Limit the offsets of nodes more where the tube is left.
+        """Reduce the limits of the offsets where the path leaves the tube.
 
-        Args:
-            lacking: How far the path leaves the tube in the span of each node [m], (n,).
-            excess: How much farther than allowed each corner is from the path [m], (k,).
+        `lacking` is the distance outside the tube in the span of each node [m], (n,); `excess` is
+        the distance of each corner from the path beyond the allowed one [m], (k,).
         """
         nodes, state = self.nodes, self.state
         lacking = lacking.copy()
@@ -442,7 +430,7 @@ class ShapeSearch:
         state.offsets = self._clip(state.offsets)
 
     def _nearly_stops(self, drawn: DrawnPath) -> bool:
-        """Whether the tool turns on the spot somewhere; the offsets there then change less."""
+        """Test whether the tool turns on the spot; reduces the trust region there."""
         nodes, lengths = self.nodes, np.diff(drawn.curve.breaks)
         tiny = drawn.curve.breaks[:-1][lengths < REPEATED_POINT]
         if not len(tiny):
@@ -453,7 +441,7 @@ class ShapeSearch:
         return True
 
     def _path(self, drawn: DrawnPath) -> ShapedPath | None:
-        """The drawn path, whose outcome is not known yet; None if its tool turns too far off."""
+        """The drawn path without its outcome; None if the tool deviates too much in orientation."""
         options, objective = self.options, self.tube.objective
         path = ShapedPath(
             segments=drawn.segments,
@@ -475,12 +463,7 @@ class ShapeSearch:
 
 
 def why_not(objective: Path, tube: Tube) -> str | None:
-    """A clause that says why nothing can be shaped; None if something can.
-
-    Args:
-        objective: The objective path.
-        tube: The tube of the tolerance.
-    """
+    """Reason why a path cannot be shaped, as a clause; None if it can."""
     if (tube.tolerance == 0).any():
         # Splines of the joints do not keep to a line.
         return "lines without a tolerance stay as they are: not shaped"
@@ -494,13 +477,7 @@ def make_searches(
 ) -> Iterator[ShapeSearch | None]:
     """Searches from parabolas and from arcs that the arm can follow, the faster ones first.
 
-    None stands for a search that would need too many nodes.
-
-    Args:
-        objective: The objective path.
-        tube: The tube of the tolerance.
-        timer: Times the shapes.
-        options: Options of the shaped path.
+    None stands for a search with too many nodes.
     """
     starts = make_starts(objective, tube, options, SHARE)
     candidates = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
@@ -513,9 +490,9 @@ def make_searches(
 
 
 def _turns_at_corners(objective: Path) -> bool:
-    """Whether the orientation follows a tangent that jumps: what it has to be depends on the shape.
+    """Test whether the orientation follows a tangent that jumps, so that it depends on the shape.
 
-    Where it follows a smooth tangent, shapes have the orientation of their places.
+    If it follows a smooth tangent, shapes have the orientation of the matching objective points.
     """
     orientation = objective.orientation
     return (

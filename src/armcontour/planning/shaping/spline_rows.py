@@ -3,7 +3,7 @@
 The joint path is a quadratic B-spline in time with control points q_i and span times h_i. The joint
 velocity at the knot between spans i and i + 1 is `e_i = 2 (q_{i+1} - q_i) / (h_i + h_{i+1})`, and
 the joint acceleration in span i is `(e_i - e_{i-1}) / h_i`. A limit of span i is a function of
-e_{i-1}, e_i and h_i that must not be above zero; its row holds the derivatives of that function.
+e_{i-1}, e_i and h_i that must be at most zero; its row has the derivatives of that function.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ LEAST_SPAN = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointSpline:
-    """A quadratic B-spline in time with n control points, from rest to rest.
+    """Quadratic B-spline in time with n control points, from rest to rest.
 
     Args:
         q: Control points [rad], (n, dof).
         h: Span times [s], (n,).
-        rest: Whether the joints rest at the knots before, between and after the spans, (n + 1,).
-            Both control points beside a rest between spans lie where the joints rest.
+        rest: True if the joints rest at a knot before, between or after the spans, (n + 1,).
+            Both control points next to a rest between spans are at the rest.
     """
 
     q: FloatArray
@@ -65,11 +65,11 @@ class SpanRows:
     """Rows of all spans, as functions of the velocities at both ends and of the span time.
 
     Args:
-        value: Values of the functions, not above zero where a limit is kept, (n, m).
+        value: Values of the functions, at most zero if a limit is satisfied, (n, m).
         before: Derivatives by the velocity at the start, (n, m, dof).
         after: Derivatives by the velocity at the end, (n, m, dof).
         time: Derivatives by the span time, (n, m).
-        scale: What the values are divided by: the limits, (n, m).
+        scale: Divisors of the values: the limits, (n, m).
     """
 
     value: FloatArray
@@ -80,16 +80,17 @@ class SpanRows:
 
 
 def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray) -> SpanRows:
-    """All rows of the limits, but for those on the tool's turning and of the joint ranges.
+    """Rows of all limits, except angular limits of the tool and joint ranges.
 
-    Turning depends on the orientation, which belongs to the place and not to the offsets: the exact
-    timing keeps its limits. Shapes that leave a joint range cannot be traced.
+    Rotation depends on the orientation, which is a function of the objective and not of the
+    offsets; the exact timing satisfies its limits. Shapes that leave a joint range cannot be
+    traced.
 
     Args:
         spline: The motion.
         arm: The arm.
         limits: The limits, one value per joint.
-        speeds: Assigned velocity at the end of every span [m/s], infinite without one, (n,).
+        speeds: Assigned velocity at the end of every span [m/s], infinite if none, (n,).
     """
     e, knots, h = spline.velocities, spline.knots, spline.h
     a = np.diff(e, axis=0) / h[:, None]
@@ -129,14 +130,14 @@ def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray)
 
 
 def _acceleration(both: FloatArray, e: FloatArray, h: FloatArray, limit: FloatArray) -> SpanRows:
-    """`±(e_i - e_{i-1}) <= most h_i`; the bounds of positive accelerations come first."""
+    """`±(e_i - e_{i-1}) <= limit h_i`; the bounds of positive accelerations come first."""
     bound = np.broadcast_to(limit, both.shape[:2])
     value = np.einsum("nrj,nj->nr", both, np.diff(e, axis=0)) - bound * h[:, None]
     return SpanRows(value, -both, both, -bound, bound * h[:, None])
 
 
 def _velocity(both: FloatArray, e: FloatArray, limit: FloatArray) -> SpanRows:
-    """`±e_i <= most`."""
+    """`±e_i <= limit`."""
     bound = np.broadcast_to(limit, both.shape[:2])
     value = np.einsum("nrj,nj->nr", both, e[1:]) - bound
     after = np.where((value > FAR * bound)[..., None], both, 0.0)
@@ -159,7 +160,7 @@ def _tool_speed(end: States, speeds: FloatArray) -> SpanRows:
 def _tool_acceleration(
     end: States, h: FloatArray, limit: float, last: bool, *, across: bool
 ) -> SpanRows:
-    """The acceleration of the tool in several directions, or its part across the motion.
+    """Acceleration of the tool in several directions, or its part normal to the motion.
 
     In direction d it is `d (J a + H(e, e))`, with H(e, e) = dJ/dt e; times h_i.
     """
@@ -192,7 +193,7 @@ def _tool_acceleration(
 def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) -> FloatArray:
     """Unit vectors in which the acceleration is bounded, (n, m, dimension).
 
-    The first lies along the acceleration, or along its part across the motion.
+    The first is parallel to the acceleration, or to its part normal to the motion.
     """
     n, dimension = tangent.shape
     if dimension == 2:
@@ -227,10 +228,10 @@ def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) 
 def _torque(
     end: States, both: FloatArray, h: FloatArray, limit: FloatArray, last: bool
 ) -> SpanRows:
-    """`±(M (e_i - e_{i-1}) + h_i (c + g + f)) <= most h_i`, at one end of every span.
+    """`±(M (e_i - e_{i-1}) + h_i (c + g + f)) <= limit h_i`, at one end of every span.
 
     Coriolis torques c grow with the square of the velocity; mass matrix M, gravity g and friction f
-    count as constant.
+    are treated as constant.
     """
     dynamics = end.arm.dynamics
     zero = np.zeros_like(end.dq)
@@ -254,7 +255,7 @@ def _torque(
 def _by_both_ends(
     by_change: FloatArray, by_end: FloatArray, last: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Derivatives by the velocities at both ends: by their change, and by the one at one end."""
+    """Derivatives by the velocities at both ends, from those by their change and by one end."""
     return (-by_change, by_change + by_end) if last else (by_end - by_change, by_change)
 
 
@@ -269,7 +270,7 @@ def assemble(
         spline: The motion.
         rows: Rows of the limits.
         steps: Change of each control point by its offsets [rad/m], (n, dof, k).
-        unit: Scale of the offsets of each node, 0 where they are fixed [m], (n,).
+        unit: Scale of the offsets of each node, 0 if fixed [m], (n,).
 
     Returns:
         Coefficients, (n, m, 3 (k + 1)), and bounds, (n, m).

@@ -1,9 +1,9 @@
-"""The compiled plan on a grid: first without margins, then with margins that the plan proves.
+"""Compiled plan on a grid: first without margins, then with margins that the plan proves.
 
-On each interval u is linear in s with a slope k that is chosen beforehand. With its mean m and half
-its change t = k w / 2, it is m - t and m + t at the ends, and x at the end is x + 2 w m. All limits
-of an interval are then lines and conics in the plane of x and m. docs/concepts/optimal.md has the
-mathematics.
+On each interval u is linear in s with a slope k that is chosen in advance. With the mean m of u and
+the half change t = k w / 2, u is m - t and m + t at the ends, and x at the end is x + 2 w m. All
+limits of an interval are therefore half-planes and conics in the plane of x and m.
+docs/concepts/optimal.md has the derivation.
 """
 
 from __future__ import annotations
@@ -75,23 +75,23 @@ LEAST = 1e-300  # keeps divisions finite; its root is far below any path speed
 
 
 class Rules(NamedTuple):
-    """What a plan may do.
+    """Parameters of a plan.
 
     Args:
         start: ds² at the start; infinite for the largest.
         end: ds² at the end; infinite for the largest.
         max_margin: Largest share of a limit that margins may take.
-        steady: Where margins take more than this, slopes are left out first.
-        headroom: Bounds of x and u are those of the plan before times this.
-        close: The same of bounds around a proven plan.
-        window: U is the largest |u| of so many neighbours either way, as switches move.
-        floor: U is at least this share of the largest |u| of all, or of x over the width of the
-            interval if that is less: next to a place where dq_ds vanishes |u| has no bound.
-        tangents: Most plans without margins in which friction is linear near the plan before.
-        near: Error of x, as a share, below which such a plan is near enough.
-        tries: Most plans on a grid.
-        enough: With more intervals, what margins do not allow is refused.
-        gain: Bounds come closer while that gains more than this share of the duration.
+        steady: Slopes are dropped first where margins take more than this share.
+        headroom: Factor of the bounds of x and u over the previous plan.
+        close: The same factor around a proven plan.
+        window: U is the largest |u| of this many neighbours on each side, because switches move.
+        floor: Lower bound of U, as a share of the largest |u| on the path, or of x over the width
+            of the interval if that is less: |u| is unbounded where dq_ds vanishes.
+        tangents: Largest number of plans without margins in which friction is linearized.
+        near: Relative error of x below which such a plan is accepted.
+        tries: Largest number of plans on a grid.
+        enough: Number of intervals above which a limit that margins exclude is refused.
+        gain: Bounds are tightened while that saves more than this share of the duration.
     """
 
     start: float = 0.0
@@ -110,7 +110,7 @@ class Rules(NamedTuple):
 
 
 class MotionBounds(NamedTuple):
-    """For a plan with slopes k margins hold while |u| <= u and x_min <= x <= x, (n,) each."""
+    """Bounds |u| <= u and x_min <= x <= x of plans with valid margins, and slopes k, (n,) each."""
 
     x: FloatArray
     x_min: FloatArray
@@ -119,14 +119,14 @@ class MotionBounds(NamedTuple):
 
 
 class GridPlan(NamedTuple):
-    """A plan, or why there is none.
+    """A plan, or the reason why none exists.
 
     Args:
         x: ds² at the ends of the intervals, (n + 1,).
         k: Slopes of dds over s, (n,).
         lost: Share of limits that margins take, (n,).
         outcome: FOUND, or FINER, STUCK, START, END, UNLIMITED.
-        interval: Where there is none: an interval.
+        interval: Interval of the failure.
         allowed: With START and END: the largest ds² there.
     """
 
@@ -139,18 +139,18 @@ class GridPlan(NamedTuple):
 
 
 class LimitLines(NamedTuple):
-    """The limits of one try, in the plane of x at the start and the mean u of each interval.
+    """Limits of one try, in the plane of x at the start and the mean u of each interval.
 
     Args:
-        table: `bottom <= m + tilt x <= top`: tilts, bottoms and tops of the drawn intervals, flat.
+        table: `bottom <= m + tilt x <= top`: tilts, bottoms and tops of the stored intervals, flat.
             Each has LANES for the starts and LANES for the ends of every LANES joints or rows.
         width: Number of lines of an interval.
-        drawn: The intervals that are drawn, (BLOCK,) or for fewer all.
-        conics: `|m + p x + q|² <= d0 + 2 d1 x - d2 x²`: p, q, d0, d1 and d2 of the drawn intervals,
-            (len(drawn), conics, 5).
+        drawn: The intervals that are stored, (BLOCK,), or all if they are fewer.
+        conics: `|m + p x + q|² <= d0 + 2 d1 x - d2 x²`: p, q, d0, d1 and d2 of the stored
+            intervals, (len(drawn), conics, 5).
         cap: Largest x at the start and at the end, (n, 2).
         lost: Share of limits that margins take, (n,).
-        scratch: Takes rows, side by side.
+        scratch: Buffer for rows.
     """
 
     table: FloatArray
@@ -175,15 +175,10 @@ def _half_plane(
     motion: tuple[float, float],
     row: tuple[Vector, Vector, Vector, Vector],
 ) -> None:
-    """Draw `low <= a u + b x <= high` of LANES rows at one end of an interval.
+    """Write `low <= a u + b x <= high` of LANES rows at one end of an interval.
 
-    Where no m is left it is a ceiling of x, since rest is allowed.
-
-    Args:
-        lines: Output.
-        location: The interval, the end, and the first line.
-        motion: Length of the interval, and half of the change of u.
-        row: a, b, low and high.
+    `location` is the interval, the end and the first line; `motion` is the length of the interval
+    and half of the change of u. Rows without m are a ceiling of x, because rest is allowed.
     """
     (i, end, line), (w, turn), (a, b, low, high) = location, motion, row
     shift = turn - 2 * turn * end
@@ -217,7 +212,7 @@ def _half_planes(
     room: Vector,
     margins: bool,
 ) -> None:
-    """Draw LANES rows at both ends of interval i, less margins, and count what these take."""
+    """Write LANES rows at both ends of interval i less margins, and record the margins' shares."""
     (a0, b0, low0, high0), (a1, b1, low1, high1) = rows
     if margins:
         remaining = lower(lower(high0, 0.0 - low0), lower(high1, 0.0 - low1))
@@ -230,7 +225,7 @@ def _half_planes(
 
 
 class Bracket(NamedTuple):
-    """A range of x on an interval: the smallest x, and the roots of the smallest and largest."""
+    """Range of x on an interval: the smallest x, and the roots of the smallest and largest."""
 
     smallest: float
     low: float
@@ -239,7 +234,7 @@ class Bracket(NamedTuple):
 
 @compiled(inner=True)
 def bracket(smallest: float, largest: float) -> Bracket:
-    """The bracket from one x to another."""
+    """Bracket from one x to another."""
     return Bracket(smallest, math.sqrt(smallest), math.sqrt(max(largest, LEAST)))
 
 
@@ -247,20 +242,20 @@ def bracket(smallest: float, largest: float) -> Bracket:
 def friction_row(
     friction: Friction, i: int, j: int, towards: float, room: float, within: Bracket
 ) -> tuple[float, float, float]:
-    """What takes the place of friction in the row of one limit of joint j on interval i.
+    """Linear bound of friction in the row of one limit of joint j on interval i.
 
-    Where the joint may turn round, it is the largest friction on the interval. Else it is the
-    friction at each end times a line in x in place of the root of x. The line below the root is the
-    chord. The line above is the tangent that is as far above the root at both ends of the bracket;
-    of a smaller x if its offset takes too much of what is left at rest; or the line of that offset
-    that meets the root at the smallest x.
+    If the joint may reverse, the bound is the largest friction on the interval. Otherwise it is the
+    friction at each end times a line in x that bounds the root of x. The lower line is the chord.
+    The upper line is the tangent with equal excess at both ends of the bracket; a tangent at a
+    smaller x if its offset exceeds the allowed share of the limit at rest; or the line of that
+    offset through the root at the smallest x.
 
     Args:
         friction: The friction.
         i: The interval.
         j: The joint.
         towards: 1 for the upper limit, -1 for the lower one.
-        room: What is left of the limit at rest.
+        room: Remaining limit at rest.
         within: The range of x.
 
     Returns:
@@ -285,17 +280,10 @@ def friction_row(
 def friction_rise(
     friction: Friction, i: int, j: int, offset: float, slope: float, w: float
 ) -> tuple[float, float, float, float]:
-    """What a line in place of the root of x adds to the rise of a row: by U, X, slope, and alone.
+    """Rise of a row by the line of `friction_row`: by U, X, slope, and a constant.
 
-    Its product with x bends as those of b do; friction itself is off its chord.
-
-    Args:
-        friction: The friction.
-        i: The interval.
-        j: The joint.
-        offset: Of the line of `friction_row`.
-        slope: Of the line.
-        w: Length of the interval.
+    The product of the line with x curves as those of b do; the friction deviates from its chord.
+    `w` is the length of the interval.
     """
     v0, v1, deviation = (
         friction.viscous[i, 0, j],
@@ -308,7 +296,7 @@ def friction_rise(
 
 @compiled(inner=True)
 def _products(ends: FloatArray, i: int, end: int, r: int) -> tuple[float, float, float]:
-    """The products a a, a b and b b of the vectors at one end of an interval."""
+    """Products a a, a b and b b of the vectors at one end of an interval."""
     aa = ab = bb = 0.0
     for d in range(3):
         a, b = ends[i, end, r, A, d], ends[i, end, r, B, d]
@@ -326,7 +314,7 @@ def _conic(
     motion: tuple[float, float],
     end: int,
 ) -> None:
-    """Draw `|a u + b x|² <= square` at one end of an interval."""
+    """Write `|a u + b x|² <= square` at one end of an interval."""
     w, turn = motion
     out = lines.conics[i & (len(lines.drawn) - 1), 2 * r + end]
     for d in range(5):
@@ -367,15 +355,8 @@ def _linear_row(
 ) -> tuple[float, ...]:
     """Row r of interval i: a, b, low and high at its start and at its end, and the rise.
 
-    Lines for friction come first: those of upper limits, then those of lower ones.
-
-    Args:
-        limits: The limits.
-        i: The interval.
-        r: The row.
-        w: Length of the interval.
-        within: The range of x.
-        margins: Whether friction counts where a joint may turn round.
+    Rows with friction come first: upper limits, then lower limits. `margins` adds the friction of
+    joints that may reverse.
     """
     ends, rise, friction = limits.rows.ends, limits.rows.rise, limits.friction
     rubbing = friction.within.shape[1]
@@ -420,13 +401,13 @@ def _linear_row(
 def rows_with_friction(
     width: FloatArray, limits: GridLimits, bounds: MotionBounds, margins: bool
 ) -> LinearRows:
-    """The rows with lines for friction: upper limits, then lower ones, then those without friction.
+    """Rows with lines for friction: upper limits, then lower limits, then rows without friction.
 
     Args:
         width: Lengths of the intervals, (n,).
         limits: The limits.
-        bounds: The bounds, of which the range of x counts.
-        margins: Whether friction counts where a joint may turn round.
+        bounds: The bounds, which give the range of x.
+        margins: Whether to add the friction of joints that may reverse.
     """
     n, count = len(width), limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
@@ -442,7 +423,7 @@ def rows_with_friction(
 
 @compiled(inner=True)
 def _count_margin(lines: LimitLines, i: int, room: float, turn: float, remaining: float) -> None:
-    """Count the share `room` of what a limit leaves at rest; all where rest may not be allowed."""
+    """Record the share of a limit at rest that `room` takes; 1 if rest may violate the limit."""
     if room + turn > remaining:
         lines.lost[i] = max(lines.lost[i], 1.0)
     elif room > lines.lost[i] * remaining:
@@ -479,7 +460,7 @@ def _ceilings(
 
 @compiled(inner=True)
 def _coefficients(grid: Intervals, i: int, joint: int, power: int) -> Vector:
-    """The coefficients of a power of LANES joints, from one on, on the piece of an interval."""
+    """Coefficients of a power of LANES joints on the piece of an interval."""
     k = grid.piece[i]
     k_last = k - (len(grid.breaks) - 1 - KEPT)
     if k_last >= 0:
@@ -489,7 +470,7 @@ def _coefficients(grid: Intervals, i: int, joint: int, power: int) -> Vector:
 
 @compiled(inner=True, fastmath=FUSED)
 def path_slopes(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, Vector]:
-    """dq_ds and d2q_ds2 of LANES joints, from one on, at an end of an interval."""
+    """dq_ds and d2q_ds2 of LANES joints at an end of an interval."""
     k = grid.piece[i]
     scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
     x = (grid.s[i + end] - grid.breaks[k]) * scale
@@ -503,7 +484,7 @@ def path_slopes(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, 
 
 @compiled(inner=True, fastmath=FUSED)
 def _derivative_bounds(grid: Intervals, i: int, joint: int) -> tuple[Vector, Vector]:
-    """Bounds of |d3q_ds3| and |d4q_ds4| on an interval, by Taylor about its middle."""
+    """Bounds of |d3q_ds3| and |d4q_ds4| on an interval, by Taylor expansion about its middle."""
     k = grid.piece[i]
     scale, begin = 1.0 / (grid.breaks[k + 1] - grid.breaks[k]), grid.breaks[k]
     middle = ((grid.s[i] + grid.s[i + 1]) / 2 - begin) * scale
@@ -518,7 +499,7 @@ def _derivative_bounds(grid: Intervals, i: int, joint: int) -> tuple[Vector, Vec
 
 @compiled(inner=True)
 def next_joint(grid: Intervals, joint: int) -> int:
-    """The first joint of the group of bounds that follows one that begins with a joint."""
+    """First joint of the next group of joint bounds."""
     return joint + LANES if joint + LANES < grid.dof else 0
 
 
@@ -532,7 +513,7 @@ def _joint_half_planes(
     location: tuple[int, int],
     margins: bool,
 ) -> None:
-    """Draw a group of bounds on interval i; `location` has the group and its first joint.
+    """Write a group of joint bounds on interval i; `location` is the group and its first joint.
 
     With the derivatives q1 to q4, g = q1 u + q2 x has g'' = 5 q3 u + q4 x + 4 q2 k, and h = q1² x
     has h'' = 8 q1 q2 u + 2 (q2² + q1 q3) x + 2 q1² k.
@@ -587,7 +568,7 @@ def _row_half_planes(
     w: float,
     margins: bool,
 ) -> None:
-    """Draw LANES rows on interval i from one row on."""
+    """Write LANES rows on interval i, starting at row `first`."""
     by, count = lines.scratch, limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     within = bracket(bounds.x_min[i], bounds.x[i])
     for lane in range(LANES):
@@ -617,7 +598,7 @@ def _interval_limits(
     margins: bool,
     lines: LimitLines,
 ) -> None:
-    """Draw the limits on interval i for a plan within bounds, with or without margins."""
+    """Write the limits on interval i for a plan within bounds, with or without margins."""
     rounds, groups = limits.rounds, len(limits.joints) // ROWS
     count = limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     w = grid.s[i + 1] - grid.s[i]
@@ -665,7 +646,7 @@ def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
 def _mean_range_slopes(
     lines: LimitLines, i: int, x: float
 ) -> tuple[float, float, float, float, int]:
-    """Range of the mean u for x, how fast its bottom and its top fall with x, the line below."""
+    """Range of the mean u for x, negative slopes of its ends over x, and line of its lower end."""
     table, count, slot = lines.table, lines.width, i & (len(lines.drawn) - 1)
     low, high, below, above = -math.inf, math.inf, -1, -1
     for k in range(3 * count * slot, 3 * count * slot + count):
@@ -690,9 +671,9 @@ def _mean_range_slopes(
 
 @compiled(inner=True)
 def _free_start(lines: LimitLines, w: float, ceiling: FloatArray) -> float:
-    """The ds² at a start at which joints rest at any: the fastest on the first interval.
+    """ds² at a start where the joints rest at any ds: the fastest on the first interval.
 
-    Next to nothing less than the largest may allow a far larger u, as dq_ds is rounded.
+    Slightly less than the largest ds² may allow a far larger u, because dq_ds is rounded.
     """
     best, fastest = ceiling[0], 0.0
     for k in range(60, -1, -1):
@@ -717,24 +698,15 @@ def _backward_forward_pass(
     reachable: FloatArray,
     x: FloatArray,
 ) -> int:
-    """Draw limits, and write the largest x that lead from start to end, backward and forward.
+    """Write the limits, and the largest x that lead from start to end, backward and forward.
 
-    Backward: the range of the mean u is concave in x and not empty for x = 0, so Newton's steps
-    come down from the cap to the largest x that has a range.
-
-    Args:
-        grid: The intervals.
-        limits: The limits.
-        bounds: The bounds.
-        state: Whether to draw each interval, (n,), and whether with margins.
-        lines: Take the limits.
-        rules: The rules.
-        cap: Takes the lower cap of both sides of every point, (n + 1,).
-        reachable: Takes the largest x from which the end is reached, (n + 1,).
-        x: Takes the plan, (n + 1,).
+    Backward pass: the range of the mean u is concave in x and not empty for x = 0, so Newton steps
+    from the cap converge to the largest x with a range. `state` selects the intervals to write,
+    (n,), and margins. `cap`, `reachable` and `x`, (n + 1,) each, are outputs: the lower cap of both
+    sides of every point, the largest x from which the end is reached, and the plan.
 
     Returns:
-        -1, the interval on which no motion is allowed, or n more than one where nothing limits u.
+        -1; the interval on which no motion is allowed; or n more than an interval without limits.
     """
     (changed, margins), n, below, stuck = state, len(grid.piece), -1, -1
     mean, slots = np.empty(n), len(lines.drawn) - 1
@@ -810,7 +782,7 @@ def _backward_forward_pass(
 
 @compiled(inner=True, fastmath=FUSED)
 def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, float]:
-    """The smallest and the largest u that a vector allows."""
+    """Smallest and largest u within the limit of a vector."""
     aa = ab = bb = 0.0
     for d in range(3):
         a, b = rounds.ends[i, end, r, A, d], rounds.ends[i, end, r, B, d] * x
@@ -825,7 +797,7 @@ def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[fl
 def _joint_acceleration_range(
     grid: Intervals, limits: GridLimits, location: tuple[int, int, int, int], x: float
 ) -> tuple[float, float, float, int, int]:
-    """As `acceleration_range`, of one group of bounds, with its first joint."""
+    """`acceleration_range` of a group of joint bounds; `location` has group and first joint."""
     i, end, group, joint = location
     offset = ROWS * group
     a, b = path_slopes(grid, i, joint, end)
@@ -848,9 +820,9 @@ def _joint_acceleration_range(
 def acceleration_range(
     grid: Intervals, limits: GridLimits, i: int, end: int, x: float
 ) -> tuple[float, float, float, int, int]:
-    """The smallest and the largest u at one end of an interval, and the bounds that do so.
+    """Smallest and largest u at one end of an interval, narrowest range, and both active bounds.
 
-    And, between these two, the range of u that the tightest limit alone leaves.
+    The narrowest range is the range of u within the tightest single limit.
     """
     rows, viscous, rounds = limits.rows.ends, limits.friction.viscous, limits.rounds
     low, high, wide, below, above = -math.inf, math.inf, math.inf, -1, -1
@@ -923,7 +895,7 @@ def _choose_slopes(
 def _motion_extent(
     width: FloatArray, x: FloatArray, k: FloatArray, i: int
 ) -> tuple[float, float, float]:
-    """The largest and the smallest x, and the largest |u|, on an interval."""
+    """Largest and smallest x, and largest |u|, on an interval."""
     w, first, last = width[i], x[i], x[i + 1]
     mean, turn = (last - first) / (2 * w), abs(k[i]) * w / 2
     sag = turn * w / 2
@@ -934,7 +906,7 @@ def _motion_extent(
 def _bound_motion(
     width: FloatArray, x: FloatArray, rules: Rules, headroom: float, bounds: MotionBounds
 ) -> None:
-    """Write bounds around a plan; u of its neighbours counts too, as switches move."""
+    """Write bounds around a plan; they include u of neighbours, because switches move."""
     n, fastest = len(width), 0.0
     rates = np.empty(n)
     for i in range(n):
@@ -957,7 +929,7 @@ def _prove_or_widen(
     rubs: bool,
     changed: BoolArray,
 ) -> bool:
-    """The proof: say whether a plan is within its bounds; where it is not, widen them."""
+    """Proof: test whether a plan is within its bounds, and widen the bounds where it is not."""
     holds = True
     for i in range(len(width)):
         largest, smallest, rate = _motion_extent(width, x, bounds.k, i)
@@ -977,7 +949,7 @@ def _prove_or_widen(
 
 @compiled(inner=True)
 def _largest_margin(lost: FloatArray) -> int:
-    """The interval on which margins take the largest share."""
+    """Interval on which margins take the largest share."""
     worst = 0
     for i in range(len(lost)):
         if lost[i] > lost[worst]:
@@ -995,7 +967,7 @@ def _duration(width: FloatArray, x: FloatArray, k: FloatArray) -> float:
 
 @compiled(inner=True)
 def _recentre(x: FloatArray, bounds: MotionBounds, near: float) -> bool:
-    """Whether a plan is near that about which friction is linear; makes it that plan."""
+    """Linearize friction about a plan, and test whether the plan is close to the previous one."""
     is_near = True
     for i in range(len(bounds.x)):
         middle = (x[i] + x[i + 1]) / 2
@@ -1008,7 +980,7 @@ def _recentre(x: FloatArray, bounds: MotionBounds, near: float) -> bool:
 def _pass_outcome(
     stuck: int, rules: Rules, reachable: FloatArray, x: FloatArray
 ) -> tuple[int, float]:
-    """The outcome of a sweep, and the largest ds² at the end that is too fast."""
+    """Outcome of a pass, and the largest ds² at an end whose speed is too high."""
     n = len(x) - 1
     if rules.start < math.inf and min(rules.start, reachable[0]) < rules.start * (1 - PLAY):
         return START, reachable[0]
@@ -1023,7 +995,7 @@ def _pass_outcome(
 def _drop_slopes(
     bounds: MotionBounds, lost: FloatArray, max_margin: float, changed: BoolArray
 ) -> bool:
-    """Leave out slopes where margins take more than a share, and say whether there were any."""
+    """Set slopes to zero where margins exceed `max_margin`, and return whether any was set."""
     dropped = False
     for i in range(len(lost)):
         changed[i] = lost[i] > max_margin and bounds.k[i] != 0.0
@@ -1034,9 +1006,9 @@ def _drop_slopes(
 
 @compiled()
 def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
-    """Plan without margins; then with margins for bounds around that plan, until it is within.
+    """Plan without margins, then with margins for bounds around that plan until it is within them.
 
-    With one try only: the plan without margins, and FINER.
+    With one try only, the result is the plan without margins, with the outcome FINER.
 
     Args:
         grid: The intervals.

@@ -1,4 +1,4 @@
-"""The compiled estimate of the time that a plan loses by its grid and its slopes."""
+"""Compiled estimate of the time that a plan loses by its grid and its slopes."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ INSIDE = 0.02  # a point that is nearer to an end of an interval than this share
 
 @compiled(inner=True, fastmath=FUSED)
 def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
-    """The largest x at one end of an interval."""
+    """Largest x at one end of an interval."""
     steepest, joint = 0.0, 0
     for group in range(len(limits.joints) // ROWS):
         a, _ = path_slopes(grid, i, joint, end)
@@ -43,13 +43,9 @@ def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
 def _shortest_time(
     w: float, x: tuple[float, float], rates: tuple[float, float], ceiling: float
 ) -> tuple[float, float]:
-    """The shortest time from x to x with given rates of u up and down, and where u changes [share].
+    """Shortest time between both values of x at given rates of u, and the share of the switch.
 
-    Args:
-        w: Length of the interval.
-        x: At both ends.
-        rates: Largest u, and largest -u.
-        ceiling: Largest x.
+    `rates` are the largest u and the largest -u.
     """
     up, down = 2 * rates[0], 2 * rates[1]
     first = min(max((x[1] - x[0] + down * w) / (up + down), 0.0), w)
@@ -74,14 +70,9 @@ def estimate_losses(
 ) -> tuple[float, FloatArray, FloatArray]:
     """Estimate the time that a plan loses by its grid and its slopes.
 
-    Args:
-        grid: The intervals.
-        limits: The limits.
-        plan: The plan.
-
     Returns:
         The duration of the plan [s]; the time lost on each interval [s], (n,); and the point of
-        each interval at which a grid point would gain most [m], its start if there is none, (n,).
+        each interval at which a grid point saves most [m], (n,), its start if none.
     """
     s, x, k, lost, n, duration = grid.s, plan.x, plan.k, plan.lost, len(plan.k), 0.0
     loss, point, valley = np.empty(n), np.empty(n), np.zeros(n)

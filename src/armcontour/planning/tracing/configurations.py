@@ -92,7 +92,7 @@ class _Failure:
 
     Args:
         reached: Index of the first knot that is not reached.
-        q: Joint positions at the knot before, or at the knot out of range [rad], (dof,).
+        q: Joint positions at the previous knot, or at the knot out of range [rad], (dof,).
         joint: Index of the joint that leaves its range; -1 if the pose has no solution.
         value: Position of that joint [rad].
         limit: End of its range [rad].
@@ -113,7 +113,7 @@ def find_solutions(
     task: int,
     seed: FloatArray | None,
 ) -> list[Solution]:
-    """All solutions that complete the path inside the joint ranges, the shortest first.
+    """Solutions that complete the path inside the joint ranges, the shortest first.
 
     Args:
         path: The path.
@@ -125,7 +125,7 @@ def find_solutions(
             configurations.
 
     Raises:
-        Unreachable: There is no solution; gives the reason for the one that comes farthest.
+        Unreachable: No solution exists; the reason is that of the solution with the longest reach.
     """
     fine, knot_index = subdivide(path, knots, knot_poses)
     poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
@@ -167,16 +167,7 @@ def _with_costs(
     joint_paths: list[FloatArray],
     seed: FloatArray | None,
 ) -> Iterator[tuple[FloatArray, float]]:
-    """Joint paths with their costs; those of a redundant arm are smoothed when they are taken.
-
-    Args:
-        arm: The arm.
-        s: The knots [m], (n,).
-        poses: Poses of the tool at the knots, (n, 3, 4).
-        task: Task dimension.
-        joint_paths: The joint paths [rad], (n, dof) each.
-        seed: Joint positions at the start that stay, or None.
-    """
+    """Joint paths with their costs; those of a redundant arm are smoothed on demand."""
     if task == arm.dof:
         yield from ((q, _joint_distance(arm, q)) for q in joint_paths)
         return
@@ -187,15 +178,7 @@ def _with_costs(
 def _follow(
     arm: SerialArm, poses: FloatArray, task: int, starts: FloatArray, max_correction: float
 ) -> tuple[list[FloatArray], list[_Failure]]:
-    """Follow all poses from each start: joint positions that reach the end, and the failures.
-
-    Args:
-        arm: The arm.
-        poses: Rotations and positions of the tool, (n, 3, 4).
-        task: Task dimension.
-        starts: Joint positions at the first pose [rad], (starts, dof).
-        max_correction: As in `follow_branches` [rad].
-    """
+    """Follow all poses from each start; returns the complete joint positions, and the failures."""
     q, reached = follow_branches(arm, poses, task, starts, max_correction)
     whole = reached == len(poses)
     failures = [
@@ -212,18 +195,18 @@ def follow_branches(
     starts: FloatArray,
     max_correction: float = EXACTLY,
 ) -> tuple[FloatArray, IntArray]:
-    """Follow poses from each start, several ways at the same time.
+    """Follow poses from several starts in parallel.
 
     Args:
         arm: The arm.
         poses: Rotations and positions of the tool, (n, 3, 4).
         task: Task dimension.
         starts: Joint positions at the first pose [rad], (starts, dof).
-        max_correction: A pose is reached with a correction of every joint below this [rad].
+        max_correction: A pose is reached if the correction of every joint is below this [rad].
 
     Returns:
-        Joint positions [rad], (starts, n, dof), as far as poses are reached; and how many are, the
-        first one included, (starts,).
+        Joint positions at the reached poses [rad], (starts, n, dof), and the number of reached
+        poses, including the first, (starts,).
     """
     q, reached = np.empty((len(starts), len(poses), arm.dof)), np.empty(len(starts), np.intp)
     q[:, 0] = starts
@@ -236,7 +219,7 @@ def follow_branches(
 
 
 def _in_threads(work: Callable[[T], R], items: Sequence[T], poses: int) -> list[R]:
-    """Do compiled work on several items, in threads if all of them have many poses."""
+    """Do compiled work on several items, in threads if they have many poses."""
     return map_in_threads(work, items) if poses >= MANY else [work(x) for x in items]
 
 
@@ -248,9 +231,9 @@ def _rank(
     followed: list[FloatArray],
     seed: FloatArray | None,
 ) -> list[FloatArray]:
-    """The solutions, sorted by their cost after a few iterations of smoothing on some knots.
+    """Sort solutions by their cost after a few iterations of smoothing on some knots.
 
-    Solutions that are the same as an earlier one come last.
+    Solutions that repeat an earlier one come last.
     """
     if len(followed) == 1 and len(s) > ROUGH_KNOTS:
         return [shift_by_turns(arm, followed[0])[0]]
@@ -278,7 +261,7 @@ def _smooth(
     joint_paths: list[FloatArray],
     **options: Any,
 ) -> list[tuple[FloatArray, float]]:
-    """Smoothed joint paths, (n, dof) each, with their costs; in threads if it takes long."""
+    """Smoothed joint paths, (n, dof) each, with their costs."""
     if not joint_paths:
         return []
 
@@ -291,7 +274,7 @@ def _smooth(
 
 
 class _Different:
-    """Solutions that all differ by more than null-space motion.
+    """Solutions whose differences exceed null-space motion.
 
     Args:
         arm: The arm.
@@ -309,11 +292,10 @@ class _Different:
 
     @cached_property
     def _few(self) -> IntArray:
-        """Indices of some knots."""
         return np.unique(np.linspace(0, len(self.poses) - 1, FEW_KNOTS).astype(np.intp))
 
     def add(self, q: FloatArray) -> bool:
-        """Add joint positions, (n, dof), unless they are those of a known solution."""
+        """Add joint positions, (n, dof), unless they repeat a known solution."""
         if self.task == self.arm.dof:
             if any(np.abs(q - x).max() < SAME_SOLUTION for x in self._known):
                 return False
@@ -330,7 +312,7 @@ class _Different:
         return True
 
     def _is_known(self, k: int, q: FloatArray) -> bool:
-        """Whether joint positions are those of a known solution but for null-space motion."""
+        """Test whether joint positions differ from a known solution by null-space motion only."""
         if k not in self._spaces:
             self._spaces[k] = null_space(self.arm, self.poses, self.task, self._known[k])
         deviation, size = _outside(self._spaces[k], q - self._known[k])
@@ -338,11 +320,9 @@ class _Different:
 
 
 def _outside(w: FloatArray, difference: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The largest part outside null spaces of differences of joint positions, and their largest.
+    """Largest component outside null spaces of joint differences, and their largest value.
 
-    Args:
-        w: Bases of the null spaces, (..., n, free, dof).
-        difference: The differences, up to whole turns [rad], (..., n, dof).
+    `w` are bases of the null spaces, (..., n, free, dof); `difference` is modulo whole turns [rad].
     """
     wrapped = np.pi - np.mod(np.pi - difference, 2 * np.pi)
     outside = wrapped - (np.swapaxes(w, -1, -2) @ (w @ wrapped[..., None]))[..., 0]
@@ -382,10 +362,7 @@ def _joint_distance(arm: SerialArm, q: FloatArray) -> float:
 def _turn_into_range(
     arm: SerialArm, q: FloatArray, seed: FloatArray | None
 ) -> FloatArray | _Failure:
-    """The positions, shifted by whole turns into the joint ranges; or where they leave a range.
-
-    If a seed is given, the shifts nearest to it are preferred.
-    """
+    """Shift positions by whole turns into the joint ranges, close to the seed; or the failure."""
     shifted, inside = shift_by_turns(arm, q, seed)
     if inside:
         return shifted
@@ -436,11 +413,7 @@ def _refuse_start(
 
 
 def _refuse_seed(arm: SerialArm, pose: FloatArray, task: int, seed: FloatArray) -> None:
-    """Refuse a seed from which the first pose is not reached, though the pose has solutions.
-
-    Raises:
-        Unreachable: The pose has solutions; names the nearest one.
-    """
+    """Raise Unreachable for a seed far from all solutions of the first pose, if there are any."""
     solutions = configurations(arm, pose, task)
     if len(solutions) == 0:
         return
@@ -468,10 +441,7 @@ def _reach_gap(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) -> fl
 def _largest_reach_gap(
     arm: SerialArm, poses: FloatArray, task: int, q: FloatArray
 ) -> tuple[float, int]:
-    """Distance of the tool from the pose farthest out of reach [m], and the index of that pose.
-
-    Both are 0 if all poses are in reach.
-    """
+    """Distance of the tool from the pose farthest out of reach [m] and its index; 0, 0 if none."""
     indices = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MANY_POSES)).astype(np.intp))
     gaps = out_of_reach(arm, poses[indices], task, q)
     more_seeds = np.concatenate([q, seeds(arm)[:REACH_SEEDS]])
@@ -493,7 +463,7 @@ def _refuse(
     task: int,
     failure: _Failure,
 ) -> None:
-    """Raise Unreachable: where the solution that comes farthest ends, and for what reason."""
+    """Raise Unreachable with the end of the solution with the longest reach, and its cause."""
     s = np.append(knots.s0, path.length)
     i = failure.reached
     if failure.joint >= 0:

@@ -29,7 +29,7 @@ BERNSTEIN = np.array(
 
 
 def check_joint_range(joint_path: JointPath, limits: Limits) -> None:
-    """Refuse a joint path on which any joint leaves its range.
+    """Check that no joint leaves its range along a joint path.
 
     Args:
         joint_path: The joint path.
@@ -65,7 +65,7 @@ def check_joint_range(joint_path: JointPath, limits: Limits) -> None:
 def out_of_range(
     path: Path | None, s: float, joint: int, q: float, edge: float, also: str = ""
 ) -> Unreachable:
-    """The error for a joint that leaves its range.
+    """Error for a joint that leaves its range.
 
     Args:
         path: The tool path, if known.
@@ -73,7 +73,7 @@ def out_of_range(
         joint: Index of the joint, from 0.
         q: Joint position that the path would need there [rad].
         edge: The end of the joint range that is exceeded [rad].
-        also: Text to add to the sentence.
+        also: Additional text of the sentence.
     """
     name = "upper" if q > edge else "lower"
     return Unreachable(
@@ -90,7 +90,7 @@ def out_of_range(
 
 
 def turn_into_range(joint_path: JointPath, limits: Limits) -> JointPath:
-    """The joint path with joints shifted by whole turns into their ranges, where possible."""
+    """Shift joints by whole turns into their ranges, if possible."""
     if limits.joint_lower is None and limits.joint_upper is None:
         return joint_path
     lower, upper = limits.joint_range(joint_path.dof)
@@ -106,7 +106,7 @@ def turn_into_range(joint_path: JointPath, limits: Limits) -> JointPath:
 
 
 def _extremum_candidates(coefficients: FloatArray) -> FloatArray:
-    """The ends 0 and 1 of a polynomial's interval, and its stationary points between them."""
+    """Ends 0 and 1 of a polynomial's interval, and its stationary points between them."""
     slope = np.polynomial.polynomial.polyder(coefficients)
     # Leading coefficients that are zero, or rounding errors of zero, would give infinite roots.
     size = float(np.abs(slope).max())

@@ -1,4 +1,4 @@
-"""Inverse kinematics along a path at knots, which are added until the tool keeps to its path."""
+"""Inverse kinematics along a path at knots, which are added until the tool follows its path."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Solver(ABC, Generic[A]):
     def guess(
         self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray
     ) -> FloatArray | None:
-        """Joint positions near the solutions within intervals, (n, dof); None if none are needed.
+        """Joint positions near the solutions within intervals, (n, dof); None if not needed.
 
         Args:
             knots: The knot intervals, n of them.
@@ -99,18 +99,18 @@ class Solver(ABC, Generic[A]):
         return largest_errors(errors, len(knots)), q[MIDDLE]
 
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
-        """Values at starts and ends of the intervals, without jumps from interval to interval."""
+        """Values at starts and ends of the intervals, without jumps between intervals."""
         return start, end
 
 
 def quintics_at_places(knots: Knots, start: Ends, end: Ends) -> FloatArray:
-    """Joint positions on the quintics of n intervals at their places, (places, n, dof)."""
+    """Joint positions on the quintics of n intervals at `PLACES`, (places, n, dof)."""
     coefficients = quintic(knots.u1 - knots.u0, start, end)
     return np.tensordot(POWERS, coefficients, (1, 1))
 
 
 def largest_errors(errors: FloatArray, n: int) -> FloatArray:
-    """The largest error of each of n intervals, from those at all their places, (n,)."""
+    """Largest error of each of n intervals, (n,)."""
     return np.asarray(errors.reshape(-1, n).max(axis=0))
 
 
@@ -139,7 +139,7 @@ class Analytic(Solver[PlanarTwoLink]):
         self.configuration, self.tolerance = configuration, tolerance
 
     def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
-        """q, dq_ds and d2q_ds2 at the starts and at the ends of the first intervals, at once."""
+        """As `Solver.first_ends`, in one call."""
         n = len(knots)
         both = knots.part(np.tile(np.arange(n), 2))
         q, dq_ds, d2q_ds2 = self.ends(both, np.concatenate([knots.u0, knots.u1]), None)
@@ -166,10 +166,10 @@ class Analytic(Solver[PlanarTwoLink]):
         return q, dq_ds, self.arm.joint_acceleration(q, dq_ds, curvature)
 
     def guess(self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray) -> None:
-        """None, as a closed form needs none."""
+        """None, because a closed form needs no guess."""
 
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
-        """The same starts and ends, with jumps by whole turns removed from the joint positions."""
+        """Remove jumps by whole turns from the joint positions."""
         q = np.stack([start[0], end[0]], axis=1).reshape(-1, start[0].shape[1])
         unwrapped = np.unwrap(q, axis=0).reshape(len(start[0]), 2, -1)
         return (unwrapped[:, 0], *start[1:]), (unwrapped[:, 1], *end[1:])
@@ -181,7 +181,7 @@ class Analytic(Solver[PlanarTwoLink]):
 
 
 def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
-    """The joint path through exact knots, refined until it meets the solver's tolerance.
+    """Joint path through exact knots, refined until it satisfies the solver's tolerance.
 
     Args:
         solver: Computes joint positions and their derivatives.
@@ -226,18 +226,18 @@ def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
 
 
 def _select(ends: Ends, selection: BoolArray | IntArray) -> Ends:
-    """The joint positions and derivatives of the selected intervals."""
+    """Joint positions and derivatives of the selected intervals."""
     q, dq_ds, d2q_ds2 = ends
     return q[selection], dq_ds[selection], d2q_ds2[selection]
 
 
 def raise_singular(solver: Solver[Any], s: float, state: str) -> NoReturn:
-    """Refuse a place of the path where no joint motion is found.
+    """Refuse a point of the path without a joint motion.
 
     Args:
         solver: The solver of the path.
-        s: Arc length of the place [m].
-        state: What the arm is or does there.
+        s: Arc length of the point [m].
+        state: State of the arm at the point, such as "is singular".
 
     Raises:
         Unreachable: Always.
