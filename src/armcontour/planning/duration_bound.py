@@ -11,8 +11,8 @@ from armcontour.core.kernels import compiled
 from armcontour.motion import JointPath
 from armcontour.robot import Limits
 
-# A joint path is looked at in about this many places, and in more where the joints change their
-# direction, by this angle from place to place [rad].
+# Approximate number of equal samples of a joint path, and change of its direction between samples
+# [rad].
 EVEN_PARTS = 100
 TURN = 0.1
 
@@ -55,7 +55,7 @@ def _ceiling(b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatA
             continue
         top = (high[j] if p > 0.0 else low[j]) / p
         for k in range(len(low)):
-            # The most that joint j allows meets the least that joint k asks for.
+            # The upper bound of joint j meets the lower bound of joint k.
             r = b[i, k]
             if r != 0.0 and k != j:
                 falls = q / p - c[i, k] / r
@@ -135,7 +135,7 @@ def least_duration(
     size = 0
     for i in range(n):
         size += parts[i]
-    # Rows 2 i and 2 i + 1 are the start and the end of part i: the derivatives jump at breaks.
+    # Rows 2 i and 2 i + 1 are the start and the end of part i, because derivatives jump at breaks.
     b, c = np.empty((2 * size, dof)), np.empty((2 * size, dof))
     widths, tops = np.empty(size), np.empty(size)
     x, part = np.empty(size + 1), 0

@@ -16,14 +16,14 @@ import numpy as np
 from armcontour.core.errors import NotRealizable
 
 START, END = "start speed", "end speed"
-# A speed is named with this many digits, and planned with as it is named.
+# Digits of the reported speed, which is planned with these digits.
 DIGITS = 6
-# Estimates that are followed; each that fails is lowered by at least the share LOWER.
+# Largest number of estimates; each failed one is reduced by at least the share LOWER.
 MOST_ESTIMATES = 8
-# Relative rounding error of a speed that a plan allows; it counts as allowed, see `PLAY`.
+# Relative rounding error of a feasible speed; it counts as feasible, see `PLAY`.
 ROUNDING = 1e-9
 LOWER = 1e-3
-# Where estimates lead nowhere, the interval of speeds is halved so often.
+# Number of bisections of the speed if the estimates fail.
 HALVINGS = 12
 
 

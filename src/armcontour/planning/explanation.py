@@ -23,26 +23,26 @@ from armcontour.planning.path_grid import Grid
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.limits import JOINT_LIMITS
 
-# A limit binds on an interval from this used share on. Margins may take the rest; below this share
-# the plan passes from one limit to another.
+# A limit is active on an interval from this used share on. Margins may take the remainder; below
+# this share the plan is in transition between two limits.
 BINDS = 0.99
-# Margins of wide intervals take more: next to an interval on which a limit binds it binds from this
-# share on, as long as it is the limit that is used most, and on more intervals than a plan takes to
-# pass from one limit to another.
+# Margins of wide intervals are larger. Next to an interval with an active limit, the limit is
+# active from this share on while it is the most used limit, and on more intervals than a transition
+# takes.
 BINDS_BESIDE, PASSES = 0.9, 2
-# With limits of jerk it binds from this share on: its intervals are longer, and along one of them
-# the share of a limit changes more.
+# Threshold with limits of jerk: intervals are longer, and the share of a limit changes more along
+# one.
 BINDS_WITH_JERK = 0.9
-# The assigned velocity counts as reached from this share of it on.
+# Share from which the assigned velocity counts as reached.
 REACHED = 0.999
-# The speed has passed an extreme when it has left the extreme by this share.
+# An extreme of the speed is confirmed once the speed differs from it by this share.
 FLAT = 0.01
-# What "nothing" is called for people.
+# Label of "nothing".
 BETWEEN = "between two limits"
-# What takes time without being on a contour, by the kinds of moves.
+# Labels of the time outside contours, by the kinds of moves.
 RAPIDS, DWELLS = "rapids between contours", "dwells"
 IDLE = {"rapid": RAPIDS, "dwell": DWELLS}
-# What limits are called for people, in the order that decides between equal shares.
+# Labels of limits, in the order that decides between equal shares.
 NAMES = {
     **{f"joint_{x}": x for x in ("torque", "velocity", "acceleration")},
     "speed": "assigned velocity",
@@ -52,7 +52,7 @@ NAMES = {
     "angular_acceleration": "angular acceleration",
     **{"joint_jerk": "jerk", "tool_jerk": "tool jerk", "path_jerk": "path jerk"},
 }
-# Fields of `_LawExplanation` that are added up over contours: lengths and times.
+# Fields of `_LawExplanation` that are summed over contours: lengths and times.
 SUMMED = ("with_assigned", "reached")
 
 
@@ -281,7 +281,7 @@ def explain(
     laws: list[tuple[float, float, PathLaw]] = []
     stops: list[float] = []
     for x in trajectory.contour_spans:
-        # Only the law of the method optimal has the grid intervals on which limits bind.
+        # Only the law of the method "optimal" has the grid intervals of the limits.
         law = None if x.trajectory is None else x.trajectory.laws[0]
         planned = trajectory.method in (Method.OPTIMAL, Method.SHAPED)
         if not planned or x.trajectory is None or not isinstance(law, PathLaw):
@@ -435,7 +435,7 @@ def _shortfalls(
 ) -> tuple[Shortfall, ...]:
     """Extremes of the speed below the assigned velocity, except stops."""
     speed = law.speeds
-    # Between them the speed only rises, only falls or stays.
+    # Between these points the speed is monotonic.
     turns = np.flatnonzero(np.diff(np.sign(np.diff(speed)))) + 1
     result = []
     reached = reached | ~np.isfinite(assigned)
@@ -445,7 +445,7 @@ def _shortfalls(
         for i, k, kind in _turning_points(speed, int(first), [*inner.tolist(), int(last)]):
             if speed[i] == 0:
                 continue
-            # The limit that binds on most intervals at the extreme and next to it.
+            # The limit that is active on most intervals at the extreme and next to it.
             neighbours = limit_index[max(i - 2, 0) : k + 2]
             neighbours = neighbours[neighbours >= 0]
             reason = "the transition between two limits"

@@ -26,9 +26,9 @@ from armcontour.planning.program_timing import JoinedMoves, Timing
 from armcontour.planning.program_tracing import Tracing
 from armcontour.planning.topp.limit_forms import Ceiling, Form
 
-# A duration shorter than the fastest one by this share differs from it by rounding.
+# Relative rounding error of a duration.
 SAME_DURATION = 1e-9
-# A contour that is planned again arrives early by at most this share of its time, and waits.
+# Largest share of the time of a contour that is spent at rest at its end, if it is planned again.
 LONGEST_WAIT = 1e-3
 MOST_PLANS = 20
 

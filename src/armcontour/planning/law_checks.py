@@ -16,11 +16,11 @@ from armcontour.robot.limit_use import States
 from armcontour.robot.limits import UNITS
 
 # Samples per smooth piece of a law. A piece turns by half a radian at most, so the sampled peak is
-# less than the true peak by under a part in ten thousand.
+# less than 1e-4 below the true peak.
 PEAK_SAMPLES = 33
-# A law may exceed a limit by rounding only.
+# Relative rounding error by which a law may exceed a limit.
 ROUNDING = 1e-6
-# Words after a unit that does not name the quantity by itself.
+# Words after units that are ambiguous.
 OF = {"angular_speed": " of turning", "angular_acceleration": " of turning"}
 # Limits that a reserve reduces.
 RESERVED = ("joint_acceleration", "joint_torque")

@@ -51,20 +51,20 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import TOOL_LIMITS
 
 # The grid is refined while the margin for maxima inside intervals exceeds this share of a limit, at
-# most MOST_REFINEMENTS times; the share grows each time, up to LARGEST_MARGIN_EVER: on thousands of
-# corners a finer grid costs more. Who asks for fewer intervals than COARSE wants a plan soon: a
-# margin of FIRST_MARGIN is refined.
+# most MOST_REFINEMENTS times. The share grows each time, up to LARGEST_MARGIN_EVER, because a finer
+# grid is expensive with thousands of corners. With fewer intervals than COARSE, margins up to
+# FIRST_MARGIN are accepted, to save time.
 LARGEST_MARGIN = 3e-3
 FIRST_MARGIN, COARSE = 1e-2, 500
 MORE_EACH_TIME = 2.0
 LARGEST_MARGIN_EVER = 0.2
 MOST_REFINEMENTS = 12
-# The grid is refined, too, while it loses more than this share of the duration, by an estimate that
-# is right within a factor of about three; more intervals than DEFAULT_INTERVALS lose less.
+# The grid is also refined while the estimated loss exceeds this share of the duration. The estimate
+# is within a factor of about three; more intervals than DEFAULT_INTERVALS lose less.
 LARGEST_LOSS = 1e-4
 MOST_PARTS_AT_ONCE = 8
-# No grid is refined to more intervals than these, about 1 GB, unless twice the first grid is more;
-# for loss, it is not refined near them by less than LEAST_GROWTH at once either.
+# Largest number of refined intervals, about 1 GB, unless twice the first grid is more. Close to it,
+# a refinement for loss must add at least the factor LEAST_GROWTH.
 MOST_REFINED, LEAST_GROWTH = 300_000, 1.1
 
 
@@ -90,7 +90,7 @@ def plan_optimal(
     reparametrized, new_breaks = reparametrize(joint_path)
     at_rest = joint_path.breaks[:0]
     if constraints or limits.path_jerk is not None:
-        # Both count in s.
+        # Constraints and path jerk are functions of s.
         at_rest = (
             at_rest
             if reparametrized is joint_path
@@ -116,7 +116,7 @@ def plan_optimal(
             law = time_optimal(placed, active, arm, start, end)
         if jerk is None:
             return law
-        # Most plans have no limits of jerk.
+        # Imported on demand, because most plans have no limits of jerk.
         from armcontour.planning.jerk.limiter import limit_jerk
 
         task = Task(arm, tuple(active), jerk, start, end, intervals, options.iterations)
@@ -141,7 +141,7 @@ def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Cons
             orientation, or torque limits for an arm without masses.
     """
     active: list[Constraint] = []
-    # Rows with viscous friction come first.
+    # Rows with viscous friction must come first.
     if limits.joint_torque is not None:
         active.append(JointTorque(arm, limits.joint_torque))
     dof = joint_path.dof

@@ -30,19 +30,19 @@ from armcontour.planning.path_grid import FEWEST_PER_PIECE, MOST_INTERVALS
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
-# A motion of more than eleven days is a mistake in a number [s]; its times round to a nanosecond.
+# Largest duration [s], eleven days: longer ones are mistakes; times are rounded to a nanosecond.
 LONGEST_MOTION = 1e6
 MotionTime = Annotated[float, Quantity("s", "6.5 s", within=(checks.SMALLEST, LONGEST_MOTION))]
 Intervals = Annotated[int, AtLeast(FEWEST_PER_PIECE, MOST_INTERVALS)]
-# Of fields that are keys of a job, whose other options have keys elsewhere or none.
+# Marks fields that are keys of a job; other options have keys elsewhere or none.
 KEY = About()
 PathSpeed = Annotated[float, Quantity("m/s", "0.15 m/s", "not negative")]
-# Laps per line of the paper's method. With fewer laps a short line from rest to rest would have no
-# lap to move in; more are some GB of data for an arm with six joints.
+# Laps per line of the paper's method. With fewer laps a short line from rest to rest has no lap to
+# move in; more laps need several GB for an arm with six joints.
 FEWEST_LAPS, MOST_LAPS = 8, 5_000_000
-# Largest number of iterations of each pass that limits jerk.
+# Largest number of iterations of each pass with limits of jerk.
 MOST_ITERATIONS = 150
-# Iterations of shaping, unless another number is given, and at most.
+# Default and largest number of iterations of shaping.
 DEFAULT_ITERATIONS, MOST_SHAPES = 60, 10_000
 
 
@@ -207,7 +207,7 @@ class Conventional(PlanOptions):
 
 
 FASTEST = Optimal()
-# Options by the names of their methods, for those that time a path as it is given.
+# Options by method, for the methods that do not change the path.
 METHODS: dict[str, type[PlanOptions]] = {x.method.value: x for x in (Optimal, Paper, Conventional)}
 
 

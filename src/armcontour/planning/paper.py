@@ -33,9 +33,9 @@ from armcontour.planning.options import FEWEST_LAPS, MOST_LAPS, Paper
 from armcontour.planning.paper_line import PaperLine, RulePart, parts_by_rule
 from armcontour.robot import Arm, Limits
 
-# Next to a rest the speed grows by a large factor per knot: one lap there would be a coarse step.
+# Parts of the lap next to a rest, where the speed changes by a large factor.
 LAPS_AT_REST = 10
-# Limits that every part is checked for, because the method does not check them everywhere.
+# Limits that are checked on every part, because the method does not guarantee them.
 CHECKED = (
     "joint_velocity",
     "joint_acceleration",

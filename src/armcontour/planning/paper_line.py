@@ -20,7 +20,7 @@ from armcontour.motion import JointPath, LawAlongPath, LineLaw
 from armcontour.planning.law_checks import law_states, path_law, tool_path_of
 from armcontour.robot import Arm
 
-# The tool speed is not computed from a joint that moves less than this share of the fastest one.
+# Smallest speed of a joint, as a share of the fastest joint, from which the tool speed is computed.
 HARDLY_MOVING = 0.01
 
 
@@ -68,7 +68,7 @@ def run_laps(
                 if step < 0.0:
                     w = -w
                 root = math.sqrt(w * w + 2.0 * limit[j] * abs(step))
-                # (18); where its printed form would cancel, as 2 d / (w + root).
+                # (18), or 2 d / (w + root) if its printed form would cancel.
                 time = 2.0 * abs(step) / (w + root) if w > 0.0 else (root - w) / limit[j]
             if time > longest:
                 longest = time
@@ -244,7 +244,7 @@ class PaperLine:
             slower = both[forward.speed[both] <= backward[both]]
             last = int(slower[-1]) if len(slower) else first - 1
             if first == 0 and forward.speed[0] >= backward[0]:
-                last = -1  # the start was lowered to what the line can brake from: MDC throughout
+                last = -1  # the start speed is that from which the line can brake: MDC throughout
             first = last + 1
             meeting = 0 <= last and first <= n
             if meeting:

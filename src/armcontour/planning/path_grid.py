@@ -15,15 +15,15 @@ from armcontour.core.kernels import compiled
 from armcontour.motion import JointPath
 from armcontour.motion._laws import value_and_slopes
 
-# By default the grid has this many intervals, and at least this many per piece of the joint path.
+# Default number of intervals of a grid, and smallest number per piece of the joint path.
 DEFAULT_INTERVALS = 4000
 FEWEST_PER_PIECE = 2
-# Some GB of data for an arm with six joints.
+# Several GB for an arm with six joints.
 MOST_INTERVALS = 5_000_000
-# Share of the intervals that is spread evenly over the length. The other intervals go where the
-# joint path turns.
+# Share of the intervals that is distributed evenly over the length; the others follow the turning
+# of the joint path.
 EVEN_SHARE = 0.5
-# Below this share of the largest dq_ds no joint moves.
+# Share of the largest dq_ds below which no joint moves.
 AT_REST = 1e-9
 
 
@@ -104,7 +104,7 @@ def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
         raise InvalidInput(
             f"Grid points must be one row of arc lengths from {breaks[0]:g} to {breaks[-1]:g} m."
         )
-    # A point that differs from a break or from the one before by rounding only is left out.
+    # Points that differ from a break or from the previous point by rounding only are dropped.
     s, piece, fewest = merge_breaks(points, breaks, 1e-12 * (breaks[-1] - breaks[0]))
     grid = _locked(joint_path, s, piece)
     # From rest to rest within one interval there is no motion, so every piece gets at least two.

@@ -33,9 +33,9 @@ from armcontour.planning.tracing import check_joint_range
 from armcontour.program import Dwell, Program
 from armcontour.robot import Arm, Limits, compare_limits, resolve_limits
 
-# Options that apply to one path only: a program has many paths, and rests between them.
+# Options of a single path; a program has several paths with rests between them.
 OF_ONE_PATH = ("grid", "start_speed", "end_speed")
-# With many contours each contour gets fewer grid intervals: it is shorter, and each costs time.
+# With many contours each contour has fewer grid intervals, because it is shorter.
 MOST_BY_DEFAULT = 40_000
 FEWEST_INTERVALS = 500
 
@@ -80,7 +80,7 @@ def plan(
     if not isinstance(arm, Arm):
         arm = _JointSpace(arm.dof, arm.limits)
     if not isinstance(path, Tracing) and (warning := compare_limits(bounds, arm)):
-        # Jobs plan tracings, and have warnings of their own.
+        # Jobs plan tracings, and issue their own warnings.
         warnings.warn(capitalise(warning), stacklevel=3)
     check_jerk_support(options.method, bounds)
     traced: Tracing | JointPath

@@ -32,7 +32,7 @@ from armcontour.robot import Arm, Limits
 
 # Grid intervals of a rapid: limits change little along a straight line of the joints or the tool.
 RAPID_INTERVALS = 200
-# Events nearer in time than this are at once [s].
+# Events closer in time than this are simultaneous [s].
 SAME_TIME = 1e-9
 
 
@@ -240,7 +240,7 @@ class JoinedMoves:
             laws=tuple(self.laws),
             method=self.last.method,
             path=single_path,
-            # The times and arc lengths of stretches count from the start of their own path.
+            # Times and arc lengths of stretches are relative to the start of their path.
             stretches=() if single_path is None else self.last.stretches,
             spans=tuple(self.spans),
             events=tuple(sorted(self.events, key=lambda x: x.t)),

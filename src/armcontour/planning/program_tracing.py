@@ -26,27 +26,27 @@ from armcontour.planning.tracing import sketch_all, trace, trace_all
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limits
 
-# Joint positions nearer than this are the same [rad]: the error of exact inverse kinematics.
+# Joint positions closer than this are equal [rad]: the error of exact inverse kinematics.
 SAME_POSITION = 1e-9
 # Configurations are compared by coarse plans.
 ROUGHLY = Optimal(intervals=400)
-# In the plane, joint paths of more pieces are compared by lower bounds: a plan takes seconds.
+# Planar joint paths of more pieces are compared by lower bounds, because a plan takes seconds.
 MOST_PLANNED = 8_000
-# On paths of more segments than LONG they are compared on parts of about PART_SEGMENTS, one in
-# PART_EVERY segments, and at most MOST_PARTS. Parts tell durations apart by some thousandths only:
-# what is slower there by no more than SLOWER is traced along the whole path.
+# Paths of more segments than LONG are compared on parts of about PART_SEGMENTS, one in PART_EVERY
+# segments, and at most MOST_PARTS. Parts resolve durations to some thousandths only, so
+# configurations that are slower by at most SLOWER are traced along the whole path.
 LONG = 20_000
 PART_SEGMENTS, PART_EVERY, MOST_PARTS = 200, 2500, 40
 SLOWER = 0.01
-# What differs on the parts by less than this share differs by the turn of a wrist only, and is as
-# fast on the whole path.
+# Configurations that differ on the parts by less than this share differ by a turn of the wrist
+# only, and are equally fast on the whole path.
 ALIKE = 1e-4
-# A configuration is not planned if this share of its lower bound exceeds a plan: the bound keeps
-# limits at points, and may miss what happens between them.
+# A configuration is not planned if this share of its lower bound exceeds a plan. The bound
+# satisfies limits at points only.
 SURE = 0.998
-# Plans whose durations differ by less than this share are as fast: the planner is no more exact.
+# Relative difference of equal durations, the accuracy of the planner.
 AS_FAST = 1e-6
-# Where configurations are as fast for a contour, so many contours after it tell which is chosen.
+# Number of following contours that decide between equally fast configurations.
 AHEAD = 4
 
 
@@ -284,7 +284,7 @@ def _line(begin: FloatArray, end: FloatArray) -> JointPath:
 def ends_of(joint_path: JointPath) -> tuple[FloatArray, FloatArray]:
     """Joint positions at the start and at the end of a joint path [rad], (dof,) each."""
     start, end = joint_path.coefficients[0, 0], joint_path.coefficients[-1, 5]
-    # The polynomial of the last interval at its end, as Horner's rule has it.
+    # Polynomial of the last interval at its end, by Horner's rule.
     for k in range(4, -1, -1):
         end = end + joint_path.coefficients[-1, k]
     return start + 0.0, end
@@ -372,7 +372,7 @@ def trace_by_duration(
         Lists of equally fast joint paths, the shortest first. For a long path only the fastest.
     """
     bounds = resolve_limits("fastest_configurations", arm, limits)
-    # Limits of jerk cost much time here, and favour no configuration.
+    # Limits of jerk take much time and favour no configuration.
     rough = bounds.without_jerk
     if isinstance(path, Path) and len(path) > LONG and isinstance(arm, SerialArm):
         joint_path = (
@@ -397,14 +397,14 @@ def _by_duration(
     if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MOST_PLANNED:
         yield from ([joint_paths[i]] for i in order)
         return
-    # Of those that are planned and did not come yet.
+    # Durations of the planned joint paths that are not yet yielded.
     durations: dict[int, float] = {}
     while order or durations:
-        # What takes longer by its bound is not planned yet.
+        # Joint paths whose bounds exceed the fastest plan are planned later.
         while order and SURE * at_least[order[0]] <= min(durations.values(), default=np.inf):
             i = order.pop(0)
             durations[i] = np.inf
-            # If no configuration can be planned, the plan of the first one raises the reason.
+            # If no configuration can be planned, the plan of the first one raises the error.
             with suppress(ArmContourError):
                 durations[i] = plan_optimal(joint_paths[i], arm, rough, ROUGHLY).duration
         shortest = min(durations.values())
@@ -432,7 +432,7 @@ def find_starts(path: Path, arm: SerialArm, limits: Limits | None = None) -> lis
         try:
             return [x[0] for x in sketch_all(path, arm, limits=limits)[1]]
         except Unreachable:
-            # Tracing says why.
+            # Tracing raises the error.
             pass
     return [x(0.0) for x in trace_all(path, arm, limits=limits)]
 
@@ -447,7 +447,7 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
     try:
         s, solutions = sketch_all(path, arm, limits=limits)
     except Unreachable:
-        # Tracing says why.
+        # Tracing raises the error.
         return None
     bounds, durations = _compare(path, arm, limits, s, solutions)
     fast = durations <= (1 + SLOWER) * durations.min()
@@ -455,7 +455,7 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
         ratio = durations / bounds
     slow = np.flatnonzero(~fast)
     best, shortest, done = None, np.inf, list[float]()
-    # The shortest joint paths come first; slow ones are traced only if no other can be.
+    # The shortest joint paths come first; slow ones are traced only if all others fail.
     for k in [*np.flatnonzero(fast), *slow[np.argsort(durations[slow], kind="stable")]]:
         if done and not fast[k]:
             break

@@ -25,10 +25,9 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.kernels import compiled
 from armcontour.motion import JointPath, quintic
 
-# A piece that leaves its line by more than this [rad], and than this share, is surely bent.
+# Distance from its line [rad], and share of its size, above which a piece is curved.
 BENT = 1e-6
-# Coefficients of dq/dx, of the powers 0 to 4 of x, to those of Bernstein: their least and largest
-# values enclose dq/dx on the piece.
+# Converts coefficients of dq/dx, of powers 0 to 4, to Bernstein coefficients, which enclose dq/dx.
 BERNSTEIN = np.array([[comb(i, k) / comb(4, k) for k in range(5)] for i in range(5)])
 
 
@@ -111,18 +110,19 @@ def resting_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
     return resting
 
 
-# dq_ds counts as zero below this share of the sum of its terms: a double root is known to 1e-8.
+# dq_ds counts as zero below this share of the sum of its terms; a double root is accurate to 1e-8.
 VANISHED = 1e-9
-# In straight pieces, dq_ds nearly vanishes below this share.
+# dq_ds of straight pieces nearly vanishes below this share.
 SMALL = 1e-2
-# A piece is straight if it leaves its line by no more than rounding [rad], or by this share.
+# Distance from its line, as rounding [rad] and as a share of its size, below which a piece is
+# straight.
 STRAIGHT = 1e-12
 ROUNDING = 4e-15
-# Bent pieces are replaced up to this share of their length, by quintics between p in ratio RATIO
-# from the share FIRST on. They leave the curve by at most 1e-12 of the piece's size.
+# Curved pieces are replaced up to the share LAST of their length, by quintics between p in ratio
+# RATIO from the share FIRST on. Their error is at most 1e-12 of the size of the piece.
 LAST, FIRST, RATIO = 0.05, 1e-3, 0.8
 
-# Takes coefficients in x to those in 1 - x.
+# Converts coefficients in x to those in 1 - x.
 REVERSED = np.array([[comb(k, m) * (-1.0) ** m for k in range(6)] for m in range(6)])
 
 Polynomials = tuple[FloatArray, FloatArray]  # lengths, (n,), and coefficients, (n, 6, dof)
@@ -155,7 +155,7 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
         return same
     if not coefficients[:, 1:].any():
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
-    # Only straight pieces, and those that begin or end with x³ or more, may be unsuited.
+    # Only straight pieces, and those that begin or end with x³ or more, may need another parameter.
     doubtful = np.flatnonzero(~moving)
     c = coefficients[doubtful]
     both = np.stack([np.linalg.norm(_terms(x), axis=2) for x in (c, REVERSED @ c)])
@@ -172,7 +172,7 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
 def _with(joint_path: JointPath, changed: dict[int, _Piece]) -> tuple[JointPath, FloatArray]:
     """Replace some pieces of a path, and return its breaks in the new parameter; stops are kept."""
     straight = [x for x in changed.values() if x.is_straight]
-    # Where nothing else says how fast p is, straight pieces keep their length on the whole.
+    # The default scale of p keeps the total length of the straight pieces.
     total = sum(x.width for x in straight)
     slope = (
         sum(float(np.abs(np.diff(_turns(x.along, x.inner)[1])).sum()) for x in straight) / total
@@ -391,7 +391,7 @@ def _turns(along: FloatArray, inner: FloatArray) -> tuple[FloatArray, FloatArray
     for k in range(1, len(x)):
         step = value[k] - value[indices[-1]]
         if len(indices) > 1 and step * (value[indices[-1]] - value[indices[-2]]) >= 0:
-            indices[-1] = k  # it goes on in the same direction
+            indices[-1] = k  # the direction does not change
         elif abs(step) > small:
             indices.append(k)
     if indices[-1] != len(x) - 1:

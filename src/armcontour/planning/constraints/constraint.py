@@ -39,7 +39,7 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States, use_of
 from armcontour.robot.limits import JERK_LIMITS, UNITS
 
-# Shares of the time of an interval at which what is not known from its ends is looked at.
+# Relative times of the samples inside an interval.
 INSIDE = np.linspace(0.0, 1.0, 5)[:, None]
 
 

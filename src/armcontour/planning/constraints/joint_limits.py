@@ -54,7 +54,7 @@ class JointMotion(Constraint):
         (slopes, _), (third, _) = path.derivatives
         certain = path.grid.width[:, None] ** 2 / 8 * third
         low, high = np.abs(self.velocity)
-        # Where a joint may turn round, it keeps both bounds.
+        # A joint that may reverse must satisfy both bounds.
         back = np.where(slopes.max(axis=1) < -certain, low, np.minimum(low, high))
         return np.asarray(np.where(slopes.min(axis=1) > certain, high, back))
 
@@ -125,7 +125,7 @@ class JointTorque(Constraint):
         one_way = (first[:, 0] * first[:, 1] > 0) & (size.min(axis=1) > bulge)
         sign = np.where(one_way, np.sign(first[:, 0]), 0.0)
         dry = np.where(largest > 0, self.coulomb, 0.0)
-        # Where a joint may turn round, dry friction counts against both limits.
+        # If a joint may reverse, dry friction counts against both limits.
         above, below = np.where(one_way, sign, 1.0) * dry, np.where(one_way, sign, -1.0) * dry
         creeping = weight + np.where(weight > 0, above[:, None], below[:, None])
         when = "in the slowest motion, with friction"

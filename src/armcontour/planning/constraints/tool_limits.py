@@ -21,15 +21,15 @@ from armcontour.planning.topp.on_grid import OnGrid
 from armcontour.robot import Arm
 from armcontour.robot.limit_use import require_orientation
 
-# Shares of a piece of the joint path at which the tool motion is sampled.
+# Positions of the samples of a piece of the joint path.
 SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]
-# Samples of an interval whose curvature varies.
+# Positions of the samples of an interval whose curvature varies.
 SHARES = np.linspace(0.0, 1.0, 5)[:, None]
-# A piece is even if its curvature varies by less than this share.
+# Relative variation of the curvature below which a piece is even.
 EVEN = 1e-3
-# A tangent of the bound of x touches it where the curvature is at least this share of its largest.
+# Smallest curvature, as a share of the largest, at which a tangent of the bound of x touches.
 TOUCH = 0.8
-# Curvatures below this are those of lines [1/m].
+# Largest curvature of a line [1/m].
 FLAT = 1e-3
 
 
@@ -107,7 +107,7 @@ def _measure(joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray) -
 def _parts(velocity: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, ...]:
     """Speeds, and accelerations along and normal to the motion, (n,) each."""
     speed = np.sqrt(np.einsum("ij,ij->i", velocity, velocity))
-    # Where the tool stands, all of the acceleration counts as across.
+    # If the tool rests, the whole acceleration counts as normal.
     direction = velocity / np.where(speed > 0, speed, 1.0)[:, None]
     along = np.einsum("ij,ij->i", acceleration, direction)
     across = acceleration - along[:, None] * direction

@@ -15,24 +15,24 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernels import compiled
 
-# Share of the way to the nearest row that a step may go.
+# Largest step, as a share of the step to the nearest bound.
 NEAREST = 0.995
-# The same for rows of the length of a vector, whose bounds are round.
+# The same for rows with the length of a vector.
 NEAREST_ROUND = 0.9
-# A step that breaks a row by rounding errors is shortened by this factor, at most so often.
+# A step that violates a row by rounding is shortened by this factor, at most this many times.
 SHORTER, MOST_SHORTER = 0.5, 30
-# The barrier falls by this factor, once Newton's decrement is below this share of the gap and the
-# step was longer than this share: faster rules end in tiny steps.
+# The barrier is reduced by the factor FALL once Newton's decrement is below the share CENTERED of
+# the gap and the step exceeds the share LONG; faster rules end in tiny steps.
 FALL, CENTERED, LONG = 0.15, 0.1, 0.3
-# Tangents move where rows keep this share of their slack.
+# Tangents are moved if rows retain this share of their slack.
 KEPT = 0.1
-# Gauss-Legendre nodes and weights on [0, 1], of the duration of a cell.
+# Gauss-Legendre nodes and weights on [0, 1] for the duration of a cell.
 NODES = 0.5 + 0.5 * np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
-# The scaled diagonal is at least this far above zero.
+# Smallest pivot of the scaled matrix.
 RIDGE = 1e-14
 TINY = 1e-300
-# What is minimized: the duration, or the speed at the start or at the end, with a minus sign.
+# Objective: the duration, or minus the speed at the start or at the end.
 DURATION, START, END = 0, 1, 2
 
 
@@ -104,7 +104,7 @@ def _new_duals(p: JerkSection) -> _Duals:
     )
 
 
-# Rows are read number by number: a view of each row would cost more than what is computed with it.
+# Rows are read as scalars, because array views would cost more than the arithmetic.
 
 
 @compiled(inner=True, inline="always")
@@ -203,7 +203,7 @@ def _write_slacks(
         slack.positive[0] = 0.0
     if free != END:
         slack.positive[n + 1] = 0.0
-    # False for what is no number, too.
+    # Also False for NaN.
     return smallest > 0.0
 
 
@@ -652,7 +652,7 @@ def improve(
         _take_step(d, right, share, trial)
         halvings = 0
         while not _write_slacks(p, trial, goal, tangents, slack):
-            # Rounding errors next to a bound.
+            # Rounding errors close to a bound.
             halvings, share, landed = halvings + 1, share * SHORTER, False
             if halvings > MOST_SHORTER:
                 return iteration

@@ -33,43 +33,46 @@ from armcontour.planning.jerk.mesh_rows import MeshRows
 from armcontour.planning.options import MOST_ITERATIONS, Task
 from armcontour.planning.topp.kernels import MotionBounds
 
-# Cells of a plan by default: so many while an acceleration builds up, but at least as many as the
-# fewest, to which each polynomial of the joint path adds.
+# Default number of cells: PER_BUILD_UP while an acceleration builds up, but at least FEWEST_CELLS
+# plus FEWEST_PER_PIECE for each polynomial of the joint path.
 PER_BUILD_UP, FEWEST_CELLS, FEWEST_PER_PIECE = 2.0, 1000, 3
-# Where more cells than the most are wanted, jerk is so large that fewer resolve its effect. Each
-# polynomial adds to these, and each section as much as several, for the cells at its ends.
+# If more cells than MOST_CELLS result, jerk is so large that fewer cells resolve its effect:
+# MANY_CELLS plus MANY_PER_PIECE for each polynomial, and PIECES_OF_SECTION polynomials for each
+# section, because of the cells at its ends.
 MOST_CELLS, MANY_CELLS, MANY_PER_PIECE, PIECES_OF_SECTION = 20_000, 4000, 8, 10
-# Motion is even below this share of the largest path acceleration.
+# Share of the largest path acceleration below which motion is even.
 EVEN = 0.01
-# The first pass has this share of the cells, and at least so many.
+# The first pass has 1 / COARSER of the cells, and at least FEWEST.
 COARSER, FEWEST = 5, 60
-# Shares of the optimum within which the passes end.
+# Relative gaps at which the first and the second pass end.
 ROUGH, EXACT = 1e-2, 1e-4
-# The second pass starts from this share of ds² of the first plan.
+# Factor of ds² of the first plan at the start of the second pass.
 INSIDE = 0.9
-# A start is lowered next to broken rows by factors between these, at most so often. Away from them
-# it rises with this share of the slopes that jerk and acceleration allow, which INSIDE leaves free.
+# A start is reduced next to violated rows by factors between LESS and MORE, at most MOST_LESS
+# times. Elsewhere its rise is limited to the share ROOM of the slopes that jerk and acceleration
+# allow.
 LESS, MORE, MOST_LESS = 0.5, 0.95, 400
 ROOM = 0.1
-# A start must be this far from every bound, as a share of the bound.
+# Smallest relative slack of a start.
 CLEAR = 1e-4
-# Margins are computed for so many times the ds², dds and slope of the first pass, and for ds² down
-# to LEAST of it where rows ask for that.
+# Margins are valid for these multiples of ds², dds and slope of the first pass, and for ds² down to
+# the share LEAST if rows need a lower bound.
 HEADROOM, HEADROOM_RATE, HEADROOM_SLOPE = 1.5, 2.0, 4.0
 LEAST = 0.3
-# Bounds of dds are at least this share of the largest dds.
+# Smallest bound of dds, as a share of the largest dds.
 LEAST_RATE = 0.02
-# A plan is made again with wider bounds if those that it comes nearer to than this share may cost
-# more than this share of the duration. Distances below the last number are rounding errors.
+# A plan is repeated with bounds wider by the factor WIDER, up to WIDEST, if bounds closer than the
+# share TOO_NEAR may cost more than the share LEAST_GAIN of the duration. Distances below TINY are
+# rounding errors.
 TOO_NEAR, WIDER, WIDEST, LEAST_GAIN, TINY = 0.02, 2.0, 16.0, 1e-5, 1e-9
 # Cells whose margins take more than this share of a limit are split.
 LARGEST_MARGIN, MOST_PARTS, MOST_SPLITS = 1e-2, 10, 6
-# The largest share of a limit that margins may take on cells of uniform jerk.
+# Largest share of a limit that margins may take on cells of uniform jerk.
 MOST_AT_RAMPS = 0.5
-# A start or end speed that is the limit is lower than the limit by half of this share: no row of an
-# interior point is met exactly.
+# A start or end speed equal to its limit is reduced by half of this share, because no row of an
+# interior point is active.
 CLOSE_TO_LIMIT = 1e-7
-# What a start or end speed counts against the duration, one after the other, until it is reached.
+# Weights of a start or end speed against the duration, tried in order.
 WEIGHTS = (0.0, 1.0, 10.0, 100.0)
 
 
@@ -86,7 +89,7 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
     section_ends, at_rest = find_sections(law, task)
     ends = find_ends(law, task, section_ends, at_rest)
     cells = _default_cells(law, ends) if task.cells is None else task.cells
-    # Rows are as many as the polynomials of the joint path, however few the cells.
+    # The number of rows is at least that of the polynomials of the joint path.
     coarse = max(cells // COARSER, FEWEST, len(law.joint_path.breaks) // 2)
     mesh = place_mesh(law, law.s, coarse, section_ends, ends)
     coarse_rows = _rows(task, mesh, law)
@@ -119,7 +122,7 @@ def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
                 if best is None:
                     raise
                 return best
-            # Rows that hold for any ds² down to rest always leave room for slow motion.
+            # Rows that hold down to rest always allow slow motion.
             curved = False
             continue
         if best is None or law.breaks[-1] < best.breaks[-1]:
@@ -180,11 +183,11 @@ def _bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> Motion
     x = np.maximum(speed[:-1], speed[1:]) ** 2
     last = near.path_position(np.arange(len(width)), near.breaks[1:], 2)
     u = np.maximum(np.abs(dds), np.abs(last))
-    # Even motion has no rates, and a bound of zero would leave no room.
+    # Even motion has no rates, but a bound of zero would exclude all motion.
     u = np.maximum(u, LEAST_RATE * u.max())
     change = np.maximum(np.abs(slope), u / width)
     smallest = np.minimum(speed[:-1], speed[1:]) ** 2
-    # Cells of the other plan that each cell touches, and their neighbours.
+    # Cells of the other plan that overlap each cell, and their neighbours.
     s = mesh.grid.s
     first = np.searchsorted(near.s, s[:-1], side="right") - 2
     count = np.searchsorted(near.s, s[1:], side="left") + 1
@@ -287,7 +290,7 @@ def _start(
     steps, doubled = np.minimum(ratio[1:], ratio[:-1]) * spacing, np.ones(len(spacing))
     part = np.ones(len(middle))
     for _ in range(MOST_LESS):
-        # Where ds² more than doubles from cell to cell, the tangent may be negative at any scale.
+        # If ds² more than doubles between cells, the tangent may be negative at any scale.
         height = np.log2(profile * part ** (4 / 3))
         limit_steps(height, doubled)
         d[1:-1] = 2**height
@@ -334,7 +337,8 @@ def _law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
     for sign, moving in ((1, 2), (-1, 0)):
         parts = np.flatnonzero(ramps[i] == sign)
         h = width[i[parts]]
-        # Uniform jerk: the way is a third of the larger speed times the time from or to the rest.
+        # Uniform jerk: the distance is a third of the larger speed times the time from or to the
+        # rest.
         whole = 3 * h / np.sqrt(square[moving, i[parts]])
         jerk[parts] = 6 * h / whole**3
         since, until = (whole * np.cbrt(z[parts] if sign > 0 else 1 - z[parts]) for z in (x, y))

@@ -14,24 +14,24 @@ from armcontour.planning.options import Task
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import collect, largest_u
 
-# Cells are spread over time, over arc length, and as the grid of the plan without jerk, which is
-# finer where the joints turn, in these shares.
+# Shares of the cells that are distributed over time, over arc length, and as the grid of the plan
+# without jerk, which is finer where the joints turn.
 OVER_TIME, OVER_LENGTH, OVER_TURNS = 0.5, 0.3, 0.2
-# The cell at a rest is this share of the way in which the acceleration would build up.
+# Length of the cell at a rest, as a share of the distance in which the acceleration builds up.
 FIRST_CELL = 0.3
-# Up to so many such ways from a rest, cells take one K-th of the first cell's time each.
+# Up to this many such distances from a rest, cells take equal times.
 RAMPS = 8.0
-# Farther away they may grow by this share of their distance.
+# Farther away their growth is limited to this share of their distance.
 GROWTH = 0.3
-# The first cell is at most and at least this share of a section.
+# Largest and smallest length of the first cell, as shares of a section.
 LONGEST_FIRST, SHORTEST_FIRST = 0.02, 1e-9
-# No other cell is shorter than this share of a section: its slope would be a rounding error.
+# Smallest length of other cells, as a share of a section; below it the slope is a rounding error.
 SHORTEST = 1e-9
-# The mass of cells next to a rest is computed at so many places.
+# Number of points at which the mass of cells next to a rest is computed.
 PLACES = 200
-# Breaks of the joint path nearer to another one than this share of a cell end parts, not cells.
+# Breaks of the joint path closer to another one than this share of a cell end parts, not cells.
 NEAR_KNOT = 0.3
-# Nodes nearer to a break than this share of the next cell are moved there.
+# Nodes closer to a break than this share of the next cell are moved there.
 SNAP = 0.2
 
 
@@ -127,7 +127,7 @@ class JerkMesh:
         before = np.concatenate([[0], np.cumsum(count)])
         share = number / count[cells]
         nodes = np.append(self.nodes[cells] + self.width[cells] * share, self.nodes[-1])
-        # A new node that misses a break by a rounding error would leave a part without a size.
+        # A new node that differs from a break by rounding would leave an empty part.
         snapped, new = _snap(nodes, self.grid.joint_path.breaks), np.append(number > 0, False)
         nodes = np.where(new, snapped, nodes)
         return JerkMesh.through(self.grid.joint_path, nodes, before[self.sections], self.at_rest)
@@ -268,18 +268,19 @@ def _mass_near(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
     return np.asarray(near + beyond)
 
 
-# A jump of d2q_ds2, or of what it means for the tool, counts if it is this share of its size, and
-# if at the plan's speed the jerk needs longer than this share of the duration for it.
+# A jump of d2q_ds2, or of its effect on the tool, requires a stop if it exceeds the share KINK of
+# its size, and if the jerk needs longer than the share TOO_SHORT of the duration for it at the
+# speed of the plan.
 KINK, TOO_SHORT = 1e-6, 1e-8
-# In a long plan it counts if the jerk needs longer than this for it [s]: half of what `check` lets
-# pass as a rounding error.
+# In a long plan the jump requires a stop if the jerk needs longer than this for it [s]: half of the
+# time that `check` tolerates as rounding.
 AT_ONCE = 5e-6
-# The path hardly bends over a length that turns it by less than about this [rad].
+# Largest change of direction over the length `even` [rad].
 EVEN_BEND = 5e-4
-# dq_ds vanishes at an end if it is below this share of that near it; the first cell is then at most
-# this share of the section.
+# dq_ds vanishes at an end if it is below the share STANDING of that nearby; the first cell is then
+# at most the share SHARE_AT_STANDING of the section.
 STANDING, SHARE_AT_STANDING = 0.1, 5e-4
-# The rates at a rest are those at this share of its section.
+# Distance from a rest at which its rates are evaluated, as a share of its section.
 NEAR_REST = 5e-3
 
 
@@ -344,7 +345,7 @@ def find_ends(
         edge = section_ends[side : len(section_ends) - 1 + side]
         j = np.clip(np.searchsorted(law.s, edge, side="right") - 1 - side, 0, len(grid) - 1)
         straight = np.nan_to_num(np.fmin(even[i], even[j]), nan=np.inf)
-        # Where the joints start with dq_ds = 0, the direction of motion is that farther inside.
+        # If dq_ds is zero at the end, the direction of motion is that farther inside.
         standing = size[j] < STANDING * size[i]
         straight = np.where(standing, SHARE_AT_STANDING * np.diff(section_ends), straight)
         rows = zip(at_rest[:, side], acceleration[i], jerk[i], speed, straight, strict=True)

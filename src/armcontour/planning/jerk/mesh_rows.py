@@ -27,7 +27,7 @@ from armcontour.planning.topp.kernels import MotionBounds, rows_with_friction
 from armcontour.planning.topp.limit_forms import HIGH, LOW, A, B, GridLimits, margins_of
 from armcontour.robot import Arm
 
-# A tangent of the bound of ds² is used unless it falls below this share of its middle at an end.
+# Smallest value of a tangent of the bound of ds² at an end, as a share of its middle.
 LEAST_SHARE = 0.25
 
 
@@ -62,7 +62,7 @@ class MeshRows:
         self.degree = _degree(grid.joint_path.coefficients)
         self.tool: ToolMotion | None = None
         if np.isfinite(jerk.tool):
-            # The tangents have as many control points as the jerk of the tool.
+            # The tangents have the degree of the jerk of the tool.
             self.tool, self.degree = ToolMotion.measure(grid, arm), DEGREE + 1
         self.length: FloatArray | None = None
         if np.isfinite(jerk.path) and grid.joint_path.tool_path is not None:
@@ -73,7 +73,7 @@ class MeshRows:
         sampled = []
         for constraint in active:
             if isinstance(constraint, JointMotion):
-                # Their rows are polynomials, and need no margins.
+                # Their rows are polynomials without margins.
                 if constraint.velocity.size:
                     self.speeds = np.minimum(self.speeds, constraint.fastest(self.path))
                 if len(constraint.low):
@@ -82,7 +82,7 @@ class MeshRows:
             else:
                 sampled.append(constraint)
         self.limits = self._with_margins(limits_on(self.path, sampled), about)
-        # Joints whose accelerations, and whose jerks are limited.
+        # Joints with limits of acceleration, and joints with limits of jerk.
         self.joints = (
             np.flatnonzero(np.isfinite(self.bounded).any(axis=(0, 1))),
             np.flatnonzero(np.isfinite(jerk.joint)),
@@ -291,7 +291,7 @@ class MeshRows:
         vectors, radius = [np.zeros((n, 0, 3, 3))], []
         for r in range(rounds.radius.shape[1]):
             for e in range(2):
-                # In the plane of both vectors: the first one is along the first axis.
+                # In the plane of both vectors, the first one along the first axis.
                 square, rate = (x[:, None] for x in self.basis.at_end(e))
                 aa, ab, bb = (x[:, e, r, None] for x in products)
                 along = np.sqrt(aa)
@@ -329,7 +329,7 @@ class MeshRows:
         width, limit = self.mesh.grid.width[:, None], self.speeds[:, limited]
         (slopes, _), (third, _) = self.path.derivatives
         bulge = width**2 / 8 * third[:, limited]
-        # |q'| over its limit lies below a line, and the tangent of 1 / line² below that.
+        # |q'| over its limit is below a line, and the tangent of 1 / line² is below 1 / line².
         first, last = (np.abs(slopes[:, e, limited]) + bulge for e in range(2))
         first, last = np.maximum(first / limit, 1e-150), np.maximum(last / limit, 1e-150)
         middle = (first + last) / 2

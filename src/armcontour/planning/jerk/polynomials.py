@@ -154,14 +154,14 @@ def motion_rows(
                         rows[kind][i, position * count + c, b] = total
 
 
-# Degree of the polynomials: derivatives of the tool's position are parabolas on a part.
+# Degree of the polynomials; derivatives of the tool's position are parabolas on a part.
 DEGREE = 4
-# Places of a part: parabolas go through every second one, and are checked at the others.
+# Samples of a part: parabolas interpolate every second one, and are checked at the others.
 PLACES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 PARABOLA = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [2.0, -4.0, 2.0]])
-# Below this share of the speed over s the tool turns nearly on the spot.
+# Share of the speed over s below which the tool nearly turns on the spot.
 LEAST_SPEED = 0.5
-# Safety factor of the distance from the parabolas that is measured at the places between.
+# Safety factor of the measured distance from the parabolas.
 MARGIN = 2.0
 
 

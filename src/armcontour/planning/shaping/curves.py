@@ -16,18 +16,18 @@ from armcontour.geometry.biarcs import biarcs
 from armcontour.planning.shaping.spline_rows import JointSpline
 from armcontour.robot import Arm
 
-# A span is cut into parts in which the joint velocity changes by this share of itself.
+# Relative change of the joint velocity along a part of a span.
 CHANGE = 0.1
 MOST_PARTS = 8
-# Spans whose arcs are farther from the curve than this share of the tolerance, or than this
-# distance where the tolerance is small [m], are drawn in more parts.
+# Largest distance of arcs from the curve, as a share of the tolerance, and at least this distance
+# [m]; spans with larger distances are divided into more parts.
 NEAR, NEAREST = 1e-4, 1e-10
 MOST_ROUNDS = 4
 # Largest turn of a part [rad].
 SHARPEST = 0.35
-# Places at which arcs are compared with the curve, over each quintic.
+# Positions on each quintic at which arcs are compared with the curve.
 PLACES = np.linspace(0.1, 0.9, 9)
-# The largest distance that is found there, times this, bounds the distance in between.
+# Safety factor of the largest distance at these positions.
 SURE = 1.25
 # Points, tangents and their derivatives along the arc length.
 Ends: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
@@ -91,9 +91,9 @@ def _lack(
     first = np.cumsum(count) - count
     deviation = np.maximum.reduceat(spreads, first) / np.maximum(NEAR * tolerance, NEAREST)
     turns = (arcs.curvatures * arcs.lengths).reshape(-1, 2).sum(axis=1)
-    # Where the tool nearly stops it may turn within a small part of a span.
+    # If the tool nearly stops, it may turn within a small part of a span.
     turn = np.maximum.reduceat(turns, first) / SHARPEST
-    # The distance falls with the cube of the length.
+    # The distance is proportional to the cube of the length.
     return np.asarray(np.maximum(np.cbrt(deviation), turn))
 
 
@@ -126,7 +126,7 @@ def _draw(
     begin = _points(spline, arm, span, share[:, 0])
     end = _points(spline, arm, span, share[:, 1])
     rests = np.flatnonzero((share[:, 1] == 1) & spline.rest[span + 1])
-    # Ends meet to the last digit, but where the tool stops the tangent may jump.
+    # Ends are identical, but the tangent may jump at a stop.
     points = np.concatenate([begin[0], end[0][-1:]])
     into = np.concatenate([begin[1][1:], end[1][-1:]])
     into[rests] = end[1][rests]
@@ -150,7 +150,7 @@ def _count_parts(spline: JointSpline) -> IntArray:
     change = np.linalg.norm(np.diff(spline.velocities, axis=0), axis=1)
     slow = np.maximum(np.minimum(e[1:], e[:-1]), 0.2 * np.maximum(e[1:], e[:-1]))
     count = np.clip(np.ceil(change / (CHANGE * slow)), 1, MOST_PARTS).astype(np.intp)
-    # Beside a rest a span is straight in joint space.
+    # Next to a rest a span is straight in joint space.
     count[spline.rest[1:] | spline.rest[:-1]] = 1
     return np.asarray(count)
 
@@ -164,7 +164,7 @@ def _points(spline: JointSpline, arm: Arm, span: IntArray, share: FloatArray) ->
     a = (np.diff(e, axis=0) / h[:, None])[span]
     t = (share * h[span])[:, None]
     q, dq = knots[span] + e[span] * t + a * t**2 / 2, e[span] + a * t
-    # Beside a rest the direction is that of the other end, and any even speed will do.
+    # Next to a rest the direction is that of the other end, at any constant speed.
     for side, other in ((spline.rest[:-1], e[1:]), (spline.rest[1:], e[:-1])):
         beside = side[span]
         dq[beside], a[beside] = other[span][beside], 0.0
@@ -185,7 +185,7 @@ def _with_columns(arcs: Segments, objective: Path, s_parts: FloatArray) -> Segme
         values = getattr(objective, name)
         column = values[first]
         if not np.isnan(values).all():
-            # A part that lies along several segments takes the least of their values.
+            # A part along several segments has the smallest of their values.
             for k in range(1, int((end - first).max(initial=0)) + 1):
                 column = np.fmin(column, values[np.minimum(first + k, end)])
         columns[name] = np.repeat(column, 2)

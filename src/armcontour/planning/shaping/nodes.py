@@ -16,39 +16,39 @@ from armcontour.planning.shaping.kinematics import NearPath
 from armcontour.planning.shaping.starts import Candidate
 from armcontour.robot import Arm
 
-# Distance between nodes at a corner that turns by 90°, over the tolerance, and its growth from node
-# to node away from the corner.
+# Distance between nodes at a 90° corner, over the tolerance, and its growth per node away from the
+# corner.
 AT_CORNER = 0.045
 GROWTH = 0.12
-# Corners that turn by less than this [rad], nearer to others than this many tolerances, are chords
-# of a curve, and get no nodes of their own.
+# Corners that turn by less than SHALLOW [rad], closer to others than DENSE tolerances, are chords
+# of a curve without nodes of their own.
 SHALLOW, DENSE = 0.15, 4.0
-# Distance beside a rest over what it would be without the rest.
+# Factor of the distance between nodes next to a rest.
 AT_REST = 0.12
-# A polygon of control points may leave its curve by this share of the tolerance.
+# Largest distance of the polygon of control points from its curve, over the tolerance.
 SAG = 0.03
 # Largest distance between nodes, over the radius of the tool's path when all joints move evenly.
 LONGEST = 0.027
-# A stretch from rest to rest has at least about this many nodes.
+# Approximate smallest number of nodes between two rests.
 FEWEST = 64
-# Below this relative growth from sample to sample the logarithm is replaced by its series.
+# Relative growth between samples below which the logarithm is replaced by its series.
 EVEN = 1e-5
-# A stretch has at most so many nodes on average: the distance between nodes falls with the square
-# root of the tolerance, so that an iteration would take ever longer.
+# Largest average number of nodes per stretch. The distance between nodes is proportional to the
+# square root of the tolerance, so small tolerances make iterations slow.
 MOST_NODES = 4000
-# Samples for the distances between nodes: at first between two marks, then for each node.
+# Samples for the distances between nodes: initially between two marks, then per node.
 SAMPLES, PER_NODE = 32, 8
-# Offsets are looked for up to this many tolerances, in steps of this share of the tolerance.
+# Largest offset in tolerances, and search step as a share of the tolerance.
 FARTHEST = 2.5
 MARCH = 1 / 24
 HALVINGS = 24
-# Offsets stay inside the tolerance by this share of it.
+# Share of the tolerance by which offsets stay inside.
 INSIDE = 1e-3
-# Places nearer than this are one [m].
+# Arc lengths closer than this are equal [m].
 SAME = 1e-9
-# The own part of a point reaches this many tolerances along the objective, and to its neighbours.
+# Reach of the own part of a point along the objective in tolerances, in addition to its neighbours.
 REACH = 3.0
-# Directions in which offsets in space are bounded.
+# Number of directions of the bounds of offsets in space.
 SIDES = 12
 
 
@@ -117,7 +117,8 @@ class Nodes:
             return np.asarray((tube.margin(points, windows) >= margin) & (deviation <= allowed))
 
         offsets = np.zeros((len(self), len(self.sides)))
-        # An inscribed polygon: between its sides' directions the tube is not looked at.
+        # An inscribed polygon, because the tube is not evaluated between the directions of its
+        # sides.
         share = np.cos(np.pi / len(self.sides)) if self.sides.shape[1] > 1 else 1.0
         for j, side in enumerate(self.sides):
             direction = self.frames @ side
@@ -174,7 +175,7 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
     if spread is None:
         return None
     s, index = spread
-    # A rest between two stretches has a node on either side.
+    # A rest between two stretches has two nodes.
     row = np.repeat(np.arange(len(s)), 1 + np.isin(index, np.flatnonzero(marks.rest)[1:-1]))
     doubled = np.concatenate([[False], row[1:] == row[:-1], [False]])
     s, mark = s[row], np.where(doubled[1:], -1, index[row])
@@ -191,8 +192,8 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
         points=path(s),
         frames=_frames(tangents),
         sides=_sides(tangents.shape[1] - 1),
-        # A tube around a line holds the hull of its control points, but for what even motion of
-        # the joints bends.
+        # A tube around a line contains the hull of its control points, except for the curvature of
+        # even joint motion.
         sag=wide**2 * _bend(joint_path, arm, s) / 8,
         tolerance=tolerance,
         smallest=_least_nearby(tolerance),
@@ -236,7 +237,7 @@ class _Marks:
         marks = np.concatenate([stops, s_corners[corner]])
         order = np.argsort(marks, kind="stable")
         corner_index = np.concatenate([np.full(len(stops), -1), corner])[order]
-        # The last entry is for rests, whose index is -1.
+        # The last entry is for rests, with index -1.
         half = np.append(turns, 0.0)[corner_index] / 2
         tolerances = _tolerance_at(tube, np.interp(marks[order], matches[:, 1], matches[:, 0]))
         first = AT_CORNER * tolerances / np.maximum(np.sin(half), 1e-6)
@@ -311,10 +312,10 @@ def _spread(
         step = np.minimum(step, np.diff(rests)[i] / FEWEST)
         k = np.searchsorted(samples, marks.s)
         step[k] = np.where(marks.rest, AT_REST * step[k], np.minimum(marks.first, step[k]))
-        # Neighbouring distances differ by no more than the growth.
+        # The difference of neighbouring distances is limited by the growth.
         step = GROWTH * samples + np.minimum.accumulate(step - GROWTH * samples)
         step = np.minimum.accumulate((step + GROWTH * samples)[::-1])[::-1] - GROWTH * samples
-        # The number of nodes over a distance along which the step grows evenly.
+        # Number of nodes over a distance along which the step grows evenly.
         growth = np.diff(step) / step[:-1]
         safe = np.where(np.abs(growth) > EVEN, growth, 1.0)
         mean = np.where(np.abs(growth) > EVEN, np.log1p(safe) / safe, 1 - growth / 2)
@@ -325,7 +326,7 @@ def _spread(
             return None
         if not parts:
             break
-        # Samples are denser where nodes will be.
+        # Samples follow the density of the nodes.
         samples, _ = _divide(
             total[k], marks.s, np.maximum(count * PER_NODE, parts), (total, samples)
         )

@@ -15,14 +15,14 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernels import FUSED, compiled
 
-# Iterations end when the average product of slack and multiplier, and the largest violation of a
-# row, are below these; rows and unknowns are scaled to the order of 1.
+# Convergence limits of the average product of slack and multiplier, and of the largest violation of
+# a row; rows and unknowns are scaled to the order of 1.
 GAP = 1e-8
 VIOLATION = 1e-8
 MOST_ITERATIONS = 60
-# A step goes this share of the way to the boundary at most.
+# Largest step, as a share of the step to the boundary.
 WAY = 0.995
-# The first slack is at least this.
+# Smallest initial slack.
 FIRST_SLACK = 0.1
 
 
@@ -51,7 +51,7 @@ def solve_program(
         largest = max(largest, abs(c[a]))
     x = np.zeros(n * k)
     slack = np.maximum(bound, FIRST_SLACK)
-    # The multipliers start in proportion to the cost.
+    # Initial multipliers are proportional to the cost.
     dual = largest * 0.1 / slack
     matrix = np.empty((n * k, 3 * k))
     step, primal = np.empty(n * k), np.empty(count)
@@ -69,7 +69,7 @@ def solve_program(
         _normal_matrix(first, ends, values, slack, dual, w, matrix)
         if not _factor(matrix):
             return x.reshape(n, k), -iteration - 1
-        # The predictor goes for complementarity at once, the corrector for a share of it.
+        # The predictor has zero complementarity as its target, the corrector a share of it.
         for corrected in range(2):
             for a in range(n * k):
                 step[a] = -c[a] - w[a] * x[a]

@@ -24,9 +24,9 @@ from armcontour.planning.shaping.quadratic_program import solve_program
 from armcontour.planning.shaping.spline_rows import LEAST_SPAN, JointSpline, assemble, span_rows
 from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, match, prove
 
-# Paths of more corners and rests than this are long.
+# Number of corners and rests above which a path is long.
 LONG = 40
-# Corners of a chunk, and by how many the cuts move from one iteration to the next.
+# Corners of a chunk, and shift of the cuts between iterations.
 CORNERS, SHIFT = 8, 3
 
 
@@ -47,7 +47,7 @@ def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntAr
         return np.zeros(0, dtype=np.intp)
     first = 1 + SHIFT * iteration % CORNERS
     cuts = np.searchsorted(group, np.arange(first, int(group[-1]) + 1, CORNERS))
-    # A chunk, and its first and last node, need room.
+    # A chunk needs room for its first and last node.
     return np.asarray(cuts[(cuts > 2) & (cuts < len(group) - 4)])
 
 
@@ -83,30 +83,31 @@ def solve_in_chunks(
         if end < n:
             chunk_cost[-1], chunk_rows[-1, :, k:], chunk_rows[-2, :, 2 * k :] = 0.0, 0.0, 0.0
         x, _ = solve_program(chunk_cost, chunk_rows, bounds[part], weight[part])
-        # A chunk without a solution stays as it is.
+        # A chunk without a solution is unchanged.
         return x if np.isfinite(x).all() else np.zeros_like(x)
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         return np.concatenate(list(pool.map(solve, begins.tolist(), ends.tolist())))
 
 
-# Changes of offsets are limited to this share of the tolerance at first, and at most and at least
-# to these. Where an iteration is refused the limit shrinks, where it pays the limit grows.
+# Limit of changes of offsets over the tolerance: initial, largest and smallest value, and factors
+# after rejected, slower and faster iterations.
 FIRST_TRUST, MOST_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
 SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
-# The search ends when this many iterations in sequence gain less than this share of the duration.
+# The search ends after this many consecutive iterations that gain less than LEAST_GAIN of the
+# duration.
 IDLE, LEAST_GAIN = 4, 1e-5
-# It also ends when so many in sequence leave the tube.
+# It also ends after this many consecutive iterations that leave the tube.
 MOST_TIGHTENED = 12
-# After each refusal in sequence a change is this share of what was proposed.
+# Factor of a change for each consecutive rejection.
 LESS = 0.6
-# Corners of a long path go back to the best shape so often in an iteration.
+# Corners of a long path revert to the best shape at most this many times in an iteration.
 MOST_MENDED = 4
-# Weights of the squares of offsets and of times, which make the quadratic program definite.
+# Weights of the squares of offsets and times, for a positive definite quadratic program.
 WEIGHT = (1e-3, 1e-9)
-# Where the tube is left the offsets keep this much more than was lacking.
+# Factor of the missing distance by which offsets are reduced outside the tube.
 SPARE = 1.5
-# The search starts from parabolas within this share of the tolerance.
+# Share of the tolerance of the initial parabolas.
 SHARE = 0.7
 
 
@@ -201,7 +202,7 @@ class ShapeSearch:
             state.trust *= SHRINK
             return True
         candidate, times, slower = judged
-        # The first spline only has to be: it may be slower than the start that it is drawn from.
+        # The first spline is accepted even if it is slower than the start it is drawn from.
         better = state.best is self.start or candidate.duration < state.best.duration
         if not better and self._keep_faster_parts(offsets, h, slower):
             state.refused = 0
@@ -226,7 +227,7 @@ class ShapeSearch:
         """
         if self.nodes.near.poses is None:
             return
-        # Where control points of the arc length itself lie: at a rest they lie at the rest.
+        # Control points of the arc length itself; at a rest they are at the rest.
         s_knots = np.clip(knots, 0.0, candidate.path.length)
         speed = candidate.trajectory.speed_at(s_knots)
         speed[self.nodes.rest] = 0.0
@@ -315,20 +316,20 @@ class ShapeSearch:
         node_rows, node_bounds = self._own_rows(unit)
         cost = np.zeros((n, k + 1))
         cost[:, k] = state.h / state.h.mean()
-        # Offsets that gain nothing go back.
+        # Offsets without a gain return to zero.
         cost[:, :k] = WEIGHT[0] * state.offsets / np.where(unit > 0, unit, 1.0)[:, None]
         unknowns = solve_in_chunks(
             cost,
             np.concatenate([rows, node_rows], axis=1),
             np.concatenate([bounds, node_bounds], axis=1),
             np.tile([*[WEIGHT[0]] * k, WEIGHT[1]], (n, 1)),
-            # The start is no spline: nodes that stay on it may leave no solution.
+            # The start is no spline, so fixed nodes may leave no solution.
             place_cuts(nodes.group, state.proposals, whole=state.best is self.start),
         )
         state.proposals += 1
         if not np.isfinite(unknowns).all():
             raise np.linalg.LinAlgError("The quadratic program has no solution.")
-        # The trust region bounds offsets only; after refusals all changes are less.
+        # The trust region limits offsets only; after rejections all changes are reduced.
         unknowns *= LESS**state.refused
         offsets = state.offsets + unknowns[:, :k] * unit[:, None]
         return self._clip(offsets), state.h * (1 + np.maximum(unknowns[:, k], -LEAST_SPAN))
@@ -341,7 +342,7 @@ class ShapeSearch:
         spline = self._spline(offsets, h)
         steps = nodes.near.steps(spline.q, nodes.frames)
         speeds = self.tube.objective.speeds[self.tube.objective.locate(nodes.s_objective)]
-        # The end of a span may lie on the segment of either node.
+        # The end of a span may be on the segment of either node.
         speeds[:-1] = np.fmin(speeds[:-1], speeds[1:])
         assigned = np.fmin(speeds, np.inf if limits.speed is None else limits.speed)
         assigned = np.where(np.isnan(assigned), np.inf, assigned)
@@ -387,7 +388,7 @@ class ShapeSearch:
         plain = Path(segments=drawn.segments)
         drawn = replace(drawn, places=match(self.tube, plain, drawn.places, reach))
         proof = prove(self.tube, plain, drawn.places)
-        # The tool follows the curve, which is a little beside the arcs.
+        # The tool follows the curve, which deviates slightly from the arcs.
         deviation = np.repeat(drawn.curve.spreads, 2)
         vertices = proof.vertices + drawn.curve.spreads.max()
         excess = max(
@@ -419,11 +420,11 @@ class ShapeSearch:
                     == np.abs(nodes.s_objective - s_corners[k]).min()
                 )
             lacking[near] = np.maximum(lacking[near], excess[k])
-        # Control points shape their own span and both neighbours.
+        # Control points determine their own span and both neighbours.
         wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
         lacking = np.maximum(lacking, wide)
         reduction = SPARE * np.maximum(lacking, 0.0) / np.maximum(nodes.smallest, 1e-12)
-        # At least twice as much as before, so that a few times are enough.
+        # At least doubled, so that a few times are sufficient.
         increased = np.maximum(2 * state.inside, state.inside + reduction)
         state.inside = np.where(lacking > 0, np.minimum(increased, 1.0), state.inside)
         state.limits = nodes.bounds(self.tube, state.inside)
@@ -454,7 +455,7 @@ class ShapeSearch:
             curve=drawn.curve,
         )
         if objective.orientation is not None:
-            # As at the place, also where that follows the tangent.
+            # As at the matching point, even if that follows the tangent.
             plain = replace(objective, orientation=replace(objective.orientation, follows=False))
             path, angle = orient_shaped(path, plain, drawn.places, options.angular_tolerance)
             if angle > (np.inf if options.angular_tolerance is None else options.angular_tolerance):
@@ -465,7 +466,7 @@ class ShapeSearch:
 def why_not(objective: Path, tube: Tube) -> str | None:
     """Reason why a path cannot be shaped, as a clause; None if it can."""
     if (tube.tolerance == 0).any():
-        # Splines of the joints do not keep to a line.
+        # Splines of the joints do not follow a line exactly.
         return "lines without a tolerance stay as they are: not shaped"
     if _turns_at_corners(objective):
         return "the orientation follows the tangent round corners: not shaped"

@@ -30,17 +30,17 @@ from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, tu
 from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs, put_on_path
 from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
 
-# Vertices that turn by more than this are corners of a contour; others may be points along a
-# curve, however near they are [rad].
+# Smallest turn of corners of a contour [rad]; other vertices may be points along a curve at any
+# distance.
 SHARP = np.radians(30)
-# The search ends with the first start that saves this share of the duration.
+# Saved share of the duration at which no further start is searched.
 ENOUGH = 0.01
-# From so many contours on other processes shape them, which take a few seconds to start.
+# Number of contours from which other processes shape them; starting them takes a few seconds.
 MANY = 24
-# The search ends after so many control points of the joints in all iterations, for each corner or
-# rest. Tolerances of about 1 µm (six joints) and 0.1 µm (two joints) need more.
+# Largest number of control point values in all iterations, for each corner or rest. Tolerances of
+# about 1 µm (six joints) and 0.1 µm (two joints) need more.
 WORK = 30_000
-# Why a contour that could be shaped has arcs.
+# Note of a contour that could be shaped but has arcs.
 ARCS_ARE_FASTER = "no shape that was found is faster than arcs"
 
 
@@ -167,7 +167,7 @@ class Shaping:
             with suppress(ArmContourError):
                 plans.append((shaped, start, self._time(self._follow(shaped, start))))
         if not plans:
-            # Planning says why.
+            # Planning raises the error.
             return shaped
         fastest, joints, planned = min(plans, key=lambda x: x[2].duration)
         moves = list(fastest.moves)
@@ -180,7 +180,7 @@ class Shaping:
             starts = {name: x for name, x in durations.items() if name != SHAPED}
             outcome = dataclasses.replace(
                 outcome,
-                # Of equal starts the plainest one, whatever rounding makes of their durations.
+                # Among starts with equal rounded durations the simplest one.
                 start=min(starts, key=lambda name: round(starts[name], 9)),
                 durations=durations,
                 note=outcome.note or (None if fastest is shaped else ARCS_ARE_FASTER),
@@ -338,7 +338,7 @@ def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
     tube = tube_of(objective, options)
     candidates = _time_starts(objective, tube, timer, options)
     if not candidates:
-        # Raises what is wrong with the objective.
+        # Raises the error of the objective.
         timer.time(timer.trace(objective))
     durations = {x.name: x.duration for x in candidates}
     first = min(candidates, key=lambda x: x.duration)
@@ -359,7 +359,7 @@ def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
             report((len(history) - 1) / options.iterations)
         work -= (len(history) - before) * search.size
         unfinished |= len(history) - before == allowed < remaining
-        # Another start mostly leads to the same shape.
+        # Another start usually leads to the same shape.
         if best.duration < (1 - ENOUGH) * first.duration:
             break
     durations[SHAPED] = best.duration

@@ -17,11 +17,12 @@ from armcontour.core.frames import perpendicular
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
 
-# Directions in which a disc in space is bounded by planes.
+# Number of planes that bound a disc in space.
 DIRECTIONS = 8
-# Speeds that are this share of their limits below them are left out: one step cannot reach them.
+# Relative distance below the limit from which speeds are ignored, because one step cannot reach the
+# limit.
 FAR = -0.6
-# A span time may shrink to this share of itself in one step.
+# Largest relative decrease of a span time in one step.
 LEAST_SPAN = 0.5
 
 
@@ -149,7 +150,7 @@ def _tool_speed(end: States, speeds: FloatArray) -> SpanRows:
     velocity = end.tool_velocity
     speed = np.linalg.norm(velocity, axis=1)
     direction = velocity / np.where(speed > 0, speed, 1.0)[:, None]
-    # Without a limit, any bound that does not bind.
+    # Without a limit, a bound that is never active.
     bound = np.where(np.isfinite(speeds), speeds, 10 * speed + 1)
     near = np.where(speed - bound > FAR * bound, 1.0, 0.0)[:, None] * direction
     after = np.einsum("ni,nij->nj", near, end.arm.tool_jacobian(end.q))[:, None]
@@ -175,7 +176,7 @@ def _tool_acceleration(
     d = _directions(tangent, acceleration, across=across)
     value = (np.einsum("nri,ni->nr", d, acceleration) - limit) * h[:, None]
     by_joints = np.einsum("nri,nij->nrj", d, jacobian)
-    # H is quadratic in e. Directions across the motion turn with the velocity.
+    # H is quadratic in e. Directions normal to the motion rotate with the velocity.
     by_end = 2 * np.einsum("nri,nij->nrj", d, rate)
     if across:
         turn = np.where(moving, along / np.where(moving, speed, 1.0), 0.0)
@@ -184,7 +185,7 @@ def _tool_acceleration(
     before, after = _by_both_ends(by_joints, by_end, last)
     time = np.einsum("nri,nij,nj->nr", d, rate, e) - limit
     if across:
-        # At rest nothing is across the motion.
+        # At rest there is no component normal to the motion.
         for array in (before, after, time, value):
             array[~moving] = 0.0
     return SpanRows(value, before, after, time, np.full_like(value, limit) * h[:, None])
@@ -284,7 +285,8 @@ def assemble(
     width = k + 1
     coefficients = np.zeros((n, rows.value.shape[1], 3 * width))
     for derivatives, first in ((rows.before, 0), (rows.after, 1)):
-        # The velocity at this end depends on the nodes `first - 1` and `first` from this one.
+        # The velocity at this end depends on the nodes `first - 1` and `first`, relative to this
+        # one.
         pace, ends = rate[first : n + first], e[first : n + first]
         for node, sign in ((first - 1, -1.0), (first, 1.0)):
             column = (node + 1) * width

@@ -18,9 +18,9 @@ from armcontour.planning.options import Optimal, Shaped
 from armcontour.planning.program_tracing import trace_fastest
 from armcontour.robot import Arm, Limits
 
-# Places are found at the ends of segments, and so often along arcs [rad].
+# Angle between matched points along arcs [rad].
 TURN = 0.05
-# A point may lie this share of the tolerance beside its place, along the objective.
+# Allowed distance of a point from its matching point along the objective, over the tolerance.
 BESIDE = 0.05
 
 
@@ -44,7 +44,7 @@ def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float
     count = np.maximum(np.ceil(path.curvatures * path.lengths / TURN).astype(np.intp), 1)
     segment, number = number_parts(count)
     even = path.breaks[segment] + path.lengths[segment] * number / count[segment]
-    # The points that pass a corner are on both sides of it.
+    # The points that pass a corner belong to both stretches.
     s = np.concatenate([even, [path.length], passed, passed])
     corner = np.arange(len(passed))
     stretch = np.searchsorted(passed, s[: len(even) + 1])
@@ -67,13 +67,12 @@ def prove(tube: Tube, path: Path, matches: FloatArray) -> Proof:
     return tube.prove(path, matches, BESIDE * tube.tolerance[piece])
 
 
-# Corners that leave their zones are rounded less, by so many halvings; where neighbours still make
-# them leave, to this share.
+# Bisections for corners that leave their zones, and factor if neighbours still make them leave.
 HALVINGS, LESS = 14, 0.9
-# The tool stops at corners that cannot be rounded by so much, or with so large a radius [m]: no arm
-# resolves so small arcs, and rounding errors would exceed limits.
+# The tool stops at corners with smaller tolerances or radii [m]: no arm resolves such arcs, and
+# rounding errors would exceed limits.
 FINEST, SHARPEST = 1e-8, 1e-10
-# A point of a start belongs to the objective this many tolerances to either side of its place.
+# Distance of a point of a start from its matching point along the objective, in tolerances.
 REACH = 6.0
 
 

@@ -56,21 +56,24 @@ from armcontour.planning.topp.limit_forms import (
 Vector = Any  # of LANES numbers
 
 FOUND, FINER, STUCK, START, END, UNLIMITED = range(6)
-INSIDE = 1 - 1e-14  # a step of Newton ends inside by this share, far more than rounding
-LARGEST_X = 1e100  # from which Newton starts without a ceiling
-FAR, ROUNDED = 1e-3, 1e-12  # a step to less than the share FAR of x has the error ROUNDED of it
-SLACK = 1e-9  # ends of a range of u that differ by this share differ by rounding
-PLAY = 1e-7  # share by which x at an end may miss what was asked for
-ROUNDING = 2e-15  # of x, in differences of x
-TINY = 1e-14  # share of its terms, each with rounding, below which a coefficient is zero
-NEAR = 0.01  # nearer to its bound than this share of its range, u is at the bound
-BELOW_CEILING = 1 - 1e-6  # where x is at its ceiling, nothing else binds
-LARGEST_TURN = 0.25  # a slope changes u by less than this share of its range
-NO_WAY = 4e-2  # the share that stands for margins that leave no plan: a finer grid may have one
-AROUND = 10  # intervals next to one that leaves no plan, that are made finer with it
-SHARE_AT_REST = 0.5  # a line above friction takes at most this share of what is left at rest
-NOTHING = 1e-150  # a coefficient below this is zero
-BLOCK = 1 << 13  # so many intervals are drawn at a time, which bounds the memory
+INSIDE = 1 - 1e-14  # share by which a Newton step ends inside, far more than rounding
+LARGEST_X = 1e100  # initial x of Newton's method without a ceiling
+FAR, ROUNDED = (
+    1e-3,
+    1e-12,
+)  # a Newton step to less than the share FAR of x has the error ROUNDED of x
+SLACK = 1e-9  # relative rounding error of the ends of a range of u
+PLAY = 1e-7  # relative error of x at an end
+ROUNDING = 2e-15  # relative rounding error of x, in differences of x
+TINY = 1e-14  # share of its terms below which a coefficient is zero
+NEAR = 0.01  # u is at its bound within this share of its range
+BELOW_CEILING = 1 - 1e-6  # factor of the ceiling from which no other limit is active
+LARGEST_TURN = 0.25  # largest change of u by a slope, as a share of its range
+NO_WAY = 4e-2  # margin of intervals without a plan: a finer grid may have one
+AROUND = 10  # number of refined neighbours of an interval without a plan
+SHARE_AT_REST = 0.5  # largest share of the limit at rest that a line above friction takes
+NOTHING = 1e-150  # coefficients below this are zero
+BLOCK = 1 << 13  # number of stored intervals, which limits the memory
 LEAST = 1e-300  # keeps divisions finite; its root is far below any path speed
 
 
@@ -217,7 +220,7 @@ def _half_planes(
     if margins:
         remaining = lower(lower(high0, 0.0 - low0), lower(high1, 0.0 - low1))
         used = room + abs(motion[1]) * higher(size(a0), size(a1))
-        # All is lost where rest may not be allowed.
+        # The share is 1 if rest may violate a limit.
         share = choose(0.0, room, choose(remaining, used, 1.0, room / remaining), 0.0)
         lines.lost[i] = max(lines.lost[i], highest(share))
     _half_plane(lines, (i, 0, line), motion, (a0, b0, low0 + room, high0 - room))
@@ -319,7 +322,7 @@ def _conic(
     out = lines.conics[i & (len(lines.drawn) - 1), 2 * r + end]
     for d in range(5):
         out[d] = 0.0
-    # The vector that multiplies m is a at the start, and a + 2 w b at the end.
+    # The factor of m is a at the start, and a + 2 w b at the end.
     step = 2 * w * end
     a0, a1, a2 = ends[i, end, r, A, 0], ends[i, end, r, A, 1], ends[i, end, r, A, 2]
     b0, b1, b2 = ends[i, end, r, B, 0], ends[i, end, r, B, 1], ends[i, end, r, B, 2]
@@ -327,13 +330,13 @@ def _conic(
     ee, eb = e0 * e0 + e1 * e1 + e2 * e2, e0 * b0 + e1 * b1 + e2 * b2
     aa, bb = a0 * a0 + a1 * a1 + a2 * a2, b0 * b0 + b1 * b1 + b2 * b2
     if ee <= TINY**2 * (aa + 4 * w * w * bb):
-        # x alone, at the start.
+        # A ceiling of x at the start.
         out[2] = math.inf
         if bb > 0.0:
             largest = math.sqrt(square / bb) - 2 * w * abs(turn)
             lines.cap[i, 0] = min(lines.cap[i, 0], max(largest, 0.0))
         return
-    # As a x b, with the same rounding as the vector.
+    # The cross product a x b, with the rounding of the vector.
     c0, c1, c2 = e1 * b2 - e2 * b1, e2 * b0 - e0 * b2, e0 * b1 - e1 * b0
     spread = (c0 * c0 + c1 * c1 + c2 * c2) / (ee * ee)
     out[0], out[4] = eb / ee, spread
@@ -343,7 +346,7 @@ def _conic(
         out[1] = turn * (1 - step * out[0])
         out[2] = square / ee - spread * (step * turn) ** 2
         out[3] = step * spread * turn
-    # Beyond this x there is no m.
+    # Largest x for which some m exists.
     if spread > 0.0:
         root = math.sqrt(max(out[3] * out[3] + spread * out[2], 0.0))
         lines.cap[i, 0] = min(lines.cap[i, 0], max((out[3] + root) / spread * INSIDE, 0.0))
@@ -444,13 +447,13 @@ def _ceilings(
             room -= _margin(squares.rise, i, r, bounds)
         if largest == 0.0 or room >= largest * max(cap0, cap1):
             continue
-        # Both ends with the margin, or both slow enough for the largest b of the interval.
+        # Either both ends have the margin, or both satisfy the largest b of the interval.
         tight = 1.0 / largest
         at0, at1 = (room / b0, room / b1) if room > 0.0 else (0.0, 0.0)
         if margins and at0 + at1 < 2 * tight:
             at0 = at1 = tight
         cap0, cap1 = min(cap0, at0), min(cap1, at1)
-    # Where u falls, x lies above its chord.
+    # If u decreases, x exceeds its chord.
     sag = max(-bounds.k[i], 0.0) * w * w / 4
     lines.cap[i, 0], lines.cap[i, 1] = cap0 - sag, cap1 - sag
     lines.lost[i] = 0.0
@@ -526,7 +529,7 @@ def _joint_half_planes(
     share = w * w / 8
     certain = share * q3
     q1 = higher(size(a0), size(a1)) + certain
-    # Where a joint may turn round, it keeps both bounds.
+    # A joint that may reverse must satisfy both bounds.
     back, forth = load(table, offset + BACK), load(table, offset + FORTH)
     by = choose(higher(a0, a1), 0.0 - certain, back, higher(forth, back))
     by = choose(certain, lower(a0, a1), forth, by)
@@ -536,19 +539,19 @@ def _joint_half_planes(
         q2 = higher(size(b0), size(b1)) + w * q3
         room = (share * 5 * u) * q3 + (share * x) * q4 + (share * 4 * k) * q2
         room = room + (ROUNDING / w * x) * q1
-        # What the rounding of s changes.
+        # Effect of the rounding of s.
         rounding = ROUNDING * max(abs(grid.s[i]), abs(grid.s[i + 1]))
         room = room + (rounding * u) * q2 + (rounding * x) * q3
         second = (8 * u) * (q1 * q2) + (2 * x) * (q2 * q2 + q1 * q3) + (2 * k) * (q1 * q1)
         remaining, largest, plain = 1.0 - share * by * second, q1 * q1 * by, higher(e0, e1)
-        # Both ends with the margin, or both slow enough for the largest h / x of the interval.
+        # Either both ends have the margin, or both satisfy the largest h / x of the interval.
         chord = choose(2.0 * e0 * e1, remaining * (e0 + e1) * largest, 1.0, 0.0)
         chord = choose(0.0, remaining, chord, 0.0)
         over = choose(0.0, chord, remaining, 1.0)
         e0, e1 = choose(0.0, chord, e0, largest) / over, choose(0.0, chord, e1, largest) / over
         gone = choose(0.0, plain, 1.0 - plain / higher(e0, e1), 0.0)
         lines.lost[i] = max(lines.lost[i], highest(gone))
-    # Where u falls, x lies above its chord.
+    # If u decreases, x exceeds its chord.
     sag = max(-slope, 0.0) * w * w / 4
     lines.cap[i, 0] = min(lines.cap[i, 0], 1.0 / highest(e0) - sag)
     lines.cap[i, 1] = min(lines.cap[i, 1], 1.0 / highest(e1) - sag)
@@ -710,7 +713,7 @@ def _backward_forward_pass(
     """
     (changed, margins), n, below, stuck = state, len(grid.piece), -1, -1
     mean, slots = np.empty(n), len(lines.drawn) - 1
-    # While the processor waits for an interval, it draws the one before.
+    # The previous interval is written while the processor waits for data.
     for i in range(n, -1, -1):
         trial = math.inf
         if i > 0:
@@ -732,7 +735,7 @@ def _backward_forward_pass(
             continue
         steep, y = 0.5 / (grid.s[i + 1] - grid.s[i]), reachable[i + 1]
         trial = min(trial, LARGEST_X)
-        # The line of y and one that bounds m from below bound x: the one of the interval before.
+        # The lower line of the previous interval and the line of y give a first bound of x.
         if below >= 0:
             line = 3 * lines.width * (i & slots) + below
             tilt, bottom = lines.table[line], lines.table[line + lines.width]
@@ -752,7 +755,7 @@ def _backward_forward_pass(
             if -trial * steep > low:
                 low, low_tilt = -trial * steep, steep
             next_trial = trial - (low - high) / (high_tilt - low_tilt)
-            # Next to nothing, a difference of large numbers: a step ends a little above it.
+            # Near zero, x is a difference of large numbers, so a step ends slightly above the root.
             trial = (
                 next_trial * INSIDE
                 if next_trial > FAR * trial
@@ -808,7 +811,7 @@ def _joint_acceleration_range(
     bottom = choose(NOTHING, magnitude, lower(one, other), -math.inf)
     top = choose(NOTHING, magnitude, higher(one, other), math.inf)
     low, high = highest(bottom), lowest(top)
-    # Twice the joint, and one more for an upper bound.
+    # Twice the joint, plus one for an upper bound.
     lane = load(limits.joints, offset + LANE)
     below = highest(choose(bottom, low, -1.0, lane + choose(a, 0.0, 1.0, 0.0)))
     above = highest(choose(high, top, -1.0, lane + choose(a, 0.0, 0.0, 1.0)))
@@ -881,12 +884,12 @@ def _choose_slopes(
         if min((high0 - mean) / wide0, (high1 - mean) / wide1) < NEAR:
             turn = high1 - high0
             if falling:
-                # Both bounds, as where two joints limit u from both sides: by the middle.
+                # Both bounds, for example where two joints limit u from both sides: the mean.
                 turn = (turn + low1 - low0) / 2
         elif falling:
             turn = low1 - low0
         small = abs(turn) < LARGEST_TURN * min(wide0, wide1)
-        # x must not dip deeply.
+        # x must not fall far below its ends.
         if small and 8 * turn * w <= x0 + x1:
             bounds.k[i] = turn / w
 
@@ -940,7 +943,7 @@ def _prove_or_widen(
             bounds.x[i] = max(bounds.x[i], rules.headroom * largest)
             bounds.u[i] = max(bounds.u[i], 1.2 * rate)
         speeds = math.sqrt(x[i]) + math.sqrt(x[i + 1])
-        if 4 * bounds.k[i] * width[i] ** 2 > speeds**2:  # x would dip deeply
+        if 4 * bounds.k[i] * width[i] ** 2 > speeds**2:  # x would fall far below its ends
             bounds.k[i], outside = 0.0, True
         changed[i] = outside
         holds &= not outside
@@ -1042,7 +1045,7 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     for i in range(n):
         width[i] = grid.s[i + 1] - grid.s[i]
     if rubbing > 0 or count > 2 * LANES * (len(limits.joints) // ROWS):
-        # Lines that no try draws limit nothing.
+        # Unwritten lines limit nothing.
         for line in range(3 * count * slots):
             lines.table[line] = 0.0
         for slot in range(slots):
@@ -1065,7 +1068,7 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
             if shortest < math.inf:
                 break
             if kind == 2 and n <= rules.enough:
-                # Near the place where the motion gets stuck; anywhere if an end is too fast.
+                # Intervals around the failure, or all intervals if an end is too fast.
                 for i in range(n):
                     if stuck < 0 or abs(i - stuck) < AROUND:
                         lines.lost[i] = max(lines.lost[i], NO_WAY)

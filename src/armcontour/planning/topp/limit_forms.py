@@ -20,10 +20,10 @@ from armcontour.core.errors import InvalidInput
 # Columns of `LinearRows.ends`, of the vectors of `Rounds.ends`, and of all rises.
 A, B, LOW, HIGH = range(4)
 BY_U, BY_X, BY_SLOPE, ALONE = range(4)
-# Rows of `JointBounds`, each of LANES joints: bounds of accelerations, inverse squares of those of
-# velocities, and twice the number of the lane; and the length of all.
+# Rows of `JointBounds`, LANES joints each: bounds of accelerations, inverse squares of those of
+# velocities, and twice the number of the lane; and their total length.
 LOWEST, HIGHEST, BACK, FORTH, LANE, ROWS = range(0, 6 * LANES, LANES)
-# Vectors of one joint reach beyond the next piece.
+# Number of last pieces in the padded copy, because vectors reach beyond the next piece.
 KEPT = 2
 LANE_CODES = 2.0 * np.arange(LANES)
 # Columns of `Friction.within`.
@@ -156,7 +156,7 @@ class GridLimits(NamedTuple):
 Form = JointBounds | LinearRows | Squares | Rounds | Friction | Ceiling
 
 
-# Arrays of a form have n intervals, and these other axes; None is the number of rows.
+# Axes of the arrays of a form after the intervals; None is the number of rows.
 SHAPES: dict[type, dict[str, tuple[int | None, ...]]] = {
     LinearRows: {"ends": (2, None, 4), "rise": (None, 4)},
     Squares: {"ends": (2, None), "largest": (None,), "rise": (None, 4)},
@@ -213,7 +213,7 @@ def _joined(
         return [np.empty(x) for x in empty]
     if len(tables) == 1:
         return tables[0]
-    # Arrays of both ends have one more axis before their rows.
+    # Arrays of both ends have an additional axis before their rows.
     return [
         np.concatenate(x, axis=2 if k == 0 else 1) for k, x in enumerate(zip(*tables, strict=True))
     ]

@@ -27,7 +27,7 @@ from armcontour.planning.topp.limit_forms import (
     Squares,
 )
 
-ROUNDING = 2e-15  # of x, in differences of x
+ROUNDING = 2e-15  # relative rounding error of x, in differences of x
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -45,7 +45,7 @@ def _derivative_bounds(
 ) -> tuple[float, float]:
     """Bounds of |d3q_ds3| and |d4q_ds4| of joint j from position x to y of piece k."""
     c3, c4, c5 = c[k, 3, j], c[k, 4, j], c[k, 5, j]
-    # By Taylor about the middle: the fifth derivative is constant.
+    # Taylor expansion about the middle; the fifth derivative is constant.
     middle, half, cube = (x + y) / 2, (y - x) / 2, scale * scale * scale
     q5 = abs(120 * c5)
     q4 = abs(24 * c4 + middle * 120 * c5) + half * q5
@@ -103,7 +103,7 @@ def write_sampled(
     second = np.empty((n, 3, count))
     for i in range(n):
         w, last = grid.s[i + 1] - grid.s[i], after[i]
-        # Twice what the middle is off the chord, over w².
+        # Twice the deviation of the middle from the chord, over w².
         inverse = 2 / (w * w)
         for r in range(count):
             second[i, 0, r] = inverse * abs(a[n + i, r] - (a[i, r] + a[last, r]) / 2)

@@ -37,38 +37,38 @@ from armcontour.robot.limit_use import use_of
 T = TypeVar("T")
 R = TypeVar("R")
 
-# Work on so many poses is shared by threads: starting them takes as long as that of a hundred. Ways
-# are followed in so many parts, as some end early.
+# Number of poses from which threads share the work (starting them takes as long as 100 poses), and
+# number of parts of branches, because some end early.
 MANY, PARTS = 2000, 16
-# Joint paths are smoothed in so many parts: NumPy works on the ways of a part at once.
+# Number of parts of smoothed joint paths; NumPy processes a part at once.
 SMOOTHED_PARTS = 4
-# Poses are followed until a correction is below this [rad]. Ways that cost the same are told apart
-# by the last digit; with a given start there is one way, of which the solver makes the last
-# correction: about the square of this times the condition number of the Jacobian.
+# Largest correction of a followed pose [rad]. Branches of equal cost are distinguished by the last
+# digit. With a seed there is one branch, whose last correction is made by the solver: about the
+# square of this times the condition number of the Jacobian.
 EXACTLY, NEARLY = 1e-9, 1e-7
-# Largest number of start configurations that are followed along the path.
+# Largest number of start configurations to follow.
 MOST_STARTS = 48
-# With redundant degrees of freedom, largest number of different solutions that are kept.
+# Largest number of different solutions of a redundant arm.
 MOST_SOLUTIONS = 8
-# Two solutions count as one if they differ by less than this outside the null space [rad].
+# Largest difference of equal solutions outside the null space [rad].
 SAME_SOLUTION = 0.05
-# Different solutions are mostly told apart at this number of knots.
+# Number of knots at which solutions are compared first.
 FEW_KNOTS = 16
-# Redundant solutions are ranked by their cost after this many iterations of smoothing, on at most
-# this number of knots.
+# Iterations of smoothing, and largest number of knots, for the ranking of redundant solutions by
+# cost.
 ROUGH_ROUNDS = 3
 ROUGH_KNOTS = 70
-# This many of the best redundant solutions are smoothed to the end; more only if none succeeds.
+# Number of the best redundant solutions that are smoothed to the end; more only if none succeeds.
 MOST_SMOOTHED = 16
-# Solutions are followed along chords of the path, which turns by at most this over a chord [rad].
+# Largest turn of the path over a chord along which solutions are followed [rad].
 CHORD_TURN = 0.1
-# For a joint out of its range, shifts by up to this number of whole turns are compared.
+# Largest shift of a joint out of its range, in whole turns.
 MOST_TURNS = 5
-# To find poses out of reach, seed joint positions are tried at a few poses of the path, and one
-# seed at more poses.
+# Number of poses of the path for the search of poses out of reach, with several seeds and with one
+# seed.
 SOME_POSES = 10
 MANY_POSES = 300
-# Bisection steps for the arc length at which the reach ends.
+# Bisections for the arc length at which the reach ends.
 BISECTIONS = 30
 
 
@@ -154,7 +154,7 @@ def find_solutions(
             break
     if not solutions:
         _refuse(path, arm, fine, poses, task, max(failures, key=lambda x: x.reached))
-    # Elbow up and down often cost the same: the one whose joints start nearer to 0 comes first.
+    # Elbow up and down often have equal cost: the one whose joints start closer to 0 comes first.
     solutions.sort(key=lambda x: (float(f"{x.cost:.9e}"), float(np.abs(x.q[0]).sum())))
     return solutions[:MOST_SOLUTIONS] if redundant else solutions
 
@@ -285,8 +285,7 @@ class _Different:
     def __init__(self, arm: SerialArm, poses: FloatArray, task: int) -> None:
         self.arm, self.poses, self.task = arm, poses, task
         self._known: list[FloatArray] = []
-        # Null spaces of known solutions that others are compared with, at some knots, and along all
-        # of them where a difference is looked at closely.
+        # Null spaces of known solutions at some knots, and at all knots for close comparisons.
         self._rough: list[FloatArray] = []
         self._spaces: dict[int, FloatArray] = {}
 
@@ -302,7 +301,7 @@ class _Different:
         else:
             few = self._few
             if self._known:
-                # At any knot no more may be left than from a difference of half a turn.
+                # The remainder at any knot is at most that of a difference of half a turn.
                 apart = q[few] - np.array([x[few] for x in self._known])
                 near = _outside(np.array(self._rough), apart)[0] < SAME_SOLUTION * np.pi
                 if any(self._is_known(k, q) for k in np.flatnonzero(near).tolist()):
@@ -369,7 +368,7 @@ def _turn_into_range(
     lower, upper = arm.limits.joint_range(arm.dof)
     below, above = shifted < lower, shifted > upper
     # For each joint: the shift that stays in range farthest along the path, and among equal ones
-    # that with the least excess at the knot that leaves the range.
+    # that with the least excess at the first knot out of range.
     for joint in np.flatnonzero((below | above).any(axis=0)):
         turns = 2 * np.pi * np.arange(-MOST_TURNS, MOST_TURNS + 1)
         tried = shifted[:, joint, None] + turns
@@ -446,7 +445,7 @@ def _largest_reach_gap(
     gaps = out_of_reach(arm, poses[indices], task, q)
     more_seeds = np.concatenate([q, seeds(arm)[:REACH_SEEDS]])
     for i in np.argsort(-gaps)[:SOME_POSES]:
-        # Another configuration may come nearer.
+        # Another configuration may come closer.
         gap = (
             0.0 if gaps[i] <= OUT_OF_REACH else _reach_gap(arm, poses[indices[i]], task, more_seeds)
         )

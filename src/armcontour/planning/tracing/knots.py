@@ -15,7 +15,8 @@ from armcontour.robot import SerialArm
 
 # Largest distance between the first knots, over the extent of the path.
 FIRST_STEP = 1 / 16
-# But it may be so long, over the span of the arm: on a short way the arm hardly bends.
+# Lower limit of this distance, over the span of the arm: joint paths are nearly straight over short
+# distances.
 SHORTEST_FIRST_STEP = 1 / 512
 # Largest angle by which the tangent or the tool turns between the first knots [rad].
 FIRST_TURN = 0.5
@@ -129,7 +130,7 @@ def first_knots(path: Path, span: float, finer: int = 1) -> Knots:
         finer: Factor by which the intervals are shorter than required.
     """
     cells = _cells(path)
-    # All vertices of a full circle are one point, so the extent takes in the arcs' diameters.
+    # All vertices of a full circle are one point, so the extent includes the diameters of arcs.
     diameter = np.minimum(path.lengths, 2 / np.where(path.curvatures > 0, path.curvatures, np.inf))
     extent = max(float(np.linalg.norm(np.ptp(path.vertices, axis=0))), float(diameter.max()))
     turning = path.curvatures[cells.segment]
@@ -166,9 +167,9 @@ def _cells(path: Path) -> Knots:
 
 # Jumps of the orientation below this are rounding errors [rad].
 NO_JUMP = 1e-8
-# A pose is out of reach if the tool stays farther away than this [m].
+# Distance of the tool from which a pose is out of reach [m].
 OUT_OF_REACH = 1e-7
-# If the tool turns faster than this where the arm seems singular, the turning is the cause [rad/m].
+# Rotation rate of the tool above which it causes an apparent singularity [rad/m].
 TOO_FAST = 1e5
 
 

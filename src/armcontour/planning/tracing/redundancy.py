@@ -18,21 +18,21 @@ from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.motion import quintic
 from armcontour.robot import SerialArm, _newton
 
-# A spline overshoots if it leaves a chord by more than this fraction of the largest step next to
-# it, and by more than the floor [rad].
+# Largest deviation of a spline from a chord, as a fraction of the largest neighbouring step, and
+# its floor [rad].
 SWING = 0.1
 SWING_FLOOR = 0.01
 QUARTERS = np.array([0.25, 0.5, 0.75])[:, None, None]
-# Joint positions cost from this fraction of half the joint range on, with this weight relative to
-# the length of the joint path.
+# Fraction of half the joint range from which joint positions have a cost, and its weight relative
+# to the length of the joint path.
 INNER_RANGE = 0.7
 RANGE_WEIGHT = 30.0
-# Largest change of a joint position in one iteration of smoothing, about [rad].
+# Approximate largest change of a joint position in one iteration of smoothing [rad].
 LARGEST_CHANGE = 0.3
-# Smoothing ends if an iteration changes no joint position by more than this [rad].
+# Largest change of a joint position at which smoothing ends [rad].
 SETTLED = 1e-4
-# Added to the diagonal of an iteration's matrix, relative to its largest entry; without it the
-# matrix is singular if no cost depends on a null-space motion.
+# Regularization of the diagonal of an iteration's matrix, relative to its largest entry; the matrix
+# is singular if no cost depends on a null-space motion.
 DAMPING = 1e-6
 # Largest number of iterations of smoothing.
 ROUNDS = 25
@@ -261,8 +261,8 @@ class _Cost:
         """Costs of joint positions [rad], (ways,)."""
         steps = (q[:, 1:] - q[:, :-1]) * self.weights
         excess = self.outside * np.maximum(np.abs((q - self.middle) / self.half) - INNER_RANGE, 0.0)
-        # NumPy adds many values half by half. Joint positions that differ in a free turn of the
-        # tool cost the same, so rounding errors, which are small then, decide which are taken.
+        # NumPy sums pairwise. Joint positions that differ by a free rotation of the tool have equal
+        # cost, so the small rounding errors decide between them.
         return np.asarray((steps**2).sum(axis=(1, 2)) + (excess**2).sum(axis=(1, 2)))
 
     def equations(self, q: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:

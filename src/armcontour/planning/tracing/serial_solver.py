@@ -27,7 +27,7 @@ from armcontour.robot import SerialArm, _newton
 
 # Largest angle between the tool and its required orientation between knots [rad].
 ANGULAR_TOLERANCE = 1e-9
-# Smallest ratio of pivots in elimination; below it the Jacobian counts as singular.
+# Ratio of pivots in elimination below which the Jacobian is singular.
 SINGULAR = 1e-9
 
 

@@ -20,9 +20,9 @@ from armcontour.planning.tracing.knots import (
 )
 from armcontour.robot import Arm, PlanarTwoLink
 
-# If an interval this short still leaves the path, the cause is a singularity [m].
+# Length below which an interval outside the tolerance indicates a singularity [m].
 SMALLEST_INTERVAL = 1e-9
-# Powers of the places of an interval, (places, 6).
+# Powers of `PLACES`, (places, 6).
 POWERS = PLACES[:, None] ** np.arange(6)
 # q, dq_ds and d2q_ds2 at the starts, or at the ends, of n intervals, (n, dof) each.
 Ends = tuple[FloatArray, FloatArray, FloatArray]
@@ -75,7 +75,8 @@ class Solver(ABC, Generic[A]):
             middle: Joint positions in the middle of the quintics of the intervals, (n, dof).
             halfway: Means of the joint positions at both ends, (n, dof).
         """
-        # Near a singularity the quintic may overshoot; the mean of the ends is the better guess.
+        # Near a singularity the quintic may overshoot, and the mean of the ends is the better
+        # guess.
         nearer = self.tool_errors(knots, u, halfway) < self.tool_errors(knots, u, middle)
         return np.where(nearer[:, None], halfway, middle)
 

@@ -28,10 +28,10 @@ from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm
 if TYPE_CHECKING:
     from armcontour.planning.tracing.configurations import Solution
 
-# With redundant degrees of freedom the first knots lie closer together by this factor, as the
-# null-space motion is interpolated between them.
+# Factor of the number of first knots of a redundant arm, because the null-space motion is
+# interpolated between them.
 FINER = 3
-# Distance between the places of a sketch, over the length of all the arm's links.
+# Distance between the points of a sketch, over the span of the arm.
 SKETCHED = 0.01
 
 
@@ -227,8 +227,8 @@ def _complete(tries: Iterable[Callable[[], JointPath]], max_count: int | None) -
     for attempt in tries:
         if max_count is not None and len(joint_paths) == max_count:
             break
-        # A configuration that is singular or leaves a joint range between two knots is no reason
-        # to refuse the others.
+        # A configuration that is singular or leaves a joint range between knots does not exclude
+        # the others.
         try:
             joint_paths.append(attempt())
         except Unreachable as error:
