@@ -70,8 +70,8 @@ def _factor(duration: float, contours: float, others: float) -> float:
     shortest = contours + others
     if duration < shortest * (1 - SAME_DURATION):
         raise NotRealizable(
-            f"The motion cannot take {duration:.9g} s: the fastest that keeps the limits takes "
-            f"{shortest:.9g} s; give a longer duration, or raise the limits that bind.",
+            f"The motion cannot take {duration:.9g} s: the fastest motion takes "
+            f"{shortest:.9g} s; give a longer duration, or raise the active limits.",
             limit="duration",
             needed=shortest,
             allowed=duration,
@@ -128,7 +128,7 @@ def _plan_slower(fastest: Trajectory, target: float, timing: Timing) -> Trajecto
         share *= (trajectory.duration / (target * (1 - LONGEST_WAIT / 2))) ** 2
     raise NotRealizable(
         f"No motion that takes {target:.9g} s was found: the limits of torque and viscous friction "
-        f"leave none near it; the last one took {trajectory.duration:.9g} s.",
+        f"allow none close to it; the last one took {trajectory.duration:.9g} s.",
         limit="duration",
         needed=trajectory.duration,
         allowed=target,

@@ -253,8 +253,8 @@ def time_optimal(
     if best is not None:
         return _law(*best)
     raise NotRealizable(
-        f"At {s:.6g} m along the path the limits cannot be kept between grid points, however fine "
-        "the grid: the joint path is too uneven there; smooth it or trace it more exactly.",
+        f"At {s:.6g} m along the path the limits cannot be satisfied between grid points on any "
+        "grid: the joint path is too uneven there; smooth it or trace it more exactly.",
         s=s,
     )
 
@@ -306,7 +306,7 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
     if not OnGrid(grid).derivatives[0][0, i].any():
         raise InvalidInput(
             f"No joint moves from s = {grid.s[i]:.6g} to {grid.s[i + 1]:.6g}, where nothing "
-            "bounds dds: leave this piece of the joint path out."
+            "limits dds: remove this piece of the joint path."
         )
     hint = arm.limits_hint
     raise InvalidInput(
@@ -319,7 +319,7 @@ def _refuse_standing(s: float) -> NoReturn:
     """Refuse constraints in s along a path on which the joints rest at some s."""
     raise NotRealizable(
         f"At {s:.6g} m along the path no joint moves with s, so that nothing bounds ds there, and "
-        "constraints that are functions of s cannot be kept: leave them out, or give the joint "
+        "constraints that are functions of s cannot be satisfied: remove them, or give the joint "
         "path a parameter along which the joints go on.",
         s=s,
     )

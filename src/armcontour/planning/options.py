@@ -111,7 +111,7 @@ class Optimal(PlanOptions):
         for name in ("start_speed", "end_speed"):
             if self.duration is not None and getattr(self, name):
                 raise InvalidInput(
-                    f"A motion of a given duration starts and ends at rest: leave out {name}, or "
+                    f"A motion of a given duration starts and ends at rest: remove {name}, or "
                     "duration."
                 )
 

@@ -124,13 +124,13 @@ def _refuse_limits(limits: Limits) -> None:
         )
     if limits.tool_acceleration is not None:
         raise InvalidInput(
-            "The method paper does not limit the tool's acceleration: leave tool_acceleration out, "
+            "The method paper does not limit the tool's acceleration: remove tool_acceleration, "
             "or plan by the method optimal."
         )
     if not limits.same_both_ways():
         raise InvalidInput(
-            "The method paper knows one acceleration limit per joint for both directions: give one "
-            "value of joint_acceleration per joint, or plan by the method optimal."
+            "The method paper supports one acceleration limit per joint for both directions: give "
+            "one value of joint_acceleration per joint, or plan by the method optimal."
         )
 
 

@@ -236,8 +236,8 @@ def _assigned_time(path: Path, limits: Limits) -> float:
 def _refuse_endless_motion(trajectory: Trajectory) -> None:
     if not trajectory.duration <= LONGEST_MOTION:
         raise NotRealizable(
-            f"The motion would take {trajectory.duration:.3g} s, but lasts {LONGEST_MOTION:g} s at "
-            "most: raise the limits that bind.",
+            f"The motion would take {trajectory.duration:.3g} s, but it may last "
+            f"{LONGEST_MOTION:g} s at most: raise the active limits.",
             needed=trajectory.duration,
             allowed=LONGEST_MOTION,
         )

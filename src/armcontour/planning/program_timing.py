@@ -326,7 +326,7 @@ def check_jerk_support(method: Method, limits: Limits) -> None:
             limit=limited[0],
         )
     raise NotRealizable(
-        f"The method {method} keeps no limits of jerk, but there is {names}: plan by the method "
-        f"optimal (in a job, timing: {{method: optimal}}), or {lift}.",
+        f"The method {method} does not support limits of jerk, but {names} is given: plan by the "
+        f"method optimal (in a job, timing: {{method: optimal}}), or {lift}.",
         limit=limited[0],
     )

@@ -467,9 +467,9 @@ def why_not(objective: Path, tube: Tube) -> str | None:
     """Reason why a path cannot be shaped, as a clause; None if it can."""
     if (tube.tolerance == 0).any():
         # Splines of the joints do not follow a line exactly.
-        return "lines without a tolerance stay as they are: not shaped"
+        return "lines without a tolerance are not changed: not shaped"
     if _turns_at_corners(objective):
-        return "the orientation follows the tangent round corners: not shaped"
+        return "the orientation follows the tangent at corners: not shaped"
     return None
 
 

@@ -466,7 +466,7 @@ def _refuse(
     s = np.append(knots.s0, path.length)
     i = failure.reached
     if failure.joint >= 0:
-        also = f", and no other configuration of the arm {arm.name} comes farther"
+        also = f", and no other configuration of the arm {arm.name} reaches farther"
         raise out_of_range(path, float(s[i]), failure.joint, failure.value, failure.limit, also)
     q = failure.q[None]
     gap, farthest = _largest_reach_gap(arm, poses[i:], task, q)
@@ -495,8 +495,8 @@ def _refuse_singularity(
     _, sizes, motions = np.linalg.svd(np.concatenate([jacobian[:3], angular]))
     joint = int(np.argmax(np.abs(motions[task - 1])))
     raise Unreachable(
-        f"After {s:.6g} m of {path.length:.6g} m along the path the arm {arm.name} comes "
-        f"to a singularity, where joint {joint + 1} would have to move without bound (smallest "
+        f"After {s:.6g} m of {path.length:.6g} m along the path the arm {arm.name} reaches "
+        f"a singularity, where joint {joint + 1} would have to move without bound (smallest "
         f"singular value {sizes[task - 1]:.2g}): {what_helps(path)}.",
         s=s,
         point=pose[:, 3].tolist(),

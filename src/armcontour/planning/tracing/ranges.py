@@ -78,7 +78,7 @@ def out_of_range(
     """
     name = "upper" if q > edge else "lower"
     return Unreachable(
-        f"At {s:.6g} m along the path joint {joint + 1} would stand at {q:.6g} rad, "
+        f"At {s:.6g} m along the path joint {joint + 1} would be at {q:.6g} rad, "
         f"{abs(q - edge):.3g} rad beyond its {name} limit of {edge:.6g} rad{also}: "
         f"{what_helps(path)}.",
         s=s,
