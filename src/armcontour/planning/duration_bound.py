@@ -190,10 +190,6 @@ def bound_duration(joint_path: JointPath, limits: Limits) -> float:
 
     The bound includes joint velocities and accelerations, tool speed, and the centripetal
     acceleration on arcs. Torques and all other limits are ignored.
-
-    Args:
-        joint_path: A traced path.
-        limits: The limits.
     """
     breaks, dof = joint_path.breaks, joint_path.dof
     rests = np.isin(breaks, joint_path.stops)

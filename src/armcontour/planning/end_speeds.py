@@ -47,9 +47,6 @@ class EndSpeeds:
         The feasible speed is that of the blamed end with the requested speed at the other end, or
         of the other end with the requested speed at the blamed end. If neither exists, it is that
         of the blamed end with rest at the other end.
-
-        Args:
-            error: Error of the planner.
         """
         blamed = START if error.limit == START else END
         other = END if blamed == START else START

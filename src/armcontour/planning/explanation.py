@@ -318,7 +318,6 @@ class _LawExplanation:
 
 
 def _join(parts: Sequence[_LawExplanation]) -> Explanation:
-    """Join the explanations of all laws of a motion."""
     total, reached = (np.sum([getattr(x, name) for x in parts], axis=0) for name in SUMMED)
     shares = [None, None] if total[0] == 0 else (reached / total).tolist()
     return Explanation(
@@ -407,7 +406,6 @@ def _bindings(
     names: list[tuple[str, int | None]],
     offsets: tuple[float, float],
 ) -> tuple[Binding, ...]:
-    """Join neighbouring intervals with the same active limit."""
     t_start, s_start = offsets
     edges = np.flatnonzero(np.diff(limit_index)) + 1
     starts, ends = np.append(0, edges), np.append(edges, len(limit_index))

@@ -104,7 +104,6 @@ def _laws(trajectory: Trajectory) -> tuple[PathLaw, ...]:
 
 
 def _stretch(law: PathLaw, factor: float) -> PathLaw:
-    """Scale the time of a law by `factor`."""
     ds, dds, slope, jerk = law.rates
     rates = Rates(
         ds=ds / factor, dds=dds / factor**2, slope=slope / factor**2, jerk=jerk / factor**3

@@ -295,7 +295,6 @@ def _law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
 
 
 def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn:
-    """Raise the error of a failed plan, as in `time_optimal`."""
     i = grid_plan.interval
     if grid_plan.outcome == kernels.START:
         raise_too_fast("start", rules.start, grid_plan.allowed, float(grid.s[0]))
@@ -326,7 +325,6 @@ def _refuse_standing(s: float) -> NoReturn:
 
 
 def _refuse_stuck(grid: Grid, i: int) -> NoReturn:
-    """Refuse a path on which the limits allow no motion in interval i."""
     s = float(grid.s[i])
     raise NotRealizable(
         f"At {s:.6g} m along the path the limits allow no motion at all: check the limits, or move "

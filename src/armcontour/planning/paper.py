@@ -83,7 +83,6 @@ def plan_paper(joint_path: JointPath, arm: Arm, limits: Limits, options: Paper) 
 
 
 def _straight(path: Path) -> list[int]:
-    """Indices of the segments that are lines."""
     return list(np.flatnonzero(path.curvatures == 0).tolist())
 
 
@@ -95,7 +94,6 @@ def _make_lines(
     junctions: list[Junction],
     options: Paper,
 ) -> list[PaperLine]:
-    """Place the knots on the lines of a path; arguments as in `plan_paper`."""
     path = tool_path_of(joint_path, "paper")
     lines = []
     for number, i in enumerate(_straight(path)):
@@ -117,7 +115,6 @@ def _make_lines(
 
 
 def _refuse_limits(limits: Limits) -> None:
-    """Refuse missing limits, and limits that the method does not support."""
     if limits.joint_acceleration is None:
         raise InvalidInput(
             "The method paper needs joint acceleration limits: give joint_acceleration [rad/s²]."
@@ -148,7 +145,6 @@ def _usual_knots(length: float, speed: float, cycle: float, number: int) -> int:
 def _join(
     lines: list[PaperLine], junctions: list[Junction], arm: Arm, limits: Limits
 ) -> Trajectory:
-    """Plan all lines and corners in order, and join them."""
     joint_path = lines[0].joint_path
     laws: list[LawAlongPath] = []
     stretches: list[LawPhase] = []
@@ -239,7 +235,6 @@ def _match_speeds(lines: list[PaperLine], junctions: list[Junction]) -> None:
 
 
 def _corner(name: str, joint_path: JointPath, arc: int, speed: float) -> RulePart:
-    """Plan an arc at one speed, (17)."""
     path = tool_path_of(joint_path, "paper")
     law = path_law(joint_path, path.breaks[arc : arc + 2], np.array([speed]), np.array([speed]))
     ends = (float(path.breaks[arc]), float(path.breaks[arc + 1]))

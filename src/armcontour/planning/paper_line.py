@@ -261,7 +261,6 @@ class PaperLine:
         return pieces
 
     def _mac(self, run: Pass, last: int) -> LinePhase:
-        """Forward pass up to the knot `last`."""
         return self._piece("MAC", 0, last, run.h[:last], run.dq[:last], run.ddq[:last])
 
     def _mdc(self, run: Pass, first: int) -> LinePhase:
@@ -274,7 +273,6 @@ class PaperLine:
     def _piece(
         self, kind: str, first: int, last: int, h: FloatArray, dq: FloatArray, ddq: FloatArray
     ) -> LinePhase:
-        """Laps from the knot `first` to the knot `last`, with their times and joint motion."""
         ends = (float(self.s[first]), float(self.s[last]))
         law = LineLaw(
             breaks=np.concatenate([[0.0], np.cumsum(h)]),

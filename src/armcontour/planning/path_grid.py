@@ -57,10 +57,6 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     Every break of the joint path is a grid point. Each interval therefore lies in one polynomial,
     and both sides of a vertex between segments are sampled.
 
-    Args:
-        joint_path: The joint path.
-        intervals: Approximate number of intervals.
-
     Raises:
         InvalidInput: No joint moves along the joint path.
     """

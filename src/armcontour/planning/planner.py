@@ -126,7 +126,6 @@ def plan(
 
 
 def _warn_of_stops(traced: Tracing | JointPath, trajectory: Trajectory) -> None:
-    """Warn of full stops that limits of jerk add inside contours."""
     from armcontour.planning.explanation import find_jerk_stops
 
     paths = {} if isinstance(traced, JointPath) else {x.move: x.joint_path for x in traced.steps}
@@ -181,7 +180,6 @@ def _arm_of(
 
 
 def _fit_options(program: Program, options: PlanOptions) -> PlanOptions:
-    """Adapt the options of a method to all contours of a program."""
     if not isinstance(options, Optimal):
         return options
     for name in OF_ONE_PATH if program.single_path is None else ():

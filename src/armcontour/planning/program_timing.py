@@ -38,13 +38,7 @@ SAME_TIME = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """Timing of the moves of a program.
-
-    Args:
-        arm: The arm.
-        limits: The limits of the plans, less the reserve for the servo.
-        options: The method and its options.
-    """
+    """Timing of the moves of a program."""
 
     arm: Arm
     limits: Limits
@@ -92,7 +86,6 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
 def _time_move(
     timing: Timing, rapid_speed: float | None, move: tuple[JointPath, bool]
 ) -> Trajectory:
-    """Plan the motion along the joint path of a contour or of a rapid."""
     joint_path, is_contour = move
     if is_contour:
         return time_contour(joint_path, timing)
@@ -150,12 +143,7 @@ def _along(trajectory: Trajectory, joint_path: JointPath) -> Trajectory:
 
 @dataclass(slots=True)
 class JoinedMoves:
-    """Timed moves of a program, which are joined to one trajectory in order.
-
-    Args:
-        traced: The program with its joint paths.
-        arm: The arm.
-    """
+    """Timed moves of a program, which are joined to one trajectory in order."""
 
     traced: Tracing
     arm: Arm
@@ -278,7 +266,6 @@ class JoinedMoves:
     def _add_event(
         self, event: Event, t: float, due: float, s: float, point: tuple[float, ...]
     ) -> None:
-        """Append an event that is due at a time [s], and switched at the time `t` [s]."""
         self.events.append(
             TimedEvent(name=event.name, value=event.value, t=t, due=due, s=s, point=point)
         )

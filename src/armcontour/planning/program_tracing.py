@@ -220,7 +220,6 @@ class _Tracer:
             return self._fastest(path, i, configuration=self.configuration)
 
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
-        """Trace a rapid to the first contour, in the configuration that is fastest for it."""
         arm, limited = self.arm, self.limited
         try:
             index = next(k for k in range(i, len(self.moves)) if self.moves[k] is contour)
@@ -274,7 +273,6 @@ class _Tracer:
 
 
 def _line(begin: FloatArray, end: FloatArray) -> JointPath:
-    """Straight line between joint positions [rad], (dof,) each, over its length [rad]."""
     length = float(np.linalg.norm(end - begin))
     coefficients = np.zeros((1, 6, len(begin)))
     coefficients[0, 0], coefficients[0, 1] = begin, (end - begin) / length * length
@@ -391,7 +389,6 @@ def trace_by_duration(
 def _by_duration(
     joint_paths: list[JointPath], arm: Arm, rough: Limits
 ) -> Iterator[list[JointPath]]:
-    """Joint paths of one tool path in the order of their plans under rough limits."""
     at_least = [bound_duration(x, rough) for x in joint_paths]
     order = np.argsort(at_least, kind="stable").tolist()
     if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MOST_PLANNED:

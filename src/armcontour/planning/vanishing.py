@@ -136,10 +136,6 @@ def rests_at_breaks(joint_path: JointPath) -> BoolArray:
 def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
     """The same curve with a parameter that can be planned; most paths are returned unchanged.
 
-    Args:
-        joint_path: A joint path without a tool path; traced ones, along which the tool moves
-            evenly, are returned unchanged.
-
     Returns:
         The path, and the old breaks in the new parameter, (pieces + 1,).
 
@@ -327,12 +323,10 @@ def _straight(c: FloatArray) -> tuple[BoolArray, FloatArray]:
 
 
 def _terms(coefficients: FloatArray) -> FloatArray:
-    """Terms of dq/dx at x = 1, (..., 5, dof)."""
     return np.asarray(coefficients[..., 1:, :] * np.arange(1.0, 6.0)[:, None])
 
 
 def _derived(c: FloatArray) -> FloatArray:
-    """Coefficients of the derivative."""
     return np.asarray((c[1:].T * np.arange(1.0, len(c))).T)
 
 
@@ -375,7 +369,6 @@ def _is_slow(along: FloatArray) -> bool:
 
 
 def _inner_roots(c: FloatArray) -> FloatArray:
-    """Real parts, between 0 and 1, of the roots of a polynomial."""
     if not c.any():
         return np.empty(0)
     real = np.polynomial.polynomial.polyroots(np.trim_zeros(c, "b")).real

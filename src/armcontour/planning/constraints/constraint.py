@@ -230,7 +230,6 @@ class SecondOrder(Constraint):
         return [(self.name, k) for k in range(len(self.low))] if self.joints else super().names
 
     def _at(self, s: FloatArray, side: str) -> FloatArray:
-        """Coefficients at arc lengths, (3, n, rows)."""
         name, shape = f"coefficients of {self.name}", (3, len(s), len(self.low))
         return checks.shaped(name, checks.check_numbers(name, self.coefficients(s, side)), shape)
 

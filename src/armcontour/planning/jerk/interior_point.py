@@ -109,19 +109,16 @@ def _new_duals(p: JerkSection) -> _Duals:
 
 @compiled(inner=True, inline="always")
 def _end_value(rows: FloatArray, i: int, d: FloatArray) -> float:
-    """Value of the only row of cell i."""
     return float(rows[i, 0] * d[i] + rows[i, 1] * d[i + 1] + rows[i, 2] * d[i + 2])
 
 
 @compiled(inner=True, inline="always")
 def _row_value(rows: FloatArray, c: int, r: int, i: int, d: FloatArray) -> float:
-    """Value of row r of part c in cell i."""
     return float(rows[c, r, 0] * d[i] + rows[c, r, 1] * d[i + 1] + rows[c, r, 2] * d[i + 2])
 
 
 @compiled(inner=True, inline="always")
 def _axis_value(rows: FloatArray, c: int, r: int, k: int, i: int, d: FloatArray) -> float:
-    """Value of axis k of vector r of part c in cell i."""
     x, y, z = rows[c, r, k, 0], rows[c, r, k, 1], rows[c, r, k, 2]
     return float(x * d[i] + y * d[i + 1] + z * d[i + 2])
 
@@ -141,7 +138,6 @@ def _write_tangents(p: JerkSection, c: int, d: FloatArray, tangents: FloatArray)
 
 @compiled(inner=True, inline="always")
 def _mean(p: JerkSection, c: int, d: FloatArray) -> float:
-    """Mean of a over part c."""
     total = 0.0
     for k in range(p.raised.shape[1]):
         total += _row_value(p.raised, c, k, p.cell[c], d)
@@ -330,7 +326,6 @@ def _add_bounds(
     bands: FloatArray,
     right: FloatArray,
 ) -> None:
-    """Add the barrier terms of all bounds to Newton's system."""
     n = len(p.width)
     for c in range(len(p.cell)):
         i = p.cell[c]
@@ -593,7 +588,6 @@ def _central_duals(p: JerkSection, slack: _Duals, mu: float, dual: _Duals) -> No
 
 @compiled(inner=True)
 def _add_scaled(dual: FloatArray, change: FloatArray, share: float) -> None:
-    """Add a share of the changes to multipliers."""
     flat, changes = dual.reshape(-1), change.reshape(-1)
     for i in range(flat.size):
         flat[i] += share * changes[i]

@@ -79,10 +79,6 @@ WEIGHTS = (0.0, 1.0, 10.0, 100.0)
 def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
     """Plan the fastest motion with limits of jerk.
 
-    Args:
-        law: The fastest motion without them.
-        task: The limits.
-
     Raises:
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
@@ -171,12 +167,10 @@ def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
 
 
 def _squares(law: PathLaw, mesh: JerkMesh) -> FloatArray:
-    """ds² of a plan in the middles of cells [m²/s²], (n,)."""
     return square_at(law, (mesh.grid.s[:-1] + mesh.grid.s[1:]) / 2)
 
 
 def _bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> MotionBounds:
-    """Bounds of ds², dds and its slope on every cell, around a plan."""
     ds, dds, slope, _ = near.rates
     width = np.diff(near.s)
     speed = near.speeds
@@ -353,5 +347,4 @@ def _law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
 
 
 def _parabola(points: FloatArray, x: FloatArray) -> FloatArray:
-    """Parabolas of three control points at positions from 0 to 1, (m,)."""
     return np.asarray(((1 - x) * points[0] + 2 * x * points[1]) * (1 - x) + x * x * points[2])

@@ -190,7 +190,6 @@ def _nodes(
     ends: tuple[End, End],
     per_ramp: float,
 ) -> FloatArray:
-    """Ends of the cells of one section [m]."""
     begin, end = limits
     length = end - begin
     firsts = [x.first_cell(length) for x in ends]

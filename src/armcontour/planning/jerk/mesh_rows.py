@@ -345,7 +345,6 @@ class MeshRows:
         return np.asarray(np.min(points, axis=2).T)
 
     def _ceiling(self) -> FloatArray:
-        """Ceilings of the control points of ds², (n, 3)."""
         with np.errstate(divide="ignore"):
             squares = (1 / self.limits.squares.ends).min(axis=2, initial=np.inf)
         first, last = np.minimum(self.limits.ceiling, squares).T
@@ -426,6 +425,5 @@ def control_points(mesh: JerkMesh) -> tuple[FloatArray, FloatArray]:
 
 
 def _degree(coefficients: FloatArray) -> int:
-    """Degree of a joint path, at least 3."""
     used = np.flatnonzero(coefficients.any(axis=(0, 2)))
     return max(3, int(used[-1]) if len(used) else 3)

@@ -121,7 +121,6 @@ def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
 def _draw(
     spline: JointSpline, arm: Arm, objective: Path, s_objective: FloatArray, count: IntArray
 ) -> DrawnPath:
-    """Tool path of a spline whose spans are drawn in several parts each, (n,)."""
     span, share = _parts(np.arange(len(count)), count)
     begin = _points(spline, arm, span, share[:, 0])
     end = _points(spline, arm, span, share[:, 1])

@@ -161,14 +161,7 @@ def _farthest(
 
 
 def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | None) -> Nodes | None:
-    """Nodes along a start, dense at corners and rests; None if they are too many.
-
-    Args:
-        start: The start, with its timing.
-        tube: The tube of the tolerance.
-        arm: The arm.
-        configuration: For an arm in the plane, the branch of its inverse kinematics.
-    """
+    """Nodes along a start, dense at corners and rests; None if they are too many."""
     path, matches, joint_path = start.path, start.places, start.joint_path
     marks = _Marks.from_path(path, matches, tube)
     spread = _spread(start, arm, tube, marks)
@@ -226,7 +219,6 @@ class _Marks:
 
     @classmethod
     def from_path(cls, path: Path, matches: FloatArray, tube: Tube) -> _Marks:
-        """Marks of a path whose matching arc lengths on the objective are `matches`."""
         s_corners = np.interp(tube.objective.breaks[tube.vertex], matches[:, 0], matches[:, 1])
         stops = np.concatenate([[0.0], path.stops, [path.length]])
         turns = path_turns(tube)
@@ -255,7 +247,6 @@ def _beside_corners(corner: IntArray) -> IntArray:
 
 
 def _least_nearby(values: FloatArray) -> FloatArray:
-    """Minimum of each value and its neighbours, (n,)."""
     smallest = values.copy()
     smallest[1:] = np.minimum(smallest[1:], values[:-1])
     smallest[:-1] = np.minimum(smallest[:-1], values[1:])
@@ -353,7 +344,6 @@ def _divide(
 
 
 def _frames(tangents: FloatArray) -> FloatArray:
-    """Unit vectors normal to tangents as columns, (n, dimension, dimension - 1)."""
     if tangents.shape[1] == 2:
         return np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)[:, :, None]
     first = perpendicular(tangents)
@@ -362,7 +352,6 @@ def _frames(tangents: FloatArray) -> FloatArray:
 
 
 def _sides(k: int) -> FloatArray:
-    """Directions of the bounds of offsets, (m, k)."""
     if k == 1:
         return np.array([[1.0], [-1.0]])
     angle = 2 * np.pi * np.arange(SIDES) / SIDES

@@ -139,7 +139,6 @@ def _pack(
 def _row_product(
     first: IntArray, ends: IntArray, values: FloatArray, x: FloatArray, r: int
 ) -> float:
-    """Value of row r."""
     value = 0.0
     shift = first[r] - ends[r]
     for p in range(ends[r], ends[r + 1]):
@@ -218,7 +217,6 @@ def _solve(matrix: FloatArray, x: FloatArray) -> None:
 def _longest_step(
     slack: FloatArray, dual: FloatArray, d_slack: FloatArray, d_dual: FloatArray
 ) -> float:
-    """Longest step, up to 1, with positive slacks and multipliers."""
     step_length = 1.0
     for r in range(len(slack)):
         if d_slack[r] < 0.0:

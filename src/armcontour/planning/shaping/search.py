@@ -75,7 +75,6 @@ def solve_in_chunks(
     begins, ends = np.append(0, cuts + 1), np.append(cuts + 1, n)
 
     def solve(begin: int, end: int) -> FloatArray:
-        """Unknowns of a chunk, whose first and last node are fixed."""
         part = slice(begin, end)
         chunk_cost, chunk_rows = cost[part].copy(), rows[part].copy()
         if begin > 0:
@@ -138,15 +137,7 @@ class _State:
 
 @dataclass(slots=True)
 class ShapeSearch:
-    """Search along the nodes of one start; each step yields the best candidate.
-
-    Args:
-        nodes: The nodes.
-        start: The start.
-        tube: The tube of the tolerance.
-        timer: Times the shapes.
-        options: Options of the shaped path.
-    """
+    """Search along the nodes of one start; each step yields the best candidate."""
 
     nodes: Nodes
     start: Candidate
@@ -302,13 +293,11 @@ class ShapeSearch:
         )
 
     def _spline(self, offsets: FloatArray, h: FloatArray) -> JointSpline:
-        """Spline of the joints for offsets [m] and span times [s]."""
         nodes = self.nodes
         points = nodes.points + np.einsum("ndk,nk->nd", nodes.frames, offsets)
         return JointSpline(q=nodes.near.solve(points, nodes.q), h=h, rest=nodes.rest)
 
     def _propose(self) -> tuple[FloatArray, FloatArray]:
-        """Offsets and span times of the quadratic program around the best shape."""
         state, nodes = self.state, self.nodes
         n, k = state.offsets.shape
         unit = np.where(nodes.fixed, 0.0, np.maximum(nodes.tolerance, 1e-12))
@@ -337,7 +326,6 @@ class ShapeSearch:
     def _limit_rows(
         self, offsets: FloatArray, h: FloatArray, unit: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Rows of the limits around offsets [m] and span times [s], and their bounds."""
         nodes, limits = self.nodes, self.timer.limits
         spline = self._spline(offsets, h)
         steps = nodes.near.steps(spline.q, nodes.frames)

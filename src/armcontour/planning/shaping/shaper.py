@@ -102,13 +102,7 @@ def shape(
 
 @dataclass(frozen=True, slots=True)
 class Shaping:
-    """Shaping of the contours of a program.
-
-    Args:
-        arm: The arm.
-        limits: Limits for the choice of the configuration, one value per joint.
-        options: Options of the shaped paths.
-    """
+    """Shaping of the contours of a program."""
 
     arm: Arm
     limits: Limits
@@ -285,13 +279,7 @@ def _named(contour: Contour, number: int, enabled: bool) -> AbstractContextManag
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """A contour to be shaped, as sent to other processes.
-
-    Args:
-        objective: The objective path.
-        timer: Times its shapes.
-        options: Options of the shaped path.
-    """
+    """A contour to be shaped, as sent to other processes."""
 
     objective: Path
     timer: Timer
@@ -375,7 +363,6 @@ def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
 
 
 def _time_starts(objective: Path, tube: Tube, timer: Timer, options: Shaped) -> list[Candidate]:
-    """The starts with their timings, without those that the arm cannot follow."""
     candidates = [
         timer.candidate(name, path, places)
         for name, (path, places) in make_starts(objective, tube, options).items()

@@ -299,7 +299,6 @@ def friction_rise(
 
 @compiled(inner=True)
 def _products(ends: FloatArray, i: int, end: int, r: int) -> tuple[float, float, float]:
-    """Products a a, a b and b b of the vectors at one end of an interval."""
     aa = ab = bb = 0.0
     for d in range(3):
         a, b = ends[i, end, r, A, d], ends[i, end, r, B, d]
@@ -571,7 +570,6 @@ def _row_half_planes(
     w: float,
     margins: bool,
 ) -> None:
-    """Write LANES rows on interval i, starting at row `first`."""
     by, count = lines.scratch, limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     within = bracket(bounds.x_min[i], bounds.x[i])
     for lane in range(LANES):
@@ -601,7 +599,6 @@ def _interval_limits(
     margins: bool,
     lines: LimitLines,
 ) -> None:
-    """Write the limits on interval i for a plan within bounds, with or without margins."""
     rounds, groups = limits.rounds, len(limits.joints) // ROWS
     count = limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     w = grid.s[i + 1] - grid.s[i]
@@ -628,7 +625,6 @@ def _interval_limits(
 
 @compiled(inner=True, fastmath=FUSED)
 def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
-    """Range of the mean u for x."""
     table, count, slot = lines.table, lines.width, i & (len(lines.drawn) - 1)
     first = 3 * count * slot
     tilted = x * load(table, first)
@@ -785,7 +781,6 @@ def _backward_forward_pass(
 
 @compiled(inner=True, fastmath=FUSED)
 def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, float]:
-    """Smallest and largest u within the limit of a vector."""
     aa = ab = bb = 0.0
     for d in range(3):
         a, b = rounds.ends[i, end, r, A, d], rounds.ends[i, end, r, B, d] * x
@@ -898,7 +893,6 @@ def _choose_slopes(
 def _motion_extent(
     width: FloatArray, x: FloatArray, k: FloatArray, i: int
 ) -> tuple[float, float, float]:
-    """Largest and smallest x, and largest |u|, on an interval."""
     w, first, last = width[i], x[i], x[i + 1]
     mean, turn = (last - first) / (2 * w), abs(k[i]) * w / 2
     sag = turn * w / 2
@@ -952,7 +946,6 @@ def _prove_or_widen(
 
 @compiled(inner=True)
 def _largest_margin(lost: FloatArray) -> int:
-    """Interval on which margins take the largest share."""
     worst = 0
     for i in range(len(lost)):
         if lost[i] > lost[worst]:
@@ -1012,11 +1005,6 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     """Plan without margins, then with margins for bounds around that plan until it is within them.
 
     With one try only, the result is the plan without margins, with the outcome FINER.
-
-    Args:
-        grid: The intervals.
-        limits: The limits.
-        rules: The rules.
     """
     n, rubbing = len(grid.piece), limits.friction.within.shape[1]
     width, x, reachable, cap = np.empty(n), np.zeros(n + 1), np.empty(n + 1), np.empty(n + 1)

@@ -208,7 +208,6 @@ def collect(forms: Iterable[Form], n: int) -> GridLimits:
 def _joined(
     tables: list[tuple[FloatArray, ...]] | None, *empty: tuple[int, ...]
 ) -> Iterable[FloatArray]:
-    """Arrays of several tables of one form with all their rows, or empty ones."""
     if tables is None:
         return [np.empty(x) for x in empty]
     if len(tables) == 1:

@@ -26,7 +26,6 @@ INSIDE = 0.02  # points closer to an end of an interval than this share gain not
 
 @compiled(inner=True, fastmath=FUSED)
 def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
-    """Largest x at one end of an interval."""
     steepest, joint = 0.0, 0
     for group in range(len(limits.joints) // ROWS):
         a, _ = path_slopes(grid, i, joint, end)

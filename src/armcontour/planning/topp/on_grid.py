@@ -32,7 +32,6 @@ ROUNDING = 2e-15  # relative rounding error of x, in differences of x
 
 @compiled(inner=True, fastmath=FUSED)
 def _slopes(c: FloatArray, k: int, j: int, x: float, scale: float) -> tuple[float, float]:
-    """dq_ds and d2q_ds2 of joint j at position x of piece k."""
     c1, c2, c3, c4, c5 = c[k, 1, j], c[k, 2, j], c[k, 3, j], c[k, 4, j], c[k, 5, j]
     first = c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
     second = 2 * c2 + x * (6 * c3 + x * (12 * c4 + x * 20 * c5))

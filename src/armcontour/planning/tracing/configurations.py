@@ -261,7 +261,6 @@ def _smooth(
     joint_paths: list[FloatArray],
     **options: Any,
 ) -> list[tuple[FloatArray, float]]:
-    """Smoothed joint paths, (n, dof) each, with their costs."""
     if not joint_paths:
         return []
 
@@ -489,7 +488,6 @@ def _refuse(
 def _refuse_singularity(
     path: Path, arm: SerialArm, s: float, pose: FloatArray, task: int, q: FloatArray
 ) -> None:
-    """Raise Unreachable for a singularity at arc length s, with the joint that moves most."""
     jacobian = arm.jacobian(q)
     angular = jacobian[3:] if task == 6 else pose[:, : task - 3].T @ jacobian[3:]
     _, sizes, motions = np.linalg.svd(np.concatenate([jacobian[:3], angular]))

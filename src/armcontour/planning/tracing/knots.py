@@ -145,7 +145,6 @@ def first_knots(path: Path, span: float, finer: int = 1) -> Knots:
 
 
 def _cells(path: Path) -> Knots:
-    """Intervals between all breaks of the path's segments and of its orientation."""
     n, orientation = len(path), path.orientation
     whole = orientation is None or (len(orientation) == 1 and orientation.breaks[1] == path.length)
     if orientation is None or whole or np.array_equal(orientation.breaks, path.breaks):
@@ -204,7 +203,6 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
 
 
 def _refuse_position_only(arm: SerialArm) -> None:
-    """Refuse an arm that cannot follow a path without orientation."""
     if arm.dof > 3:
         raise InvalidInput(
             f"The path has no tool orientation, but the arm {arm.name} needs one: give the path an "
@@ -219,7 +217,6 @@ def _refuse_position_only(arm: SerialArm) -> None:
 
 
 def _refuse_jump(path: Path, orientation: Orientation) -> None:
-    """Raise InvalidInput for the first jump of the orientation, with its cause and remedy."""
     jumps = orientation.jumps
     i = int(np.argmax(jumps > NO_JUMP))
     s = float(orientation.breaks[i + 1])

@@ -258,7 +258,6 @@ class _Cost:
         return cost
 
     def values(self, q: FloatArray) -> FloatArray:
-        """Costs of joint positions [rad], (ways,)."""
         steps = (q[:, 1:] - q[:, :-1]) * self.weights
         excess = self.outside * np.maximum(np.abs((q - self.middle) / self.half) - INNER_RANGE, 0.0)
         # NumPy sums pairwise. Joint positions that differ by a free rotation of the tool have equal

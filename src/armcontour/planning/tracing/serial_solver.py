@@ -108,7 +108,6 @@ class Numeric(Solver[SerialArm]):
         return self._errors(poses_at(self.path, knots, u), q)
 
     def _errors(self, targets: FloatArray, q: FloatArray) -> FloatArray:
-        """As `tool_errors`, from target poses, (n, 3, 4)."""
         return tool_errors(self.arm, q, targets, self.task, (self.tolerance, ANGULAR_TOLERANCE))
 
     def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:

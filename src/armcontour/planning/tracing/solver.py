@@ -32,12 +32,7 @@ A = TypeVar("A", bound=Arm, covariant=True)
 
 
 class Solver(ABC, Generic[A]):
-    """Joint positions and their derivatives along a tool path.
-
-    Args:
-        path: The tool path.
-        arm: The arm.
-    """
+    """Joint positions and their derivatives along a tool path."""
 
     def __init__(self, path: Path, arm: A) -> None:
         self.path = path
@@ -86,11 +81,6 @@ class Solver(ABC, Generic[A]):
 
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
         """Largest error of the tool on the quintics of intervals, over the tolerance, (n,).
-
-        Args:
-            knots: The intervals, n of them.
-            start: Joint positions and derivatives at their starts.
-            end: The same at their ends.
 
         Returns:
             The errors, and the joint positions in the middle of the intervals, (n, dof).
@@ -227,7 +217,6 @@ def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
 
 
 def _select(ends: Ends, selection: BoolArray | IntArray) -> Ends:
-    """Joint positions and derivatives of the selected intervals."""
     q, dq_ds, d2q_ds2 = ends
     return q[selection], dq_ds[selection], d2q_ds2[selection]
 

@@ -190,7 +190,6 @@ def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
 def _trace_planar(
     path: Path, arm: PlanarTwoLink, configuration: str, tolerance: float
 ) -> JointPath:
-    """Joint path of a planar arm in one branch, inside the joint ranges."""
     joint_path = refine(
         Analytic(path, arm, configuration, tolerance), first_knots(path, arm.span), path.stops
     )
@@ -239,7 +238,6 @@ def _complete(tries: Iterable[Callable[[], JointPath]], max_count: int | None) -
 
 
 def _check_seed(arm: SerialArm, seed: npt.ArrayLike) -> FloatArray:
-    """Check that the seed has one position per joint, inside the joint ranges [rad], (dof,)."""
     positions = checks.per_joint("seed", seed, arm.dof, "rad")
     lower, upper = arm.limits.joint_range(arm.dof)
     outside = (positions < lower) | (positions > upper)
