@@ -30,12 +30,12 @@ print(min(work() for _ in range(5)))
 LOADED = """
 import sys
 import numpy as np
-from armcontour.planning import _laps
+from armcontour.planning import paper_line
 
 ends = np.zeros((2, 2)), np.ones((2, 2))
 before = set(sys.modules)
-_laps.laps(*ends, 0.1, np.arange(2.0))
-assert sum(_laps.laps.stats.cache_hits.values()) == 1
+paper_line.run_laps(*ends, 0.1, np.arange(2.0))
+assert sum(paper_line.run_laps.stats.cache_hits.values()) == 1
 # They declare to the compiler what can be called.
 print(*(x for x in set(sys.modules) - before if x.startswith("numba.core.typing")))
 """
@@ -64,9 +64,9 @@ def test_memory_that_is_freed_is_used_again():
 
 def test_loading_imports_nothing_that_only_compiling_needs():
     # It takes longer than a short plan.
-    from armcontour.planning import _laps
+    from armcontour.planning import paper_line
 
-    _laps.laps(np.zeros((2, 2)), np.ones((2, 2)), 0.1, np.arange(2.0))
+    paper_line.run_laps(np.zeros((2, 2)), np.ones((2, 2)), 0.1, np.arange(2.0))
     assert run(LOADED).stdout.split() == []
 
 

@@ -1,4 +1,4 @@
-"""Compiled lower bound on the duration of any motion along a joint path, without a plan."""
+"""Lower bound on the duration of any motion along a joint path, without a plan."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from armcontour.core.kernels import compiled
 from armcontour.motion import JointPath
 from armcontour.robot import Limits
 
-# A joint path is looked at in about this many places, and in more where the joints change their
-# direction, by this angle from place to place [rad].
+# Approximate number of equal samples of a joint path, and change of its direction between samples
+# [rad].
 EVEN_PARTS = 100
 TURN = 0.1
 
 
 @compiled(inner=True, allocates=True)
 def _count_parts(breaks: FloatArray, coefficients: FloatArray) -> IntArray:
-    """Number of equal parts of each piece at whose ends limits are kept, (n,)."""
+    """Number of equal parts of each piece, whose ends satisfy the limits, (n,)."""
     n, dof = len(coefficients), coefficients.shape[2]
     parts = np.empty(n, dtype=np.intp)
     previous, direction = np.empty(dof), np.empty(dof)
@@ -45,15 +45,7 @@ def _count_parts(breaks: FloatArray, coefficients: FloatArray) -> IntArray:
 
 @compiled(inner=True)
 def _ceiling(b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatArray) -> float:
-    """The largest x = ds² at which some u = dds keeps `low <= b u + c x <= high` for all joints.
-
-    Args:
-        b: dq_ds of many places, (n, dof).
-        c: d2q_ds2 of many places, (n, dof).
-        i: The place.
-        low: Smallest acceleration of each joint, below zero, (dof,).
-        high: Largest acceleration of each joint, (dof,).
-    """
+    """Largest x = ds² for which some u = dds gives `low <= b u + c x <= high` for all joints."""
     ceiling = math.inf
     for j in range(len(low)):
         p, q = b[i, j], c[i, j]
@@ -63,7 +55,7 @@ def _ceiling(b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatA
             continue
         top = (high[j] if p > 0.0 else low[j]) / p
         for k in range(len(low)):
-            # The most that joint j allows meets the least that joint k asks for.
+            # The upper bound of joint j meets the lower bound of joint k.
             r = b[i, k]
             if r != 0.0 and k != j:
                 falls = q / p - c[i, k] / r
@@ -82,7 +74,7 @@ def _largest_u(
     x: float,
     sign: float,
 ) -> float:
-    """The largest u = dds at x = ds² within the joints' accelerations; of `-u` with sign -1."""
+    """Largest u = dds at x = ds² within the joint accelerations; of `-u` with sign -1."""
     largest = math.inf
     for j in range(len(low)):
         slope = sign * b[i, j]
@@ -96,15 +88,9 @@ def _largest_u(
 def _time_on(
     width: float, first: float, last: float, up: float, down: float, ceiling: float
 ) -> float:
-    """The least time on a part from x = first to x = last: x rises, stays, and falls [s].
+    """Shortest time from x = first to x = last over `width` [s]: x rises, stays, and falls.
 
-    Args:
-        width: Length of the part [m].
-        first: ds² at its start [m²/s²].
-        last: ds² at its end [m²/s²].
-        up: Largest dds [m/s²].
-        down: Largest deceleration [m/s²].
-        ceiling: Largest ds² [m²/s²].
+    `up` and `down` are the largest acceleration and deceleration [m/s²].
     """
     top = max(first, last)
     if up > 0.0 and down > 0.0:
@@ -130,21 +116,18 @@ def least_duration(
     ceilings: FloatArray,
     bounds: FloatArray,
 ) -> float:
-    """A duration that no motion along a joint path falls below.
+    """Lower bound of the duration of any motion along a joint path [s]; 0 if it is not limited.
 
-    Limits are kept at points only, and between two points ds² may grow as fast as at either, so
-    that a plan takes longer.
+    Limits are satisfied at points only, and between two points ds² may grow at the larger of both
+    rates, so every plan takes longer.
 
     Args:
         breaks: Arc lengths of the ends of the pieces [m], (n + 1,).
         coefficients: Coefficients of the quintics [rad], (n, 6, dof).
-        rests: Whether the motion rests at a break, (n + 1,).
+        rests: True at breaks at which the motion rests, (n + 1,).
         ceilings: Largest ds² on each piece [m²/s²], (n,).
         bounds: Lower and upper bounds of the velocities [rad/s] and accelerations [rad/s²] of the
             joints, (4, dof).
-
-    Returns:
-        The duration [s]; 0 if nothing limits the motion.
     """
     n, dof = len(coefficients), coefficients.shape[2]
     slow, fast, low, high = bounds[0], bounds[1], bounds[2], bounds[3]
@@ -152,7 +135,7 @@ def least_duration(
     size = 0
     for i in range(n):
         size += parts[i]
-    # Rows 2 i and 2 i + 1 are the start and the end of part i: the derivatives jump at breaks.
+    # Rows 2 i and 2 i + 1 are the start and the end of part i, because derivatives jump at breaks.
     b, c = np.empty((2 * size, dof)), np.empty((2 * size, dof))
     widths, tops = np.empty(size), np.empty(size)
     x, part = np.empty(size + 1), 0
@@ -203,14 +186,10 @@ def least_duration(
 
 
 def bound_duration(joint_path: JointPath, limits: Limits) -> float:
-    """A duration that no motion from rest to rest along a joint path falls below [s].
+    """Lower bound of the duration of any motion from rest to rest along a joint path [s].
 
-    It takes account of the joints' velocities and accelerations, the tool's speed and, on arcs, its
-    centripetal acceleration; torques and all other limits are left out.
-
-    Args:
-        joint_path: A traced path.
-        limits: The limits.
+    The bound includes joint velocities and accelerations, tool speed, and the centripetal
+    acceleration on arcs. Torques and all other limits are ignored.
     """
     breaks, dof = joint_path.breaks, joint_path.dof
     rests = np.isin(breaks, joint_path.stops)

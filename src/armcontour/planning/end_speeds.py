@@ -1,7 +1,8 @@
-"""Start and end speeds that cannot be had: the refusal names one that can.
+"""Errors for infeasible start and end speeds, with a speed that is feasible.
 
-What a pass of the planner finds at an end is an estimate only: margins change with the speed, and
-what one end allows depends on the other. So the speed that is named was planned with.
+The planner's value at an end is only an estimate, because margins change with the speed and the
+feasible speed at one end depends on the other. Therefore the reported speed is one that was
+planned.
 """
 
 from __future__ import annotations
@@ -15,14 +16,14 @@ import numpy as np
 from armcontour.core.errors import NotRealizable
 
 START, END = "start speed", "end speed"
-# A speed is named with this many digits, and planned with as it is named.
+# Digits of the reported speed, which is planned with these digits.
 DIGITS = 6
-# Estimates that are followed; each that fails is lowered by at least the share LOWER.
+# Largest number of estimates; each failed one is reduced by at least the share LOWER.
 MOST_ESTIMATES = 8
-# Relative rounding error of a speed that a plan allows; it counts as allowed, see `PLAY`.
+# Relative rounding error of a feasible speed; it counts as feasible, see `PLAY`.
 ROUNDING = 1e-9
 LOWER = 1e-3
-# Where estimates lead nowhere, the interval of speeds is halved so often.
+# Number of bisections of the speed if the estimates fail.
 HALVINGS = 12
 
 
@@ -31,9 +32,9 @@ class EndSpeeds:
     """Speeds at the ends of a path.
 
     Args:
-        plan: Plans with a start and an end speed [m/s], or raises NotRealizable.
-        start: The start speed that was asked for [m/s].
-        end: The end speed that was asked for [m/s].
+        plan: Plans with a start and an end speed [m/s]; raises NotRealizable.
+        start: The requested start speed [m/s].
+        end: The requested end speed [m/s].
     """
 
     plan: Callable[[float, float], object]
@@ -41,14 +42,11 @@ class EndSpeeds:
     end: float
 
     def refuse(self, error: NotRealizable) -> NotRealizable:
-        """The refusal of the speeds, with a speed that can be had.
+        """Return the error for these speeds, with a feasible speed.
 
-        It is the speed at the blamed end with that at the other end as asked for, or else the
-        other way round. If either speed is too high whatever the other is, the blamed one with rest
-        at the other end.
-
-        Args:
-            error: What the planner raised.
+        The feasible speed is that of the blamed end with the requested speed at the other end, or
+        of the other end with the requested speed at the blamed end. If neither exists, it is that
+        of the blamed end with rest at the other end.
         """
         blamed = START if error.limit == START else END
         other = END if blamed == START else START
@@ -63,11 +61,9 @@ class EndSpeeds:
         return self._refusal(blamed, allowed, error, condition)
 
     def _allowed(self, name: str, *, at_rest: bool) -> float | None:
-        """A speed near the largest at one end, or None if there is none below the given one.
+        """Feasible speed close to the largest at one end; None if no lower speed is feasible.
 
-        Args:
-            name: START or END.
-            at_rest: Whether the other speed is zero, not as asked for.
+        `at_rest` means that the speed at the other end is zero instead of the requested one.
         """
         requested = self.start if name == START else self.end
         speed = requested
@@ -89,7 +85,7 @@ class EndSpeeds:
         return low
 
     def _failure(self, name: str, speed: float, at_rest: bool) -> NotRealizable | None:
-        """Why a speed at one end cannot be had; None if it can."""
+        """Error of the planner for a speed at one end; None if the speed is feasible."""
         start = speed if name == START else 0.0 if at_rest else self.start
         end = speed if name == END else 0.0 if at_rest else self.end
         try:
@@ -115,7 +111,7 @@ class EndSpeeds:
 
 
 def raise_too_fast(name: str, x: float, allowed: float, s: float) -> NoReturn:
-    """Refuse a start or end speed; `x` and `allowed` are squares of speeds [m²/s²].
+    """Raise the error for a start or end speed; `x` and `allowed` are squared speeds [m²/s²].
 
     Raises:
         NotRealizable: Always.
@@ -131,7 +127,7 @@ def raise_too_fast(name: str, x: float, allowed: float, s: float) -> NoReturn:
 
 
 def _round_down(speed: float) -> float:
-    """A speed with DIGITS digits that is higher by rounding errors at most."""
+    """Round a speed down to DIGITS digits, with a tolerance of the rounding error."""
     if speed <= 0:
         return 0.0
     speed *= 1 + ROUNDING

@@ -1,4 +1,4 @@
-"""Why a plan is not faster: which limit binds where, and how much runs at the assigned velocity."""
+"""Explanation of a plan: the active limit at each point, and the share at the assigned velocity."""
 
 from __future__ import annotations
 
@@ -23,26 +23,26 @@ from armcontour.planning.path_grid import Grid
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.limits import JOINT_LIMITS
 
-# A limit binds on an interval from this used share on. Margins may take the rest; below this share
-# the plan passes from one limit to another.
+# A limit is active on an interval from this used share on. Margins may take the remainder; below
+# this share the plan is in transition between two limits.
 BINDS = 0.99
-# Margins of wide intervals take more: next to an interval on which a limit binds it binds from this
-# share on, as long as it is the limit that is used most, and on more intervals than a plan takes to
-# pass from one limit to another.
+# Margins of wide intervals are larger. Next to an interval with an active limit, the limit is
+# active from this share on while it is the most used limit, and on more intervals than a transition
+# takes.
 BINDS_BESIDE, PASSES = 0.9, 2
-# With limits of jerk it binds from this share on: its intervals are longer, and along one of them
-# the share of a limit changes more.
+# Threshold with limits of jerk: intervals are longer, and the share of a limit changes more along
+# one.
 BINDS_WITH_JERK = 0.9
-# The assigned velocity counts as reached from this share of it on.
+# Share from which the assigned velocity counts as reached.
 REACHED = 0.999
-# The speed has passed an extreme when it has left the extreme by this share.
+# An extreme of the speed is confirmed once the speed differs from it by this share.
 FLAT = 0.01
-# What "nothing" is called for people.
+# Label of "nothing".
 BETWEEN = "between two limits"
-# What takes time without being on a contour, by the kinds of moves.
+# Labels of the time outside contours, by the kinds of moves.
 RAPIDS, DWELLS = "rapids between contours", "dwells"
 IDLE = {"rapid": RAPIDS, "dwell": DWELLS}
-# What limits are called for people, in the order that decides between equal shares.
+# Labels of limits, in the order that decides between equal shares.
 NAMES = {
     **{f"joint_{x}": x for x in ("torque", "velocity", "acceleration")},
     "speed": "assigned velocity",
@@ -52,17 +52,17 @@ NAMES = {
     "angular_acceleration": "angular acceleration",
     **{"joint_jerk": "jerk", "tool_jerk": "tool jerk", "path_jerk": "path jerk"},
 }
-# Fields of `_LawExplanation` that are added up over contours: lengths and times.
+# Fields of `_LawExplanation` that are summed over contours: lengths and times.
 SUMMED = ("with_assigned", "reached")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Binding:
-    """A part of the path on which one limit binds.
+    """Part of the path on which one limit is active.
 
     Args:
-        limit: Name of the limit, such as "acceleration" or "assigned velocity"; "nothing" where a
-            plan passes from one limit to another.
+        limit: Name of the limit, such as "acceleration" or "assigned velocity"; "nothing" in a
+            transition between two limits.
         joint: Index of the joint, from 0, or None for a limit of the tool.
         t: Start and end times [s].
         s: Arc lengths of start and end [m].
@@ -83,7 +83,7 @@ class Binding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shortfall:
-    """An extreme of the tool speed below the assigned velocity, and the limit that causes it.
+    """Extreme of the tool speed below the assigned velocity, and the limit that causes it.
 
     Args:
         kind: "slowest" at a minimum of the speed, "fastest" at a maximum below the assigned
@@ -91,7 +91,7 @@ class Shortfall:
         s: Arc length of the extreme [m].
         speed: Tool speed there [m/s].
         assigned: The assigned velocity there [m/s].
-        reason: The limit that binds there, such as "joint 2 acceleration".
+        reason: The active limit there, such as "joint 2 acceleration".
     """
 
     kind: str
@@ -109,14 +109,14 @@ class Shortfall:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitShare:
-    """Length and time for which one limit binds, or the time between contours.
+    """Length and time for which one limit is active, or the time between contours.
 
     Args:
         kind: The limit, `BETWEEN`, `RAPIDS` or `DWELLS`.
         name: The limit with its joint; otherwise the kind.
-        length: Length [m]; None off the contours.
+        length: Length [m]; None between contours.
         time: Time [s].
-        of_length: Share of the length of all contours; None off the contours.
+        of_length: Share of the length of all contours; None between contours.
         of_time: Share of the duration of the motion.
         count: Number of parts of the path, or of moves.
     """
@@ -132,17 +132,17 @@ class LimitShare:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation(Result):
-    """Which limits determine the duration of a plan.
+    """Limits that determine the duration of a plan.
 
     Args:
-        bindings: The binding limits in order, from the start of the motion to its end.
+        bindings: The active limits in order, from the start of the motion to its end.
         assigned_length: Share of the length at the assigned velocity, counted over the part of the
             path that has an assigned velocity; None if no part has one.
         assigned_time: Share of the time at the assigned velocity, counted over the same part; None
             if no part has one.
         shortfalls: Speed extremes below the assigned velocity, with their causes.
-        jerk_stops: Arc lengths at which limits of jerk make the motion rest, because accelerations
-            would jump there at any speed [m].
+        jerk_stops: Arc lengths at which limits of jerk require a stop, because accelerations
+            would jump at any speed [m].
         idle: Durations of the moves between contours, by `RAPIDS` and `DWELLS` [s].
     """
 
@@ -154,13 +154,13 @@ class Explanation(Result):
     idle: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        """The limits that bind, with their shares of the time."""
+        """Active limits, with their shares of the time."""
         shares = ", ".join(f"{x.name} {x.of_time:.0%}" for x in self.shares)
         stops = f"; {len(self.jerk_stops)} stops by jerk" if self.jerk_stops else ""
         return f"Explanation({shares}; {len(self.shortfalls)} shortfalls{stops})"
 
     def to_data(self) -> Data:
-        """The shares at the assigned velocity, what binds, and places below it."""
+        """Shares at the assigned velocity, active limits, and speed extremes."""
         slowest = min(self.shortfalls, key=lambda x: x.speed / x.assigned, default=None)
         return Data(
             "Explanation",
@@ -196,7 +196,7 @@ class Explanation(Result):
 
     @property
     def time_table(self) -> Table:
-        """What takes the time, which report, page, print and files have alike."""
+        """Table of the time by limits and moves, for report, page, print and files."""
         return Table(
             "time",
             (
@@ -214,7 +214,7 @@ class Explanation(Result):
 
     @property
     def kinds(self) -> dict[str, float]:
-        """Share of the duration by the kinds of `shares`, of all joints together."""
+        """Share of the duration by the kinds of `shares`, summed over the joints."""
         shares: defaultdict[str, float] = defaultdict(float)
         for share in self.shares:
             shares[share.kind] += share.of_time
@@ -222,12 +222,12 @@ class Explanation(Result):
 
     @property
     def longest(self) -> tuple[str, float] | None:
-        """What takes the longest time, and its share; None if nothing is known."""
+        """Limit or move with the longest time, and its share; None if unknown."""
         return next(((x.name, x.of_time) for x in self.shares if x.name != BETWEEN), None)
 
     @property
     def shares(self) -> tuple[LimitShare, ...]:
-        """What takes the time of the motion, the longest time first; all times add up to it."""
+        """Time by limits and moves, the longest first; the sum is the duration."""
         sums: dict[tuple[str, str], FloatArray] = {}
         for binding in self.bindings:
             key = (
@@ -262,13 +262,13 @@ def explain(
     *,
     constraints: Sequence[Constraint] = (),
 ) -> Explanation:
-    """Explain which limit binds where on a plan of the method "optimal" or "shaped".
+    """Determine the active limit at each point of a plan of the method "optimal" or "shaped".
 
     Args:
         trajectory: The plan.
-        arm: The arm that the plan was made for, or what has its `dof` and `limits`.
-        limits: Limits in place of those of the plan, with which its reserve is taken off.
-        constraints: The further constraints that the plan was made for.
+        arm: The arm that the plan was made for, or any object with its `dof` and `limits`.
+        limits: Limits that replace those of the plan, which include its reserve.
+        constraints: Additional constraints that the plan was made for.
 
     Raises:
         InvalidInput: The plan was made by another method, or is none.
@@ -281,7 +281,7 @@ def explain(
     laws: list[tuple[float, float, PathLaw]] = []
     stops: list[float] = []
     for x in trajectory.contour_spans:
-        # Only the law of the method optimal has the grid intervals on which limits bind.
+        # Only the law of the method "optimal" has the grid intervals of the limits.
         law = None if x.trajectory is None else x.trajectory.laws[0]
         planned = trajectory.method in (Method.OPTIMAL, Method.SHAPED)
         if not planned or x.trajectory is None or not isinstance(law, PathLaw):
@@ -302,10 +302,10 @@ def explain(
 
 @dataclass(frozen=True, slots=True)
 class _LawExplanation:
-    """The explanation of one law.
+    """Explanation of one law.
 
     Args:
-        bindings: The binding limits in order.
+        bindings: The active limits in order.
         shortfalls: Speed extremes below the assigned velocity.
         with_assigned: Length [m] and time [s] of the intervals that have an assigned velocity.
         reached: Length [m] and time [s] of the intervals at the assigned velocity.
@@ -318,7 +318,6 @@ class _LawExplanation:
 
 
 def _join(parts: Sequence[_LawExplanation]) -> Explanation:
-    """Join the explanations of all laws of a motion."""
     total, reached = (np.sum([getattr(x, name) for x in parts], axis=0) for name in SUMMED)
     shares = [None, None] if total[0] == 0 else (reached / total).tolist()
     return Explanation(
@@ -370,11 +369,9 @@ def _explain_law(
 
 
 def _find_binding(shares: FloatArray, threshold: float) -> IntArray:
-    """The column of the limit that binds on each interval, or -1, (n,).
+    """Column of the active limit on each interval, or -1, (n,), from used shares, (n, limits).
 
-    Args:
-        shares: Used shares of all limits, (n, limits).
-        threshold: From which share on a limit binds whatever its neighbours do.
+    A limit is active from the share `threshold` on, regardless of neighbouring intervals.
     """
     share, most_used = shares.max(axis=1), shares.argmax(axis=1)
     certain = share >= threshold
@@ -386,20 +383,17 @@ def _find_binding(shares: FloatArray, threshold: float) -> IntArray:
 
 
 def _runs(values: IntArray) -> tuple[IntArray, IntArray]:
-    """Where runs of equal values start, and how long they are."""
+    """Start indices and lengths of runs of equal values."""
     starts = np.append(0, np.flatnonzero(np.diff(values)) + 1)
     return starts, np.diff(np.append(starts, len(values)))
 
 
 def find_jerk_stops(joint_path: JointPath, trajectory: Trajectory) -> FloatArray:
-    """Where limits of jerk make a motion along one path rest, though its joint path has no stop.
+    """Arc lengths of breaks without a stop at which limits of jerk require one [m].
 
     Args:
         joint_path: The joint path.
         trajectory: The motion along it.
-
-    Returns:
-        Arc lengths of breaks of the joint path [m].
     """
     breaks = np.setdiff1d(joint_path.breaks[1:-1], joint_path.stops)
     return np.asarray(breaks[trajectory.speed_at(breaks) == 0])
@@ -412,15 +406,6 @@ def _bindings(
     names: list[tuple[str, int | None]],
     offsets: tuple[float, float],
 ) -> tuple[Binding, ...]:
-    """Join neighbouring intervals on which the same limit binds.
-
-    Args:
-        law: The law.
-        share: Largest used share of any limit on each interval, (n,).
-        limit_index: Index in `names` of the limit that binds on each interval, or -1, (n,).
-        names: Name and joint number of each limit.
-        offsets: Start time [s] and start arc length [m] of the law in the motion.
-    """
     t_start, s_start = offsets
     edges = np.flatnonzero(np.diff(limit_index)) + 1
     starts, ends = np.append(0, edges), np.append(edges, len(limit_index))
@@ -435,7 +420,7 @@ def _bindings(
 
 
 def _extent(law: PathLaw, mask: BoolArray) -> tuple[float, float]:
-    """Length [m] and time [s] of the intervals for which `mask` is true."""
+    """Length [m] and time [s] of the selected intervals."""
     return float(np.diff(law.s)[mask].sum()), float(np.diff(law.breaks)[mask].sum())
 
 
@@ -446,17 +431,9 @@ def _shortfalls(
     limit_index: IntArray,
     names: list[tuple[str, int | None]],
 ) -> tuple[Shortfall, ...]:
-    """Extremes of the speed wherever it is below the assigned velocity, except for stops.
-
-    Args:
-        law: The law.
-        assigned: Assigned velocity on each interval [m/s], infinite for none, (n,).
-        reached: Whether each interval reaches the assigned velocity, (n,).
-        limit_index: Index in `names` of the limit that binds on each interval, or -1, (n,).
-        names: Name and joint number of each limit.
-    """
+    """Extremes of the speed below the assigned velocity, except stops."""
     speed = law.speeds
-    # Between them the speed only rises, only falls or stays.
+    # Between these points the speed is monotonic.
     turns = np.flatnonzero(np.diff(np.sign(np.diff(speed)))) + 1
     result = []
     reached = reached | ~np.isfinite(assigned)
@@ -466,7 +443,7 @@ def _shortfalls(
         for i, k, kind in _turning_points(speed, int(first), [*inner.tolist(), int(last)]):
             if speed[i] == 0:
                 continue
-            # The limit that binds on most intervals at the extreme and next to it.
+            # The limit that is active on most intervals at the extreme and next to it.
             neighbours = limit_index[max(i - 2, 0) : k + 2]
             neighbours = neighbours[neighbours >= 0]
             reason = "the transition between two limits"
@@ -487,19 +464,10 @@ def _shortfalls(
 
 
 def _turning_points(speed: FloatArray, first: int, points: list[int]) -> list[tuple[int, int, str]]:
-    """Extremes of the speed between two points.
+    """First and last index of every extreme of the speed, and its kind: "fastest" or "slowest".
 
-    An extreme is known once the speed has left it by the share `FLAT`. All points within `FLAT` of
-    the extreme belong to it.
-
-    Args:
-        speed: Tool speed at the points [m/s].
-        first: Index of the first point.
-        points: Indices of the points at which the speed begins or ends to rise, fall or stay, and
-            of the last point.
-
-    Returns:
-        First and last index of every extreme, and its kind: "fastest" or "slowest".
+    An extreme is confirmed once the speed differs from it by the share `FLAT`. All points within
+    `FLAT` belong to it. `points` are indices of changes of the slope's sign, and the last point.
     """
     extremes: list[tuple[int, int, str]] = []
     rising: bool | None = None

@@ -1,11 +1,12 @@
-"""Plans that take a given time: the fastest ones, slowed down.
+"""Plans with a given duration: the fastest plan, slowed down.
 
-At a place of the path a limit allows a convex set of pairs (u, x) of path acceleration and squared
-path speed, and the set holds (0, 0): a plan is refused where gravity or dry friction alone exceed a
-limit. So it holds every pair (u, x) / factor² between, and a motion that takes `factor` times as
-long at every place keeps what the fastest keeps. Viscous friction is the exception, as it falls
-with the root of x only: where braking leans on it, the slower motion can need more torque. There
-the contour is planned again below a lower ceiling of the path speed, and waits for what is left.
+At each point of the path, a limit allows a convex set of pairs (u, x) of path acceleration and
+squared path speed. The set contains (0, 0), because a plan is refused where gravity or dry friction
+alone exceed a limit. Therefore the set contains (u, x) / factor² for every factor >= 1, and a
+slowed motion satisfies the limits that the fastest one satisfies. Viscous friction is the
+exception, because it is proportional to the root of x: where it assists braking, the slower motion
+can need more torque. The contour is then planned again below a ceiling of the path speed, and the
+remaining time is spent at rest.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ from armcontour.planning.program_timing import JoinedMoves, Timing
 from armcontour.planning.program_tracing import Tracing
 from armcontour.planning.topp.limit_forms import Ceiling, Form
 
-# A duration shorter than the fastest one by this share differs from it by rounding.
+# Relative rounding error of a duration.
 SAME_DURATION = 1e-9
-# A contour that is planned again arrives early by at most this share of its time, and waits.
+# Largest share of the time of a contour that is spent at rest at its end, if it is planned again.
 LONGEST_WAIT = 1e-3
 MOST_PLANS = 20
 
@@ -35,16 +36,15 @@ MOST_PLANS = 20
 def slow_down(
     fastest: Trajectory, duration: float, traced: Tracing | JointPath, timing: Timing
 ) -> Trajectory:
-    """Slow the fastest motion down, so that it takes a given time.
+    """Slow the fastest motion down to a given duration.
 
-    All contours are slowed down by one factor. Rapids and dwells take the time that they take in
-    the fastest motion.
+    All contours are slowed down by one factor. Rapids and dwells keep their durations.
 
     Args:
         fastest: The fastest motion.
-        duration: The time from start to end [s].
-        traced: What the joints follow.
-        timing: The method of the fastest motion, "optimal".
+        duration: Duration from start to end [s].
+        traced: The tracing or joint path of the motion.
+        timing: The timing of the fastest motion with the method "optimal".
 
     Raises:
         NotRealizable: The fastest motion takes longer.
@@ -66,12 +66,12 @@ def slow_down(
 
 
 def _factor(duration: float, contours: float, others: float) -> float:
-    """By how much contours are slowed down, from their time and that of everything else [s]."""
+    """Factor for the contours, from the durations of contours and other moves [s]."""
     shortest = contours + others
     if duration < shortest * (1 - SAME_DURATION):
         raise NotRealizable(
-            f"The motion cannot take {duration:.9g} s: the fastest that keeps the limits takes "
-            f"{shortest:.9g} s; give a longer duration, or raise the limits that bind.",
+            f"The motion cannot take {duration:.9g} s: the fastest motion takes "
+            f"{shortest:.9g} s; give a longer duration, or raise the active limits.",
             limit="duration",
             needed=shortest,
             allowed=duration,
@@ -80,7 +80,7 @@ def _factor(duration: float, contours: float, others: float) -> float:
 
 
 def _slow_down(fastest: Trajectory, factor: float, timing: Timing) -> Trajectory:
-    """The motion along one path in `factor` times its shortest time."""
+    """Motion along one path in `factor` times its shortest time."""
     if factor == 1.0:
         return fastest
     viscous = timing.limits.joint_torque is not None and np.any(timing.arm.dynamics.chain.viscous)
@@ -100,12 +100,10 @@ def _slow_down(fastest: Trajectory, factor: float, timing: Timing) -> Trajectory
 
 
 def _laws(trajectory: Trajectory) -> tuple[PathLaw, ...]:
-    """The laws of a plan of the method optimal."""
     return tuple(x for x in trajectory.laws if isinstance(x, PathLaw))
 
 
 def _stretch(law: PathLaw, factor: float) -> PathLaw:
-    """The same motion in `factor` times its time."""
     ds, dds, slope, jerk = law.rates
     rates = Rates(
         ds=ds / factor, dds=dds / factor**2, slope=slope / factor**2, jerk=jerk / factor**3
@@ -114,11 +112,7 @@ def _stretch(law: PathLaw, factor: float) -> PathLaw:
 
 
 def _plan_slower(fastest: Trajectory, target: float, timing: Timing) -> Trajectory:
-    """Plan a motion that takes at most `target` [s], and at least nearly that.
-
-    Raises:
-        NotRealizable: No such motion was found.
-    """
+    """Plan a motion whose duration is at most `target` [s] and close to it."""
     options = timing.options
     assert isinstance(options, Optimal)
     joint_path = _laws(fastest)[0].joint_path
@@ -133,7 +127,7 @@ def _plan_slower(fastest: Trajectory, target: float, timing: Timing) -> Trajecto
         share *= (trajectory.duration / (target * (1 - LONGEST_WAIT / 2))) ** 2
     raise NotRealizable(
         f"No motion that takes {target:.9g} s was found: the limits of torque and viscous friction "
-        f"leave none near it; the last one took {trajectory.duration:.9g} s.",
+        f"allow none close to it; the last one took {trajectory.duration:.9g} s.",
         limit="duration",
         needed=trajectory.duration,
         allowed=target,
@@ -141,12 +135,7 @@ def _plan_slower(fastest: Trajectory, target: float, timing: Timing) -> Trajecto
 
 
 class _Slower(Constraint):
-    """At most a share of the x of another plan along the same joint path.
-
-    Args:
-        fastest: The other plan.
-        share: The share, not above 1.
-    """
+    """Upper bound of x: a share of the x of another plan along the same joint path."""
 
     name = "given duration"
 
@@ -154,6 +143,5 @@ class _Slower(Constraint):
         self.fastest, self.share = fastest, share
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The share at grid points; between them nothing depends on it."""
         x: FloatArray = self.share * self.fastest.speed_at(path.grid.s) ** 2
         return (Ceiling(np.stack([x[:-1], x[1:]], axis=1)),)

@@ -1,4 +1,4 @@
-"""Functions that several planners share: assigned speeds, path laws, and limits along laws."""
+"""Time laws and limit checks that several timing methods share."""
 
 from __future__ import annotations
 
@@ -16,23 +16,18 @@ from armcontour.robot.limit_use import States
 from armcontour.robot.limits import UNITS
 
 # Samples per smooth piece of a law. A piece turns by half a radian at most, so the sampled peak is
-# less than the true peak by under a part in ten thousand.
+# less than 1e-4 below the true peak.
 PEAK_SAMPLES = 33
-# A law may exceed a limit by rounding only.
+# Relative rounding error by which a law may exceed a limit.
 ROUNDING = 1e-6
-# Words after a unit that does not name the quantity by itself.
+# Words after units that are ambiguous.
 OF = {"angular_speed": " of turning", "angular_acceleration": " of turning"}
 # Limits that a reserve reduces.
 RESERVED = ("joint_acceleration", "joint_torque")
 
 
 def with_reserve(limits: Limits, reserve: float) -> Limits:
-    """Reduce the limits of joint acceleration and torque by a share.
-
-    Args:
-        limits: The limits.
-        reserve: Share to subtract, from 0 to below 1.
-    """
+    """Reduce the limits of joint acceleration and torque by a share from 0 to below 1."""
     if not reserve:
         return limits
     reduced = {
@@ -44,7 +39,7 @@ def with_reserve(limits: Limits, reserve: float) -> Limits:
 
 
 def tool_path_of(joint_path: JointPath, method: str) -> Path:
-    """The tool path that a joint path follows.
+    """Return the tool path of a joint path.
 
     Raises:
         InvalidInput: The joint path has no tool path.
@@ -57,7 +52,7 @@ def tool_path_of(joint_path: JointPath, method: str) -> Path:
 
 
 def require_speed(limits: Limits, method: str) -> float:
-    """The assigned velocity [m/s], without which a method cannot plan.
+    """Return the assigned velocity [m/s].
 
     Raises:
         InvalidInput: The limits have no assigned velocity.
@@ -75,7 +70,7 @@ def segment_speeds(path: Path, speed: float) -> FloatArray:
 
 
 def path_law(joint_path: JointPath, s: FloatArray, start: FloatArray, end: FloatArray) -> PathLaw:
-    """The time law with a uniform path acceleration on each interval.
+    """Time law with constant path acceleration on each interval.
 
     Args:
         joint_path: The joint path.
@@ -93,7 +88,7 @@ def path_law(joint_path: JointPath, s: FloatArray, start: FloatArray, end: Float
 
 
 def law_peaks(laws: Sequence[Law], arm: Arm) -> dict[str, Any]:
-    """Largest joint accelerations, (27), and tool speed along laws, as fields of `LawPhase`."""
+    """Peak joint accelerations, (dof,), and peak tool speed along laws, as fields of `LawPhase`."""
     states = [law_states(x, arm) for x in laws]
     return {
         "demand": np.max([np.abs(x.ddq).max(axis=0) for x in states], axis=0),
@@ -108,7 +103,7 @@ def law_states(law: Law, arm: Arm) -> States:
 
 
 def sample_times(law: Law) -> tuple[IntArray, FloatArray]:
-    """Samples of a law that include its peaks.
+    """Sample times that include the peaks of a law.
 
     Returns:
         The interval of each sample, (n,), and its time [s], (n,).
@@ -132,19 +127,19 @@ def check_kept(
     t: float,
     remedy: str,
 ) -> None:
-    """Refuse laws that break one of the named limits at a sample.
+    """Check that laws satisfy the named limits at all samples.
 
     Args:
-        laws: The laws, one after the other.
+        laws: Consecutive laws.
         arm: The arm.
         limits: The limits. A named limit that is None is not checked.
         names: Fields of `Limits` to check.
         location: First words of the error message; the arc length follows.
         t: Start time of the first law [s].
-        remedy: Last words of the error message: what would help.
+        remedy: Last words of the error message.
 
     Raises:
-        NotRealizable: With position and time, the joint, the value it would need, and the limit.
+        NotRealizable: A limit is violated; with position, time, joint, required value and limit.
         InvalidInput: A torque limit for an arm without masses, or a limit of angular motion for a
             tool without orientation.
     """
@@ -166,11 +161,7 @@ def _refuse_in_law(
     start: float,
     remedy: str,
 ) -> None:
-    """Refuse a law that starts at the time `start` [s] and breaks one limit.
-
-    Raises:
-        NotRealizable: With position and time, the joint, the value it would need, and the limit.
-    """
+    """Raise NotRealizable if a law that starts at the time `start` [s] violates one limit."""
     use = states.use(name, limits)
     ratio = use.ratio
     if ratio.max() <= 1 + ROUNDING:

@@ -1,10 +1,10 @@
-"""The optimal planner: the fastest timing of a path that keeps its limits, between grid points too.
+"""Optimal planner: the fastest timing that satisfies the limits, also between grid points.
 
-Backward and forward reachability in (s, ds²), after TOPP-RA. On each interval the path acceleration
-is linear in s. Its slope is chosen beforehand so that the binding constraint binds on the whole
-interval. Every constraint is kept at both ends of an interval, less a margin that bounds what can
-happen between them; for torques and some limits of the tool that bound comes from samples. See
-docs/concepts/optimal.md for the proof.
+The method is backward and forward reachability in (s, ds²), after TOPP-RA. On each interval the
+path acceleration is linear in s. Its slope is chosen in advance so that the active constraint is
+active on the whole interval. Every constraint is satisfied at both ends of an interval with a
+margin that bounds its rise between them; for torques and some limits of the tool the bound is
+sampled. docs/concepts/optimal.md has the proof.
 """
 
 from __future__ import annotations
@@ -51,20 +51,20 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import TOOL_LIMITS
 
 # The grid is refined while the margin for maxima inside intervals exceeds this share of a limit, at
-# most MOST_REFINEMENTS times; the share grows each time, up to LARGEST_MARGIN_EVER: on thousands of
-# corners a finer grid costs more. Who asks for fewer intervals than COARSE wants a plan soon: a
-# margin of FIRST_MARGIN is refined.
+# most MOST_REFINEMENTS times. The share grows each time, up to LARGEST_MARGIN_EVER, because a finer
+# grid is expensive with thousands of corners. With fewer intervals than COARSE, margins up to
+# FIRST_MARGIN are accepted, to save time.
 LARGEST_MARGIN = 3e-3
 FIRST_MARGIN, COARSE = 1e-2, 500
 MORE_EACH_TIME = 2.0
 LARGEST_MARGIN_EVER = 0.2
 MOST_REFINEMENTS = 12
-# The grid is refined, too, while it loses more than this share of the duration, by an estimate that
-# is right within a factor of about three; more intervals than DEFAULT_INTERVALS lose less.
+# The grid is also refined while the estimated loss exceeds this share of the duration. The estimate
+# is within a factor of about three; more intervals than DEFAULT_INTERVALS lose less.
 LARGEST_LOSS = 1e-4
 MOST_PARTS_AT_ONCE = 8
-# No grid is refined to more intervals than these, about 1 GB, unless twice the first grid is more;
-# for loss, it is not refined near them by less than LEAST_GROWTH at once either.
+# Largest number of refined intervals, about 1 GB, unless twice the first grid is more. Close to it,
+# a refinement for loss must add at least the factor LEAST_GROWTH.
 MOST_REFINED, LEAST_GROWTH = 300_000, 1.1
 
 
@@ -76,14 +76,13 @@ def plan_optimal(
     Args:
         joint_path: A traced path, or a joint path without a tool path (then without tool limits).
         arm: The arm.
-        limits: The limits. All are kept except those of range; the speed of each path segment is
-            kept too.
-        options: Grid, speeds at the ends, and further constraints. Where a joint path needs another
-            parameter than s, grid points keep their shares of the pieces.
+        limits: The limits. Joint ranges are ignored; the speed of each path segment applies too.
+        options: Grid, speeds at the ends, and additional constraints. If a joint path needs another
+            parameter than s, grid points keep their relative positions in the pieces.
 
     Raises:
         NotRealizable: The limits do not allow the start or end speed, or no motion at some point.
-        InvalidInput: Nothing limits the acceleration, or tool limits without a tool path.
+        InvalidInput: The acceleration is not limited, or tool limits without a tool path.
     """
     points, intervals, constraints = options.grid, options.intervals, options.constraints
     if points is not None:
@@ -91,7 +90,7 @@ def plan_optimal(
     reparametrized, new_breaks = reparametrize(joint_path)
     at_rest = joint_path.breaks[:0]
     if constraints or limits.path_jerk is not None:
-        # Both count in s.
+        # Constraints and path jerk are functions of s.
         at_rest = (
             at_rest
             if reparametrized is joint_path
@@ -117,7 +116,7 @@ def plan_optimal(
             law = time_optimal(placed, active, arm, start, end)
         if jerk is None:
             return law
-        # Most plans have no limits of jerk.
+        # Imported on demand, because most plans have no limits of jerk.
         from armcontour.planning.jerk.limiter import limit_jerk
 
         task = Task(arm, tuple(active), jerk, start, end, intervals, options.iterations)
@@ -142,7 +141,7 @@ def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Cons
             orientation, or torque limits for an arm without masses.
     """
     active: list[Constraint] = []
-    # Rows with viscous friction come first.
+    # Rows with viscous friction must come first.
     if limits.joint_torque is not None:
         active.append(JointTorque(arm, limits.joint_torque))
     dof = joint_path.dof
@@ -170,7 +169,7 @@ def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Cons
 
 
 def assigned_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
-    """Assigned velocity on each piece of a joint path [m/s], infinite without one, (pieces,).
+    """Assigned velocity on each piece of a joint path [m/s], infinite if none, (pieces,).
 
     Raises:
         InvalidInput: Tool limits without a tool path.
@@ -199,7 +198,7 @@ def time_optimal(
     end_speed: float,
     largest_loss: float = math.inf,
 ) -> PathLaw:
-    """Plan on a grid, which is refined where margins or the estimated loss of time are too large.
+    """Plan on a grid and refine it where margins or the estimated loss of time are too large.
 
     Args:
         grid: The grid.
@@ -210,7 +209,7 @@ def time_optimal(
         largest_loss: Share of the duration that the grid may lose.
 
     Raises:
-        InvalidInput: Nothing limits the acceleration.
+        InvalidInput: The acceleration is not limited.
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
     """
     # Where dq_ds vanishes, the joints rest at any ds.
@@ -254,20 +253,20 @@ def time_optimal(
     if best is not None:
         return _law(*best)
     raise NotRealizable(
-        f"At {s:.6g} m along the path the limits cannot be kept between grid points, however fine "
-        "the grid: the joint path is too uneven there; smooth it or trace it more exactly.",
+        f"At {s:.6g} m along the path the limits cannot be satisfied between grid points on any "
+        "grid: the joint path is too uneven there; smooth it or trace it more exactly.",
         s=s,
     )
 
 
 def _parts_by_loss(loss: FloatArray, max_loss: float) -> FloatArray:
-    """Into how many parts to split intervals with such losses, to lose at most so much on all."""
+    """Number of parts of each interval for a total loss of at most `max_loss`."""
     parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / max_loss, MOST_PARTS_AT_ONCE**2))
     return _whole(parts, max(MOST_REFINED, len(loss)))
 
 
 def _whole(parts: FloatArray, max_parts: int) -> FloatArray:
-    """Numbers of parts rounded up, after halving until there are at most so many in all."""
+    """Round numbers of parts up, after halving them until their sum is at most `max_parts`."""
     while True:
         counts = np.maximum(np.ceil(parts), 1.0)
         if counts.sum() <= max_parts:
@@ -276,7 +275,7 @@ def _whole(parts: FloatArray, max_parts: int) -> FloatArray:
 
 
 def _with_stops(limits: GridLimits, grid: Grid) -> GridLimits:
-    """Limits with x = 0 at the stops of the joint path."""
+    """Add x = 0 at the stops of the joint path."""
     stops = grid.joint_path.stops
     if not len(stops):
         return limits
@@ -286,11 +285,7 @@ def _with_stops(limits: GridLimits, grid: Grid) -> GridLimits:
 
 
 def _law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
-    """Make the continuous time law: the path acceleration is linear in s on every interval.
-
-    Raises:
-        NotRealizable: Two neighbouring points are at rest.
-    """
+    """Make the time law, with path acceleration linear in s on every interval."""
     try:
         return PathLaw.from_squares(grid.joint_path, grid.s, grid_plan.x, grid_plan.k)
     except InvalidInput as error:
@@ -300,7 +295,6 @@ def _law(grid: Grid, grid_plan: GridPlan) -> PathLaw:
 
 
 def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn:
-    """Raise the error of a plan that was not found, as in `time_optimal`."""
     i = grid_plan.interval
     if grid_plan.outcome == kernels.START:
         raise_too_fast("start", rules.start, grid_plan.allowed, float(grid.s[0]))
@@ -311,7 +305,7 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
     if not OnGrid(grid).derivatives[0][0, i].any():
         raise InvalidInput(
             f"No joint moves from s = {grid.s[i]:.6g} to {grid.s[i + 1]:.6g}, where nothing "
-            "bounds dds: leave this piece of the joint path out."
+            "limits dds: remove this piece of the joint path."
         )
     hint = arm.limits_hint
     raise InvalidInput(
@@ -321,17 +315,16 @@ def _refuse(grid: Grid, grid_plan: GridPlan, arm: Arm, rules: Rules) -> NoReturn
 
 
 def _refuse_standing(s: float) -> NoReturn:
-    """Refuse constraints that count in s along a path on which the joints stand at some s."""
+    """Refuse constraints in s along a path on which the joints rest at some s."""
     raise NotRealizable(
         f"At {s:.6g} m along the path no joint moves with s, so that nothing bounds ds there, and "
-        "constraints that are functions of s cannot be kept: leave them out, or give the joint "
+        "constraints that are functions of s cannot be satisfied: remove them, or give the joint "
         "path a parameter along which the joints go on.",
         s=s,
     )
 
 
 def _refuse_stuck(grid: Grid, i: int) -> NoReturn:
-    """Refuse a path on which the limits allow no motion in the interval i."""
     s = float(grid.s[i])
     raise NotRealizable(
         f"At {s:.6g} m along the path the limits allow no motion at all: check the limits, or move "

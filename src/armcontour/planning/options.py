@@ -1,4 +1,4 @@
-"""Options of planning: one class per method, which has only the fields that the method uses."""
+"""Options of the timing methods, one class per method."""
 
 from __future__ import annotations
 
@@ -30,30 +30,30 @@ from armcontour.planning.path_grid import FEWEST_PER_PIECE, MOST_INTERVALS
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import or_unlimited
 
-# A motion of more than eleven days is a mistake in a number [s]; its times round to a nanosecond.
+# Largest duration [s], eleven days: longer ones are mistakes; times are rounded to a nanosecond.
 LONGEST_MOTION = 1e6
 MotionTime = Annotated[float, Quantity("s", "6.5 s", within=(checks.SMALLEST, LONGEST_MOTION))]
 Intervals = Annotated[int, AtLeast(FEWEST_PER_PIECE, MOST_INTERVALS)]
-# Of fields that are keys of a job, whose other options have keys elsewhere or none.
+# Marks fields that are keys of a job; other options have keys elsewhere or none.
 KEY = About()
 PathSpeed = Annotated[float, Quantity("m/s", "0.15 m/s", "not negative")]
-# Laps per line of the paper's method. With fewer laps a short line from rest to rest would have no
-# lap to move in; more are some GB of data for an arm with six joints.
+# Laps per line of the paper's method. With fewer laps a short line from rest to rest has no lap to
+# move in; more laps need several GB for an arm with six joints.
 FEWEST_LAPS, MOST_LAPS = 8, 5_000_000
-# Largest number of iterations of each pass that limits jerk.
+# Largest number of iterations of each pass with limits of jerk.
 MOST_ITERATIONS = 150
-# Iterations of shaping, unless another number is given, and at most.
+# Default and largest number of iterations of shaping.
 DEFAULT_ITERATIONS, MOST_SHAPES = 60, 10_000
 
 
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlanOptions(Options):
-    """Options that all methods of `plan` have: the base of the options of each method.
+    """Options of all timing methods.
 
     Args:
         reserve: Share of the limits of joint acceleration and torque that the plan leaves to the
-            servo. With a reserve of 0, a servo that lags cannot catch up.
+            servo. With a reserve of 0, a lagging servo cannot catch up.
         configuration: For an arm in the plane: the branch of its inverse kinematics; by default the
             one that is fastest along the path.
         seed: For an arm in space: joint positions near the required start [rad], (dof,); by
@@ -76,20 +76,22 @@ class PlanOptions(Options):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Optimal(PlanOptions):
-    """Options of the fastest timing that satisfies every limit; also those of `PlanOptions`.
+    """Options of the method "optimal", in addition to those of `PlanOptions`.
+
+    The method computes the fastest timing that satisfies every limit.
 
     Args:
-        duration: Time from start to end [s]: contours are slowed down by one factor, rapids and
+        duration: Required duration [s]. All contours are slowed down by one factor; rapids and
             dwells are not. By default the motion is the fastest.
         intervals: Approximate number of grid intervals of each contour; by default 4000, fewer for
             a program of many contours.
         iterations: Largest number of iterations with limits of jerk. A plan that was stopped early
             is slower, and satisfies all limits.
-        grid: Grid points along one path [m], (n,), in place of `intervals`; the breaks of the joint
-            path are added. With limits of jerk it is the grid of the plan without them only.
-        start_speed: Path speed at the start of one path [m/s].
-        end_speed: Path speed at the end of one path [m/s].
-        constraints: Further constraints.
+        grid: Grid points along a single path [m], (n,), instead of `intervals`; the breaks of the
+            joint path are added. With limits of jerk, the grid applies to the plan without jerk.
+        start_speed: Path speed at the start of a single path [m/s].
+        end_speed: Path speed at the end of a single path [m/s].
+        constraints: Additional constraints.
 
     Raises:
         InvalidInput: A value of the wrong type or out of range, or a motion of a given duration
@@ -109,7 +111,7 @@ class Optimal(PlanOptions):
         for name in ("start_speed", "end_speed"):
             if self.duration is not None and getattr(self, name):
                 raise InvalidInput(
-                    f"A motion of a given duration starts and ends at rest: leave out {name}, or "
+                    f"A motion of a given duration starts and ends at rest: remove {name}, or "
                     "duration."
                 )
 
@@ -117,19 +119,21 @@ class Optimal(PlanOptions):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Shaped(PlanOptions):
-    """Options of the fastest path within a tolerance of the given one; also those of `PlanOptions`.
+    """Options of the method "shaped", in addition to those of `PlanOptions`.
+
+    The method finds the fastest path within a tolerance of the given path.
 
     Args:
         tolerance: Largest distance of the path from the objective, and of the vertices of the
             objective from the path [m]; 0 stops at every vertex. Tolerances of the path's own
             segments cap it, and so does half of a stretch between two sharp corners.
-        line_tolerance: The tolerance farther than `zone` from every vertex [m]; by default the same
-            as `tolerance`.
-        zone: Distance from the vertices, along the objective, from which `line_tolerance` holds
+        line_tolerance: Tolerance at points farther than `zone` from every vertex [m]; by default
+            the same as `tolerance`.
+        zone: Distance from the vertices along the objective, beyond which `line_tolerance` applies
             [m].
         angular_tolerance: Largest angle between the tool and its required orientation [rad], as in
             `round_corners`.
-        iterations: Largest number of iterations; after each one the path satisfies everything.
+        iterations: Largest number of iterations. The path satisfies all limits after each one.
         intervals: Approximate number of grid intervals of the plans that are compared.
 
     Raises:
@@ -174,12 +178,12 @@ class Shaped(PlanOptions):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Paper(PlanOptions):
-    """Options of the paper's method, for paths of lines and arcs; also those of `PlanOptions`.
+    """Options of the paper's method for lines and arcs, in addition to those of `PlanOptions`.
 
     Args:
-        knots: Laps of equal length per line. By default the knots are no farther apart than the
-            tool moves in one cycle at the assigned velocity. The lap next to a rest is
-            divided further.
+        knots: Laps of equal length per line. By default the distance between knots is at most the
+            travel of the tool in one cycle at the assigned velocity. A lap next to a rest is
+            subdivided.
         cycle: Cycle [s].
 
     Raises:
@@ -197,24 +201,24 @@ class Paper(PlanOptions):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Conventional(PlanOptions):
-    """Options of uniform speed along the raw path, as in the paper: those of `PlanOptions`."""
+    """Options of uniform speed along the raw path, as in the paper; those of `PlanOptions`."""
 
     method = Method.CONVENTIONAL
 
 
 FASTEST = Optimal()
-# Options by the names of their methods, for those that time a path as it is given.
+# Options by method, for the methods that do not change the path.
 METHODS: dict[str, type[PlanOptions]] = {x.method.value: x for x in (Optimal, Paper, Conventional)}
 
 
 @dataclass(frozen=True, slots=True)
 class JerkLimits:
-    """Limits of jerk, infinite where there is none.
+    """Limits of jerk; infinite if not limited.
 
     Args:
-        joint: Of each joint [rad/s³], (dof,).
-        path: Of the arc length [m/s³].
-        tool: Of the tool [m/s³].
+        joint: Joint jerk [rad/s³], (dof,).
+        path: Third time derivative of the arc length [m/s³].
+        tool: Tool jerk [m/s³].
     """
 
     joint: FloatArray
@@ -223,7 +227,7 @@ class JerkLimits:
 
     @classmethod
     def from_limits(cls, limits: Limits, dof: int) -> JerkLimits | None:
-        """The limits of jerk among limits; None if there are none."""
+        """Select the limits of jerk; None if jerk is not limited."""
         if limits.joint_jerk is None and limits.path_jerk is None and limits.tool_jerk is None:
             return None
         joint = or_unlimited(limits.joint_jerk, dof)
@@ -235,16 +239,15 @@ class JerkLimits:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """A planning problem with limits of jerk.
+    """Planning problem with limits of jerk.
 
     Args:
         arm: The arm.
         active: The constraints of the planner without jerk.
         jerk: The limits of jerk.
         start_speed, end_speed: Path speeds at the start and the end [m/s].
-        cells: About so many cells; None for the default.
-        iterations: Largest number of iterations of each pass; any number gives a plan that keeps
-            all limits.
+        cells: Approximate number of cells; None for the default.
+        iterations: Largest number of iterations of each pass. Every iterate satisfies all limits.
     """
 
     arm: Arm

@@ -1,8 +1,8 @@
-"""The paper's method: maximum joint acceleration on lines, uniform speed on corners, Sec. III-A.
+"""The paper's method, Sec. III-A, and the conventional method that the paper compares with.
 
-Lines are in `paper_line.py`. Corners are arcs run at one speed, (16)-(17). Where a line is too
-short to reach the speed of a corner or to brake to it, the speed of that corner is lowered to what
-the line can reach; the paper has no rule for this case.
+Lines have maximum joint acceleration (`paper_line.py`). Corners are arcs at one speed, (16)-(17).
+If a line is too short to reach the speed of a corner or to brake to it, the speed of that corner is
+reduced to a value that the line can reach; the paper has no rule for this case.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from armcontour.planning.options import FEWEST_LAPS, MOST_LAPS, Paper
 from armcontour.planning.paper_line import PaperLine, RulePart, parts_by_rule
 from armcontour.robot import Arm, Limits
 
-# Next to a rest the speed grows by a large factor per knot: one lap there would be a coarse step.
+# Parts of the lap next to a rest, where the speed changes by a large factor.
 LAPS_AT_REST = 10
-# Limits that every part is checked for, because the method does not check them everywhere.
+# Limits that are checked on every part, because the method does not guarantee them.
 CHECKED = (
     "joint_velocity",
     "joint_acceleration",
@@ -47,11 +47,11 @@ CHECKED = (
 
 @dataclass(slots=True)
 class Junction:
-    """The part of a path before, between or after lines: arcs at one speed, a vertex, or a stop.
+    """Part of a path before, between or after lines: arcs at one speed, a vertex, or a stop.
 
     Args:
         arcs: Segment indices of the arcs; empty where lines meet.
-        speed: Tool speed through the junction [m/s]; lowered where the lines cannot reach it.
+        speed: Tool speed through the junction [m/s]; reduced to a value that the lines can reach.
     """
 
     arcs: range
@@ -69,7 +69,7 @@ def plan_paper(joint_path: JointPath, arm: Arm, limits: Limits, options: Paper) 
         options: Laps per line, and cycle.
 
     Raises:
-        NotRealizable: A lap, the middle path or a corner would break a joint limit; or the path
+        NotRealizable: A lap, the middle part or a corner would violate a joint limit; or the path
             starts or ends on an arc, for which the method has no rule.
         InvalidInput: A limit that the method needs is missing.
     """
@@ -83,7 +83,6 @@ def plan_paper(joint_path: JointPath, arm: Arm, limits: Limits, options: Paper) 
 
 
 def _straight(path: Path) -> list[int]:
-    """Indices of the segments that are lines."""
     return list(np.flatnonzero(path.curvatures == 0).tolist())
 
 
@@ -95,11 +94,6 @@ def _make_lines(
     junctions: list[Junction],
     options: Paper,
 ) -> list[PaperLine]:
-    """Place the knots on the lines of a path; arguments as in `plan_paper`.
-
-    Raises:
-        InvalidInput: A line would have too many knots.
-    """
     path = tool_path_of(joint_path, "paper")
     lines = []
     for number, i in enumerate(_straight(path)):
@@ -121,39 +115,24 @@ def _make_lines(
 
 
 def _refuse_limits(limits: Limits) -> None:
-    """Refuse limits that the method needs and lacks, and limits that it cannot keep.
-
-    Raises:
-        InvalidInput: No joint acceleration, one that differs by direction, or a tool acceleration.
-    """
     if limits.joint_acceleration is None:
         raise InvalidInput(
             "The method paper needs joint acceleration limits: give joint_acceleration [rad/s²]."
         )
     if limits.tool_acceleration is not None:
         raise InvalidInput(
-            "The method paper does not limit the tool's acceleration: leave tool_acceleration out, "
+            "The method paper does not limit the tool's acceleration: remove tool_acceleration, "
             "or plan by the method optimal."
         )
     if not limits.same_both_ways():
         raise InvalidInput(
-            "The method paper knows one acceleration limit per joint for both directions: give one "
-            "value of joint_acceleration per joint, or plan by the method optimal."
+            "The method paper supports one acceleration limit per joint for both directions: give "
+            "one value of joint_acceleration per joint, or plan by the method optimal."
         )
 
 
 def _usual_knots(length: float, speed: float, cycle: float, number: int) -> int:
-    """Number of laps of a line that take one cycle each at the assigned velocity.
-
-    Args:
-        length: Length of the line [m].
-        speed: Assigned velocity [m/s].
-        cycle: Cycle [s].
-        number: Number of the line from 0, for the error message.
-
-    Raises:
-        InvalidInput: There would be too many laps.
-    """
+    """Number of laps of a line that take one cycle each at the assigned velocity."""
     count = length / (speed * cycle)
     if not count <= MOST_LAPS:
         raise InvalidInput(
@@ -166,11 +145,6 @@ def _usual_knots(length: float, speed: float, cycle: float, number: int) -> int:
 def _join(
     lines: list[PaperLine], junctions: list[Junction], arm: Arm, limits: Limits
 ) -> Trajectory:
-    """Plan all lines and corners, one after the other, and join them.
-
-    Raises:
-        NotRealizable: A line or a corner would break a limit.
-    """
     joint_path = lines[0].joint_path
     laws: list[LawAlongPath] = []
     stretches: list[LawPhase] = []
@@ -200,19 +174,9 @@ def _junctions(
     assigned: FloatArray,
     limits: Limits,
 ) -> list[Junction]:
-    """Find the junctions of a path with their largest speeds.
+    """Junctions of a path with their largest speeds: before the first line and after each line.
 
-    Args:
-        path: The tool path.
-        lines: Indices of the segments that are lines.
-        assigned: Assigned velocity of each segment [m/s], (segments,).
-        limits: The limits.
-
-    Returns:
-        One junction before the first line and one after each line.
-
-    Raises:
-        NotRealizable: The tool is at rest next to an arc.
+    `lines` are the indices of straight segments, `assigned` the velocity of each segment [m/s].
     """
     ends = np.concatenate([[-1], lines, [len(path)]])
     stop_vertices = set(np.searchsorted(path.breaks, path.stops).tolist())
@@ -241,15 +205,9 @@ def _junctions(
 
 
 def _knots(start: float, end: float, count: int, at_rest: tuple[bool, bool]) -> FloatArray:
-    """Knots of a line with laps of equal length.
+    """Knots of a line from `start` to `end` [m] with `count` laps of equal length.
 
-    The first or last lap is divided so that its parts take equal times from rest.
-
-    Args:
-        start: Arc length of the start of the line [m].
-        end: Arc length of the end of the line [m].
-        count: Number of laps.
-        at_rest: Whether the tool is at rest at the start and at the end.
+    A lap next to a rest is divided into parts that take equal times from rest.
     """
     shares = np.arange(count + 1) / count
     parts = (np.arange(1, LAPS_AT_REST) / LAPS_AT_REST) ** 2 / count
@@ -263,7 +221,7 @@ def _knots(start: float, end: float, count: int, at_rest: tuple[bool, bool]) -> 
 
 
 def _match_speeds(lines: list[PaperLine], junctions: list[Junction]) -> None:
-    """Lower the speeds of junctions to what the lines can reach, forwards and then backwards."""
+    """Reduce the speeds of junctions to reachable ones, forwards and then backwards."""
     for number, line in enumerate(lines):
         run = line.forward(junctions[number].speed)
         if run.joint < 0 and run.last_within(line.assigned) == len(line.s) - 1:
@@ -277,7 +235,6 @@ def _match_speeds(lines: list[PaperLine], junctions: list[Junction]) -> None:
 
 
 def _corner(name: str, joint_path: JointPath, arc: int, speed: float) -> RulePart:
-    """Plan an arc at one speed, (17)."""
     path = tool_path_of(joint_path, "paper")
     law = path_law(joint_path, path.breaks[arc : arc + 2], np.array([speed]), np.array([speed]))
     ends = (float(path.breaks[arc]), float(path.breaks[arc + 1]))
@@ -287,11 +244,8 @@ def _corner(name: str, joint_path: JointPath, arc: int, speed: float) -> RulePar
 def _stretch(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPhase:
     """Check a part that starts at the time `start` [s], and find its peaks.
 
-    MAC itself does not check the middle path, the corners, joint velocities, torques or the angular
-    motion of the tool, so they are checked here.
-
-    Raises:
-        NotRealizable: A limit is broken.
+    MAC does not check the middle part, the corners, joint velocities, torques or the angular motion
+    of the tool.
     """
     check_kept(
         part.laws,
@@ -314,15 +268,14 @@ def _stretch(part: RulePart, start: float, arm: Arm, limits: Limits) -> LawPhase
 
 
 def plan_conventional(joint_path: JointPath, arm: Arm, limits: Limits) -> Trajectory:
-    """Plan uniform tool speed from the first instant to the last, whatever the joint limits.
+    """Plan uniform tool speed from start to end, without regard to the joint limits.
 
-    Velocities jump at corners and at both ends. Limits of joint velocity and acceleration are not
-    checked, as in Sec. IV of the paper. Limits of torque and of angular motion are checked between
-    the jumps.
+    Velocities jump at corners and at both ends. Joint velocity and acceleration are not checked, as
+    in Sec. IV of the paper. Limits of torque and of angular motion are checked between the jumps.
 
     Raises:
         InvalidInput: The limits have no assigned velocity.
-        NotRealizable: A torque or the angular motion of the tool would break its limit.
+        NotRealizable: A torque or the angular motion of the tool would exceed its limit.
     """
     path = tool_path_of(joint_path, "conventional")
     speeds = segment_speeds(path, require_speed(limits, "conventional"))

@@ -1,9 +1,9 @@
 """One straight line by the paper's criteria: MAC from its start, MDC to its end, AVC between.
 
-Two passes run over the line, one from each end, each until it would break a joint limit. Each pass
-is used up to the knot where it reaches the assigned velocity, (23). Between those knots the tool
-moves with uniform acceleration, (24)-(25). Where the passes meet below the assigned velocity, one
-lap of uniform tool acceleration joins them; the paper has no rule for this case.
+Two passes run along the line, one from each end, until a joint limit would be violated. Each pass
+is used up to the knot at which it reaches the assigned velocity, (23). Between those knots the tool
+moves with uniform acceleration, (24)-(25). If the passes meet below the assigned velocity, one lap
+of uniform tool acceleration joins them; the paper has no rule for this case.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from armcontour.motion import JointPath, LawAlongPath, LineLaw
 from armcontour.planning.law_checks import law_states, path_law, tool_path_of
 from armcontour.robot import Arm
 
-# The tool speed is not computed from a joint that moves less than this share of the fastest one.
+# Smallest speed of a joint, as a share of the fastest joint, from which the tool speed is computed.
 HARDLY_MOVING = 0.01
 
 
@@ -30,23 +30,23 @@ def run_laps(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, int, int, float]:
     """Run from the first knot towards the last, as fast as (18)-(20) allow.
 
-    The paper does not say with which velocity a lap starts. Plain `dq + ddq h` is not damped: a
-    velocity error of a joint that does not set the lap's time alternates from lap to lap, and the
-    acceleration it causes grows as 1 / h. So the joint that sets the lap's time keeps its velocity,
-    and the other joints take theirs from the path, (28); the step in their velocity is of second
-    order in h.
+    The paper does not state the velocity at the start of a lap. Plain `dq + ddq h` is not damped: a
+    velocity error of a joint that does not determine the lap time alternates from lap to lap, and
+    the acceleration it causes grows as 1 / h. Therefore the joint that determines the lap time
+    keeps its velocity, and the other joints take theirs from the path, (28); the step in their
+    velocity is of second order in h.
 
     Args:
         q: Joint positions at the knots [rad], (n + 1, dof).
-        dq_ds: Their derivatives along the path, of the same shape.
+        dq_ds: Derivatives of q along the path, of the same shape.
         speed: Tool speed at the first knot [m/s].
         limit: Largest joint accelerations [rad/s²], (dof,).
 
     Returns:
-        Lap times (n,); tool speed at the knots (n + 1,), NaN where the pass does not come; joint
+        Lap times (n,); tool speed at the knots (n + 1,), NaN beyond the last valid lap; joint
         velocities at the start of the laps and joint accelerations in them, (n, dof); the number of
-        laps that keep the limit; and for the first that does not, the joint (from 0) and the
-        acceleration it would need. If all keep it, the joint is -1.
+        valid laps; and for the first invalid lap the joint (from 0; -1 if none) and the
+        acceleration that it would need.
     """
     n = len(q) - 1
     dof = q.shape[1]
@@ -68,7 +68,7 @@ def run_laps(
                 if step < 0.0:
                     w = -w
                 root = math.sqrt(w * w + 2.0 * limit[j] * abs(step))
-                # (18); where its printed form would cancel, as 2 d / (w + root).
+                # (18), or 2 d / (w + root) if its printed form would cancel.
                 time = 2.0 * abs(step) / (w + root) if w > 0.0 else (root - w) / limit[j]
             if time > longest:
                 longest = time
@@ -101,11 +101,11 @@ class Pass:
 
     Args:
         h: Lap times [s], (n,).
-        speed: Tool speed at the knots [m/s], (n + 1,); NaN after the last good lap.
+        speed: Tool speed at the knots [m/s], (n + 1,); NaN after the last valid lap.
         dq: Joint velocities at the start of the laps [rad/s], (n, dof).
         ddq: Joint accelerations in the laps [rad/s²], (n, dof).
-        done: Number of laps that keep the limit.
-        joint: Joint that would break the limit in the next lap, from 0; -1 for no joint.
+        done: Number of laps that satisfy the limit.
+        joint: Joint that would exceed the limit in the next lap, from 0; -1 for no joint.
         needed: Acceleration that this joint would need [rad/s²].
     """
 
@@ -118,7 +118,7 @@ class Pass:
     needed: float
 
     def last_within(self, speed: float) -> int:
-        """The last knot before the tool speed exceeds `speed` [m/s] for the first time."""
+        """Last knot before the tool speed first exceeds `speed` [m/s]."""
         faster = np.flatnonzero(self.speed[: self.done + 1] > speed * (1 + 1e-12))
         return max(int(faster[0]) - 1, 0) if len(faster) else self.done
 
@@ -143,14 +143,14 @@ class LinePhase:
 
 @dataclass(frozen=True, slots=True)
 class RulePart:
-    """The part of a line or a corner that one rule made.
+    """Part of a line or a corner that one rule made.
 
     Args:
         name: Name of the line or corner, such as "line 1".
         kind: "MAC", "AVC", "MDC" or "corner".
         duration: Duration [s].
         s: Arc lengths of start and end on the path [m].
-        laws: The whole laws that contain the part.
+        laws: The complete laws that contain the part.
     """
 
     name: str
@@ -219,11 +219,11 @@ class PaperLine:
         self.dq_ds = np.concatenate([after, before])
 
     def forward(self, speed: float) -> Pass:
-        """Run the pass from the start of the line, with the tool speed `speed` [m/s] there."""
+        """Run the pass from the start of the line at `speed` [m/s]."""
         return Pass(*run_laps(self.q, self.dq_ds, speed, self.limit))
 
     def reverse(self, speed: float) -> Pass:
-        """Run the pass backwards in time from the end of the line, with the tool speed `speed`."""
+        """Run the pass backwards in time from the end of the line at `speed` [m/s]."""
         return Pass(*run_laps(self.q[::-1].copy(), -self.dq_ds[::-1], speed, self.limit))
 
     def plan(self, start: float, end: float) -> list[LinePhase]:
@@ -231,7 +231,7 @@ class PaperLine:
 
         Raises:
             NotRealizable: The passes reach neither the assigned velocity nor each other before a
-                joint would break its limit.
+                joint would exceed its limit.
         """
         forward, reverse = self.forward(start), self.reverse(end)
         n = len(self.s) - 1
@@ -244,7 +244,7 @@ class PaperLine:
             slower = both[forward.speed[both] <= backward[both]]
             last = int(slower[-1]) if len(slower) else first - 1
             if first == 0 and forward.speed[0] >= backward[0]:
-                last = -1  # the start was lowered to what the line can brake from: MDC throughout
+                last = -1  # the start speed is that from which the line can brake: MDC throughout
             first = last + 1
             meeting = 0 <= last and first <= n
             if meeting:
@@ -261,11 +261,10 @@ class PaperLine:
         return pieces
 
     def _mac(self, run: Pass, last: int) -> LinePhase:
-        """The forward pass up to the knot `last`."""
         return self._piece("MAC", 0, last, run.h[:last], run.dq[:last], run.ddq[:last])
 
     def _mdc(self, run: Pass, first: int) -> LinePhase:
-        """The reverse pass, turned round in time, from the knot `first` on."""
+        """Reverse pass from the knot `first` on, in the order of time."""
         count = len(self.s) - 1 - first
         ends = run.dq[:count] + run.ddq[:count] * run.h[:count, None]
         h, dq, ddq = run.h[:count][::-1], -ends[::-1], run.ddq[:count][::-1]
@@ -274,7 +273,6 @@ class PaperLine:
     def _piece(
         self, kind: str, first: int, last: int, h: FloatArray, dq: FloatArray, ddq: FloatArray
     ) -> LinePhase:
-        """The laps from the knot `first` to the knot `last`, with their times and joint motion."""
         ends = (float(self.s[first]), float(self.s[last]))
         law = LineLaw(
             breaks=np.concatenate([[0.0], np.cumsum(h)]),
@@ -291,16 +289,10 @@ class PaperLine:
     def _meeting(
         self, low: int, high: int, forward: FloatArray, backward: FloatArray
     ) -> tuple[int, int]:
-        """Knots around the point where the passes meet, between which the limit is kept.
+        """Knots around the meeting point of the passes, between which the limit is satisfied.
 
-        One lap is usual. Where the passes meet next to an end of the lap, uniform acceleration of
-        the tool would need slightly more joint acceleration than the limit: then two run_laps.
-
-        Args:
-            low: Knot before the meeting point.
-            high: Knot after the meeting point.
-            forward: Tool speed of the forward pass at the knots [m/s], (n + 1,).
-            backward: Tool speed of the reverse pass at the knots [m/s], (n + 1,).
+        One lap is usual. If the passes meet close to an end of the lap, uniform acceleration of the
+        tool would need slightly more joint acceleration than the limit, so two laps are used.
         """
         for start, end in ((low, high), (low - 1, high), (low, high + 1)):
             if start < 0 or end >= len(self.s) or np.isnan([forward[start], backward[end]]).any():
@@ -313,7 +305,7 @@ class PaperLine:
     def _middle(
         self, low: int, high: int, forward: FloatArray, backward: FloatArray, meeting: bool
     ) -> LinePhase:
-        """The piece with uniform tool acceleration between the passes; arguments as `_meeting`."""
+        """Piece with uniform tool acceleration between the passes; arguments as in `_meeting`."""
         s = self.s[[low, high]]
         start, end = forward[low], backward[high]
         law = path_law(self.joint_path, s, np.array([start]), np.array([end]))
@@ -327,17 +319,7 @@ class PaperLine:
         return LinePhase(law, "meeting", ends, (float(time), length))
 
     def _refuse_broken(self, forward: Pass, last: int, reverse: Pass, count: int) -> None:
-        """Refuse a line on which a pass ended at a joint limit, not at the assigned velocity.
-
-        Args:
-            forward: The forward pass.
-            last: Last knot of the forward pass that is used.
-            reverse: The reverse pass.
-            count: Number of its laps that are used.
-
-        Raises:
-            NotRealizable: A pass ended at a joint limit.
-        """
+        """Refuse a line on which a pass ended at a joint limit before the assigned velocity."""
         broken = [
             (run, place)
             for run, end, place in (

@@ -1,4 +1,4 @@
-"""The grid of the optimal planner: arc lengths at which it chooses the path speed."""
+"""Grid of the optimal planner: arc lengths at which the planner chooses the path speed."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from armcontour.core.kernels import compiled
 from armcontour.motion import JointPath
 from armcontour.motion.kernels import value_and_slopes
 
-# By default the grid has this many intervals, and at least this many per piece of the joint path.
+# Default number of intervals of a grid, and smallest number per piece of the joint path.
 DEFAULT_INTERVALS = 4000
 FEWEST_PER_PIECE = 2
-# Some GB of data for an arm with six joints.
+# Several GB for an arm with six joints.
 MOST_INTERVALS = 5_000_000
-# Share of the intervals that is spread evenly over the length. The other intervals go where the
-# joint path turns.
+# Share of the intervals that is distributed evenly over the length; the others follow the turning
+# of the joint path.
 EVEN_SHARE = 0.5
-# Below this share of the largest dq_ds no joint moves.
+# Share of the largest dq_ds below which no joint moves.
 AT_REST = 1e-9
 
 
@@ -34,7 +34,7 @@ class Grid(Checked):
     Args:
         joint_path: The path.
         s: Interval ends [m], (n + 1,).
-        piece: The joint path's piece that holds each interval, (n,).
+        piece: Piece of the joint path for each interval, (n,).
     """
 
     joint_path: JointPath
@@ -54,12 +54,8 @@ class Grid(Checked):
 def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
     """Make a grid that is finer where the direction in joint space changes faster.
 
-    Every break of the joint path is a grid point, so that each interval lies in one polynomial and
-    both sides of a vertex between segments are seen.
-
-    Args:
-        joint_path: The joint path.
-        intervals: Approximate number of intervals.
+    Every break of the joint path is a grid point. Each interval therefore lies in one polynomial,
+    and both sides of a vertex between segments are sampled.
 
     Raises:
         InvalidInput: No joint moves along the joint path.
@@ -68,20 +64,12 @@ def place_grid(joint_path: JointPath, intervals: int | None = None) -> Grid:
 
 
 def cut_pieces(joint_path: JointPath, count: IntArray) -> Grid:
-    """Make a grid of so many equal intervals on every piece of a joint path, (pieces,)."""
+    """Make a grid with `count` equal intervals on each piece of a joint path, (pieces,)."""
     return _locked(joint_path, *divide_intervals(joint_path.breaks, count))
 
 
 def distribute_intervals(joint_path: JointPath, intervals: int | None = None) -> IntArray:
-    """How many intervals every piece of a joint path gets in `place_grid`, (pieces,).
-
-    Args:
-        joint_path: The joint path.
-        intervals: As in `place_grid`.
-
-    Raises:
-        InvalidInput: As in `place_grid`.
-    """
+    """Number of intervals on each piece of a joint path, as in `place_grid`, (pieces,)."""
     breaks = joint_path.breaks
     pieces = len(breaks) - 1
     count = max(DEFAULT_INTERVALS, FEWEST_PER_PIECE * pieces)
@@ -112,7 +100,7 @@ def grid_through(joint_path: JointPath, points: FloatArray) -> Grid:
         raise InvalidInput(
             f"Grid points must be one row of arc lengths from {breaks[0]:g} to {breaks[-1]:g} m."
         )
-    # A point that differs from a break or from the one before by rounding only is left out.
+    # Points that differ from a break or from the previous point by rounding only are dropped.
     s, piece, fewest = merge_breaks(points, breaks, 1e-12 * (breaks[-1] - breaks[0]))
     grid = _locked(joint_path, s, piece)
     # From rest to rest within one interval there is no motion, so every piece gets at least two.
@@ -124,9 +112,9 @@ def split(grid: Grid, parts: FloatArray | IntArray, points: FloatArray | None = 
 
     Args:
         grid: The grid.
-        parts: Into how many equal parts to split each interval, (n,).
-        points: In place of equal parts: the point [m] at which to split each interval that has more
-            than one part, where it lies inside, (n,).
+        parts: Number of equal parts of each interval, (n,).
+        points: Instead of equal parts, the point [m] at which each interval with more than one part
+            is split, if the point lies inside, (n,).
     """
     parts = np.maximum(1, parts).astype(np.intp)
     if points is None:
@@ -140,20 +128,19 @@ def split(grid: Grid, parts: FloatArray | IntArray, points: FloatArray | None = 
 
 
 def _locked(joint_path: JointPath, s: FloatArray, piece: IntArray) -> Grid:
-    """A grid of arrays that nobody else has, so that locking needs no copy."""
+    """Make a grid of newly created arrays, which are locked without a copy."""
     s.setflags(write=False)
     return Grid(joint_path, s, piece)
 
 
 @compiled()
 def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) -> FloatArray:
-    """How fast a joint path turns on each of its pieces, as a mean of its ends and its middle.
+    """Rate at which the direction of a joint path changes on each piece, mean of ends and middle.
 
     Args:
-        breaks: Of the joint path [m], (pieces + 1,).
-        coefficients: Of its pieces [rad], (pieces, 6, dof).
-        at_rest: Below this share of the largest dq_ds no joint moves, and the path has no
-            direction.
+        breaks: Breaks of the joint path [m], (pieces + 1,).
+        coefficients: Coefficients of its pieces [rad], (pieces, 6, dof).
+        at_rest: Share of the largest dq_ds below which the path has no direction.
 
     Returns:
         |d2q_ds2| over |dq_ds| [1/m], (pieces,); (0,) if no joint moves.
@@ -191,11 +178,14 @@ def turning_rates(breaks: FloatArray, coefficients: FloatArray, at_rest: float) 
 
 @compiled()
 def divide_intervals(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArray]:
-    """Points that cut intervals into equal parts, and the interval that each part lies in.
+    """Divide intervals into equal parts.
 
     Args:
         s: Ends of the intervals, (n + 1,).
         count: Number of parts of each interval, (n,).
+
+    Returns:
+        The ends of the parts, and the interval of each part.
     """
     total = 0
     for i in range(len(count)):
@@ -215,12 +205,12 @@ def divide_intervals(s: FloatArray, count: IntArray) -> tuple[FloatArray, IntArr
 def merge_breaks(
     points: FloatArray, breaks: FloatArray, min_distance: float
 ) -> tuple[FloatArray, IntArray, int]:
-    """All breaks, and the points that are not close to a break or to the point before.
+    """Merge breaks and points, without points close to a break or to the previous point.
 
     Args:
         points: Increasing numbers from the first to the last break, (m,).
         breaks: Increasing numbers, (pieces + 1,).
-        min_distance: Distances below this are none.
+        min_distance: Points closer than this are dropped.
 
     Returns:
         The ends of the intervals, (n + 1,), the piece of each interval, (n,), and the smallest

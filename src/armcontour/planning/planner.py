@@ -1,4 +1,4 @@
-"""Entry point `plan`: checks the input, traces paths that are not traced yet, and times them."""
+"""Entry point `plan`: check the input, trace untraced paths, and time them."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ from armcontour.planning.tracing import check_joint_range
 from armcontour.program import Dwell, Program
 from armcontour.robot import Arm, Limits, compare_limits, resolve_limits
 
-# Options that apply to one path only: a program has many paths, and rests between them.
+# Options of a single path; a program has several paths with rests between them.
 OF_ONE_PATH = ("grid", "start_speed", "end_speed")
-# With many contours each contour gets fewer grid intervals: it is shorter, and each costs time.
+# With many contours each contour has fewer grid intervals, because it is shorter.
 MOST_BY_DEFAULT = 40_000
 FEWEST_INTERVALS = 500
 
@@ -48,39 +48,38 @@ def plan(
     *,
     progress: Progress | None = None,
 ) -> Trajectory:
-    """Time a path or a program: compute its realizable trajectory.
+    """Compute the realizable trajectory of a path or a program.
 
     Args:
-        path: A tool path, or a program of several with rapids between them, which are traced first;
-            or a joint path or tracing.
-        arm: The arm, or what has the `dof` and `limits` of an arm, to time a joint path. A joint
-            path without a tool path needs none if `limits` are given, without those of torque.
-        limits: Limits in place of those of the arm. What they do not give is the arm's own,
-            infinity lifts a limit.
+        path: A tool path or a program, which is traced first; or a joint path or a tracing.
+        arm: The arm, or any object with the `dof` and `limits` of an arm, to time a joint path. A
+            joint path without a tool path needs no arm if `limits` are given without torque.
+        limits: Limits that replace those of the arm. Limits that are not given are those of the
+            arm; infinity lifts a limit.
         options: The method and its options: `Optimal`, the fastest timing that satisfies every
             limit; `Shaped`, the fastest path within a tolerance of the given one, with that
             timing; `Paper`, the paper's method; or `Conventional`, uniform speed along the raw
             path.
-        progress: Called after every contour with the step "timing" and the share that is done.
+        progress: Called after every contour with the step "timing" and the share done.
 
     Raises:
         InvalidInput: A limit that the method needs is missing, an option that applies to one path
             for a program of several, too many intervals, or a speed at which the motion takes too
             long.
         Unreachable: A point of the path is out of reach, out of a joint range or singular.
-        NotRealizable: The method cannot keep the limits on this path, or not in so short a
-            duration, or it keeps no limits of jerk and there are some.
+        NotRealizable: The method cannot satisfy the limits on this path or in this duration, or
+            does not support the given limits of jerk.
 
     Warns:
-        UserWarning: A given limit is above the arm's own, or limits of jerk add full stops, as
-            accelerations would jump there.
+        UserWarning: A given limit exceeds that of the arm, or limits of jerk add full stops where
+            accelerations would jump.
     """
     arm = _arm_of(path, arm, limits)
     bounds = resolve_limits("plan", arm, limits)
     if not isinstance(arm, Arm):
         arm = _JointSpace(arm.dof, arm.limits)
     if not isinstance(path, Tracing) and (warning := compare_limits(bounds, arm)):
-        # Jobs plan tracings, and have warnings of their own.
+        # Jobs plan tracings, and issue their own warnings.
         warnings.warn(capitalise(warning), stacklevel=3)
     check_jerk_support(options.method, bounds)
     traced: Tracing | JointPath
@@ -126,7 +125,6 @@ def plan(
 
 
 def _warn_of_stops(traced: Tracing | JointPath, trajectory: Trajectory) -> None:
-    """Warn of full stops that limits of jerk have added inside contours."""
     from armcontour.planning.explanation import find_jerk_stops
 
     paths = {} if isinstance(traced, JointPath) else {x.move: x.joint_path for x in traced.steps}
@@ -162,22 +160,14 @@ class _JointSpace(Arm):
 
     @cached_property
     def dynamics(self) -> NoReturn:
-        """Refused, because the masses are not known.
-
-        Raises:
-            InvalidInput: Always.
-        """
+        """Not available, because the masses are unknown."""
         raise InvalidInput("Limits of torque need an arm with masses: give plan the arm.")
 
 
 def _arm_of(
     path: Path | Program | JointPath | Tracing, arm: Arm | None, limits: Limits | None
 ) -> Arm:
-    """The arm, or what stands for it along a joint path without a tool path.
-
-    Raises:
-        InvalidInput: The arm is missing, or is none.
-    """
+    """Return the arm, or a `_JointSpace` for a joint path without a tool path."""
     if arm is None and limits and isinstance(path, JointPath) and path.tool_path is None:
         return _JointSpace(path.dof, Limits())
     if arm is None:
@@ -189,11 +179,6 @@ def _arm_of(
 
 
 def _fit_options(program: Program, options: PlanOptions) -> PlanOptions:
-    """Fit the options of a method to all contours of a program.
-
-    Raises:
-        InvalidInput: An option that applies to one path only.
-    """
     if not isinstance(options, Optimal):
         return options
     for name in OF_ONE_PATH if program.single_path is None else ():
@@ -214,7 +199,7 @@ def intervals_of(program: Program) -> int | None:
 
 
 def check_duration(program: Program, limits: Limits) -> None:
-    """Refuse a program that takes longer than LONGEST_MOTION at its assigned velocities.
+    """Check the duration of a program at its assigned velocities against LONGEST_MOTION.
 
     Raises:
         InvalidInput: The program takes longer.
@@ -231,30 +216,25 @@ def check_duration(program: Program, limits: Limits) -> None:
 
 
 def assigned_time(program: Program, limits: Limits) -> float:
-    """Time of a program at its assigned velocities, where given, and of its dwells [s].
+    """Duration of a program at its assigned velocities, if given, plus its dwells [s].
 
-    Rounded corners make the motion shorter, limits make it longer.
+    Rounded corners shorten the motion; limits lengthen it.
     """
     dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
     return dwells + sum(_assigned_time(x.path, limits) for x in program.contours)
 
 
 def _assigned_time(path: Path, limits: Limits) -> float:
-    """Time of a path at its assigned velocities [s]; segments without one count as zero."""
+    """Duration of a path at its assigned velocities [s]; segments without one count as zero."""
     speeds = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
     return float((path.lengths / speeds).sum())
 
 
 def _refuse_endless_motion(trajectory: Trajectory) -> None:
-    """Refuse a trajectory that takes longer than LONGEST_MOTION.
-
-    Raises:
-        NotRealizable: The trajectory takes longer, or its duration is not a number.
-    """
     if not trajectory.duration <= LONGEST_MOTION:
         raise NotRealizable(
-            f"The motion would take {trajectory.duration:.3g} s, but lasts {LONGEST_MOTION:g} s at "
-            "most: raise the limits that bind.",
+            f"The motion would take {trajectory.duration:.3g} s, but it may last "
+            f"{LONGEST_MOTION:g} s at most: raise the active limits.",
             needed=trajectory.duration,
             allowed=LONGEST_MOTION,
         )
@@ -263,11 +243,9 @@ def _refuse_endless_motion(trajectory: Trajectory) -> None:
 def _refuse_foreign(
     path: JointPath | Tracing, arm: Arm, limits: Limits, options: PlanOptions
 ) -> JointPath | Tracing:
-    """What the joints follow: a tracing, or a joint path that has no tool path.
+    """Check that a joint path or tracing fits the arm.
 
-    Raises:
-        InvalidInput: A joint path of another arm, or options that a traced path cannot take.
-        Unreachable: A joint path leaves a joint range.
+    A joint path with a tool path is returned as a tracing.
     """
     if isinstance(options, Shaped):
         raise InvalidInput(

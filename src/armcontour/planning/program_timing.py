@@ -1,4 +1,4 @@
-"""Timing of a program: its moves one by one, and all of them as one trajectory."""
+"""Timing of the moves of a program, and their joint trajectory."""
 
 from __future__ import annotations
 
@@ -32,19 +32,13 @@ from armcontour.robot import Arm, Limits
 
 # Grid intervals of a rapid: limits change little along a straight line of the joints or the tool.
 RAPID_INTERVALS = 200
-# Events nearer in time than this are at once [s].
+# Events closer in time than this are simultaneous [s].
 SAME_TIME = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """How the moves of a program are timed.
-
-    Args:
-        arm: The arm.
-        limits: The limits that plans keep, less the reserve for the servo.
-        options: The method and its options.
-    """
+    """Timing of the moves of a program."""
 
     arm: Arm
     limits: Limits
@@ -52,15 +46,15 @@ class Timing:
 
 
 def time_program(traced: Tracing, timing: Timing, progress: Progress | None = None) -> Trajectory:
-    """Time all moves of a program, with the arm at rest between any two of them.
+    """Time all moves of a program, with the arm at rest between two moves.
 
-    Contours keep the limits of the tool and of the joints; rapids keep those of the joints only.
-    Moves are planned independently of each other, in other processes where that saves time.
+    Contours satisfy the limits of the tool and of the joints; rapids satisfy those of the joints
+    only. Moves are planned independently, in other processes if that saves time.
 
     Args:
         traced: The program with its joint paths.
-        timing: How contours and rapids are timed.
-        progress: Called after every contour with the step "timing" and the share that is done.
+        timing: Timing of contours and rapids.
+        progress: Called after every contour with the step "timing" and the share done.
 
     Raises:
         ArmContourError: A move cannot be planned; the message starts with the name of the contour.
@@ -92,7 +86,6 @@ def time_program(traced: Tracing, timing: Timing, progress: Progress | None = No
 def _time_move(
     timing: Timing, rapid_speed: float | None, move: tuple[JointPath, bool]
 ) -> Trajectory:
-    """Plan the motion along a joint path, which is that of a contour or of a rapid."""
     joint_path, is_contour = move
     if is_contour:
         return time_contour(joint_path, timing)
@@ -121,9 +114,9 @@ def time_contour(joint_path: JointPath, timing: Timing) -> Trajectory:
 def time_rapid(
     joint_path: JointPath, arm: Arm, limits: Limits, speed: float | None = None
 ) -> Trajectory:
-    """Plan the fastest rapid, which keeps the limits of the joints and ignores those of the tool.
+    """Plan the fastest rapid within the limits of the joints, without those of the tool.
 
-    A tool path keeps the speeds of its segments.
+    Speeds of the segments of a tool path apply.
 
     Args:
         joint_path: The joint path of the rapid.
@@ -139,7 +132,7 @@ def time_rapid(
 
 
 def _along(trajectory: Trajectory, joint_path: JointPath) -> Trajectory:
-    """The plan of a move along its own joint path, of which another process has a copy."""
+    """Replace the copy of the joint path in a plan of another process by the original."""
     if trajectory.path is joint_path.tool_path:
         return trajectory
     (law,) = trajectory.laws
@@ -150,12 +143,7 @@ def _along(trajectory: Trajectory, joint_path: JointPath) -> Trajectory:
 
 @dataclass(slots=True)
 class JoinedMoves:
-    """Timed moves of a program that become one trajectory; each starts where the last one ended.
-
-    Args:
-        traced: The program with its joint paths.
-        arm: The arm.
-    """
+    """Timed moves of a program, which are joined to one trajectory in order."""
 
     traced: Tracing
     arm: Arm
@@ -175,7 +163,7 @@ class JoinedMoves:
             trajectory: The motion along its joint path; None for dwells and events.
 
         Raises:
-            InvalidInput: An event of a contour would be switched off the contour.
+            InvalidInput: An event of a contour would be switched outside the contour.
         """
         move = None if step.move is None else self.traced.program.moves[step.move]
         if isinstance(move, Dwell):
@@ -208,11 +196,11 @@ class JoinedMoves:
         self.t, self.done = t[1], step.joint_path
 
     def stand(self, duration: float, move: int | None = None) -> None:
-        """Append a standstill.
+        """Append a dwell.
 
         Args:
-            duration: Its time [s].
-            move: Index of its dwell; None for a pause that the program does not have.
+            duration: Duration [s].
+            move: Index of the dwell; None for a pause that is not in the program.
         """
         t, s = (self.t, self.t + duration), self.length
         self.laws.append(dwell_law(self._q, duration))
@@ -220,7 +208,7 @@ class JoinedMoves:
         self.t = t[1]
 
     def trajectory(self) -> Trajectory:
-        """The trajectory of all moves so far.
+        """Join the moves added so far.
 
         Raises:
             InvalidInput: An event would come before the motion starts, or out of order.
@@ -240,14 +228,14 @@ class JoinedMoves:
             laws=tuple(self.laws),
             method=self.last.method,
             path=single_path,
-            # The times and arc lengths of stretches count from the start of their own path.
+            # Times and arc lengths of stretches are relative to the start of their path.
             stretches=() if single_path is None else self.last.stretches,
             spans=tuple(self.spans),
             events=tuple(sorted(self.events, key=lambda x: x.t)),
         )
 
     def _refuse_disorder(self) -> None:
-        """Refuse advances that change the order in which one output is switched."""
+        """Refuse lead times that change the switching order of an output."""
         last: dict[str, TimedEvent] = {}
         for event in self.events:
             before = last.get(event.name)
@@ -270,7 +258,7 @@ class JoinedMoves:
 
     @property
     def _q(self) -> FloatArray:
-        """Joint positions after the moves so far [rad], (dof,)."""
+        """Joint positions after the moves added so far [rad], (dof,)."""
         if self.done is None:
             return ends_of(self.traced.joint_paths[0])[0]
         return ends_of(self.done)[1]
@@ -278,18 +266,13 @@ class JoinedMoves:
     def _add_event(
         self, event: Event, t: float, due: float, s: float, point: tuple[float, ...]
     ) -> None:
-        """Append an event that is due at a time [s], and switched at the time `t` [s]."""
         self.events.append(
             TimedEvent(name=event.name, value=event.value, t=t, due=due, s=s, point=point)
         )
 
 
 def _early_place(event: Event, length: float, called: str) -> float:
-    """Arc length at which an event of a contour is switched [m], by its lead along the contour.
-
-    Raises:
-        InvalidInput: The event would be switched off the contour.
-    """
+    """Arc length at which an event of a contour is switched [m], by its lead along the contour."""
     early = event.s - event.lead_distance
     if not -REPEATED_POINT <= early <= length + REPEATED_POINT:
         leads = event.lead_distance > 0
@@ -305,14 +288,14 @@ def _early_place(event: Event, length: float, called: str) -> float:
 
 
 def check_jerk_support(method: Method, limits: Limits) -> None:
-    """Refuse limits of jerk for the methods that keep none.
+    """Check that the method supports the limits of jerk, if any.
 
     Args:
         method: The method.
         limits: The limits.
 
     Raises:
-        NotRealizable: There are limits of jerk, and the method keeps none.
+        NotRealizable: Limits of jerk are given, and the method does not support them.
     """
     limited = limits.jerk_limits
     if not limited or method == Method.OPTIMAL:
@@ -330,7 +313,7 @@ def check_jerk_support(method: Method, limits: Limits) -> None:
             limit=limited[0],
         )
     raise NotRealizable(
-        f"The method {method} keeps no limits of jerk, but there is {names}: plan by the method "
-        f"optimal (in a job, timing: {{method: optimal}}), or {lift}.",
+        f"The method {method} does not support limits of jerk, but {names} is given: plan by the "
+        f"method optimal (in a job, timing: {{method: optimal}}), or {lift}.",
         limit=limited[0],
     )

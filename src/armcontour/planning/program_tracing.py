@@ -1,4 +1,4 @@
-"""Joint paths of all moves of a program, each contour in the configuration that is the fastest."""
+"""Joint paths of all moves of a program, with each contour in its fastest configuration."""
 
 from __future__ import annotations
 
@@ -26,37 +26,37 @@ from armcontour.planning.tracing import sketch_all, trace, trace_all
 from armcontour.program import Contour, Move, Program, Rapid, contour_called
 from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm, resolve_limits
 
-# Joint positions nearer than this are the same [rad]: the error of exact inverse kinematics.
+# Joint positions closer than this are equal [rad]: the error of exact inverse kinematics.
 SAME_POSITION = 1e-9
 # Configurations are compared by coarse plans.
 ROUGHLY = Optimal(intervals=400)
-# In the plane, joint paths of more pieces are compared by lower bounds: a plan takes seconds.
+# Planar joint paths of more pieces are compared by lower bounds, because a plan takes seconds.
 MOST_PLANNED = 8_000
-# On paths of more segments than LONG they are compared on parts of about PART_SEGMENTS, one in
-# PART_EVERY segments, and at most MOST_PARTS. Parts tell durations apart by some thousandths only:
-# what is slower there by no more than SLOWER is traced along the whole path.
+# Paths of more segments than LONG are compared on parts of about PART_SEGMENTS, one in PART_EVERY
+# segments, and at most MOST_PARTS. Parts resolve durations to some thousandths only, so
+# configurations that are slower by at most SLOWER are traced along the whole path.
 LONG = 20_000
 PART_SEGMENTS, PART_EVERY, MOST_PARTS = 200, 2500, 40
 SLOWER = 0.01
-# What differs on the parts by less than this share differs by the turn of a wrist only, and is as
-# fast on the whole path.
+# Configurations that differ on the parts by less than this share differ by a turn of the wrist
+# only, and are equally fast on the whole path.
 ALIKE = 1e-4
-# A configuration is not planned if this share of its lower bound exceeds a plan: the bound keeps
-# limits at points, and may miss what happens between them.
+# A configuration is not planned if this share of its lower bound exceeds a plan. The bound
+# satisfies limits at points only.
 SURE = 0.998
-# Plans whose durations differ by less than this share are as fast: the planner is no more exact.
+# Relative difference of equal durations, the accuracy of the planner.
 AS_FAST = 1e-6
-# Where configurations are as fast for a contour, so many contours after it tell which is chosen.
+# Number of following contours that decide between equally fast configurations.
 AHEAD = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TracedMove:
-    """The joint path of a move of a program, or of the rapid from one move to the next.
+    """Joint path of a move of a program, or of the rapid from one move to the next.
 
     Args:
         move: Index of the move; None for a rapid between two moves that do not meet.
-        joint_path: The joint path; None where the joints stand still.
+        joint_path: The joint path; None for dwells and events.
         called: Name of the move in error messages; empty for a single path.
     """
 
@@ -65,7 +65,7 @@ class TracedMove:
     called: str = ""
 
     def named(self) -> AbstractContextManager[None]:
-        """A context in which error messages start with the name of the move."""
+        """Context that prefixes error messages with the name of the move."""
         return error_context(self.called) if self.called else nullcontext()
 
 
@@ -76,8 +76,7 @@ class Tracing:
     Args:
         program: The program.
         steps: The joint paths in order.
-        faster_rejected: Whether a configuration was taken that is not the fastest, as that did not
-            fit.
+        faster_rejected: True if a faster configuration was not accepted.
     """
 
     program: Program
@@ -86,18 +85,18 @@ class Tracing:
 
     @classmethod
     def along(cls, joint_path: JointPath, path: Path) -> Tracing:
-        """The tracing of one path that is traced already."""
+        """Tracing of a single path that is already traced."""
         return cls(
             program=Program.from_path(path), steps=(TracedMove(move=0, joint_path=joint_path),)
         )
 
     def is_contour(self, step: TracedMove) -> bool:
-        """Whether a step is a contour of the program."""
+        """Test whether a step is a contour of the program."""
         return step.move is not None and isinstance(self.program.moves[step.move], Contour)
 
     @property
     def joint_paths(self) -> tuple[JointPath, ...]:
-        """The joint paths in order, without the steps at which the joints stand still."""
+        """The joint paths in order, without dwells and events."""
         return tuple(x.joint_path for x in self.steps if x.joint_path is not None)
 
 
@@ -113,22 +112,22 @@ def trace_program(
 ) -> Tracing:
     """Trace all moves of a program.
 
-    The first contour starts in its fastest configuration, and where several are as fast for it, in
-    the one in which the next contours are reached and done the soonest. Every other contour starts
-    in the configuration nearest to the joint positions before it, or in its fastest configuration
-    if the nearest one does not complete it. A rapid without a path, and a gap between two moves,
-    becomes a straight line in joint space.
+    The first contour starts in its fastest configuration. If several are equally fast, it is the
+    one with the shortest duration of the next contours. Every other contour starts in the
+    configuration nearest to the previous joint positions, or in its fastest configuration if the
+    nearest one does not complete it. A rapid without a path, and a gap between two moves, becomes a
+    straight line in joint space.
 
     Args:
         program: The program, with rounded corners and the required tool orientation.
         arm: The arm.
-        limits: Limits with the joint ranges; they also decide which configuration is the fastest.
-            By default the arm's own.
+        limits: Limits with the joint ranges; they also determine the fastest configuration.
+            By default those of the arm.
         configuration: As in `plan`.
-        seed: As in `plan`; by default where the contours were shaped, if they were.
-        accept: Whether a contour may be followed along a joint path, asked where a configuration is
-            chosen: one that does not fit is only taken if none does.
-        progress: Called after every contour with the step "tracing" and the share that is done.
+        seed: As in `plan`; by default the start at which the contours were shaped, if they were.
+        accept: Returns whether a contour may follow a joint path. It is called when a configuration
+            is chosen; a rejected configuration is used only if all are rejected.
+        progress: Called after every contour with the step "tracing" and the share done.
 
     Raises:
         ArmContourError: A move cannot be traced; the message starts with the name of the contour.
@@ -159,7 +158,7 @@ def trace_program(
 
 @dataclass(slots=True)
 class _Tracer:
-    """Traces the moves of a program one after the other; each starts where the last one ended."""
+    """Traces the moves of a program in order; each starts at the end of the previous one."""
 
     single_path: Path | None
     moves: tuple[Move, ...]
@@ -191,7 +190,7 @@ class _Tracer:
             self._rapid(i, move.path)
 
     def _rapid(self, i: int, path: Path) -> None:
-        """Add a rapid along a path, called by the contour that it leads to, or away from."""
+        """Add a rapid along a path, named after the next contour, or else the previous one."""
         before = self.contours[max(self.done - 1, 0) : self.done]
         after = self.contours[self.done : self.done + 1]
         if after:
@@ -214,7 +213,7 @@ class _Tracer:
         self.last = joint_path
 
     def _trace(self, path: Path, i: int) -> JointPath:
-        """Trace the path of a move from the present configuration, else from the fastest one."""
+        """Trace the path of a move from the current configuration, else from the fastest one."""
         if self.last is None:
             return self._fastest(path, i, configuration=self.configuration, seed=self.seed)
         try:
@@ -223,7 +222,6 @@ class _Tracer:
             return self._fastest(path, i, configuration=self.configuration)
 
     def _trace_to(self, contour: Contour, path: Path, i: int) -> JointPath:
-        """Trace a rapid to the first contour, in the configuration that is fastest for it."""
         arm, limited = self.arm, self.limited
         try:
             index = next(k for k in range(i, len(self.moves)) if self.moves[k] is contour)
@@ -241,14 +239,7 @@ class _Tracer:
         configuration: str | None = None,
         seed: npt.ArrayLike | None = None,
     ) -> JointPath:
-        """Trace the path of a move in its fastest configuration; of equals that for what follows.
-
-        Args:
-            path: The path.
-            i: Index of the move.
-            configuration: As in `trace_fastest`.
-            seed: As in `trace_fastest`.
-        """
+        """Trace a move in its fastest configuration; the next moves decide between equals."""
         accept = self.accept if self.looks_ahead else None
         first: JointPath | None = None
         for group in trace_by_duration(path, self.limited, configuration=configuration, seed=seed):
@@ -261,12 +252,7 @@ class _Tracer:
         return first
 
     def _in_order(self, as_fast: list[JointPath], i: int) -> list[JointPath]:
-        """Joint paths of a move that are as fast: those first after which the rest is faster.
-
-        Args:
-            as_fast: The joint paths.
-            i: Index of the move.
-        """
+        """Sort equally fast joint paths of a move by the duration of the next moves."""
         if len(as_fast) == 1 or not self.looks_ahead:
             return as_fast
         durations = np.array([self._look_ahead(x, i) for x in as_fast])
@@ -274,12 +260,7 @@ class _Tracer:
         return [as_fast[k] for k in np.argsort(durations, kind="stable")]
 
     def _look_ahead(self, joint_path: JointPath, i: int) -> float:
-        """A lower bound of the duration of some moves after a move [s]; infinite without a way.
-
-        Args:
-            joint_path: The joint path of the move.
-            i: Index of the move.
-        """
+        """Lower bound of the duration of the moves after move i [s]; infinite if infeasible."""
         done = sum(isinstance(x, Contour) for x in self.moves[: i + 1])
         trial = dataclasses.replace(self, steps=[], last=joint_path, done=done, looks_ahead=False)
         for k, move in enumerate(self.moves[i + 1 :], i + 1):
@@ -294,7 +275,6 @@ class _Tracer:
 
 
 def _line(begin: FloatArray, end: FloatArray) -> JointPath:
-    """The straight line between joint positions [rad], (dof,) each, over its length [rad]."""
     length = float(np.linalg.norm(end - begin))
     coefficients = np.zeros((1, 6, len(begin)))
     coefficients[0, 0], coefficients[0, 1] = begin, (end - begin) / length * length
@@ -304,7 +284,7 @@ def _line(begin: FloatArray, end: FloatArray) -> JointPath:
 def ends_of(joint_path: JointPath) -> tuple[FloatArray, FloatArray]:
     """Joint positions at the start and at the end of a joint path [rad], (dof,) each."""
     start, end = joint_path.coefficients[0, 0], joint_path.coefficients[-1, 5]
-    # The polynomial of the last interval at its end, as Horner's rule has it.
+    # Polynomial of the last interval at its end, by Horner's rule.
     for k in range(4, -1, -1):
         end = end + joint_path.coefficients[-1, k]
     return start + 0.0, end
@@ -324,11 +304,11 @@ def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) 
 
     Args:
         path: The path of the rapid.
-        before: The contour before the rapid, or nothing.
-        after: The contour after the rapid, or nothing.
+        before: The contour before the rapid, if any.
+        after: The contour after the rapid, if any.
 
     Returns:
-        The path with an orientation; the same path where it has one, or where none is required.
+        The path with an orientation; the same path if it has one, or if none is required.
     """
     if path.orientation is not None or path.dimension == 2:
         return path
@@ -357,14 +337,15 @@ def trace_fastest(
     configuration: str | None = None,
     seed: npt.ArrayLike | None = None,
 ) -> JointPath:
-    """Trace a path in the configuration whose optimal plan takes the least time.
+    """Trace a path in the configuration with the fastest optimal plan.
 
-    Among equals it is the one with the shortest joint path.
+    Among equals the configuration with the shortest joint path is used.
 
     Args:
         path: A tool path.
         arm: The arm.
-        limits: Limits, including the joint ranges, without those of jerk; by default the arm's own.
+        limits: Limits, including the joint ranges, without those of jerk; by default those of the
+            arm.
         configuration: For an arm in the plane: the branch, as in `trace`, which leaves no choice.
         seed: For an arm in space: joint positions near the required start [rad], (dof,).
 
@@ -383,25 +364,15 @@ def trace_by_duration(
     configuration: str | None = None,
     seed: npt.ArrayLike | None = None,
 ) -> Iterator[list[JointPath]]:
-    """Trace a path in all configurations, those with the fastest optimal plans first.
+    """Trace a path in all configurations, in the order of the durations of their optimal plans.
 
-    Args:
-        path: As in `trace_fastest`, as the others.
-        arm: See above.
-        limits: See above.
-        configuration: See above.
-        seed: See above.
+    Arguments and errors as in `trace_fastest`.
 
     Yields:
-        Joint paths that are as fast, the shortest one first. Of a long path there is only the
-        fastest one.
-
-    Raises:
-        Unreachable: No configuration completes the path.
-        InvalidInput: The path does not fit the arm.
+        Lists of equally fast joint paths, the shortest first. For a long path only the fastest.
     """
     bounds = resolve_limits("fastest_configurations", arm, limits)
-    # Limits of jerk cost much time here, and favour no configuration.
+    # Limits of jerk take much time and favour no configuration.
     rough = bounds.without_jerk
     if isinstance(path, Path) and len(path) > LONG and isinstance(arm, SerialArm):
         joint_path = (
@@ -420,20 +391,19 @@ def trace_by_duration(
 def _by_duration(
     joint_paths: list[JointPath], arm: Arm, rough: Limits
 ) -> Iterator[list[JointPath]]:
-    """Joint paths of one tool path, those with the fastest plans under rough limits first."""
     at_least = [bound_duration(x, rough) for x in joint_paths]
     order = np.argsort(at_least, kind="stable").tolist()
     if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MOST_PLANNED:
         yield from ([joint_paths[i]] for i in order)
         return
-    # Of those that are planned and did not come yet.
+    # Durations of the planned joint paths that are not yet yielded.
     durations: dict[int, float] = {}
     while order or durations:
-        # What takes longer by its bound is not planned yet.
+        # Joint paths whose bounds exceed the fastest plan are planned later.
         while order and SURE * at_least[order[0]] <= min(durations.values(), default=np.inf):
             i = order.pop(0)
             durations[i] = np.inf
-            # If no configuration can be planned, the plan of the first one raises the reason.
+            # If no configuration can be planned, the plan of the first one raises the error.
             with suppress(ArmContourError):
                 durations[i] = plan_optimal(joint_paths[i], arm, rough, ROUGHLY).duration
         shortest = min(durations.values())
@@ -444,14 +414,14 @@ def _by_duration(
 
 
 def find_starts(path: Path, arm: SerialArm, limits: Limits | None = None) -> list[FloatArray]:
-    """Joint positions in which a path can start, one for each configuration [rad], (dof,) each.
+    """Joint positions at the start of a path, one for each configuration [rad], (dof,) each.
 
-    On a long path a few places are looked at, so that a configuration may not complete the path.
+    A long path is checked at a few points only, so a configuration may not complete it.
 
     Args:
         path: A tool path.
         arm: The arm.
-        limits: Limits with the joint ranges; by default the arm's own.
+        limits: Limits with the joint ranges; by default those of the arm.
 
     Raises:
         Unreachable: No configuration completes the path.
@@ -461,30 +431,22 @@ def find_starts(path: Path, arm: SerialArm, limits: Limits | None = None) -> lis
         try:
             return [x[0] for x in sketch_all(path, arm, limits=limits)[1]]
         except Unreachable:
-            # Tracing says why.
+            # Tracing raises the error.
             pass
     return [x(0.0) for x in trace_all(path, arm, limits=limits)]
 
 
 def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
-    """Trace a long path in the fastest configuration.
+    """Trace a long path in the fastest configuration; None if none is found.
 
-    Some parts of the path tell which configurations may be the fastest. Along the whole path these
-    are compared by a lower bound, and by how far plans of the parts are above it.
-
-    Args:
-        path: The path.
-        arm: The arm.
-        limits: The limits, with the joint ranges.
-
-    Returns:
-        The joint path; None if no configuration is found this way.
+    Plans of parts of the path select the configurations. Along the whole path these are compared by
+    a lower bound, scaled by the ratio of plan and bound on the parts.
     """
     rough = limits.without_jerk
     try:
         s, solutions = sketch_all(path, arm, limits=limits)
     except Unreachable:
-        # Tracing says why.
+        # Tracing raises the error.
         return None
     bounds, durations = _compare(path, arm, limits, s, solutions)
     fast = durations <= (1 + SLOWER) * durations.min()
@@ -492,7 +454,7 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
         ratio = durations / bounds
     slow = np.flatnonzero(~fast)
     best, shortest, done = None, np.inf, list[float]()
-    # The shortest joint paths come first; slow ones are traced only if no other can be.
+    # The shortest joint paths come first; slow ones are traced only if all others fail.
     for k in [*np.flatnonzero(fast), *slow[np.argsort(durations[slow], kind="stable")]]:
         if done and not fast[k]:
             break
@@ -514,15 +476,9 @@ def _compare(
 ) -> tuple[FloatArray, FloatArray]:
     """Bounds and durations of parts of a long path in each configuration, (solutions,) each [s].
 
-    A configuration without a plan has its bound as its duration, which is too slow then; one that
-    does not complete the parts has an infinite one.
-
-    Args:
-        path: The path.
-        arm: The arm.
-        limits: The limits, with the joint ranges.
-        s: Arc lengths of some places of the path [m], (n,).
-        solutions: Joint positions at these places in each configuration [rad], (n, dof) each.
+    A configuration without a plan has its bound as its duration. A configuration that does not
+    complete the parts has an infinite duration. `solutions` are joint positions at the arc lengths
+    `s` [m], (n, dof) each.
     """
     rough = limits.without_jerk
     parts = min(max(len(path) // PART_EVERY, 1), MOST_PARTS)

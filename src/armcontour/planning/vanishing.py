@@ -1,14 +1,14 @@
-"""Joint paths along which dq_ds of all joints vanishes somewhere, with a parameter that suits.
+"""Reparametrization of joint paths on which dq_ds of all joints vanishes at some point.
 
-Such a place is a fault of the parameter, not of the curve: `q = d s³` is a straight line. Near it,
-ds has no bound although the joints are slow, so nothing can be planned in s. In place of s:
+Such a point is a property of the parameter, not of the curve: `q = d s³` is a straight line. Near
+it, ds is unbounded although the joints are slow, so the path cannot be planned in s. Instead of s:
 
-- `q ~ s²` can keep s: ds is finite there, while the joints rest.
-- Straight pieces take the length in joint space, exactly. They turn round at a full stop, and pass
-  a place at which they do not turn. So do straight pieces whose dq_ds nearly vanishes: there, ds is
-  so large that no affordable grid resolves how it changes.
-- Bent pieces with `q ~ s³` or `s⁴` take p with `s ~ p^(2/3)` or `p^(1/2)` near that place, so that
-  `q ~ p²`. The curvature of the curve has no bound there, so that the joints have to rest.
+- `q ~ s²` keeps s: ds is finite at the point, while the joints rest.
+- Straight pieces use the length in joint space, exactly. They reverse at a full stop, and pass
+  a point at which they do not reverse. So do straight pieces whose dq_ds nearly vanishes: ds is so
+  large there that no affordable grid resolves its change.
+- Curved pieces with `q ~ s³` or `s⁴` use p with `s ~ p^(2/3)` or `p^(1/2)` near that point, so that
+  `q ~ p²`. The curvature is unbounded there, so the joints rest.
 """
 
 from __future__ import annotations
@@ -25,10 +25,9 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.kernels import compiled
 from armcontour.motion import JointPath, quintic
 
-# A piece that leaves its line by more than this [rad], and than this share, is surely bent.
+# Distance from its line [rad], and share of its size, above which a piece is curved.
 BENT = 1e-6
-# Coefficients of dq/dx, of the powers 0 to 4 of x, to those of Bernstein: their least and largest
-# values enclose dq/dx on the piece.
+# Converts coefficients of dq/dx, of powers 0 to 4, to Bernstein coefficients, which enclose dq/dx.
 BERNSTEIN = np.array([[comb(i, k) / comb(4, k) for k in range(5)] for i in range(5)])
 
 
@@ -36,13 +35,13 @@ BERNSTEIN = np.array([[comb(i, k) / comb(4, k) for k in range(5)] for i in range
 def moves_one_way(
     coefficients: FloatArray, vanished: float, small: float, moving: BoolArray
 ) -> bool:
-    """Whether some joint moves one way on every piece, so that dq_ds cannot vanish.
+    """Test whether some joint moves in one direction on every piece, so that dq_ds cannot vanish.
 
     Args:
-        coefficients: Of the joint path, (n, 6, dof).
-        vanished: As in `resting_breaks`, for pieces that are surely bent.
-        small: A larger share of the same kind, for all others.
-        moving: Written: whether a joint moves so on each piece, (n,).
+        coefficients: Coefficients of the joint path, (n, 6, dof).
+        vanished: As in `resting_breaks`, for pieces that are certainly curved.
+        small: A larger share for all other pieces.
+        moving: Output: whether a joint moves in one direction on each piece, (n,).
     """
     n, dof = coefficients.shape[0], coefficients.shape[2]
     everywhere = True
@@ -82,10 +81,10 @@ def moves_one_way(
 
 @compiled()
 def resting_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
-    """Whether dq_ds of all joints vanishes at each break of a joint path, on both sides, (n + 1,).
+    """Breaks of a joint path at which dq_ds of all joints vanishes on both sides, a mask, (n + 1,).
 
     Args:
-        coefficients: Of the joint path, (n, 6, dof).
+        coefficients: Coefficients of the joint path, (n, 6, dof).
         vanished: A dq_ds counts as zero below this share of the sum of its terms.
     """
     n, dof = coefficients.shape[0], coefficients.shape[2]
@@ -111,36 +110,34 @@ def resting_breaks(coefficients: FloatArray, vanished: float) -> BoolArray:
     return resting
 
 
-# dq_ds counts as zero below this share of the sum of its terms: a double root is known to 1e-8.
+# dq_ds counts as zero below this share of the sum of its terms; a double root is accurate to 1e-8.
 VANISHED = 1e-9
-# In straight pieces, dq_ds nearly vanishes below this share.
+# dq_ds of straight pieces nearly vanishes below this share.
 SMALL = 1e-2
-# A piece is straight if it leaves its line by no more than rounding [rad], or by this share.
+# Distance from its line, as rounding [rad] and as a share of its size, below which a piece is
+# straight.
 STRAIGHT = 1e-12
 ROUNDING = 4e-15
-# Bent pieces are replaced up to this share of their length, by quintics between p in ratio RATIO
-# from the share FIRST on. They leave the curve by at most 1e-12 of the piece's size.
+# Curved pieces are replaced up to the share LAST of their length, by quintics between p in ratio
+# RATIO from the share FIRST on. Their error is at most 1e-12 of the size of the piece.
 LAST, FIRST, RATIO = 0.05, 1e-3, 0.8
 
-# Takes coefficients in x to those in 1 - x.
+# Converts coefficients in x to those in 1 - x.
 REVERSED = np.array([[comb(k, m) * (-1.0) ** m for k in range(6)] for m in range(6)])
 
 Polynomials = tuple[FloatArray, FloatArray]  # lengths, (n,), and coefficients, (n, 6, dof)
 
 
 def rests_at_breaks(joint_path: JointPath) -> BoolArray:
-    """Whether dq_ds of all joints vanishes at each break, (n + 1,): joints rest there at any ds."""
+    """Breaks at which dq_ds of all joints vanishes, a mask, (n + 1,): joints rest at any ds."""
     return resting_breaks(joint_path.coefficients, VANISHED)
 
 
 def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
-    """The same curve with a parameter in which a plan can be made; most paths are returned as is.
+    """The same curve with a parameter that can be planned; most paths are returned unchanged.
 
-    And the places of the breaks of the path in the new parameter, (pieces + 1,).
-
-    Args:
-        joint_path: A joint path without a tool path; traced ones, along which the tool moves
-            evenly, are returned as they are.
+    Returns:
+        The path, and the old breaks in the new parameter, (pieces + 1,).
 
     Raises:
         InvalidInput: No joint moves along the whole path.
@@ -154,7 +151,7 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
         return same
     if not coefficients[:, 1:].any():
         raise InvalidInput("No joint moves along the joint path: there is nothing to plan.")
-    # Only straight pieces, and those that begin or end with x³ or more, may be unsuited.
+    # Only straight pieces, and those that begin or end with x³ or more, may need another parameter.
     doubtful = np.flatnonzero(~moving)
     c = coefficients[doubtful]
     both = np.stack([np.linalg.norm(_terms(x), axis=2) for x in (c, REVERSED @ c)])
@@ -169,9 +166,9 @@ def reparametrize(joint_path: JointPath) -> tuple[JointPath, FloatArray]:
 
 
 def _with(joint_path: JointPath, changed: dict[int, _Piece]) -> tuple[JointPath, FloatArray]:
-    """The path with some of its pieces replaced, and the places of its breaks; stops stay."""
+    """Replace some pieces of a path, and return its breaks in the new parameter; stops are kept."""
     straight = [x for x in changed.values() if x.is_straight]
-    # Where nothing else says how fast p is, straight pieces keep their length on the whole.
+    # The default scale of p keeps the total length of the straight pieces.
     total = sum(x.width for x in straight)
     slope = (
         sum(float(np.abs(np.diff(_turns(x.along, x.inner)[1])).sum()) for x in straight) / total
@@ -208,12 +205,12 @@ class _Piece:
 
     Args:
         width: Its length in s.
-        coefficients: Of q, (6, dof).
-        line: Direction in which it moves most, a unit vector, (dof,).
+        coefficients: Coefficients of q, (6, dof).
+        line: Direction of the largest motion, a unit vector, (dof,).
         along: Coefficients of the position along this direction, (6,).
-        is_straight: Whether it moves along this direction only.
-        inner: Places x inside at which the velocity along this direction vanishes.
-        degrees: Lowest power of x in q at both ends: 1 where dq_ds does not vanish.
+        is_straight: True if the piece moves along this direction only.
+        inner: Points x inside at which the velocity along this direction vanishes.
+        degrees: Lowest power of x in q at both ends: 1 if dq_ds does not vanish.
     """
 
     width: float
@@ -226,7 +223,6 @@ class _Piece:
 
     @classmethod
     def from_path(cls, joint_path: JointPath, i: int) -> _Piece:
-        """Examine one piece."""
         c = joint_path.coefficients[i]
         (straight,), (line,) = _straight(c[None])
         along = np.concatenate([[0.0], c[1:] @ line])
@@ -241,15 +237,13 @@ class _Piece:
         )
 
     def is_unsuited(self) -> bool:
-        """Whether no plan can be made in s, or none as good as along the length of a line."""
+        """Test whether the piece is planned better in another parameter than s."""
         return max(self.degrees) > 2 or self.is_straight and _is_slow(self.along)
 
     def replaced(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
         """Polynomials in another parameter, in order.
 
-        Args:
-            slope: Size of dq_dp at ends that are free.
-            free: Whether the start, and the end, need not go on as evenly as s.
+        `slope` is |dq_dp| at ends that are free, which need not continue as evenly as s.
         """
         if self.is_straight:
             yield from self._runs(slope, free)
@@ -259,7 +253,8 @@ class _Piece:
     def _runs(self, slope: float, free: Sequence[bool]) -> Iterator[Polynomials]:
         """A straight piece from reversal to reversal, with dq_dp linear in p.
 
-        At ends that are not free dq_dp is dq_ds, so that p goes on as s does, unless it vanishes.
+        At ends that are not free, dq_dp is dq_ds, so that p continues as s does, unless it
+        vanishes.
         """
         x, values = _turns(self.along, self.inner)
         q = x[:, None] ** np.arange(6) @ self.coefficients
@@ -281,7 +276,7 @@ class _Piece:
             yield np.array([2 * rise / (begin + end)]), c
 
     def _eased(self) -> Iterator[Polynomials]:
-        """A bent piece, with p in place of s next to ends at which q begins with x³ or x⁴."""
+        """A curved piece, with p instead of s next to ends at which q begins with x³ or x⁴."""
         first, last = (LAST if degree > 2 else 0.0 for degree in self.degrees)
         if first:
             yield _ease(self.coefficients, self.degrees[0], self.width)
@@ -292,7 +287,7 @@ class _Piece:
 
 
 def _ease(c: FloatArray, degree: int, width: float) -> Polynomials:
-    """The first part of a piece that begins with x³ or x⁴, where p is x to the half of that power.
+    """First part of a piece that begins with x³ or x⁴, with x^(degree / 2) as the parameter p.
 
     At the end of the part, p grows as s does.
     """
@@ -317,11 +312,7 @@ def _ease(c: FloatArray, degree: int, width: float) -> Polynomials:
 
 
 def _straight(c: FloatArray) -> tuple[BoolArray, FloatArray]:
-    """Whether pieces move along a line only, (n,), and in which direction, (n, dof).
-
-    Args:
-        c: Coefficients of the pieces, (n, 6, dof).
-    """
+    """Mask of pieces that move along a line only, (n,), and their directions, (n, dof)."""
     size = np.linalg.norm(c[:, 1:], axis=2)
     largest_size = size.max(axis=1)
     largest = c[np.arange(len(c)), 1 + size.argmax(axis=1)]
@@ -332,12 +323,10 @@ def _straight(c: FloatArray) -> tuple[BoolArray, FloatArray]:
 
 
 def _terms(coefficients: FloatArray) -> FloatArray:
-    """The terms of dq/dx at x = 1, (..., 5, dof)."""
     return np.asarray(coefficients[..., 1:, :] * np.arange(1.0, 6.0)[:, None])
 
 
 def _derived(c: FloatArray) -> FloatArray:
-    """Coefficients of the derivative."""
     return np.asarray((c[1:].T * np.arange(1.0, len(c))).T)
 
 
@@ -357,14 +346,14 @@ def _cut(c: FloatArray, first: float, last: float) -> FloatArray:
 
 
 def _degree(c: FloatArray) -> int:
-    """Lowest power of x that is more than rounding, beyond the constant; 5 if there is none."""
+    """Lowest power of x above rounding, without the constant; 5 if there is none."""
     size = np.linalg.norm(_terms(c[None])[0], axis=1)
     above = np.flatnonzero(size > VANISHED * size.sum())
     return 1 + int(above[0]) if len(above) else 5
 
 
 def _critical(along: FloatArray) -> FloatArray:
-    """Places inside, at which the derivative of a polynomial vanishes; double ones count too."""
+    """Points inside at which the derivative of a polynomial vanishes, including double roots."""
     derivative = _derived(along)
     real = _inner_roots(derivative)
     value = np.polynomial.polynomial.polyval(real, derivative)
@@ -372,7 +361,7 @@ def _critical(along: FloatArray) -> FloatArray:
 
 
 def _is_slow(along: FloatArray) -> bool:
-    """Whether the derivative of a polynomial nearly vanishes at an end or where it is extreme."""
+    """Test whether the derivative of a polynomial nearly vanishes at an end or at an extreme."""
     derivative = _derived(along)
     x = np.concatenate([[0.0], _inner_roots(_derived(derivative)), [1.0]])
     smallest = np.abs(np.polynomial.polynomial.polyval(x, derivative)).min()
@@ -380,7 +369,6 @@ def _is_slow(along: FloatArray) -> bool:
 
 
 def _inner_roots(c: FloatArray) -> FloatArray:
-    """Real parts, between 0 and 1, of the roots of a polynomial with these coefficients."""
     if not c.any():
         return np.empty(0)
     real = np.polynomial.polynomial.polyroots(np.trim_zeros(c, "b")).real
@@ -388,7 +376,7 @@ def _inner_roots(c: FloatArray) -> FloatArray:
 
 
 def _turns(along: FloatArray, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Places and values of the ends and reversals of a polynomial on [0, 1]."""
+    """Positions and values of the ends and reversals of a polynomial on [0, 1]."""
     x = np.concatenate([[0.0], inner, [1.0]])
     value = np.polynomial.polynomial.polyval(x, along)
     small = STRAIGHT * float(np.abs(along).sum())
@@ -396,7 +384,7 @@ def _turns(along: FloatArray, inner: FloatArray) -> tuple[FloatArray, FloatArray
     for k in range(1, len(x)):
         step = value[k] - value[indices[-1]]
         if len(indices) > 1 and step * (value[indices[-1]] - value[indices[-2]]) >= 0:
-            indices[-1] = k  # it goes on in the same direction
+            indices[-1] = k  # the direction does not change
         elif abs(step) > small:
             indices.append(k)
     if indices[-1] != len(x) - 1:

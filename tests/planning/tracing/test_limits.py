@@ -89,7 +89,7 @@ def test_an_arm_in_the_plane_keeps_its_ranges(arm, refuses):
 
 def test_where_no_whole_turn_fits_the_nearest_one_is_told(ur5e):
     for low, high, name in ((0.5, 0.6, "joint_lower"), (-1.0, -0.9, "joint_upper")):
-        with pytest.raises(ac.Unreachable, match="joint 1 would stand") as caught:
+        with pytest.raises(ac.Unreachable, match="joint 1 would be at") as caught:
             ac.trace(LINE, ur5e, limits=ranges(ur5e, 1, low, high))
         assert caught.value.limit == name
         assert abs(caught.value.needed - caught.value.allowed) < np.pi

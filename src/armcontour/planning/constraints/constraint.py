@@ -39,7 +39,7 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States, use_of
 from armcontour.robot.limits import JERK_LIMITS, UNITS
 
-# Shares of the time of an interval at which what is not known from its ends is looked at.
+# Relative times of the samples inside an interval.
 INSIDE = np.linspace(0.0, 1.0, 5)[:, None]
 
 
@@ -64,7 +64,7 @@ class IntervalEnds:
 
     @cached_property
     def x(self) -> FloatArray:
-        """Square of the path speed, ds² [m²/s²], (n, 2)."""
+        """Squared path speed ds² [m²/s²], (n, 2)."""
         square = self.law.speeds**2
         return np.stack([square[:-1], square[1:]], axis=1)
 
@@ -86,7 +86,7 @@ class IntervalEnds:
 
     @cached_property
     def places(self) -> tuple[IntArray, FloatArray]:
-        """The interval and time [s] of places in every interval, its ends too, (places n,) each."""
+        """Interval and time [s] of samples in every interval, ends included, (samples n,) each."""
         breaks = self.law.breaks
         t = breaks[:-1] + INSIDE * np.diff(breaks)
         t[-1] = breaks[1:]
@@ -119,10 +119,10 @@ class Constraint:
 
     Attributes:
         name: Name in messages, such as "acceleration".
-        limit_name: The field of `Limits` that the constraint keeps, for messages.
+        limit_name: The field of `Limits` of the constraint, for messages.
         limit: Largest value; one number, or one per joint.
-        joints: Whether there is one limit per joint, which explanations then name.
-        curved: Whether it has viscous friction, which rows bound for a range of x only.
+        joints: True if each joint has its own limit, which explanations then name.
+        curved: True if the limit has viscous friction, which rows bound for a range of x only.
     """
 
     name = ""
@@ -153,7 +153,7 @@ class Constraint:
             ends: The plan.
 
         Returns:
-            (n, 1), or (n, joints) where `joints` is true.
+            (n, 1), or (n, joints) if `joints` is true.
         """
         used = np.zeros((len(ends.grid), 1))
         for form in self.discretize(ends.path):
@@ -178,14 +178,10 @@ def _usage(form: Form, x: FloatArray, u: FloatArray) -> FloatArray:
 
 
 def limits_on(path: OnGrid, active: Sequence[Constraint]) -> GridLimits:
-    """All limits on a grid.
-
-    Args:
-        path: The joint path on the grid.
-        active: The constraints.
+    """Discretize the constraints on a grid.
 
     Raises:
-        InvalidInput: A form has arrays of another shape than it should.
+        InvalidInput: A form has arrays of a wrong shape.
     """
     n = len(path)
     return collect([check_form(form, n, x.name) for x in active for form in x.discretize(path)], n)
@@ -199,12 +195,12 @@ class SecondOrder(Constraint):
 
     Args:
         name: Name in messages.
-        coefficients: Called with arc lengths (n,) and "right" or "left", the side to take at
+        coefficients: Called with arc lengths (n,) and "right" or "left", the side to evaluate at
             vertices between segments; returns a, b and c, (n, rows) each. Smooth between grid
             points.
         low: Lower bounds, (rows,).
         high: Upper bounds, (rows,).
-        joints: Whether there is one row per joint.
+        joints: Whether each row belongs to a joint.
 
     Raises:
         InvalidInput: A lower bound exceeds its upper bound, or their numbers differ.
@@ -230,19 +226,18 @@ class SecondOrder(Constraint):
 
     @property
     def names(self) -> list[tuple[str, int | None]]:
-        """The name, with the joint of each row if there is one per joint."""
+        """The name, with the joint of each row if rows belong to joints."""
         return [(self.name, k) for k in range(len(self.low))] if self.joints else super().names
 
     def _at(self, s: FloatArray, side: str) -> FloatArray:
-        """The coefficients at arc lengths, (3, n, rows)."""
         name, shape = f"coefficients of {self.name}", (3, len(s), len(self.low))
         return checks.shaped(name, checks.check_numbers(name, self.coefficients(s, side)), shape)
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The quantities.
+        """The rows on a grid.
 
         Raises:
-            NotRealizable: c alone breaks a bound, so that even rest is impossible there.
+            NotRealizable: c alone violates a bound, so that even rest is impossible there.
         """
         path, last = OnGrid(path.grid, jumps=True), 2 * len(path)
         _, s = path.places
@@ -260,15 +255,15 @@ def check_rest(
     when: str = "even at rest",
     cannot: str = "hold itself",
 ) -> None:
-    """Refuse a quantity that breaks its bounds at rest or in arbitrarily slow motion.
+    """Check a quantity against its bounds at rest or in arbitrarily slow motion.
 
     Args:
         grid: The grid.
         constraint: The constraint with these bounds.
         value: The quantity at the starts and ends of all intervals, (n, 2, rows).
         bounds: Lower and upper bounds, (rows,) each.
-        when: Words of the error message: in which motion the quantity has this value.
-        cannot: Words of the error message: what the arm cannot do there.
+        when: Words of the error message: the motion with this value.
+        cannot: Words of the error message: the impossible action of the arm.
 
     Raises:
         NotRealizable: With the arc length, the joint, the value and the bound.

@@ -1,4 +1,4 @@
-"""Limits of joints: velocity, acceleration, which may differ in the two directions, and torque."""
+"""Limits of joints: velocity and acceleration, by direction if they differ, and torque."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class JointMotion(Constraint):
     """Bounds of velocities `q' ds` and accelerations `q' u + q'' x` of every joint.
 
     Args:
-        velocity: Lower bounds, negative, and upper ones [rad/s], infinite where there is none,
-            (dof,) each; None for none.
-        acceleration: Those of accelerations [rad/s²].
+        velocity: Lower bounds, negative, and upper bounds [rad/s], infinite if not limited,
+            (dof,) each; None if not limited.
+        acceleration: The same for accelerations [rad/s²].
     """
 
     def __init__(
@@ -50,16 +50,16 @@ class JointMotion(Constraint):
         return np.broadcast_to(self.low, shape), np.broadcast_to(self.high, shape)
 
     def fastest(self, path: OnGrid) -> FloatArray:
-        """Largest amounts of velocities in the directions of the joints on intervals, (n, dof)."""
+        """Largest speeds in the directions of the joints on intervals, (n, dof)."""
         (slopes, _), (third, _) = path.derivatives
         certain = path.grid.width[:, None] ** 2 / 8 * third
         low, high = np.abs(self.velocity)
-        # Where a joint may turn round, it keeps both bounds.
+        # A joint that may reverse must satisfy both bounds.
         back = np.where(slopes.max(axis=1) < -certain, low, np.minimum(low, high))
         return np.asarray(np.where(slopes.min(axis=1) > certain, high, back))
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The bounds, of which the planner makes rows."""
+        """The bounds; the planner makes rows of them."""
         none = np.full(0, np.inf), np.full(0, np.inf)
         accelerations = (self.low, self.high) if len(self.low) else none
         return (
@@ -69,7 +69,7 @@ class JointMotion(Constraint):
         )
 
     def rows(self, path: OnGrid) -> LinearRows:
-        """The accelerations as rows: g = q' u + q'' x has g'' = 5 q''' u + q'''' x + 4 q'' k."""
+        """Accelerations as rows: g = q' u + q'' x has g'' = 5 q''' u + q'''' x + 4 q'' k."""
         (first, second), (third, fourth) = path.derivatives
         w, n = path.grid.width[:, None], len(path)
         ends, rise = np.empty((n, 2, len(self.low), 4)), np.zeros((n, len(self.low), 4))
@@ -107,7 +107,7 @@ class JointTorque(Constraint):
         self.curved = bool(self.viscous.any())
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The torques, less dry friction, and viscous friction.
+        """Torques less dry friction, and viscous friction.
 
         Raises:
             NotRealizable: A joint exceeds its limit at rest, or in arbitrarily slow motion.
@@ -125,7 +125,7 @@ class JointTorque(Constraint):
         one_way = (first[:, 0] * first[:, 1] > 0) & (size.min(axis=1) > bulge)
         sign = np.where(one_way, np.sign(first[:, 0]), 0.0)
         dry = np.where(largest > 0, self.coulomb, 0.0)
-        # Where a joint may turn round, dry friction counts against both limits.
+        # If a joint may reverse, dry friction counts against both limits.
         above, below = np.where(one_way, sign, 1.0) * dry, np.where(one_way, sign, -1.0) * dry
         creeping = weight + np.where(weight > 0, above[:, None], below[:, None])
         when = "in the slowest motion, with friction"

@@ -1,8 +1,8 @@
 """Limits of the tool: assigned velocity, centripetal acceleration, acceleration, and rotation.
 
 A traced joint path follows the tool path within its tolerance, but its derivatives are less exact.
-So the motion of the tool at ds = 1 is measured by forward kinematics: bounds of its speed and its
-curvature on each piece of the joint path, and vectors at the places of a grid.
+Therefore the motion of the tool at ds = 1 is measured by forward kinematics: bounds of its speed
+and its curvature on each piece of the joint path, and vectors at the samples of a grid.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from armcontour.planning.topp.on_grid import OnGrid
 from armcontour.robot import Arm
 from armcontour.robot.limit_use import require_orientation
 
-# Shares of a piece of the joint path at which the tool motion is sampled.
+# Positions of the samples of a piece of the joint path.
 SAMPLES = np.linspace(0.0, 1.0, 9)[:, None]
-# Samples of an interval whose curvature varies.
+# Positions of the samples of an interval whose curvature varies.
 SHARES = np.linspace(0.0, 1.0, 5)[:, None]
-# A piece is even if its curvature varies by less than this share.
+# Relative variation of the curvature below which a piece is even.
 EVEN = 1e-3
-# A tangent of the bound of x touches it where the curvature is at least this share of its largest.
+# Smallest curvature, as a share of the largest, at which a tangent of the bound of x touches.
 TOUCH = 0.8
-# Curvatures below this are those of lines [1/m].
+# Largest curvature of a line [1/m].
 FLAT = 1e-3
 
 
@@ -41,9 +41,8 @@ class ToolMetric:
         joint_path: The joint path.
         arm: The arm.
         speed: Tool speed [-].
-        curvature: Acceleration at right angles to the motion [1/m].
-        uneven: Whether the curvature varies along a piece, so that intervals are measured one by
-            one.
+        curvature: Acceleration normal to the motion [1/m].
+        uneven: True where the curvature varies along a piece, so that its intervals are sampled.
     """
 
     joint_path: JointPath
@@ -70,19 +69,20 @@ class ToolMetric:
         """Curvatures c at both ends of the intervals, to bound x at both [1/m], (2, n).
 
         If `c x <= a` holds at both ends of an interval, and x is linear in s, then the curvature
-        times x is at most a on all of the interval. Where the curvature k is linear, too, a / k is
-        convex: x stays below its tangent, which c at the ends stands for. The tangent touches in
-        the middle, or nearer to the end of the larger curvature, so that it is positive.
+        times x is at most a on the whole interval. If the curvature k is also linear, a / k is
+        convex, so x stays below its tangent, whose values at the ends are a / c. The tangent
+        touches in the middle, or closer to the end with the larger curvature, so that it is
+        positive.
         """
         chords = self._chords_on(grid)
         touch = np.maximum(chords.mean(axis=0), TOUCH * chords.max(axis=0))
         return np.asarray(touch * touch / np.maximum(2 * touch - chords, 1e-300))
 
     def _chords_on(self, grid: Grid) -> FloatArray:
-        """Curvatures at both ends of the intervals, whose chord is above the curvature, (2, n).
+        """Curvatures at both ends of the intervals whose chord exceeds the curvature, (2, n).
 
-        Where the curvature varies, a factor bounds how far it is above its chord: twice what the
-        samples in between show.
+        Where the curvature varies, a factor bounds its excess over the chord: twice the excess of
+        the samples.
         """
         chords = np.empty((2, len(grid)))
         chords[:] = self.curvature[grid.piece]
@@ -99,25 +99,15 @@ class ToolMetric:
 
 
 def _measure(joint_path: JointPath, arm: Arm, pieces: IntArray, s: FloatArray) -> FloatArray:
-    """Speed of the tool at ds = 1, and its acceleration at right angles to the motion.
-
-    Args:
-        joint_path: The joint path.
-        arm: The arm.
-        pieces: Pieces of the joint path, of any shape.
-        s: Arc lengths [m], of the same shape.
-
-    Returns:
-        Of the shape of `s`, after a first axis of 2.
-    """
+    """Speed of the tool at ds = 1, and its acceleration normal to the motion, (2, *s.shape)."""
     speed, _, across = _parts(*arm.tool_motion(*joint_path.motion(pieces.ravel(), s.ravel())))
     return np.stack([speed, across]).reshape(2, *s.shape)
 
 
 def _parts(velocity: FloatArray, acceleration: FloatArray) -> tuple[FloatArray, ...]:
-    """Speeds, and accelerations along the motion and at right angles to it, (n,) each."""
+    """Speeds, and accelerations along and normal to the motion, (n,) each."""
     speed = np.sqrt(np.einsum("ij,ij->i", velocity, velocity))
-    # Where the tool stands, all of the acceleration counts as across.
+    # If the tool rests, the whole acceleration counts as normal.
     direction = velocity / np.where(speed > 0, speed, 1.0)[:, None]
     along = np.einsum("ij,ij->i", acceleration, direction)
     across = acceleration - along[:, None] * direction
@@ -138,7 +128,7 @@ class ToolSpeed(Constraint):
         self._ceiling: FloatArray = (speed / metric.speed) ** 2
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The bound of each piece, which holds on the whole interval."""
+        """Ceiling of each piece, which holds on the whole interval."""
         ceiling = np.empty((len(path), 2))
         ceiling[:] = self._ceiling[path.grid.piece, None]
         return (Ceiling(ceiling),)
@@ -158,7 +148,7 @@ class RapidSpeed(Constraint):
         self.limit, self._arm = limit, arm
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """A bound on each interval: the largest sample plus the spread of the samples."""
+        """Ceiling of each interval: the largest sample plus the spread of the samples."""
         grid = path.grid
         s = grid.s[:-1] + SHARES * grid.width
         pieces = np.broadcast_to(grid.piece, s.shape)
@@ -183,7 +173,7 @@ class CentripetalAcceleration(Constraint):
         self.limit, self.metric = limit, metric
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The bound at both ends; between them x stays below the chord of both."""
+        """Ceilings at both ends; between them x stays below their chord."""
         with np.errstate(divide="ignore"):
             ceiling = self.limit / self.metric.curvature_on(path.grid)
         return (Ceiling(np.ascontiguousarray(ceiling.T)),)
@@ -204,7 +194,7 @@ class ToolAcceleration(Constraint):
         self.limit, self._arm = limit, arm
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The vectors, in a frame that turns with the motion: on circles they do not change."""
+        """Vectors in a frame that turns with the motion; on circles they are constant."""
         speed, along, across = _parts(*self._arm.tool_motion(*path.motion))
         first, second = np.stack([speed, 0 * speed], axis=1), np.stack([along, across], axis=1)
         return (path.round(first, second, self.limit),)
@@ -227,7 +217,7 @@ class AngularSpeed(Constraint):
         self.limit, self._tool = limit, require_orientation(arm)
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The square of the angular speed."""
+        """Square of the angular speed."""
         q, first, _ = path.motion
         w = self._tool.tool_twist(q, first)[:, 3:]
         return (path.square(np.einsum("ij,ij->i", w, w) / self.limit**2),)
@@ -237,7 +227,7 @@ class AngularAcceleration(Constraint):
     """`|w u + w' x| <= limit` for the angular velocity w of the tool at ds = 1.
 
     Args:
-        limit: Length of the angular acceleration vector [rad/s²].
+        limit: Largest length of the angular acceleration vector [rad/s²].
         arm: The arm.
 
     Raises:
@@ -251,7 +241,7 @@ class AngularAcceleration(Constraint):
         self.limit, self._tool = limit, require_orientation(arm)
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The vectors."""
+        """Angular rates and their derivatives as vectors."""
         q, first, second = path.motion
         w = self._tool.tool_twist(q, first)[:, 3:]
         rate = self._tool.tool_twist_rate(q, first, second)[:, 3:]

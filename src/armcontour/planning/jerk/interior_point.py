@@ -1,8 +1,8 @@
-"""A feasible interior point method for the fastest speed along a path; compiled.
+"""Feasible interior-point method for the fastest speed along a path; compiled.
 
 The unknowns are the middle control points d of `a = ds²` on n cells, between the values of a at
-both ends. Each row couples three neighbours, so that every step solves a system of five diagonals.
-Every iterate keeps every row. See docs/concepts/jerk.md.
+both ends. Each row couples three neighbours, so each step solves a pentadiagonal system. Every
+iterate satisfies every row. See docs/concepts/jerk.md.
 """
 
 from __future__ import annotations
@@ -15,29 +15,29 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernels import compiled
 
-# Share of the way to the nearest row that a step may go.
+# Largest step, as a share of the step to the nearest bound.
 NEAREST = 0.995
-# The same for rows of the length of a vector, whose bounds are round.
+# The same for rows with the length of a vector.
 NEAREST_ROUND = 0.9
-# A step that breaks a row by rounding errors is shortened by this factor, at most so often.
+# A step that violates a row by rounding is shortened by this factor, at most this many times.
 SHORTER, MOST_SHORTER = 0.5, 30
-# The barrier falls by this factor, once Newton's decrement is below this share of the gap and the
-# step was longer than this share: faster rules end in tiny steps.
+# The barrier is reduced by the factor FALL once Newton's decrement is below the share CENTERED of
+# the gap and the step exceeds the share LONG; faster rules end in tiny steps.
 FALL, CENTERED, LONG = 0.15, 0.1, 0.3
-# Tangents move where rows keep this share of their slack.
+# Tangents are moved if rows retain this share of their slack.
 KEPT = 0.1
-# Gauss-Legendre nodes and weights on [0, 1], of the duration of a cell.
+# Gauss-Legendre nodes and weights on [0, 1] for the duration of a cell.
 NODES = 0.5 + 0.5 * np.array([-math.sqrt(0.6), 0.0, math.sqrt(0.6)])
 WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
-# The scaled diagonal is at least this far above zero.
+# Smallest pivot of the scaled matrix.
 RIDGE = 1e-14
 TINY = 1e-300
-# What is minimized: the duration, or the speed at the start or at the end, with a minus sign.
+# Objective: the duration, or minus the speed at the start or at the end.
 DURATION, START, END = 0, 1, 2
 
 
 class JerkSection(NamedTuple):
-    """The problem between two rests, or other ends, on n cells in m parts.
+    """Problem between two rests, or other ends, on n cells in m parts.
 
     A row `(x, y, z)` of cell i means `x d[i] + y d[i + 1] + z d[i + 2]`, where d[0] and d[n + 1]
     are the values of a at the start and the end.
@@ -46,20 +46,21 @@ class JerkSection(NamedTuple):
         width: Lengths of the cells [m], (n,).
         begin, end: Rows of the first and last control point of a on each cell, (n, 3) each.
         ramps: Lengths of the cells of uniform jerk before the first and after the last cell [m],
-            (2,); 0 where there is none.
-        cell: The cell in which each part lies, (m,).
+            (2,); 0 if none.
+        cell: The cell of each part, (m,).
         plain: Rows `low <= row <= high` of each part, (m, k, 3).
         low, high: Their bounds, (m, k).
         curved: Rows `|row| <= jerk f`, where f is a control point of the tangent below a^(-1/2),
             (m, l, 3).
         jerk: Their limits, (l,).
-        curved_points: The control point of each, (l,).
+        curved_points: Their control points, (l,).
         raised: Rows of the control points of a on each part, as a polynomial of the degree of the
             curved rows, (m, j, 3).
-        about: Where the tangent of each part touches a^(-1/2) [m²/s²], (m,); the search moves it.
+        about: Point of contact of the tangent of each part with a^(-1/2) [m²/s²], (m,); changed by
+            the search.
         round: Vectors of rows, `|vector| <= radius`, or `<= radius f - margin`, (m, o, 3, 3).
-        radius, margin: Of the round rows, (m, o).
-        round_points: The control point of each, or -1 for a fixed radius, (o,).
+        radius, margin: Radii and margins of the round rows, (m, o).
+        round_points: Their control points, or -1 for a fixed radius, (o,).
     """
 
     width: FloatArray
@@ -82,7 +83,7 @@ class JerkSection(NamedTuple):
 
 
 class _Duals(NamedTuple):
-    """One number for each bound of each row; slacks, multipliers, or their changes."""
+    """One number for each bound of each row: slacks, multipliers, or their changes."""
 
     low: FloatArray
     high: FloatArray
@@ -103,24 +104,21 @@ def _new_duals(p: JerkSection) -> _Duals:
     )
 
 
-# Rows are read number by number: a view of each row would cost more than what is computed with it.
+# Rows are read as scalars, because array views would cost more than the arithmetic.
 
 
 @compiled(inner=True, inline="always")
 def _end_value(rows: FloatArray, i: int, d: FloatArray) -> float:
-    """The value of the only row of cell i."""
     return float(rows[i, 0] * d[i] + rows[i, 1] * d[i + 1] + rows[i, 2] * d[i + 2])
 
 
 @compiled(inner=True, inline="always")
 def _row_value(rows: FloatArray, c: int, r: int, i: int, d: FloatArray) -> float:
-    """The value of row r of part c, which lies in cell i."""
     return float(rows[c, r, 0] * d[i] + rows[c, r, 1] * d[i + 1] + rows[c, r, 2] * d[i + 2])
 
 
 @compiled(inner=True, inline="always")
 def _axis_value(rows: FloatArray, c: int, r: int, k: int, i: int, d: FloatArray) -> float:
-    """The value of axis k of the vector r of part c, which lies in cell i."""
     x, y, z = rows[c, r, k, 0], rows[c, r, k, 1], rows[c, r, k, 2]
     return float(x * d[i] + y * d[i + 1] + z * d[i + 2])
 
@@ -140,7 +138,6 @@ def _write_tangents(p: JerkSection, c: int, d: FloatArray, tangents: FloatArray)
 
 @compiled(inner=True, inline="always")
 def _mean(p: JerkSection, c: int, d: FloatArray) -> float:
-    """The mean of a over part c."""
     total = 0.0
     for k in range(p.raised.shape[1]):
         total += _row_value(p.raised, c, k, p.cell[c], d)
@@ -149,7 +146,7 @@ def _mean(p: JerkSection, c: int, d: FloatArray) -> float:
 
 @compiled(inner=True, inline="always")
 def _radius(p: JerkSection, c: int, r: int, tangents: FloatArray) -> Any:
-    """The radius of a round row, and its slope, (value, x, y, z)."""
+    """Radius of a round row, and its slope, (value, x, y, z)."""
     k, radius = p.round_points[r], p.radius[c, r]
     if k < 0:
         return radius - p.margin[c, r], 0.0, 0.0, 0.0
@@ -159,7 +156,6 @@ def _radius(p: JerkSection, c: int, r: int, tangents: FloatArray) -> Any:
 
 @compiled(inner=True, inline="always")
 def _vector(p: JerkSection, c: int, r: int, i: int, d: FloatArray) -> Any:
-    """The vector of a round row."""
     return (
         _axis_value(p.round, c, r, 0, i, d),
         _axis_value(p.round, c, r, 1, i, d),
@@ -169,7 +165,7 @@ def _vector(p: JerkSection, c: int, r: int, i: int, d: FloatArray) -> Any:
 
 @compiled(inner=True, inline="always")
 def _round_slack(bound: float, vector: Any) -> float:
-    """How far a vector is from its bound; without a radius the row is broken."""
+    """Slack of a vector; -1 without a radius."""
     x, y, z = vector
     return bound - (x * x + y * y + z * z) / bound if bound > 0.0 else -1.0
 
@@ -178,10 +174,7 @@ def _round_slack(bound: float, vector: Any) -> float:
 def _write_slacks(
     p: JerkSection, d: FloatArray, free: int, tangents: FloatArray, slack: _Duals
 ) -> bool:
-    """Write how far d is from every bound, and return whether it is within all.
-
-    An end that is not free has no bound.
-    """
+    """Write the slacks of d, and return whether all are positive; a fixed end has no bound."""
     n, smallest = len(p.width), math.inf
     for c in range(len(p.cell)):
         i = p.cell[c]
@@ -206,13 +199,13 @@ def _write_slacks(
         slack.positive[0] = 0.0
     if free != END:
         slack.positive[n + 1] = 0.0
-    # False for what is no number, too.
+    # Also False for NaN.
     return smallest > 0.0
 
 
 @compiled()
 def limit_steps(values: FloatArray, steps: FloatArray) -> None:
-    """Lower values in place until neighbours differ by no more than these steps, (n - 1,)."""
+    """Reduce values in place until neighbours differ by at most these steps, (n - 1,)."""
     for i in range(1, len(values)):
         values[i] = min(values[i], values[i - 1] + steps[i - 1])
     for i in range(len(values) - 1, 0, -1):
@@ -221,9 +214,9 @@ def limit_steps(values: FloatArray, steps: FloatArray) -> None:
 
 @compiled()
 def least_slacks(p: JerkSection, d: FloatArray) -> FloatArray:
-    """The least share of any bound that d leaves in each cell, (n,); positive where rows hold.
+    """Smallest relative slack of d in each cell, (n,); positive if all rows hold.
 
-    Tangents are put at d, where `improve` begins.
+    Tangents are moved to d, where `improve` begins.
     """
     for c in range(len(p.cell)):
         p.about[c] = _mean(p, c, d)
@@ -273,7 +266,7 @@ def _accumulate(
     weight: float,
     push: float,
 ) -> Any:
-    """Second derivatives and right sides of one cell, with those of one more row."""
+    """Add one row to the second derivatives and right sides of a cell."""
     x, y, z = row
     squares = (
         h[0] + weight * x * x,
@@ -333,7 +326,6 @@ def _add_bounds(
     bands: FloatArray,
     right: FloatArray,
 ) -> None:
-    """Add what the barriers of all bounds contribute to Newton's system."""
     n = len(p.width)
     for c in range(len(p.cell)):
         i = p.cell[c]
@@ -386,7 +378,7 @@ def _add_bounds(
 
 @compiled(inner=True, inline="always")
 def _round_slope(p: JerkSection, c: int, r: int, radius: Any, vector: Any) -> Any:
-    """The slope of `bound - |vector|² / bound`, (x, y, z)."""
+    """Slope of `bound - |vector|² / bound`, (x, y, z)."""
     bound, x, y, z = radius
     u, v, w = vector[0] / bound, vector[1] / bound, vector[2] / bound
     factor = 1.0 + u * u + v * v + w * w
@@ -400,7 +392,7 @@ def _round_slope(p: JerkSection, c: int, r: int, radius: Any, vector: Any) -> An
 
 @compiled(inner=True, inline="always")
 def _longest_steps(slack: float, dual: float, rise: float, change: float, reach: Any) -> Any:
-    """The longest steps of slacks and multipliers so far, with those of one more row."""
+    """Longest steps of slacks and multipliers, including one more row."""
     one, other = reach
     if -rise * one > NEAREST * slack:
         one = -NEAREST * slack / rise
@@ -411,7 +403,7 @@ def _longest_steps(slack: float, dual: float, rise: float, change: float, reach:
 
 @compiled(inner=True, inline="always")
 def _longest_round_step(bound: float, rise: float, vector: Any, change: Any, slack: float) -> float:
-    """The longest step that leaves a share of the slack of a round row.
+    """Longest step that leaves a share of the slack of a round row.
 
     `bound² - |vector|² - left bound >= 0` is quadratic in the step.
     """
@@ -489,7 +481,7 @@ def _dual_changes(
 
 @compiled(inner=True)
 def _move_tangents(p: JerkSection, d: FloatArray, tangents: FloatArray, slack: _Duals) -> None:
-    """Put tangents at d where that leaves most of the slack of every row; writes the new slack."""
+    """Move tangents to d where that leaves most of the slack of every row; writes the new slack."""
     for c in range(len(p.cell)):
         i, before = p.cell[c], p.about[c]
         p.about[c] = _mean(p, c, d)
@@ -515,7 +507,7 @@ def _move_tangents(p: JerkSection, d: FloatArray, tangents: FloatArray, slack: _
 
 @compiled(inner=True, allocates=True)
 def _solve_bands(bands: FloatArray, right: FloatArray) -> None:
-    """Solve a symmetric system of five diagonals in place, by LDLᵀ with a scaled diagonal."""
+    """Solve a symmetric pentadiagonal system in place, by LDLᵀ with a scaled diagonal."""
     n = len(right)
     scale = np.empty(n)
     for i in range(n):
@@ -554,7 +546,7 @@ def _solve_bands(bands: FloatArray, right: FloatArray) -> None:
 
 @compiled(inner=True)
 def _fix_ends(bands: FloatArray, right: FloatArray, free: int) -> None:
-    """Take the ends out of Newton's system, but for a free one."""
+    """Remove the ends from Newton's system, except a free one."""
     last = len(right) - 1
     if free != START:
         bands[0, 0], bands[1, 0], bands[2, 0], right[0] = 1.0, 0.0, 0.0, 0.0
@@ -570,7 +562,6 @@ def _take_step(d: FloatArray, step: FloatArray, share: float, trial: FloatArray)
 
 @compiled(inner=True)
 def _count_bounds(p: JerkSection, dual: _Duals) -> float:
-    """Number of bounds."""
     count = dual.curved.size + dual.round.size
     for c in range(p.low.shape[0]):
         for r in range(p.low.shape[1]):
@@ -597,7 +588,6 @@ def _central_duals(p: JerkSection, slack: _Duals, mu: float, dual: _Duals) -> No
 
 @compiled(inner=True)
 def _add_scaled(dual: FloatArray, change: FloatArray, share: float) -> None:
-    """Add a share of the changes to multipliers."""
     flat, changes = dual.reshape(-1), change.reshape(-1)
     for i in range(flat.size):
         flat[i] += share * changes[i]
@@ -617,12 +607,12 @@ def improve(
 
     Args:
         p: The problem.
-        d: Control points of a [m²/s²], (n + 2,); those of the ends stay, but for the goal's.
+        d: Control points of a [m²/s²], (n + 2,); the ends are fixed except that of the goal.
         goal: DURATION, or START or END: the end at which a is free and is raised to the target.
-        target: The value of a at which the search for START or END ends.
-        weight: What reaching the target counts, against the whole duration, which is minimized too
-            and keeps the rest of the path away from rest.
-        tolerance: Share of the optimum within which the result is.
+        target: Value of a at which the search for START or END ends.
+        weight: Weight of the target against the duration, which is also minimized and keeps the
+            rest of the path away from rest.
+        tolerance: Relative gap of the result.
         max_iterations: Largest number of iterations.
     """
     n = len(p.width)
@@ -656,7 +646,7 @@ def improve(
         _take_step(d, right, share, trial)
         halvings = 0
         while not _write_slacks(p, trial, goal, tangents, slack):
-            # Rounding errors next to a bound.
+            # Rounding errors close to a bound.
             halvings, share, landed = halvings + 1, share * SHORTER, False
             if halvings > MOST_SHORTER:
                 return iteration

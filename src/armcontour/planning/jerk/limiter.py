@@ -1,4 +1,4 @@
-"""Limits of jerk: a plan without them becomes the fastest plan with them."""
+"""Plans with limits of jerk, computed from a plan without them."""
 
 from __future__ import annotations
 
@@ -33,52 +33,51 @@ from armcontour.planning.jerk.mesh_rows import MeshRows
 from armcontour.planning.options import MOST_ITERATIONS, Task
 from armcontour.planning.topp.kernels import MotionBounds
 
-# Cells of a plan by default: so many while an acceleration builds up, but at least as many as the
-# fewest, to which each polynomial of the joint path adds.
+# Default number of cells: PER_BUILD_UP while an acceleration builds up, but at least FEWEST_CELLS
+# plus FEWEST_PER_PIECE for each polynomial of the joint path.
 PER_BUILD_UP, FEWEST_CELLS, FEWEST_PER_PIECE = 2.0, 1000, 3
-# Where more cells than the most are wanted, jerk is so large that fewer resolve its effect. Each
-# polynomial adds to these, and each section as much as several, for the cells at its ends.
+# If more cells than MOST_CELLS result, jerk is so large that fewer cells resolve its effect:
+# MANY_CELLS plus MANY_PER_PIECE for each polynomial, and PIECES_OF_SECTION polynomials for each
+# section, because of the cells at its ends.
 MOST_CELLS, MANY_CELLS, MANY_PER_PIECE, PIECES_OF_SECTION = 20_000, 4000, 8, 10
-# Motion is even below this share of the largest path acceleration.
+# Share of the largest path acceleration below which motion is even.
 EVEN = 0.01
-# The first pass has this share of the cells, and at least so many.
+# The first pass has 1 / COARSER of the cells, and at least FEWEST.
 COARSER, FEWEST = 5, 60
-# Shares of the optimum within which the passes end.
+# Relative gaps at which the first and the second pass end.
 ROUGH, EXACT = 1e-2, 1e-4
-# The second pass starts from this share of ds² of the first plan.
+# Factor of ds² of the first plan at the start of the second pass.
 INSIDE = 0.9
-# A start is lowered next to broken rows by factors between these, at most so often. Away from them
-# it rises with this share of the slopes that jerk and acceleration allow, which INSIDE leaves free.
+# A start is reduced next to violated rows by factors between LESS and MORE, at most MOST_LESS
+# times. Elsewhere its rise is limited to the share ROOM of the slopes that jerk and acceleration
+# allow.
 LESS, MORE, MOST_LESS = 0.5, 0.95, 400
 ROOM = 0.1
-# A start must be this far from every bound, as a share of the bound.
+# Smallest relative slack of a start.
 CLEAR = 1e-4
-# Margins are computed for so many times the ds², dds and slope of the first pass, and for ds² down
-# to LEAST of it where rows ask for that.
+# Margins are valid for these multiples of ds², dds and slope of the first pass, and for ds² down to
+# the share LEAST if rows need a lower bound.
 HEADROOM, HEADROOM_RATE, HEADROOM_SLOPE = 1.5, 2.0, 4.0
 LEAST = 0.3
-# Bounds of dds are at least this share of the largest dds.
+# Smallest bound of dds, as a share of the largest dds.
 LEAST_RATE = 0.02
-# A plan is made again with wider bounds if those that it comes nearer to than this share may cost
-# more than this share of the duration. Distances below the last number are rounding errors.
+# A plan is repeated with bounds wider by the factor WIDER, up to WIDEST, if bounds closer than the
+# share TOO_NEAR may cost more than the share LEAST_GAIN of the duration. Distances below TINY are
+# rounding errors.
 TOO_NEAR, WIDER, WIDEST, LEAST_GAIN, TINY = 0.02, 2.0, 16.0, 1e-5, 1e-9
 # Cells whose margins take more than this share of a limit are split.
 LARGEST_MARGIN, MOST_PARTS, MOST_SPLITS = 1e-2, 10, 6
-# The largest share of a limit that margins may take on cells of uniform jerk.
+# Largest share of a limit that margins may take on cells of uniform jerk.
 MOST_AT_RAMPS = 0.5
-# A start or end speed that is the limit is lower than the limit by half of this share: no row of an
-# interior point is met exactly.
+# A start or end speed equal to its limit is reduced by half of this share, because no row of an
+# interior point is active.
 CLOSE_TO_LIMIT = 1e-7
-# What a start or end speed counts against the duration, one after the other, until it is reached.
+# Weights of a start or end speed against the duration, tried in order.
 WEIGHTS = (0.0, 1.0, 10.0, 100.0)
 
 
 def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
     """Plan the fastest motion with limits of jerk.
-
-    Args:
-        law: The fastest motion without them.
-        task: The limits.
 
     Raises:
         NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
@@ -86,7 +85,7 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
     section_ends, at_rest = find_sections(law, task)
     ends = find_ends(law, task, section_ends, at_rest)
     cells = _default_cells(law, ends) if task.cells is None else task.cells
-    # Rows are as many as the polynomials of the joint path, however few the cells.
+    # The number of rows is at least that of the polynomials of the joint path.
     coarse = max(cells // COARSER, FEWEST, len(law.joint_path.breaks) // 2)
     mesh = place_mesh(law, law.s, coarse, section_ends, ends)
     coarse_rows = _rows(task, mesh, law)
@@ -100,11 +99,7 @@ def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
 
 
 def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
-    """The second pass, where limits need margins between the ends of cells.
-
-    Raises:
-        NotRealizable: Margins leave no room however small the cells, or as `limit_jerk`.
-    """
+    """Second pass, for limits that need margins between the ends of cells."""
     curved = any(x.curved for x in task.active)
     splits, wider, best = 0, 1.0, None
     while True:
@@ -123,7 +118,7 @@ def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
                 if best is None:
                     raise
                 return best
-            # Rows that hold for any ds² down to rest always leave room for slow motion.
+            # Rows that hold down to rest always allow slow motion.
             curved = False
             continue
         if best is None or law.breaks[-1] < best.breaks[-1]:
@@ -134,9 +129,9 @@ def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
 
 
 def _with_slow_ramps(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
-    """The rows, with lower bounds on cells of uniform jerk of which margins take too much.
+    """Reduce bounds on cells of uniform jerk whose margins are too large.
 
-    Such cells are not split; the bounds hold the plan, and margins fall with them.
+    Such cells are not split; the bounds limit the plan, and margins decrease with them.
     """
     for _ in range(MOST_SPLITS):
         bounds, mesh = rows.bounds, rows.mesh
@@ -152,12 +147,11 @@ def _with_slow_ramps(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
 def _rows(
     task: Task, mesh: JerkMesh, near: PathLaw, bounds: MotionBounds | None = None
 ) -> MeshRows:
-    """The rows of all cells for a plan near another one."""
     return MeshRows(mesh, task.active, task.jerk, bounds, _squares(near, mesh), task.arm)
 
 
 def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
-    """Number of cells by default: by the time without even motion, over that of a build-up."""
+    """Default number of cells: the time without even motion over the time of a build-up."""
     acceleration, jerk = np.median([(x.acceleration, x.jerk) for y in ends for x in y], axis=0)
     times, (_, dds, slope, _) = np.diff(law.breaks), law.rates
     largest = np.maximum(np.abs(dds), np.abs(dds + slope * np.diff(law.s)))
@@ -173,23 +167,21 @@ def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
 
 
 def _squares(law: PathLaw, mesh: JerkMesh) -> FloatArray:
-    """ds² of a plan in the middles of cells [m²/s²], (n,)."""
     return square_at(law, (mesh.grid.s[:-1] + mesh.grid.s[1:]) / 2)
 
 
 def _bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> MotionBounds:
-    """Bounds of ds², dds and its slope on every cell, around a plan."""
     ds, dds, slope, _ = near.rates
     width = np.diff(near.s)
     speed = near.speeds
     x = np.maximum(speed[:-1], speed[1:]) ** 2
     last = near.path_position(np.arange(len(width)), near.breaks[1:], 2)
     u = np.maximum(np.abs(dds), np.abs(last))
-    # Even motion has no rates, and a bound of zero would leave no room.
+    # Even motion has no rates, but a bound of zero would exclude all motion.
     u = np.maximum(u, LEAST_RATE * u.max())
     change = np.maximum(np.abs(slope), u / width)
     smallest = np.minimum(speed[:-1], speed[1:]) ** 2
-    # Cells of the other plan that each cell touches, and their neighbours.
+    # Cells of the other plan that overlap each cell, and their neighbours.
     s = mesh.grid.s
     first = np.searchsorted(near.s, s[:-1], side="right") - 2
     count = np.searchsorted(near.s, s[1:], side="left") + 1
@@ -213,7 +205,7 @@ def _bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> Motion
 
 
 def _gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
-    """The share of the duration that wider bounds of a plan may save.
+    """Share of the duration that wider bounds of a plan may save.
 
     At the end of the search the product of each slack and its multiplier is the same share of the
     duration, and the multiplier times the bound is the gain of a bound that is twice as wide.
@@ -235,17 +227,7 @@ def _gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
 
 
 def _solve(rows: MeshRows, near: tuple[PathLaw, float], task: Task, tolerance: float) -> PathLaw:
-    """The fastest motion within the rows.
-
-    Args:
-        rows: The rows of all sections.
-        near: A plan to start from, and the share of its ds², as in `_start`.
-        task: The problem.
-        tolerance: Share of the optimum.
-
-    Raises:
-        NotRealizable: As `limit_jerk`.
-    """
+    """Fastest motion within the rows of all sections; `near` as in `_start`."""
     mesh, solutions = rows.mesh, []
     speeds = np.square([task.start_speed, task.end_speed])
     for k, at_rest in enumerate(mesh.at_rest):
@@ -276,21 +258,12 @@ def _start(
     targets: FloatArray,
     steep: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """Control points of ds² of one section that keep every row, with its ends.
+    """Control points of ds² of one section that satisfy every row, with its ends.
 
-    A start is the given plan, lowered where it breaks rows. `ds^1.5` of a motion of uniform jerk
-    from a rest is a line, so a slope that it may have everywhere bounds how fast a start rises.
-
-    Args:
-        p: The rows.
-        s: Ends of the cells of the section [m].
-        at_rest: Whether the motion rests at its ends.
-        near: A plan, and the share of its ds² to begin with.
-        targets: ds² at both ends [m²/s²].
-        steep: The slope of ds^1.5, and that of ds², on every cell, (n,) each.
-
-    Raises:
-        NotRealizable: No motion keeps the rows, however slow.
+    The start is the plan `near`, scaled by its factor and reduced where it violates rows. `ds^1.5`
+    of a motion of uniform jerk from a rest is a line, so its allowed slope bounds the rise of a
+    start. `steep` are the slopes of ds^1.5 and of ds² on every cell, (n,) each; `targets` are ds²
+    at both ends.
     """
     law, share = near
     inner = s[int(at_rest[0]) : len(s) - int(at_rest[1])]
@@ -311,7 +284,7 @@ def _start(
     steps, doubled = np.minimum(ratio[1:], ratio[:-1]) * spacing, np.ones(len(spacing))
     part = np.ones(len(middle))
     for _ in range(MOST_LESS):
-        # Where ds² more than doubles from cell to cell, the tangent may be negative at any scale.
+        # If ds² more than doubles between cells, the tangent may be negative at any scale.
         height = np.log2(profile * part ** (4 / 3))
         limit_steps(height, doubled)
         d[1:-1] = 2**height
@@ -330,7 +303,7 @@ def _start(
 
 
 def _law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
-    """The time law of control points of ds² of all sections, with both ends of each."""
+    """Time law of control points of ds² of all sections, including both ends of each."""
     mesh, begin, end = rows.mesh, rows.section.begin, rows.section.end
     grid, width, ramps = mesh.grid, mesh.width, mesh.ramps
     square = np.zeros((3, len(width)))  # control points of ds² on each cell
@@ -358,7 +331,8 @@ def _law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
     for sign, moving in ((1, 2), (-1, 0)):
         parts = np.flatnonzero(ramps[i] == sign)
         h = width[i[parts]]
-        # Uniform jerk: the way is a third of the larger speed times the time from or to the rest.
+        # Uniform jerk: the distance is a third of the larger speed times the time from or to the
+        # rest.
         whole = 3 * h / np.sqrt(square[moving, i[parts]])
         jerk[parts] = 6 * h / whole**3
         since, until = (whole * np.cbrt(z[parts] if sign > 0 else 1 - z[parts]) for z in (x, y))
@@ -373,5 +347,4 @@ def _law(rows: MeshRows, solutions: Sequence[FloatArray]) -> PathLaw:
 
 
 def _parabola(points: FloatArray, x: FloatArray) -> FloatArray:
-    """Parabolas of three control points at places from 0 to 1, (m,)."""
     return np.asarray(((1 - x) * points[0] + 2 * x * points[1]) * (1 - x) + x * x * points[2])

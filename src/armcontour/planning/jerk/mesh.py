@@ -1,4 +1,4 @@
-"""Cells of a path for a plan with limits of jerk: finer next to rests."""
+"""Sections of a path between rests, and their cells for plans with limits of jerk."""
 
 from __future__ import annotations
 
@@ -14,38 +14,38 @@ from armcontour.planning.options import Task
 from armcontour.planning.path_grid import Grid
 from armcontour.planning.topp.limit_forms import collect, largest_u
 
-# Cells are spread over time, over arc length, and as the grid of the plan without jerk, which is
-# finer where the joints turn, in these shares.
+# Shares of the cells that are distributed over time, over arc length, and as the grid of the plan
+# without jerk, which is finer where the joints turn.
 OVER_TIME, OVER_LENGTH, OVER_TURNS = 0.5, 0.3, 0.2
-# The cell at a rest is this share of the way in which the acceleration would build up.
+# Length of the cell at a rest, as a share of the distance in which the acceleration builds up.
 FIRST_CELL = 0.3
-# Up to so many such ways from a rest, cells take one K-th of the first cell's time each.
+# Up to this many such distances from a rest, cells take equal times.
 RAMPS = 8.0
-# Farther away they may grow by this share of their distance.
+# Farther away their growth is limited to this share of their distance.
 GROWTH = 0.3
-# The first cell is at most and at least this share of a section.
+# Largest and smallest length of the first cell, as shares of a section.
 LONGEST_FIRST, SHORTEST_FIRST = 0.02, 1e-9
-# No other cell is shorter than this share of a section: its slope would be a rounding error.
+# Smallest length of other cells, as a share of a section; below it the slope is a rounding error.
 SHORTEST = 1e-9
-# The mass of cells next to a rest is computed at so many places.
+# Number of points at which the mass of cells next to a rest is computed.
 PLACES = 200
-# Breaks of the joint path nearer to another one than this share of a cell end parts, not cells.
+# Breaks of the joint path closer to another one than this share of a cell end parts, not cells.
 NEAR_KNOT = 0.3
-# Nodes nearer to a break than this share of the next cell are moved there.
+# Nodes closer to a break than this share of the next cell are moved there.
 SNAP = 0.2
 
 
 @dataclass(frozen=True, slots=True)
 class End:
-    """How motion may start at an end of a section, or stop there.
+    """Start or stop of the motion at an end of a section.
 
     Args:
-        rest: Whether it rests there.
+        rest: Whether the motion rests there.
         square: ds² there [m²/s²].
         acceleration: Largest path acceleration near it [m/s²].
         jerk: Largest path jerk near it [m/s³].
         speed: Largest path speed of the section [m/s].
-        even: Length over which the joint path hardly bends near it [m].
+        even: Length over which the joint path is nearly straight near it [m].
     """
 
     rest: bool
@@ -77,7 +77,7 @@ class End:
 
 @dataclass(frozen=True, slots=True)
 class JerkMesh:
-    """Cells of a path, in sections between rests or other ends, and their parts.
+    """Cells of a path and their parts, in sections between rests or other ends.
 
     ds² is one parabola on each cell, and the joint path one polynomial on each part.
 
@@ -86,8 +86,7 @@ class JerkMesh:
         nodes: Ends of the n cells [m], (n + 1,).
         cell: The cell of each part, (m,).
         sections: First cell of each section, and the number of all cells, (sections + 1,).
-        at_rest: Whether the motion rests at the start and at the end of each section,
-            (sections, 2).
+        at_rest: True at starts and ends of sections at which the motion rests, (sections, 2).
     """
 
     grid: Grid
@@ -113,14 +112,14 @@ class JerkMesh:
     def through(
         cls, joint_path: JointPath, nodes: FloatArray, sections: IntArray, at_rest: BoolArray
     ) -> JerkMesh:
-        """The mesh of given cells, with the breaks of the joint path as further ends of parts."""
+        """Mesh of given cells; breaks of the joint path are additional ends of parts."""
         s = np.union1d(nodes, joint_path.breaks)
         middle = (s[:-1] + s[1:]) / 2
         grid = Grid(joint_path, s, joint_path.locate(middle))
         return cls(grid, nodes, np.searchsorted(nodes, middle) - 1, sections, at_rest)
 
     def split(self, parts: FloatArray) -> JerkMesh:
-        """Split cells, but those of uniform jerk, into the largest number of their parts, (m,)."""
+        """Split cells, except those of uniform jerk; `parts` are numbers for the parts, (m,)."""
         largest = np.ones(len(self.nodes) - 1)
         np.maximum.at(largest, self.cell, parts)
         count = np.where(self.ramps != 0, 1, np.ceil(largest)).astype(np.intp)
@@ -128,7 +127,7 @@ class JerkMesh:
         before = np.concatenate([[0], np.cumsum(count)])
         share = number / count[cells]
         nodes = np.append(self.nodes[cells] + self.width[cells] * share, self.nodes[-1])
-        # A new node that misses a break by a rounding error would leave a part without a size.
+        # A new node that differs from a break by rounding would leave an empty part.
         snapped, new = _snap(nodes, self.grid.joint_path.breaks), np.append(number > 0, False)
         nodes = np.where(new, snapped, nodes)
         return JerkMesh.through(self.grid.joint_path, nodes, before[self.sections], self.at_rest)
@@ -136,11 +135,11 @@ class JerkMesh:
 
 @dataclass(frozen=True, slots=True)
 class _Share:
-    """Which share of the cells lies where.
+    """Distribution of the cells along the path.
 
     Args:
         law: A plan.
-        turns: Arc lengths that are denser where the joints turn [m], from start to end.
+        turns: Arc lengths from start to end, denser where the joints turn [m].
     """
 
     law: PathLaw
@@ -164,14 +163,14 @@ def place_mesh(
     section_ends: FloatArray,
     ends: list[tuple[End, End]],
 ) -> JerkMesh:
-    """Make cells for a plan near another one.
+    """Make cells for a plan close to another one.
 
     Args:
         law: The other plan.
-        turns: Arc lengths that are denser where the joints turn [m], from start to end.
-        cells: About so many cells, without those next to rests.
+        turns: Arc lengths from start to end, denser where the joints turn [m].
+        cells: Approximate number of cells, without those next to rests.
         section_ends: Arc lengths of the ends of the sections [m], (sections + 1,).
-        ends: How the motion starts and stops in each section.
+        ends: Start and stop of the motion in each section.
     """
     node_rows, first, share = [], [0], _Share(law, turns)
     per_ramp = float(np.clip(cells / 50, 8, 20))
@@ -191,7 +190,6 @@ def _nodes(
     ends: tuple[End, End],
     per_ramp: float,
 ) -> FloatArray:
-    """Ends of the cells of one section [m]."""
     begin, end = limits
     length = end - begin
     firsts = [x.first_cell(length) for x in ends]
@@ -225,7 +223,7 @@ def _nodes(
 
 
 def _apart(nodes: FloatArray, spacing: float) -> FloatArray:
-    """Leave out inner nodes until all are at least so far apart [m]."""
+    """Remove inner nodes until all distances are at least `spacing` [m]."""
     steps = np.floor((nodes - nodes[0]) / spacing)
     mask = np.append(True, np.diff(steps) > 1)
     mask[-1] = True
@@ -255,12 +253,10 @@ def _near_ends(limits: tuple[float, float], firsts: list[float]) -> FloatArray:
 
 
 def _mass_near(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
-    """Number of cells between the first one and places at a distance from an end, (n,).
+    """Number of cells between the first one and points at distances `away` from an end [m], (n,).
 
-    Args:
-        first: Length of the first cell [m].
-        away: The distances [m], (n,).
-        per_ramp: Cells per time of the first cell next to a rest; 0 next to another end.
+    `per_ramp` is the number of cells per time of the first cell next to a rest; 0 next to other
+    ends.
     """
     if per_ramp == 0:
         return np.asarray(np.log1p(GROWTH * away / first) / GROWTH)
@@ -271,23 +267,24 @@ def _mass_near(first: float, away: FloatArray, per_ramp: float) -> FloatArray:
     return np.asarray(near + beyond)
 
 
-# A jump of d2q_ds2, or of what it means for the tool, counts if it is this share of its size, and
-# if at the plan's speed the jerk needs longer than this share of the duration for it.
+# A jump of d2q_ds2, or of its effect on the tool, requires a stop if it exceeds the share KINK of
+# its size, and if the jerk needs longer than the share TOO_SHORT of the duration for it at the
+# speed of the plan.
 KINK, TOO_SHORT = 1e-6, 1e-8
-# In a long plan it counts if the jerk needs longer than this for it [s]: half of what `check` lets
-# pass as a rounding error.
+# In a long plan the jump requires a stop if the jerk needs longer than this for it [s]: half of the
+# time that `check` tolerates as rounding.
 AT_ONCE = 5e-6
-# The path hardly bends over a length that turns it by less than about this [rad].
+# Largest change of direction over the length `even` [rad].
 EVEN_BEND = 5e-4
-# dq_ds vanishes at an end if it is below this share of that near it; the first cell is then at most
-# this share of the section.
+# dq_ds vanishes at an end if it is below the share STANDING of that nearby; the first cell is then
+# at most the share SHARE_AT_STANDING of the section.
 STANDING, SHARE_AT_STANDING = 0.1, 5e-4
-# The rates at a rest are those at this share of its section.
+# Distance from a rest at which its rates are evaluated, as a share of its section.
 NEAR_REST = 5e-3
 
 
 def find_sections(law: PathLaw, task: Task) -> tuple[FloatArray, BoolArray]:
-    """Ends of the sections of a path [m], and whether the motion rests there."""
+    """Ends of the sections of a path [m], and a mask of rests at their starts and ends."""
     path, inner = law.joint_path, law.s[1:-1]
     stops = np.union1d(path.stops, _bends(law, task))
     stops = stops[(stops > law.s[0]) & (stops < law.s[-1])]
@@ -319,7 +316,7 @@ def _bends(law: PathLaw, task: Task) -> FloatArray:
 def find_ends(
     law: PathLaw, task: Task, section_ends: FloatArray, at_rest: BoolArray
 ) -> list[tuple[End, End]]:
-    """How the motion may start and stop in each section, near a plan."""
+    """Start and stop of the motion in each section, close to a plan."""
     grid = Grid(law.joint_path, law.s, law.joint_path.locate((law.s[:-1] + law.s[1:]) / 2))
     path = OnGrid(grid)
     (first, second), (third, _) = path.derivatives
@@ -347,7 +344,7 @@ def find_ends(
         edge = section_ends[side : len(section_ends) - 1 + side]
         j = np.clip(np.searchsorted(law.s, edge, side="right") - 1 - side, 0, len(grid) - 1)
         straight = np.nan_to_num(np.fmin(even[i], even[j]), nan=np.inf)
-        # Where the joints start with dq_ds = 0, the direction of motion is that farther inside.
+        # If dq_ds is zero at the end, the direction of motion is that farther inside.
         standing = size[j] < STANDING * size[i]
         straight = np.where(standing, SHARE_AT_STANDING * np.diff(section_ends), straight)
         rows = zip(at_rest[:, side], acceleration[i], jerk[i], speed, straight, strict=True)

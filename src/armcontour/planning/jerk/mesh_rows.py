@@ -1,4 +1,4 @@
-"""The rows of the interior point: what limits mean for the control points of ds²."""
+"""Rows of the interior-point method: limits as functions of the control points of ds²."""
 
 from __future__ import annotations
 
@@ -27,21 +27,20 @@ from armcontour.planning.topp.kernels import MotionBounds, rows_with_friction
 from armcontour.planning.topp.limit_forms import HIGH, LOW, A, B, GridLimits, margins_of
 from armcontour.robot import Arm
 
-# A tangent of the bound of ds² is used unless it falls below this share of its middle at an end.
+# Smallest value of a tangent of the bound of ds² at an end, as a share of its middle.
 LEAST_SHARE = 0.25
 
 
 class MeshRows:
-    """All rows of a mesh, from which the sections take theirs.
+    """All rows of a mesh, from which the sections select theirs.
 
     Args:
         mesh: The cells.
         active: The constraints of the planner.
         jerk: The limits of jerk.
-        bounds: Bounds of ds² and dds on the parts of cells, which rows hold the plan to, and from
-            which margins between the ends follow; None for no margins.
-        about: Without bounds: ds² on each part near which rows that stand for a curve are
-            linearized, (n,).
+        bounds: Bounds of ds² and dds on the parts of cells, which limit the plan and determine the
+            margins between the ends; None for no margins.
+        about: Without bounds: ds² on each part about which nonlinear limits are linearized, (n,).
         arm: The arm.
     """
 
@@ -63,7 +62,7 @@ class MeshRows:
         self.degree = _degree(grid.joint_path.coefficients)
         self.tool: ToolMotion | None = None
         if np.isfinite(jerk.tool):
-            # The tangents have as many control points as the jerk of the tool.
+            # The tangents have the degree of the jerk of the tool.
             self.tool, self.degree = ToolMotion.measure(grid, arm), DEGREE + 1
         self.length: FloatArray | None = None
         if np.isfinite(jerk.path) and grid.joint_path.tool_path is not None:
@@ -74,7 +73,7 @@ class MeshRows:
         sampled = []
         for constraint in active:
             if isinstance(constraint, JointMotion):
-                # Their rows are polynomials, and need no margins.
+                # Their rows are polynomials without margins.
                 if constraint.velocity.size:
                     self.speeds = np.minimum(self.speeds, constraint.fastest(self.path))
                 if len(constraint.low):
@@ -83,7 +82,7 @@ class MeshRows:
             else:
                 sampled.append(constraint)
         self.limits = self._with_margins(limits_on(self.path, sampled), about)
-        # Joints whose accelerations, and whose jerks are limited.
+        # Joints with limits of acceleration, and joints with limits of jerk.
         self.joints = (
             np.flatnonzero(np.isfinite(self.bounded).any(axis=(0, 1))),
             np.flatnonzero(np.isfinite(jerk.joint)),
@@ -91,7 +90,7 @@ class MeshRows:
         self.section = self._whole()
 
     def _with_margins(self, limits: GridLimits, about: FloatArray) -> GridLimits:
-        """Limits less their margins, which `lost` counts, and with lines for friction."""
+        """Limits with lines for friction, less their margins, whose shares `lost` records."""
         none, bounds = np.zeros(len(about)), self.bounds
         linearized = MotionBounds(about, about, none, none) if bounds is None else bounds
         if limits.friction.viscous.shape[2]:
@@ -118,7 +117,7 @@ class MeshRows:
         )
 
     def _lose(self, margins: FloatArray, room: FloatArray) -> None:
-        """Count the share that margins take of what limits leave at rest, (n, rows) each."""
+        """Record the share of the limits at rest that margins take, (n, rows) each."""
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.where(np.isfinite(room), margins / room, 0.0)
         lost = np.where(room > 0, share, 1.0).max(axis=1, initial=0.0)
@@ -126,7 +125,7 @@ class MeshRows:
 
     @property
     def exact(self) -> bool:
-        """Whether all limits are polynomials, which need no margins."""
+        """True if all limits are polynomials, which need no margins."""
         others = any(x.rise.size for x in self.limits[:3])
         return not (others or self.tool or np.isfinite(self.limits.ceiling).any())
 
@@ -138,7 +137,7 @@ class MeshRows:
         return finite + 2 * len(p.curved) * int(p.curved.shape[1])
 
     def of_section(self, k: int) -> JerkSection:
-        """The rows of one section, without its cells of uniform jerk."""
+        """Rows of one section, without its cells of uniform jerk."""
         mesh, p = self.mesh, self.section
         first, last = mesh.sections[k : k + 2]
         ramps = np.zeros(2)
@@ -167,9 +166,9 @@ class MeshRows:
         return p._replace(ramps=ramps, cell=mesh.cell[start:end] - first, **cells, **parts)
 
     def steep(self, k: int) -> tuple[FloatArray, FloatArray]:
-        """Slopes of ds^1.5 and ds² that leave half of jerk and acceleration on straight paths.
+        """Slopes of ds^1.5 and ds² that use half of jerk and acceleration on straight paths.
 
-        Of the cells of a section but those of uniform jerk, (n,) each.
+        They are those of the cells of a section, without the cells of uniform jerk, (n,) each.
         """
         mesh, slopes_by_cell = self.mesh, []
         first = int(mesh.sections[k]) + int(mesh.at_rest[k, 0])
@@ -187,7 +186,6 @@ class MeshRows:
         return slopes_by_cell[0], slopes_by_cell[1]
 
     def _whole(self) -> JerkSection:
-        """The rows of all cells."""
         cell, basis = self.mesh.cell, self.basis
         begin, end = control_points(self.mesh)
         acceleration, jerk = self._motion()
@@ -200,7 +198,7 @@ class MeshRows:
         vectors, radius, margin, points = self._round()
 
         def local(points: FloatArray) -> FloatArray:
-            """Rows of control points of ds² on each cell as rows of the unknowns."""
+            """Convert rows of control points of ds² on each cell to rows of the unknowns."""
             index = (cell,) + (None,) * (points.ndim - 2)
             rows = points[..., :1] * begin[index] + points[..., 2:] * end[index]
             rows[..., 1] += points[..., 1]
@@ -230,7 +228,7 @@ class MeshRows:
         """Rows of the third derivative of the tool's arc length, over ds.
 
         It is `m slope + 3 m' dds + m'' ds²` with the derivative m of the arc length over s. All
-        signs of m' and m'' are allowed for.
+        signs of m' and m'' are included.
         """
         basis, last = self.basis, self.degree - 1
         slope = np.repeat(basis.slope[:, None], self.degree, axis=1)
@@ -293,7 +291,7 @@ class MeshRows:
         vectors, radius = [np.zeros((n, 0, 3, 3))], []
         for r in range(rounds.radius.shape[1]):
             for e in range(2):
-                # In the plane of both vectors: the first one is along the first axis.
+                # In the plane of both vectors, the first one along the first axis.
                 square, rate = (x[:, None] for x in self.basis.at_end(e))
                 aa, ab, bb = (x[:, e, r, None] for x in products)
                 along = np.sqrt(aa)
@@ -324,14 +322,14 @@ class MeshRows:
         )
 
     def _speed_ceiling(self) -> FloatArray:
-        """Bounds of the control points of a under joint velocity limits, (n, 3)."""
+        """Bounds of the control points of ds² under joint velocity limits, (n, 3)."""
         limited = np.isfinite(self.speeds).any(axis=0)
         if not limited.any():
             return np.full((len(self.mesh.grid), 3), np.inf)
         width, limit = self.mesh.grid.width[:, None], self.speeds[:, limited]
         (slopes, _), (third, _) = self.path.derivatives
         bulge = width**2 / 8 * third[:, limited]
-        # |q'| over its limit lies below a line, and the tangent of 1 / line² below that.
+        # |q'| over its limit is below a line, and the tangent of 1 / line² is below 1 / line².
         first, last = (np.abs(slopes[:, e, limited]) + bulge for e in range(2))
         first, last = np.maximum(first / limit, 1e-150), np.maximum(last / limit, 1e-150)
         middle = (first + last) / 2
@@ -347,14 +345,13 @@ class MeshRows:
         return np.asarray(np.min(points, axis=2).T)
 
     def _ceiling(self) -> FloatArray:
-        """Ceilings of the control points of a, (n, 3)."""
         with np.errstate(divide="ignore"):
             squares = (1 / self.limits.squares.ends).min(axis=2, initial=np.inf)
         first, last = np.minimum(self.limits.ceiling, squares).T
         return np.stack([first, (first + last) / 2, last], axis=1)
 
     def _bound_next_to_ramps(self, top: FloatArray) -> None:
-        """Lower the bounds of ds² where cells of uniform jerk end, so that they keep all limits."""
+        """Reduce the bounds of ds² next to cells of uniform jerk to satisfy the limits there."""
         mesh, ramps = self.mesh, self.mesh.ramps
         largest = np.full(len(ramps), np.inf)
         np.minimum.at(largest, mesh.cell, self._largest_at_ramps())
@@ -366,9 +363,9 @@ class MeshRows:
     def _largest_at_ramps(self) -> FloatArray:
         """Largest ds² at the moving end of cells of uniform jerk, by each of their parts, (m,).
 
-        From rest, `ds² = A (s / h)^(4/3)`. At the end dds is `2 A / 3 h`; the jerk is
-        `2 A^1.5 / 9 h²`. Each part is bounded with the speed and acceleration of the end. Parts of
-        other cells mean nothing.
+        From rest, `ds² = A (s / h)^(4/3)`. At the end dds is `2 A / 3 h`; the jerk is `2 A^1.5 / 9
+        h²`. Each part is bounded with the speed and acceleration of the end. Values of parts of
+        other cells are meaningless.
         """
         width, h = self.mesh.grid.width, self.mesh.width[self.mesh.cell]
         ramp_column, width_column = h[:, None], width[:, None]
@@ -428,6 +425,5 @@ def control_points(mesh: JerkMesh) -> tuple[FloatArray, FloatArray]:
 
 
 def _degree(coefficients: FloatArray) -> int:
-    """Degree of a joint path, at least 3."""
     used = np.flatnonzero(coefficients.any(axis=(0, 2)))
     return max(3, int(used[-1]) if len(used) else 3)

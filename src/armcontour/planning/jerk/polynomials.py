@@ -1,4 +1,4 @@
-"""Joint acceleration and jerk on parts of cells as polynomials in Bernstein form; compiled."""
+"""Acceleration and jerk of joints and tool on parts of cells, as polynomials in Bernstein form."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Basis(NamedTuple):
     Args:
         square: Powers of x, from 0 to 1 on each part, of ds², (m, 3 control points, 3).
         rate: Powers of x of dds, (m, 3, 2).
-        slope: The slope of dds over s, (m, 3).
+        slope: Slope of dds over s, (m, 3).
     """
 
     square: FloatArray
@@ -44,13 +44,7 @@ class Basis(NamedTuple):
 
 
 def basis(start: FloatArray, share: FloatArray, width: FloatArray) -> Basis:
-    """The basis on parts of cells.
-
-    Args:
-        start: Where each part starts in its cell, from 0 to 1, (m,).
-        share: Its share of the cell, (m,).
-        width: Length of the cell [m], (m,).
-    """
+    """Basis on parts of cells, from start and length in the cell (0 to 1) and its width [m]."""
     x, second = start[:, None], np.array([2.0, -4.0, 2.0])
     value = np.concatenate([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
     first = np.concatenate([-2 * (1 - x), 2 - 4 * x, 2 * x], axis=1)
@@ -61,7 +55,7 @@ def basis(start: FloatArray, share: FloatArray, width: FloatArray) -> Basis:
 
 
 def to_bernstein(degree: int) -> FloatArray:
-    """The matrix that turns coefficients of powers into control points."""
+    """Matrix that converts coefficients of powers into control points."""
     return np.array(
         [
             [math.comb(k, m) / math.comb(degree, m) for m in range(degree + 1)]
@@ -98,16 +92,15 @@ def motion_rows(
     The acceleration is `q'' a + q' dds`, and the jerk over ds is `q''' a + 3 q'' dds + q' slope`.
 
     Args:
-        coefficients: Of the joint path, (pieces, 6, dof).
-        breaks: Of the joint path, (pieces + 1,).
+        coefficients: Coefficients of the joint path, (pieces, 6, dof).
+        breaks: Breaks of the joint path, (pieces + 1,).
         piece: Piece of each part, (n,).
         s: Ends of the parts, (n + 1,).
         basis: The basis on the parts.
-        degree: Of the joint path.
+        degree: Degree of the joint path.
         of_powers: `to_bernstein` of the degrees of acceleration, `degree`, and jerk, one less.
-        joints: Joints whose accelerations, and whose jerks are wanted.
-        rows: Takes the rows, joint after joint, (n, joints (degree + 1), 3) and (n, joints
-            degree, 3).
+        joints: Joints with rows of acceleration, and joints with rows of jerk.
+        rows: Output, joint after joint, (n, joints (degree + 1), 3) and (n, joints degree, 3).
     """
     taylor = np.empty((3, HIGHEST + 1))
     powers = np.empty(2 * HIGHEST)
@@ -161,14 +154,14 @@ def motion_rows(
                         rows[kind][i, position * count + c, b] = total
 
 
-# Degree of the polynomials: derivatives of the tool's position are parabolas on a part.
+# Degree of the polynomials; derivatives of the tool's position are parabolas on a part.
 DEGREE = 4
-# Places of a part: parabolas go through every second one, and are checked at the others.
+# Samples of a part: parabolas interpolate every second one, and are checked at the others.
 PLACES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 PARABOLA = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [2.0, -4.0, 2.0]])
-# Below this share of the speed over s the tool turns nearly on the spot.
+# Share of the speed over s below which the tool nearly turns on the spot.
 LEAST_SPEED = 0.5
-# Safety factor of the distance from the parabolas that is measured at the places between.
+# Safety factor of the measured distance from the parabolas.
 MARGIN = 2.0
 
 
@@ -177,9 +170,10 @@ class ToolMotion:
     """Derivatives of the tool's position over s on parts of cells.
 
     Args:
-        powers: Of x from 0 to 1 on every part, for the first to third derivative, (3, 3, n, 3).
+        powers: Powers of x from 0 to 1 on every part, for the first to third derivative,
+            (3, 3, n, 3).
         deviation: Bounds of the distance of the derivatives from these parabolas, (3, n).
-        largest: Bounds of the derivatives' lengths, (3, n).
+        largest: Bounds of the lengths of the derivatives, (3, n).
     """
 
     powers: FloatArray
@@ -194,7 +188,7 @@ class ToolMotion:
     def rows(self, basis: Basis) -> FloatArray:
         """Control points of jerk over ds as rows of the control points of ds², (n, 5, 3, 3).
 
-        The jerk over ds is `p''' ds² + 3 p'' dds + p' slope`, a vector.
+        The jerk over ds is the vector `p''' ds² + 3 p'' dds + p' slope`.
         """
         first, second, third = self.powers
         powers = np.zeros((DEGREE + 1, 3, *first.shape[1:]))  # power, control point, part, axis
@@ -208,7 +202,7 @@ class ToolMotion:
         return np.asarray(np.einsum("cm,mbna->ncab", to_bernstein(DEGREE), powers))
 
     def margin(self, bounds: MotionBounds) -> FloatArray:
-        """Bound of what the rows leave out, (n,)."""
+        """Bound of the error of the rows, (n,)."""
         return np.asarray(
             self.deviation[2] * bounds.x
             + 3 * self.deviation[1] * bounds.u
@@ -219,10 +213,8 @@ class ToolMotion:
 def largest_at_ramps(derivatives: FloatArray, limit: float, h: FloatArray) -> FloatArray:
     """Largest ds² at the moving end of cells of uniform jerk of lengths h [m], (n,).
 
-    Args:
-        derivatives: Bounds of the first to third derivative over s, (3, n).
-        limit: The limit of jerk [m/s³].
-        h: The lengths.
+    `derivatives` are bounds of the first to third derivative over s, (3, n); `limit` is the limit
+    of jerk [m/s³].
     """
     first, second, third = derivatives
     with np.errstate(divide="ignore"):
@@ -233,9 +225,9 @@ def largest_at_ramps(derivatives: FloatArray, limit: float, h: FloatArray) -> Fl
 def arc_length_bounds(grid: Grid, arm: Arm) -> FloatArray:
     """Bounds of the derivatives of the tool's own arc length over s on parts of cells, (3, n).
 
-    Where joints follow a tool path, s is nearly the tool's arc length (the first derivative was 1
-    within 1e-6 on a UR5e), but the third derivative of the small difference counts. Where the tool
-    turns on the spot s is no arc length, and the limit applies to s.
+    If joints follow a tool path, s is nearly the tool's arc length (the first derivative was 1
+    within 1e-6 on a UR5e), but the third derivative of the small difference matters. If the tool
+    turns on the spot, s is no arc length, and the limit applies to s.
     """
     p = _derivatives(grid, arm)
     speed = np.linalg.norm(p[0], axis=2)
@@ -248,7 +240,7 @@ def arc_length_bounds(grid: Grid, arm: Arm) -> FloatArray:
 
 
 def _derivatives(grid: Grid, arm: Arm) -> FloatArray:
-    """First to third derivative of the tool's position at the places of parts, (3, 5, n, 3)."""
+    """First to third derivative of the tool's position at the samples of parts, (3, 5, n, 3)."""
     s = grid.s[:-1] + PLACES[:, None] * grid.width
     piece = np.broadcast_to(grid.piece, s.shape).ravel()
     path = grid.joint_path
@@ -262,7 +254,7 @@ def _derivatives(grid: Grid, arm: Arm) -> FloatArray:
 
 
 def _parabolas(values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Powers of parabolas through values at places, distances from them, and largest lengths."""
+    """Powers of parabolas through values at the samples, their errors, and largest lengths."""
     powers = np.einsum("mp,kpnc->kmnc", PARABOLA, values[:, ::2])
     parabola = np.einsum("pm,kmnc->kpnc", PLACES[1::2, None] ** np.arange(3), powers)
     deviation = MARGIN * np.linalg.norm(values[:, 1::2] - parabola, axis=3).max(axis=1)

@@ -1,4 +1,4 @@
-"""Shaping: the path and its timing found together, within a tolerance of an objective path."""
+"""Shaping: path and timing are optimized together, within a tolerance of an objective path."""
 
 from armcontour.core.lazy import lazy_names
 

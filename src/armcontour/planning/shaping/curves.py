@@ -1,4 +1,4 @@
-"""The tool path that a spline of the joints draws, as tangent arcs with a smooth curve."""
+"""Tool path of a spline of the joints, as tangent arcs with a smooth curve."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from armcontour.geometry.biarcs import make_biarcs
 from armcontour.planning.shaping.spline_rows import JointSpline
 from armcontour.robot import Arm
 
-# A span is cut into parts in which the joint velocity changes by this share of itself.
+# Relative change of the joint velocity along a part of a span.
 CHANGE = 0.1
 MOST_PARTS = 8
-# Spans whose arcs are farther from the curve than this share of the tolerance, or than this
-# distance where the tolerance is small [m], are drawn in more parts.
+# Largest distance of arcs from the curve, as a share of the tolerance, and at least this distance
+# [m]; spans with larger distances are divided into more parts.
 NEAR, NEAREST = 1e-4, 1e-10
 MOST_ROUNDS = 4
 # Largest turn of a part [rad].
 SHARPEST = 0.35
-# Places at which arcs are compared with the curve, over each quintic.
+# Positions on each quintic at which arcs are compared with the curve.
 PLACES = np.linspace(0.1, 0.9, 9)
-# The largest distance that is found there, times this, bounds the distance in between.
+# Safety factor of the largest distance at these positions.
 SURE = 1.25
 # Points, tangents and their derivatives along the arc length.
 Ends: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
@@ -35,12 +35,12 @@ Ends: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DrawnPath:
-    """A tool path that was drawn by a spline.
+    """Tool path of a spline of the joints.
 
     Args:
         segments: The arcs.
-        curve: The curve that the tool follows.
-        places: Arc lengths on the objective and on the path that belong together [m], (m, 2).
+        curve: The curve of the tool.
+        places: Matching arc lengths on the objective and on the path [m], (m, 2).
         knots: Arc lengths of the knots of the spline [m], (n + 1,).
     """
 
@@ -53,15 +53,15 @@ class DrawnPath:
 def draw(
     spline: JointSpline, arm: Arm, objective: Path, s_objective: FloatArray, tolerance: FloatArray
 ) -> DrawnPath:
-    """The tool path of a spline.
+    """Compute the tool path of a spline.
 
     Args:
         spline: The spline.
         arm: The arm.
         objective: The objective path.
         s_objective: Arc lengths on the objective at the control points [m], (n,).
-        tolerance: Tolerance at the control points [m], (n,); the arcs are a small part of this from
-            the curve.
+        tolerance: Tolerance at the control points [m], (n,); the distance of the arcs from the
+            curve is a small share of it.
     """
     count = _count_parts(spline)
     drawn = _draw(spline, arm, objective, s_objective, count)
@@ -83,25 +83,22 @@ def draw(
 def _lack(
     arcs: Segments, spreads: FloatArray, count: IntArray, tolerance: FloatArray
 ) -> FloatArray:
-    """How many times as many parts spans need for their arcs to be near the curve, (m,).
+    """Factor for the number of parts of each span so that the arcs approximate the curve, (m,).
 
-    Args:
-        arcs: Two arcs for each part.
-        spreads: Distance of the arcs of each part from the curve [m].
-        count: Number of parts of each span, (m,).
-        tolerance: Tolerance at each span [m], (m,).
+    `arcs` has two arcs for each part, and `spreads` the distance of these from the curve [m].
+    `count` and `tolerance` [m] belong to the spans, (m,).
     """
     first = np.cumsum(count) - count
     deviation = np.maximum.reduceat(spreads, first) / np.maximum(NEAR * tolerance, NEAREST)
     turns = (arcs.curvatures * arcs.lengths).reshape(-1, 2).sum(axis=1)
-    # Where the tool nearly stops it may turn within a small part of a span.
+    # If the tool nearly stops, it may turn within a small part of a span.
     turn = np.maximum.reduceat(turns, first) / SHARPEST
-    # The distance falls with the cube of the length.
+    # The distance is proportional to the cube of the length.
     return np.asarray(np.maximum(np.cbrt(deviation), turn))
 
 
 def _parts(spans: IntArray, count: IntArray) -> tuple[IntArray, FloatArray]:
-    """The span of each part, and the shares of its span at which it begins and ends, (p, 2)."""
+    """The span of each part, and the shares of its span at its start and end, (p, 2)."""
     span, number = number_parts(count)
     return spans[span], np.stack([number, number + 1], axis=1) / count[span][:, None]
 
@@ -124,12 +121,11 @@ def _fit(begin: Ends, end: Ends) -> tuple[Segments, FloatArray, FloatArray]:
 def _draw(
     spline: JointSpline, arm: Arm, objective: Path, s_objective: FloatArray, count: IntArray
 ) -> DrawnPath:
-    """The tool path of a spline whose spans are drawn in several parts each, (n,)."""
     span, share = _parts(np.arange(len(count)), count)
     begin = _points(spline, arm, span, share[:, 0])
     end = _points(spline, arm, span, share[:, 1])
     rests = np.flatnonzero((share[:, 1] == 1) & spline.rest[span + 1])
-    # Ends meet to the last digit, but where the tool stops the tangent may jump.
+    # Ends are identical, but the tangent may jump at a stop.
     points = np.concatenate([begin[0], end[0][-1:]])
     into = np.concatenate([begin[1][1:], end[1][-1:]])
     into[rests] = end[1][rests]
@@ -148,12 +144,12 @@ def _draw(
 
 
 def _count_parts(spline: JointSpline) -> IntArray:
-    """How many parts to draw each span in, so that speeds change little along a part, (n,)."""
+    """Number of parts of each span, so that the velocity changes little along a part, (n,)."""
     e = np.linalg.norm(spline.velocities, axis=1)
     change = np.linalg.norm(np.diff(spline.velocities, axis=0), axis=1)
     slow = np.maximum(np.minimum(e[1:], e[:-1]), 0.2 * np.maximum(e[1:], e[:-1]))
     count = np.clip(np.ceil(change / (CHANGE * slow)), 1, MOST_PARTS).astype(np.intp)
-    # Beside a rest a span is straight in joint space.
+    # Next to a rest a span is straight in joint space.
     count[spline.rest[1:] | spline.rest[:-1]] = 1
     return np.asarray(count)
 
@@ -161,17 +157,13 @@ def _count_parts(spline: JointSpline) -> IntArray:
 def _points(spline: JointSpline, arm: Arm, span: IntArray, share: FloatArray) -> Ends:
     """Points, tangents and their derivatives along the arc length, (m, dimension) each.
 
-    Args:
-        spline: The spline.
-        arm: The arm.
-        span: Span of each point, (m,).
-        share: Time since the start of the span, over the span time, (m,).
+    `share` is the time since the start of the span over the span time, (m,).
     """
     e, knots, h = spline.velocities, spline.knots, spline.h
     a = (np.diff(e, axis=0) / h[:, None])[span]
     t = (share * h[span])[:, None]
     q, dq = knots[span] + e[span] * t + a * t**2 / 2, e[span] + a * t
-    # Beside a rest the direction is that of the other end, and any even speed will do.
+    # Next to a rest the direction is that of the other end, at any constant speed.
     for side, other in ((spline.rest[:-1], e[1:]), (spline.rest[1:], e[:-1])):
         beside = side[span]
         dq[beside], a[beside] = other[span][beside], 0.0
@@ -183,7 +175,7 @@ def _points(spline: JointSpline, arm: Arm, span: IntArray, share: FloatArray) ->
 
 
 def _with_columns(arcs: Segments, objective: Path, s_parts: FloatArray) -> Segments:
-    """The arcs with assigned velocities, tolerances and tags of their parts of the objective."""
+    """Arcs with assigned velocities, tolerances and tags of their parts of the objective."""
     last = len(objective) - 1
     first = np.clip(np.searchsorted(objective.breaks, s_parts[:, 0], side="right") - 1, 0, last)
     end = np.clip(np.searchsorted(objective.breaks, s_parts[:, 1], side="left") - 1, first, last)
@@ -192,7 +184,7 @@ def _with_columns(arcs: Segments, objective: Path, s_parts: FloatArray) -> Segme
         values = getattr(objective, name)
         column = values[first]
         if not np.isnan(values).all():
-            # A part that lies along several segments takes the least of their values.
+            # A part along several segments has the smallest of their values.
             for k in range(1, int((end - first).max(initial=0)) + 1):
                 column = np.fmin(column, values[np.minimum(first + k, end)])
         columns[name] = np.repeat(column, 2)

@@ -1,4 +1,4 @@
-"""Control points of the joints from points of the tool, near a joint path that is known."""
+"""Inverse kinematics of control points close to a known joint path."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from armcontour.robot import Arm, PlanarTwoLink, SerialArm
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NearPath:
-    """Inverse kinematics at n places near a joint path.
+    """Inverse kinematics at n points near a joint path.
 
     Args:
         arm: The arm.
         configuration: For an arm in the plane, the branch of its inverse kinematics.
-        q: Joint positions at the places on the joint path [rad], (n, dof).
+        q: Joint positions at the points on the joint path [rad], (n, dof).
         poses: Tool poses there, (n, 3, 4); the positions are replaced. None in the plane.
-        task: Number of the tool's degrees of freedom that are prescribed.
-        free: Rows w of what an arm with more joints keeps: `w q` as on the joint path,
+        task: Number of prescribed degrees of freedom of the tool.
+        free: Null-space rows w of a redundant arm: `w q` is as on the joint path,
             (n, dof - task, dof).
     """
 
@@ -43,15 +43,7 @@ class NearPath:
         path: Path,
         s: FloatArray,
     ) -> NearPath:
-        """The inverse kinematics near joint positions along a path.
-
-        Args:
-            q: Joint positions along the path [rad], (n, dof).
-            arm: The arm.
-            configuration: For an arm in the plane, the branch of its inverse kinematics.
-            path: The path.
-            s: Arc lengths of the joint positions [m], (n,).
-        """
+        """Inverse kinematics near joint positions q [rad], (n, dof), at arc lengths s of a path."""
         if isinstance(arm, PlanarTwoLink):
             return cls(arm=arm, configuration=configuration, q=q)
         assert isinstance(arm, SerialArm)
@@ -67,11 +59,7 @@ class NearPath:
         return cls(arm=arm, configuration=configuration, q=q, poses=poses, task=task, free=free)
 
     def solve(self, points: FloatArray, guess: FloatArray) -> FloatArray:
-        """Joint positions with the tool at points, near a guess [rad], (n, dof).
-
-        Args:
-            points: Points of the tool [m], (n, dimension).
-            guess: Joint positions nearby [rad], (n, dof).
+        """Joint positions with the tool at `points` [m], near a guess [rad], (n, dof).
 
         Raises:
             Unreachable: A point is out of reach.
@@ -95,12 +83,7 @@ class NearPath:
         return q
 
     def steps(self, q: FloatArray, frames: FloatArray) -> FloatArray:
-        """Changes of the joints per metre of offset along directions, (n, dof, k).
-
-        Args:
-            q: Joint positions [rad], (n, dof).
-            frames: Directions of the offsets as columns, (n, dimension, k).
-        """
+        """Changes of the joints per metre of offset along the columns of `frames`, (n, dof, k)."""
         if self.poses is None:
             return np.asarray(np.linalg.solve(self.arm.tool_jacobian(q), frames))
         assert isinstance(self.arm, SerialArm) and self.free is not None

@@ -1,4 +1,4 @@
-"""Nodes along a start, and how far the control points may leave them."""
+"""Nodes along a start, and the largest offsets of control points from them."""
 
 from __future__ import annotations
 
@@ -16,39 +16,39 @@ from armcontour.planning.shaping.kinematics import NearPath
 from armcontour.planning.shaping.starts import Candidate
 from armcontour.robot import Arm
 
-# Distance between nodes at a corner that turns by 90°, over the tolerance, and its growth from node
-# to node away from the corner.
+# Distance between nodes at a 90° corner, over the tolerance, and its growth per node away from the
+# corner.
 AT_CORNER = 0.045
 GROWTH = 0.12
-# Corners that turn by less than this [rad], nearer to others than this many tolerances, are chords
-# of a curve, and get no nodes of their own.
+# Corners that turn by less than SHALLOW [rad], closer to others than DENSE tolerances, are chords
+# of a curve without nodes of their own.
 SHALLOW, DENSE = 0.15, 4.0
-# Distance beside a rest over what it would be without the rest.
+# Factor of the distance between nodes next to a rest.
 AT_REST = 0.12
-# A polygon of control points may leave its curve by this share of the tolerance.
+# Largest distance of the polygon of control points from its curve, over the tolerance.
 SAG = 0.03
 # Largest distance between nodes, over the radius of the tool's path when all joints move evenly.
 LONGEST = 0.027
-# A stretch from rest to rest has at least about this many nodes.
+# Approximate smallest number of nodes between two rests.
 FEWEST = 64
-# Below this relative growth from sample to sample the logarithm is replaced by its series.
+# Relative growth between samples below which the logarithm is replaced by its series.
 EVEN = 1e-5
-# A stretch has at most so many nodes on average: the distance between nodes falls with the square
-# root of the tolerance, so that an iteration would take ever longer.
+# Largest average number of nodes per stretch. The distance between nodes is proportional to the
+# square root of the tolerance, so small tolerances make iterations slow.
 MOST_NODES = 4000
-# Samples for the distances between nodes: at first between two marks, then for each node.
+# Samples for the distances between nodes: initially between two marks, then per node.
 SAMPLES, PER_NODE = 32, 8
-# Offsets are looked for up to this many tolerances, in steps of this share of the tolerance.
+# Largest offset in tolerances, and search step as a share of the tolerance.
 FARTHEST = 2.5
 MARCH = 1 / 24
 HALVINGS = 24
-# Offsets stay inside the tolerance by this share of it.
+# Share of the tolerance by which offsets stay inside.
 INSIDE = 1e-3
-# Places nearer than this are one [m].
+# Arc lengths closer than this are equal [m].
 SAME = 1e-9
-# The own part of a point reaches this many tolerances along the objective, and to its neighbours.
+# Reach of the own part of a point along the objective in tolerances, in addition to its neighbours.
 REACH = 3.0
-# Directions in which offsets in space are bounded.
+# Number of directions of the bounds of offsets in space.
 SIDES = 12
 
 
@@ -60,16 +60,16 @@ class Nodes:
         s_objective: Arc lengths on the objective [m], (n,).
         points: Points on the start [m], (n, dimension).
         frames: Directions of the offsets as columns, (n, dimension, k).
-        sides: Directions in the coordinates of the offsets in which they are bounded, (m, k).
-        sag: How far the curve may lie from the polygon of the control points [m], (n,).
+        sides: Directions of the bounds in the coordinates of the offsets, (m, k).
+        sag: Largest distance of the curve from the polygon of the control points [m], (n,).
         tolerance: Tolerance at each node [m], (n,).
         smallest: Least tolerance of each node and its neighbours, whose control points shape the
             curve together [m], (n,).
         reach: Reach of the own part of each node along the objective [m], (n,).
-        fixed: Whether the control point stays on the start, (n,).
-        rest: Whether the joints rest at the knots before, between and after the spans, (n + 1,).
-        vertex: Index of the corner, in the tube, that each node has to stay near; -1 for none.
-        group: Number of the corner or rest that each node is nearest to, ascending, (n,).
+        fixed: True if the control point stays on the start, (n,).
+        rest: True if the joints rest at a knot before, between or after the spans, (n + 1,).
+        vertex: Index of the corner, in the tube, that each node must stay close to; -1 for none.
+        group: Number of the nearest corner or rest of each node, ascending, (n,).
         times: Times at which the start passes the nodes' ends, halfway between nodes [s], (n + 1,).
         near: Inverse kinematics near the start.
         q: Joint positions at the nodes [rad], (n, dof).
@@ -96,11 +96,11 @@ class Nodes:
         return len(self.s_objective)
 
     def bounds(self, tube: Tube, inside: FloatArray) -> FloatArray:
-        """Largest offsets along every side, (n, m), in metres.
+        """Largest offsets along every side [m], (n, m).
 
         Args:
             tube: The tube of the tolerance.
-            inside: Share of the tolerance that offsets stay inside by, (n,).
+            inside: Share of the tolerance by which offsets stay inside, (n,).
         """
         windows = self._windows(tube)
         spare = inside * self.smallest + np.minimum(self.sag, 0.3 * self.smallest)
@@ -117,7 +117,8 @@ class Nodes:
             return np.asarray((tube.margin(points, windows) >= margin) & (deviation <= allowed))
 
         offsets = np.zeros((len(self), len(self.sides)))
-        # An inscribed polygon: between its sides' directions the tube is not looked at.
+        # An inscribed polygon, because the tube is not evaluated between the directions of its
+        # sides.
         share = np.cos(np.pi / len(self.sides)) if self.sides.shape[1] > 1 else 1.0
         for j, side in enumerate(self.sides):
             direction = self.frames @ side
@@ -126,7 +127,7 @@ class Nodes:
         return offsets
 
     def _windows(self, tube: Tube) -> IntArray:
-        """First and last piece that each node may be near, (n, 2): of its stretch of the objective.
+        """First and last piece of the stretch of the objective for each node, (n, 2).
 
         A stretch leads from corner to corner; a node at a corner belongs to both.
         """
@@ -144,7 +145,7 @@ def _farthest(
     direction: FloatArray,
     tolerance: FloatArray,
 ) -> FloatArray:
-    """Largest offsets along directions up to which all smaller ones fit [m], (n,)."""
+    """Largest offsets along directions with all smaller ones inside [m], (n,)."""
     low, inside = np.zeros(len(tolerance)), np.ones(len(tolerance), dtype=bool)
     for share in np.arange(MARCH, FARTHEST, MARCH):
         inside &= is_inside(share * tolerance, direction)
@@ -160,21 +161,14 @@ def _farthest(
 
 
 def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | None) -> Nodes | None:
-    """Nodes along a start, dense at corners and rests; None if they are too many.
-
-    Args:
-        start: The start, with its timing.
-        tube: The tube of the tolerance.
-        arm: The arm.
-        configuration: For an arm in the plane, the branch of its inverse kinematics.
-    """
+    """Nodes along a start, dense at corners and rests; None if they are too many."""
     path, matches, joint_path = start.path, start.places, start.joint_path
     marks = _Marks.from_path(path, matches, tube)
     spread = _spread(start, arm, tube, marks)
     if spread is None:
         return None
     s, index = spread
-    # A rest between two stretches has a node on either side.
+    # A rest between two stretches has two nodes.
     row = np.repeat(np.arange(len(s)), 1 + np.isin(index, np.flatnonzero(marks.rest)[1:-1]))
     doubled = np.concatenate([[False], row[1:] == row[:-1], [False]])
     s, mark = s[row], np.where(doubled[1:], -1, index[row])
@@ -191,8 +185,8 @@ def place_nodes(start: Candidate, tube: Tube, arm: Arm, configuration: str | Non
         points=path(s),
         frames=_frames(tangents),
         sides=_sides(tangents.shape[1] - 1),
-        # A tube around a line holds the hull of its control points, but for what even motion of
-        # the joints bends.
+        # A tube around a line contains the hull of its control points, except for the curvature of
+        # even joint motion.
         sag=wide**2 * _bend(joint_path, arm, s) / 8,
         tolerance=tolerance,
         smallest=_least_nearby(tolerance),
@@ -213,9 +207,9 @@ class _Marks:
 
     Args:
         s: Arc lengths on the start, ascending [m], (m,).
-        rest: Whether the tool rests there, (m,).
+        rest: True if the tool rests there, (m,).
         corner: Index of the corner in the tube; -1 for rests, (m,).
-        first: Distance to the next nodes [m], (m,); of no meaning for rests.
+        first: Distance to the next nodes [m], (m,); meaningless for rests.
     """
 
     s: FloatArray
@@ -225,7 +219,6 @@ class _Marks:
 
     @classmethod
     def from_path(cls, path: Path, matches: FloatArray, tube: Tube) -> _Marks:
-        """The marks of a path with places in a tube."""
         s_corners = np.interp(tube.objective.breaks[tube.vertex], matches[:, 0], matches[:, 1])
         stops = np.concatenate([[0.0], path.stops, [path.length]])
         turns = path_turns(tube)
@@ -236,7 +229,7 @@ class _Marks:
         marks = np.concatenate([stops, s_corners[corner]])
         order = np.argsort(marks, kind="stable")
         corner_index = np.concatenate([np.full(len(stops), -1), corner])[order]
-        # The last entry is for rests, whose index is -1.
+        # The last entry is for rests, with index -1.
         half = np.append(turns, 0.0)[corner_index] / 2
         tolerances = _tolerance_at(tube, np.interp(marks[order], matches[:, 1], matches[:, 0]))
         first = AT_CORNER * tolerances / np.maximum(np.sin(half), 1e-6)
@@ -244,7 +237,7 @@ class _Marks:
 
 
 def _beside_corners(corner: IntArray) -> IntArray:
-    """The corner that each node is at or next to; -1 for none, (n,)."""
+    """The corner at or next to each node; -1 for none, (n,)."""
     nearest = corner.copy()
     indices = np.flatnonzero(corner >= 0)
     for side in (np.maximum(indices - 1, 0), np.minimum(indices + 1, len(corner) - 1)):
@@ -254,7 +247,6 @@ def _beside_corners(corner: IntArray) -> IntArray:
 
 
 def _least_nearby(values: FloatArray) -> FloatArray:
-    """The least of each value and its neighbours, (n,)."""
     smallest = values.copy()
     smallest[1:] = np.minimum(smallest[1:], values[:-1])
     smallest[:-1] = np.minimum(smallest[:-1], values[1:])
@@ -267,13 +259,13 @@ def path_turns(tube: Tube) -> FloatArray:
 
 
 def _near(s: FloatArray, others: FloatArray) -> BoolArray:
-    """Whether each of several arc lengths is one of others."""
+    """Mask of arc lengths that are equal to one of `others`."""
     i = np.clip(np.searchsorted(others, s), 1, len(others) - 1)
     return np.asarray(np.minimum(np.abs(s - others[i - 1]), np.abs(s - others[i])) < 1e-9)
 
 
 def _tolerance_at(tube: Tube, s_objective: FloatArray) -> FloatArray:
-    """Tolerance at places on the objective; the smaller one where it changes [m], (n,)."""
+    """Tolerance at points of the objective [m], (n,); the smaller one at a change."""
     last = len(tube) - 1
     before = np.clip(np.searchsorted(tube.breaks, s_objective, side="left") - 1, 0, last)
     after = np.clip(np.searchsorted(tube.breaks, s_objective, side="right") - 1, 0, last)
@@ -290,7 +282,7 @@ def _bend(joint_path: JointPath, arm: Arm, s: FloatArray) -> FloatArray:
 def _spread(
     start: Candidate, arm: Arm, tube: Tube, marks: _Marks
 ) -> tuple[FloatArray, IntArray] | None:
-    """Arc lengths of nodes, and the mark at which each is; -1 for none. None if they are too many.
+    """Arc lengths of nodes, and the mark of each; -1 for none. None if there are too many nodes.
 
     The distance between nodes grows from that at a mark by GROWTH from node to node.
     """
@@ -311,10 +303,10 @@ def _spread(
         step = np.minimum(step, np.diff(rests)[i] / FEWEST)
         k = np.searchsorted(samples, marks.s)
         step[k] = np.where(marks.rest, AT_REST * step[k], np.minimum(marks.first, step[k]))
-        # Neighbouring distances differ by no more than the growth.
+        # The difference of neighbouring distances is limited by the growth.
         step = GROWTH * samples + np.minimum.accumulate(step - GROWTH * samples)
         step = np.minimum.accumulate((step + GROWTH * samples)[::-1])[::-1] - GROWTH * samples
-        # The number of nodes over a distance along which the step grows evenly.
+        # Number of nodes over a distance along which the step grows evenly.
         growth = np.diff(step) / step[:-1]
         safe = np.where(np.abs(growth) > EVEN, growth, 1.0)
         mean = np.where(np.abs(growth) > EVEN, np.log1p(safe) / safe, 1 - growth / 2)
@@ -325,7 +317,7 @@ def _spread(
             return None
         if not parts:
             break
-        # Samples are denser where nodes will be.
+        # Samples follow the density of the nodes.
         samples, _ = _divide(
             total[k], marks.s, np.maximum(count * PER_NODE, parts), (total, samples)
         )
@@ -341,11 +333,8 @@ def _divide(
 ) -> tuple[FloatArray, IntArray]:
     """Arc lengths that divide the stretches between marks, and the mark of each; -1 for none.
 
-    Args:
-        ends: Values at the marks that each stretch is divided evenly in, (m,).
-        marks: Arc lengths of the marks [m], (m,).
-        count: Parts of every stretch, (m - 1,).
-        along: These values over arc lengths, where they are others.
+    Each stretch is divided evenly in `ends`, values at the marks, (m,), into `count` parts, (m -
+    1,). `along` are such values over arc lengths, if they are not arc lengths.
     """
     stretch, number = number_parts(count)
     value = ends[stretch] + np.diff(ends)[stretch] * number / count[stretch]
@@ -355,7 +344,6 @@ def _divide(
 
 
 def _frames(tangents: FloatArray) -> FloatArray:
-    """Unit vectors at right angles to tangents as columns, (n, dimension, dimension - 1)."""
     if tangents.shape[1] == 2:
         return np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)[:, :, None]
     first = perpendicular(tangents)
@@ -364,7 +352,6 @@ def _frames(tangents: FloatArray) -> FloatArray:
 
 
 def _sides(k: int) -> FloatArray:
-    """Directions in which offsets are bounded, (m, k)."""
     if k == 1:
         return np.array([[1.0], [-1.0]])
     angle = 2 * np.pi * np.arange(SIDES) / SIDES

@@ -1,9 +1,9 @@
-"""Compiled interior-point method for quadratic programs whose rows each touch three neighbours.
+"""Compiled interior-point method for quadratic programs whose rows couple three neighbours.
 
-The program is `min c x + weight |x|² / 2` with `rows x <= bounds`. The unknowns of a node stand
-together, and a row touches the unknowns of its node and of both neighbours only. The normal matrix
-is then banded, and an iteration takes time in proportion to the number of nodes. The method is
-Mehrotra's, with one correction of a predicted step.
+The program is `min c x + weight |x|² / 2` with `rows x <= bounds`. The unknowns of a node are
+contiguous, and a row depends only on the unknowns of its node and of both neighbours. The normal
+matrix is therefore banded, and an iteration takes time in proportion to the number of nodes. The
+method is Mehrotra's, with one correction of a predicted step.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ import numpy as np
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.kernels import FUSED, compiled
 
-# Iterations end when the average product of slack and multiplier, and the largest violation of a
-# row, are below these; rows and unknowns are scaled to the order of 1.
+# Convergence limits of the average product of slack and multiplier, and of the largest violation of
+# a row; rows and unknowns are scaled to the order of 1.
 GAP = 1e-8
 VIOLATION = 1e-8
 MOST_ITERATIONS = 60
-# A step goes this share of the way to the boundary at most.
+# Largest step, as a share of the step to the boundary.
 WAY = 0.995
-# The first slack is at least this.
+# Smallest initial slack.
 FIRST_SLACK = 0.1
 
 
@@ -30,14 +30,14 @@ FIRST_SLACK = 0.1
 def solve_program(
     cost: FloatArray, rows: FloatArray, bounds: FloatArray, weight: FloatArray
 ) -> tuple[FloatArray, int]:
-    """Solve the program; the solution of an unfinished one is its last iterate.
+    """Solve the program; without convergence the result is the last iterate.
 
     Args:
         cost: Cost of the unknowns, (n, k).
-        rows: Coefficients of the rows of each node, for the unknowns of the node before, its own
-            and those of the node after, (n, m, 3 k); rows of zeros are left out.
+        rows: Coefficients of the rows of each node, for the unknowns of the previous node, its own
+            and those of the next node, (n, m, 3 k); rows of zeros are ignored.
         bounds: Upper bounds of the rows, (n, m).
-        weight: Weights of the squares of the unknowns, above zero, (n, k).
+        weight: Positive weights of the squares of the unknowns, (n, k).
 
     Returns:
         The unknowns, (n, k), and the number of iterations; negative if they did not converge.
@@ -51,7 +51,7 @@ def solve_program(
         largest = max(largest, abs(c[a]))
     x = np.zeros(n * k)
     slack = np.maximum(bound, FIRST_SLACK)
-    # The multipliers start in proportion to the cost.
+    # Initial multipliers are proportional to the cost.
     dual = largest * 0.1 / slack
     matrix = np.empty((n * k, 3 * k))
     step, primal = np.empty(n * k), np.empty(count)
@@ -69,7 +69,7 @@ def solve_program(
         _normal_matrix(first, ends, values, slack, dual, w, matrix)
         if not _factor(matrix):
             return x.reshape(n, k), -iteration - 1
-        # The predictor goes for complementarity at once, the corrector for a share of it.
+        # The predictor has zero complementarity as its target, the corrector a share of it.
         for corrected in range(2):
             for a in range(n * k):
                 step[a] = -c[a] - w[a] * x[a]
@@ -105,10 +105,10 @@ def solve_program(
 def _pack(
     rows: FloatArray, bounds: FloatArray
 ) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
-    """The rows that are not zero, each from its first to its last coefficient.
+    """Nonzero rows, each from its first to its last coefficient.
 
     Returns:
-        The first unknown of each row, (p,); where the coefficients of each row begin and end among
+        The first unknown of each row, (p,); the start and end of the coefficients of each row among
         all coefficients, (p + 1,); the coefficients; and the bounds, (p,).
     """
     n, m, width = rows.shape
@@ -139,7 +139,6 @@ def _pack(
 def _row_product(
     first: IntArray, ends: IntArray, values: FloatArray, x: FloatArray, r: int
 ) -> float:
-    """Value of row r."""
     value = 0.0
     shift = first[r] - ends[r]
     for p in range(ends[r], ends[r + 1]):
@@ -157,7 +156,7 @@ def _normal_matrix(
     weight: FloatArray,
     matrix: FloatArray,
 ) -> None:
-    """Write the lower bands of the normal matrix; entry (a, b) stands at column `last + b - a`."""
+    """Write the lower bands of the normal matrix; entry (a, b) is in column `last + b - a`."""
     last = matrix.shape[1] - 1
     matrix[:] = 0.0
     for a in range(len(weight)):
@@ -177,7 +176,7 @@ def _factor(matrix: FloatArray) -> bool:
     """Replace a banded matrix by its Cholesky factor, with the inverse of its diagonal.
 
     Returns:
-        False if the matrix is not positive.
+        False if the matrix is not positive definite.
     """
     last = matrix.shape[1] - 1
     for a in range(matrix.shape[0]):
@@ -218,7 +217,6 @@ def _solve(matrix: FloatArray, x: FloatArray) -> None:
 def _longest_step(
     slack: FloatArray, dual: FloatArray, d_slack: FloatArray, d_dual: FloatArray
 ) -> float:
-    """The longest step, up to 1, that keeps slacks and multipliers positive."""
     step_length = 1.0
     for r in range(len(slack)):
         if d_slack[r] < 0.0:

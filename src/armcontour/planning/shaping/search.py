@@ -1,4 +1,4 @@
-"""The search for a faster shape: proposed by a quadratic program, decided by the exact timing."""
+"""Search for a faster shape: a quadratic program proposes, the exact timing decides."""
 
 from __future__ import annotations
 
@@ -24,34 +24,30 @@ from armcontour.planning.shaping.quadratic_program import solve_program
 from armcontour.planning.shaping.spline_rows import LEAST_SPAN, JointSpline, assemble, span_rows
 from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, match, prove
 
-# Paths of more corners and rests than this are long.
+# Number of corners and rests above which a path is long.
 LONG = 40
-# Corners of a chunk, and by how many the cuts move from one iteration to the next.
+# Corners of a chunk, and shift of the cuts between iterations.
 CORNERS, SHIFT = 8, 3
 
 
 def is_long(group: IntArray) -> bool:
-    """Whether a path is long.
-
-    Args:
-        group: Number of the corner or rest that each node is nearest to, ascending, (n,).
-    """
+    """Test whether a path is long; `group` is the nearest corner or rest of each node, (n,)."""
     return bool(group[-1] >= LONG)
 
 
 def place_cuts(group: IntArray, iteration: int, *, whole: bool = False) -> IntArray:
-    """The first of both nodes that stay between chunks, none where the path is not long, (m,).
+    """First of both fixed nodes between chunks, (m,); none if the path is not long, or `whole`.
 
     Args:
-        group: Number of the corner or rest that each node is nearest to, ascending, (n,).
+        group: Number of the nearest corner or rest of each node, ascending, (n,).
         iteration: Number of the iteration.
-        whole: Whether a long path is not cut either.
+        whole: True if long paths are not divided either.
     """
     if whole or not is_long(group):
         return np.zeros(0, dtype=np.intp)
     first = 1 + SHIFT * iteration % CORNERS
     cuts = np.searchsorted(group, np.arange(first, int(group[-1]) + 1, CORNERS))
-    # A chunk, and its first and last node, need room.
+    # A chunk needs room for its first and last node.
     return np.asarray(cuts[(cuts > 2) & (cuts < len(group) - 4)])
 
 
@@ -63,15 +59,15 @@ def solve_in_chunks(
     cuts: IntArray,
     threads: int | None = None,
 ) -> FloatArray:
-    """Solve the programs of all chunks; the others' unknowns are zero meanwhile, (n, k).
+    """Solve the programs of all chunks, each with zero unknowns in the other chunks, (n, k).
 
     Args:
         cost: As in `solve_program`.
         rows: As in `solve_program`.
         bounds: As in `solve_program`.
         weight: As in `solve_program`.
-        cuts: The first of both nodes that stay between chunks, (m,).
-        threads: Number of threads; by default that of processors.
+        cuts: First of both fixed nodes between chunks, (m,).
+        threads: Number of threads; by default the number of processors.
     """
     if not len(cuts):
         return solve_program(cost, rows, bounds, weight)[0]
@@ -79,7 +75,6 @@ def solve_in_chunks(
     begins, ends = np.append(0, cuts + 1), np.append(cuts + 1, n)
 
     def solve(begin: int, end: int) -> FloatArray:
-        """The unknowns of a chunk, whose first and last node stay."""
         part = slice(begin, end)
         chunk_cost, chunk_rows = cost[part].copy(), rows[part].copy()
         if begin > 0:
@@ -87,46 +82,47 @@ def solve_in_chunks(
         if end < n:
             chunk_cost[-1], chunk_rows[-1, :, k:], chunk_rows[-2, :, 2 * k :] = 0.0, 0.0, 0.0
         x, _ = solve_program(chunk_cost, chunk_rows, bounds[part], weight[part])
-        # A chunk without a solution stays as it is.
+        # A chunk without a solution is unchanged.
         return x if np.isfinite(x).all() else np.zeros_like(x)
 
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         return np.concatenate(list(pool.map(solve, begins.tolist(), ends.tolist())))
 
 
-# Changes of offsets are limited to this share of the tolerance at first, and at most and at least
-# to these. Where an iteration is refused the limit shrinks, where it pays the limit grows.
+# Limit of changes of offsets over the tolerance: initial, largest and smallest value, and factors
+# after rejected, slower and faster iterations.
 FIRST_TRUST, MOST_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
 SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
-# The search ends when this many iterations in sequence gain less than this share of the duration.
+# The search ends after this many consecutive iterations that gain less than LEAST_GAIN of the
+# duration.
 IDLE, LEAST_GAIN = 4, 1e-5
-# It also ends when so many in sequence leave the tube.
+# It also ends after this many consecutive iterations that leave the tube.
 MOST_TIGHTENED = 12
-# After each refusal in sequence a change is this share of what was proposed.
+# Factor of a change for each consecutive rejection.
 LESS = 0.6
-# Corners of a long path go back to the best shape so often in an iteration.
+# Corners of a long path revert to the best shape at most this many times in an iteration.
 MOST_MENDED = 4
-# Weights of the squares of offsets and of times, which make the quadratic program definite.
+# Weights of the squares of offsets and times, for a positive definite quadratic program.
 WEIGHT = (1e-3, 1e-9)
-# Where the tube is left the offsets keep this much more than was lacking.
+# Factor of the missing distance by which offsets are reduced outside the tube.
 SPARE = 1.5
-# The search starts from parabolas within this share of the tolerance.
+# Share of the tolerance of the initial parabolas.
 SHARE = 0.7
 
 
 @dataclass(slots=True)
 class _State:
-    """The best shape so far.
+    """Best shape found by the search.
 
     Args:
         best: The best candidate.
         offsets: Its offsets [m], (n, k).
         h: Its span times [s], (n,).
         trust: Largest change of the offsets of each node, over the tolerance, (n,).
-        inside: Share of the tolerance that offsets stay inside by, (n,).
+        inside: Share of the tolerance by which offsets stay inside, (n,).
         limits: Largest offsets along every side [m], (n, m).
-        refused: How many proposals in sequence were slower.
-        proposals: Number of quadratic programs that were solved.
+        refused: Number of consecutive slower proposals.
+        proposals: Number of solved quadratic programs.
     """
 
     best: Candidate
@@ -141,15 +137,7 @@ class _State:
 
 @dataclass(slots=True)
 class ShapeSearch:
-    """A search along the nodes of one start; each step gives the best candidate so far.
-
-    Args:
-        nodes: The nodes.
-        start: The start.
-        tube: The tube of the tolerance.
-        timer: Times the shapes.
-        options: Options of the shaped path.
-    """
+    """Search along the nodes of one start; each step yields the best candidate."""
 
     nodes: Nodes
     start: Candidate
@@ -160,7 +148,7 @@ class ShapeSearch:
 
     @property
     def size(self) -> float:
-        """Number of control points of the joints, for each corner or rest."""
+        """Number of joint values of the control points per corner or rest."""
         return self.nodes.q.size / float(self.nodes.group[-1] + 1)
 
     def __post_init__(self) -> None:
@@ -176,7 +164,7 @@ class ShapeSearch:
         )
 
     def run(self) -> Iterator[Candidate]:
-        """Yield the best candidate after each iteration, until nothing is gained."""
+        """Yield the best candidate after each iteration, until the gain is negligible."""
         idle = tightened = 0
         while idle < IDLE and tightened < MOST_TIGHTENED:
             before = self.state.best.duration
@@ -187,10 +175,10 @@ class ShapeSearch:
             yield self.state.best
 
     def _iterate(self) -> bool:
-        """Propose a change and keep it if the exact timing is faster.
+        """Propose a change and accept it if the exact timing is faster.
 
         Returns:
-            False if the change left the tube, whose limits are then less.
+            False if the change left the tube, whose limits are then reduced.
         """
         state, nodes = self.state, self.nodes
         try:
@@ -205,7 +193,7 @@ class ShapeSearch:
             state.trust *= SHRINK
             return True
         candidate, times, slower = judged
-        # The first spline only has to be: it may be slower than the start that it is drawn from.
+        # The first spline is accepted even if it is slower than the start it is drawn from.
         better = state.best is self.start or candidate.duration < state.best.duration
         if not better and self._keep_faster_parts(offsets, h, slower):
             state.refused = 0
@@ -224,15 +212,13 @@ class ShapeSearch:
         return True
 
     def _keep_near(self, candidate: Candidate, knots: FloatArray) -> None:
-        """Let control points have the tool orientations, and redundant joints, of a candidate.
+        """Use the tool orientations and the redundant joints of a candidate for the control points.
 
-        Args:
-            candidate: The candidate.
-            knots: Arc lengths of the knots on its path [m], (n + 1,).
+        `knots` are the arc lengths of the knots on its path [m], (n + 1,).
         """
         if self.nodes.near.poses is None:
             return
-        # Where control points of the arc length itself lie: at a rest they lie at the rest.
+        # Control points of the arc length itself; at a rest they are at the rest.
         s_knots = np.clip(knots, 0.0, candidate.path.length)
         speed = candidate.trajectory.speed_at(s_knots)
         speed[self.nodes.rest] = 0.0
@@ -243,7 +229,7 @@ class ShapeSearch:
         self.nodes = replace(self.nodes, near=near, q=q)
 
     def _judge(self, drawn: DrawnPath) -> tuple[Candidate, FloatArray, BoolArray] | None:
-        """The drawn path timed, its span times [s], and which corners are slower than before.
+        """Time the drawn path; returns it with its span times [s] and a mask of slower corners.
 
         None if the arm cannot follow the path.
         """
@@ -258,10 +244,10 @@ class ShapeSearch:
     def _draw_most(
         self, offsets: FloatArray, h: FloatArray
     ) -> tuple[FloatArray, FloatArray, DrawnPath | None]:
-        """Draw a proposal; on a long path, corners that leave the tube go back to the best shape.
+        """Draw a proposal; on a long path, corners outside the tube revert to the best shape.
 
         Returns:
-            The offsets and times that are drawn, and their path; None if it leaves the tube.
+            The offsets and times, and their path; None if it leaves the tube.
         """
         for _ in range(MOST_MENDED if is_long(self.nodes.group) else 1):
             before = self.state.inside
@@ -273,7 +259,7 @@ class ShapeSearch:
         return offsets, h, None
 
     def _keep_faster_parts(self, offsets: FloatArray, h: FloatArray, slower: BoolArray) -> bool:
-        """On a long path, keep a proposal but for the corners that are slower, if that pays."""
+        """On a long path, accept a proposal without its slower corners if that is faster."""
         if not is_long(self.nodes.group) or slower.all():
             return False
         try:
@@ -290,14 +276,9 @@ class ShapeSearch:
     def _back(
         self, offsets: FloatArray, h: FloatArray, corners: BoolArray
     ) -> tuple[FloatArray, FloatArray]:
-        """A proposal in which some corners go back to the best shape.
+        """Proposal in which the masked corners revert to the best shape, (groups,).
 
-        Their neighbours go back less and less.
-
-        Args:
-            offsets: Offsets of the proposal [m], (n, k).
-            h: Span times of the proposal [s], (n,).
-            corners: Whether each corner or rest goes back, (groups,).
+        The share of their neighbours decreases with the distance.
         """
         group, state = self.nodes.group, self.state
         stays = 1.0 - corners
@@ -312,13 +293,11 @@ class ShapeSearch:
         )
 
     def _spline(self, offsets: FloatArray, h: FloatArray) -> JointSpline:
-        """The spline of the joints for offsets [m] and span times [s]."""
         nodes = self.nodes
         points = nodes.points + np.einsum("ndk,nk->nd", nodes.frames, offsets)
         return JointSpline(q=nodes.near.solve(points, nodes.q), h=h, rest=nodes.rest)
 
     def _propose(self) -> tuple[FloatArray, FloatArray]:
-        """Offsets and span times of the quadratic program around the best shape."""
         state, nodes = self.state, self.nodes
         n, k = state.offsets.shape
         unit = np.where(nodes.fixed, 0.0, np.maximum(nodes.tolerance, 1e-12))
@@ -326,20 +305,20 @@ class ShapeSearch:
         node_rows, node_bounds = self._own_rows(unit)
         cost = np.zeros((n, k + 1))
         cost[:, k] = state.h / state.h.mean()
-        # Offsets that gain nothing go back.
+        # Offsets without a gain return to zero.
         cost[:, :k] = WEIGHT[0] * state.offsets / np.where(unit > 0, unit, 1.0)[:, None]
         unknowns = solve_in_chunks(
             cost,
             np.concatenate([rows, node_rows], axis=1),
             np.concatenate([bounds, node_bounds], axis=1),
             np.tile([*[WEIGHT[0]] * k, WEIGHT[1]], (n, 1)),
-            # The start is no spline: nodes that stay on it may leave no solution.
+            # The start is no spline, so fixed nodes may leave no solution.
             place_cuts(nodes.group, state.proposals, whole=state.best is self.start),
         )
         state.proposals += 1
         if not np.isfinite(unknowns).all():
             raise np.linalg.LinAlgError("The quadratic program has no solution.")
-        # The trust region bounds offsets only; after refusals all changes are less.
+        # The trust region limits offsets only; after rejections all changes are reduced.
         unknowns *= LESS**state.refused
         offsets = state.offsets + unknowns[:, :k] * unit[:, None]
         return self._clip(offsets), state.h * (1 + np.maximum(unknowns[:, k], -LEAST_SPAN))
@@ -347,19 +326,18 @@ class ShapeSearch:
     def _limit_rows(
         self, offsets: FloatArray, h: FloatArray, unit: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Rows of the limits around offsets [m] and span times [s], and their bounds."""
         nodes, limits = self.nodes, self.timer.limits
         spline = self._spline(offsets, h)
         steps = nodes.near.steps(spline.q, nodes.frames)
         speeds = self.tube.objective.speeds[self.tube.objective.locate(nodes.s_objective)]
-        # The end of a span may lie on the segment of either node.
+        # The end of a span may be on the segment of either node.
         speeds[:-1] = np.fmin(speeds[:-1], speeds[1:])
         assigned = np.fmin(speeds, np.inf if limits.speed is None else limits.speed)
         assigned = np.where(np.isnan(assigned), np.inf, assigned)
         return assemble(spline, span_rows(spline, self.timer.arm, limits, assigned), steps, unit)
 
     def _own_rows(self, unit: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rows of each node alone: the tube, the trust region, and the least span time."""
+        """Rows of single nodes: the tube, the trust region, and the smallest span time."""
         state, nodes = self.state, self.nodes
         n, k = state.offsets.shape
         m = len(nodes.sides)
@@ -378,14 +356,14 @@ class ShapeSearch:
         return rows, bounds
 
     def _clip(self, offsets: FloatArray) -> FloatArray:
-        """Offsets drawn back to their limits along the line to the start, (n, k)."""
+        """Offsets reduced to their limits along the line to the start, (n, k)."""
         along = offsets @ self.nodes.sides.T
         with np.errstate(divide="ignore", invalid="ignore"):
             share = np.where(along > self.state.limits, self.state.limits / along, 1.0)
         return np.asarray(offsets * np.clip(share.min(axis=1), 0.0, 1.0)[:, None])
 
     def _draw(self, offsets: FloatArray, h: FloatArray) -> DrawnPath | None:
-        """The path of offsets and times; None if it leaves the tube, whose limits are then less."""
+        """Path of offsets and times; None if it leaves the tube, whose limits are then reduced."""
         nodes = self.nodes
         spline = self._spline(offsets, h)
         drawn = draw(
@@ -398,7 +376,7 @@ class ShapeSearch:
         plain = Path(segments=drawn.segments)
         drawn = replace(drawn, places=match(self.tube, plain, drawn.places, reach))
         proof = prove(self.tube, plain, drawn.places)
-        # The tool follows the curve, which is a little beside the arcs.
+        # The tool follows the curve, which deviates slightly from the arcs.
         deviation = np.repeat(drawn.curve.spreads, 2)
         vertices = proof.vertices + drawn.curve.spreads.max()
         excess = max(
@@ -414,11 +392,10 @@ class ShapeSearch:
         return None
 
     def _tighten(self, lacking: FloatArray, excess: FloatArray) -> None:
-        """Limit the offsets of nodes more where the tube is left.
+        """Reduce the limits of the offsets where the path leaves the tube.
 
-        Args:
-            lacking: How far the path leaves the tube in the span of each node [m], (n,).
-            excess: How much farther than allowed each corner is from the path [m], (k,).
+        `lacking` is the distance outside the tube in the span of each node [m], (n,); `excess` is
+        the distance of each corner from the path beyond the allowed one [m], (k,).
         """
         nodes, state = self.nodes, self.state
         lacking = lacking.copy()
@@ -431,18 +408,18 @@ class ShapeSearch:
                     == np.abs(nodes.s_objective - s_corners[k]).min()
                 )
             lacking[near] = np.maximum(lacking[near], excess[k])
-        # Control points shape their own span and both neighbours.
+        # Control points determine their own span and both neighbours.
         wide = np.maximum(np.append(lacking[1:], 0.0), np.append(0.0, lacking[:-1]))
         lacking = np.maximum(lacking, wide)
         reduction = SPARE * np.maximum(lacking, 0.0) / np.maximum(nodes.smallest, 1e-12)
-        # At least twice as much as before, so that a few times are enough.
+        # At least doubled, so that a few times are sufficient.
         increased = np.maximum(2 * state.inside, state.inside + reduction)
         state.inside = np.where(lacking > 0, np.minimum(increased, 1.0), state.inside)
         state.limits = nodes.bounds(self.tube, state.inside)
         state.offsets = self._clip(state.offsets)
 
     def _nearly_stops(self, drawn: DrawnPath) -> bool:
-        """Whether the tool turns on the spot somewhere; the offsets there then change less."""
+        """Test whether the tool turns on the spot; reduces the trust region there."""
         nodes, lengths = self.nodes, np.diff(drawn.curve.breaks)
         tiny = drawn.curve.breaks[:-1][lengths < REPEATED_POINT]
         if not len(tiny):
@@ -453,7 +430,7 @@ class ShapeSearch:
         return True
 
     def _path(self, drawn: DrawnPath) -> ShapedPath | None:
-        """The drawn path, whose outcome is not known yet; None if its tool turns too far off."""
+        """The drawn path without its outcome; None if the tool deviates too much in orientation."""
         options, objective = self.options, self.tube.objective
         path = ShapedPath(
             segments=drawn.segments,
@@ -466,7 +443,7 @@ class ShapeSearch:
             curve=drawn.curve,
         )
         if objective.orientation is not None:
-            # As at the place, also where that follows the tangent.
+            # As at the matching point, even if that follows the tangent.
             plain = replace(objective, orientation=replace(objective.orientation, follows=False))
             path, angle = orient_shaped(path, plain, drawn.places, options.angular_tolerance)
             if angle > (np.inf if options.angular_tolerance is None else options.angular_tolerance):
@@ -475,17 +452,12 @@ class ShapeSearch:
 
 
 def why_not(objective: Path, tube: Tube) -> str | None:
-    """A clause that says why nothing can be shaped; None if something can.
-
-    Args:
-        objective: The objective path.
-        tube: The tube of the tolerance.
-    """
+    """Reason why a path cannot be shaped, as a clause; None if it can."""
     if (tube.tolerance == 0).any():
-        # Splines of the joints do not keep to a line.
-        return "lines without a tolerance stay as they are: not shaped"
+        # Splines of the joints do not follow a line exactly.
+        return "lines without a tolerance are not changed: not shaped"
     if _turns_at_corners(objective):
-        return "the orientation follows the tangent round corners: not shaped"
+        return "the orientation follows the tangent at corners: not shaped"
     return None
 
 
@@ -494,13 +466,7 @@ def make_searches(
 ) -> Iterator[ShapeSearch | None]:
     """Searches from parabolas and from arcs that the arm can follow, the faster ones first.
 
-    None stands for a search that would need too many nodes.
-
-    Args:
-        objective: The objective path.
-        tube: The tube of the tolerance.
-        timer: Times the shapes.
-        options: Options of the shaped path.
+    None stands for a search with too many nodes.
     """
     starts = make_starts(objective, tube, options, SHARE)
     candidates = [timer.candidate(x, *starts[x]) for x in (PARABOLAS, ARCS) if x in starts]
@@ -513,9 +479,9 @@ def make_searches(
 
 
 def _turns_at_corners(objective: Path) -> bool:
-    """Whether the orientation follows a tangent that jumps: what it has to be depends on the shape.
+    """Test whether the orientation follows a tangent that jumps, so that it depends on the shape.
 
-    Where it follows a smooth tangent, shapes have the orientation of their places.
+    If it follows a smooth tangent, shapes have the orientation of the matching objective points.
     """
     orientation = objective.orientation
     return (

@@ -1,4 +1,4 @@
-"""Entry point `shape`: paths whose shape and timing are found together, contour by contour."""
+"""Entry point `shape`: shape and timing of paths are optimized together, contour by contour."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ from armcontour.planning.shaping.starts import Candidate, Timer, make_starts, tu
 from armcontour.program import Contour, Move, Program, contour_called, draw_with_arcs, put_on_path
 from armcontour.robot import Arm, Limits, PlanarTwoLink, resolve_limits
 
-# Vertices that turn by more than this are corners of a contour; others may be points along a
-# curve, however near they are [rad].
+# Smallest turn of corners of a contour [rad]; other vertices may be points along a curve at any
+# distance.
 SHARP = np.radians(30)
-# The search ends with the first start that saves this share of the duration.
+# Saved share of the duration at which no further start is searched.
 ENOUGH = 0.01
-# From so many contours on other processes shape them, which take a few seconds to start.
+# Number of contours from which other processes shape them; starting them takes a few seconds.
 MANY = 24
-# The search ends after so many control points of the joints in all iterations, for each corner or
-# rest. Tolerances of about 1 µm (six joints) and 0.1 µm (two joints) need more.
+# Largest number of control point values in all iterations, for each corner or rest. Tolerances of
+# about 1 µm (six joints) and 0.1 µm (two joints) need more.
 WORK = 30_000
-# Why a contour that could be shaped has arcs.
+# Note of a contour that could be shaped but has arcs.
 ARCS_ARE_FASTER = "no shape that was found is faster than arcs"
 
 
@@ -68,22 +68,23 @@ def shape(
 ) -> Path | Program:
     """Find the path within a tolerance of an objective along which an arm moves the fastest.
 
-    Every point of the path is within the tolerance of its own place on the objective, and every
-    vertex of the objective is within the tolerance of the path. The fastest motion along the path
-    takes no longer than along arcs or parabolas at the corners, or with a stop at every vertex.
+    Every point of the path is within the tolerance of its matching point on the objective, and
+    every vertex of the objective is within the tolerance of the path. The fastest motion along the
+    path is at most as long as along arcs or parabolas at the corners, or with a stop at every
+    vertex.
 
     Args:
         path: The objective path, or a program, whose contours are shaped one by one.
         arm: The arm.
-        limits: Limits in place of those of the arm, as in `plan`; None for those of the arm.
+        limits: Limits that replace those of the arm, as in `plan`; None for those of the arm.
         options: Tolerances, search, and reserve.
-        progress: Called with the step "shaping" and the share that is done.
+        progress: Called with the step "shaping" and the share done.
 
     Raises:
         InvalidInput: Limits that do not fit the arm.
         Unreachable: The arm cannot follow the objective.
-        NotRealizable: No motion along the objective keeps the limits, or there are limits of jerk,
-            which would stop the tool where the curvature of a shaped path jumps.
+        NotRealizable: No motion along the objective satisfies the limits, or limits of jerk are
+            given, which would stop the tool where the curvature of a shaped path jumps.
 
     Warns:
         UserWarning: The search along a path ended early, because the tolerance is tiny.
@@ -101,24 +102,18 @@ def shape(
 
 @dataclass(frozen=True, slots=True)
 class Shaping:
-    """How the contours of a program are shaped.
-
-    Args:
-        arm: The arm.
-        limits: The limits, one value per joint, with which the arm's configuration is chosen.
-        options: Options of the shaped paths.
-    """
+    """Shaping of the contours of a program."""
 
     arm: Arm
     limits: Limits
     options: Shaped
 
     def shape(self, program: Program, progress: Progress | None, *, named: bool) -> Program:
-        """The shaped program; `start_of` tells where an arm in space starts it.
+        """Shape the contours of a program.
 
         Args:
             program: The program.
-            progress: Called after every iteration, or contour where there are many.
+            progress: Called after every iteration, or after every contour if they are many.
             named: Whether error messages start with the name of the contour.
 
         Raises:
@@ -145,23 +140,17 @@ class Shaping:
         return self._faster(program, arcs, shaped, ends_of(traced.joint_paths[0])[0])
 
     def _draw(self, contour: Contour) -> Contour:
-        """A contour of lines and arcs, with the tolerances that its short stretches bear."""
+        """Contour of lines and arcs, with tolerances limited by its short stretches."""
         contour = draw_with_arcs(contour)
         return dataclasses.replace(contour, path=_cap(contour.path, self.options.tolerance))
 
     def _faster(
         self, program: Program, arcs: Tracing, shaped: Program, first: FloatArray
     ) -> Program:
-        """The shaped program in the start that is faster, or arcs if these are faster still.
+        """Shaped program at the faster start, or the program with arcs if that is faster still.
 
-        Shapes are compared near one start. An arm with more joints than the task needs is a little
-        slower there than where it may choose its start, as it does along arcs.
-
-        Args:
-            program: The program.
-            arcs: Its contours with arcs, and their joint paths.
-            shaped: The shaped program.
-            first: Joint positions at the start of the program in which it was shaped [rad], (dof,).
+        Shapes are compared close to the start `first` [rad], (dof,). A redundant arm is slightly
+        slower there than at a free start, which it has along arcs.
         """
         seed = tuple(first.tolist())
         plans: list[tuple[Program, tuple[float, ...] | None, Trajectory]] = []
@@ -172,7 +161,7 @@ class Shaping:
             with suppress(ArmContourError):
                 plans.append((shaped, start, self._time(self._follow(shaped, start))))
         if not plans:
-            # Planning says why.
+            # Planning raises the error.
             return shaped
         fastest, joints, planned = min(plans, key=lambda x: x[2].duration)
         moves = list(fastest.moves)
@@ -185,7 +174,7 @@ class Shaping:
             starts = {name: x for name, x in durations.items() if name != SHAPED}
             outcome = dataclasses.replace(
                 outcome,
-                # Of equal starts the plainest one, whatever rounding makes of their durations.
+                # Among starts with equal rounded durations the simplest one.
                 start=min(starts, key=lambda name: round(starts[name], 9)),
                 durations=durations,
                 note=outcome.note or (None if fastest is shaped else ARCS_ARE_FASTER),
@@ -197,22 +186,20 @@ class Shaping:
         return dataclasses.replace(fastest, moves=tuple(moves))
 
     def _time(self, traced: Tracing) -> Trajectory:
-        """The plan of a traced program."""
         limits = with_reserve(self.limits, self.options.reserve)
         timing = Timing(self.arm, limits, Optimal(intervals=self.options.intervals))
         return time_program(traced, timing)
 
     def _follow(self, program: Program, seed: npt.ArrayLike | None) -> Tracing:
-        """The joint paths of a program."""
         configuration = self.options.configuration
         return trace_program(program, self.arm, self.limits, configuration=configuration, seed=seed)
 
     def _trace(self, program: Program) -> tuple[Tracing | None, Tracing]:
-        """Trace the program with arcs at its corners, and where that is faster with sharp corners.
+        """Trace the program with arcs at its corners, and with sharp corners if that is faster.
 
         Returns:
             The program with arcs and its joint paths, None if the arm cannot follow it; and the
-            tracing whose configurations of the arm all starts and shapes then have.
+            tracing whose configurations are used for all starts and shapes.
         """
         seed = self.options.seed
         try:
@@ -237,7 +224,7 @@ class Shaping:
         return arcs, min(arcs, sharp, key=least_duration)
 
     def _with_arcs(self, program: Program) -> Program:
-        """The program with arcs at its corners, or with stops where no arcs are within the tube."""
+        """The program with arcs at its corners, or with stops if arcs leave the tube."""
         moves = list(program.moves)
         for i, move in enumerate(moves):
             if isinstance(move, Contour):
@@ -251,9 +238,9 @@ class Shaping:
         return dataclasses.replace(program, moves=tuple(moves))
 
     def _timer(self, joint_path: JointPath, seed: FloatArray | None = None) -> Timer:
-        """What times paths in the configuration of a joint path, from a given start if it is that.
+        """Timer in the configuration of a joint path, with the seed if that is its start.
 
-        The knots of an arm with more joints than the task needs depend on rounding of the start.
+        The knots of a redundant arm depend on the rounding of the start.
         """
         start, intervals = ends_of(joint_path)[0], self.options.intervals
         limits = with_reserve(self.limits, self.options.reserve)
@@ -265,9 +252,9 @@ class Shaping:
 
 
 def _cap(path: Path, tolerance: float) -> Path:
-    """A path with tolerances of at most half of its stretches between two sharp corners.
+    """Limit the tolerances of a path to half of its stretches between two sharp corners.
 
-    A line that is drawn twice, a micrometre apart, leaves a stretch that bears no more.
+    A line that is drawn twice, a micrometre apart, leaves a stretch that allows no more.
     """
     sharp = np.flatnonzero(path.turns > SHARP) + 1
     ends = np.concatenate([[0], sharp, [len(path)]])
@@ -281,25 +268,18 @@ def _cap(path: Path, tolerance: float) -> Path:
 
 
 def _path_of(move: Move) -> ShapedPath:
-    """The path of a shaped contour."""
     assert isinstance(move, Contour) and isinstance(move.path, ShapedPath)
     return move.path
 
 
 def _named(contour: Contour, number: int, enabled: bool) -> AbstractContextManager[None]:
-    """A context in which error messages start with the name of a contour, if wanted."""
+    """Context that prefixes error messages with the name of a contour, if enabled."""
     return error_context(contour_called(contour, number)) if enabled else nullcontext()
 
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """A contour to be shaped, as other processes get it.
-
-    Args:
-        objective: The objective path.
-        timer: Times its shapes.
-        options: Options of the shaped path.
-    """
+    """A contour to be shaped, as sent to other processes."""
 
     objective: Path
     timer: Timer
@@ -307,9 +287,9 @@ class _Task:
 
 
 def _shape_all(tasks: list[_Task], progress: Progress | None) -> Callable[[int], ShapedPath]:
-    """What gives the shaped path of each contour, in order; many are shaped in other processes.
+    """Function that returns the shaped path of a contour; other processes shape many contours.
 
-    Raises where the path is asked for.
+    It raises the error of the contour.
     """
     count = len(tasks)
 
@@ -334,7 +314,6 @@ def _shape_all(tasks: list[_Task], progress: Progress | None) -> Callable[[int],
 
 
 def _shape_or_error(task: _Task) -> ShapedPath | ArmContourError:
-    """The shaped path of one contour, or why there is none."""
     try:
         return _shape(task, lambda share: None)
     except ArmContourError as error:
@@ -342,12 +321,12 @@ def _shape_or_error(task: _Task) -> ShapedPath | ArmContourError:
 
 
 def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
-    """The shaped path of one contour; `report` is called with the share that is done."""
+    """Shaped path of one contour; `report` is called with the share done."""
     objective, timer, options = task.objective, task.timer, task.options
     tube = tube_of(objective, options)
     candidates = _time_starts(objective, tube, timer, options)
     if not candidates:
-        # Raises what is wrong with the objective.
+        # Raises the error of the objective.
         timer.time(timer.trace(objective))
     durations = {x.name: x.duration for x in candidates}
     first = min(candidates, key=lambda x: x.duration)
@@ -368,7 +347,7 @@ def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
             report((len(history) - 1) / options.iterations)
         work -= (len(history) - before) * search.size
         unfinished |= len(history) - before == allowed < remaining
-        # Another start mostly leads to the same shape.
+        # Another start usually leads to the same shape.
         if best.duration < (1 - ENOUGH) * first.duration:
             break
     durations[SHAPED] = best.duration
@@ -384,7 +363,6 @@ def _shape(task: _Task, report: Callable[[float], None]) -> ShapedPath:
 
 
 def _time_starts(objective: Path, tube: Tube, timer: Timer, options: Shaped) -> list[Candidate]:
-    """The starts with their timings, without those that the arm cannot follow."""
     candidates = [
         timer.candidate(name, path, places)
         for name, (path, places) in make_starts(objective, tube, options).items()
@@ -395,7 +373,6 @@ def _time_starts(objective: Path, tube: Tube, timer: Timer, options: Shaped) -> 
 def _shaped_path(
     objective: Path, path: Path, matches: FloatArray, options: Shaped, outcome: ShapingOutcome
 ) -> ShapedPath:
-    """A path that has these places on its objective as a shaped path."""
     return ShapedPath(
         segments=path.segments,
         merged=path.merged,

@@ -3,7 +3,7 @@
 The joint path is a quadratic B-spline in time with control points q_i and span times h_i. The joint
 velocity at the knot between spans i and i + 1 is `e_i = 2 (q_{i+1} - q_i) / (h_i + h_{i+1})`, and
 the joint acceleration in span i is `(e_i - e_{i-1}) / h_i`. A limit of span i is a function of
-e_{i-1}, e_i and h_i that must not be above zero; its row holds the derivatives of that function.
+e_{i-1}, e_i and h_i that must be at most zero; its row has the derivatives of that function.
 """
 
 from __future__ import annotations
@@ -17,23 +17,24 @@ from armcontour.core.frames import perpendicular
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
 
-# Directions in which a disc in space is bounded by planes.
+# Number of planes that bound a disc in space.
 DIRECTIONS = 8
-# Speeds that are this share of their limits below them are left out: one step cannot reach them.
+# Relative distance below the limit from which speeds are ignored, because one step cannot reach the
+# limit.
 FAR = -0.6
-# A span time may shrink to this share of itself in one step.
+# Largest relative decrease of a span time in one step.
 LEAST_SPAN = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointSpline:
-    """A quadratic B-spline in time with n control points, from rest to rest.
+    """Quadratic B-spline in time with n control points, from rest to rest.
 
     Args:
         q: Control points [rad], (n, dof).
         h: Span times [s], (n,).
-        rest: Whether the joints rest at the knots before, between and after the spans, (n + 1,).
-            Both control points beside a rest between spans lie where the joints rest.
+        rest: True if the joints rest at a knot before, between or after the spans, (n + 1,).
+            Both control points next to a rest between spans are at the rest.
     """
 
     q: FloatArray
@@ -65,11 +66,11 @@ class SpanRows:
     """Rows of all spans, as functions of the velocities at both ends and of the span time.
 
     Args:
-        value: Values of the functions, not above zero where a limit is kept, (n, m).
+        value: Values of the functions, at most zero if a limit is satisfied, (n, m).
         before: Derivatives by the velocity at the start, (n, m, dof).
         after: Derivatives by the velocity at the end, (n, m, dof).
         time: Derivatives by the span time, (n, m).
-        scale: What the values are divided by: the limits, (n, m).
+        scale: Divisors of the values: the limits, (n, m).
     """
 
     value: FloatArray
@@ -80,16 +81,17 @@ class SpanRows:
 
 
 def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray) -> SpanRows:
-    """All rows of the limits, but for those on the tool's turning and of the joint ranges.
+    """Rows of all limits, except angular limits of the tool and joint ranges.
 
-    Turning depends on the orientation, which belongs to the place and not to the offsets: the exact
-    timing keeps its limits. Shapes that leave a joint range cannot be traced.
+    Rotation depends on the orientation, which is a function of the objective and not of the
+    offsets; the exact timing satisfies its limits. Shapes that leave a joint range cannot be
+    traced.
 
     Args:
         spline: The motion.
         arm: The arm.
         limits: The limits, one value per joint.
-        speeds: Assigned velocity at the end of every span [m/s], infinite without one, (n,).
+        speeds: Assigned velocity at the end of every span [m/s], infinite if none, (n,).
     """
     e, knots, h = spline.velocities, spline.knots, spline.h
     a = np.diff(e, axis=0) / h[:, None]
@@ -129,14 +131,14 @@ def span_rows(spline: JointSpline, arm: Arm, limits: Limits, speeds: FloatArray)
 
 
 def _acceleration(both: FloatArray, e: FloatArray, h: FloatArray, limit: FloatArray) -> SpanRows:
-    """`±(e_i - e_{i-1}) <= most h_i`; the bounds of positive accelerations come first."""
+    """`±(e_i - e_{i-1}) <= limit h_i`; the bounds of positive accelerations come first."""
     bound = np.broadcast_to(limit, both.shape[:2])
     value = np.einsum("nrj,nj->nr", both, np.diff(e, axis=0)) - bound * h[:, None]
     return SpanRows(value, -both, both, -bound, bound * h[:, None])
 
 
 def _velocity(both: FloatArray, e: FloatArray, limit: FloatArray) -> SpanRows:
-    """`±e_i <= most`."""
+    """`±e_i <= limit`."""
     bound = np.broadcast_to(limit, both.shape[:2])
     value = np.einsum("nrj,nj->nr", both, e[1:]) - bound
     after = np.where((value > FAR * bound)[..., None], both, 0.0)
@@ -148,7 +150,7 @@ def _tool_speed(end: States, speeds: FloatArray) -> SpanRows:
     velocity = end.tool_velocity
     speed = np.linalg.norm(velocity, axis=1)
     direction = velocity / np.where(speed > 0, speed, 1.0)[:, None]
-    # Without a limit, any bound that does not bind.
+    # Without a limit, a bound that is never active.
     bound = np.where(np.isfinite(speeds), speeds, 10 * speed + 1)
     near = np.where(speed - bound > FAR * bound, 1.0, 0.0)[:, None] * direction
     after = np.einsum("ni,nij->nj", near, end.arm.tool_jacobian(end.q))[:, None]
@@ -159,7 +161,7 @@ def _tool_speed(end: States, speeds: FloatArray) -> SpanRows:
 def _tool_acceleration(
     end: States, h: FloatArray, limit: float, last: bool, *, across: bool
 ) -> SpanRows:
-    """The acceleration of the tool in several directions, or its part across the motion.
+    """Acceleration of the tool in several directions, or its part normal to the motion.
 
     In direction d it is `d (J a + H(e, e))`, with H(e, e) = dJ/dt e; times h_i.
     """
@@ -174,7 +176,7 @@ def _tool_acceleration(
     d = _directions(tangent, acceleration, across=across)
     value = (np.einsum("nri,ni->nr", d, acceleration) - limit) * h[:, None]
     by_joints = np.einsum("nri,nij->nrj", d, jacobian)
-    # H is quadratic in e. Directions across the motion turn with the velocity.
+    # H is quadratic in e. Directions normal to the motion rotate with the velocity.
     by_end = 2 * np.einsum("nri,nij->nrj", d, rate)
     if across:
         turn = np.where(moving, along / np.where(moving, speed, 1.0), 0.0)
@@ -183,7 +185,7 @@ def _tool_acceleration(
     before, after = _by_both_ends(by_joints, by_end, last)
     time = np.einsum("nri,nij,nj->nr", d, rate, e) - limit
     if across:
-        # At rest nothing is across the motion.
+        # At rest there is no component normal to the motion.
         for array in (before, after, time, value):
             array[~moving] = 0.0
     return SpanRows(value, before, after, time, np.full_like(value, limit) * h[:, None])
@@ -192,7 +194,7 @@ def _tool_acceleration(
 def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) -> FloatArray:
     """Unit vectors in which the acceleration is bounded, (n, m, dimension).
 
-    The first lies along the acceleration, or along its part across the motion.
+    The first is parallel to the acceleration, or to its part normal to the motion.
     """
     n, dimension = tangent.shape
     if dimension == 2:
@@ -227,10 +229,10 @@ def _directions(tangent: FloatArray, acceleration: FloatArray, *, across: bool) 
 def _torque(
     end: States, both: FloatArray, h: FloatArray, limit: FloatArray, last: bool
 ) -> SpanRows:
-    """`±(M (e_i - e_{i-1}) + h_i (c + g + f)) <= most h_i`, at one end of every span.
+    """`±(M (e_i - e_{i-1}) + h_i (c + g + f)) <= limit h_i`, at one end of every span.
 
     Coriolis torques c grow with the square of the velocity; mass matrix M, gravity g and friction f
-    count as constant.
+    are treated as constant.
     """
     dynamics = end.arm.dynamics
     zero = np.zeros_like(end.dq)
@@ -254,7 +256,7 @@ def _torque(
 def _by_both_ends(
     by_change: FloatArray, by_end: FloatArray, last: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Derivatives by the velocities at both ends: by their change, and by the one at one end."""
+    """Derivatives by the velocities at both ends, from those by their change and by one end."""
     return (-by_change, by_change + by_end) if last else (by_end - by_change, by_change)
 
 
@@ -269,7 +271,7 @@ def assemble(
         spline: The motion.
         rows: Rows of the limits.
         steps: Change of each control point by its offsets [rad/m], (n, dof, k).
-        unit: Scale of the offsets of each node, 0 where they are fixed [m], (n,).
+        unit: Scale of the offsets of each node, 0 if fixed [m], (n,).
 
     Returns:
         Coefficients, (n, m, 3 (k + 1)), and bounds, (n, m).
@@ -283,7 +285,8 @@ def assemble(
     width = k + 1
     coefficients = np.zeros((n, rows.value.shape[1], 3 * width))
     for derivatives, first in ((rows.before, 0), (rows.after, 1)):
-        # The velocity at this end depends on the nodes `first - 1` and `first` from this one.
+        # The velocity at this end depends on the nodes `first - 1` and `first`, relative to this
+        # one.
         pace, ends = rate[first : n + first], e[first : n + first]
         for node, sign in ((first - 1, -1.0), (first, 1.0)):
             column = (node + 1) * width

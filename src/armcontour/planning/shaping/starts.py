@@ -1,4 +1,4 @@
-"""The paths of known shape that a shaped path starts from, and that it is never slower than."""
+"""Paths of known shape from which a shaped path starts; the shaped path is never slower."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from armcontour.planning.options import Optimal, Shaped
 from armcontour.planning.program_tracing import trace_fastest
 from armcontour.robot import Arm, Limits
 
-# Places are found at the ends of segments, and so often along arcs [rad].
+# Angle between matched points along arcs [rad].
 TURN = 0.05
-# A point may lie this share of the tolerance beside its place, along the objective.
+# Allowed distance of a point from its matching point along the objective, over the tolerance.
 BESIDE = 0.05
 
 
 def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float) -> FloatArray:
-    """Places at which points of a path are nearest to the objective, in order, (m, 2).
+    """Matching arc lengths of the points of a path and the nearest points of the objective, (m, 2).
 
-    The point of the path that is nearest to a corner passes it: points before it belong to the
-    stretch before the corner, points after it to the stretch after the corner.
+    The point of the path nearest to a corner passes it: points before it match the stretch before
+    the corner, points after it the stretch after the corner.
 
     Args:
         tube: The tube around the objective.
         path: The path.
-        matches: Arc lengths on the objective and on the path that nearly belong together [m],
+        matches: Approximately matching arc lengths on the objective and on the path [m],
             increasing, (n, 2).
-        reach: How far the nearest point may be from the given place along the objective [m], one
-            number or one per given place, (n,).
+        reach: Largest distance of the nearest point from the given one along the objective [m], one
+            number or one per row, (n,).
     """
     reaches = np.broadcast_to(np.asarray(reach, dtype=np.float64), len(matches))
     _, passed = tube.nearest_to_corners(path, matches, reaches)
@@ -44,7 +44,7 @@ def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float
     count = np.maximum(np.ceil(path.curvatures * path.lengths / TURN).astype(np.intp), 1)
     segment, number = number_parts(count)
     even = path.breaks[segment] + path.lengths[segment] * number / count[segment]
-    # The points that pass a corner are on both sides of it.
+    # The points that pass a corner belong to both stretches.
     s = np.concatenate([even, [path.length], passed, passed])
     corner = np.arange(len(passed))
     stretch = np.searchsorted(passed, s[: len(even) + 1])
@@ -61,25 +61,18 @@ def match(tube: Tube, path: Path, matches: FloatArray, reach: FloatArray | float
 
 
 def prove(tube: Tube, path: Path, matches: FloatArray) -> Proof:
-    """Proof that every point of a path is within the tolerance of its place.
-
-    Args:
-        tube: The tube around the objective.
-        path: The path.
-        matches: Its places, as from `match`, (m, 2).
-    """
+    """Prove that every point of a path is within the tolerance of its matching point."""
     last = len(tube) - 1
     piece = np.clip(np.searchsorted(tube.breaks, matches[:, 0], side="right") - 1, 0, last)
     return tube.prove(path, matches, BESIDE * tube.tolerance[piece])
 
 
-# Corners that leave their zones are rounded less, by so many halvings; where neighbours still make
-# them leave, to this share.
+# Bisections for corners that leave their zones, and factor if neighbours still make them leave.
 HALVINGS, LESS = 14, 0.9
-# The tool stops at corners that cannot be rounded by so much, or with so large a radius [m]: no arm
-# resolves so small arcs, and rounding errors would exceed limits.
+# The tool stops at corners with smaller tolerances or radii [m]: no arm resolves such arcs, and
+# rounding errors would exceed limits.
 FINEST, SHARPEST = 1e-8, 1e-10
-# A point of a start belongs to the objective this many tolerances to either side of its place.
+# Distance of a point of a start from its matching point along the objective, in tolerances.
 REACH = 6.0
 
 
@@ -90,7 +83,7 @@ class Candidate:
     Args:
         name: Name of its shape.
         path: The path.
-        places: Arc lengths on the objective and on the path that belong together [m], (n, 2).
+        places: Matching arc lengths on the objective and on the path [m], (n, 2).
         joint_path: The joint path along the path.
         trajectory: The fastest motion along the path.
     """
@@ -109,11 +102,11 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Timer:
-    """Times paths of one contour, all in the same configuration of the arm.
+    """Times paths of one contour in one configuration of the arm.
 
     Args:
         arm: The arm.
-        limits: The limits that the motion keeps, one value per joint.
+        limits: The limits of the motion, one value per joint.
         configuration: For an arm in the plane, the branch of its inverse kinematics.
         seed: For an arm in space, joint positions at the start [rad], (dof,).
         intervals: Approximate number of grid intervals of a plan; None for the default.
@@ -126,17 +119,17 @@ class Timer:
     intervals: int | None = None
 
     def trace(self, path: Path) -> JointPath:
-        """The joint path along a path."""
+        """Joint path along a path."""
         return trace_fastest(
             path, self.arm, self.limits, configuration=self.configuration, seed=self.seed
         )
 
     def time(self, joint_path: JointPath) -> Trajectory:
-        """The fastest motion along a joint path."""
+        """Fastest motion along a joint path."""
         return plan_optimal(joint_path, self.arm, self.limits, Optimal(intervals=self.intervals))
 
     def candidate(self, name: str, path: Path, matches: FloatArray) -> Candidate | None:
-        """A path with its fastest timing; None where the arm cannot follow the path."""
+        """A path with its fastest timing; None if the arm cannot follow it."""
         try:
             joint_path = self.trace(path)
             trajectory = self.time(joint_path)
@@ -148,7 +141,7 @@ class Timer:
 
 
 def tube_of(objective: Path, options: Shaped) -> Tube:
-    """The tube of the tolerance around an objective path."""
+    """Tube of the tolerance around an objective path."""
     return Tube.around(
         objective, options.tolerance, line_tolerance=options.line_tolerance, zone=options.zone
     )
@@ -157,13 +150,9 @@ def tube_of(objective: Path, options: Shaped) -> Tube:
 def make_starts(
     objective: Path, tube: Tube, options: Shaped, share: float = 1.0
 ) -> dict[str, tuple[Path, FloatArray]]:
-    """The starts by their names, each with its places on the objective, all within the tube.
+    """Starts by name, all within the tube, each with its matching arc lengths.
 
-    Args:
-        objective: The objective path.
-        tube: The tube of the tolerance.
-        options: Options of the shaped path.
-        share: Share of the tolerance that corners are rounded to.
+    `share` is the share of the tolerance that corners are rounded to.
     """
     matches = np.array([[0.0, 0.0], [objective.length, objective.length]])
     starts: dict[str, tuple[Path, FloatArray]] = {STOPS: (objective, matches)}
@@ -181,9 +170,9 @@ def _round_within(
     round_: Callable[..., RoundedPath],
     share: float,
 ) -> tuple[RoundedPath, FloatArray] | None:
-    """A rounded path within the tube, with its places; None if there is none but with stops.
+    """Rounded path within the tube, with its matching arc lengths; None if it needs stops.
 
-    A corner whose curve would leave its zone is rounded less.
+    Corners whose curves would leave their zones are rounded less.
     """
     requested = np.full(len(objective) - 1, share * options.tolerance)
     requested[tube.vertex - 1] = share * tube.vertex_tolerance
@@ -238,7 +227,7 @@ def _corners_outside(tube: Tube, path: RoundedPath, matches: FloatArray) -> IntA
 
 
 def _places(rounded: RoundedPath) -> FloatArray:
-    """Arc lengths on the objective and on its rounded path that belong together [m], (n, 2)."""
+    """Matching arc lengths on the objective and on its rounded path [m], (n, 2)."""
     c = rounded.corners
     s_corners = rounded.objective.breaks[c.vertex]
     s = np.unique(

@@ -1,9 +1,9 @@
-"""The compiled plan on a grid: first without margins, then with margins that the plan proves.
+"""Compiled plan on a grid: first without margins, then with margins that the plan proves.
 
-On each interval u is linear in s with a slope k that is chosen beforehand. With its mean m and half
-its change t = k w / 2, it is m - t and m + t at the ends, and x at the end is x + 2 w m. All limits
-of an interval are then lines and conics in the plane of x and m. docs/concepts/optimal.md has the
-mathematics.
+On each interval u is linear in s with a slope k that is chosen in advance. With the mean m of u and
+the half change t = k w / 2, u is m - t and m + t at the ends, and x at the end is x + 2 w m. All
+limits of an interval are therefore half-planes and conics in the plane of x and m.
+docs/concepts/optimal.md has the derivation.
 """
 
 from __future__ import annotations
@@ -56,42 +56,45 @@ from armcontour.planning.topp.limit_forms import (
 Vector = Any  # of LANES numbers
 
 FOUND, FINER, STUCK, START, END, UNLIMITED = range(6)
-INSIDE = 1 - 1e-14  # a step of Newton ends inside by this share, far more than rounding
-LARGEST_X = 1e100  # from which Newton starts without a ceiling
-FAR, ROUNDED = 1e-3, 1e-12  # a step to less than the share FAR of x has the error ROUNDED of it
-SLACK = 1e-9  # ends of a range of u that differ by this share differ by rounding
-PLAY = 1e-7  # share by which x at an end may miss what was asked for
-ROUNDING = 2e-15  # of x, in differences of x
-TINY = 1e-14  # share of its terms, each with rounding, below which a coefficient is zero
-NEAR = 0.01  # nearer to its bound than this share of its range, u is at the bound
-BELOW_CEILING = 1 - 1e-6  # where x is at its ceiling, nothing else binds
-LARGEST_TURN = 0.25  # a slope changes u by less than this share of its range
-NO_WAY = 4e-2  # the share that stands for margins that leave no plan: a finer grid may have one
-AROUND = 10  # intervals next to one that leaves no plan, that are made finer with it
-SHARE_AT_REST = 0.5  # a line above friction takes at most this share of what is left at rest
-NOTHING = 1e-150  # a coefficient below this is zero
-BLOCK = 1 << 13  # so many intervals are drawn at a time, which bounds the memory
+INSIDE = 1 - 1e-14  # share by which a Newton step ends inside, far more than rounding
+LARGEST_X = 1e100  # initial x of Newton's method without a ceiling
+FAR, ROUNDED = (
+    1e-3,
+    1e-12,
+)  # a Newton step to less than the share FAR of x has the error ROUNDED of x
+SLACK = 1e-9  # relative rounding error of the ends of a range of u
+PLAY = 1e-7  # relative error of x at an end
+ROUNDING = 2e-15  # relative rounding error of x, in differences of x
+TINY = 1e-14  # share of its terms below which a coefficient is zero
+NEAR = 0.01  # u is at its bound within this share of its range
+BELOW_CEILING = 1 - 1e-6  # factor of the ceiling from which no other limit is active
+LARGEST_TURN = 0.25  # largest change of u by a slope, as a share of its range
+NO_WAY = 4e-2  # margin of intervals without a plan: a finer grid may have one
+AROUND = 10  # number of refined neighbours of an interval without a plan
+SHARE_AT_REST = 0.5  # largest share of the limit at rest that a line above friction takes
+NOTHING = 1e-150  # coefficients below this are zero
+BLOCK = 1 << 13  # number of stored intervals, which limits the memory
 LEAST = 1e-300  # keeps divisions finite; its root is far below any path speed
 
 
 class Rules(NamedTuple):
-    """What a plan may do.
+    """Parameters of a plan.
 
     Args:
         start: ds² at the start; infinite for the largest.
         end: ds² at the end; infinite for the largest.
         max_margin: Largest share of a limit that margins may take.
-        steady: Where margins take more than this, slopes are left out first.
-        headroom: Bounds of x and u are those of the plan before times this.
-        close: The same of bounds around a proven plan.
-        window: U is the largest |u| of so many neighbours either way, as switches move.
-        floor: U is at least this share of the largest |u| of all, or of x over the width of the
-            interval if that is less: next to a place where dq_ds vanishes |u| has no bound.
-        tangents: Most plans without margins in which friction is linear near the plan before.
-        near: Error of x, as a share, below which such a plan is near enough.
-        tries: Most plans on a grid.
-        enough: With more intervals, what margins do not allow is refused.
-        gain: Bounds come closer while that gains more than this share of the duration.
+        steady: Slopes are dropped first where margins take more than this share.
+        headroom: Factor of the bounds of x and u over the previous plan.
+        close: The same factor around a proven plan.
+        window: U is the largest |u| of this many neighbours on each side, because switches move.
+        floor: Lower bound of U, as a share of the largest |u| on the path, or of x over the width
+            of the interval if that is less: |u| is unbounded where dq_ds vanishes.
+        tangents: Largest number of plans without margins in which friction is linearized.
+        near: Relative error of x below which such a plan is accepted.
+        tries: Largest number of plans on a grid.
+        enough: Number of intervals above which a limit that margins exclude is refused.
+        gain: Bounds are tightened while that saves more than this share of the duration.
     """
 
     start: float = 0.0
@@ -110,7 +113,7 @@ class Rules(NamedTuple):
 
 
 class MotionBounds(NamedTuple):
-    """For a plan with slopes k margins hold while |u| <= u and x_min <= x <= x, (n,) each."""
+    """Bounds |u| <= u and x_min <= x <= x of plans with valid margins, and slopes k, (n,) each."""
 
     x: FloatArray
     x_min: FloatArray
@@ -119,14 +122,14 @@ class MotionBounds(NamedTuple):
 
 
 class GridPlan(NamedTuple):
-    """A plan, or why there is none.
+    """A plan, or the reason why none exists.
 
     Args:
         x: ds² at the ends of the intervals, (n + 1,).
         k: Slopes of dds over s, (n,).
         lost: Share of limits that margins take, (n,).
         outcome: FOUND, or FINER, STUCK, START, END, UNLIMITED.
-        interval: Where there is none: an interval.
+        interval: Interval of the failure.
         allowed: With START and END: the largest ds² there.
     """
 
@@ -139,18 +142,18 @@ class GridPlan(NamedTuple):
 
 
 class LimitLines(NamedTuple):
-    """The limits of one try, in the plane of x at the start and the mean u of each interval.
+    """Limits of one try, in the plane of x at the start and the mean u of each interval.
 
     Args:
-        table: `bottom <= m + tilt x <= top`: tilts, bottoms and tops of the drawn intervals, flat.
+        table: `bottom <= m + tilt x <= top`: tilts, bottoms and tops of the stored intervals, flat.
             Each has LANES for the starts and LANES for the ends of every LANES joints or rows.
         width: Number of lines of an interval.
-        drawn: The intervals that are drawn, (BLOCK,) or for fewer all.
-        conics: `|m + p x + q|² <= d0 + 2 d1 x - d2 x²`: p, q, d0, d1 and d2 of the drawn intervals,
-            (len(drawn), conics, 5).
+        drawn: The intervals that are stored, (BLOCK,), or all if they are fewer.
+        conics: `|m + p x + q|² <= d0 + 2 d1 x - d2 x²`: p, q, d0, d1 and d2 of the stored
+            intervals, (len(drawn), conics, 5).
         cap: Largest x at the start and at the end, (n, 2).
         lost: Share of limits that margins take, (n,).
-        scratch: Takes rows, side by side.
+        scratch: Buffer for rows.
     """
 
     table: FloatArray
@@ -175,15 +178,10 @@ def _half_plane(
     motion: tuple[float, float],
     row: tuple[Vector, Vector, Vector, Vector],
 ) -> None:
-    """Draw `low <= a u + b x <= high` of LANES rows at one end of an interval.
+    """Write `low <= a u + b x <= high` of LANES rows at one end of an interval.
 
-    Where no m is left it is a ceiling of x, since rest is allowed.
-
-    Args:
-        lines: Output.
-        location: The interval, the end, and the first line.
-        motion: Length of the interval, and half of the change of u.
-        row: a, b, low and high.
+    `location` is the interval, the end and the first line; `motion` is the length of the interval
+    and half of the change of u. Rows without m are a ceiling of x, because rest is allowed.
     """
     (i, end, line), (w, turn), (a, b, low, high) = location, motion, row
     shift = turn - 2 * turn * end
@@ -217,12 +215,12 @@ def _half_planes(
     room: Vector,
     margins: bool,
 ) -> None:
-    """Draw LANES rows at both ends of interval i, less margins, and count what these take."""
+    """Write LANES rows at both ends of interval i less margins, and record the margins' shares."""
     (a0, b0, low0, high0), (a1, b1, low1, high1) = rows
     if margins:
         remaining = lower(lower(high0, 0.0 - low0), lower(high1, 0.0 - low1))
         used = room + abs(motion[1]) * higher(size(a0), size(a1))
-        # All is lost where rest may not be allowed.
+        # The share is 1 if rest may violate a limit.
         share = choose(0.0, room, choose(remaining, used, 1.0, room / remaining), 0.0)
         lines.lost[i] = max(lines.lost[i], highest(share))
     _half_plane(lines, (i, 0, line), motion, (a0, b0, low0 + room, high0 - room))
@@ -230,7 +228,7 @@ def _half_planes(
 
 
 class Bracket(NamedTuple):
-    """A range of x on an interval: the smallest x, and the roots of the smallest and largest."""
+    """Range of x on an interval: the smallest x, and the roots of the smallest and largest."""
 
     smallest: float
     low: float
@@ -239,7 +237,7 @@ class Bracket(NamedTuple):
 
 @compiled(inner=True)
 def bracket(smallest: float, largest: float) -> Bracket:
-    """The bracket from one x to another."""
+    """Bracket from one x to another."""
     return Bracket(smallest, math.sqrt(smallest), math.sqrt(max(largest, LEAST)))
 
 
@@ -247,20 +245,20 @@ def bracket(smallest: float, largest: float) -> Bracket:
 def friction_row(
     friction: Friction, i: int, j: int, towards: float, room: float, within: Bracket
 ) -> tuple[float, float, float]:
-    """What takes the place of friction in the row of one limit of joint j on interval i.
+    """Linear bound of friction in the row of one limit of joint j on interval i.
 
-    Where the joint may turn round, it is the largest friction on the interval. Else it is the
-    friction at each end times a line in x in place of the root of x. The line below the root is the
-    chord. The line above is the tangent that is as far above the root at both ends of the bracket;
-    of a smaller x if its offset takes too much of what is left at rest; or the line of that offset
-    that meets the root at the smallest x.
+    If the joint may reverse, the bound is the largest friction on the interval. Otherwise it is the
+    friction at each end times a line in x that bounds the root of x. The lower line is the chord.
+    The upper line is the tangent with equal excess at both ends of the bracket; a tangent at a
+    smaller x if its offset exceeds the allowed share of the limit at rest; or the line of that
+    offset through the root at the smallest x.
 
     Args:
         friction: The friction.
         i: The interval.
         j: The joint.
         towards: 1 for the upper limit, -1 for the lower one.
-        room: What is left of the limit at rest.
+        room: Remaining limit at rest.
         within: The range of x.
 
     Returns:
@@ -285,17 +283,10 @@ def friction_row(
 def friction_rise(
     friction: Friction, i: int, j: int, offset: float, slope: float, w: float
 ) -> tuple[float, float, float, float]:
-    """What a line in place of the root of x adds to the rise of a row: by U, X, slope, and alone.
+    """Rise of a row by the line of `friction_row`: by U, X, slope, and a constant.
 
-    Its product with x bends as those of b do; friction itself is off its chord.
-
-    Args:
-        friction: The friction.
-        i: The interval.
-        j: The joint.
-        offset: Of the line of `friction_row`.
-        slope: Of the line.
-        w: Length of the interval.
+    The product of the line with x curves as those of b do; the friction deviates from its chord.
+    `w` is the length of the interval.
     """
     v0, v1, deviation = (
         friction.viscous[i, 0, j],
@@ -308,7 +299,6 @@ def friction_rise(
 
 @compiled(inner=True)
 def _products(ends: FloatArray, i: int, end: int, r: int) -> tuple[float, float, float]:
-    """The products a a, a b and b b of the vectors at one end of an interval."""
     aa = ab = bb = 0.0
     for d in range(3):
         a, b = ends[i, end, r, A, d], ends[i, end, r, B, d]
@@ -326,12 +316,12 @@ def _conic(
     motion: tuple[float, float],
     end: int,
 ) -> None:
-    """Draw `|a u + b x|² <= square` at one end of an interval."""
+    """Write `|a u + b x|² <= square` at one end of an interval."""
     w, turn = motion
     out = lines.conics[i & (len(lines.drawn) - 1), 2 * r + end]
     for d in range(5):
         out[d] = 0.0
-    # The vector that multiplies m is a at the start, and a + 2 w b at the end.
+    # The factor of m is a at the start, and a + 2 w b at the end.
     step = 2 * w * end
     a0, a1, a2 = ends[i, end, r, A, 0], ends[i, end, r, A, 1], ends[i, end, r, A, 2]
     b0, b1, b2 = ends[i, end, r, B, 0], ends[i, end, r, B, 1], ends[i, end, r, B, 2]
@@ -339,13 +329,13 @@ def _conic(
     ee, eb = e0 * e0 + e1 * e1 + e2 * e2, e0 * b0 + e1 * b1 + e2 * b2
     aa, bb = a0 * a0 + a1 * a1 + a2 * a2, b0 * b0 + b1 * b1 + b2 * b2
     if ee <= TINY**2 * (aa + 4 * w * w * bb):
-        # x alone, at the start.
+        # A ceiling of x at the start.
         out[2] = math.inf
         if bb > 0.0:
             largest = math.sqrt(square / bb) - 2 * w * abs(turn)
             lines.cap[i, 0] = min(lines.cap[i, 0], max(largest, 0.0))
         return
-    # As a x b, with the same rounding as the vector.
+    # The cross product a x b, with the rounding of the vector.
     c0, c1, c2 = e1 * b2 - e2 * b1, e2 * b0 - e0 * b2, e0 * b1 - e1 * b0
     spread = (c0 * c0 + c1 * c1 + c2 * c2) / (ee * ee)
     out[0], out[4] = eb / ee, spread
@@ -355,7 +345,7 @@ def _conic(
         out[1] = turn * (1 - step * out[0])
         out[2] = square / ee - spread * (step * turn) ** 2
         out[3] = step * spread * turn
-    # Beyond this x there is no m.
+    # Largest x for which some m exists.
     if spread > 0.0:
         root = math.sqrt(max(out[3] * out[3] + spread * out[2], 0.0))
         lines.cap[i, 0] = min(lines.cap[i, 0], max((out[3] + root) / spread * INSIDE, 0.0))
@@ -367,15 +357,8 @@ def _linear_row(
 ) -> tuple[float, ...]:
     """Row r of interval i: a, b, low and high at its start and at its end, and the rise.
 
-    Lines for friction come first: those of upper limits, then those of lower ones.
-
-    Args:
-        limits: The limits.
-        i: The interval.
-        r: The row.
-        w: Length of the interval.
-        within: The range of x.
-        margins: Whether friction counts where a joint may turn round.
+    Rows with friction come first: upper limits, then lower limits. `margins` adds the friction of
+    joints that may reverse.
     """
     ends, rise, friction = limits.rows.ends, limits.rows.rise, limits.friction
     rubbing = friction.within.shape[1]
@@ -420,13 +403,13 @@ def _linear_row(
 def rows_with_friction(
     width: FloatArray, limits: GridLimits, bounds: MotionBounds, margins: bool
 ) -> LinearRows:
-    """The rows with lines for friction: upper limits, then lower ones, then those without friction.
+    """Rows with lines for friction: upper limits, then lower limits, then rows without friction.
 
     Args:
         width: Lengths of the intervals, (n,).
         limits: The limits.
-        bounds: The bounds, of which the range of x counts.
-        margins: Whether friction counts where a joint may turn round.
+        bounds: The bounds, which give the range of x.
+        margins: Whether to add the friction of joints that may reverse.
     """
     n, count = len(width), limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
@@ -442,7 +425,7 @@ def rows_with_friction(
 
 @compiled(inner=True)
 def _count_margin(lines: LimitLines, i: int, room: float, turn: float, remaining: float) -> None:
-    """Count the share `room` of what a limit leaves at rest; all where rest may not be allowed."""
+    """Record the share of a limit at rest that `room` takes; 1 if rest may violate the limit."""
     if room + turn > remaining:
         lines.lost[i] = max(lines.lost[i], 1.0)
     elif room > lines.lost[i] * remaining:
@@ -463,13 +446,13 @@ def _ceilings(
             room -= _margin(squares.rise, i, r, bounds)
         if largest == 0.0 or room >= largest * max(cap0, cap1):
             continue
-        # Both ends with the margin, or both slow enough for the largest b of the interval.
+        # Either both ends have the margin, or both satisfy the largest b of the interval.
         tight = 1.0 / largest
         at0, at1 = (room / b0, room / b1) if room > 0.0 else (0.0, 0.0)
         if margins and at0 + at1 < 2 * tight:
             at0 = at1 = tight
         cap0, cap1 = min(cap0, at0), min(cap1, at1)
-    # Where u falls, x lies above its chord.
+    # If u decreases, x exceeds its chord.
     sag = max(-bounds.k[i], 0.0) * w * w / 4
     lines.cap[i, 0], lines.cap[i, 1] = cap0 - sag, cap1 - sag
     lines.lost[i] = 0.0
@@ -479,7 +462,7 @@ def _ceilings(
 
 @compiled(inner=True)
 def _coefficients(grid: Intervals, i: int, joint: int, power: int) -> Vector:
-    """The coefficients of a power of LANES joints, from one on, on the piece of an interval."""
+    """Coefficients of a power of LANES joints on the piece of an interval."""
     k = grid.piece[i]
     k_last = k - (len(grid.breaks) - 1 - KEPT)
     if k_last >= 0:
@@ -489,7 +472,7 @@ def _coefficients(grid: Intervals, i: int, joint: int, power: int) -> Vector:
 
 @compiled(inner=True, fastmath=FUSED)
 def path_slopes(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, Vector]:
-    """dq_ds and d2q_ds2 of LANES joints, from one on, at an end of an interval."""
+    """dq_ds and d2q_ds2 of LANES joints at an end of an interval."""
     k = grid.piece[i]
     scale = 1.0 / (grid.breaks[k + 1] - grid.breaks[k])
     x = (grid.s[i + end] - grid.breaks[k]) * scale
@@ -503,7 +486,7 @@ def path_slopes(grid: Intervals, i: int, joint: int, end: int) -> tuple[Vector, 
 
 @compiled(inner=True, fastmath=FUSED)
 def _derivative_bounds(grid: Intervals, i: int, joint: int) -> tuple[Vector, Vector]:
-    """Bounds of |d3q_ds3| and |d4q_ds4| on an interval, by Taylor about its middle."""
+    """Bounds of |d3q_ds3| and |d4q_ds4| on an interval, by Taylor expansion about its middle."""
     k = grid.piece[i]
     scale, begin = 1.0 / (grid.breaks[k + 1] - grid.breaks[k]), grid.breaks[k]
     middle = ((grid.s[i] + grid.s[i + 1]) / 2 - begin) * scale
@@ -518,7 +501,7 @@ def _derivative_bounds(grid: Intervals, i: int, joint: int) -> tuple[Vector, Vec
 
 @compiled(inner=True)
 def next_joint(grid: Intervals, joint: int) -> int:
-    """The first joint of the group of bounds that follows one that begins with a joint."""
+    """First joint of the next group of joint bounds."""
     return joint + LANES if joint + LANES < grid.dof else 0
 
 
@@ -532,7 +515,7 @@ def _joint_half_planes(
     location: tuple[int, int],
     margins: bool,
 ) -> None:
-    """Draw a group of bounds on interval i; `location` has the group and its first joint.
+    """Write a group of joint bounds on interval i; `location` is the group and its first joint.
 
     With the derivatives q1 to q4, g = q1 u + q2 x has g'' = 5 q3 u + q4 x + 4 q2 k, and h = q1² x
     has h'' = 8 q1 q2 u + 2 (q2² + q1 q3) x + 2 q1² k.
@@ -545,7 +528,7 @@ def _joint_half_planes(
     share = w * w / 8
     certain = share * q3
     q1 = higher(size(a0), size(a1)) + certain
-    # Where a joint may turn round, it keeps both bounds.
+    # A joint that may reverse must satisfy both bounds.
     back, forth = load(table, offset + BACK), load(table, offset + FORTH)
     by = choose(higher(a0, a1), 0.0 - certain, back, higher(forth, back))
     by = choose(certain, lower(a0, a1), forth, by)
@@ -555,19 +538,19 @@ def _joint_half_planes(
         q2 = higher(size(b0), size(b1)) + w * q3
         room = (share * 5 * u) * q3 + (share * x) * q4 + (share * 4 * k) * q2
         room = room + (ROUNDING / w * x) * q1
-        # What the rounding of s changes.
+        # Effect of the rounding of s.
         rounding = ROUNDING * max(abs(grid.s[i]), abs(grid.s[i + 1]))
         room = room + (rounding * u) * q2 + (rounding * x) * q3
         second = (8 * u) * (q1 * q2) + (2 * x) * (q2 * q2 + q1 * q3) + (2 * k) * (q1 * q1)
         remaining, largest, plain = 1.0 - share * by * second, q1 * q1 * by, higher(e0, e1)
-        # Both ends with the margin, or both slow enough for the largest h / x of the interval.
+        # Either both ends have the margin, or both satisfy the largest h / x of the interval.
         chord = choose(2.0 * e0 * e1, remaining * (e0 + e1) * largest, 1.0, 0.0)
         chord = choose(0.0, remaining, chord, 0.0)
         over = choose(0.0, chord, remaining, 1.0)
         e0, e1 = choose(0.0, chord, e0, largest) / over, choose(0.0, chord, e1, largest) / over
         gone = choose(0.0, plain, 1.0 - plain / higher(e0, e1), 0.0)
         lines.lost[i] = max(lines.lost[i], highest(gone))
-    # Where u falls, x lies above its chord.
+    # If u decreases, x exceeds its chord.
     sag = max(-slope, 0.0) * w * w / 4
     lines.cap[i, 0] = min(lines.cap[i, 0], 1.0 / highest(e0) - sag)
     lines.cap[i, 1] = min(lines.cap[i, 1], 1.0 / highest(e1) - sag)
@@ -587,7 +570,6 @@ def _row_half_planes(
     w: float,
     margins: bool,
 ) -> None:
-    """Draw LANES rows on interval i from one row on."""
     by, count = lines.scratch, limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     within = bracket(bounds.x_min[i], bounds.x[i])
     for lane in range(LANES):
@@ -617,7 +599,6 @@ def _interval_limits(
     margins: bool,
     lines: LimitLines,
 ) -> None:
-    """Draw the limits on interval i for a plan within bounds, with or without margins."""
     rounds, groups = limits.rounds, len(limits.joints) // ROWS
     count = limits.rows.rise.shape[1] + limits.friction.within.shape[1]
     w = grid.s[i + 1] - grid.s[i]
@@ -644,7 +625,6 @@ def _interval_limits(
 
 @compiled(inner=True, fastmath=FUSED)
 def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
-    """Range of the mean u for x."""
     table, count, slot = lines.table, lines.width, i & (len(lines.drawn) - 1)
     first = 3 * count * slot
     tilted = x * load(table, first)
@@ -665,7 +645,7 @@ def _mean_range(lines: LimitLines, i: int, x: float) -> tuple[float, float]:
 def _mean_range_slopes(
     lines: LimitLines, i: int, x: float
 ) -> tuple[float, float, float, float, int]:
-    """Range of the mean u for x, how fast its bottom and its top fall with x, the line below."""
+    """Range of the mean u for x, negative slopes of its ends over x, and line of its lower end."""
     table, count, slot = lines.table, lines.width, i & (len(lines.drawn) - 1)
     low, high, below, above = -math.inf, math.inf, -1, -1
     for k in range(3 * count * slot, 3 * count * slot + count):
@@ -690,9 +670,9 @@ def _mean_range_slopes(
 
 @compiled(inner=True)
 def _free_start(lines: LimitLines, w: float, ceiling: FloatArray) -> float:
-    """The ds² at a start at which joints rest at any: the fastest on the first interval.
+    """ds² at a start where the joints rest at any ds: the fastest on the first interval.
 
-    Next to nothing less than the largest may allow a far larger u, as dq_ds is rounded.
+    Slightly less than the largest ds² may allow a far larger u, because dq_ds is rounded.
     """
     best, fastest = ceiling[0], 0.0
     for k in range(60, -1, -1):
@@ -717,28 +697,19 @@ def _backward_forward_pass(
     reachable: FloatArray,
     x: FloatArray,
 ) -> int:
-    """Draw limits, and write the largest x that lead from start to end, backward and forward.
+    """Write the limits, and the largest x that lead from start to end, backward and forward.
 
-    Backward: the range of the mean u is concave in x and not empty for x = 0, so Newton's steps
-    come down from the cap to the largest x that has a range.
-
-    Args:
-        grid: The intervals.
-        limits: The limits.
-        bounds: The bounds.
-        state: Whether to draw each interval, (n,), and whether with margins.
-        lines: Take the limits.
-        rules: The rules.
-        cap: Takes the lower cap of both sides of every point, (n + 1,).
-        reachable: Takes the largest x from which the end is reached, (n + 1,).
-        x: Takes the plan, (n + 1,).
+    Backward pass: the range of the mean u is concave in x and not empty for x = 0, so Newton steps
+    from the cap converge to the largest x with a range. `state` selects the intervals to write,
+    (n,), and margins. `cap`, `reachable` and `x`, (n + 1,) each, are outputs: the lower cap of both
+    sides of every point, the largest x from which the end is reached, and the plan.
 
     Returns:
-        -1, the interval on which no motion is allowed, or n more than one where nothing limits u.
+        -1; the interval on which no motion is allowed; or n more than an interval without limits.
     """
     (changed, margins), n, below, stuck = state, len(grid.piece), -1, -1
     mean, slots = np.empty(n), len(lines.drawn) - 1
-    # While the processor waits for an interval, it draws the one before.
+    # The previous interval is written while the processor waits for data.
     for i in range(n, -1, -1):
         trial = math.inf
         if i > 0:
@@ -760,7 +731,7 @@ def _backward_forward_pass(
             continue
         steep, y = 0.5 / (grid.s[i + 1] - grid.s[i]), reachable[i + 1]
         trial = min(trial, LARGEST_X)
-        # The line of y and one that bounds m from below bound x: the one of the interval before.
+        # The lower line of the previous interval and the line of y give a first bound of x.
         if below >= 0:
             line = 3 * lines.width * (i & slots) + below
             tilt, bottom = lines.table[line], lines.table[line + lines.width]
@@ -780,7 +751,7 @@ def _backward_forward_pass(
             if -trial * steep > low:
                 low, low_tilt = -trial * steep, steep
             next_trial = trial - (low - high) / (high_tilt - low_tilt)
-            # Next to nothing, a difference of large numbers: a step ends a little above it.
+            # Near zero, x is a difference of large numbers, so a step ends slightly above the root.
             trial = (
                 next_trial * INSIDE
                 if next_trial > FAR * trial
@@ -810,7 +781,6 @@ def _backward_forward_pass(
 
 @compiled(inner=True, fastmath=FUSED)
 def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[float, float]:
-    """The smallest and the largest u that a vector allows."""
     aa = ab = bb = 0.0
     for d in range(3):
         a, b = rounds.ends[i, end, r, A, d], rounds.ends[i, end, r, B, d] * x
@@ -825,7 +795,7 @@ def _round_range(rounds: Rounds, i: int, end: int, r: int, x: float) -> tuple[fl
 def _joint_acceleration_range(
     grid: Intervals, limits: GridLimits, location: tuple[int, int, int, int], x: float
 ) -> tuple[float, float, float, int, int]:
-    """As `acceleration_range`, of one group of bounds, with its first joint."""
+    """`acceleration_range` of a group of joint bounds; `location` has group and first joint."""
     i, end, group, joint = location
     offset = ROWS * group
     a, b = path_slopes(grid, i, joint, end)
@@ -836,7 +806,7 @@ def _joint_acceleration_range(
     bottom = choose(NOTHING, magnitude, lower(one, other), -math.inf)
     top = choose(NOTHING, magnitude, higher(one, other), math.inf)
     low, high = highest(bottom), lowest(top)
-    # Twice the joint, and one more for an upper bound.
+    # Twice the joint, plus one for an upper bound.
     lane = load(limits.joints, offset + LANE)
     below = highest(choose(bottom, low, -1.0, lane + choose(a, 0.0, 1.0, 0.0)))
     above = highest(choose(high, top, -1.0, lane + choose(a, 0.0, 0.0, 1.0)))
@@ -848,9 +818,9 @@ def _joint_acceleration_range(
 def acceleration_range(
     grid: Intervals, limits: GridLimits, i: int, end: int, x: float
 ) -> tuple[float, float, float, int, int]:
-    """The smallest and the largest u at one end of an interval, and the bounds that do so.
+    """Smallest and largest u at one end of an interval, narrowest range, and both active bounds.
 
-    And, between these two, the range of u that the tightest limit alone leaves.
+    The narrowest range is the range of u within the tightest single limit.
     """
     rows, viscous, rounds = limits.rows.ends, limits.friction.viscous, limits.rounds
     low, high, wide, below, above = -math.inf, math.inf, math.inf, -1, -1
@@ -909,12 +879,12 @@ def _choose_slopes(
         if min((high0 - mean) / wide0, (high1 - mean) / wide1) < NEAR:
             turn = high1 - high0
             if falling:
-                # Both bounds, as where two joints limit u from both sides: by the middle.
+                # Both bounds, for example where two joints limit u from both sides: the mean.
                 turn = (turn + low1 - low0) / 2
         elif falling:
             turn = low1 - low0
         small = abs(turn) < LARGEST_TURN * min(wide0, wide1)
-        # x must not dip deeply.
+        # x must not fall far below its ends.
         if small and 8 * turn * w <= x0 + x1:
             bounds.k[i] = turn / w
 
@@ -923,7 +893,6 @@ def _choose_slopes(
 def _motion_extent(
     width: FloatArray, x: FloatArray, k: FloatArray, i: int
 ) -> tuple[float, float, float]:
-    """The largest and the smallest x, and the largest |u|, on an interval."""
     w, first, last = width[i], x[i], x[i + 1]
     mean, turn = (last - first) / (2 * w), abs(k[i]) * w / 2
     sag = turn * w / 2
@@ -934,7 +903,7 @@ def _motion_extent(
 def _bound_motion(
     width: FloatArray, x: FloatArray, rules: Rules, headroom: float, bounds: MotionBounds
 ) -> None:
-    """Write bounds around a plan; u of its neighbours counts too, as switches move."""
+    """Write bounds around a plan; they include u of neighbours, because switches move."""
     n, fastest = len(width), 0.0
     rates = np.empty(n)
     for i in range(n):
@@ -957,7 +926,7 @@ def _prove_or_widen(
     rubs: bool,
     changed: BoolArray,
 ) -> bool:
-    """The proof: say whether a plan is within its bounds; where it is not, widen them."""
+    """Proof: test whether a plan is within its bounds, and widen the bounds where it is not."""
     holds = True
     for i in range(len(width)):
         largest, smallest, rate = _motion_extent(width, x, bounds.k, i)
@@ -968,7 +937,7 @@ def _prove_or_widen(
             bounds.x[i] = max(bounds.x[i], rules.headroom * largest)
             bounds.u[i] = max(bounds.u[i], 1.2 * rate)
         speeds = math.sqrt(x[i]) + math.sqrt(x[i + 1])
-        if 4 * bounds.k[i] * width[i] ** 2 > speeds**2:  # x would dip deeply
+        if 4 * bounds.k[i] * width[i] ** 2 > speeds**2:  # x would fall far below its ends
             bounds.k[i], outside = 0.0, True
         changed[i] = outside
         holds &= not outside
@@ -977,7 +946,6 @@ def _prove_or_widen(
 
 @compiled(inner=True)
 def _largest_margin(lost: FloatArray) -> int:
-    """The interval on which margins take the largest share."""
     worst = 0
     for i in range(len(lost)):
         if lost[i] > lost[worst]:
@@ -995,7 +963,7 @@ def _duration(width: FloatArray, x: FloatArray, k: FloatArray) -> float:
 
 @compiled(inner=True)
 def _recentre(x: FloatArray, bounds: MotionBounds, near: float) -> bool:
-    """Whether a plan is near that about which friction is linear; makes it that plan."""
+    """Linearize friction about a plan, and test whether the plan is close to the previous one."""
     is_near = True
     for i in range(len(bounds.x)):
         middle = (x[i] + x[i + 1]) / 2
@@ -1008,7 +976,7 @@ def _recentre(x: FloatArray, bounds: MotionBounds, near: float) -> bool:
 def _pass_outcome(
     stuck: int, rules: Rules, reachable: FloatArray, x: FloatArray
 ) -> tuple[int, float]:
-    """The outcome of a sweep, and the largest ds² at the end that is too fast."""
+    """Outcome of a pass, and the largest ds² at an end whose speed is too high."""
     n = len(x) - 1
     if rules.start < math.inf and min(rules.start, reachable[0]) < rules.start * (1 - PLAY):
         return START, reachable[0]
@@ -1023,7 +991,7 @@ def _pass_outcome(
 def _drop_slopes(
     bounds: MotionBounds, lost: FloatArray, max_margin: float, changed: BoolArray
 ) -> bool:
-    """Leave out slopes where margins take more than a share, and say whether there were any."""
+    """Set slopes to zero where margins exceed `max_margin`, and return whether any was set."""
     dropped = False
     for i in range(len(lost)):
         changed[i] = lost[i] > max_margin and bounds.k[i] != 0.0
@@ -1034,14 +1002,9 @@ def _drop_slopes(
 
 @compiled()
 def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
-    """Plan without margins; then with margins for bounds around that plan, until it is within.
+    """Plan without margins, then with margins for bounds around that plan until it is within them.
 
-    With one try only: the plan without margins, and FINER.
-
-    Args:
-        grid: The intervals.
-        limits: The limits.
-        rules: The rules.
+    With one try only, the result is the plan without margins, with the outcome FINER.
     """
     n, rubbing = len(grid.piece), limits.friction.within.shape[1]
     width, x, reachable, cap = np.empty(n), np.zeros(n + 1), np.empty(n + 1), np.empty(n + 1)
@@ -1070,7 +1033,7 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
     for i in range(n):
         width[i] = grid.s[i + 1] - grid.s[i]
     if rubbing > 0 or count > 2 * LANES * (len(limits.joints) // ROWS):
-        # Lines that no try draws limit nothing.
+        # Unwritten lines limit nothing.
         for line in range(3 * count * slots):
             lines.table[line] = 0.0
         for slot in range(slots):
@@ -1093,7 +1056,7 @@ def plan_on_grid(grid: Intervals, limits: GridLimits, rules: Rules) -> GridPlan:
             if shortest < math.inf:
                 break
             if kind == 2 and n <= rules.enough:
-                # Near the place where the motion gets stuck; anywhere if an end is too fast.
+                # Intervals around the failure, or all intervals if an end is too fast.
                 for i in range(n):
                     if stuck < 0 or abs(i - stuck) < AROUND:
                         lines.lost[i] = max(lines.lost[i], NO_WAY)

@@ -1,9 +1,9 @@
-"""Limits on a grid, in the forms that the planner keeps, and how far each rises inside an interval.
+"""Limits on a grid in the forms of the planner, with bounds of their rise inside intervals.
 
 On an interval the path acceleration u = dds is linear in s. A limit holds between the ends of the
-interval if both ends keep it with a margin, `rise . (U, X, K, 1)`: it rises above its chord by no
-more while |u| <= U and x = ds² <= X, and where the slope of u has the size K. So each limit is
-written once for a grid. docs/concepts/optimal.md has the proofs.
+interval if both ends satisfy it with a margin `rise . (U, X, K, 1)`: this bounds its excess over
+the chord while |u| <= U and x = ds² <= X, with the size K of the slope of u. Therefore each limit
+is written once for a grid. docs/concepts/optimal.md has the proofs.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from armcontour.core.simd import LANES
 # Columns of `LinearRows.ends`, of the vectors of `Rounds.ends`, and of all rises.
 A, B, LOW, HIGH = range(4)
 BY_U, BY_X, BY_SLOPE, ALONE = range(4)
-# Rows of `JointBounds`, each of LANES joints: bounds of accelerations, inverse squares of those of
-# velocities, and twice the number of the lane; and the length of all.
+# Rows of `JointBounds`, LANES joints each: bounds of accelerations, inverse squares of those of
+# velocities, and twice the number of the lane; and their total length.
 LOWEST, HIGHEST, BACK, FORTH, LANE, ROWS = range(0, 6 * LANES, LANES)
-# Vectors of one joint reach beyond the next piece.
+# Number of last pieces in the padded copy, because vectors reach beyond the next piece.
 KEPT = 2
 LANE_CODES = 2.0 * np.arange(LANES)
 # Columns of `Friction.within`.
@@ -31,14 +31,14 @@ LARGEST, OFF, SIGN = range(3)
 
 
 class Intervals(NamedTuple):
-    """The intervals of a grid, and the joint path that they cut.
+    """Intervals of a grid, and the joint path that they divide.
 
     Args:
         s: Ends of the intervals [m], (n + 1,).
-        piece: Piece of the joint path that holds each interval, (n,).
-        breaks: Of the joint path [m], (pieces + 1,).
-        coefficients: Of the joint path, flat.
-        last: Those of the last KEPT pieces, after which LANES numbers can be read.
+        piece: Piece of the joint path for each interval, (n,).
+        breaks: Breaks of the joint path [m], (pieces + 1,).
+        coefficients: Coefficients of the joint path, flat.
+        last: Coefficients of the last KEPT pieces, padded by LANES numbers.
         dof: Number of joints.
     """
 
@@ -51,7 +51,7 @@ class Intervals(NamedTuple):
 
 
 class JointBounds(NamedTuple):
-    """Bounds of velocities and accelerations of joints, of which the planner itself makes rows.
+    """Bounds of joint velocities and accelerations; the planner itself makes rows of them.
 
     Args:
         bounds: The rows LOWEST, HIGHEST, BACK, FORTH and LANE of each LANES joints, flat. Lanes
@@ -77,7 +77,7 @@ class LinearRows(NamedTuple):
     Args:
         ends: a, b, low and high at the starts (index 0) and ends (1) of the intervals,
             (n, 2, rows, 4).
-        rise: Of each row, (n, rows, 4).
+        rise: Rise of each row, (n, rows, 4).
     """
 
     ends: FloatArray
@@ -85,12 +85,12 @@ class LinearRows(NamedTuple):
 
 
 class Squares(NamedTuple):
-    """`b x <= 1`: squares of speeds over those of their limits.
+    """`b x <= 1`: squared speeds over the squares of their limits.
 
     Args:
         ends: b at the starts and ends of the intervals, (n, 2, rows).
-        largest: The largest b on the whole interval, (n, rows).
-        rise: Of each row, (n, rows, 4).
+        largest: The largest b on each interval, (n, rows).
+        rise: Rise of each row, (n, rows, 4).
     """
 
     ends: FloatArray
@@ -105,7 +105,7 @@ class Rounds(NamedTuple):
         ends: a and b at the starts and ends of the intervals, (n, 2, rounds, 2, 3). Products of
             vectors would lose the difference of two vectors that are almost equal.
         radius: Radii, (n, rounds).
-        rise: Of the length of each vector, (n, rounds, 4).
+        rise: Rise of the length of each vector, (n, rounds, 4).
     """
 
     ends: FloatArray
@@ -114,7 +114,7 @@ class Rounds(NamedTuple):
 
     @property
     def products(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The products a a, a b and b b at the starts and ends, (n, 2, rounds) each."""
+        """Products a a, a b and b b at the starts and ends, (n, 2, rounds) each."""
         a, b = self.ends[..., A, :], self.ends[..., B, :]
         return (a * a).sum(axis=-1), (a * b).sum(axis=-1), (b * b).sum(axis=-1)
 
@@ -125,7 +125,7 @@ class Friction(NamedTuple):
     Args:
         viscous: Friction for x = 1 at the starts and ends of the intervals, (n, 2, joints).
         within: The largest size on the interval, the largest distance from the chord, and the
-            sign, 0 where it may change, (n, joints, 3).
+            sign, 0 if it may change, (n, joints, 3).
     """
 
     viscous: FloatArray
@@ -133,20 +133,17 @@ class Friction(NamedTuple):
 
 
 class Ceiling(NamedTuple):
-    """Largest x [m²/s²], which holds on an interval if x stays below the chord of both ends.
+    """Largest x [m²/s²]; it holds on an interval if x stays below the chord of both ends.
 
     Args:
-        x: At the starts and ends of the intervals, (n, 2).
+        x: Ceilings at the starts and ends of the intervals, (n, 2).
     """
 
     x: FloatArray
 
 
 class GridLimits(NamedTuple):
-    """All limits on a grid; each field as in its class, `ceiling` the lowest one, (n, 2).
-
-    `joints` are the bounds of all `JointBounds`.
-    """
+    """All limits on a grid; `ceiling` is the lowest one, (n, 2), `joints` are the joint bounds."""
 
     rows: LinearRows
     squares: Squares
@@ -159,7 +156,7 @@ class GridLimits(NamedTuple):
 Form = JointBounds | LinearRows | Squares | Rounds | Friction | Ceiling
 
 
-# Arrays of a form have n intervals, and these other axes; None is the number of rows.
+# Axes of the arrays of a form after the intervals; None is the number of rows.
 SHAPES: dict[type, dict[str, tuple[int | None, ...]]] = {
     LinearRows: {"ends": (2, None, 4), "rise": (None, 4)},
     Squares: {"ends": (2, None), "largest": (None,), "rise": (None, 4)},
@@ -170,15 +167,10 @@ SHAPES: dict[type, dict[str, tuple[int | None, ...]]] = {
 
 
 def check_form(form: Form, n: int, name: str) -> Form:
-    """A form with arrays that kernels take.
-
-    Args:
-        form: The form.
-        n: Number of intervals.
-        name: Name of its constraint, for the message.
+    """Check the shapes of a form on n intervals, and prepare its arrays for kernels.
 
     Raises:
-        InvalidInput: An array has another shape than it should.
+        InvalidInput: An array has a wrong shape; the message states the constraint `name`.
     """
     if isinstance(form, JointBounds):
         return form
@@ -194,7 +186,7 @@ def check_form(form: Form, n: int, name: str) -> Form:
 
 
 def collect(forms: Iterable[Form], n: int) -> GridLimits:
-    """Put the forms of all constraints on a grid of n intervals together."""
+    """Combine the forms of all constraints on a grid of n intervals."""
     tables: dict[type, list[tuple[FloatArray, ...]]] = {}
     for form in forms:
         tables.setdefault(type(form), []).append(form)
@@ -216,12 +208,11 @@ def collect(forms: Iterable[Form], n: int) -> GridLimits:
 def _joined(
     tables: list[tuple[FloatArray, ...]] | None, *empty: tuple[int, ...]
 ) -> Iterable[FloatArray]:
-    """The arrays of some tables of one form with all their rows, or empty ones."""
     if tables is None:
         return [np.empty(x) for x in empty]
     if len(tables) == 1:
         return tables[0]
-    # Arrays of both ends have one more axis before their rows.
+    # Arrays of both ends have an additional axis before their rows.
     return [
         np.concatenate(x, axis=2 if k == 0 else 1) for k, x in enumerate(zip(*tables, strict=True))
     ]

@@ -1,4 +1,4 @@
-"""The compiled estimate of the time that a plan loses by its grid and its slopes."""
+"""Compiled estimate of the time that a plan loses by its grid and its slopes."""
 
 from __future__ import annotations
 
@@ -13,20 +13,19 @@ from armcontour.motion.kernels import interval_time
 from armcontour.planning.topp.kernels import GridPlan, acceleration_range, next_joint, path_slopes
 from armcontour.planning.topp.limit_forms import BACK, FORTH, ROWS, GridLimits, Intervals
 
-BINDS = 0.02  # nearer to its bound than this share of its range, u is at the bound
-# Share of what an interval leaves of the range of u that its time is longer, as measured against
-# finer grids; it is less where the range is small against u.
+BINDS = 0.02  # u is at its bound within this share of its range
+# Lost time per unused share of the range of u, measured against finer grids; less where the range
+# is small compared with u.
 BY_GAP, BY_GAP_AT_REST = 0.25, 1.5
-# Where u is at both bounds, at different ends, and a larger x would leave a range of u at both, the
-# speed is too low by any factor: what it takes to reach it may be lost.
+# If u is at both bounds, at different ends, and a larger x would allow a range of u at both, the
+# speed is too low by an unknown factor, and reaching it may be lost time.
 CROSSED, MORE = 0.4, 1.02
-AROUND = 0.05  # and so it would be within this share of the length in which x changes by itself
-INSIDE = 0.02  # a point that is nearer to an end of an interval than this share gains nothing
+AROUND = 0.05  # this loss extends over this share of the length in which x changes by itself
+INSIDE = 0.02  # points closer to an end of an interval than this share gain nothing
 
 
 @compiled(inner=True, fastmath=FUSED)
 def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
-    """The largest x at one end of an interval."""
     steepest, joint = 0.0, 0
     for group in range(len(limits.joints) // ROWS):
         a, _ = path_slopes(grid, i, joint, end)
@@ -43,13 +42,9 @@ def _ceiling(grid: Intervals, limits: GridLimits, i: int, end: int) -> float:
 def _shortest_time(
     w: float, x: tuple[float, float], rates: tuple[float, float], ceiling: float
 ) -> tuple[float, float]:
-    """The shortest time from x to x with given rates of u up and down, and where u changes [share].
+    """Shortest time between both values of x at given rates of u, and the share of the switch.
 
-    Args:
-        w: Length of the interval.
-        x: At both ends.
-        rates: Largest u, and largest -u.
-        ceiling: Largest x.
+    `rates` are the largest u and the largest -u.
     """
     up, down = 2 * rates[0], 2 * rates[1]
     first = min(max((x[1] - x[0] + down * w) / (up + down), 0.0), w)
@@ -74,14 +69,9 @@ def estimate_losses(
 ) -> tuple[float, FloatArray, FloatArray]:
     """Estimate the time that a plan loses by its grid and its slopes.
 
-    Args:
-        grid: The intervals.
-        limits: The limits.
-        plan: The plan.
-
     Returns:
         The duration of the plan [s]; the time lost on each interval [s], (n,); and the point of
-        each interval at which a grid point would gain most [m], its start if there is none, (n,).
+        each interval at which a grid point saves most [m], (n,), its start if none.
     """
     s, x, k, lost, n, duration = grid.s, plan.x, plan.k, plan.lost, len(plan.k), 0.0
     loss, point, valley = np.empty(n), np.empty(n), np.zeros(n)
@@ -101,7 +91,8 @@ def estimate_losses(
         low1, high1, wide1, below1, above1 = acceleration_range(grid, limits, i, 1, x1)
         if not (wide0 < math.inf or wide1 < math.inf):
             continue
-        # What is left to the bounds, as a share; an end that does not limit u counts as the other.
+        # Unused share of the range to both bounds; an end that does not limit u counts as the
+        # other.
         up0, up1 = (high0 - mean + turn) / wide0, (high1 - mean - turn) / wide1
         down0, down1 = (mean - turn - low0) / wide0, (mean + turn - low1) / wide1
         if not wide0 < math.inf:

@@ -1,4 +1,4 @@
-"""A joint path on a grid, as limits need it to write their forms."""
+"""Derivatives and sampled coefficients of a joint path on a grid, with their compiled kernels."""
 
 from __future__ import annotations
 
@@ -27,12 +27,11 @@ from armcontour.planning.topp.limit_forms import (
     Squares,
 )
 
-ROUNDING = 2e-15  # of x, in differences of x
+ROUNDING = 2e-15  # relative rounding error of x, in differences of x
 
 
 @compiled(inner=True, fastmath=FUSED)
 def _slopes(c: FloatArray, k: int, j: int, x: float, scale: float) -> tuple[float, float]:
-    """dq_ds and d2q_ds2 of joint j at a place x of piece k."""
     c1, c2, c3, c4, c5 = c[k, 1, j], c[k, 2, j], c[k, 3, j], c[k, 4, j], c[k, 5, j]
     first = c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5)))
     second = 2 * c2 + x * (6 * c3 + x * (12 * c4 + x * 20 * c5))
@@ -43,9 +42,9 @@ def _slopes(c: FloatArray, k: int, j: int, x: float, scale: float) -> tuple[floa
 def _derivative_bounds(
     c: FloatArray, k: int, j: int, x: float, y: float, scale: float
 ) -> tuple[float, float]:
-    """Bounds of |d3q_ds3| and |d4q_ds4| of joint j from place x to y of piece k."""
+    """Bounds of |d3q_ds3| and |d4q_ds4| of joint j from position x to y of piece k."""
     c3, c4, c5 = c[k, 3, j], c[k, 4, j], c[k, 5, j]
-    # By Taylor about the middle: the fifth derivative is constant.
+    # Taylor expansion about the middle; the fifth derivative is constant.
     middle, half, cube = (x + y) / 2, (y - x) / 2, scale * scale * scale
     q5 = abs(120 * c5)
     q4 = abs(24 * c4 + middle * 120 * c5) + half * q5
@@ -61,14 +60,14 @@ def derivatives(
     ends: FloatArray,
     bounds: FloatArray,
 ) -> None:
-    """Derivatives of a joint path on a grid.
+    """Write the derivatives of a joint path on a grid.
 
     Args:
-        breaks: Of the joint path [m], (pieces + 1,).
-        coefficients: Of the joint path, (pieces, 6, dof).
+        breaks: Breaks of the joint path [m], (pieces + 1,).
+        coefficients: Coefficients of the joint path, (pieces, 6, dof).
         grid: The intervals.
-        ends: Takes dq_ds and d2q_ds2 at the starts and ends of the intervals, (2, n, 2, dof).
-        bounds: Takes bounds of |d3q_ds3| and |d4q_ds4| on the intervals, (2, n, dof).
+        ends: Output: dq_ds and d2q_ds2 at the starts and ends of the intervals, (2, n, 2, dof).
+        bounds: Output: bounds of |d3q_ds3| and |d4q_ds4| on the intervals, (2, n, dof).
     """
     for i in range(len(grid.piece)):
         k = grid.piece[i]
@@ -92,8 +91,8 @@ def write_sampled(
 
     Args:
         grid: The intervals.
-        after: Of `OnGrid`.
-        terms: a, b and c at the places of `OnGrid`, (places, rows) each.
+        after: As in `OnGrid`.
+        terms: a, b and c at the samples of `OnGrid`, (samples, rows) each.
         bounds: low and high, (rows,) each.
         rows: Output.
     """
@@ -103,7 +102,7 @@ def write_sampled(
     second = np.empty((n, 3, count))
     for i in range(n):
         w, last = grid.s[i + 1] - grid.s[i], after[i]
-        # Twice what the middle is off the chord, over w².
+        # Twice the deviation of the middle from the chord, over w².
         inverse = 2 / (w * w)
         for r in range(count):
             second[i, 0, r] = inverse * abs(a[n + i, r] - (a[i, r] + a[last, r]) / 2)
@@ -134,11 +133,11 @@ Terms = tuple[FloatArray, FloatArray, FloatArray]
 
 @dataclass(frozen=True)
 class OnGrid:
-    """A joint path on a grid, as constraints need it; each property is computed at its first use.
+    """A joint path on a grid, with the quantities that constraints need, computed at first use.
 
     Args:
         grid: The grid.
-        jumps: Whether quantities may jump at any grid point, not only where pieces meet.
+        jumps: Whether quantities may jump at every grid point, not only between pieces.
     """
 
     grid: Grid
@@ -150,7 +149,7 @@ class OnGrid:
 
     @cached_property
     def intervals(self) -> Intervals:
-        """The intervals, as kernels take them."""
+        """The intervals for kernels."""
         path = self.grid.joint_path
         flat, dof = path.coefficients.ravel(), path.dof
         last = np.zeros(6 * dof * KEPT + LANES)
@@ -160,9 +159,9 @@ class OnGrid:
 
     @cached_property
     def derivatives(self) -> tuple[FloatArray, FloatArray]:
-        """dq_ds and d2q_ds2 at the starts and ends of the intervals, (2, n, 2, dof).
+        """dq_ds and d2q_ds2 at interval ends, and bounds of |d3q_ds3| and |d4q_ds4| on intervals.
 
-        And bounds of |d3q_ds3| and |d4q_ds4| on the intervals, (2, n, dof).
+        Their shapes are (2, n, 2, dof) and (2, n, dof).
         """
         path, n = self.grid.joint_path, len(self)
         ends, bounds = np.empty((2, n, 2, path.dof)), np.empty((2, n, path.dof))
@@ -171,7 +170,7 @@ class OnGrid:
 
     @cached_property
     def after(self) -> IntArray:
-        """The place of `motion` at which each interval ends, (n,)."""
+        """Index of the sample at the end of each interval, (n,)."""
         piece, n = self.grid.piece, len(self)
         after = np.arange(1, n + 1)
         alone = np.append(np.flatnonzero((piece[1:] != piece[:-1]) | self.jumps), n - 1)
@@ -180,10 +179,10 @@ class OnGrid:
 
     @cached_property
     def places(self) -> tuple[IntArray, FloatArray]:
-        """The pieces and arc lengths [m] of places, (places,) each.
+        """Pieces and arc lengths [m] of the samples, (samples,) each.
 
-        They are the starts of all intervals, their middles, and the ends at which no interval of
-        the same piece starts; of all intervals where quantities may jump.
+        The samples are the starts of all intervals, their middles, and the ends at which no
+        interval of the same piece starts; the ends of all intervals if quantities may jump.
         """
         s, piece, alone = self.grid.s, self.grid.piece, self.after >= len(self)
         return (
@@ -193,20 +192,16 @@ class OnGrid:
 
     @cached_property
     def motion(self) -> Terms:
-        """q, dq_ds and d2q_ds2 at all places, (places, dof) each."""
+        """q, dq_ds and d2q_ds2 at all samples, (samples, dof) each."""
         return self.grid.joint_path.motion(*self.places)
 
     def rows(self, terms: Terms, low: FloatArray, high: FloatArray) -> LinearRows:
-        """Rows `low <= a u + b x + c <= high` whose coefficients are known at all places.
+        """Rows `low <= a u + b x + c <= high` from coefficients at all samples, (samples, rows).
 
-        How far a coefficient is off its chord is measured in the middle of an interval. Near an
-        inflection this misses the third derivative, which the neighbours show: twice the largest
-        second derivative of the three intervals counts.
-
-        Args:
-            terms: a, b and c, (places, rows) each.
-            low: Lower bounds, (rows,).
-            high: Upper bounds, (rows,).
+        The deviation of a coefficient from its chord is measured in the middle of an interval.
+        Close to an inflection this misses the third derivative. Therefore the bound is twice the
+        largest second derivative of the interval and both neighbours. `low` and `high` are bounds,
+        (rows,) each.
         """
         n, count = len(self), terms[0].shape[1]
         rows = LinearRows(np.empty((n, 2, count, 4)), np.empty((n, count, 4)))
@@ -214,14 +209,11 @@ class OnGrid:
         return rows
 
     def at_ends(self, values: FloatArray) -> FloatArray:
-        """Values at the starts and ends of the intervals, (n, 2, ...), of those at all places."""
+        """Values at starts and ends of the intervals, (n, 2, ...), from those at all samples."""
         return np.stack([values[: len(self)], values[self.after]], axis=1)
 
     def round(self, a: FloatArray, b: FloatArray, radius: float) -> Rounds:
-        """`|a u + b x| <= radius` for vectors known at all places, (places, 2 or 3) each.
-
-        The rise is bounded as in `rows`, with lengths of vectors.
-        """
+        """`|a u + b x| <= radius` for vectors at all samples, (samples, 2 or 3) each."""
         n, w = len(self), self.grid.width
         ends, rise = np.zeros((n, 2, 1, 2, 3)), np.zeros((n, 1, 4))
         for column, vectors in ((A, a), (B, b)):
@@ -234,7 +226,7 @@ class OnGrid:
         return Rounds(ends, np.full((len(self), 1), radius), rise)
 
     def square(self, b: FloatArray) -> Squares:
-        """`b x <= 1` for one b that is not below zero and is known at all places, (places,)."""
+        """`b x <= 1` for one b >= 0 at all samples, (samples,)."""
         w, ends = self.grid.width, self.at_ends(b)
         deviation, rise = self._bend(b[:, None]), np.zeros((len(self), 1, 4))
         rise[:, 0, BY_U] = np.abs(ends[:, 1] - ends[:, 0]) * w / 2
@@ -243,7 +235,7 @@ class OnGrid:
         return Squares(ends[..., None], (ends.max(axis=1) + deviation)[:, None], rise)
 
     def _bend(self, values: FloatArray) -> FloatArray:
-        """Bound of the distances of vectors at all places, (places, m), from their chords, (n,)."""
+        """Bounds of the distances of vectors at all samples from their chords, (n,)."""
         n, square, piece = len(self), self.grid.width**2, self.grid.piece
         middle = values[n : 2 * n] - self.at_ends(values).mean(axis=1)
         second = 2 * _length(middle) / square

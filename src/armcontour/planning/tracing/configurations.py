@@ -37,38 +37,38 @@ from armcontour.robot.limit_use import use_of
 T = TypeVar("T")
 R = TypeVar("R")
 
-# Work on so many poses is shared by threads: starting them takes as long as that of a hundred. Ways
-# are followed in so many parts, as some end early.
+# Number of poses from which threads share the work (starting them takes as long as 100 poses), and
+# number of parts of branches, because some end early.
 MANY, PARTS = 2000, 16
-# Joint paths are smoothed in so many parts: NumPy works on the ways of a part at once.
+# Number of parts of smoothed joint paths; NumPy processes a part at once.
 SMOOTHED_PARTS = 4
-# Poses are followed until a correction is below this [rad]. Ways that cost the same are told apart
-# by the last digit; with a given start there is one way, of which the solver makes the last
-# correction: about the square of this times the condition number of the Jacobian.
+# Largest correction of a followed pose [rad]. Branches of equal cost are distinguished by the last
+# digit. With a seed there is one branch, whose last correction is made by the solver: about the
+# square of this times the condition number of the Jacobian.
 EXACTLY, NEARLY = 1e-9, 1e-7
-# Largest number of start configurations that are followed along the path.
+# Largest number of start configurations to follow.
 MOST_STARTS = 48
-# With redundant degrees of freedom, largest number of different solutions that are kept.
+# Largest number of different solutions of a redundant arm.
 MOST_SOLUTIONS = 8
-# Two solutions count as one if they differ by less than this outside the null space [rad].
+# Largest difference of equal solutions outside the null space [rad].
 SAME_SOLUTION = 0.05
-# Different solutions are mostly told apart at this number of knots.
+# Number of knots at which solutions are compared first.
 FEW_KNOTS = 16
-# Redundant solutions are ranked by their cost after this many iterations of smoothing, on at most
-# this number of knots.
+# Iterations of smoothing, and largest number of knots, for the ranking of redundant solutions by
+# cost.
 ROUGH_ROUNDS = 3
 ROUGH_KNOTS = 70
-# This many of the best redundant solutions are smoothed to the end; more only if none succeeds.
+# Number of the best redundant solutions that are smoothed to the end; more only if none succeeds.
 MOST_SMOOTHED = 16
-# Solutions are followed along chords of the path, which turns by at most this over a chord [rad].
+# Largest turn of the path over a chord along which solutions are followed [rad].
 CHORD_TURN = 0.1
-# For a joint out of its range, shifts by up to this number of whole turns are compared.
+# Largest shift of a joint out of its range, in whole turns.
 MOST_TURNS = 5
-# To find poses out of reach, seed joint positions are tried at a few poses of the path, and one
-# seed at more poses.
+# Number of poses of the path for the search of poses out of reach, with several seeds and with one
+# seed.
 SOME_POSES = 10
 MANY_POSES = 300
-# Bisection steps for the arc length at which the reach ends.
+# Bisections for the arc length at which the reach ends.
 BISECTIONS = 30
 
 
@@ -92,7 +92,7 @@ class _Failure:
 
     Args:
         reached: Index of the first knot that is not reached.
-        q: Joint positions at the knot before, or at the knot out of range [rad], (dof,).
+        q: Joint positions at the previous knot, or at the knot out of range [rad], (dof,).
         joint: Index of the joint that leaves its range; -1 if the pose has no solution.
         value: Position of that joint [rad].
         limit: End of its range [rad].
@@ -113,7 +113,7 @@ def find_solutions(
     task: int,
     seed: FloatArray | None,
 ) -> list[Solution]:
-    """All solutions that complete the path inside the joint ranges, the shortest first.
+    """Solutions that complete the path inside the joint ranges, the shortest first.
 
     Args:
         path: The path.
@@ -125,7 +125,7 @@ def find_solutions(
             configurations.
 
     Raises:
-        Unreachable: There is no solution; gives the reason for the one that comes farthest.
+        Unreachable: No solution exists; the reason is that of the solution with the longest reach.
     """
     fine, knot_index = subdivide(path, knots, knot_poses)
     poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
@@ -154,7 +154,7 @@ def find_solutions(
             break
     if not solutions:
         _refuse(path, arm, fine, poses, task, max(failures, key=lambda x: x.reached))
-    # Elbow up and down often cost the same: the one whose joints start nearer to 0 comes first.
+    # Elbow up and down often have equal cost: the one whose joints start closer to 0 comes first.
     solutions.sort(key=lambda x: (float(f"{x.cost:.9e}"), float(np.abs(x.q[0]).sum())))
     return solutions[:MOST_SOLUTIONS] if redundant else solutions
 
@@ -167,16 +167,7 @@ def _with_costs(
     joint_paths: list[FloatArray],
     seed: FloatArray | None,
 ) -> Iterator[tuple[FloatArray, float]]:
-    """Joint paths with their costs; those of a redundant arm are smoothed when they are taken.
-
-    Args:
-        arm: The arm.
-        s: The knots [m], (n,).
-        poses: Poses of the tool at the knots, (n, 3, 4).
-        task: Task dimension.
-        joint_paths: The joint paths [rad], (n, dof) each.
-        seed: Joint positions at the start that stay, or None.
-    """
+    """Joint paths with their costs; those of a redundant arm are smoothed on demand."""
     if task == arm.dof:
         yield from ((q, _joint_distance(arm, q)) for q in joint_paths)
         return
@@ -187,15 +178,7 @@ def _with_costs(
 def _follow(
     arm: SerialArm, poses: FloatArray, task: int, starts: FloatArray, max_correction: float
 ) -> tuple[list[FloatArray], list[_Failure]]:
-    """Follow all poses from each start: joint positions that reach the end, and the failures.
-
-    Args:
-        arm: The arm.
-        poses: Rotations and positions of the tool, (n, 3, 4).
-        task: Task dimension.
-        starts: Joint positions at the first pose [rad], (starts, dof).
-        max_correction: As in `follow_branches` [rad].
-    """
+    """Follow all poses from each start; returns the complete joint positions, and the failures."""
     q, reached = follow_branches(arm, poses, task, starts, max_correction)
     whole = reached == len(poses)
     failures = [
@@ -212,18 +195,18 @@ def follow_branches(
     starts: FloatArray,
     max_correction: float = EXACTLY,
 ) -> tuple[FloatArray, IntArray]:
-    """Follow poses from each start, several ways at the same time.
+    """Follow poses from several starts in parallel.
 
     Args:
         arm: The arm.
         poses: Rotations and positions of the tool, (n, 3, 4).
         task: Task dimension.
         starts: Joint positions at the first pose [rad], (starts, dof).
-        max_correction: A pose is reached with a correction of every joint below this [rad].
+        max_correction: A pose is reached if the correction of every joint is below this [rad].
 
     Returns:
-        Joint positions [rad], (starts, n, dof), as far as poses are reached; and how many are, the
-        first one included, (starts,).
+        Joint positions at the reached poses [rad], (starts, n, dof), and the number of reached
+        poses, including the first, (starts,).
     """
     q, reached = np.empty((len(starts), len(poses), arm.dof)), np.empty(len(starts), np.intp)
     q[:, 0] = starts
@@ -236,7 +219,7 @@ def follow_branches(
 
 
 def _in_threads(work: Callable[[T], R], items: Sequence[T], poses: int) -> list[R]:
-    """Do compiled work on several items, in threads if all of them have many poses."""
+    """Do compiled work on several items, in threads if they have many poses."""
     return map_in_threads(work, items) if poses >= MANY else [work(x) for x in items]
 
 
@@ -248,9 +231,9 @@ def _rank(
     followed: list[FloatArray],
     seed: FloatArray | None,
 ) -> list[FloatArray]:
-    """The solutions, sorted by their cost after a few iterations of smoothing on some knots.
+    """Sort solutions by their cost after a few iterations of smoothing on some knots.
 
-    Solutions that are the same as an earlier one come last.
+    Solutions that repeat an earlier one come last.
     """
     if len(followed) == 1 and len(s) > ROUGH_KNOTS:
         return [shift_by_turns(arm, followed[0])[0]]
@@ -278,7 +261,6 @@ def _smooth(
     joint_paths: list[FloatArray],
     **options: Any,
 ) -> list[tuple[FloatArray, float]]:
-    """Smoothed joint paths, (n, dof) each, with their costs; in threads if it takes long."""
     if not joint_paths:
         return []
 
@@ -291,7 +273,7 @@ def _smooth(
 
 
 class _Different:
-    """Solutions that all differ by more than null-space motion.
+    """Solutions whose differences exceed null-space motion.
 
     Args:
         arm: The arm.
@@ -302,25 +284,23 @@ class _Different:
     def __init__(self, arm: SerialArm, poses: FloatArray, task: int) -> None:
         self.arm, self.poses, self.task = arm, poses, task
         self._known: list[FloatArray] = []
-        # Null spaces of known solutions that others are compared with, at some knots, and along all
-        # of them where a difference is looked at closely.
+        # Null spaces of known solutions at some knots, and at all knots for close comparisons.
         self._rough: list[FloatArray] = []
         self._spaces: dict[int, FloatArray] = {}
 
     @cached_property
     def _few(self) -> IntArray:
-        """Indices of some knots."""
         return np.unique(np.linspace(0, len(self.poses) - 1, FEW_KNOTS).astype(np.intp))
 
     def add(self, q: FloatArray) -> bool:
-        """Add joint positions, (n, dof), unless they are those of a known solution."""
+        """Add joint positions, (n, dof), unless they repeat a known solution."""
         if self.task == self.arm.dof:
             if any(np.abs(q - x).max() < SAME_SOLUTION for x in self._known):
                 return False
         else:
             few = self._few
             if self._known:
-                # At any knot no more may be left than from a difference of half a turn.
+                # The remainder at any knot is at most that of a difference of half a turn.
                 apart = q[few] - np.array([x[few] for x in self._known])
                 near = _outside(np.array(self._rough), apart)[0] < SAME_SOLUTION * np.pi
                 if any(self._is_known(k, q) for k in np.flatnonzero(near).tolist()):
@@ -330,7 +310,7 @@ class _Different:
         return True
 
     def _is_known(self, k: int, q: FloatArray) -> bool:
-        """Whether joint positions are those of a known solution but for null-space motion."""
+        """Test whether joint positions differ from a known solution by null-space motion only."""
         if k not in self._spaces:
             self._spaces[k] = null_space(self.arm, self.poses, self.task, self._known[k])
         deviation, size = _outside(self._spaces[k], q - self._known[k])
@@ -338,11 +318,9 @@ class _Different:
 
 
 def _outside(w: FloatArray, difference: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The largest part outside null spaces of differences of joint positions, and their largest.
+    """Largest component outside null spaces of joint differences, and their largest value.
 
-    Args:
-        w: Bases of the null spaces, (..., n, free, dof).
-        difference: The differences, up to whole turns [rad], (..., n, dof).
+    `w` are bases of the null spaces, (..., n, free, dof); `difference` is modulo whole turns [rad].
     """
     wrapped = np.pi - np.mod(np.pi - difference, 2 * np.pi)
     outside = wrapped - (np.swapaxes(w, -1, -2) @ (w @ wrapped[..., None]))[..., 0]
@@ -382,17 +360,14 @@ def _joint_distance(arm: SerialArm, q: FloatArray) -> float:
 def _turn_into_range(
     arm: SerialArm, q: FloatArray, seed: FloatArray | None
 ) -> FloatArray | _Failure:
-    """The positions, shifted by whole turns into the joint ranges; or where they leave a range.
-
-    If a seed is given, the shifts nearest to it are preferred.
-    """
+    """Shift positions by whole turns into the joint ranges, close to the seed; or the failure."""
     shifted, inside = shift_by_turns(arm, q, seed)
     if inside:
         return shifted
     lower, upper = arm.limits.joint_range(arm.dof)
     below, above = shifted < lower, shifted > upper
     # For each joint: the shift that stays in range farthest along the path, and among equal ones
-    # that with the least excess at the knot that leaves the range.
+    # that with the least excess at the first knot out of range.
     for joint in np.flatnonzero((below | above).any(axis=0)):
         turns = 2 * np.pi * np.arange(-MOST_TURNS, MOST_TURNS + 1)
         tried = shifted[:, joint, None] + turns
@@ -436,11 +411,7 @@ def _refuse_start(
 
 
 def _refuse_seed(arm: SerialArm, pose: FloatArray, task: int, seed: FloatArray) -> None:
-    """Refuse a seed from which the first pose is not reached, though the pose has solutions.
-
-    Raises:
-        Unreachable: The pose has solutions; names the nearest one.
-    """
+    """Raise Unreachable for a seed far from all solutions of the first pose, if there are any."""
     solutions = configurations(arm, pose, task)
     if len(solutions) == 0:
         return
@@ -468,15 +439,12 @@ def _reach_gap(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) -> fl
 def _largest_reach_gap(
     arm: SerialArm, poses: FloatArray, task: int, q: FloatArray
 ) -> tuple[float, int]:
-    """Distance of the tool from the pose farthest out of reach [m], and the index of that pose.
-
-    Both are 0 if all poses are in reach.
-    """
+    """Distance of the tool from the pose farthest out of reach [m] and its index; 0, 0 if none."""
     indices = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), MANY_POSES)).astype(np.intp))
     gaps = out_of_reach(arm, poses[indices], task, q)
     more_seeds = np.concatenate([q, seeds(arm)[:REACH_SEEDS]])
     for i in np.argsort(-gaps)[:SOME_POSES]:
-        # Another configuration may come nearer.
+        # Another configuration may come closer.
         gap = (
             0.0 if gaps[i] <= OUT_OF_REACH else _reach_gap(arm, poses[indices[i]], task, more_seeds)
         )
@@ -493,11 +461,11 @@ def _refuse(
     task: int,
     failure: _Failure,
 ) -> None:
-    """Raise Unreachable: where the solution that comes farthest ends, and for what reason."""
+    """Raise Unreachable with the end of the solution with the longest reach, and its cause."""
     s = np.append(knots.s0, path.length)
     i = failure.reached
     if failure.joint >= 0:
-        also = f", and no other configuration of the arm {arm.name} comes farther"
+        also = f", and no other configuration of the arm {arm.name} reaches farther"
         raise out_of_range(path, float(s[i]), failure.joint, failure.value, failure.limit, also)
     q = failure.q[None]
     gap, farthest = _largest_reach_gap(arm, poses[i:], task, q)
@@ -520,14 +488,13 @@ def _refuse(
 def _refuse_singularity(
     path: Path, arm: SerialArm, s: float, pose: FloatArray, task: int, q: FloatArray
 ) -> None:
-    """Raise Unreachable for a singularity at arc length s, with the joint that moves most."""
     jacobian = arm.jacobian(q)
     angular = jacobian[3:] if task == 6 else pose[:, : task - 3].T @ jacobian[3:]
     _, sizes, motions = np.linalg.svd(np.concatenate([jacobian[:3], angular]))
     joint = int(np.argmax(np.abs(motions[task - 1])))
     raise Unreachable(
-        f"After {s:.6g} m of {path.length:.6g} m along the path the arm {arm.name} comes "
-        f"to a singularity, where joint {joint + 1} would have to move without bound (smallest "
+        f"After {s:.6g} m of {path.length:.6g} m along the path the arm {arm.name} reaches "
+        f"a singularity, where joint {joint + 1} would have to move without bound (smallest "
         f"singular value {sizes[task - 1]:.2g}): {what_helps(path)}.",
         s=s,
         point=pose[:, 3].tolist(),

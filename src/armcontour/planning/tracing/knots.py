@@ -1,4 +1,4 @@
-"""Knots along a path: arc lengths at which tracing computes exact joint positions."""
+"""Knots along a path, at which tracing computes exact joint positions, and the tool poses there."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from armcontour.robot import SerialArm
 
 # Largest distance between the first knots, over the extent of the path.
 FIRST_STEP = 1 / 16
-# But it may be so long, over the span of the arm: on a short way the arm hardly bends.
+# Lower limit of this distance, over the span of the arm: joint paths are nearly straight over short
+# distances.
 SHORTEST_FIRST_STEP = 1 / 512
 # Largest angle by which the tangent or the tool turns between the first knots [rad].
 FIRST_TURN = 0.5
@@ -29,8 +30,8 @@ class Knots:
     """The n intervals between knots.
 
     Args:
-        segment: Index of the path segment on which each interval lies, (n,).
-        piece: Index of the piece of the path's orientation on which each interval lies, (n,);
+        segment: Index of the path segment of each interval, (n,).
+        piece: Index of the piece of the path's orientation of each interval, (n,);
             0 for a path without orientation.
         u0: Distance along the segment at the start of each interval [m], (n,).
         u1: Distance along the segment at the end of each interval [m], (n,).
@@ -48,19 +49,19 @@ class Knots:
         return len(self.segment)
 
     def part(self, selection: BoolArray | IntArray) -> Knots:
-        """The intervals selected by a mask or by indices."""
+        """Select intervals by a mask or by indices."""
         return Knots(**{name: getattr(self, name)[selection] for name in Knots.__slots__})
 
     def halve(self, mask: BoolArray, u: FloatArray) -> tuple[Knots, IntArray, IntArray]:
-        """The intervals, with the selected ones split in two.
+        """Split the selected intervals in two.
 
         Args:
             mask: Mask of the intervals to split, (n,).
             u: Distance along the segment at which each of these is split [m].
 
         Returns:
-            The new intervals; for each of them, the index of its old interval; and the indices
-            of the second halves among the new intervals.
+            The new intervals; the index of the old interval of each; and the indices of the second
+            halves among the new intervals.
         """
         parent = np.repeat(np.arange(len(self)), 1 + mask)
         second = np.flatnonzero(np.diff(parent, prepend=-1) == 0)
@@ -71,10 +72,7 @@ class Knots:
         return Knots(segment=segment, piece=piece, u0=u0, u1=u1, s0=s0), parent, second
 
     def cut(self, count: IntArray) -> tuple[Knots, IntArray]:
-        """The intervals, each cut into equal ones.
-
-        Args:
-            count: Number of parts of every interval, (n,).
+        """Divide each interval into `count` equal parts, (n,).
 
         Returns:
             The parts, and the indices of the given knots among their starts and last end, (n + 1,).
@@ -93,11 +91,11 @@ class Knots:
         ), ends
 
     def ends(self) -> tuple[IntArray, FloatArray, IntArray]:
-        """Places of the starts of the intervals, and of those ends that are not starts of others.
+        """Starts of the intervals, and ends that are not starts of others.
 
         Returns:
-            The interval of every place, (m,); the distances along the segments there [m], (m,); and
-            the place of the end of every interval, (n,).
+            The interval of each of these points, (m,); the distances along the segments there [m],
+            (m,); and the index of the end of every interval, (n,).
         """
         knots, n = self, len(self)
         alone = np.append((np.diff(knots.segment) != 0) | (np.diff(knots.piece) != 0), True)
@@ -111,7 +109,7 @@ class Knots:
     def places(self) -> tuple[Knots, FloatArray]:
         """The intervals repeated for each of `PLACES`, and distances along the segments there [m].
 
-        All intervals at the first place come before those at the second, (len(PLACES) n,).
+        All intervals at the first fraction come before those at the second, (len(PLACES) n,).
         """
         columns = {x: [getattr(self, x)] * len(PLACES) for x in Knots.__slots__}
         repeated = Knots(**{name: np.concatenate(x) for name, x in columns.items()})
@@ -124,15 +122,15 @@ class Knots:
 
 
 def first_knots(path: Path, span: float, finer: int = 1) -> Knots:
-    """The knot intervals that refinement starts from: at every break of the path, and between.
+    """Initial knot intervals for refinement, with a knot at every break of the path.
 
     Args:
         path: The path.
-        span: As of the arm [m].
-        finer: Factor by which the intervals are shorter than they need to be.
+        span: Span of the arm [m].
+        finer: Factor by which the intervals are shorter than required.
     """
     cells = _cells(path)
-    # All vertices of a full circle are one point, so the extent takes in the arcs' diameters.
+    # All vertices of a full circle are one point, so the extent includes the diameters of arcs.
     diameter = np.minimum(path.lengths, 2 / np.where(path.curvatures > 0, path.curvatures, np.inf))
     extent = max(float(np.linalg.norm(np.ptp(path.vertices, axis=0))), float(diameter.max()))
     turning = path.curvatures[cells.segment]
@@ -147,7 +145,6 @@ def first_knots(path: Path, span: float, finer: int = 1) -> Knots:
 
 
 def _cells(path: Path) -> Knots:
-    """Intervals between all breaks of the path's segments and of its orientation."""
     n, orientation = len(path), path.orientation
     whole = orientation is None or (len(orientation) == 1 and orientation.breaks[1] == path.length)
     if orientation is None or whole or np.array_equal(orientation.breaks, path.breaks):
@@ -169,9 +166,9 @@ def _cells(path: Path) -> Knots:
 
 # Jumps of the orientation below this are rounding errors [rad].
 NO_JUMP = 1e-8
-# A pose is out of reach if the tool stays farther away than this [m].
+# Distance of the tool from which a pose is out of reach [m].
 OUT_OF_REACH = 1e-7
-# If the tool turns faster than this where the arm seems singular, the turning is the cause [rad/m].
+# Rotation rate of the tool above which it causes an apparent singularity [rad/m].
 TOO_FAST = 1e5
 
 
@@ -181,7 +178,7 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
     The task dimension is 6 (position and orientation), 5 (position and tool axis) or 3 (position).
 
     Raises:
-        InvalidInput: The path lies in a plane; it has no orientation, though the arm has more than
+        InvalidInput: The path is planar; it has no orientation, though the arm has more than
             3 joints; the task dimension exceeds the number of joints; or the orientation jumps.
     """
     if path.dimension != 3:
@@ -206,11 +203,6 @@ def task_dimension(path: Path, arm: SerialArm) -> int:
 
 
 def _refuse_position_only(arm: SerialArm) -> None:
-    """Refuse an arm that cannot follow a path without orientation.
-
-    Raises:
-        InvalidInput: The arm does not have 3 joints.
-    """
     if arm.dof > 3:
         raise InvalidInput(
             f"The path has no tool orientation, but the arm {arm.name} needs one: give the path an "
@@ -225,7 +217,6 @@ def _refuse_position_only(arm: SerialArm) -> None:
 
 
 def _refuse_jump(path: Path, orientation: Orientation) -> None:
-    """Raise InvalidInput for the first jump of the orientation, with its cause and remedy."""
     jumps = orientation.jumps
     i = int(np.argmax(jumps > NO_JUMP))
     s = float(orientation.breaks[i + 1])
@@ -247,7 +238,7 @@ def _refuse_jump(path: Path, orientation: Orientation) -> None:
 
 
 def _bends_out_of_plane(path: Path, s: float) -> bool:
-    """Whether a corner at an arc length [m] was left sharp since its segments are in no plane."""
+    """Test whether a corner at s [m] is sharp because its segments are not in one plane."""
     if not isinstance(path, RoundedPath) or not len(path.corners):
         return False
     nearest = int(np.argmin(np.linalg.norm(path.corners.point - path(s), axis=1)))
@@ -263,12 +254,7 @@ def what_helps(path: Path | None) -> str:
 
 
 def turning_too_fast(path: Path, s: float) -> str:
-    """Sentence for an arc length at which the path turns the tool far too fast; otherwise "".
-
-    Args:
-        path: The path.
-        s: Arc length [m].
-    """
+    """Sentence for an arc length [m] at which the path turns the tool too fast, else ""."""
     if path.orientation is None:
         return ""
     near = path.orientation.locate(np.array([s]))[0] + np.array([-1, 0, 1])
@@ -306,9 +292,9 @@ def tool_errors(
     Args:
         arm: The arm.
         q: Joint positions [rad], (n, dof).
-        targets: Poses that the tool should have, (n, 3, 4).
+        targets: Required poses of the tool, (n, 3, 4).
         task: Task dimension.
-        tolerances: Largest distance of the tool from its place [m], and angle [rad].
+        tolerances: Largest position error [m] and angle [rad].
     """
     difference = arm.poses(q) - targets
     error: FloatArray = np.linalg.norm(difference[:, :, 3], axis=1) / tolerances[0]
@@ -344,17 +330,17 @@ def row_of_poses(path: Path, knots: Knots) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FirstPoses:
-    """What a path demands of the tool at its first knots; all configurations share it.
+    """Required motion of the tool at the first knots of a path, shared by all configurations.
 
     Args:
         knots: The first knots, n intervals.
-        places: The intervals, and again those whose end is not the start of the next one on the
+        places: The intervals, followed by those whose end is not the start of the next one on the
             same segment, m in all.
-        u: Distances along the segments: starts of the intervals, and then these ends [m], (m,).
+        u: Distances along the segments: starts of the intervals, then these ends [m], (m,).
         poses: Poses there, (m, 3, 4).
         rates: Their derivatives there, (m, 4, 3).
-        ends: Row of the end of every interval among these places, (n,).
-        between: Poses at the places between knots, as `Knots.places`.
+        ends: Index of the end of every interval among these points, (n,).
+        between: Poses between knots, as `Knots.places`.
         stops: Arc lengths at which the tool stops [m].
     """
 
@@ -369,7 +355,7 @@ class FirstPoses:
 
     @classmethod
     def at_knots(cls, path: Path, knots: Knots) -> FirstPoses:
-        """Compute them."""
+        """Compute the required motion at knots."""
         row, u, ends = knots.ends()
         intervals = knots.part(row)
         poses, rates = motion_at(path, intervals, u)

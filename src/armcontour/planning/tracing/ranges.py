@@ -13,7 +13,7 @@ from armcontour.motion import JointPath
 from armcontour.planning.tracing.knots import what_helps
 from armcontour.robot import Limits
 
-# Joint positions have smaller rounding errors than this, and no robot resolves it [rad].
+# Tolerance of joint ranges [rad], above rounding errors and below the resolution of robots.
 ROUNDING = 1e-9
 # Matrix from the monomial to the Bernstein coefficients of a quintic, binom(i, j) / binom(5, j).
 BERNSTEIN = np.array(
@@ -29,7 +29,7 @@ BERNSTEIN = np.array(
 
 
 def check_joint_range(joint_path: JointPath, limits: Limits) -> None:
-    """Refuse a joint path on which any joint leaves its range.
+    """Check that no joint leaves its range along a joint path.
 
     Args:
         joint_path: The joint path.
@@ -45,7 +45,8 @@ def check_joint_range(joint_path: JointPath, limits: Limits) -> None:
     spread = np.abs(c[:, 1:]).sum(axis=1)
     if ((c[:, 0] - spread >= lower) & (c[:, 0] + spread <= upper)).all():
         return
-    # A polynomial lies within the hull of its Bernstein coefficients, so most pieces need no roots.
+    # Most pieces need no roots, because a polynomial is within the hull of its Bernstein
+    # coefficients.
     hull = np.matmul(BERNSTEIN, joint_path.coefficients)
     suspect = (hull.min(axis=1) < lower - ROUNDING) | (hull.max(axis=1) > upper + ROUNDING)
     worst, largest = ROUNDING, None
@@ -65,7 +66,7 @@ def check_joint_range(joint_path: JointPath, limits: Limits) -> None:
 def out_of_range(
     path: Path | None, s: float, joint: int, q: float, edge: float, also: str = ""
 ) -> Unreachable:
-    """The error for a joint that leaves its range.
+    """Error for a joint that leaves its range.
 
     Args:
         path: The tool path, if known.
@@ -73,11 +74,11 @@ def out_of_range(
         joint: Index of the joint, from 0.
         q: Joint position that the path would need there [rad].
         edge: The end of the joint range that is exceeded [rad].
-        also: Text to add to the sentence.
+        also: Additional text of the sentence.
     """
     name = "upper" if q > edge else "lower"
     return Unreachable(
-        f"At {s:.6g} m along the path joint {joint + 1} would stand at {q:.6g} rad, "
+        f"At {s:.6g} m along the path joint {joint + 1} would be at {q:.6g} rad, "
         f"{abs(q - edge):.3g} rad beyond its {name} limit of {edge:.6g} rad{also}: "
         f"{what_helps(path)}.",
         s=s,
@@ -90,7 +91,7 @@ def out_of_range(
 
 
 def turn_into_range(joint_path: JointPath, limits: Limits) -> JointPath:
-    """The joint path with joints shifted by whole turns into their ranges, where possible."""
+    """Shift joints by whole turns into their ranges, if possible."""
     if limits.joint_lower is None and limits.joint_upper is None:
         return joint_path
     lower, upper = limits.joint_range(joint_path.dof)
@@ -106,15 +107,15 @@ def turn_into_range(joint_path: JointPath, limits: Limits) -> JointPath:
 
 
 def _extremum_candidates(coefficients: FloatArray) -> FloatArray:
-    """The ends 0 and 1 of a polynomial's interval, and its stationary points between them."""
+    """Ends 0 and 1 of a polynomial's interval, and its stationary points between them."""
     slope = np.polynomial.polynomial.polyder(coefficients)
-    # Leading coefficients that are zero, or rounding errors of zero, would give infinite roots.
+    # Leading coefficients that are zero or rounding errors would give infinite roots.
     size = float(np.abs(slope).max())
     used = np.flatnonzero(np.abs(slope) > 1e-15 * size)
     ends = np.array([0.0, 1.0])
     if size == 0 or used[-1] == 0:
         return ends
     roots = np.polynomial.polynomial.polyroots(slope[: used[-1] + 1])
-    # Rounding can turn a double root into a complex pair, so the real parts of all roots count.
+    # Rounding can split a double root into a complex pair, so the real parts of all roots count.
     inside = np.real(roots[(np.real(roots) > 0) & (np.real(roots) < 1)])
     return np.concatenate([ends, inside])

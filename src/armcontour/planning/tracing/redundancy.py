@@ -1,9 +1,9 @@
 """Redundancy resolution: a smooth null-space reference that makes the joint path unique.
 
 If the arm has more joints than the task dimension, the rows `w(s) (q - g(s)) = 0` are added to the
-equations of the tool pose. g is a spline through joint positions that were chosen for a short joint
-path away from the ends of the joint ranges; the rows of w span the null space. Both are C² between
-stops, so that dq_ds and d2q_ds2 are exact.
+equations of the tool pose. g is a spline through joint positions of a short joint path away from
+the ends of the joint ranges; the rows of w span the null space. Both are C² between stops, so that
+dq_ds and d2q_ds2 are exact.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from armcontour.core.quintics import solve_banded
 from armcontour.motion import quintic
 from armcontour.robot import SerialArm, newton
 
-# A spline overshoots if it leaves a chord by more than this fraction of the largest step next to
-# it, and by more than the floor [rad].
+# Largest deviation of a spline from a chord, as a fraction of the largest neighbouring step, and
+# its floor [rad].
 SWING = 0.1
 SWING_FLOOR = 0.01
 QUARTERS = np.array([0.25, 0.5, 0.75])[:, None, None]
-# Joint positions cost from this fraction of half the joint range on, with this weight relative to
-# the length of the joint path.
+# Fraction of half the joint range from which joint positions have a cost, and its weight relative
+# to the length of the joint path.
 INNER_RANGE = 0.7
 RANGE_WEIGHT = 30.0
-# Largest change of a joint position in one iteration of smoothing, about [rad].
+# Approximate largest change of a joint position in one iteration of smoothing [rad].
 LARGEST_CHANGE = 0.3
-# Smoothing ends if an iteration changes no joint position by more than this [rad].
+# Largest change of a joint position at which smoothing ends [rad].
 SETTLED = 1e-4
-# Added to the diagonal of an iteration's matrix, relative to its largest entry; without it the
-# matrix is singular if no cost depends on a null-space motion.
+# Regularization of the diagonal of an iteration's matrix, relative to its largest entry; the matrix
+# is singular if no cost depends on a null-space motion.
 DAMPING = 1e-6
 # Largest number of iterations of smoothing.
 ROUNDS = 25
@@ -55,10 +55,10 @@ class Guide:
 
     @classmethod
     def through(cls, s: FloatArray, q: FloatArray, w: FloatArray, stops: FloatArray) -> Guide:
-        """The guide through given joint positions.
+        """Guide through given joint positions.
 
-        The splines are cubic, or quintics where a cubic spline overshoots: it does if the tool
-        turns much faster on a short part of the path than next to it.
+        The splines are cubic, or quintics where a cubic spline overshoots because the tool turns
+        much faster on a short part of the path than next to it.
 
         Args:
             s: Arc lengths [m], (n,).
@@ -79,12 +79,12 @@ class Guide:
         return cls(s=s, coefficients=np.concatenate(parts), dof=dof)
 
     def evaluate(self, s: FloatArray, middle: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """W and g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof).
+        """The values w and g with two derivatives along s, (n, 3, free, dof) and (n, 3, dof).
 
         Args:
             s: Arc lengths [m], (n,).
             middle: Arc lengths inside the intervals that `s` belong to [m], (n,); at a knot they
-                tell the interval before from the interval after.
+                select the interval.
         """
         interval, k = np.searchsorted(self.s, middle) - 1, np.arange(6)
         x = (s - self.s[interval])[:, None]
@@ -95,11 +95,7 @@ class Guide:
 
 
 def _turns(w: FloatArray) -> FloatArray:
-    """How bases turn as little as possible from knot to knot, (n - 1, free, free).
-
-    Args:
-        w: Bases of the null space, (n, free, dof).
-    """
+    """Smallest rotations between null-space bases at neighbouring knots, (n - 1, free, free)."""
     along = np.einsum("nik,njk->nij", w[:-1], w[1:])
     if w.shape[1] == 1:
         return np.where(along < 0, -1.0, 1.0)
@@ -108,12 +104,7 @@ def _turns(w: FloatArray) -> FloatArray:
 
 
 def _spline(s: FloatArray, values: FloatArray) -> FloatArray:
-    """Coefficients of a cubic spline, or of quintics where it would overshoot, (n - 1, 6, values).
-
-    Args:
-        s: The knots [m], (n,).
-        values: The values, (n, values).
-    """
+    """Coefficients of a cubic spline, or of quintics if it would overshoot, (n - 1, 6, values)."""
     width, steps = np.diff(s)[:, None], np.diff(values, axis=0)
     slopes, chord = _slopes(s, values), steps / width
     curvature = (slopes[:-1] + slopes[1:] - 2 * chord) / width
@@ -134,8 +125,8 @@ def _spline(s: FloatArray, values: FloatArray) -> FloatArray:
 def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
     """Slopes at its knots of the cubic spline through values, (n, values).
 
-    The third derivative does not jump at the second knot nor at the last but one ("not a knot").
-    Through two points the spline is a line, through three a parabola.
+    The third derivative is continuous at the second and last but one knot ("not a knot"). Through
+    two points the spline is a line, through three a parabola.
     """
     h = np.diff(s)[:, None]
     chord = np.diff(values, axis=0) / h
@@ -160,14 +151,10 @@ def _slopes(s: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def _without_swing(s: FloatArray, values: FloatArray) -> FloatArray:
-    """Quintics through values with no second derivative at the knots, and with PCHIP's slopes.
-
-    Args:
-        s: The knots [m], (n,).
-        values: The values, (n, values).
+    """Quintics through values with zero second derivative at the knots and PCHIP slopes.
 
     Returns:
-        Coefficients of powers of the distance from the knot before, (n - 1, 6, values).
+        Coefficients of powers of the distance from the previous knot, (n - 1, 6, values).
     """
     from scipy.interpolate import PchipInterpolator
 
@@ -192,10 +179,10 @@ def smooth(
     start_stays: bool = False,
     rounds: int = ROUNDS,
 ) -> tuple[FloatArray, FloatArray]:
-    """Joint positions with the same tool poses and shorter joint paths, by null-space motion.
+    """Shorten joint paths by null-space motion, with unchanged tool poses.
 
-    Gauss-Newton iterations reduce the sum of squares of the joints' steps, weighted by the joints'
-    largest velocities, and of their excess over the inner part of their ranges.
+    Gauss-Newton iterations reduce the sum of squares of the joint steps, weighted by the largest
+    joint velocities, and of their excess over the inner part of their ranges.
 
     Args:
         arm: The arm.
@@ -203,7 +190,7 @@ def smooth(
         poses: Rotations and positions of the tool, (n, 3, 4).
         task: Task dimension.
         q: Joint positions at the poses in several configurations [rad], (ways, n, dof).
-        start_stays: Whether the first joint position is kept.
+        start_stays: Whether the first joint position is fixed.
         rounds: Largest number of iterations.
 
     Returns:
@@ -241,8 +228,8 @@ def smooth(
 class _Cost:
     """Sum of squares of the weighted joint steps and of the excess over the inner ranges.
 
-    A step may be as long as its share of the tool path and of the initial joint path: at a tight
-    corner the joints move far on a short path, which must not outweigh all other steps.
+    The allowed length of a step is its share of the tool path and of the initial joint path: at a
+    tight corner the joints move far on a short path, which must not outweigh all other steps.
 
     Args:
         arm: The arm.
@@ -266,25 +253,19 @@ class _Cost:
         self.weights = pace / np.sqrt(np.where(whole > 0.0, both, share))[..., None]
 
     def select(self, mask: BoolArray) -> _Cost:
-        """The cost of some of the configurations."""
         cost = copy(self)
         cost.weights = self.weights[mask]
         return cost
 
     def values(self, q: FloatArray) -> FloatArray:
-        """The costs of joint positions [rad], (ways,)."""
         steps = (q[:, 1:] - q[:, :-1]) * self.weights
         excess = self.outside * np.maximum(np.abs((q - self.middle) / self.half) - INNER_RANGE, 0.0)
-        # NumPy adds many values half by half. Joint positions that differ in a free turn of the
-        # tool cost the same, so rounding errors, which are small then, decide which are taken.
+        # NumPy sums pairwise. Joint positions that differ by a free rotation of the tool have equal
+        # cost, so the small rounding errors decide between them.
         return np.asarray((steps**2).sum(axis=(1, 2)) + (excess**2).sum(axis=(1, 2)))
 
     def equations(self, q: FloatArray, w: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Equations of the null-space motion that minimizes the linearized cost.
-
-        Args:
-            q: Joint positions [rad], (ways, n, dof).
-            w: Bases of the null space, (ways, n, free, dof).
 
         Returns:
             The matrices as `solve_banded` takes them, (ways, n free, 2 free), and half the negative

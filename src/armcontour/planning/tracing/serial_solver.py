@@ -27,7 +27,7 @@ from armcontour.robot import SerialArm, newton
 
 # Largest angle between the tool and its required orientation between knots [rad].
 ANGULAR_TOLERANCE = 1e-9
-# Smallest ratio of pivots in elimination; below it the Jacobian counts as singular.
+# Ratio of pivots in elimination below which the Jacobian is singular.
 SINGULAR = 1e-9
 
 
@@ -38,7 +38,7 @@ class Numeric(Solver[SerialArm]):
         path: The tool path.
         arm: The arm.
         task: Task dimension: 6, 5 or 3, see `task_dimension`.
-        first: What the path demands at the first knots.
+        first: Required motion at the first knots.
         solution: Joint positions at the first knots.
         tolerance: Largest distance of the tool from the path between knots [m].
     """
@@ -62,7 +62,7 @@ class Numeric(Solver[SerialArm]):
             self._guide = Guide.through(s, solution.q, w, first.stops)
 
     def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
-        """As of every solver, once where an interval ends and the next one starts."""
+        """As `Solver.first_ends`; an end that is also a start is computed once."""
         first, q = self._first, self._solution.q
         alone = first.ends >= len(knots)
         guess = np.concatenate([q[:-1], q[1:][alone]])
@@ -83,7 +83,7 @@ class Numeric(Solver[SerialArm]):
     def _solve(
         self, knots: Knots, u: FloatArray, q: FloatArray, poses: FloatArray, rates: FloatArray
     ) -> Ends:
-        """What `ends` gives, for tool poses and their derivatives; q are guesses, overwritten."""
+        """As `ends`, for tool poses and their derivatives; the guesses q are overwritten."""
         w, g = self._rows(knots, u)
         links = self.arm.link_table
         solved = newton.newton(links, self.task, q, poses, w, g)
@@ -96,7 +96,7 @@ class Numeric(Solver[SerialArm]):
         return q, dq_ds, d2q_ds2
 
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
-        """As of every solver; poses at the places of the first knots are those of all solutions."""
+        """As `Solver.errors_between`; poses between the first knots are shared by all solutions."""
         if knots is not self._first.knots:
             return super().errors_between(knots, start, end)
         q = quintics_at_places(knots, start, end)
@@ -108,7 +108,6 @@ class Numeric(Solver[SerialArm]):
         return self._errors(poses_at(self.path, knots, u), q)
 
     def _errors(self, targets: FloatArray, q: FloatArray) -> FloatArray:
-        """The errors of `tool_errors` from target poses, (n, 3, 4)."""
         return tool_errors(self.arm, q, targets, self.task, (self.tolerance, ANGULAR_TOLERANCE))
 
     def _rows(self, knots: Knots, u: FloatArray) -> tuple[FloatArray, FloatArray]:

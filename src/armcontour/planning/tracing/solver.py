@@ -1,4 +1,4 @@
-"""Inverse kinematics along a path at knots, which are added until the tool keeps to its path."""
+"""Inverse kinematics along a path at knots, which are added until the tool follows its path."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from armcontour.planning.tracing.knots import (
 )
 from armcontour.robot import Arm, PlanarTwoLink
 
-# If an interval this short still leaves the path, the cause is a singularity [m].
+# Length below which an interval outside the tolerance indicates a singularity [m].
 SMALLEST_INTERVAL = 1e-9
-# Powers of the places of an interval, (places, 6).
+# Powers of `PLACES`, (places, 6).
 POWERS = PLACES[:, None] ** np.arange(6)
 # q, dq_ds and d2q_ds2 at the starts, or at the ends, of n intervals, (n, dof) each.
 Ends = tuple[FloatArray, FloatArray, FloatArray]
@@ -32,12 +32,7 @@ A = TypeVar("A", bound=Arm, covariant=True)
 
 
 class Solver(ABC, Generic[A]):
-    """Joint positions and their derivatives along a tool path.
-
-    Args:
-        path: The tool path.
-        arm: The arm.
-    """
+    """Joint positions and their derivatives along a tool path."""
 
     def __init__(self, path: Path, arm: A) -> None:
         self.path = path
@@ -67,7 +62,7 @@ class Solver(ABC, Generic[A]):
     def guess(
         self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray
     ) -> FloatArray | None:
-        """Joint positions near the solutions within intervals, (n, dof); None if none are needed.
+        """Joint positions near the solutions within intervals, (n, dof); None if not needed.
 
         Args:
             knots: The knot intervals, n of them.
@@ -75,7 +70,8 @@ class Solver(ABC, Generic[A]):
             middle: Joint positions in the middle of the quintics of the intervals, (n, dof).
             halfway: Means of the joint positions at both ends, (n, dof).
         """
-        # Near a singularity the quintic may overshoot; the mean of the ends is the better guess.
+        # Near a singularity the quintic may overshoot, and the mean of the ends is the better
+        # guess.
         nearer = self.tool_errors(knots, u, halfway) < self.tool_errors(knots, u, middle)
         return np.where(nearer[:, None], halfway, middle)
 
@@ -86,11 +82,6 @@ class Solver(ABC, Generic[A]):
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
         """Largest error of the tool on the quintics of intervals, over the tolerance, (n,).
 
-        Args:
-            knots: The intervals, n of them.
-            start: Joint positions and derivatives at their starts.
-            end: The same at their ends.
-
         Returns:
             The errors, and the joint positions in the middle of the intervals, (n, dof).
         """
@@ -99,18 +90,18 @@ class Solver(ABC, Generic[A]):
         return largest_errors(errors, len(knots)), q[MIDDLE]
 
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
-        """Values at starts and ends of the intervals, without jumps from interval to interval."""
+        """Values at starts and ends of the intervals, without jumps between intervals."""
         return start, end
 
 
 def quintics_at_places(knots: Knots, start: Ends, end: Ends) -> FloatArray:
-    """Joint positions on the quintics of n intervals at their places, (places, n, dof)."""
+    """Joint positions on the quintics of n intervals at `PLACES`, (places, n, dof)."""
     coefficients = quintic(knots.u1 - knots.u0, start, end)
     return np.tensordot(POWERS, coefficients, (1, 1))
 
 
 def largest_errors(errors: FloatArray, n: int) -> FloatArray:
-    """The largest error of each of n intervals, from those at all their places, (n,)."""
+    """Largest error of each of n intervals, (n,)."""
     return np.asarray(errors.reshape(-1, n).max(axis=0))
 
 
@@ -139,7 +130,7 @@ class Analytic(Solver[PlanarTwoLink]):
         self.configuration, self.tolerance = configuration, tolerance
 
     def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
-        """q, dq_ds and d2q_ds2 at the starts and at the ends of the first intervals, at once."""
+        """As `Solver.first_ends`, in one call."""
         n = len(knots)
         both = knots.part(np.tile(np.arange(n), 2))
         q, dq_ds, d2q_ds2 = self.ends(both, np.concatenate([knots.u0, knots.u1]), None)
@@ -166,10 +157,10 @@ class Analytic(Solver[PlanarTwoLink]):
         return q, dq_ds, self.arm.joint_acceleration(q, dq_ds, curvature)
 
     def guess(self, knots: Knots, u: FloatArray, middle: FloatArray, halfway: FloatArray) -> None:
-        """None, as a closed form needs none."""
+        """None, because a closed form needs no guess."""
 
     def continuous(self, start: Ends, end: Ends) -> tuple[Ends, Ends]:
-        """The same starts and ends, with jumps by whole turns removed from the joint positions."""
+        """Remove jumps by whole turns from the joint positions."""
         q = np.stack([start[0], end[0]], axis=1).reshape(-1, start[0].shape[1])
         unwrapped = np.unwrap(q, axis=0).reshape(len(start[0]), 2, -1)
         return (unwrapped[:, 0], *start[1:]), (unwrapped[:, 1], *end[1:])
@@ -181,7 +172,7 @@ class Analytic(Solver[PlanarTwoLink]):
 
 
 def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
-    """The joint path through exact knots, refined until it meets the solver's tolerance.
+    """Joint path through exact knots, refined until it satisfies the solver's tolerance.
 
     Args:
         solver: Computes joint positions and their derivatives.
@@ -226,18 +217,17 @@ def refine(solver: Solver[Arm], knots: Knots, stops: FloatArray) -> JointPath:
 
 
 def _select(ends: Ends, selection: BoolArray | IntArray) -> Ends:
-    """The joint positions and derivatives of the selected intervals."""
     q, dq_ds, d2q_ds2 = ends
     return q[selection], dq_ds[selection], d2q_ds2[selection]
 
 
 def raise_singular(solver: Solver[Any], s: float, state: str) -> NoReturn:
-    """Refuse a place of the path where no joint motion is found.
+    """Refuse a point of the path without a joint motion.
 
     Args:
         solver: The solver of the path.
-        s: Arc length of the place [m].
-        state: What the arm is or does there.
+        s: Arc length of the point [m].
+        state: State of the arm at the point, such as "is singular".
 
     Raises:
         Unreachable: Always.

@@ -1,4 +1,4 @@
-"""Public functions of tracing: the joint paths along which an arm follows a tool path."""
+"""Public functions of tracing: joint paths along which an arm follows a tool path."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from armcontour.robot import Arm, Limits, PlanarTwoLink, SerialArm
 if TYPE_CHECKING:
     from armcontour.planning.tracing.configurations import Solution
 
-# With redundant degrees of freedom the first knots lie closer together by this factor, as the
-# null-space motion is interpolated between them.
+# Factor of the number of first knots of a redundant arm, because the null-space motion is
+# interpolated between them.
 FINER = 3
-# Distance between the places of a sketch, over the length of all the arm's links.
+# Distance between the points of a sketch, over the span of the arm.
 SKETCHED = 0.01
 
 
@@ -45,7 +45,7 @@ def trace(
     seed: npt.ArrayLike | None = None,
     tolerance: float = 1e-10,
 ) -> JointPath:
-    """The joint path along which the arm's tool follows `path`.
+    """Compute the joint path along which the arm's tool follows `path`.
 
     q, dq_ds and d2q_ds2 at the knots are exact, by (28) and (27) for an arm in the plane and by
     their counterparts for an arm in space. Between knots the joint path is a quintic. Knots are
@@ -55,7 +55,7 @@ def trace(
         path: Tool path.
         arm: The arm.
         limits: Limits whose joint ranges apply, and whose joint velocities weight the lengths of
-            joint paths; by default the arm's own.
+            joint paths; by default those of the arm.
         configuration: For an arm in the plane, one of `arm.branches`; by default the first that
             completes the path. `plan` chooses the fastest.
         seed: For an arm in space, joint positions near the start of the joint path [rad], (dof,);
@@ -92,9 +92,8 @@ def trace_all(
     """Joint paths of all configurations that complete the path, the shortest first.
 
     An arm in the plane has one per branch, in the order of its branches. An arm in space has one
-    per configuration. An arm with redundant degrees of freedom has infinitely many:
-    `configurations.MOST_STARTS` sampled starts are followed, and at most
-    `configurations.MOST_SOLUTIONS` joint paths are kept.
+    per configuration. A redundant arm has infinitely many: `configurations.MOST_STARTS` sampled
+    starts are followed, and at most `configurations.MOST_SOLUTIONS` joint paths are returned.
 
     Args:
         path: Tool path.
@@ -103,7 +102,7 @@ def trace_all(
         configuration: As in `trace`.
         seed: As in `trace`.
         tolerance: As in `trace`.
-        max_count: Largest number of joint paths to return; all by default.
+        max_count: Largest number of joint paths; all by default.
 
     Raises:
         Unreachable: As in `trace`.
@@ -138,11 +137,7 @@ def trace_all(
 
 
 def _refuse_flat(arm: SerialArm) -> None:
-    """Refuse an arm in space whose joints are all parallel, so that its tool stays in a plane.
-
-    Raises:
-        InvalidInput: The arm is such an arm: it is singular everywhere.
-    """
+    """Refuse an arm in space whose joints are all parallel, because it is singular everywhere."""
     if arm.dof > 2 and arm.moves_in_a_plane:
         raise InvalidInput(
             f"The {arm.dof} joints of the arm {arm.name} are parallel, so its tool stays in a "
@@ -154,7 +149,7 @@ def _refuse_flat(arm: SerialArm) -> None:
 def sketch_all(
     path: Path, arm: SerialArm, *, limits: Limits | None = None
 ) -> tuple[FloatArray, list[FloatArray]]:
-    """Joint positions at a few places of a long path, in all configurations that get along there.
+    """Joint positions at a few points of a long path, in all configurations that reach them.
 
     Args:
         path: Tool path.
@@ -162,11 +157,11 @@ def sketch_all(
         limits: As in `trace`.
 
     Returns:
-        Arc lengths of the places from 0 to the path's end [m], (n,), and joint positions there
+        Arc lengths of the points from 0 to the path's end [m], (n,), and joint positions there
         [rad], (n, dof) each, the shortest joint path first.
 
     Raises:
-        Unreachable: No configuration gets along these places.
+        Unreachable: No configuration reaches all points.
         InvalidInput: The path does not fit the arm.
     """
     from armcontour.planning.tracing.configurations import find_solutions
@@ -182,13 +177,7 @@ def sketch_all(
 
 
 def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
-    """Indices of knots that lie about `step` apart [m], or `CHORD_TURN` of the tool; with the last.
-
-    Args:
-        path: The path.
-        knots: The knots.
-        step: Distance along the path [m].
-    """
+    """Indices of knots `step` [m] or a tool rotation of `CHORD_TURN` apart; includes the last."""
     from armcontour.planning.tracing.configurations import CHORD_TURN
 
     turn = np.linalg.norm(np.diff(row_of_poses(path, knots)[:, :, :3], axis=0), axis=(1, 2))
@@ -201,12 +190,6 @@ def _few_places(path: Path, knots: Knots, step: float) -> IntArray:
 def _trace_planar(
     path: Path, arm: PlanarTwoLink, configuration: str, tolerance: float
 ) -> JointPath:
-    """The joint path of a planar arm in one branch, inside the joint ranges.
-
-    Raises:
-        Unreachable: As in `trace`.
-        InvalidInput: As in `trace`.
-    """
     joint_path = refine(
         Analytic(path, arm, configuration, tolerance), first_knots(path, arm.span), path.stops
     )
@@ -218,12 +201,7 @@ def _trace_planar(
 def _trace_serial(
     path: Path, arm: SerialArm, seed: FloatArray | None, tolerance: float, max_count: int | None
 ) -> list[JointPath]:
-    """Joint paths of a serial arm in its configurations, the shortest first.
-
-    Raises:
-        Unreachable: As in `trace`.
-        InvalidInput: As in `trace`.
-    """
+    """Joint paths of a serial arm in its configurations, the shortest first."""
     from armcontour.planning.tracing.configurations import find_solutions
     from armcontour.planning.tracing.serial_solver import Numeric
 
@@ -242,18 +220,14 @@ def _trace_serial(
 
 
 def _complete(tries: Iterable[Callable[[], JointPath]], max_count: int | None) -> list[JointPath]:
-    """Joint paths of the configurations that complete a path, at most `max_count`.
-
-    Raises:
-        Unreachable: None does; the reason of the first one.
-    """
+    """Joint paths of the configurations that complete a path; the first error if none does."""
     joint_paths: list[JointPath] = []
     refusals: list[Unreachable] = []
     for attempt in tries:
         if max_count is not None and len(joint_paths) == max_count:
             break
-        # A configuration that is singular or leaves a joint range between two knots is no reason
-        # to refuse the others.
+        # A configuration that is singular or leaves a joint range between knots does not exclude
+        # the others.
         try:
             joint_paths.append(attempt())
         except Unreachable as error:
@@ -264,11 +238,6 @@ def _complete(tries: Iterable[Callable[[], JointPath]], max_count: int | None) -
 
 
 def _check_seed(arm: SerialArm, seed: npt.ArrayLike) -> FloatArray:
-    """The seed as joint positions inside the joint ranges [rad], (dof,).
-
-    Raises:
-        InvalidInput: The seed has a wrong number of joints, or a joint is out of its range.
-    """
     positions = checks.per_joint("seed", seed, arm.dof, "rad")
     lower, upper = arm.limits.joint_range(arm.dof)
     outside = (positions < lower) | (positions > upper)
