@@ -1,6 +1,6 @@
 """The nominal robot: drives with position and velocity loops that move an arm's bodies.
 
-Compensation, learning, identification and certification use it. Plants, which judge their results,
+Compensation, learning, identification and certification use it; plants, which verify their results,
 do not.
 """
 

@@ -1,4 +1,4 @@
-"""Contour errors of set-points on rigid bodies that are not quite known, executed by MuJoCo."""
+"""Contour errors of set-points on uncertain rigid bodies, simulated by MuJoCo."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BodyRuns:
-    """Executes set-points on the robots of a box, each as `RigidBodyPlant` does; it can be called.
+    """Executes set-points on robots of an uncertainty set with `RigidBodyPlant`; callable.
 
     Args:
         set_points: The set-points.
@@ -95,12 +95,12 @@ class BodyRuns:
 def trace_on_bodies(
     runs: BodyRuns, errors: FloatArray, *, executor: Executor | None = None
 ) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Execute set-points on robots with given errors, with results over time.
+    """Execute set-points on robots with specified errors, with results over time.
 
     Args:
         runs: The executions.
         errors: Errors of the unknowns, (n, k).
-        executor: An executor that does the work in place of this process.
+        executor: An executor for the work, instead of this process.
 
     Raises:
         ExecutionError: As for `spread_on_bodies`.
@@ -110,11 +110,7 @@ def trace_on_bodies(
 
 
 def _all(runs: BodyRuns, rows: list[FloatArray], results: list[R | str]) -> list[R]:
-    """The results of robots, none of which may be a sentence on a failed execution.
-
-    Raises:
-        ExecutionError: One is.
-    """
+    """Results of all robots; an error if one is the message of a failed execution."""
     for row, result in zip(rows, results, strict=True):
         if isinstance(result, str):
             robot = describe(runs.unknowns, row) if row.any() else "no errors"
@@ -131,14 +127,14 @@ def spread_on_bodies(
     executor: Executor | None = None,
     done: Callable[[int], None] | None = None,
 ) -> MonteCarloResult:
-    """Execute set-points on robots with given errors, as rigid bodies.
+    """Execute set-points on robots with specified errors, as rigid bodies.
 
     Args:
-        runs: What is executed.
+        runs: The executions.
         errors: Errors of the unknowns, (n, k).
         seed: Seed that the errors were drawn with; None for corners.
-        processes: Number of processes; by default that of processors.
-        executor: An executor that does the work in place of these processes.
+        processes: Number of processes; by default the number of processors.
+        executor: An executor for the work, instead of these processes.
         done: Called with the number of robots that are done.
 
     Raises:
@@ -170,7 +166,7 @@ def spread_on_bodies(
 
 
 def describe(unknowns: Unknowns, errors: FloatArray) -> str:
-    """The errors of a robot in words, with those alike of several joints said once.
+    """Description of the errors of a robot; equal values of several joints appear once.
 
     Args:
         unknowns: The unknowns.
