@@ -43,4 +43,4 @@ def test_wrong_values_are_refused(refuses):
     refuses(
         partial(ac.certify, "job", goal=ac.CertificateGoal(servo=1e-5)), InvalidInput, "needs a Job"
     )
-    refuses(partial(ac.certify, job, goal={"servo": 1e-5}), InvalidInput, "needs a Goal")
+    refuses(partial(ac.certify, job, goal={"servo": 1e-5}), InvalidInput, "needs a CertificateGoal")

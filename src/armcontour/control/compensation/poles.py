@@ -102,7 +102,7 @@ def fastest_poles(
 
     Returns:
         m1, m2 and g of each joint [1/s], (dof, 3), for `PolePlacement(poles=...)`; p is at most
-        20 / period.
+        20 / cycle.
 
     Raises:
         CompensationError: Even with the lag of the servo itself, `2 / p = 1 / K_p`, a joint would
