@@ -183,7 +183,7 @@ def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
         moves.append((called if x.kind == "contour" else f"{x.kind} after {called}", x))
     for name, x in sorted(moves, key=lambda move: move[1].kind != "contour"):
         found = None if x.trajectory is None else job.cell.check(x.trajectory)
-        if found is not None and not found.kept:
+        if found is not None and not found.satisfied:
             with error_context(name):
                 found.later(x.t[0]).refuse()
     job.cell.check(trajectory).refuse()
@@ -274,7 +274,7 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
 
 def _rapid_around(arm: Arm, this: Run, cell: Cell, path: JointPath) -> JointPath | None:
     """A joint path with the same ends that keeps clear; None if none is found."""
-    from armcontour.verification.clearance.clear_path import connect, through
+    from armcontour.verification.clearance.clear_path import connect, path_through
 
     first, last = ends_of(path)
     if not (cell.keeps(_rest(first)) and cell.keeps(_rest(last))):
@@ -283,7 +283,7 @@ def _rapid_around(arm: Arm, this: Run, cell: Cell, path: JointPath) -> JointPath
         for height in RETRACTS:
             up, down = _retract(arm, this, first, height), _retract(arm, this, last, height)
             if up is not None and down is not None:
-                found = through(cell, np.concatenate([up, down[::-1]]))
+                found = path_through(cell, np.concatenate([up, down[::-1]]))
                 if found is not None:
                     return found
     ranges = this.limits.for_joints(arm.dof).joint_range(arm.dof)

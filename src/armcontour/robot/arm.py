@@ -33,7 +33,7 @@ SAME_LIMIT = 1e-3
 FAR_OUT = 20.0
 
 
-def hint_at_unit(gap: float) -> str:
+def unit_hint(gap: float) -> str:
     """Suffix on missing units for a point `gap` [m] out of reach; "" for small gaps."""
     if gap < FAR_OUT:
         return ""
@@ -218,7 +218,7 @@ class Arm(Immutable, ABC):
             InvalidInput: A file of a shape is missing or cannot be read.
         """
         shapes = None if self._read_shapes is None else self._read_shapes()
-        self._refuse_shapes(shapes)
+        self._check_shapes(shapes)
         return shapes
 
     @property
@@ -240,10 +240,10 @@ class Arm(Immutable, ABC):
         """
         if callable(shapes):
             return self._copy(_read_shapes=shapes)
-        self._refuse_shapes(shapes)
+        self._check_shapes(shapes)
         return self._copy(_read_shapes=None, shapes=shapes)
 
-    def _refuse_shapes(self, shapes: ArmShapes | None) -> None:
+    def _check_shapes(self, shapes: ArmShapes | None) -> None:
         """Refuse shapes of links that the arm does not have."""
         if shapes is not None:
             from armcontour.robot.scene import ArmShapes

@@ -11,7 +11,7 @@ from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.core.frames import UNTURNED, Pose, read_poses
 from armcontour.core.pool import map_in_threads, split_evenly
 from armcontour.robot import newton
-from armcontour.robot.arm import hint_at_unit
+from armcontour.robot.arm import unit_hint
 from armcontour.robot.planar import PlanarTwoLink
 from armcontour.robot.serial import ChainArm, SerialArm
 
@@ -69,7 +69,7 @@ def solve(arm: ChainArm, pose: Pose, near: npt.ArrayLike | None, *, every: bool)
                 gap = float(out_of_reach(arm, target[None], task, seeds(arm)[:REACH_SEEDS])[0])
         inside = _within_ranges(arm, candidates, start)
         if not len(inside):
-            _refuse(arm, i, point, candidates, gap)
+            _raise_unreachable(arm, i, point, candidates, gap)
         if every:
             return inside
         start = inside[0]
@@ -81,11 +81,11 @@ def _within_ranges(arm: ChainArm, candidates: FloatArray, near: FloatArray | Non
     """Solutions within the joint ranges, sorted by distance from `near` or from the middle."""
     turned = [shift_by_turns(arm, q[None], near) for q in candidates]
     inside = np.array([q[0] for q, fits in turned if fits]).reshape(-1, arm.dof)
-    away = np.abs(inside - (_middle(arm) if near is None else near)).max(axis=1)
+    away = np.abs(inside - (_range_middle(arm) if near is None else near)).max(axis=1)
     return np.asarray(inside[np.argsort(away, kind="stable")])
 
 
-def _refuse(
+def _raise_unreachable(
     arm: ChainArm, index: int, point: FloatArray, candidates: FloatArray, gap: float
 ) -> None:
     """Raise Unreachable for a pose without a solution, or without one within the joint ranges."""
@@ -98,7 +98,7 @@ def _refuse(
         reason = "with this rotation"
     raise Unreachable(
         f"The arm {arm.name} does not reach the pose at {tuple(np.round(point, 6).tolist())} m "
-        f"{reason}: move or turn the pose{hint_at_unit(gap)}.",
+        f"{reason}: move or turn the pose{unit_hint(gap)}.",
         point=point.tolist(),
         index=index,
         limit="range" if len(candidates) else "reach",
@@ -107,7 +107,7 @@ def _refuse(
     )
 
 
-def _middle(arm: ChainArm) -> FloatArray:
+def _range_middle(arm: ChainArm) -> FloatArray:
     """Middle of each joint range [rad], 0 for a range without both ends, (dof,)."""
     lower, upper = arm.limits.joint_range(arm.dof)
     both = np.isfinite(lower) & np.isfinite(upper)
@@ -125,7 +125,7 @@ def shift_by_turns(
     lower, upper = arm.limits.joint_range(arm.dof)
     low, high, turn = q.min(axis=0), q.max(axis=0), 2 * np.pi
     both = np.isfinite(lower) & np.isfinite(upper)
-    middle = _middle(arm)
+    middle = _range_middle(arm)
     lowest = np.where(both, -np.inf, np.ceil((lower - low) / turn))
     highest = np.where(both, np.inf, np.floor((upper - high) / turn))
     turns = np.rint((middle - (low + high) / 2) / turn)

@@ -86,7 +86,7 @@ class Limits(Checked):
     lifted: frozenset[str] = field(default=frozenset(), init=False)
 
     def __post_init__(self) -> None:
-        lifted = {x for x in UNITS if _is_endless(x, getattr(self, x))}
+        lifted = {x for x in UNITS if _is_unlimited(x, getattr(self, x))}
         if lifted:
             for name in lifted:
                 object.__setattr__(self, name, None)
@@ -104,7 +104,7 @@ class Limits(Checked):
             if values is not None and np.isinf(values).any():
                 array = np.where(np.isinf(values), end, values)
                 object.__setattr__(self, name, checks.frozen_array(array))
-        self._refuse_empty_range()
+        self._check_range()
 
     def __str__(self) -> str:
         """The limits that are specified or lifted, with their units."""
@@ -119,7 +119,7 @@ class Limits(Checked):
     __repr__ = short_repr
     _repr_html_ = to_html
 
-    def _refuse_empty_range(self) -> None:
+    def _check_range(self) -> None:
         lower, upper = self.joint_lower, self.joint_upper
         if lower is None or upper is None:
             return
@@ -182,7 +182,7 @@ class Limits(Checked):
             return self
         merged = self._with(added, self.lifted | lifted)
         if not added.keys().isdisjoint(JOINT_RANGE):
-            merged._refuse_empty_range()
+            merged._check_range()
         return merged
 
     def _with(self, changes: Mapping[str, Any], lifted: frozenset[str]) -> Limits:
@@ -329,7 +329,7 @@ TOOL_LIMITS = tuple(x for x in UNITS if x not in JOINT_VALUES)
 JOINT_LIMITS = tuple(x for x in JOINT_VALUES if x not in JOINT_RANGE)
 
 
-def _is_endless(name: str, values: Any) -> bool:
+def _is_unlimited(name: str, values: Any) -> bool:
     """Whether a limit is infinite for every joint, in both directions."""
     if values is None or isinstance(values, str):
         return False

@@ -100,7 +100,7 @@ def write_task(task: int, target: FloatArray, move: Vector, turn: Vector, out: F
         out[3], out[4] = dot(column(target, 0), turn), dot(column(target, 1), turn)
 
 
-class Equations(NamedTuple):
+class PoseEquations(NamedTuple):
     """Memory for the equations of one pose.
 
     Attributes:
@@ -116,7 +116,7 @@ class Equations(NamedTuple):
 
 @compiled(inner=True)
 def write_equations(
-    links: FloatArray, task: int, q: FloatArray, target: FloatArray, out: Equations
+    links: FloatArray, task: int, q: FloatArray, target: FloatArray, out: PoseEquations
 ) -> None:
     """Write the pose error of the tool and its derivatives by the joint positions.
 
@@ -179,7 +179,7 @@ def newton(
     """
     n, dof = q.shape
     converged, a, b = np.empty(n, np.bool_), np.empty((dof, dof)), np.empty(dof)
-    equations = Equations(np.empty((dof + 1, 3, 4)), a, b)
+    equations = PoseEquations(np.empty((dof + 1, 3, 4)), a, b)
     for i in range(n):
         converged[i] = False
         for _ in range(MOST_STEPS):
@@ -239,7 +239,7 @@ def path_derivatives(
     frames, a, b = np.empty((dof + 1, 3, 4)), np.empty((dof, dof)), np.empty(dof)
     copy = np.empty((dof, dof))
     for i in range(n):
-        write_equations(links, task, q[i], targets[i], Equations(frames, a, b))
+        write_equations(links, task, q[i], targets[i], PoseEquations(frames, a, b))
         rate = rates[i]
         move, acceleration = (
             (rate[0, 0], rate[0, 1], rate[0, 2]),
@@ -299,7 +299,7 @@ def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArra
     """
     n, dof = q.shape
     basis, rows, residual = np.empty((n, dof - task, dof)), np.empty((dof, dof)), np.empty(dof)
-    equations = Equations(np.empty((dof + 1, 3, 4)), rows, np.empty(dof))
+    equations = PoseEquations(np.empty((dof + 1, 3, 4)), rows, np.empty(dof))
     for i in range(n):
         write_equations(links, task, q[i], targets[i], equations)
         for r in range(dof):
@@ -335,7 +335,7 @@ def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArra
 @compiled(inner=True)
 def write_shortest_step(
     task: int,
-    equations: Equations,
+    equations: PoseEquations,
     damping: float,
     square: FloatArray,
     right: FloatArray,
@@ -395,8 +395,8 @@ def approach(
     """
     n, dof = q.shape
     frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
-    best = Equations(frames, np.empty((6, dof)), np.empty(6))
-    tried = Equations(frames, np.empty((6, dof)), np.empty(6))
+    best = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
+    tried = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
     step, trial, residual = np.empty(dof), np.empty(dof), np.empty((n, 2))
     for i in range(n):
         damping, cost, residual[i, 0], residual[i, 1] = 0.05, math.inf, math.inf, math.inf
@@ -473,7 +473,7 @@ def follow(
     """
     branches, n, dof = q.shape
     frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
-    equations = Equations(frames, np.empty((6, dof)), np.empty(6))
+    equations = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
     step, current, trial = np.empty(dof), np.empty(dof), np.empty(dof)
     between = np.empty((3, 4))
     for branch in range(branches):

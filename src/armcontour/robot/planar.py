@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.core.fields import Checked, checked
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import Length, Name, Quantity, Size
-from armcontour.robot.arm import hint_at_unit
+from armcontour.robot.arm import unit_hint
 from armcontour.robot.chain import Chain, Payload
 from armcontour.robot.limits import Limits
 from armcontour.robot.scene import ArmShapes, Capsule, LinkShape
@@ -143,7 +143,7 @@ class PlanarTwoLink(ChainArm):
             raise InvalidInput(f"Tool points of an arm in the plane are x and y, not {tool.shape}.")
         c, y = tool[..., 0] - self.base, tool[..., 1]
         distance = np.hypot(c, y)
-        self._refuse_out_of_reach(tool, distance)
+        self._check_reach(tool, distance)
         # 1 - cos(theta2) and 1 + cos(theta2) as products, which are exact at both limits of reach.
         shortest, longest = self.reach
         low = (distance - shortest) * (distance + shortest) / (2 * self.link1 * self.link2)
@@ -246,7 +246,7 @@ class PlanarTwoLink(ChainArm):
             )
         return configuration
 
-    def _refuse_out_of_reach(self, points: FloatArray, distance: FloatArray) -> None:
+    def _check_reach(self, points: FloatArray, distance: FloatArray) -> None:
         """Refuse points that are out of reach or singular."""
         shortest, longest = self.reach
         outside = ~(
@@ -270,8 +270,7 @@ class PlanarTwoLink(ChainArm):
                 "base, where it is singular"
             )
         raise Unreachable(
-            f"Point ({x:.6g}, {y:.6g}) m {problem}: move the path or the arm"
-            f"{hint_at_unit(beyond)}.",
+            f"Point ({x:.6g}, {y:.6g}) m {problem}: move the path or the arm{unit_hint(beyond)}.",
             point=point.tolist(),
             index=index,
             limit="reach",

@@ -38,7 +38,7 @@ class Bodies(NamedTuple):
     torque: FloatArray
 
     @classmethod
-    def of(cls, model: Any, data: Any) -> Bodies:
+    def from_model(cls, model: Any, data: Any) -> Bodies:
         """The bodies of a model, valid while its `data` exists."""
         return cls(model._address, data._address, data.qpos, data.qvel, data.qfrc_applied)
 

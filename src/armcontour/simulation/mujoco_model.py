@@ -124,7 +124,7 @@ def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None 
         mujoco.mj_setConst(model, mujoco.MjData(model))
         if extra:
             still = np.zeros(len(chain))
-            _refuse_singular(chain, mass_matrix(model, still) - extra * np.eye(model.nv), springs)
+            _check_inertia(chain, mass_matrix(model, still) - extra * np.eye(model.nv), springs)
     return model
 
 
@@ -173,7 +173,7 @@ def weight(model: Any, data: Any, q: FloatArray) -> FloatArray:
     return torque[: len(q)]
 
 
-def _refuse_singular(chain: Chain, matrix: FloatArray, springs: Springs | None) -> None:
+def _check_inertia(chain: Chain, matrix: FloatArray, springs: Springs | None) -> None:
     """Raise an error for a chain with a singular mass matrix; it names the joint."""
     values, vectors = np.linalg.eigh(matrix)
     if values[0] <= max(SINGULAR * values[-1], NOTHING):

@@ -17,7 +17,7 @@ from armcontour.motion import Execution, FineMotion, SetPoints
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.limits import or_unlimited
 from armcontour.robot.servo import ServoModel
-from armcontour.robot.servo.simulation import Simulation, respond_within
+from armcontour.robot.servo.simulation import ServoSimulation, respond_within
 
 # Longest time until rest after the last set-point [s], or in durations of the motion.
 PATIENCE = 60.0
@@ -233,7 +233,7 @@ class TorqueBounds:
             weight = np.abs(arm.torque(q, still, still))
             check_weight(weight, limit, f"the {label} set-point", float(set_points.t[k]))
 
-    def at(self, k: int, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def bounds_at(self, k: int, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Acceleration bounds `(-T - b) / M_jj` and `(T - b) / M_jj` in interval k [rad/s²].
 
         If b alone exceeds T, both bounds have the same sign: the joint brakes or falls.
@@ -287,7 +287,7 @@ class ServoRun:
         # Writable copies: the kernels would be compiled again for read-only arrays.
         lower, upper = (np.array(x) for x in accelerations)
         self.bounds, self.torque = (lower, upper), torque
-        self.simulation = Simulation(
+        self.simulation = ServoSimulation(
             set_points.q, set_points.cycle, servo, *accelerations, steps=steps
         )
         self.held: FloatArray | None = None
@@ -308,7 +308,7 @@ class ServoRun:
             return self._run(begin, count, q, dq, self.bounds)
         parts = []
         for k in range(begin, begin + count):
-            parts.append(self._run(k, 1, q, dq, self.torque.at(k, q, dq)))
+            parts.append(self._run(k, 1, q, dq, self.torque.bounds_at(k, q, dq)))
             q, dq = parts[-1].q[-1], parts[-1].dq[-1]
         return join_parts(parts)
 
@@ -466,7 +466,7 @@ class ServoPlant(LimitedPlant):
                 if i < phase:
                     return None
                 limits = TorqueBounds(self.arm, self.torque_limit, set_points)
-                bounds = limits.at(k, motion.q[i - phase], motion.dq[i - phase])
+                bounds = limits.bounds_at(k, motion.q[i - phase], motion.dq[i - phase])
             times = (phase + np.arange(PARTS + 1) / PARTS) * width
             held = np.where(self.servo.ki > 0, motion.demand[i], np.clip(motion.demand[i], *bounds))
             if self.servo.drive_cycle and self.servo.kv is None:

@@ -166,7 +166,9 @@ class RigidBodyPlant(LimitedPlant):
         self.reference = arm.limits.middle(arm.dof)
         own_inertia = self.servo.inertia
         self.nominal_inertia = (
-            _nominal(self.known_chain, self.reference) if own_inertia is None else own_inertia
+            _nominal_inertia(self.known_chain, self.reference)
+            if own_inertia is None
+            else own_inertia
         )
         self.limits = limits
         vars(self).update(self._drives(None))
@@ -175,7 +177,7 @@ class RigidBodyPlant(LimitedPlant):
     def _drives(self, planned: Limits | None) -> dict[str, Any]:
         """Saturating values by attribute name, with the limits of a plan."""
         resolved = resolve_limits("A RigidBodyPlant", self.arm, self.limits, planned)
-        torques = _torques(resolved, self.arm.limits, self.known_chain)
+        torques = _torque_limits(resolved, self.arm.limits, self.known_chain)
         # A limit that follows from accelerations bounds the torque for motion alone; a torque limit
         # bounds the sum of the torques for motion and gravity.
         return {
@@ -212,7 +214,7 @@ class RigidBodyPlant(LimitedPlant):
         """As `run`, with the limits of this plant."""
         steps = int(np.ceil(set_points.cycle / self.step * (1 - 1e-12)))
         span = set_points.cycle / steps
-        every = _every(steps, span, resolution)
+        every = _steps_per_result(steps, span, resolution)
         robot = _Robot(self, span, set_points)
         loop, viscous = self.nominal_inertia * self.kv, np.asarray(self.chain.viscous)
         parts = count_parts(
@@ -241,7 +243,7 @@ class RigidBodyPlant(LimitedPlant):
         q, cycle = set_points.q, set_points.cycle
         plain = servo.interpolation != "cubic" and not servo.has_feedforward
         if plain and not servo.dead_time.any():
-            return lambda k, count: _straight(q[k : k + count + 1], steps, servo.interpolation)
+            return lambda k, count: _interpolate(q[k : k + count + 1], steps, servo.interpolation)
         pieces = polynomials(q, cycle, servo)
         return lambda k, count: sample_command(
             pieces,
@@ -264,7 +266,7 @@ class RigidBodyPlant(LimitedPlant):
             logs.append(log.thinned(every))
             moved = log.moved(robot.step)
             if (moved <= REST_RANGE + REST_NOISE * self.noise).all():
-                self._refuse_weak(log, set_points.q[-1], robot.now)
+                self._check_strength(log, set_points.q[-1], robot.now)
                 return logs
         worst = int(np.argmax(moved))
         j = worst % self.arm.dof
@@ -282,7 +284,7 @@ class RigidBodyPlant(LimitedPlant):
             joint=j,
         )
 
-    def _refuse_weak(self, log: _Log, last: FloatArray, now: float) -> None:
+    def _check_strength(self, log: _Log, last: FloatArray, now: float) -> None:
         """Raise an error if a drive at rest is always at its torque limit."""
         weak = (log.wanted != log.torque).all(axis=0)
         if not weak.any():
@@ -364,7 +366,7 @@ class _Log:
     saturated: FloatArray
 
     @classmethod
-    def of(
+    def from_steps(
         cls,
         q: FloatArray,
         dq: FloatArray,
@@ -427,8 +429,8 @@ class _Robot:
         self.data.qpos[-len(motors) :] = motors
         self.data.qpos[: len(links)] = links
         self.functions = mujoco_model.functions()
-        self.bodies = Bodies.of(self.model, self.data)
-        self.known = Bodies.of(self.known_model, self.still)
+        self.bodies = Bodies.from_model(self.model, self.data)
+        self.known = Bodies.from_model(self.known_model, self.still)
         ki = np.array(plant.servo.ki)
         integral = torque / (plant.nominal_inertia * plant.kv * np.where(ki > 0, ki, np.inf))
         self.loops = Loops(
@@ -474,9 +476,9 @@ class _Robot:
                 commands, integrated, noise, first, end, RUNAWAY, rows,
             )  # fmt: skip
             if reached != end:
-                self._refuse_runaway(reached)
+                self._raise_runaway(reached)
         self.steps += n
-        return _Log.of(*rows, self.step)
+        return _Log.from_steps(*rows, self.step)
 
     def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Rest positions with the first set-point as command [rad].
@@ -525,7 +527,7 @@ class _Robot:
             return np.zeros(len(q))
         return mujoco_model.weight(self.known_model, self.still, q)
 
-    def _refuse_runaway(self, k: int) -> None:
+    def _raise_runaway(self, k: int) -> None:
         """Raise the error of a joint faster than `RUNAWAY` in step k of the commands."""
         velocity = np.abs(self.data.qvel)
         j = int(np.argmax(np.where(np.isfinite(velocity), velocity, np.inf)))
@@ -573,7 +575,7 @@ def check_damping(stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None
         )
 
 
-def _straight(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
+def _interpolate(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
     """Linear or stepped commands at the starts of all steps between set-points, (n steps, dof)."""
     if interpolation == "step":
         return np.repeat(q[:-1], steps, axis=0)
@@ -620,13 +622,13 @@ def _springs(
     return Springs(checks.frozen_array(k), checks.frozen_array(d))
 
 
-def _nominal(chain: Chain, reference: FloatArray) -> FloatArray:
+def _nominal_inertia(chain: Chain, reference: FloatArray) -> FloatArray:
     """Inertia of each joint at the reference position without payload [kg m²], (dof,)."""
     model = mujoco_model.build(chain.replace(payload=None), STEP, friction=False)
     return np.asarray(np.diagonal(mujoco_model.mass_matrix(model, reference)))
 
 
-def _torques(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArray:
+def _torque_limits(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArray:
     """Torque limits of the drives [N m], (dof,).
 
     Without torque limits the drives are rated for the acceleration limits of all joints at once,
@@ -649,7 +651,7 @@ def _torques(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArray:
     return np.asarray(np.max([x @ limits.acceleration_bounds(dof)[1] for x in matrices], axis=0))
 
 
-def _every(steps: int, span: float, resolution: float) -> int:
+def _steps_per_result(steps: int, span: float, resolution: float) -> int:
     """Largest divisor of the steps of a cycle that keeps the resolution."""
     if span > resolution * (1 + 1e-9):
         raise InvalidInput(

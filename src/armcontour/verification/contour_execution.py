@@ -25,9 +25,9 @@ from armcontour.verification.error_profile import (
     ErrorProfile,
     Hidden,
     Measure,
-    angle_off,
-    climb_smooth,
     find_peak,
+    maximize_smooth,
+    orientation_angles,
 )
 from armcontour.verification.path_following import Followed, follow_path
 
@@ -103,14 +103,14 @@ class ContourExecution:
         return length(velocity)
 
     @cached_property
-    def found(self) -> Followed:
+    def followed(self) -> Followed:
         """Path points of the tool."""
         return self._follow(self.path, self.work)
 
     @cached_property
     def on_path(self) -> FloatArray:
         """Path points of the tool [m], (n, dimension)."""
-        return self.path(self.found.s)
+        return self.path(self.followed.s)
 
     @cached_property
     def off_objective(self) -> Followed | None:
@@ -127,24 +127,24 @@ class ContourExecution:
         """Distance from the tool to the path [m]."""
         side = None
         if self.path.dimension == 2:
-            side = _side(self.path, self.found, self.tool)
-        return self._off_path(self.found, side)
+            side = _side(self.path, self.followed, self.tool)
+        return self._path_profile(self.followed, side)
 
     @property
     def coverage_error(self) -> Coverage:
         """Largest distance from the path to the tool [m]."""
-        return self._most_missed(self.path, self.work, self.found, self.contour_error)
+        return self._find_coverage_error(self.path, self.work, self.followed, self.contour_error)
 
-    def speed_shares(self, limit: float | None, *, between: bool = False) -> FloatArray:
-        """Tool speed over the assigned velocity, (n,); see `measure_shares`."""
-        return measure_shares(self.path, self.found, self.speed, limit, between=between)
+    def speed_ratios(self, limit: float | None, *, between: bool = False) -> FloatArray:
+        """Tool speed over the assigned velocity, (n,); see `measure_speed_ratios`."""
+        return measure_speed_ratios(self.path, self.followed, self.speed, limit, between=between)
 
     def tracking_error(self, delay: float = 0.0) -> ErrorProfile:
         """Distance from the tool to its planned position a time `delay` earlier [m]."""
         trajectory = self.executed.set_points.trajectory
         planned = trajectory(np.clip(self.t - delay, 0.0, trajectory.duration))
         distance = length(self.tool - self.executed.arm.tool_position(planned))
-        return self._over_time(distance, self.found.s)
+        return self._over_time(distance, self.followed.s)
 
     @property
     def model_error(self) -> tuple[float, float] | None:
@@ -152,7 +152,7 @@ class ContourExecution:
         model_error = self.executed.model_error
         if model_error is None:
             return None
-        tangent = self.path(self.found.s, 1)
+        tangent = self.path(self.followed.s, 1)
         both = unexplained_errors(self.executed.arm, self.q, tangent, model_error)
         along, across = (float(x.max()) for x in both)
         return along, across
@@ -161,7 +161,7 @@ class ContourExecution:
     def objective_error(self) -> ErrorProfile | None:
         """Distance from the tool to the objective path [m]; None if unknown."""
         followed = self.off_objective
-        return None if followed is None else self._off_path(followed)
+        return None if followed is None else self._path_profile(followed)
 
     @property
     def objective_coverage_error(self) -> Coverage | None:
@@ -170,7 +170,7 @@ class ContourExecution:
         if self.objective is None or followed is None or error is None:
             return None
         work = self.before_work or (0.0, self.objective.length)
-        return self._most_missed(self.objective, work, followed, error)
+        return self._find_coverage_error(self.objective, work, followed, error)
 
     @property
     def orientation_error(self) -> ErrorProfile | None:
@@ -184,11 +184,11 @@ class ContourExecution:
             if q is None:
                 return None
             tool, turned = arm.pose(q)
-            s = self._near(self.found, i, tool)[1]
-            return angle_off(orientation, s, turned), s
+            s = self._nearby_errors(self.followed, i, tool)[1]
+            return orientation_angles(orientation, s, turned), s
 
-        angle = angle_off(orientation, self.found.s, arm.pose(self.q)[1])
-        return replace(self._over_time(angle, self.found.s, measure), angular=True)
+        angle = orientation_angles(orientation, self.followed.s, arm.pose(self.q)[1])
+        return replace(self._over_time(angle, self.followed.s, measure), angular=True)
 
     @cached_property
     def corners(self) -> tuple[CornerDeviation, ...]:
@@ -200,10 +200,10 @@ class ContourExecution:
             self.tool[judged],
             self.objective,
             self.off_objective.s[judged],
-            self._largest_beside if self._is_told else None,
+            self._maximize_nearby if self._has_fine_motion else None,
         )
 
-    def _largest_beside(
+    def _maximize_nearby(
         self, which: IntArray, function: Callable[[FloatArray], FloatArray]
     ) -> FloatArray:
         """Largest values of smooth functions of tool points, at and next to some samples.
@@ -224,16 +224,16 @@ class ContourExecution:
             values = np.asarray(function(tool.reshape(*both.shape, -1)))
             return values.reshape(m, 2, -1).swapaxes(0, 1).reshape(t.shape)
 
-        top = climb_smooth(self.t[i], self.t[i + 1], measure).reshape(2, m).max(axis=0)
+        top = maximize_smooth(self.t[i], self.t[i + 1], measure).reshape(2, m).max(axis=0)
         return np.asarray(np.maximum(best, top))
 
-    def _most_missed(
+    def _find_coverage_error(
         self, path: Path, work: tuple[float, float], followed: Followed, error: ErrorProfile
     ) -> Coverage:
         """Coverage error: the point of a path within `work` farthest from the tool."""
         distances, arc_lengths = followed.coverage_error, followed.coverage_error_s
         guessed = np.zeros(len(distances), dtype=bool)
-        if self._is_told:
+        if self._has_fine_motion:
             # Except at path points of samples, the tool's motion was assumed to be straight.
             guessed = (np.abs(arc_lengths - followed.s) > ROUNDING) & (distances >= 0)
         exact = np.where(guessed, -1.0, distances)
@@ -243,10 +243,10 @@ class ContourExecution:
             t_max=float(self.t[i]),
             s_max=float(arc_lengths[i]) + self.offset,
         )
-        if not self._is_told:
+        if not self._has_fine_motion:
             return largest
         rows = np.flatnonzero(guessed)
-        bounds = (distances + self._bent)[rows]
+        bounds = (distances + self._sagitta)[rows]
         # Between the path points of two samples on one segment, each point is the path point of a
         # tool point.
         before, after = followed.s[rows], followed.s[np.minimum(rows + 1, len(distances) - 1)]
@@ -262,7 +262,7 @@ class ContourExecution:
         candidates += zip(bounds, rows.tolist(), arc_lengths[rows].tolist(), strict=True)
         for bound, k, s in sorted(candidates, key=lambda x: -x[0]):
             if bound > largest.max * (1 + CLOSE) and work[0] <= s <= work[1]:
-                value, t = self._distance_to_way(path([s])[0], k)
+                value, t = self._distance_to_motion(path([s])[0], k)
                 # Outside of the piece the tool may come nearer, as the samples there show.
                 inside = self.t[0] < t < self.t[-1]
                 value = min(value, bound if inside else max(float(distances[k]), 0.0))
@@ -271,42 +271,46 @@ class ContourExecution:
         return largest
 
     @property
-    def _is_told(self) -> bool:
+    def _has_fine_motion(self) -> bool:
         """Whether the plant provides the motion between samples, and there are enough samples."""
         return self.executed.plant is not None and len(self.t) > 2
 
     @cached_property
-    def _bent(self) -> FloatArray:
+    def _sagitta(self) -> FloatArray:
         """Bound on the deviation of the tool's motion from a straight line per sample [m], (n,)."""
         return np.pad(length(np.diff(self.tool, 2, axis=0)) / 4, 1, mode="edge")
 
     @cached_property
-    def _way(self) -> FloatArray:
+    def _travel(self) -> FloatArray:
         """Travel of the tool from the first sample to each [m], (n,)."""
         return np.append(0.0, np.cumsum(length(np.diff(self.tool, axis=0))))
 
-    def _distance_to_way(self, point: FloatArray, i: int) -> tuple[float, float]:
+    def _distance_to_motion(self, point: FloatArray, i: int) -> tuple[float, float]:
         """Distance from a point to the tool's motion near sample i [m], and its time [s]."""
         reach = 2 * float(length(self.tool[i] - point))
         # Travel of the tool between the sample and the first and the last of these.
-        low, high = np.searchsorted(self._way, self._way[i] + np.array([-reach, reach])).tolist()
+        low, high = np.searchsorted(
+            self._travel, self._travel[i] + np.array([-reach, reach])
+        ).tolist()
         low, high = min(low, i), max(high, i + 1)
         k = low + int(np.argmin(length(self.tool[low:high] - point)))
         # Squares are smooth, even where the tool passes through the point.
-        squares = self._largest_beside(np.array([k]), lambda x: -dot(x - point, x - point))
+        squares = self._maximize_nearby(np.array([k]), lambda x: -dot(x - point, x - point))
         return float(np.sqrt(-squares[0])), float(self.t[k])
 
-    def _off_path(self, followed: Followed, side: FloatArray | None = None) -> ErrorProfile:
+    def _path_profile(self, followed: Followed, side: FloatArray | None = None) -> ErrorProfile:
         """Profile of the distances from a path."""
 
         def measure(i: int, t: FloatArray) -> Errors | None:
             q = self._between(i, t)
             return (
-                None if q is None else self._near(followed, i, self.executed.arm.tool_position(q))
+                None
+                if q is None
+                else self._nearby_errors(followed, i, self.executed.arm.tool_position(q))
             )
 
         hidden = None
-        if self._is_told:
+        if self._has_fine_motion:
             # Where the path turns sharply, a peak is at most half of the tool's step higher.
             sharp = np.flatnonzero(followed.turns(SHARP) > SHARP)
             hidden = sharp, length(self.tool[sharp + 1] - self.tool[sharp]) / 2
@@ -322,7 +326,7 @@ class ContourExecution:
     ) -> ErrorProfile:
         """Profile of values at the samples, (n,), with the arc lengths of their path points."""
         peak = None
-        if self._is_told and measure is not None:
+        if self._has_fine_motion and measure is not None:
             since = float(self.t[0]) if self.since is None else self.since
             until = min(self.until, float(self.executed.t[-1]))
             peak = find_peak(self.t, values, measure, since=since, until=until, hidden=hidden)
@@ -346,7 +350,7 @@ class ContourExecution:
         """Cached motions between samples."""
         return {}
 
-    def _near(self, followed: Followed, i: int, tool: FloatArray) -> Errors:
+    def _nearby_errors(self, followed: Followed, i: int, tool: FloatArray) -> Errors:
         """Distances and arc lengths of tool points between sample i and the next [m]."""
         ends = np.clip([i, i + 1], 0, len(followed.s) - 1)
         low, high = followed.s[ends].tolist()
@@ -584,7 +588,7 @@ def _across(path: Path, corners: IntArray) -> FloatArray:
     return np.where(turned, across / np.where(turned, size, 1.0), before)
 
 
-def measure_shares(
+def measure_speed_ratios(
     path: Path, followed: Followed, speed: FloatArray, limit: float | None, *, between: bool = False
 ) -> FloatArray:
     """Tool speed over the velocity assigned at the path point of the tool, (n,).
@@ -611,26 +615,29 @@ def measure_shares(
     high = speed + _bound_between(speed) if between else speed
     s, distance = np.maximum.accumulate(followed.s), followed.distance
     first, last = s - distance, s + distance
-    allowed = np.maximum(_at(path, assigned, first, "left"), _at(path, assigned, last, "right"))
+    allowed = np.maximum(
+        _assigned_velocities(path, assigned, first, "left"),
+        _assigned_velocities(path, assigned, last, "right"),
+    )
     ratio = high / allowed
     before, after = assigned[:-1], assigned[1:]
     # Where the assigned velocity falls, the tool passes the segment end before the first sample
     # after it.
     falls = np.flatnonzero(after < before)
-    _raise_at_joints(ratio, high, first, path.breaks[1:-1][falls], after[falls], past=1)
+    _raise_at_segment_ends(ratio, high, first, path.breaks[1:-1][falls], after[falls], past=1)
     # Where it rises, the motion continues from the last sample to the segment end.
     rises = np.flatnonzero(after > before)
-    _raise_at_joints(ratio, high, last, path.breaks[1:-1][rises], before[rises], past=0)
+    _raise_at_segment_ends(ratio, high, last, path.breaks[1:-1][rises], before[rises], past=0)
     return ratio
 
 
-def _at(path: Path, assigned: FloatArray, s: FloatArray, side: str) -> FloatArray:
+def _assigned_velocities(path: Path, assigned: FloatArray, s: FloatArray, side: str) -> FloatArray:
     """Assigned velocities at arc lengths, which may exceed the path [m/s], (n,)."""
     inside = np.clip(s, 0.0, path.length)
     return assigned[path.locate(inside, side="left" if side == "left" else "right")]
 
 
-def _raise_at_joints(
+def _raise_at_segment_ends(
     ratio: FloatArray,
     speed: FloatArray,
     s: FloatArray,

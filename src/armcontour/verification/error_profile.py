@@ -145,8 +145,8 @@ class ErrorProfile(Result, Checked):
                 the RMS; or None.
             rms_until: End of the time over which the RMS is taken [s]; by default `until`.
         """
-        times, (weighted,) = _cut(t, until if rms_until is None else rms_until, values)
-        t, (values, s) = _cut(t, until, values, s)
+        times, (weighted,) = _cut_at(t, until if rms_until is None else rms_until, values)
+        t, (values, s) = _cut_at(t, until, values, s)
         span = float(times[-1] - times[0])
         # A profile without duration has one value.
         square = np.trapezoid(weighted**2, times) / span if span > 0 else weighted[-1] ** 2
@@ -197,7 +197,7 @@ def _with_gaps(columns: Sequence[FloatArray]) -> FloatArray:
     return np.concatenate([np.append(x, np.nan) for x in columns])
 
 
-def _cut(t: FloatArray, end: float, *columns: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
+def _cut_at(t: FloatArray, end: float, *columns: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
     """Times up to `end`, and columns; after the last time the values are held."""
     inside = t < end
     return np.append(t[inside], end), [np.append(x[inside], np.interp(end, t, x)) for x in columns]
@@ -246,11 +246,11 @@ def find_peak(
     counts = slice(0, int(t.searchsorted(until, side="right")))
     sampled = float(values[counts].max(initial=-np.inf))
     best, peak = sampled, None
-    high, _, bound = _tops(t, values)
+    high, _, bound = _find_tops(t, values)
     # Where the second difference changes its sign, the samples do not resolve the ripple.
     curvature = np.pad((values[2:] - values[1:-1]) - (values[1:-1] - values[:-2]), 1, mode="edge")
     ripple = np.maximum(values[:-1], values[1:]) + (abs(curvature[:-1]) + abs(curvature[1:])) / 4
-    unsure = np.flatnonzero((ripple > _above(best)) & (curvature[:-1] * curvature[1:] <= 0))
+    unsure = np.flatnonzero((ripple > _threshold(best)) & (curvature[:-1] * curvature[1:] <= 0))
     high, bound = np.append(high, unsure), np.append(bound, ripple[unsure])
     if hidden is not None and len(hidden[0]):
         sharp, excess = hidden
@@ -263,20 +263,20 @@ def find_peak(
             rise = abs((values[b] - values[a]) / (t[b] - t[a]) * end)
             high, bound = np.append(high, i), np.append(bound, values[a] + 2 * rise)
     for k in np.argsort(-bound).tolist():
-        if bound[k] <= _above(best):
+        if bound[k] <= _threshold(best):
             break
         i = int(high[k])
         first = max(float(t[i]) if i >= 0 else since, since)
         last = min(float(t[i + 1]) if i + 1 < len(t) else until, until)
         if first < last:
-            higher = _climb(first, last, partial(measure, i), best)
+            higher = _search_interval(first, last, partial(measure, i), best)
             if higher is not None:
                 best, peak = higher.value, higher
     # A value that is higher only by rounding is a repeated sample.
-    return peak if best > _above(sampled) else None
+    return peak if best > _threshold(sampled) else None
 
 
-def _climb(
+def _search_interval(
     first: float,
     last: float,
     measure: Callable[[FloatArray], tuple[FloatArray, FloatArray] | None],
@@ -297,9 +297,9 @@ def _climb(
         t, values = np.append(t, times), np.append(values, measured[0])
         order = t.argsort(kind="stable")
         t, values = t[order], values[order]
-        high, guesses, bound = _tops(t, values)
+        high, guesses, bound = _find_tops(t, values)
         width = t[high + 1] - t[high]
-        uncertain = (bound > _above(best)) & (width > PARTS * 4 * np.spacing(t[-1]))
+        uncertain = (bound > _threshold(best)) & (width > PARTS * 4 * np.spacing(t[-1]))
         if not uncertain.any():
             break
         low, width = t[high[uncertain]], width[uncertain]
@@ -308,7 +308,7 @@ def _climb(
     return peak
 
 
-def climb_smooth(
+def maximize_smooth(
     first: FloatArray, last: FloatArray, measure: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
     """Largest values of smooth functions, each between two times, (m,), by parabolas.
@@ -336,12 +336,12 @@ def climb_smooth(
     return best
 
 
-def _above(best: float) -> float:
+def _threshold(best: float) -> float:
     """Value that must be exceeded to continue the search."""
     return best + CLOSE * abs(best) + ROUNDING
 
 
-def _tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+def _find_tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
     """Intervals in which the values may exceed those at both ends.
 
     The bound is the intersection of the lines through the two samples before and after the
@@ -370,7 +370,7 @@ def _tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray, Floa
     return top, np.stack([kink, np.clip(0.5 + 2 * slope / (a - b), 0.0, 1.0)]), bound
 
 
-def angle_off(orientation: Orientation, s: FloatArray, turned: FloatArray) -> FloatArray:
+def orientation_angles(orientation: Orientation, s: FloatArray, turned: FloatArray) -> FloatArray:
     """Angle between the tool and the required tool orientation [rad], (n,).
 
     The angle is that between the tool axes if the path prescribes only an axis.
@@ -383,7 +383,7 @@ def angle_off(orientation: Orientation, s: FloatArray, turned: FloatArray) -> Fl
     return turns_between(orientation(s), turned, axis_only=orientation.axis_only)
 
 
-def least_off(
+def smallest_angles(
     path: Path, tool: FloatArray, nearest: Projection, turned: FloatArray, reach: float
 ) -> FloatArray:
     """Smallest angle between the tool and the required orientations nearby on the path [rad], (n,).
@@ -403,14 +403,14 @@ def least_off(
     from armcontour.verification.kernels import find_places
 
     assert path.orientation is not None
-    angle = angle_off(path.orientation, nearest.s, turned)
+    angle = orientation_angles(path.orientation, nearest.s, turned)
     geometry, order = pack(path.segments), np.argsort(-angle)
     size, done, worst = FIRST, 0, -np.inf
     while done < len(order) and angle[order[done]] > worst:
         these = order[done : done + size]
         radius = np.maximum(reach, nearest.distance[these])
         point, arc_lengths = find_places(tool[these], geometry, radius)
-        fits = angle_off(
+        fits = orientation_angles(
             path.orientation, np.minimum(arc_lengths, path.length), turned[these[point]]
         )
         np.minimum.at(angle, these[point], fits)

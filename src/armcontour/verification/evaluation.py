@@ -300,7 +300,7 @@ def evaluate(
     _, end = evaluated_times(executed, until)
     pieces = pieces_of(executed, program, before, until)
     contours = tuple(x.contour_error for x in pieces)
-    shares = [x.speed_shares(bounds.speed) for x in pieces]
+    shares = [x.speed_ratios(bounds.speed) for x in pieces]
     ratio = max(float(x.max()) for x in shares)
     delay = common_delay(executed)
     times = [(t[moved], speed[moved])]
@@ -315,7 +315,7 @@ def evaluate(
         tracking_error=ErrorProfile.join([x.tracking_error() for x in pieces]),
         common_delay=delay,
         error_without_delay=ErrorProfile.join([x.tracking_error(delay) for x in pieces]),
-        model_error=_most_of_each([x.model_error for x in pieces]),
+        model_error=_largest_errors([x.model_error for x in pieces]),
         objective_error=_join_known([x.objective_error for x in pieces]),
         objective_coverage_error=max(
             (x for piece in pieces if (x := piece.objective_coverage_error)),
@@ -336,7 +336,7 @@ def evaluate(
             / (duration if program.single_path else sum(x[-1] - x[0] for x, _ in times))
         ),
         **_compute_demands(executed, bounds, end),
-        time_at_limit=_utilisation(executed, bounds, duration) if limit_use else None,
+        time_at_limit=_time_at_limit(executed, bounds, duration) if limit_use else None,
         limit_ratios=measure_limit_ratios(trajectory, executed.arm, bounds) if limit_use else None,
         judged=ContourJudgement(executed=executed, path=program, objective=before, limits=bounds),
     )
@@ -351,7 +351,7 @@ def _compute_demands(executed: Execution, limits: Limits, end: float) -> dict[st
         "jerk": jerk,
         "jerk_ratio": use_of("joint_jerk", limits, jerk).ratio,
         "command_jerk": commanded_jerk(executed.set_points),
-        "saturated": saturated_shares(executed, end),
+        "saturated": saturated_fractions(executed, end),
     }
 
 
@@ -360,7 +360,7 @@ def demand_ratio(executed: Execution, limits: Limits) -> FloatArray:
     return use_of("joint_acceleration", limits, executed.demand_range).largest
 
 
-def saturated_shares(executed: Execution, end: float) -> FloatArray:
+def saturated_fractions(executed: Execution, end: float) -> FloatArray:
     """Fraction of time for which each joint is saturated, (dof,); `end` is that of the errors."""
     time = max(end, float(executed.t[-1])) - float(executed.t[0])
     return np.asarray(executed.saturated_time / time)
@@ -372,7 +372,7 @@ def _join_known(profiles: Sequence[ErrorProfile | None]) -> ErrorProfile | None:
     return ErrorProfile.join(known_profiles) if known_profiles else None
 
 
-def _most_of_each(errors: Sequence[tuple[float, float] | None]) -> tuple[float, float] | None:
+def _largest_errors(errors: Sequence[tuple[float, float] | None]) -> tuple[float, float] | None:
     """Largest first and second values, without None; None if there are none."""
     along, across = (max((x[i] for x in errors if x), default=-1.0) for i in (0, 1))
     return None if along < 0 else (along, across)
@@ -384,7 +384,7 @@ def _number_corners(pieces: Sequence[ContourExecution]) -> tuple[CornerDeviation
     return tuple(replace(x, contour=number) for number, y in numbered for x in y.corners)
 
 
-def _utilisation(executed: Execution, limits: Limits, duration: float) -> float:
+def _time_at_limit(executed: Execution, limits: Limits, duration: float) -> float:
     """Fraction of the planned time [s] in which a joint is within 1 % of a limit."""
     moved = (executed.t >= 0) & (executed.t <= duration)
     values = {"joint_acceleration": executed.ddq, "joint_velocity": executed.dq}

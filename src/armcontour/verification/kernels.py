@@ -23,7 +23,7 @@ MOST_HALVES, SURE = 64, 1e-10
 PAIRS = 50_000
 
 
-class Way(NamedTuple):
+class ToolMotion(NamedTuple):
     """Tool points in order, with their path points.
 
     Attributes:
@@ -41,7 +41,7 @@ class Way(NamedTuple):
     later: FloatArray
 
 
-class Stretches(NamedTuple):
+class PathIntervals(NamedTuple):
     """Path intervals in which the tool can be, in order.
 
     Attributes:
@@ -54,12 +54,12 @@ class Stretches(NamedTuple):
 
 
 @compiled(inner=True)
-def _reach(
+def _reachable_intervals(
     p: Point,
     rows: FloatArray,
-    old: Stretches,
+    old: PathIntervals,
     count: int,
-    new: Stretches,
+    new: PathIntervals,
     before: float,
     leash2: float,
 ) -> tuple[int, float, float, bool]:
@@ -136,13 +136,15 @@ def follow(
     """
     n, size = len(points), MOST_STRETCHES + 1
     distance, s = np.empty(n), np.empty(n)
-    now = Stretches(np.empty((size, 2)), np.empty(size, np.intp))
-    after = Stretches(np.empty((size, 2)), np.empty(size, np.intp))
+    now = PathIntervals(np.empty((size, 2)), np.empty(size, np.intp))
+    after = PathIntervals(np.empty((size, 2)), np.empty(size, np.intp))
     now.ends[0, 0], now.ends[0, 1], now.first[0] = 0.0, start, 0
     count, before, held = 1, 0.0, False
     for i in range(n):
         p = points[i, 0], points[i, 1], points[i, 2]
-        count, best, before, point_held = _reach(p, rows, now, count, after, before, leash * leash)
+        count, best, before, point_held = _reachable_intervals(
+            p, rows, now, count, after, before, leash * leash
+        )
         if count == 0:
             return distance, s, i, held
         now, after = after, now
@@ -194,7 +196,7 @@ def find_places(
 
 @compiled(inner=True)
 def _tool_distances(
-    p: Point, q: Point, way: Way, i: int, until: float, reach: float
+    p: Point, q: Point, way: ToolMotion, i: int, until: float, reach: float
 ) -> tuple[float, float, float]:
     """Distances of two path points from the tool's motion around its chord i.
 
@@ -234,7 +236,7 @@ def _tool_distances(
 
 @compiled()
 def _measure_parts(
-    way: Way,
+    way: ToolMotion,
     rows: FloatArray,
     order: IntArray,
     parts: IntArray,
@@ -284,7 +286,7 @@ def _measure_parts(
 
 
 def measure_coverage(
-    way: Way, rows: FloatArray, begin: float, end: float
+    way: ToolMotion, rows: FloatArray, begin: float, end: float
 ) -> tuple[FloatArray, FloatArray]:
     """Largest distance from the path to the tool, for the path interval of each tool step.
 

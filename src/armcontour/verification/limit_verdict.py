@@ -19,7 +19,7 @@ from armcontour.robot import Arm, Limits, SerialArm
 from armcontour.robot.limit_use import STILL, States, Use, use_of
 from armcontour.robot.limits import JOINT_RANGE
 from armcontour.robot.limits import UNITS as LIMIT_UNITS
-from armcontour.verification.error_profile import climb_smooth, least_off
+from armcontour.verification.error_profile import maximize_smooth, smallest_angles
 
 # Number of times in each interval of a law, including its ends: smallest and largest number; all
 # intervals together have at least FEWEST, and those with fewer than ENOUGH more than the smallest
@@ -143,7 +143,7 @@ class LimitUse(Result, Occurrence):
         )
 
 
-def judge_use(certain: float, highest: float, tolerance: float) -> str:
+def decide_verdict(certain: float, highest: float, tolerance: float) -> str:
     """Verdict on a limit, from its largest certain ratio and its largest ratio."""
     if certain > 1 + tolerance:
         return VIOLATED
@@ -198,7 +198,7 @@ class LimitUseAccumulator:
         self._certain: dict[str, tuple[Occurrence, FloatArray]] = {}
         self._highest: dict[str, tuple[Occurrence, FloatArray]] = {}
 
-    def offer(self, use: Use, t: FloatArray, q: FloatArray) -> float:
+    def record(self, use: Use, t: FloatArray, q: FloatArray) -> float:
         """Record the use of a limit: the largest certain and the highest ratio.
 
         Args:
@@ -241,15 +241,15 @@ class LimitUseAccumulator:
     def rates(
         self, name: str, t: FloatArray, rates: FloatArray, q: FloatArray, error: npt.ArrayLike = 0.0
     ) -> float:
-        """Record rates for their limit, if any; arguments as in `offer` and `use_of`."""
+        """Record rates for their limit, if any; arguments as in `record` and `use_of`."""
         if getattr(self.limits, name) is None:
             return 0.0
-        return self.offer(use_of(name, self.limits, rates, error), t, q)
+        return self.record(use_of(name, self.limits, rates, error), t, q)
 
     def states(self, t: FloatArray, states: States) -> None:
         """Record all quantities of joints and tool for some states."""
         for use in states.uses(self.limits):
-            self.offer(use, t, states.q)
+            self.record(use, t, states.q)
 
     def tool(self, q: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Tool points [m], (n, dimension), and a bound on the norm of their error, (n,)."""
@@ -269,17 +269,17 @@ class LimitUseAccumulator:
                 "s": float(nearest.s[worst]),
             }
         if self.deviation is not None:
-            self.offer(Use("path_deviation", nearest.distance, self.deviation, error_bound), t, q)
+            self.record(Use("path_deviation", nearest.distance, self.deviation, error_bound), t, q)
         allowed, orientation = self.orientation_deviation, self.path.orientation
         if allowed is None or orientation is None or not isinstance(self.arm, SerialArm):
             return
         reach = self.farthest["distance"] if self.deviation is None else self.deviation
-        angle = least_off(self.path, points, nearest, self.arm.pose(q)[1], reach)
+        angle = smallest_angles(self.path, points, nearest, self.arm.pose(q)[1], reach)
         # An error of a joint position turns the tool by at most the same angle. An error of the
         # tool point moves the nearest point to another required orientation.
         rate = np.linalg.norm(orientation.rates(nearest.s)[0], axis=1)
         slack = float(error.sum()) + rate * error_bound
-        self.offer(Use("orientation_deviation", angle, allowed, slack), t, q)
+        self.record(Use("orientation_deviation", angle, allowed, slack), t, q)
 
     def uses(self, tolerance: float) -> tuple[LimitUse, ...]:
         """Largest uses of all limits, with arc lengths on the path and verdicts."""
@@ -293,7 +293,7 @@ class LimitUseAccumulator:
             LimitUse(
                 name=name,
                 highest=most,
-                verdict=judge_use(x.certain, most.ratio, tolerance),
+                verdict=decide_verdict(x.certain, most.ratio, tolerance),
                 **{y.name: getattr(x, y.name) for y in fields(x)},
             )
             for name, x, most in zip(self._certain, certain, highest, strict=True)
@@ -318,7 +318,7 @@ class Law(Protocol):
         """
 
 
-def judge_law(
+def record_law(
     law: Law, tally: LimitUseAccumulator, *, points: int, seed: int, velocity_step: float
 ) -> int:
     """Record the states of a law; return their number.
@@ -348,12 +348,12 @@ def judge_law(
         t, q, uses = uses_of_law(law, tally.arm, tally.limits, right, left, jerks)
         count += len(t)
         for use in uses:
-            tally.offer(use, t, q)
+            tally.record(use, t, q)
         tally.pose(t, q, np.zeros(tally.arm.dof))
-        _acceleration_steps(
+        _record_acceleration_steps(
             law, ends if first == 0 else left, tally, jerks, (breaks[0], breaks[-1])
         )
-        _steps(
+        _record_steps(
             law, ends[1:] if first + size < len(breaks) - 1 else ends[1:-1], tally, velocity_step
         )
     return count
@@ -414,21 +414,23 @@ def uses_of_law(
     return t, columns[0], uses
 
 
-def _steps(law: Law, t: FloatArray, tally: LimitUseAccumulator, velocity_step: float) -> None:
+def _record_steps(
+    law: Law, t: FloatArray, tally: LimitUseAccumulator, velocity_step: float
+) -> None:
     """Record the jumps at breaks, which the accelerations on both sides do not show."""
     if not len(t):
         return
     q = law(t)
     jump = np.abs(q - law(t, side="left"))
-    tally.offer(Use("position_step", jump, POSITION_STEP), t, q)
+    tally.record(Use("position_step", jump, POSITION_STEP), t, q)
     limits = tally.limits
     derived = (limits.joint_acceleration, limits.joint_torque, limits.joint_jerk)
     if any(x is not None for x in derived):
         jump = np.abs(law(t, 1) - law(t, 1, side="left"))
-        tally.offer(Use("velocity_step", jump, velocity_step), t, q)
+        tally.record(Use("velocity_step", jump, velocity_step), t, q)
 
 
-def _acceleration_steps(
+def _record_acceleration_steps(
     law: Law,
     t: FloatArray,
     tally: LimitUseAccumulator,
@@ -449,7 +451,7 @@ def _acceleration_steps(
         after[resting & (t == ends[1])] = 0.0
         jump = np.abs(after - before)
         size = jump if name == "joint_jerk" else np.linalg.norm(jump, axis=1)
-        tally.offer(Use(JUMPS[name], size, AT_ONCE * getattr(tally.limits, name)), t, q)
+        tally.record(Use(JUMPS[name], size, AT_ONCE * getattr(tally.limits, name)), t, q)
 
 
 def _accelerations(
@@ -563,4 +565,4 @@ def _peaks(
         values = next(x.ratio for x in uses if x.name == name).reshape(*t.shape, -1)
         return np.take_along_axis(values, column[:, None, None], axis=2)[..., 0]
 
-    return climb_smooth(t[i, k], t[i + 2, k], measure)
+    return maximize_smooth(t[i, k], t[i + 2, k], measure)

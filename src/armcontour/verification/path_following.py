@@ -106,7 +106,7 @@ def follow_path(
         judged: The points with results, by default all. Earlier points, and later ones while the
             tool is on the path, are used for the coverage error only.
     """
-    from armcontour.verification.kernels import Way, follow, measure_coverage
+    from armcontour.verification.kernels import ToolMotion, follow, measure_coverage
 
     first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)
     begin, end = (0.0, path.length) if work is None else work
@@ -126,7 +126,7 @@ def follow_path(
     followed = slice(0, max(reached, 2))
     chords = length(np.diff(padded[followed], axis=0))
     later = np.minimum.accumulate(s[followed][::-1])[::-1].copy()
-    way = Way(padded[followed], distance[followed], s[followed], chords, later)
+    way = ToolMotion(padded[followed], distance[followed], s[followed], chords, later)
     coverage_error, coverage_s = measure_coverage(way, geometry, begin, min(end, path.length))
     selected = slice(first, last)
     for index, others in ((first, slice(0, first)), (last - 1, slice(last, None))):

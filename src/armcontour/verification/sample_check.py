@@ -85,7 +85,7 @@ class Log:
         return y, error
 
 
-def judge_samples(log: Log, tally: LimitUseAccumulator) -> None:
+def record_samples(log: Log, tally: LimitUseAccumulator) -> None:
     """Record the values at the samples, and lower bounds of the peaks between them."""
     rates = () if log.dq is None else (log.dq,) if log.ddq is None else (log.dq, log.ddq)
     states = States(tally.arm, (log.q, *rates), log.errors)
@@ -106,13 +106,13 @@ def judge_samples(log: Log, tally: LimitUseAccumulator) -> None:
                 mean, error = log.mean(column, order, k)
                 slack = max(slack, tally.rates(name, t, mean, q, error))
         if frames is not None:
-            slack = max(slack, _offer_angular_speed(log, tally, frames, k))
+            slack = max(slack, _record_angular_speed(log, tally, frames, k))
         if log.dq is not None:
-            _offer_both(log, log.dq, tally, k)
+            _record_windows(log, log.dq, tally, k)
         if tally.limits.centripetal_acceleration is not None and (
             log.dq is None or log.ddq is None
         ):
-            slack = max(slack, _offer_centripetal(log, tally, tool, k))
+            slack = max(slack, _record_centripetal(log, tally, tool, k))
         if slack <= NEGLIGIBLE:
             break
         k *= 2
@@ -163,7 +163,9 @@ def _mean_rows(
     return [x for x in rows if getattr(limits, x[0]) is not None], tool
 
 
-def _offer_angular_speed(log: Log, tally: LimitUseAccumulator, frames: FloatArray, k: int) -> float:
+def _record_angular_speed(
+    log: Log, tally: LimitUseAccumulator, frames: FloatArray, k: int
+) -> float:
     """Record mean angular speeds over windows of `k` samples; return the effect of rounding."""
     span, time_error = (x[:, 0] for x in log.spans(k))
     step = np.linalg.norm(frames[k:] - frames[:-k], axis=(1, 2))
@@ -175,7 +177,7 @@ def _offer_angular_speed(log: Log, tally: LimitUseAccumulator, frames: FloatArra
     return tally.rates("angular_speed", t, (angle / span)[:, None], q, error)
 
 
-def _offer_centripetal(log: Log, tally: LimitUseAccumulator, tool: list[Column], k: int) -> float:
+def _record_centripetal(log: Log, tally: LimitUseAccumulator, tool: list[Column], k: int) -> float:
     """Record mean tool accelerations normal to the motion; return the effect of rounding."""
     from scipy.ndimage import maximum_filter1d
 
@@ -209,7 +211,7 @@ def _offer_centripetal(log: Log, tally: LimitUseAccumulator, tool: list[Column],
     return float(error.max()) / limit
 
 
-def _offer_both(log: Log, dq: FloatArray, tally: LimitUseAccumulator, k: int) -> None:
+def _record_windows(log: Log, dq: FloatArray, tally: LimitUseAccumulator, k: int) -> None:
     """Record mean accelerations and jerks from positions and velocities at the ends of windows."""
     (span, time_error), (t, q) = log.spans(k), log.middles(k)
     step, total = log.q[k:] - log.q[:-k], dq[k:] + dq[:-k]

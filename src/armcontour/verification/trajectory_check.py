@@ -37,12 +37,12 @@ from armcontour.verification.limit_verdict import (
     Law,
     LimitUse,
     LimitUseAccumulator,
-    judge_law,
     merge_uses,
+    record_law,
     shift_use,
 )
 from armcontour.verification.path_following import follow_path
-from armcontour.verification.sample_check import Log, judge_samples
+from armcontour.verification.sample_check import Log, record_samples
 
 # Error bound of computed numbers, in units of the last binary digit.
 ULPS = 4
@@ -255,7 +255,7 @@ def check(
     """
     program = None if path is None else Program.of(path, "check compares with a Path or a Program")
     for on in [None] if program is None else [x.path for x in program.contours]:
-        _refuse_path(arm, on, deviation, coverage_error, orientation_deviation)
+        _check_path(arm, on, deviation, coverage_error, orientation_deviation)
     uses: dict[str, LimitUse] = {}
     not_judged: dict[str, None] = {}
     farthest: PathDeviation | None = None
@@ -270,7 +270,7 @@ def check(
             judged = _judge_log(motion, tally)
         whole = whole or judged
         if coverage_error is not None and part.path is not None:
-            judge_coverage(motion, tally, coverage_error)
+            record_coverage(motion, tally, coverage_error)
         part_uses = {x.name: shift_use(x, part.t, part.s) for x in tally.uses(tolerance)}
         not_judged |= dict.fromkeys(_not_judged(part.limits, part.path, set(part_uses)))
         uses |= {x: merge_uses(uses[x], y) if x in uses else y for x, y in part_uses.items()}
@@ -360,7 +360,7 @@ def _judge_law(
     law: Law, tally: LimitUseAccumulator, points: int, seed: int, velocity_step: float
 ) -> dict[str, Any]:
     """Check a law; returns the fields of `Check` that the accumulator does not have."""
-    count = judge_law(law, tally, points=points, seed=seed, velocity_step=velocity_step)
+    count = record_law(law, tally, points=points, seed=seed, velocity_step=velocity_step)
     start, end = float(law.breaks[0]), float(law.breaks[-1])
     first, last = law(np.array([start]), 1), law(np.array([end]), 1, side="left")
     return {
@@ -378,7 +378,7 @@ def _judge_law(
 
 def _judge_log(log: Log, tally: LimitUseAccumulator) -> dict[str, Any]:
     """Check samples; returns the fields of `Check` that the accumulator does not have."""
-    judge_samples(log, tally)
+    record_samples(log, tally)
     speeds = None if log.dq is None else np.abs(log.dq).max(axis=1)
     rounding = {"t": float(log.t_error.max())} | {
         name: float(error.max())
@@ -395,7 +395,7 @@ def _judge_log(log: Log, tally: LimitUseAccumulator) -> dict[str, Any]:
     }
 
 
-def _refuse_path(
+def _check_path(
     arm: Arm,
     path: Path | None,
     deviation: float | None,
@@ -545,7 +545,7 @@ def _column(name: str, values: Any, dof: int | None) -> FloatArray:
     return array
 
 
-def judge_coverage(motion: Any, tally: LimitUseAccumulator, allowed: float) -> None:
+def record_coverage(motion: Any, tally: LimitUseAccumulator, allowed: float) -> None:
     """Record the distances from the path to the tool.
 
     The tool's motion is assumed to be straight between its points; its sagitta around them is the
@@ -573,7 +573,9 @@ def judge_coverage(motion: Any, tally: LimitUseAccumulator, allowed: float) -> N
     around = np.maximum(
         sagitta, np.maximum(np.append(sagitta[1:], 0.0), np.append(0.0, sagitta[:-1]))
     )
-    tally.offer(Use("coverage_error", followed.coverage_error, allowed, around + error_bound), t, q)
+    tally.record(
+        Use("coverage_error", followed.coverage_error, allowed, around + error_bound), t, q
+    )
     if tally.deviation is not None:
         # Distance from the path point; the nearest point may be on another line.
-        tally.offer(Use("path_deviation", followed.distance, tally.deviation, error_bound), t, q)
+        tally.record(Use("path_deviation", followed.distance, tally.deviation, error_bound), t, q)

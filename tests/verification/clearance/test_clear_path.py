@@ -30,7 +30,7 @@ def test_a_way_around_a_wall_is_found_and_clear():
     assert not cell.keeps(JointPath.spline([A, B]))
     path = connect(cell, A, B, RANGES)
     assert np.allclose(path(path.breaks[[0, -1]]), [A, B], atol=1e-12)
-    assert cell.check(path).kept
+    assert cell.check(path).satisfied
     # At many places, the ball is where the bounds say that it may be.
     q = path(np.linspace(0.0, path.breaks[-1], 500))
     middle = ARM.with_tool(Frame()).tool_position((A + B) / 2)

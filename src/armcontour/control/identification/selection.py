@@ -124,7 +124,7 @@ def find_lag(stretches: Sequence[LogSegment], longest: float) -> float:
     """The pure delay with the smallest tracking error [s], on a grid of about 1 ms."""
 
     def left(lag: float) -> float:
-        off = [s.y - s.command.at(s.command.t - lag) for s in stretches]
+        off = [s.y - s.command.evaluate(s.command.t - lag) for s in stretches]
         return sum(
             float(np.var(x[s.use]) * s.use.sum()) for x, s in zip(off, stretches, strict=True)
         )
@@ -267,7 +267,7 @@ def _thin(stretches: Sequence[LogSegment]) -> Sequence[LogSegment]:
         return stretches
     found = [x.cut(0, len(x.y), every) for x in stretches]
     for one, full in zip(found, stretches, strict=True):
-        off = one.command.at(full.command.t) - full.command.u
+        off = one.command.evaluate(full.command.t) - full.command.u
         rough = np.sqrt(np.mean(np.diff(full.y, n=3) ** 2) / 20)
         if np.sqrt(np.mean(off**2)) > THIN * rough or len(one.y) < FEWEST:
             return stretches

@@ -8,6 +8,6 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "drives": "Drives",
-    "response": "Response Simulation regular_times respond_along simulate",
+    "response": "Response NominalMotion regular_times respond_along simulate",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -333,7 +333,7 @@ AWAY = 1e3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Simulation:
+class NominalMotion:
     """A motion of the nominal robot, and its response to small torques.
 
     Args:
@@ -386,7 +386,7 @@ def simulate(
     speed: FloatArray | None = None,
     viscous: FloatArray | None = None,
     lag: float = 0.0,
-) -> Simulation:
+) -> NominalMotion:
     """Simulate the motion of `Drives` under a command, on a regular time grid.
 
     The torques balance in every step of Newmark's method. Each iteration corrects the motion by the
@@ -435,7 +435,7 @@ def simulate(
         if size <= EXACT:
             dq, ddq = _rates(q, before, step)
             sticking = np.abs(friction) < coulomb * (1 - 1e-9)
-            return Simulation(
+            return NominalMotion(
                 t=checks.frozen_array(t), q=q, dq=dq, ddq=ddq, friction=friction, held=sticking,
                 mass=mass, damping=damping, stiffness=stiffness,
             )  # fmt: skip

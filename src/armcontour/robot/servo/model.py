@@ -200,7 +200,7 @@ class ServoModel(Checked):
                 f"A servo of order {lagging} has no velocity loop: remove its inertia."
             )
         feed = self.acceleration_feedforward
-        _refuse_integrator(self.ki, second, self.interpolation, feed)
+        _check_integrator(self.ki, second, self.interpolation, feed)
         if feed.any() and self.interpolation == "step":
             raise InvalidInput(
                 "A servo with held set-points has no acceleration of the command: remove "
@@ -212,13 +212,13 @@ class ServoModel(Checked):
                 "time: give velocity_feedforward, too, such as 1."
             )
         object.__setattr__(self, "order", orders[0] if same else orders)
-        object.__setattr__(self, "kp", _needed_gain("kp", self.kp, lagged, same))
+        object.__setattr__(self, "kp", _check_gain("kp", self.kp, lagged, same))
         if self.kv is not None:
-            object.__setattr__(self, "kv", _needed_gain("kv", self.kv, second, same))
+            object.__setattr__(self, "kv", _check_gain("kv", self.kv, second, same))
 
     def __str__(self) -> str:
         """Gains, dead time and feed-forward, such as "kp 25 1/s, kv 150 1/s"."""
-        parts = [] if self.order == "second" else [f"order {_per_joint(self.order)}"]
+        parts = [] if self.order == "second" else [f"order {_join_texts(self.order)}"]
         rows = [(x, "1/s", 1.0) for x in ("kp", "kv", "ki")] + [("dead_time", "ms", 1e3)]
         rows += [("velocity_feedforward", "", 1.0), ("acceleration_feedforward", "", 1.0)]
         rows += [("friction", "mrad", 1e3), ("acceleration_limit", "rad/s²", 1.0)]
@@ -227,7 +227,7 @@ class ServoModel(Checked):
             if values is None or not np.any(np.isfinite(values) & (values > 0)):
                 continue
             words = name.replace("_", " ").replace("feedforward", "feed-forward")
-            text = _per_joint([_or_none(x) for x in np.atleast_1d(values * scale)])
+            text = _join_texts([_value_text(x) for x in np.atleast_1d(values * scale)])
             parts.append(f"{words} {text} {unit}".rstrip())
         return ", ".join(parts)
 
@@ -534,19 +534,19 @@ def sliding(rate: FloatArray) -> FloatArray:
     return np.asarray(rate / np.hypot(rate, SLIDING))
 
 
-def _or_none(value: float) -> str:
+def _value_text(value: float) -> str:
     """A value as text, as in a job file."""
     return f"{value:g}" if np.isfinite(value) else "none"
 
 
-def _per_joint(texts: str | Sequence[str]) -> str:
+def _join_texts(texts: str | Sequence[str]) -> str:
     """Join the texts of all joints; one text if they are equal."""
     if isinstance(texts, str):
         return texts
     return texts[0] if len(set(texts)) == 1 else ", ".join(texts)
 
 
-def _needed_gain(name: str, array: FloatArray, needed: BoolArray, same: bool) -> FloatArray:
+def _check_gain(name: str, array: FloatArray, needed: BoolArray, same: bool) -> FloatArray:
     """Gains as a read-only array, for all joints or per joint; infinite where not needed."""
     if not same:
         array = np.array(np.broadcast_to(array, needed.shape))
@@ -558,7 +558,7 @@ def _needed_gain(name: str, array: FloatArray, needed: BoolArray, same: bool) ->
     return checks.frozen_array(np.where(used, array, np.inf))
 
 
-def _refuse_integrator(
+def _check_integrator(
     ki: FloatArray, second: BoolArray, interpolation: str, feed: npt.ArrayLike
 ) -> None:
     """Check that only second-order joints have an integrator, with a valid interpolation."""

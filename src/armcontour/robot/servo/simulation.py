@@ -1,4 +1,4 @@
-"""Simulation of joint servos: over cycles, at any times, and over logs."""
+"""ServoSimulation of joint servos: over cycles, at any times, and over logs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STRAIGHT, CUBIC, HELD, LINES = range(4)
 SNAP = 1e-9
 
 
-class Simulation:
+class ServoSimulation:
     """Response of all joints to set-points, exact between the events of saturation.
 
     Args:
@@ -212,7 +212,7 @@ def respond_within(
     delay = np.floor(servo.dead_time / cycle + SNAP).astype(np.intp)
     first = max(min(k - int(delay.max()) - 3, len(q) - 4), 0) if not servo.drive_cycle else 0
     active_points = q[first : max(k - int(delay.min()) + 4, first + 4)]
-    active = Simulation(active_points, cycle, servo, *bounds)
+    active = ServoSimulation(active_points, cycle, servo, *bounds)
     run = active.run_at((k - first) * cycle + times, *state[:2], held=state[2])
     position, velocity = (np.vstack([x, run.states[:, :, i].T]) for i, x in enumerate(state[:2]))
     after = velocity.copy()
@@ -257,7 +257,7 @@ def follow(
         first = int(np.floor((command.t[0] - origin) / drive_cycle + SNAP))
         count = int(np.ceil((command.t[-1] - origin) / drive_cycle - SNAP)) + 1
         times = origin + np.arange(first - 3, count) * drive_cycle
-        u = np.stack([command.at(times - late) for late in each.dead_time])
+        u = np.stack([command.evaluate(times - late) for late in each.dead_time])
 
         def held_pieces(shifted: JointServo) -> FloatArray:
             return hold(cycle_feedforward(u, drive_cycle, shifted), times[2:], each.kp)
@@ -272,7 +272,7 @@ def follow(
     states = np.zeros((3, rows))
     states[0], states[1], states[2] = q0, dq0, ddq0
     run = run_joints(joints, kind, pieces, starts, command.t, states)
-    begin = np.where(np.isinf(each.kp), command.at(command.t[0] - each.dead_time), states[0])
+    begin = np.where(np.isinf(each.kp), command.evaluate(command.t[0] - each.dead_time), states[0])
     positions = np.concatenate([begin[:, None], run.states[:, :, 0]], axis=1)
     return np.asarray(positions.reshape(*shape, -1))
 
@@ -385,7 +385,7 @@ class LoggedCommand:
             pieces[:, :, 0] -= slide * self.slide[first:]
         return pieces
 
-    def at(self, t: FloatArray) -> FloatArray:
+    def evaluate(self, t: FloatArray) -> FloatArray:
         """The command at some times [rad]."""
         if self.linear:
             return np.interp(t, self.knots, self.every)

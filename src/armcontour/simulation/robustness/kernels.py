@@ -32,7 +32,7 @@ OVERSHOOT = 10.0
 SNAP = 1e-9
 
 
-class Line(NamedTuple):
+class SearchedPath(NamedTuple):
     """The path.
 
     Attributes:
@@ -87,7 +87,7 @@ class Setting(NamedTuple):
 
     robot: FloatArray
     reach: float
-    line: Line
+    line: SearchedPath
     clock: Clock
     kind: int
     inertia: FloatArray

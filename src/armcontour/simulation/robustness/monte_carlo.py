@@ -36,8 +36,8 @@ from armcontour.robot.servo.simulation import (
 )
 from armcontour.simulation.robustness.kernels import (
     Clock,
-    Line,
     Sample,
+    SearchedPath,
     Setting,
     simulate_sample,
 )
@@ -311,7 +311,7 @@ class _Model:
         fixed, patience = until is not None, last + PATIENCE
         clock = Clock(set_points.start_time, set_points.cycle, steps, begin, end, fixed, patience)
         kind = CUBIC if servo.interpolation == "cubic" else STRAIGHT
-        line = _line(path, set_points, arm, self._lag())
+        line = _searched_path(path, set_points, arm, self._lag())
         inertia = _inertia(arm, set_points, box)
         self.setting = Setting(robot, reach, line, clock, kind, inertia, lower, upper)
         plain = self.servo.without_feedforward().for_joints(dof)
@@ -534,7 +534,7 @@ def _robot(arm: Arm, path: Path) -> tuple[FloatArray, float]:
     return arm.link_table, arm.span
 
 
-def _line(path: Path, set_points: SetPoints, arm: Arm, lag: float) -> Line:
+def _searched_path(path: Path, set_points: SetPoints, arm: Arm, lag: float) -> SearchedPath:
     """The path for the compiled code, with the reachable arc lengths at each time.
 
     The length of the tool's planned motion up to a time is the arc length on the path, up to the
@@ -555,7 +555,7 @@ def _line(path: Path, set_points: SetPoints, arm: Arm, lag: float) -> Line:
     # The first corner is that of a closed path.
     corners = angle_between(np.roll(arcs.end_tangents, 1, axis=0), arcs.tangents)
     closed = bool(np.linalg.norm(rows[-1, 12:15] - rows[0, :3]) <= REPEATED_POINT)
-    return Line(rows, corners, path.length if closed else 0.0, low, high)
+    return SearchedPath(rows, corners, path.length if closed else 0.0, low, high)
 
 
 def _inertia(arm: Arm, set_points: SetPoints, box: Uncertainty) -> FloatArray:

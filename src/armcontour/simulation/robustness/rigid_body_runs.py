@@ -106,10 +106,12 @@ def trace_on_bodies(
         ExecutionError: As for `spread_on_bodies`.
     """
     rows = list(errors)
-    return _all(runs, rows, map_in_processes(runs.trace, rows, processes=1, executor=executor))
+    return _require_results(
+        runs, rows, map_in_processes(runs.trace, rows, processes=1, executor=executor)
+    )
 
 
-def _all(runs: BodyRuns, rows: list[FloatArray], results: list[R | str]) -> list[R]:
+def _require_results(runs: BodyRuns, rows: list[FloatArray], results: list[R | str]) -> list[R]:
     """Results of all robots; an error if one is the message of a failed execution."""
     for row, result in zip(rows, results, strict=True):
         if isinstance(result, str):
@@ -144,7 +146,7 @@ def spread_on_bodies(
     unknowns = runs.unknowns
     rows = list(np.concatenate([np.zeros((1, len(unknowns))), errors]))
     results = map_in_processes(runs, rows, processes=processes, executor=executor, done=done)
-    results = _all(runs, rows, results)
+    results = _require_results(runs, rows, results)
     largest, rms, until, saturated, ratio = np.array(results).T
     servos = [unknowns.robot(x)[2] for x in errors]
     return MonteCarloResult(

@@ -188,7 +188,7 @@ class Unknowns:
     high: FloatArray
 
     @classmethod
-    def of(cls, box: Uncertainty, arm: Arm, servo: ServoModel) -> Unknowns:
+    def from_uncertainty(cls, box: Uncertainty, arm: Arm, servo: ServoModel) -> Unknowns:
         """Find the parameters of a box that vary.
 
         Args:
@@ -200,7 +200,7 @@ class Unknowns:
             InvalidInput: The box does not fit the arm or the servo.
         """
         joint_servo = servo.for_joints(arm.dof)
-        _refuse_unfit(box, arm, joint_servo)
+        _check_fit(box, arm, joint_servo)
         # Parameters shared by all joints are listed before and after those of single joints.
         first, last = {("payload", -1): np.asarray(box.payload)}, {}
         if box.friction_shared:
@@ -275,7 +275,9 @@ class Unknowns:
         )
         known = self.arm.with_dynamics(payload=payload) if self.box.payload_known else self.arm
         # Negative by rounding only; `dead_time_of` checks the range.
-        dead_time = np.maximum(servo.dead_time + errors_by_kind["dead time"] * self.late_share, 0.0)
+        dead_time = np.maximum(
+            servo.dead_time + errors_by_kind["dead time"] * self.dead_time_ratio, 0.0
+        )
         return (
             true,
             known,
@@ -287,7 +289,7 @@ class Unknowns:
         )
 
     @property
-    def late_share(self) -> FloatArray:
+    def dead_time_ratio(self) -> FloatArray:
         """Error of each joint's dead time relative to that of the parameter, (dof,)."""
         errors = np.broadcast_to(np.asarray(self.box.dead_time), (self.arm.dof,))
         largest = float(errors.max())
@@ -325,7 +327,7 @@ def _ranges(box: Uncertainty, dof: int) -> dict[str, tuple[FloatArray, FloatArra
     }
 
 
-def _refuse_unfit(box: Uncertainty, arm: Arm, servo: ServoModel) -> None:
+def _check_fit(box: Uncertainty, arm: Arm, servo: ServoModel) -> None:
     """Check that the uncertainty set fits the arm and the servo."""
     dof, chain = arm.dof, arm.chain
     if chain is None or not arm.has_bodies:

@@ -33,10 +33,10 @@ def connect(
         ranges: Lowest and highest joint positions [rad], (dof,) each.
     """
     postures = _search(cell, first, last, ranges)
-    return None if postures is None else through(cell, _shorten(cell, postures))
+    return None if postures is None else path_through(cell, _shorten(cell, postures))
 
 
-def through(cell: Cell, postures: FloatArray) -> JointPath | None:
+def path_through(cell: Cell, postures: FloatArray) -> JointPath | None:
     """A collision-free joint path through postures with rounded corners; None if there is none.
 
     Args:

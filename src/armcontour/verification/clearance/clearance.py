@@ -66,7 +66,7 @@ class PairClearance:
     first_time: float | None = None
 
     @property
-    def kept(self) -> bool:
+    def satisfied(self) -> bool:
         """Whether the margin is satisfied, proven for all times."""
         return self.low >= self.margin
 
@@ -110,9 +110,9 @@ class Clearance(Result):
     below: tuple[PairClearance, ...] = ()
 
     @property
-    def kept(self) -> bool:
+    def satisfied(self) -> bool:
         """Whether all margins are satisfied, proven for all times."""
-        return all(x.kept for x in self.pairs)
+        return all(x.satisfied for x in self.pairs)
 
     @property
     def too_near(self) -> tuple[PairClearance, ...]:
@@ -153,7 +153,7 @@ class Clearance(Result):
         Raises:
             Collision: A margin is violated; the error has the first time.
         """
-        if self.kept:
+        if self.satisfied:
             return
         first = self.too_near[0]
         raise Collision(
@@ -180,7 +180,7 @@ class Clearance(Result):
         return Data(
             "Clearance",
             (
-                Row("kept", self.kept, "", "clearance kept"),
+                Row("kept", self.satisfied, "", "clearance kept"),
                 Row("low", self.low, "m", "clearance", note, FIRST),
                 Row("below_base", self.below_base),
                 Row("below", below, "m", "below the base"),
@@ -221,7 +221,7 @@ class Clearance(Result):
     @property
     def sentence(self) -> str:
         """The verdict with the smallest distance, as a sentence."""
-        if not self.kept:
+        if not self.satisfied:
             return f"Too near: {self.too_near[0]}."
         first, *others = self.nearest or (None,)
         if first is None:
@@ -354,7 +354,7 @@ class Cell:
             return True
         return _Search(motion, self._mounting, self._heights, np.inf).run()
 
-    def least_over(self, q: FloatArray) -> dict[str, FloatArray]:
+    def smallest_distances(self, q: FloatArray) -> dict[str, FloatArray]:
         """Smallest distance of every kind of pair at joint positions, (n,) each [m].
 
         For plots; `check` also proves the distances between them.
@@ -491,7 +491,7 @@ class _Search:
         pair = np.arange(len(self.pairs))
         begin, end = np.full(len(pair), t[0]), np.full(len(pair), t[-1])
         travelled = np.zeros(len(pair)), self._radii @ travel[-1]
-        distance = self._look(pair, begin), self._look(pair, end)
+        distance = self._measure(pair, begin), self._measure(pair, end)
         while len(pair) and not self._decided:
             width = travelled[1] - travelled[0]
             # The distance changes at most as fast as the travel grows.
@@ -504,7 +504,7 @@ class _Search:
                 (travelled[0][goes_on], travelled[1][goes_on]),
                 (distance[0][goes_on], distance[1][goes_on]),
             )
-            count = _pieces(len(pair))
+            count = _count_pieces(len(pair))
             # Ends of the pieces of each window, in columns.
             shares = np.arange(count + 1) / count
             edges = begin[:, None] + (end - begin)[:, None] * shares
@@ -512,7 +512,10 @@ class _Search:
             inner, inner_pair = edges[:, 1:-1].ravel(), np.repeat(pair, count - 1)
             middle = (
                 x.reshape(-1, count - 1)
-                for x in (self._way(t, travel, inner, inner_pair), self._look(inner_pair, inner))
+                for x in (
+                    self._bound_approach(t, travel, inner, inner_pair),
+                    self._measure(inner_pair, inner),
+                )
             )
             travelled, distance = (
                 (rows[:, :-1].ravel(), rows[:, 1:].ravel())
@@ -524,7 +527,7 @@ class _Search:
             pair = np.repeat(pair, count)
             begin, end = edges[:, :-1].ravel(), edges[:, 1:].ravel()
 
-    def _way(
+    def _bound_approach(
         self, t: FloatArray, travel: FloatArray, times: FloatArray, pair: IntArray
     ) -> FloatArray:
         """Bound on the approach of pairs of bodies until some times [m], (n,)."""
@@ -542,7 +545,7 @@ class _Search:
         coarse = low < smallest[self._kinds[pair]] - self._resolution
         return np.asarray((unproven & (width > FINEST)) | (coarse & (width > self._resolution)))
 
-    def _look(self, pair: IntArray, t: FloatArray) -> FloatArray:
+    def _measure(self, pair: IntArray, t: FloatArray) -> FloatArray:
         """Lower bounds of distances of pairs at times [m], (n,); records the smallest distances."""
         times, index = np.unique(t, return_inverse=True)
         distances = self._distances.measure(self._positions(times), index, pair)
@@ -561,7 +564,7 @@ class _Search:
             begin, end = windows.pop()
             edges = np.linspace(begin, end, PIECES + 1)
             t = np.interp(edges, travelled, self._t)
-            distance = self._look(np.full(len(t), k), t)
+            distance = self._measure(np.full(len(t), k), t)
             if distance[0] < margin:
                 # An arm that rests at first has no travel for a while.
                 return float(t[0] if begin > 0 else self._t[0])
@@ -582,6 +585,6 @@ class _Search:
         return interpolate(t, executed.t, executed.q)
 
 
-def _pieces(windows: int) -> int:
+def _count_pieces(windows: int) -> int:
     """Number of pieces per window: a round with few windows has constant costs."""
     return next((n for n, most in FEW.items() if windows <= most), 2)

@@ -76,27 +76,27 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
         Body(name=x.name, link=x.link, shape=x.shape, place=x.place, exact=x.exact, tool=x.tool)
         for x in shapes.shapes
     ]
-    _refuse_unknown(bodies, scene)
+    _check_obstacles(bodies, scene)
     radii = {id(x): _radii(chain, x) for x in bodies}
     pairs: list[Pair] = []
-    left_out = _without_shape(chain, bodies)
-    for obstacle, body, margin, allowed in _with_obstacles(chain, bodies, scene):
+    left_out = _links_without_shape(chain, bodies)
+    for obstacle, body, margin, allowed in _obstacle_pairs(chain, bodies, scene):
         if body.link == 0:
             reason = "both stand still"
         elif allowed:
             reason = f"{obstacle.name} allows it to touch"
         else:
             kind = TOOL if body.tool else ENVIRONMENT
-            pairs.append(_pair(radii, obstacle, body, kind, margin))
+            pairs.append(_make_pair(radii, obstacle, body, kind, margin))
             continue
         left_out.append(LeftOut(first=obstacle.name, second=body.name, reason=reason))
     reasons = {frozenset((x.first, x.second)): x.reason for x in shapes.left_out}
     for first, second in combinations(sorted(bodies, key=lambda x: x.link), 2):
-        why = _why_left_out(first, second, reasons)
+        why = _exclusion_reason(first, second, reasons)
         if why is None:
             kind = TOOL if second.tool or first.tool else OWN
             margin = scene.margins.tool if kind == TOOL else scene.margins.own
-            pairs.append(_pair(radii, first, second, kind, margin))
+            pairs.append(_make_pair(radii, first, second, kind, margin))
         elif first.name != second.name:
             left_out.append(LeftOut(first=first.name, second=second.name, reason=why))
     return tuple(pairs), tuple(dict.fromkeys(left_out))
@@ -140,7 +140,7 @@ def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
     return arm.chain, arm.shapes
 
 
-def _without_shape(chain: Chain, bodies: Iterable[Body]) -> list[LeftOut]:
+def _links_without_shape(chain: Chain, bodies: Iterable[Body]) -> list[LeftOut]:
     """Links without a known shape, which are not checked."""
     links = {x.link for x in bodies}
     return [
@@ -154,7 +154,7 @@ def _without_shape(chain: Chain, bodies: Iterable[Body]) -> list[LeftOut]:
     ]
 
 
-def _refuse_unknown(bodies: Iterable[Body], scene: Scene) -> None:
+def _check_obstacles(bodies: Iterable[Body], scene: Scene) -> None:
     """Check that obstacles are no moving links, and allow only known bodies to touch."""
     bodies = list(bodies)
     names, moving = {x.name for x in bodies} | {TOOL}, {x.name for x in bodies if x.link}
@@ -175,7 +175,7 @@ def _refuse_unknown(bodies: Iterable[Body], scene: Scene) -> None:
                 )
 
 
-def _with_obstacles(
+def _obstacle_pairs(
     chain: Chain, bodies: Iterable[Body], scene: Scene
 ) -> Iterable[tuple[Body, Body, float, bool]]:
     """Every obstacle with every body of the arm: their margin, and whether they may touch."""
@@ -193,7 +193,7 @@ def _with_obstacles(
             yield obstacle, body, margin, body.name in x.allow or (body.tool and TOOL in x.allow)
 
 
-def _why_left_out(first: Body, second: Body, reasons: dict[frozenset[str], str]) -> str | None:
+def _exclusion_reason(first: Body, second: Body, reasons: dict[frozenset[str], str]) -> str | None:
     """Reason to exclude two bodies of the arm; None if their distance is checked."""
     if first.link == second.link:
         return "they move together"
@@ -204,7 +204,7 @@ def _why_left_out(first: Body, second: Body, reasons: dict[frozenset[str], str])
     return "neighbours" if second.link == first.link + 1 and not second.tool else None
 
 
-def _pair(
+def _make_pair(
     radii: Mapping[int, FloatArray], first: Body, second: Body, kind: str, margin: float
 ) -> Pair:
     """A pair, with its largest approach per joint motion."""

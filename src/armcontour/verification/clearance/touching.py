@@ -17,7 +17,7 @@ REASON = "touching with all joints at 0, and in every other posture that was tri
 POSTURES = 15
 
 
-def leave_out_touching(arm: Arm) -> ArmShapes:
+def exclude_touching(arm: Arm) -> ArmShapes:
     """Shapes of an arm, with pairs excluded that touch with all joints at 0 and elsewhere.
 
     The arm may not be able to take the posture with all joints at 0, so a pair is excluded only if

@@ -15,7 +15,7 @@ from armcontour.control.identification.fit import Precision, allowed_deviation, 
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.sampling import interpolate
-from armcontour.robot.drives.response import Simulation, simulate
+from armcontour.robot.drives.response import NominalMotion, simulate
 
 # A search ends when a step reduces the sum of squares by less than this share: 0.04 standard
 # deviations of an unknown with 20,000 residuals.
@@ -69,7 +69,7 @@ class Trial:
     """
 
     values: FloatArray
-    motions: tuple[Simulation, ...]
+    motions: tuple[NominalMotion, ...]
     residuals: tuple[FloatArray, ...]
 
     @property
