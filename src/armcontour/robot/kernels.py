@@ -97,14 +97,7 @@ def rotation_of(links: FloatArray, j: int) -> Rotation:
 
 @compiled(inner=True, fastmath=FUSED)
 def into_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
-    """Components of a vector in the axes of a link, from those in the frame before.
-
-    Args:
-        r: Rotation of the link at joint position 0.
-        c: Cosine of the joint position.
-        s: Sine of the joint position.
-        v: Vector.
-    """
+    """Components of a vector in the axes of a link, from those in the frame before."""
     x, y = r[0] * v[0] + r[3] * v[1] + r[6] * v[2], r[1] * v[0] + r[4] * v[1] + r[7] * v[2]
     return c * x + s * y, c * y - s * x, r[2] * v[0] + r[5] * v[1] + r[8] * v[2]
 

@@ -153,9 +153,6 @@ class States:
     def bound(self, name: str) -> Bounded:
         """Quantity that a limit applies to, in the unit of the limit, and a bound on its error.
 
-        Args:
-            name: A field of `Limits` except "path_jerk", which only a time law has.
-
         Returns:
             Values of joints, (n, dof), or of the tool, (n,), and bounds on their errors. Joint
             values are signed, except for torques.
@@ -180,11 +177,7 @@ class States:
         return use_of(name, limits, *self.bound(name))
 
     def uses(self, limits: Limits) -> Iterator[Use]:
-        """Use of every specified limit that states and arm allow to evaluate.
-
-        Args:
-            limits: The limits, with one value per joint.
-        """
+        """Use of every specified limit that states and arm allow to evaluate."""
         for name in JOINT_RANGE:
             use = use_of(name, limits, self.q, self.errors[0] if self.errors else 0.0)
             if np.isfinite(use.limit).any():

@@ -108,10 +108,10 @@ class Limits(Checked):
 
     def __str__(self) -> str:
         """The limits that are specified or lifted, with their units."""
-        given = {x: getattr(self, x) for x in UNITS}
+        specified = {x: getattr(self, x) for x in UNITS}
         rows = [
             (x, "none" if values is None else f"{_list_values(values)} {UNITS[x]}")
-            for x, values in given.items()
+            for x, values in specified.items()
             if values is not None or x in self.lifted
         ]
         return format_table("Limits" if rows else "Limits: none", rows)

@@ -248,7 +248,7 @@ class ArmShapes(Checked):
             for name in (pair.first, pair.second):
                 if name not in names:
                     raise InvalidInput(
-                        f"The pair {pair.first}, {pair.second} cannot be left out: {name} has no "
+                        f"The pair {pair.first}, {pair.second} cannot be excluded: {name} has no "
                         f"shape; shapes are those of {', '.join(sorted(names))}."
                     )
 

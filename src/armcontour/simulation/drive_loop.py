@@ -170,17 +170,21 @@ def advance(
         for j in range(dof):
             error = (integrated[k, j] - known.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
             loops.integral[j] += loops.step * error
-            ask = (commands[k, j] - known.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
-            ask = (ask + loops.ki[j] * loops.integral[j]) * loops.kv[j]
-            beside = 0.0 if loops.on_top else known.torque[j]
-            above = known.torque[j] if loops.on_top else 0.0
-            want = ask * loops.inertia[j] + beside
-            get = max(min(want, loops.limit[j]), -loops.limit[j]) + above
+            demanded = (commands[k, j] - known.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
+            demanded = (demanded + loops.ki[j] * loops.integral[j]) * loops.kv[j]
+            gravity = 0.0 if loops.on_top else known.torque[j]
+            fed_forward = known.torque[j] if loops.on_top else 0.0
+            required = demanded * loops.inertia[j] + gravity
+            applied = max(min(required, loops.limit[j]), -loops.limit[j]) + fed_forward
             # Anti-windup as in `ServoModel`.
-            excess = (want + above - get) / loops.inertia[j]
+            excess = (required + fed_forward - applied) / loops.inertia[j]
             loops.integral[j] -= loops.step * excess / loops.kv[j]
-            bodies.torque[n - dof + j] = get
-            rows.demand[k, j], rows.wanted[k, j], rows.torque[k, j] = ask, want + above, get
+            bodies.torque[n - dof + j] = applied
+            rows.demand[k, j], rows.wanted[k, j], rows.torque[k, j] = (
+                demanded,
+                required + fed_forward,
+                applied,
+            )
         for _ in range(parts):
             _call(functions.step, bodies.model, bodies.data)
         speed = 0.0

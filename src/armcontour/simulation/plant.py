@@ -85,11 +85,7 @@ class LimitedPlant(Immutable, Plant):
 
     @checked
     def for_plan(self, set_points: SetPoints) -> Self:
-        """Return the plant with the limits of a plan, unless it has explicit ones.
-
-        Args:
-            set_points: Set-points of the plan.
-        """
+        """Return the plant with the limits of a plan, unless it has explicit ones."""
         planned = set_points.trajectory.limits
         if planned is None:
             return self

@@ -370,11 +370,7 @@ def settling_time(executed: Execution, speed: FloatArray) -> float:
 
 
 def common_delay(executed: Execution) -> float:
-    """Delay of the plan that minimizes the RMS tracking error [s].
-
-    Args:
-        executed: The execution.
-    """
+    """Delay of the plan that minimizes the RMS tracking error [s]."""
     trajectory, t, tool = executed.set_points.trajectory, executed.t, executed.tool
     q, dq = (trajectory(np.clip(t, 0.0, trajectory.duration), order) for order in (0, 1))
     planned, velocity = executed.arm.tool_position(q), executed.arm.tool_velocity(q, dq)
@@ -516,7 +512,7 @@ Largest = Callable[[IntArray, Callable[[FloatArray], FloatArray]], FloatArray]
 
 
 def corner_deviations(
-    tool: FloatArray, objective: Path, s: FloatArray | None = None, beside: Largest | None = None
+    tool: FloatArray, objective: Path, s: FloatArray | None = None, maximize: Largest | None = None
 ) -> tuple[CornerDeviation, ...]:
     """Cornering deviations at every corner of a path.
 
@@ -524,7 +520,7 @@ def corner_deviations(
         tool: Tool points [m], (n, dimension).
         objective: The path with its corners.
         s: Arc lengths of the nearest points on the path [m], (n,); computed if None.
-        beside: Finds the largest values between the points; None if the motion between them is
+        maximize: Finds the largest values between the points; None if the motion between them is
             unknown.
     """
     corners = np.flatnonzero(objective.turns > TANGENT_TOLERANCE) + 1
@@ -552,7 +548,7 @@ def corner_deviations(
     away, past = length(offset), dot(offset, across[corner])
     rounding = np.minimum.reduceat(away, starts)
     overshoot = np.maximum.reduceat(past, starts)
-    if beside is not None:
+    if maximize is not None:
         # The first extreme sample of each corner.
         rows = [np.flatnonzero(x == y[corner]) for x, y in ((away, rounding), (past, overshoot))]
         nearest, farthest = (x[np.unique(corner[x], return_index=True)[1]] for x in rows)
@@ -568,7 +564,7 @@ def corner_deviations(
                 [-dot(gap[:count], gap[:count]), np.sum(gap[count:] * out, axis=-1)]
             )
 
-        extremes = beside(order[sample[np.concatenate([nearest, farthest])]], both)
+        extremes = maximize(order[sample[np.concatenate([nearest, farthest])]], both)
         rounding, overshoot[inner] = np.sqrt(-extremes[:count]), extremes[count:]
     return tuple(
         CornerDeviation(vertex=vertex, point=tuple(point), rounding=cr, overshoot=max(0.0, co))

@@ -83,11 +83,7 @@ class Occurrence:
     certain: float
 
     def rows(self, unit: str) -> tuple[Row, ...]:
-        """Result rows; joints are numbered from 1.
-
-        Args:
-            unit: Unit of the limit.
-        """
+        """Result rows; joints are numbered from 1."""
         joint = None if self.joint is None else self.joint + 1
         return (
             Row("ratio", self.ratio, "1", "share"),
@@ -491,11 +487,6 @@ def measure_limit_ratios(trajectory: Trajectory, arm: Arm, limits: Limits) -> di
     """Largest use of every limit: 1 is the limit.
 
     In a program, limits of the tool apply along contours, limits of the joints in every move.
-
-    Args:
-        trajectory: The planned motion.
-        arm: The arm.
-        limits: The limits, with one value per joint.
 
     Returns:
         The ratio of every specified limit that can be evaluated.

@@ -8,7 +8,7 @@ from armcontour.core.frames import Frame
 from armcontour.motion import JointPath
 from armcontour.robot.scene import ArmShapes, Box, LinkShape, Margins, Obstacle, Scene, Sphere
 from armcontour.verification.clearance import Cell
-from armcontour.verification.clearance.clear_path import connect, round_postures, through
+from armcontour.verification.clearance.clear_path import connect, path_through, round_postures
 
 ARM = ac.load_arm("ur5e").with_shapes(
     ArmShapes(shapes=(LinkShape(name="end", link=6, shape=Sphere(radius=0.03)),))
@@ -55,5 +55,5 @@ def test_rounded_postures_are_smooth():
     assert (speeds <= 1 + 1e-12).all() and speeds.min() >= np.sqrt(0.5) - 1e-12
     assert len(round_postures(postures, 0.0).stops) == 2
     free = Cell(ARM, Scene())
-    path = through(free, np.array([A, A + 0.1, B]))
+    path = path_through(free, np.array([A, A + 0.1, B]))
     assert len(path.stops) == 0

@@ -162,7 +162,7 @@ def test_pairs_are_left_out_with_reasons():
     reasons = {(x.first, x.second): x.reason for x in found.left_out}
     assert reasons[("base", "one")] == "neighbours"
     assert reasons[("base", "two")] == "given by cell.srdf: Never"
-    assert reasons[("table", "base")] == "both stand still"
+    assert reasons[("table", "base")] == "both are fixed"
     assert {(x.first, x.second) for x in found.pairs if x.kind == "own"} == {
         ("base", "three"),
         ("one", "three"),

@@ -146,9 +146,6 @@ def nominal_inertia(arm: Arm) -> FloatArray:
 
     It is the diagonal of the mass matrix in the middle of the joint ranges, without payload.
 
-    Args:
-        arm: An arm with masses.
-
     Raises:
         InvalidInput: The masses are not known, or a joint turns no inertia.
     """

@@ -157,13 +157,7 @@ class Response(Checked):
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
 
     def of_drives(self, drives: Drives, others: Drives, every: int) -> Response:
-        """Response with other drives of the same arm, from the response with these drives.
-
-        Args:
-            drives: The drives of this response.
-            others: The other drives.
-            every: Use every n-th time only.
-        """
+        """Response with other drives of the same arm, from the response with these drives."""
         return replace(
             self,
             t=self.t[::every],
@@ -323,7 +317,7 @@ def respond_along(
 
 # Corrections below this [rad], less than the best encoder resolves, end the iteration. The
 # remaining error is about a thousandth.
-EXACT = 1e-9
+SMALLEST_CORRECTION = 1e-9
 # Each correction is about a thousandth of the one before.
 CORRECTIONS = 40
 # Stiffness of a sticking joint relative to inertia and drive.
@@ -432,7 +426,7 @@ def simulate(
         size = float(np.abs(correction).max())
         if not size < AWAY:
             break
-        if size <= EXACT:
+        if size <= SMALLEST_CORRECTION:
             dq, ddq = _rates(q, before, step)
             sticking = np.abs(friction) < coulomb * (1 - 1e-9)
             return NominalMotion(

@@ -613,12 +613,6 @@ def _respond_first_order(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motio
 def respond(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     """Simulate a joint over a step under the command u.
 
-    Args:
-        servo: Gains and bounds.
-        step: Free motion over the step, at most about `LARGEST_STEP` time constants.
-        u: Command from the start of the step on.
-        m: State and accumulated results at the start.
-
     Returns:
         State and accumulated results at the end; not finite if the step does not end.
     """

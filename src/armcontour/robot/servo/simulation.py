@@ -257,7 +257,7 @@ def follow(
         first = int(np.floor((command.t[0] - origin) / drive_cycle + SNAP))
         count = int(np.ceil((command.t[-1] - origin) / drive_cycle - SNAP)) + 1
         times = origin + np.arange(first - 3, count) * drive_cycle
-        u = np.stack([command.evaluate(times - late) for late in each.dead_time])
+        u = np.stack([command.evaluate(times - delay) for delay in each.dead_time])
 
         def held_pieces(shifted: JointServo) -> FloatArray:
             return hold(cycle_feedforward(u, drive_cycle, shifted), times[2:], each.kp)

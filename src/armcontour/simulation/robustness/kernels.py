@@ -268,10 +268,6 @@ def _advance_joints(
 def simulate_sample(setting: Setting, sample: Sample) -> tuple[float, float, float, float, float]:
     """Execute set-points on a robot.
 
-    Args:
-        setting: Data shared by all robots.
-        sample: The robot.
-
     Returns:
         RMS and largest contour error [m], end of the time over which errors are evaluated [s],
         fraction of this time in saturation, and largest demand over its limit. The first is NaN

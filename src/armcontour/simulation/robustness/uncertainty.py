@@ -124,9 +124,6 @@ class Uncertainty(Checked):
     def check_payload(self, arm: Arm) -> None:
         """Check that the payload cannot become negative.
 
-        Args:
-            arm: The nominal arm.
-
         Raises:
             InvalidInput: The smallest payload is negative.
         """
@@ -190,11 +187,6 @@ class Unknowns:
     @classmethod
     def from_uncertainty(cls, box: Uncertainty, arm: Arm, servo: ServoModel) -> Unknowns:
         """Find the parameters of a box that vary.
-
-        Args:
-            box: The box.
-            arm: The nominal arm.
-            servo: The nominal servo.
 
         Raises:
             InvalidInput: The box does not fit the arm or the servo.

@@ -63,10 +63,6 @@ class Pair:
 def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, ...]]:
     """Pairs of bodies of an arm and its cell: the checked ones, and the excluded ones.
 
-    Args:
-        arm: The arm, with a chain and shapes.
-        scene: Its cell.
-
     Raises:
         InvalidInput: The arm has no shapes, or an obstacle allows an unknown body to touch it or
             has the name of a moving body.
@@ -82,7 +78,7 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
     left_out = _links_without_shape(chain, bodies)
     for obstacle, body, margin, allowed in _obstacle_pairs(chain, bodies, scene):
         if body.link == 0:
-            reason = "both stand still"
+            reason = "both are fixed"
         elif allowed:
             reason = f"{obstacle.name} allows it to touch"
         else:
@@ -104,10 +100,6 @@ def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, .
 
 def mounting_pairs(arm: Arm, scene: Scene) -> tuple[Pair, ...]:
     """Links that should stay above the mounting plane of the base, each paired with the plane.
-
-    Args:
-        arm: As in `pairs_of`.
-        scene: As in `pairs_of`.
 
     Raises:
         InvalidInput: As in `pairs_of`.

@@ -23,9 +23,6 @@ def exclude_touching(arm: Arm) -> ArmShapes:
     The arm may not be able to take the posture with all joints at 0, so a pair is excluded only if
     it touches in all other sampled postures, too.
 
-    Args:
-        arm: An arm with shapes.
-
     Raises:
         InvalidInput: The arm has no shapes, or distances cannot be computed here.
     """
