@@ -20,10 +20,10 @@ def cell(x: float) -> ac.Scene:
 
 for x in (0.35, 0.60):
     found = ac.check_clearance(planned, arm, cell(x))
-    print(f"post at x = {x:.2f} m: {'clear' if found.kept else 'too near'}")
-    for pair in found.nearest if found.kept else found.too_near[:1]:
+    print(f"post at x = {x:.2f} m: {'clear' if found.satisfied else 'too near'}")
+    for pair in found.nearest if found.satisfied else found.too_near[:1]:
         names = f"{pair.first} and {pair.second}"
-        if pair.kept:
+        if pair.satisfied:
             print(f"  {names}: {pair.low * 1e3:.1f} mm or more, at all times")
         else:
             print(f"  {names}: {pair.margin * 1e3:.0f} mm first at {pair.first_time:.3f} s")

@@ -160,7 +160,7 @@ def simulate_rigid_bodies(count: int) -> list[str]:
     found = ac.certify(replace(job, arm=job.arm.with_dynamics(armature=0.1)))
     box, budget = found.goal.box, found.goal.servo_error
     assert box is not None and budget is not None
-    unknowns = Unknowns.of(box, found.job.arm, found.job.plant_servo)
+    unknowns = Unknowns.from_uncertainty(box, found.job.arm, found.job.plant_servo)
     runs = BodyRuns(
         set_points=found.set_points,
         path=found.path.contours[0].path,

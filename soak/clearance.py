@@ -214,7 +214,7 @@ def judge_motion(
     motion, scene = random_motion(arm, rng), random_scene(rng)
     found = ac.check_clearance(motion, arm, scene)
     tally.motions += 1
-    if not found.kept:
+    if not found.satisfied:
         return
     tally.clear += 1
     pairs, _ = pairs_of(arm, scene)

@@ -86,9 +86,9 @@ def post_at_elbow(job, plan, t=0.0):
 
 @needs_dynamics
 def test_a_rapid_goes_around_a_wall(job, free):
-    assert free.clearance.kept and free.avoided == () and "Clear: " in free.clearance_note
+    assert free.clearance.satisfied and free.avoided == () and "Clear: " in free.clearance_note
     plan = plan_of(walled := dataclasses.replace(job, scene=wall(0.45)))
-    assert plan.clearance.kept and len(plan.avoided) == 1 and "1 rapid" in plan.avoided[0]
+    assert plan.clearance.satisfied and len(plan.avoided) == 1 and "1 rapid" in plan.avoided[0]
     assert plan.trajectory.duration > free.trajectory.duration
     # Contours stay the same, and the rapid starts and ends where they end and start.
     kinds = [x.kind for x in plan.trajectory.spans]
@@ -126,18 +126,18 @@ def test_collisions_are_refused_with_pair_place_and_time(job):
     plan = plan_of(blocked, ignore_collisions=True)
     assert any("collisions are ignored: torch and wall" in x for x in plan.warnings)
     # One cause, one sentence.
-    assert plan.clearance_note is None and not plan.clearance.kept
+    assert plan.clearance_note is None and not plan.clearance.satisfied
 
 
 @needs_dynamics
 def test_contours_are_followed_in_another_configuration(job, free, monkeypatch):
     alone = dataclasses.replace(job, path=job.program.contours[0].path)
     single = plan_of(alone, scene=post_at_elbow(alone, plan_of(alone)))
-    assert single.clearance.kept and single.avoided == (OTHER,)
+    assert single.clearance.satisfied and single.avoided == (OTHER,)
     # The first contour decides before all are timed.
     monkeypatch.setattr("armcontour.jobs.alternatives.find_starts", None)
     plan = plan_of(job, scene=post_at_elbow(job, free))
-    assert plan.clearance.kept and plan.avoided == (OTHER,)
+    assert plan.clearance.satisfied and plan.avoided == (OTHER,)
     assert np.abs(plan.trajectory(0.0) - free.trajectory(0.0)).max() > 0.1
     assert job.arm.tool_position(plan.trajectory(0.0)) == pytest.approx([0.4, -0.02, 0.1], abs=1e-9)
 
@@ -172,7 +172,7 @@ def test_the_executed_motion_is_looked_at_too(job):
     study = ac.run(job)
     result = study.runs["compensated"]
     planned, executed = result.clearance, result.executed_clearance
-    assert executed.kept
+    assert executed.satisfied
     assert executed.pairs[0].high == pytest.approx(planned.pairs[0].high, abs=1e-3)
     # The job goes to other processes without its cell.
     there = pickle.loads(pickle.dumps(job))
@@ -217,7 +217,7 @@ def test_a_tool_without_shapes_is_a_capsule_from_the_flange():
     refused((lambda: clamped(CLAMPED, ""), "tool and clamp touch"), kind=Collision)
     far = CLAMPED.replace("0.43, 0.1, 0.26", "0.43, 0.4, 0.26")
     clear = clamped(far, "")
-    assert clear.clearance.kept and any("capsule" in x for x in clear.avoided)
+    assert clear.clearance.satisfied and any("capsule" in x for x in clear.avoided)
     # Own shapes, or none at all, take its place.
     tip = ", shapes: {spheres: [{name: tip, at: [0, 0, 150 mm], radius: 5 mm}]}"
     assert not [x for x in clamped(far, tip).avoided if "tool" in x]

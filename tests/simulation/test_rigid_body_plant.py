@@ -413,7 +413,7 @@ def test_drives_that_are_too_weak_are_errors(fails):
     slow = ac.Limits.only(joint_acceleration=10.0)
     loaded = pendulum(payload=LOAD)
     assert run(loaded, [[0.0]], slow).torque[0, 0] > 10.0 * INERTIA
-    words = ("takes 14.71 N m to be held", "beside gravity feed-forward", "at most 6 N m")
+    words = ("takes 14.71 N m to be held", "in addition to gravity feed-forward", "at most 6 N m")
     fails(partial(run, loaded, [[0.0]], slow, controller=pendulum()), *words)
     falling = swing(-np.pi / 2, start=np.pi / 2)
     fails(partial(run, pendulum(viscous=[5.0]), falling, weak), "rests ", limit="joint_torque")

@@ -192,12 +192,12 @@ def test_a_joint_may_be_faster_than_its_drive_could_keep_it(gravity, interpolati
     run = ServoRun(set_points, 200, servo.for_joints(1), (-bounds.limit, bounds.limit), bounds)
     k = int(np.argmax(before.dq))
     q, dq = before.q[k], before.dq[k]
-    assert bounds.at(k, q, dq)[1] < 0  # it brakes, whatever the servo asks for
+    assert bounds.bounds_at(k, q, dq)[1] < 0  # it brakes, whatever the servo asks for
     part = run.advance(k, 6, q, dq)
     pieces = polynomials(set_points.q, 0.02, servo)[0]
     tight = {"method": "DOP853", "rtol": 1e-10, "atol": 1e-12, "max_step": 1e-4}
     for number in range(6):
-        low, high = bounds.at(k + number, q, dq)
+        low, high = bounds.bounds_at(k + number, q, dq)
         command = pieces[k + number + 1]
 
         def motion(t, x, command=command, low=low, high=high):

@@ -270,7 +270,7 @@ def test_executed_frames_have_the_errors_and_offsets_of_an_evaluation(done, view
     # Small errors have as many digits as large ones.
     t = a["t"].astype(float)
     k = int(np.argmin(np.where((t > 1) & (t < 4), a["error"], 1)))
-    exact = executed.pieces[0].found.distance[np.abs(executed.execution.t - t[k]).argmin()]
+    exact = executed.pieces[0].followed.distance[np.abs(executed.execution.t - t[k]).argmin()]
     assert a["error"][k] == pytest.approx(exact, rel=1e-4)
 
 

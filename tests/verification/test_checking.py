@@ -314,11 +314,11 @@ def test_what_is_no_number_decides_nothing_and_is_never_kept(arm):
     ):
         tally = LimitUseAccumulator(arm, ac.Limits.only(joint_velocity=1.0), None, None)
         for part in (value[:2], value[2:]):
-            tally.offer(Use("speed", np.array(part), 1.0), np.arange(2.0), np.zeros((2, 2)))
+            tally.record(Use("speed", np.array(part), 1.0), np.arange(2.0), np.zeros((2, 2)))
         (use,) = tally.uses(1e-9)
         assert use.verdict == verdict, value
     tally = LimitUseAccumulator(arm, ac.Limits.only(joint_velocity=1.0), None, None)
-    tally.offer(Use("speed", np.array([np.inf]), 1.0, np.inf), np.zeros(1), np.zeros((1, 2)))
+    tally.record(Use("speed", np.array([np.inf]), 1.0, np.inf), np.zeros(1), np.zeros((1, 2)))
     assert tally.uses(1e-9)[0].verdict == "cannot tell"
 
 

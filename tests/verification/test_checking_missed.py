@@ -8,7 +8,7 @@ import pytest
 
 import armcontour as ac
 from armcontour.core.frames import exp
-from armcontour.verification.error_profile import angle_off
+from armcontour.verification.error_profile import orientation_angles
 
 ERROR = 5e-3
 LIMITS = ac.Limits.only(speed=0.15, joint_acceleration=0.72)
@@ -126,7 +126,7 @@ def test_a_path_that_crosses_itself_may_hold_the_tool_in_two_ways():
     planned = ac.plan(path((5e-4, 5e-4, 0)), ROBOT, ROBOT.limits)
     q = planned(np.linspace(0, planned.duration, 20_001))
     nearest = path(0).project(ROBOT.tool_position(q)).s
-    assert angle_off(path(0).orientation, nearest, ROBOT.pose(q)[1]).max() > 0.2
+    assert orientation_angles(path(0).orientation, nearest, ROBOT.pose(q)[1]).max() > 0.2
     found = check(planned, path=path(0), points=20, orientation_deviation=np.radians(1))
     assert found.path_deviation.distance > 4e-4
     assert found["orientation_deviation"].value < np.radians(1)

@@ -72,7 +72,7 @@ def check_file(trajectory: FilePath, options: CheckOptions) -> int:
             remarks += filter(None, [clearance.below_base])
         remarks += [f"Note: {note}" for note in arm.notes]
         Console().show(replace(data, notes=(*data.notes, *remarks)))
-    touches = clearance is not None and not clearance.kept
+    touches = clearance is not None and not clearance.satisfied
     return EXIT_CODES["violated" if touches else result.verdict]
 
 

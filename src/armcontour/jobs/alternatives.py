@@ -169,7 +169,7 @@ def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
         moves.append((called if x.kind == "contour" else f"{x.kind} after {called}", x))
     for name, x in sorted(moves, key=lambda move: move[1].kind != "contour"):
         clearance = None if x.trajectory is None else job.cell.check(x.trajectory)
-        if clearance is not None and not clearance.kept:
+        if clearance is not None and not clearance.satisfied:
             with error_context(name):
                 clearance.later(x.t[0]).refuse()
     job.cell.check(trajectory).refuse()
@@ -260,7 +260,7 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
 
 def _rapid_around(arm: Arm, run: Run, cell: Cell, path: JointPath) -> JointPath | None:
     """A joint path with the same ends that keeps clear; None if none is found."""
-    from armcontour.verification.clearance.clear_path import connect, through
+    from armcontour.verification.clearance.clear_path import connect, path_through
 
     first, last = ends_of(path)
     if not (cell.keeps(_rest(first)) and cell.keeps(_rest(last))):
@@ -269,7 +269,7 @@ def _rapid_around(arm: Arm, run: Run, cell: Cell, path: JointPath) -> JointPath 
         for height in RETRACTS:
             up, down = _retract(arm, run, first, height), _retract(arm, run, last, height)
             if up is not None and down is not None:
-                rapid = through(cell, np.concatenate([up, down[::-1]]))
+                rapid = path_through(cell, np.concatenate([up, down[::-1]]))
                 if rapid is not None:
                     return rapid
     ranges = run.limits.for_joints(arm.dof).joint_range(arm.dof)

@@ -196,7 +196,7 @@ class Planned:
 
         Of margins that are not kept there is a warning.
         """
-        if self.clearance is None or not self.clearance.kept:
+        if self.clearance is None or not self.clearance.satisfied:
             return None
         done = "".join(f" {capitalise(x)}." for x in self.avoided)
         return f"Run {self.run.name}: {self.clearance.sentence}{done}"

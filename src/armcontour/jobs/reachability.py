@@ -17,7 +17,7 @@ from armcontour.planning import turn_along
 from armcontour.planning.tracing.knots import OUT_OF_REACH, task_dimension, what_helps
 from armcontour.program import Contour, Program, Rapid, contour_called, prepare
 from armcontour.robot import Arm, PlanarTwoLink, SerialArm
-from armcontour.robot.arm import FAR_OUT, hint_at_unit
+from armcontour.robot.arm import FAR_OUT, unit_hint
 
 # Number of points on each path, and on all; each takes a few milliseconds.
 MOST_ALONG = 60
@@ -164,7 +164,7 @@ def _refusal(job: Job, points: _Places, away: FloatArray, k: int, rapid: bool) -
     )
     count = len(np.unique(points.of[away > OUT_OF_REACH]))
     others = "" if far or count < 2 else f" ({count} of {len(points.paths)} are out of reach)"
-    remedy = hint_at_unit(gap) if far else "; " + _remedy(job, points, away, rapid)
+    remedy = unit_hint(gap) if far else "; " + _remedy(job, points, away, rapid)
     return Unreachable(
         f"{capitalise(called)} is out of reach of the arm {job.arm.name} by up to "
         f"{f'{gap:.3g} m' if far else number(gap, 'm')}, most at {_place(point, far)}, {s:.6g} m "

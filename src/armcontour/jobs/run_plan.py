@@ -276,7 +276,7 @@ def _time(
         trajectory = timed(traced)
         progress(Step(("clearance",)))
         clearance = clearance_of(job, trajectory)
-        if clearance is None or clearance.kept or job.ignore_collisions:
+        if clearance is None or clearance.satisfied or job.ignore_collisions:
             break
     else:
         check_collision(job, traced.program, trajectory)

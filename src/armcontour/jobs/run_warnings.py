@@ -179,9 +179,9 @@ def collisions(
     if planned is None:
         yield from avoided
         return
-    if not planned.kept:
+    if not planned.satisfied:
         yield f"collisions are ignored: {planned.too_near[0]}."
-    elif executed is not None and not executed.kept:
+    elif executed is not None and not executed.satisfied:
         yield f"as executed, {executed.too_near[0]}, which is within the margin."
     if planned.below_base is not None:
         yield planned.below_base

@@ -80,7 +80,7 @@ def judge(planned: Planned, errors: Sequence[float]) -> tuple[bool | None, str]:
     allowed = allowed_error(planned)
     if allowed is None:
         return None, ""
-    if planned.clearance is not None and not planned.clearance.kept:
+    if planned.clearance is not None and not planned.clearance.satisfied:
         return False, "the arm comes too near to itself or to its cell"
     if tolerance is not None and rounding > tolerance * (1 + ROUNDING):
         return False, f"corners may be {number(tolerance, 'm')} off the drawing"

@@ -1,4 +1,4 @@
-"""Arms: kinematics, dynamics and limits. Knows no path, no time and no file."""
+"""Robot arms: kinematics, dynamics and limits, without paths, time laws or files."""
 
 from armcontour.core.lazy import lazy_names
 

@@ -25,16 +25,16 @@ if TYPE_CHECKING:
 # The step along the motion for the derivative of the rate of the Jacobian [rad]: truncation, its
 # fourth power over 30, and rounding, 1e-16 over it, are about equal.
 STEP = 1e-3
-# A limit that exceeds the arm's by less than this share, or angle of a range [rad], is the arm's,
-# rounded to the digits that people write.
+# A limit that exceeds the arm's by less than this fraction, or angle of a range [rad], counts as
+# equal: files give rounded values.
 SAME_LIMIT = 1e-3
-# A point that is so far out of reach more probably has a wrong unit than a wrong place [m]: arms
-# reach 0.5 to 4 m, and points in mm that are taken as m are hundreds of metres away.
+# A point farther out of reach than this probably has a wrong unit [m]: arms reach 0.5 to 4 m, and
+# coordinates in mm that are read as m are hundreds of metres away.
 FAR_OUT = 20.0
 
 
-def hint_at_unit(gap: float) -> str:
-    """The end of a sentence on a point that is `gap` [m] out of reach; "" for near ones."""
+def unit_hint(gap: float) -> str:
+    """Suffix on missing units for a point `gap` [m] out of reach; "" for small gaps."""
     if gap < FAR_OUT:
         return ""
     return "; lengths without a unit are metres: one may be missing (for drawings --units mm)"
@@ -43,23 +43,24 @@ def hint_at_unit(gap: float) -> str:
 def resolve_limits(
     user: str, arm: Arm, limits: Limits | None, planned: Limits | None = None
 ) -> Limits:
-    """The limits that hold: the given ones, else those of a plan, else the arm's, value by value.
+    """Resolve limits value by value: the explicit ones, then those of the plan, then the arm's.
 
     Args:
-        user: What needs them, the first words of the message.
+        user: Name of the caller, which begins the error message.
         arm: The arm.
-        limits: The given limits; None if none are given.
-        planned: The limits of the plan that is used; None if there is none, or it has none.
+        limits: Explicit limits, or None.
+        planned: The limits of the plan; None without a plan or limits.
 
     Returns:
-        The limits with one value per joint; no limit is None that the arm has and nothing lifts.
+        The limits with one value per joint. A limit is None only if it is lifted or the arm has
+        none.
 
     Raises:
-        InvalidInput: They are no limits, are for another number of joints or leave a joint no
-            range, or it is no arm.
+        InvalidInput: `limits` is not a Limits, has another number of joints or an empty joint
+            range, or `arm` is not an arm.
     """
-    # To time a joint path, an arm needs a number of joints and limits only.
-    # A trajectory has both, too, and can be called.
+    # Timing of a joint path needs only the number of joints and the limits. A trajectory has both,
+    # too, but is callable.
     if callable(arm) or not (hasattr(arm, "dof") and hasattr(arm, "limits")):
         checks.check_type(user, arm, Arm)
     if limits is not None and not isinstance(limits, Limits):
@@ -75,7 +76,7 @@ def resolve_limits(
 
 
 def compare_limits(limits: Limits, arm: Arm) -> str:
-    """A sentence on the limits that are above the arm's own; empty if there are none.
+    """A sentence on the limits that exceed the arm's; empty if none does.
 
     Lifted limits do not count.
 
@@ -114,12 +115,7 @@ def compare_limits(limits: Limits, arm: Arm) -> str:
 
 
 def _as_ceilings(name: str, values: npt.ArrayLike, dof: int) -> FloatArray:
-    """Values of a limit that larger numbers widen: upward, and downward if there are two.
-
-    Args:
-        name: Name of the limit.
-        values: Its values.
-        dof: Number of joints.
+    """Values of a limit as upper bounds, (1, 1), (1, dof), or (2, dof) with negative lower bounds.
 
     Returns:
         (1, 1), (1, dof) or (2, dof).
@@ -151,7 +147,7 @@ class Arm(Immutable, ABC):
         source: Where the data of the arm come from.
         chain: The joints and links as data; None if the arm has no such data.
         limits_hint: What the user can do to add the limits that the arm lacks, for messages.
-        notes: Sentences on what was left out or chosen when the arm was read from a file.
+        notes: Sentences on data that were ignored or chosen when the arm was read from a file.
     """
 
     name: str
@@ -189,11 +185,11 @@ class Arm(Immutable, ABC):
 
     @checked
     def with_limits(self, limits: Limits) -> Self:
-        """The arm with other limits.
+        """Return the arm with other limits.
 
         Args:
-            limits: The new limits, one value for all joints or one per joint; limits that are not
-                given stay.
+            limits: The new limits, one value for all joints or one per joint; None keeps the arm's
+                limit.
 
         Raises:
             InvalidInput: The number of values differs from the number of joints.
@@ -202,13 +198,13 @@ class Arm(Immutable, ABC):
         return self if resolved is self.limits else self._copy(limits=resolved)
 
     def with_name(self, name: str) -> Self:
-        """The same arm under another name.
+        """Return the arm under another name.
 
         Args:
-            name: For people.
+            name: Name for messages and reports.
 
         Raises:
-            InvalidInput: It is no short text.
+            InvalidInput: The name is not a short text.
         """
         return self._copy(name=checks.check_name("name of an arm", name))
 
@@ -216,39 +212,38 @@ class Arm(Immutable, ABC):
     def shapes(self) -> ArmShapes | None:
         """Shapes of the links and of the tool; None if they are not known.
 
-        They are read from their files when they are first asked for.
+        The files are read at the first access.
 
         Raises:
-            InvalidInput: A file of a shape is not there, or cannot be read.
+            InvalidInput: A file of a shape is missing or cannot be read.
         """
         shapes = None if self._read_shapes is None else self._read_shapes()
-        self._refuse_shapes(shapes)
+        self._check_shapes(shapes)
         return shapes
 
     @property
     def knows_shapes(self) -> bool:
-        """Whether shapes are known, and their files are there and can be read."""
+        """Whether shapes are known and their files can be read."""
         try:
             return self.shapes is not None
         except InvalidInput:
             return False
 
     def with_shapes(self, shapes: ArmShapes | Callable[[], ArmShapes] | None) -> Self:
-        """The same arm with other shapes of its links and tool.
+        """Return the arm with other shapes of its links and tool.
 
         Args:
-            shapes: The shapes, or what reads them when they are first asked for; None if they are
-                not known.
+            shapes: The shapes, or a function that reads them at the first access; None if unknown.
 
         Raises:
             InvalidInput: A shape belongs to a link that the arm does not have.
         """
         if callable(shapes):
             return self._copy(_read_shapes=shapes)
-        self._refuse_shapes(shapes)
+        self._check_shapes(shapes)
         return self._copy(_read_shapes=None, shapes=shapes)
 
-    def _refuse_shapes(self, shapes: ArmShapes | None) -> None:
+    def _check_shapes(self, shapes: ArmShapes | None) -> None:
         """Refuse shapes of links that the arm does not have."""
         if shapes is not None:
             from armcontour.robot.scene import ArmShapes
@@ -270,12 +265,12 @@ class Arm(Immutable, ABC):
         viscous: npt.ArrayLike | None = None,
         coulomb: npt.ArrayLike | None = None,
     ) -> Self:
-        """The same arm with another load, or with drives of another inertia or friction.
+        """Return the arm with another load, or with other drive inertia or friction.
 
-        Values are one for all joints or one per joint; what is None stays as it is.
+        Values are one for all joints or one per joint; None keeps the arm's value.
 
         Args:
-            payload: Load at the tip, in the place of the arm's own.
+            payload: Load at the tip, instead of the arm's own.
             armature: Inertia of each drive, reflected to its joint [kg m²].
             viscous: Viscous friction of the joints [N m s/rad].
             coulomb: Coulomb friction of the joints [N m].
@@ -301,7 +296,7 @@ class Arm(Immutable, ABC):
         return self._copy(chain=self.chain.replace(**changes)) if changes else self
 
     def __getstate__(self) -> checks.State:
-        """Everything but the dynamics, which are a library's and computed anew."""
+        """State without the dynamics, which are computed again."""
         return checks.pack_state({k: x for k, x in vars(self).items() if k != "dynamics"})
 
     def _copy(self, **changes: Any) -> Self:
@@ -310,7 +305,7 @@ class Arm(Immutable, ABC):
         if "_read_shapes" in changes:
             vars(other).pop("shapes", None)
         if "chain" in changes:
-            # The dynamics of this arm may be computed already.
+            # The cached dynamics are those of the other chain.
             vars(other).pop("dynamics", None)
         vars(other).update(changes)
         return other
@@ -319,9 +314,6 @@ class Arm(Immutable, ABC):
         """Leading shape and rows of the given states, (rows, dof) each.
 
         The shapes are checked because compiled code would read past the end of a short row.
-
-        Raises:
-            InvalidInput: The number of columns is wrong or the shapes do not fit together.
         """
         arrays = [checks.floats("states of an arm", x) for x in states]
         shape = arrays[0].shape
@@ -333,11 +325,7 @@ class Arm(Immutable, ABC):
         return shape[:-1], rows
 
     def _common_shape(self, states: list[FloatArray]) -> tuple[int, ...]:
-        """The shape to which the states are broadcast.
-
-        Raises:
-            InvalidInput: The number of columns is wrong or the shapes do not fit together.
-        """
+        """The shape to which the states are broadcast."""
         observed = ", ".join(str(x.shape) for x in states)
         if any(x.shape[-1:] != (self.dof,) for x in states):
             raise InvalidInput(
@@ -433,9 +421,9 @@ class Arm(Immutable, ABC):
     ) -> FloatArray:
         """Tool jerk: the third derivative of the tool point [m/s³], (..., dimension).
 
-        An arm of one's own has it without writing it: `J dddq + 3 dJ/dt ddq` and the derivative of
-        `dJ/dt dq` along dq, by differences of the fourth order. Their error is about 1e-12 of the
-        reach times the cube of the sum of all joint speeds.
+        Default for subclasses: `J dddq + 3 dJ/dt ddq` plus the derivative of `dJ/dt dq` along dq by
+        fourth-order differences. Their error is about 1e-12 of the reach times the cube of the sum
+        of all joint speeds.
 
         Args:
             q: Joint positions [rad], (..., dof).

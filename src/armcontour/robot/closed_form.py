@@ -1,4 +1,4 @@
-"""Closed-form inverse kinematics of six joints of which 2 and 3 are parallel.
+"""Closed-form inverse kinematics of six joints, of which 2 and 3 are parallel.
 
 Either joint 4 is parallel to them and the axes 5 and 6 meet, as in the arms of Universal Robots, or
 the axes 4, 5 and 6 meet in a wrist. Axes and points are those with all joints at 0, in the frame of
@@ -18,10 +18,10 @@ from armcontour.robot.chain import Chain, link_poses
 
 # Axes meet or are parallel within this [m, rad].
 EXACT = 1e-9
-# What is nearer than this to the end of a reach, or to a posture in which axes meet, is not decided
-# here [m, 1].
+# Poses closer than this to the limit of the reach, or to a singular posture, are not decided here
+# [m, 1].
 NEAR = 1e-6
-# Poses whose reach is computed at once: the first ones, and later ones.
+# Number of poses per batch: of the first batch, and of later ones.
 FIRST, AT_ONCE = 8, 4096
 
 
@@ -32,23 +32,23 @@ class Axis(NamedTuple):
     cross: FloatArray
 
     def turn(self, angle: FloatArray, v: FloatArray) -> FloatArray:
-        """Vectors (..., 3) turned about the axis by angles (...), by Rodrigues' formula."""
+        """Vectors (..., 3) rotated about the axis by angles (...), by Rodrigues' formula."""
         c, s = np.cos(angle)[..., None], np.sin(angle)[..., None]
         along = (v @ self.along)[..., None] * self.along
         return np.asarray(along + c * (v - along) + s * (v @ self.cross.T))
 
     def across(self, v: FloatArray) -> FloatArray:
-        """The parts of vectors at right angles to the axis."""
+        """Components of vectors normal to the axis."""
         return np.asarray(v - (v @ self.along)[..., None] * self.along)
 
     def angle(self, a: FloatArray, b: FloatArray) -> FloatArray:
-        """Angles about the axis from vectors to others [rad]."""
+        """Angles about the axis from vectors to other vectors [rad]."""
         return np.arctan2(_dot(a @ self.cross.T, b), _dot(self.across(a), b))
 
     def meet(
         self, v: FloatArray, along: FloatArray, component: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Angles by which vectors are turned to have a component along a direction.
+        """Rotation angles that give vectors a prescribed component along a direction.
 
         Args:
             v: The vectors, (..., 3).
@@ -56,8 +56,8 @@ class Axis(NamedTuple):
             component: The component, (...).
 
         Returns:
-            How much of the component is lacking, below 0 if there are two angles, (...); and the
-            angles, one of them twice where it is lacking [rad], (..., 2).
+            Missing part of the component, negative if two angles exist, (...), and the angles
+            [rad], (..., 2); equal if the component cannot be reached.
         """
         fixed = (v @ self.along) * float(self.along @ along)
         a, b, needed = v @ along - fixed, (v @ self.cross.T) @ along, component - fixed
@@ -68,19 +68,20 @@ class Axis(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """What upper arm and forearm have to bridge for n poses; m is 2, or 1 for a wrist.
+    """Quantities that upper arm and forearm have to bridge for n poses; m is 2, or 1 for a wrist.
 
     Args:
         turned: Rotation of the last link from its position with all joints at 0, (n, 3, 3).
-        lacking: How far the plane of both links is from the center, below 0 for none [m], (n,).
+        lacking: Distance from the plane of both links to the center, negative if they meet [m],
+            (n,).
         first: Angles of the first joint [rad], (n, 2).
-        wanted: Axis 6 with the first joint turned back, (n, 2, 3).
+        wanted: Direction of axis 6 with the first joint at 0, (n, 2, 3).
         fifth: Angles of joint 5 [rad], (n, 2, m); 0 for a wrist.
-        bend: Angles of the joints 2, 3 and 4 together [rad], (n, 2, m); 0 for a wrist.
-        open: Whether joint 5 brings axis 6 where it is wanted, (n, 2, m).
-        flat: Whether axis 6 is nearly parallel to axis 2 there, (n, 2, m).
+        bend: Sum of the angles of joints 2, 3 and 4 [rad], (n, 2, m); 0 for a wrist.
+        open: Whether joint 5 can give axis 6 the required direction, (n, 2, m).
+        flat: Whether axis 6 is then nearly parallel to axis 2, (n, 2, m).
         way: Vector in the plane from joint 2 to the end of the forearm, (n, 2, m, 3).
-        gap: How far the links are from bridging it, below 0 if they do [m], (n, 2, m).
+        gap: Length that the links lack, negative if they are long enough [m], (n, 2, m).
     """
 
     turned: FloatArray
@@ -97,14 +98,14 @@ class Reach(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClosedForm:
-    """The axes of an arm whose joint positions are known in closed form.
+    """Joint axes of an arm with closed-form inverse kinematics.
 
     Args:
         axes: The axes.
         points: Points on them [m], (6, 3).
         center: The point at which the axes 5 and 6 meet [m], (3,).
         end: Rotation and position of the tool in the frame of the base, (3, 4).
-        wrist: Whether the axis 4 meets them there; else joint 4 is parallel to 2 and 3.
+        wrist: Whether axis 4 passes through the center; otherwise joint 4 is parallel to 2 and 3.
     """
 
     axes: tuple[Axis, ...]
@@ -115,7 +116,7 @@ class ClosedForm:
 
     @classmethod
     def of(cls, chain: Chain) -> ClosedForm | None:
-        """The axes of a chain; None for a chain of another kind."""
+        """The axes of a chain; None if the closed form does not support the chain."""
         if len(chain) != 6:
             return None
         links = link_poses(chain.replace(base=Frame()), np.zeros((1, 6)))[0, 1:]
@@ -137,7 +138,7 @@ class ClosedForm:
         )
 
     def solve(self, base: FloatArray, pose: FloatArray) -> FloatArray | None:
-        """All joint positions that put the tool in a pose [rad], (k, 6); None near singularities.
+        """All joint positions for a tool pose [rad], (k, 6); None near singularities.
 
         Args:
             base: Rotation and position of the base in the work frame, (3, 4).
@@ -152,7 +153,7 @@ class ClosedForm:
         doubtful = reach.open & (reach.flat | (np.abs(reach.gap) <= NEAR) | (square <= NEAR))
         if reach.lacking > -NEAR or doubtful.any():
             return None
-        # One axis more for the two angles of the elbow, then another for those of a wrist.
+        # The last array axis has the two elbow angles; a further axis those of a wrist.
         cosine = (square - upper @ upper - fore @ fore) / 2
         lacking, elbow = normal.meet(fore, upper, cosine)
         exists = (reach.open & (lacking <= 0))[..., None]
@@ -179,16 +180,16 @@ class ClosedForm:
         return np.asarray(np.pi - np.mod(np.pi - np.stack(q, axis=-1)[exists], 2 * np.pi))
 
     def beyond(self, bases: FloatArray, poses: FloatArray, enough: float) -> FloatArray:
-        """How far poses are out of reach of the arm in several places [m], (n,).
+        """Distance by which poses are out of reach, for several placements of the arm [m], (n,).
 
         Args:
             bases: Rotations and positions of the base in the work frame, (n, 3, 4).
             poses: Those of the tool, (m, 3, 4).
-            enough: Poses are looked at up to one that is farther out of reach [m].
+            enough: The search of a placement ends at a pose that is farther out of reach than this
+                [m].
 
         Returns:
-            The largest distance that was found at a pose; infinite where no orientation of the
-            wrist will do.
+            The largest distance found at a pose; infinite if no wrist orientation reaches a pose.
         """
         distances, index, count = np.full(len(bases), -np.inf), 0, FIRST
         while index < len(poses) and (distances <= enough).any():
@@ -211,19 +212,19 @@ class ClosedForm:
 
     @property
     def _links(self) -> tuple[FloatArray, FloatArray]:
-        """The upper arm and the forearm in the plane in which they move, with all joints at 0."""
+        """Upper arm and forearm in the plane in which they move, with all joints at 0."""
         last = self.center if self.wrist else self.points[3]
         across = self.axes[1].across
         return across(self.points[2] - self.points[1]), across(last - self.points[2])
 
     def _reach(self, bases: FloatArray, poses: FloatArray) -> Reach:
-        """What the links have to bridge for n poses, each with a base of its own."""
+        """Vectors and gaps that the links have to bridge for n poses, each with its own base."""
         first, normal, *_, fifth, sixth = self.axes
         foot, back = self.points[0], np.swapaxes(bases[:, :, :3], 1, 2)
         turned = back @ poses[:, :, :3] @ self.end[:, :3].T
         end = np.einsum("nij,nj->ni", back, poses[:, :, 3] - bases[:, :, 3])
         center = end + turned @ (self.center - self.end[:, 3]) - foot
-        # Turning the first joint back brings the centre into the plane of upper arm and forearm.
+        # The first joint brings the centre into the plane of upper arm and forearm.
         side = (self.center - foot) @ normal.along
         lacking, angles = first.meet(center, normal.along, np.full(len(center), side))
         end_point = foot + first.turn(angles, center[:, None])[:, :, None]
@@ -258,7 +259,7 @@ def _parallel(first: FloatArray, second: FloatArray) -> bool:
 
 
 def _meeting(points: FloatArray, axes: FloatArray) -> FloatArray | None:
-    """The point at which two lines meet [m], (3,); None if they do not, or are parallel."""
+    """Intersection of two lines [m], (3,); None if they are parallel or skew."""
     across = np.cross(axes[0], axes[1])
     size = float(across @ across)
     gap = points[1] - points[0]

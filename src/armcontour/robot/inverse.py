@@ -1,7 +1,4 @@
-"""Inverse kinematics of serial arms: all joint positions that put the tool in one pose.
-
-They are known in closed form for most arms of six joints; else they are searched.
-"""
+"""Inverse kinematics of serial arms: closed form for most six-joint arms, otherwise a search."""
 
 from __future__ import annotations
 
@@ -14,23 +11,23 @@ from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.core.frames import IDENTITY, Pose, read_poses
 from armcontour.core.pool import map_in_threads, split_evenly
 from armcontour.robot import newton
-from armcontour.robot.arm import hint_at_unit
+from armcontour.robot.arm import unit_hint
 from armcontour.robot.planar import PlanarTwoLink
 from armcontour.robot.serial import ChainArm, SerialArm
 
-# Task dimension of the whole pose, for which there are closed forms, and that of the tool point.
+# Task dimension of the whole pose, which the closed forms solve, and that of the tool point.
 WHOLE, POINT = 6, 3
-# Number of joint positions that the search starts from. With this number the search found all
-# eight configurations of a common six-joint arm in each of thousands of random poses.
+# Number of initial joint positions of the search. With this number the search found all eight
+# configurations of a common six-joint arm in each of thousands of random poses.
 SEEDS = 400
 # Weight of a radian against a metre [m/rad]: in the search for solutions, and in the search for
 # the reachable point that is nearest to a pose.
 SEARCH_WEIGHT = 0.5
 REACH_WEIGHT = 10.0
 MOST_STEPS = 200
-# To find the distance of a pose that is out of reach, this number of them is tried.
+# Number of them that are tried to determine the distance of an unreachable pose.
 REACH_SEEDS = 60
-# The search from all of them is shared by threads in so many parts.
+# Number of parts of the search, which run in threads.
 PARTS = 8
 # A pose is reached if position and orientation are closer than this [m, rad].
 MET = 1e-8
@@ -66,13 +63,13 @@ def solve(arm: ChainArm, pose: Pose, near: npt.ArrayLike | None, *, every: bool)
             target, task = np.column_stack([turned[i], point]), POINT if axes is None else WHOLE
             candidates = configurations(arm, target, task)
             if start is not None and task < arm.dof:
-                # Of infinitely many, the sample need not have one that is near.
+                # The sample of infinitely many solutions may have none near the start.
                 candidates = np.concatenate([configurations(arm, target, task, start), candidates])
             if not len(candidates):
                 gap = float(out_of_reach(arm, target[None], task, seeds(arm)[:REACH_SEEDS])[0])
         inside = _within_ranges(arm, candidates, start)
         if not len(inside):
-            _refuse(arm, i, point, candidates, gap)
+            _raise_unreachable(arm, i, point, candidates, gap)
         if every:
             return inside
         start = inside[0]
@@ -81,17 +78,17 @@ def solve(arm: ChainArm, pose: Pose, near: npt.ArrayLike | None, *, every: bool)
 
 
 def _within_ranges(arm: ChainArm, candidates: FloatArray, near: FloatArray | None) -> FloatArray:
-    """Solutions within the joint ranges, the nearest to a position or to the middle first."""
+    """Solutions within the joint ranges, sorted by distance from `near` or from the middle."""
     turned = [shift_by_turns(arm, q[None], near) for q in candidates]
     inside = np.array([q[0] for q, fits in turned if fits]).reshape(-1, arm.dof)
-    away = np.abs(inside - (_middle(arm) if near is None else near)).max(axis=1)
+    away = np.abs(inside - (_range_middle(arm) if near is None else near)).max(axis=1)
     return np.asarray(inside[np.argsort(away, kind="stable")])
 
 
-def _refuse(
+def _raise_unreachable(
     arm: ChainArm, index: int, point: FloatArray, candidates: FloatArray, gap: float
 ) -> None:
-    """Raise Unreachable for a pose: it has no solution, or only ones out of the joint ranges."""
+    """Raise Unreachable for a pose without a solution, or without one within the joint ranges."""
     if len(candidates):
         example = np.round(candidates[0], 4).tolist()
         reason = f"with joints out of their ranges only, such as {example} rad"
@@ -101,7 +98,7 @@ def _refuse(
         reason = "with this rotation"
     raise Unreachable(
         f"The arm {arm.name} does not reach the pose at {tuple(np.round(point, 6).tolist())} m "
-        f"{reason}: move or turn the pose{hint_at_unit(gap)}.",
+        f"{reason}: move or turn the pose{unit_hint(gap)}.",
         point=point.tolist(),
         index=index,
         limit="range" if len(candidates) else "reach",
@@ -110,7 +107,7 @@ def _refuse(
     )
 
 
-def _middle(arm: ChainArm) -> FloatArray:
+def _range_middle(arm: ChainArm) -> FloatArray:
     """Middle of each joint range [rad], 0 for a range without both ends, (dof,)."""
     lower, upper = arm.limits.joint_range(arm.dof)
     both = np.isfinite(lower) & np.isfinite(upper)
@@ -120,15 +117,15 @@ def _middle(arm: ChainArm) -> FloatArray:
 def shift_by_turns(
     arm: ChainArm, q: FloatArray, start: FloatArray | None = None
 ) -> tuple[FloatArray, bool]:
-    """The positions, shifted by whole turns, and whether they are in the joint ranges then.
+    """Joint positions shifted by whole turns into their ranges, and whether that is possible.
 
-    They are as near to the start as the ranges allow, or as near to the middle of the ranges as
-    possible. A joint whose range has one end only is shifted into its range.
+    The shifted positions are as near as possible to the start, or to the middle of the ranges. A
+    joint whose range has one end only is shifted into its range.
     """
     lower, upper = arm.limits.joint_range(arm.dof)
     low, high, turn = q.min(axis=0), q.max(axis=0), 2 * np.pi
     both = np.isfinite(lower) & np.isfinite(upper)
-    middle = _middle(arm)
+    middle = _range_middle(arm)
     lowest = np.where(both, -np.inf, np.ceil((lower - low) / turn))
     highest = np.where(both, np.inf, np.floor((upper - high) / turn))
     turns = np.rint((middle - (low + high) / 2) / turn)
@@ -142,7 +139,7 @@ def shift_by_turns(
 def configurations(
     arm: SerialArm, pose: FloatArray, task: int, near: FloatArray | None = None
 ) -> FloatArray:
-    """All joint positions that put the tool in a pose, up to whole turns of a joint.
+    """All joint positions for a tool pose, up to whole turns of a joint.
 
     A redundant arm has infinitely many; the function returns a sample of them.
 
@@ -151,7 +148,8 @@ def configurations(
         pose: Rotation and position of the tool, (3, 4).
         task: Task dimension: 6 for the whole pose, 5 if rotation about the tool axis is free, 3
             for the tool point alone.
-        near: Joint positions [rad] to start the search from, (dof,); by default all are found.
+        near: Initial joint positions of the search [rad], (dof,); by default all solutions are
+            searched.
 
     Returns:
         Joint positions [rad], (k, dof); k is 0 if there is no solution.
@@ -166,13 +164,13 @@ def configurations(
 def search(
     arm: SerialArm, pose: FloatArray, task: int, near: FloatArray | None = None
 ) -> FloatArray:
-    """As `configurations`, by damped Newton steps from joint positions all over the joint ranges.
+    """As `configurations`, by damped Newton steps from joint positions spread over the ranges.
 
     Args:
         arm: The arm.
         pose: As in `configurations`.
         task: As in `configurations`.
-        near: Joint positions [rad] to start from in the place of all these, (dof,).
+        near: Initial joint positions [rad] instead of these, (dof,).
     """
     q = seeds(arm) if near is None else np.array(near, dtype=np.float64).reshape(1, -1)
     target = np.ascontiguousarray(pose)
@@ -198,9 +196,9 @@ def search(
 
 
 def seeds(arm: SerialArm) -> FloatArray:
-    """Random joint positions [rad] all over the joint ranges, the same in every call, (SEEDS, dof).
+    """Random joint positions [rad] within the ranges, the same in every call, (SEEDS, dof).
 
-    A joint range of a whole turn or more counts as the one turn from -pi to pi.
+    A joint range of a whole turn or more is replaced by -pi to pi.
     """
     lower, upper = arm.limits.joint_range(arm.dof)
     narrow = upper - lower < 2 * np.pi
@@ -210,21 +208,21 @@ def seeds(arm: SerialArm) -> FloatArray:
 
 
 def out_of_reach(arm: SerialArm, poses: FloatArray, task: int, q: FloatArray) -> FloatArray:
-    """Distance from each pose to the nearest tool point that the arm reaches [m], (n,).
+    """Distance from each pose to the nearest reachable tool point [m], (n,).
 
-    The search keeps the required tool orientation as far as possible.
+    The search gives the tool orientation priority over the position.
 
     Args:
         arm: The arm.
         poses: Rotations and positions of the tool, (n, 3, 4).
         task: Task dimension, as in `configurations`.
-        q: Joint positions to start the search from [rad], (k, dof).
+        q: Initial joint positions of the search [rad], (k, dof).
     """
     return np.array([_approach(arm, x, task, q)[1].min() for x in poses])
 
 
 def nearest_reached(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) -> FloatArray:
-    """Joint positions with which the tool is nearest to a pose, by the same search [rad], (dof,).
+    """Joint positions that bring the tool nearest to a pose, by the same search [rad], (dof,).
 
     Args:
         arm: The arm.
@@ -239,7 +237,7 @@ def nearest_reached(arm: SerialArm, pose: FloatArray, task: int, q: FloatArray) 
 def _approach(
     arm: SerialArm, pose: FloatArray, task: int, q: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Where searches from joint positions end [rad], (k, dof), and how far from the pose [m]."""
+    """Final joint positions of the searches [rad], (k, dof), and their distances to the pose."""
     tried = q.copy()
     parameters = tried, REACH_WEIGHT, MOST_STEPS
     residuals = newton.approach(arm.link_table, task, np.ascontiguousarray(pose), *parameters)

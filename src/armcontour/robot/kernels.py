@@ -19,15 +19,15 @@ from armcontour.core.kernels import FUSED, compiled
 Vector: TypeAlias = tuple[float, float, float]
 Rotation: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
 
-# States of a block.
+# Number of states per block.
 B = 32
-# Half a turn in two parts of 33 bits: the multiples below the angle EXACT_TO [rad] are exact.
+# Pi in two parts of 33 bits: multiples of it are exact for angles below EXACT_TO [rad].
 HALF_TURN, REST_OF_IT = 3.1415926534682512, 1.2154201012607932e-10
 EXACT_TO = 1e6
 # Added to a number and subtracted again, this rounds it to a whole number.
 TO_WHOLE = 6755399441055744.0
-# The Taylor series of sine over x and of cosine, in x², from their last terms that count for
-# angles up to a quarter turn.
+# Taylor series of sine over x and of cosine, in x², from the last significant term for angles up to
+# pi / 2.
 SINE = tuple((-1) ** k / math.factorial(2 * k + 1) for k in range(10, -1, -1))
 COSINE = tuple((-1) ** k / math.factorial(2 * k) for k in range(11, -1, -1))
 # Rows of a joint: cosine and sine, then the derivatives of its position.
@@ -36,8 +36,8 @@ JOINT_ROWS = 5
 # before, axis; then velocity and angular velocity, and their first and second derivatives.
 PLACE, WAY, AXIS, MOTION, ROWS = 9, 12, 15, 18, 36
 IDENTITY = (1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0)
-# Up to this angle [rad] from a known angle, sine and cosine come from a series, which is exact to
-# rounding there.
+# Within this angle [rad] of the anchor, sine and cosine are computed by a series, which is exact to
+# rounding.
 NEAR_ANGLE = 0.125
 
 
@@ -78,7 +78,7 @@ def add(a: Vector, share: float, b: Vector) -> Vector:
 
 @compiled(inner=True)
 def get(rows: FloatArray, row: int, i: int) -> Vector:
-    """The vector of state i that is in three rows of a block."""
+    """Vector of state i in three rows of a block."""
     return rows[row * B + i], rows[(row + 1) * B + i], rows[(row + 2) * B + i]
 
 
@@ -97,21 +97,14 @@ def rotation_of(links: FloatArray, j: int) -> Rotation:
 
 @compiled(inner=True, fastmath=FUSED)
 def into_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
-    """Components along the axes of a link, from those along the axes of the frame before.
-
-    Args:
-        r: Rotation of the link at joint position 0.
-        c: Cosine of the joint position.
-        s: Sine of the joint position.
-        v: Vector.
-    """
+    """Components of a vector in the axes of a link, from those in the frame before."""
     x, y = r[0] * v[0] + r[3] * v[1] + r[6] * v[2], r[1] * v[0] + r[4] * v[1] + r[7] * v[2]
     return c * x + s * y, c * y - s * x, r[2] * v[0] + r[5] * v[1] + r[8] * v[2]
 
 
 @compiled(inner=True, fastmath=FUSED)
 def out_of_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
-    """Components along the axes of the frame before a link; the inverse of `into_link`."""
+    """Components of a vector in the frame before a link; the inverse of `into_link`."""
     x, y, z = c * v[0] - s * v[1], s * v[0] + c * v[1], v[2]
     return (
         r[0] * x + r[1] * y + r[2] * z,
@@ -175,12 +168,12 @@ def jacobians(links: FloatArray, q: FloatArray) -> FloatArray:
 
 @compiled(inner=True, fastmath=FUSED)
 def add_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
-    """Take velocities and angular velocities of a block, and their derivatives, to the next frame.
+    """Propagate velocities, angular velocities and their derivatives to the next frame, per block.
 
     A vector l of a link has the derivatives `l1 = w x l`, `l2 = e x l + w x l1` and
     `l3 = f x l + 2 e x l1 + w x l2`. So has the axis of the next joint.
     """
-    # The highest derivative first, as it depends on the others of the frame before.
+    # The highest derivative comes first because it depends on the lower ones of the frame before.
     for i in range(B if order > 2 else 0):
         lever, axis, rate = get(state, WAY, i), get(state, AXIS, i), joint[2 * B + i]
         w, e, f = get(state, MOTION + 3, i), get(state, MOTION + 9, i), get(state, MOTION + 15, i)
@@ -213,13 +206,13 @@ def tool_motion(
     second: FloatArray,
     third: FloatArray,
 ) -> FloatArray:
-    """Poses of the tool, or the derivatives of its motion up to an order, of many states.
+    """Poses of the tool, or the derivatives of its motion up to an order, for many states.
 
     Args:
         links: Links of the chain, (dof + 1, 12).
-        order: Order of the highest derivative, 0 to 3; without derivatives, poses are given.
+        order: Order of the highest derivative, 0 to 3; order 0 gives poses.
         q: Joint positions [rad], (n, dof).
-        first: First derivatives, (n, dof); of any values if above the order, as the next two.
+        first: First derivatives, (n, dof); ignored if above the order, as are the next two.
         second: Second derivatives, (n, dof).
         third: Third derivatives, (n, dof).
 
@@ -231,7 +224,7 @@ def tool_motion(
     result = np.empty((n, 6 * order if order else 12))
     joint, state = np.empty(JOINT_ROWS * B), np.empty(ROWS * B)
     for begin in range(0, n, B):
-        # Before the first joint the rotation is none, and nothing moves.
+        # The base has the unit rotation and no motion.
         for i in range(ROWS * B):
             state[i] = 0.0
         for k in range(3):
@@ -239,11 +232,11 @@ def tool_motion(
                 state[4 * k * B + i] = 1.0
         for j in range(dof + 1):
             if j == dof:
-                # The tool does not turn against the last link.
+                # The tool is fixed to the last link.
                 for i in range(JOINT_ROWS * B):
                     joint[i] = 1.0 if i < B else 0.0
             for i in range(B if j < dof else 0):
-                # The last block is filled up with the last state.
+                # The last block is padded with the last state.
                 index = min(begin + i, n - 1)
                 joint[i], joint[2 * B + i] = q[index, j], first[index, j]
                 joint[3 * B + i], joint[4 * B + i] = second[index, j], third[index, j]

@@ -1,6 +1,6 @@
-"""The use of limits: the value that a limit applies to, the limit, and their ratio.
+"""Use of limits: the value that a limit applies to, the limit, and their ratio.
 
-This is the only definition. Planner, check, evaluation and reports apply it to their own motion.
+This is the only definition; planner, check, evaluation and reports apply it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SLOWEST = 1e-6
 # Below this joint velocity [rad/s] dry friction may have any value up to Coulomb friction, in both
 # directions.
 STILL = 1e-6
-# The middle of a range with one end only is this far from its end [rad].
+# Distance from the end of a one-sided range to its middle [rad].
 ONE_SIDED = np.pi
 ORDERS = ("q", "dq", "ddq", "dddq")
 
@@ -39,12 +39,12 @@ class Use:
     """The use of one limit at some times.
 
     Args:
-        name: The limit, such as a field of `Limits`.
-        value: Values in the unit of the limit, (..., dof) of joints or (n,) of the tool: positions
-            of joints, or amounts.
+        name: Name of the limit, such as a field of `Limits`.
+        value: Values in the unit of the limit, (..., dof) of joints or (n,) of the tool; absolute
+            values except for joint positions.
         limit: Their limits, in a shape that broadcasts to that of the values.
         error: Bound on the error of the values, in such a shape.
-        zero: Origin of values and limits, above a limit that is a lower one; None for 0.
+        zero: Origin of values and limits, above a lower limit; None for 0.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Use:
 
     @property
     def ratio(self) -> FloatArray:
-        """Values over limits: 1 is the limit. NaN counts as infinite."""
+        """Values over limits: 1 is the limit. NaN is replaced by infinity."""
         return self.ratios()[0]
 
     @property
@@ -64,9 +64,9 @@ class Use:
         return np.asarray(self.ratio.max(axis=0))
 
     def ratios(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Values over limits; smallest ratios that the errors allow; largest effect of the errors.
+        """Ratios of values to limits, lower bounds of the ratios, and the effect of the errors.
 
-        NaN counts as an infinite ratio, of which nothing is certain. The effect of exact values is
+        NaN is replaced by an infinite ratio with an infinite error. For exact values the effect is
         one zero.
         """
         error, used, room = np.asarray(self.error), self.value, np.asarray(self.limit)
@@ -87,13 +87,13 @@ class Use:
 
 
 def use_of(name: str, limits: Limits, values: FloatArray, error: npt.ArrayLike = 0.0) -> Use:
-    """The use of a limit by values of its quantity, whatever their source.
+    """Compute the use of a limit from values of its quantity.
 
     Args:
         name: A field of `Limits`.
-        limits: The limits; without this one, its use is 0.
-        values: Values of joints, with or without a sign, (..., dof), or of the tool: amounts, (n,),
-            or vectors, (n, dimension).
+        limits: The limits; the use of a missing limit is 0.
+        values: Values of joints, signed or absolute, (..., dof), or of the tool: absolute values,
+            (n,), or vectors, (n, dimension).
         error: Bound on the error of the values or of the vectors' lengths.
     """
     if name in JOINT_RANGE:
@@ -102,12 +102,12 @@ def use_of(name: str, limits: Limits, values: FloatArray, error: npt.ArrayLike =
         half = np.where(both, np.where(both, upper / 2 - lower / 2, 0.0), ONE_SIDED)
         end, middle = (lower, lower + half) if name == "joint_lower" else (upper, upper - half)
         bounded = np.isfinite(end)
-        # A joint without this end has an infinite range, of which no part is used.
+        # Without this end the range is infinite, so its use is 0.
         value, limit = np.where(bounded, values, 0.0), np.where(bounded, end, np.inf)
         return Use(name, value, limit, error, np.where(bounded, middle, 0.0))
     if name in JOINT_LIMITS:
         low, high = limits.bounds(name, values.shape[-1])
-        # Most limits are the same both ways.
+        # Most limits are symmetric.
         limit = high if np.array_equal(-low, high) else np.where(values < 0, -low, high)
     else:
         allowed = getattr(limits, name)
@@ -118,13 +118,13 @@ def use_of(name: str, limits: Limits, values: FloatArray, error: npt.ArrayLike =
 
 @dataclass(frozen=True)
 class States:
-    """Joint states of an arm, with the motion of the tool that they cause.
+    """Joint states of an arm, and the tool motion that follows from them.
 
     Args:
         arm: The arm.
-        columns: Joint positions [rad], and their derivatives as far as they are known [rad/s,
-            rad/s², rad/s³], (n, dof) each.
-        errors: Bounds on the errors of the columns, (dof,) each; none for exact numbers.
+        columns: Joint positions [rad] and their known derivatives [rad/s, rad/s², rad/s³], (n, dof)
+            each.
+        errors: Bounds on the errors of the columns, (dof,) each; empty for exact numbers.
     """
 
     arm: Arm
@@ -151,18 +151,15 @@ class States:
         return {}
 
     def bound(self, name: str) -> Bounded:
-        """The quantity that a limit applies to, in the unit of the limit, and its accuracy.
-
-        Args:
-            name: A field of `Limits`; of "path_jerk" states know nothing: it belongs to a law.
+        """Quantity that a limit applies to, in the unit of the limit, and a bound on its error.
 
         Returns:
-            Values of joints, (n, dof), or of the tool, (n,), and bounds on their errors. Values of
-            joints, but for torques, have a sign.
+            Values of joints, (n, dof), or of the tool, (n,), and bounds on their errors. Joint
+            values are signed, except for torques.
 
         Raises:
-            InvalidInput: There is no such limit, the arm has no masses for torques, the tool has no
-                orientation for angular motion, or a derivative of the states is missing.
+            InvalidInput: The limit is unknown, the arm has no masses (torques) or the tool no
+                orientation (angular motion), or the states lack a derivative.
         """
         if name not in QUANTITIES:
             raise InvalidInput(
@@ -180,11 +177,7 @@ class States:
         return use_of(name, limits, *self.bound(name))
 
     def uses(self, limits: Limits) -> Iterator[Use]:
-        """The use of every limit that is given and that the states and the arm allow to judge.
-
-        Args:
-            limits: The limits, with one value per joint.
-        """
+        """Use of every specified limit that states and arm allow to evaluate."""
         for name in JOINT_RANGE:
             use = use_of(name, limits, self.q, self.errors[0] if self.errors else 0.0)
             if np.isfinite(use.limit).any():
@@ -215,25 +208,26 @@ class States:
         return self._tool_motion[1]
 
     def bounded(self, function: Quantity, order: int) -> tuple[FloatArray, FloatArray]:
-        """A vector of the tool, (n, columns), and a bound on the length of its error, (n,).
+        """A vector of the tool, (n, columns), and a bound on the norm of its error, (n,).
 
         Args:
-            function: Gives the vector from q and its first derivatives.
+            function: Function of q and its first derivatives that returns the vector.
             order: Number of these derivatives.
         """
         value = function(*self.columns[: order + 1])
         return value, self.spread(function, value, order)
 
     def spread(self, function: Quantity, value: FloatArray, order: int) -> FloatArray:
-        """Bound on the length of the error of `bounded`, (n,), with the vector that it gives."""
+        """Bound on the norm of the error of `bounded`, (n,), for a known vector."""
         total = np.zeros(len(value))
         for change in self.changes(function, value, order):
             total += np.linalg.norm(change, axis=1)
-        # The joint effect of two errors is less than the effect of one times the other's angle.
+        # The combined effect of two errors is smaller than the effect of one times the angle of the
+        # other.
         return np.asarray(total * (1 + self.errors[0].sum())) if self.errors else total
 
     def changes(self, function: Quantity, value: FloatArray, order: int) -> Iterator[FloatArray]:
-        """Changes of a value with the error of each number; arguments as of `spread`."""
+        """Changes of a value due to the error of each number; arguments as in `spread`."""
         columns = self.columns[: order + 1]
         for k, errors in enumerate(self.errors[: order + 1]):
             for joint in np.flatnonzero(errors):
@@ -262,7 +256,7 @@ def angular(twist: Quantity) -> Quantity:
 
 
 def across(velocity: FloatArray, acceleration: FloatArray) -> FloatArray:
-    """Lengths of tool accelerations at right angles to the motion, (n,); 0 below `SLOWEST`."""
+    """Norm of the tool acceleration normal to the motion, (n,); 0 below `SLOWEST`."""
     speed = length(velocity)
     direction = velocity / np.maximum(speed, SLOWEST)[:, None]
     along = np.einsum("ij,ij->i", acceleration, direction)
@@ -275,14 +269,14 @@ def length(vectors: FloatArray) -> FloatArray:
 
 
 def _joints(states: States, order: int) -> Bounded:
-    """Positions of joints or their derivatives, with a sign."""
+    """Joint positions or their derivatives, signed."""
     return states.columns[order], states.errors[order] if order < len(states.errors) else np.zeros(
         1
     )
 
 
 def _torque(states: States) -> Bounded:
-    """Amounts of the joint torques [N m], with the dry friction at rest that helps most."""
+    """Absolute joint torques [N m]; at rest dry friction takes its most favourable value."""
     drive, chain = states.arm.torque(states.q, states.dq, states.ddq), states.arm.chain
     assert chain is not None and chain.coulomb is not None
     dry = chain.coulomb
@@ -297,29 +291,30 @@ def _torque(states: States) -> Bounded:
     helped = np.maximum(np.abs(others) - dry, 0.0)
     value = np.where(np.abs(states.dq) <= STILL, helped, np.abs(drive))
     if states.errors:
-        # A joint that may be at rest may need as little as one at rest.
+        # A joint that may be at rest may need only the torque at rest.
         still = np.abs(states.dq) <= STILL + states.errors[1]
         error += np.where(still, np.maximum(value - helped, 0.0), 0.0)
     return value, error
 
 
 def _vector(states: States, function: Quantity, order: int) -> Bounded:
-    """Lengths of vectors of the tool."""
+    """Norms of tool vectors."""
     vectors, error = states.bounded(function, order)
     return length(vectors), error
 
 
 def _tool_motion(states: States, order: int) -> Bounded:
-    """Tool speeds or lengths of tool accelerations: both come from one evaluation."""
+    """Tool speeds or norms of tool accelerations: both from one evaluation."""
     vectors = states.tool_velocity if order == 1 else states.tool_acceleration
     function = states.arm.tool_velocity if order == 1 else states.arm.tool_acceleration
     return length(vectors), states.spread(function, vectors, order)
 
 
 def _centripetal(states: States) -> Bounded:
-    """Tool accelerations at right angles to the motion."""
+    """Tool accelerations normal to the motion."""
     (speed, speed_error), (size, error) = states.bound("speed"), states.bound("tool_acceleration")
-    # An error of the direction of motion makes a normal part of tangential acceleration.
+    # An error of the direction of motion turns part of the tangential acceleration into normal
+    # acceleration.
     turned = size * np.minimum(1.0, speed_error / np.maximum(speed, SLOWEST))
     value = across(states.tool_velocity, states.tool_acceleration)
     return value, np.where(speed > SLOWEST, error + turned, 0.0)

@@ -1,4 +1,4 @@
-"""What an arm, its tool and the process allow."""
+"""Limits of an arm, its tool and the process."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from armcontour.core.text import digits, format_table, short_repr, to_html
 JOINT_RANGE = ("joint_lower", "joint_upper")
 # Limits of joints that may differ between the two directions.
 DIRECTED = ("joint_velocity", "joint_acceleration")
-# Limits of jerk, which only the method optimal keeps.
+# Limits of jerk, which only the method `optimal` satisfies.
 JERK_LIMITS = ("joint_jerk", "tool_jerk", "path_jerk")
 
 
@@ -44,31 +44,30 @@ JERK_LIMITS = ("joint_jerk", "tool_jerk", "path_jerk")
 class Limits(Checked):
     """Limits of the joints and of the tool.
 
-    Limits replace those of an arm value by value: None is the arm's own limit, infinity lifts it.
-    In a lifted limit, the value is None, too, and `lifted` has its name.
+    Limits replace those of an arm value by value: None keeps the arm's limit, infinity lifts it. A
+    lifted limit has the value None, too, and its name is in `lifted`.
 
     Args:
-        joint_acceleration: Largest acceleration of each joint, either way [rad/s²], (dof,); or the
-            lower bounds, below zero, and the upper ones, (dof, 2).
-        joint_velocity: Largest velocity of each joint [rad/s], (dof,) or (dof, 2) in the same way.
-        joint_torque: Largest torque of each joint's drive, either way [N m], (dof,).
-        joint_jerk: Largest jerk of each joint [rad/s³], (dof,), infinite where there is none.
-        joint_lower, joint_upper: Range of each joint [rad], (dof,); infinite where there is none.
-        speed: Assigned velocity: tool speed asked for and not exceeded [m/s].
-        tool_acceleration: Largest acceleration of the tool, as a vector's length [m/s²].
-        centripetal_acceleration: Largest part of it at right angles to the motion [m/s²].
-        angular_speed: Largest rate at which the tool turns [rad/s].
-        angular_acceleration: Largest angular acceleration of the tool, as a vector's length
-            [rad/s²].
-        tool_jerk: Largest jerk of the tool, as a vector's length [m/s³].
-        path_jerk: Largest third derivative of the arc length over time, either way [m/s³].
+        joint_acceleration: Largest absolute acceleration of each joint [rad/s²], (dof,); or
+            negative lower bounds and upper bounds, (dof, 2).
+        joint_velocity: Largest absolute velocity of each joint [rad/s], (dof,), or bounds, (dof,
+            2).
+        joint_torque: Largest absolute torque of each joint's drive [N m], (dof,).
+        joint_jerk: Largest jerk of each joint [rad/s³], (dof,); infinite without a limit.
+        joint_lower, joint_upper: Range of each joint [rad], (dof,); infinite without a limit.
+        speed: Assigned velocity: requested tool speed, which is not exceeded [m/s].
+        tool_acceleration: Largest norm of the tool acceleration [m/s²].
+        centripetal_acceleration: Largest tool acceleration normal to the motion [m/s²].
+        angular_speed: Largest angular speed of the tool [rad/s].
+        angular_acceleration: Largest norm of the angular acceleration of the tool [rad/s²].
+        tool_jerk: Largest norm of the tool jerk [m/s³].
+        path_jerk: Largest absolute third derivative of arc length by time [m/s³].
 
     Attributes:
         lifted: Names of the limits that are lifted.
 
     Raises:
-        InvalidInput: A limit that is not above zero, bounds that zero is not between, or a range
-            that is empty.
+        InvalidInput: A limit is not positive, bounds do not include zero, or a range is empty.
     """
 
     joint_acceleration: Annotated[JointAccelerations | None, About(usual=(1e-2, 100.0))] = None
@@ -87,7 +86,7 @@ class Limits(Checked):
     lifted: frozenset[str] = field(default=frozenset(), init=False)
 
     def __post_init__(self) -> None:
-        lifted = {x for x in UNITS if _is_endless(x, getattr(self, x))}
+        lifted = {x for x in UNITS if _is_unlimited(x, getattr(self, x))}
         if lifted:
             for name in lifted:
                 object.__setattr__(self, name, None)
@@ -95,24 +94,24 @@ class Limits(Checked):
         Checked.__post_init__(self)
 
     def _check_together(self) -> None:
-        # Of jerk, which files give for some joints only, infinity is no limit.
+        # Infinite jerk is no limit; files may give jerk for some joints only.
         for name in JOINT_LIMITS:
             if name != "joint_jerk" and getattr(self, name) is not None:
                 checks.lock_numbers(name, getattr(self, name))
-        # Infinity means no end of the range, whatever its sign.
+        # Infinity of either sign means that the range has no end.
         for name, end in (("joint_lower", -np.inf), ("joint_upper", np.inf)):
             values = getattr(self, name)
             if values is not None and np.isinf(values).any():
                 array = np.where(np.isinf(values), end, values)
                 object.__setattr__(self, name, checks.frozen_array(array))
-        self._refuse_empty_range()
+        self._check_range()
 
     def __str__(self) -> str:
-        """The limits that are given or lifted, with their units."""
-        given = {x: getattr(self, x) for x in UNITS}
+        """The limits that are specified or lifted, with their units."""
+        specified = {x: getattr(self, x) for x in UNITS}
         rows = [
             (x, "none" if values is None else f"{_list_values(values)} {UNITS[x]}")
-            for x, values in given.items()
+            for x, values in specified.items()
             if values is not None or x in self.lifted
         ]
         return format_table("Limits" if rows else "Limits: none", rows)
@@ -120,7 +119,7 @@ class Limits(Checked):
     __repr__ = short_repr
     _repr_html_ = to_html
 
-    def _refuse_empty_range(self) -> None:
+    def _check_range(self) -> None:
         lower, upper = self.joint_lower, self.joint_upper
         if lower is None or upper is None:
             return
@@ -139,11 +138,11 @@ class Limits(Checked):
             )
 
     def replace(self, **changes: Any) -> Limits:
-        """The same limits with some of them changed.
+        """Return the limits with some of them changed.
 
         Args:
-            changes: New values by the names of the limits. Infinity lifts a limit; None stands for
-                the limit of the arm with which the limits are used.
+            changes: New values by the names of the limits. Infinity lifts a limit; None means the
+                limit of the arm with which the limits are used.
 
         Raises:
             InvalidInput: An unknown name, or a value that is not a limit.
@@ -155,7 +154,7 @@ class Limits(Checked):
 
     @classmethod
     def only(cls, **values: Any) -> Limits:
-        """The given limits, with all others lifted, so that no limit of an arm is left.
+        """Limits with the specified values and all others lifted.
 
         Args:
             values: Values by the names of the limits.
@@ -168,7 +167,7 @@ class Limits(Checked):
 
     @checked
     def over(self, others: Limits) -> Limits:
-        """These limits, and where they have neither a value nor lift one, the others.
+        """These limits, completed by others where they have no value and lift none.
 
         Args:
             others: The other limits, such as those of an arm.
@@ -183,11 +182,11 @@ class Limits(Checked):
             return self
         merged = self._with(added, self.lifted | lifted)
         if not added.keys().isdisjoint(JOINT_RANGE):
-            merged._refuse_empty_range()
+            merged._check_range()
         return merged
 
     def _with(self, changes: Mapping[str, Any], lifted: frozenset[str]) -> Limits:
-        """The same limits with some replaced by others that need no check, and those lifted."""
+        """The same limits with some values replaced without a check, and other lifted ones."""
         changed = object.__new__(Limits)
         for name in UNITS:
             object.__setattr__(changed, name, changes.get(name, getattr(self, name)))
@@ -222,7 +221,7 @@ class Limits(Checked):
         return self._without(JOINT_VALUES)
 
     def for_joints(self, dof: int) -> Limits:
-        """The same limits with one value per joint.
+        """Return the limits with one value per joint.
 
         Args:
             dof: Number of joints.
@@ -252,7 +251,7 @@ class Limits(Checked):
         return self._with(changes, self.lifted) if changes else self
 
     def acceleration_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
-        """Lower (negative) and upper bound of every joint's acceleration, infinite without one.
+        """Lower (negative) and upper bounds of the joint accelerations; infinite without a limit.
 
         Args:
             dof: Number of joints.
@@ -260,7 +259,7 @@ class Limits(Checked):
         return self.bounds("joint_acceleration", dof)
 
     def velocity_bounds(self, dof: int) -> tuple[FloatArray, FloatArray]:
-        """Lower (negative) and upper bound of every joint's velocity, infinite without one.
+        """Lower (negative) and upper bounds of the joint velocities; infinite without a limit.
 
         Args:
             dof: Number of joints.
@@ -273,7 +272,7 @@ class Limits(Checked):
         name: Annotated[str, Choice((*DIRECTED, "joint_torque", "joint_jerk"))],
         dof: Annotated[int, AtLeast(1)],
     ) -> tuple[FloatArray, FloatArray]:
-        """Lower (negative) and upper bounds of a limit of joints, infinite without one.
+        """Lower (negative) and upper bounds of a joint limit; infinite without a limit.
 
         Args:
             name: "joint_velocity", "joint_acceleration", "joint_torque" or "joint_jerk".
@@ -291,7 +290,7 @@ class Limits(Checked):
         return -upper, upper
 
     def joint_range(self, dof: int) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper end of every joint's range [rad], infinite without one.
+        """Lower and upper ends of the joint ranges [rad]; infinite without a limit.
 
         Args:
             dof: Number of joints.
@@ -306,7 +305,7 @@ class Limits(Checked):
         return ends[0], ends[1]
 
     def middle(self, dof: int) -> FloatArray:
-        """Middle of every joint's range [rad]; for an open range the position closest to 0.
+        """Middle of each joint range [rad]; for an open range the position closest to 0.
 
         Args:
             dof: Number of joints.
@@ -317,20 +316,20 @@ class Limits(Checked):
         return np.asarray(np.where(both, middle, np.clip(0.0, low, high)))
 
     def same_both_ways(self) -> bool:
-        """Whether every joint may accelerate alike in both directions."""
+        """Whether the acceleration limits of all joints are symmetric."""
         values = self.joint_acceleration
         return values is None or values.ndim < 2 or bool((values.sum(axis=1) == 0).all())
 
 
-# The unit of every limit; limits with one value for all joints or one per joint, all others, and
-# those of joints that are no range.
+# Unit of every limit; limits with one value for all joints or one per joint; limits of the tool;
+# joint limits without the ranges.
 UNITS = {name: x.words for name, x in quantities(Limits).items()}
 JOINT_VALUES = {name: unit for name, unit in UNITS.items() if name.startswith("joint_")}
 TOOL_LIMITS = tuple(x for x in UNITS if x not in JOINT_VALUES)
 JOINT_LIMITS = tuple(x for x in JOINT_VALUES if x not in JOINT_RANGE)
 
 
-def _is_endless(name: str, values: Any) -> bool:
+def _is_unlimited(name: str, values: Any) -> bool:
     """Whether a limit is infinite for every joint, in both directions."""
     if values is None or isinstance(values, str):
         return False
@@ -354,5 +353,5 @@ def _list_values(values: npt.ArrayLike) -> str:
 
 
 def or_unlimited(values: npt.ArrayLike | None, dof: int) -> FloatArray:
-    """The given joint limits, or infinity for every joint."""
+    """Joint limits as an array; infinity for every joint if None."""
     return np.full(dof, np.inf) if values is None else np.array(values, dtype=np.float64)

@@ -1,9 +1,8 @@
 """Compiled inverse kinematics: Newton's method, damped least squares, following of pose sequences.
 
-The task dimension is the number of equations that a target pose gives: 6; 5 if rotation about the
-tool axis is free; 3 if only the tool point counts. If the arm has more joints than that, guide
-equations `w q = w g` fix the redundant degrees of freedom: w are the guide's rows, g the guide's
-joint positions.
+The task dimension is the number of equations per target pose: 6; 5 if rotation about the tool axis
+is free; 3 for the tool point only. If the arm has more joints than that, guide equations `w q = w
+g` fix the redundant degrees of freedom: w are the guide's rows, g the guide's joint positions.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from armcontour.robot.kernels import Vector, add, cross, write_frames
 # one times the condition number of the Jacobian.
 ARRIVED = 1e-10
 MOST_STEPS = 15
-# Longest step of any joint [rad]; longer steps are shortened.
+# Longest step of a joint [rad]; longer steps are scaled down.
 LONGEST_STEP = 0.5
 # `follow`: longest correction of any joint [rad], and largest number of corrections per step.
 FOLLOW_STEP = 0.15
@@ -74,7 +73,7 @@ def solve(a: FloatArray, b: FloatArray, n: int) -> float:
 
 @compiled(inner=True)
 def write_row(row: FloatArray, out: FloatArray) -> None:
-    """Write numbers into another array; assignments of whole arrays take long to compile."""
+    """Copy numbers into another array; assignments of whole arrays take long to compile."""
     for k in range(len(row)):
         out[k] = row[k]
 
@@ -93,7 +92,7 @@ def dot(a: Vector, b: Vector) -> float:
 
 @compiled(inner=True)
 def write_task(task: int, target: FloatArray, move: Vector, turn: Vector, out: FloatArray) -> None:
-    """Write what a task prescribes of a motion of the tool and its turn into `out`, (task,)."""
+    """Write the components of a tool motion that the task prescribes into `out`, (task,)."""
     out[0], out[1], out[2] = move
     if task == 6:
         out[3], out[4], out[5] = turn
@@ -101,7 +100,7 @@ def write_task(task: int, target: FloatArray, move: Vector, turn: Vector, out: F
         out[3], out[4] = dot(column(target, 0), turn), dot(column(target, 1), turn)
 
 
-class Equations(NamedTuple):
+class PoseEquations(NamedTuple):
     """Memory for the equations of one pose.
 
     Attributes:
@@ -117,9 +116,9 @@ class Equations(NamedTuple):
 
 @compiled(inner=True)
 def write_equations(
-    links: FloatArray, task: int, q: FloatArray, target: FloatArray, out: Equations
+    links: FloatArray, task: int, q: FloatArray, target: FloatArray, out: PoseEquations
 ) -> None:
-    """Write the error of the tool's pose and its derivatives by the joints.
+    """Write the pose error of the tool and its derivatives by the joint positions.
 
     The first 3 values are the position error [m]. For task 6 the others are the rotation vector
     from the pose to the target [rad]. For task 5 they are the components of the rotation vector
@@ -164,7 +163,7 @@ def write_equations(
 def newton(
     links: FloatArray, task: int, q: FloatArray, targets: FloatArray, w: FloatArray, g: FloatArray
 ) -> BoolArray:
-    """Solve the inverse kinematics at many poses by Newton's method from initial guesses.
+    """Solve the inverse kinematics for many poses by Newton's method from initial guesses.
 
     Args:
         links: Links of the chain, (dof + 1, 12).
@@ -180,7 +179,7 @@ def newton(
     """
     n, dof = q.shape
     converged, a, b = np.empty(n, np.bool_), np.empty((dof, dof)), np.empty(dof)
-    equations = Equations(np.empty((dof + 1, 3, 4)), a, b)
+    equations = PoseEquations(np.empty((dof + 1, 3, 4)), a, b)
     for i in range(n):
         converged[i] = False
         for _ in range(MOST_STEPS):
@@ -240,7 +239,7 @@ def path_derivatives(
     frames, a, b = np.empty((dof + 1, 3, 4)), np.empty((dof, dof)), np.empty(dof)
     copy = np.empty((dof, dof))
     for i in range(n):
-        write_equations(links, task, q[i], targets[i], Equations(frames, a, b))
+        write_equations(links, task, q[i], targets[i], PoseEquations(frames, a, b))
         rate = rates[i]
         move, acceleration = (
             (rate[0, 0], rate[0, 1], rate[0, 2]),
@@ -285,9 +284,9 @@ def path_derivatives(
 
 @compiled()
 def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArray) -> FloatArray:
-    """Orthonormal basis of the null-space motion: joint motion that does not move the tool.
+    """Orthonormal basis of the null-space motion: joint motion at a fixed tool pose.
 
-    For task 5 the tool may rotate about its axis, for task 3 about its tool point.
+    For task 5 the tool may rotate about its axis, for task 3 about the tool point.
 
     Args:
         links: Links of the chain, (dof + 1, 12).
@@ -300,12 +299,12 @@ def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArra
     """
     n, dof = q.shape
     basis, rows, residual = np.empty((n, dof - task, dof)), np.empty((dof, dof)), np.empty(dof)
-    equations = Equations(np.empty((dof + 1, 3, 4)), rows, np.empty(dof))
+    equations = PoseEquations(np.empty((dof + 1, 3, 4)), rows, np.empty(dof))
     for i in range(n):
         write_equations(links, task, q[i], targets[i], equations)
         for r in range(dof):
             if r >= task:
-                # Start from the joint axis that is farthest from the span of the rows so far.
+                # Start from the joint axis farthest from the span of the rows before.
                 farthest = 0
                 for k in range(dof):
                     residual[k], rows[r, k] = 1.0, 0.0
@@ -336,13 +335,13 @@ def free_motions(links: FloatArray, task: int, q: FloatArray, targets: FloatArra
 @compiled(inner=True)
 def write_shortest_step(
     task: int,
-    equations: Equations,
+    equations: PoseEquations,
     damping: float,
     square: FloatArray,
     right: FloatArray,
     out: FloatArray,
 ) -> float:
-    """Write the shortest joint step that removes the pose error into `out`.
+    """Write the shortest joint step that removes the pose error into `out`; return its size.
 
     The step is `J^T (J J^T + damping² I)^-1 e`; it is long or not finite near a singularity.
 
@@ -381,7 +380,7 @@ def write_shortest_step(
 def approach(
     links: FloatArray, task: int, target: FloatArray, q: FloatArray, weight: float, max_steps: int
 ) -> FloatArray:
-    """Move each row of joint positions as close to one pose as possible, by damped least squares.
+    """Move joint positions as close to a pose as possible, by damped least squares.
 
     Args:
         links: Links of the chain, (dof + 1, 12).
@@ -396,8 +395,8 @@ def approach(
     """
     n, dof = q.shape
     frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
-    best = Equations(frames, np.empty((6, dof)), np.empty(6))
-    tried = Equations(frames, np.empty((6, dof)), np.empty(6))
+    best = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
+    tried = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
     step, trial, residual = np.empty(dof), np.empty(dof), np.empty((n, 2))
     for i in range(n):
         damping, cost, residual[i, 0], residual[i, 1] = 0.05, math.inf, math.inf, math.inf
@@ -436,7 +435,7 @@ def approach(
 def write_pose_between(
     first: FloatArray, second: FloatArray, fraction: float, out: FloatArray
 ) -> None:
-    """Write the pose at `fraction` (0 to 1) from the first to the second of two close poses."""
+    """Write the pose at `fraction` (0 to 1) between two close poses."""
     for i in range(3):
         for j in range(4):
             out[i, j] = first[i, j] + fraction * (second[i, j] - first[i, j])
@@ -467,14 +466,14 @@ def follow(
         links: Links of the chain, (dof + 1, 12).
         task: Task dimension: 6, 5 or 3.
         targets: Target poses, each close to the one before, (n, 3, 4).
-        q: Joint positions of every way [rad], (ways, n, dof): rows 0 are given, the other rows are
-            outputs, as far as poses are reached.
-        reached: Takes the number of poses that were reached, including the first one, (ways,).
+        q: Joint positions of every branch [rad], (branches, n, dof): rows 0 are inputs, the others
+            outputs up to the last pose that was reached.
+        reached: Output: number of poses that were reached, including the first one, (branches,).
         enough: A pose is reached with a correction below this [rad].
     """
     branches, n, dof = q.shape
     frames, square, right = np.empty((dof + 1, 3, 4)), np.empty((6, 6)), np.empty(6)
-    equations = Equations(frames, np.empty((6, dof)), np.empty(6))
+    equations = PoseEquations(frames, np.empty((6, dof)), np.empty(6))
     step, current, trial = np.empty(dof), np.empty(dof), np.empty(dof)
     between = np.empty((3, 4))
     for branch in range(branches):

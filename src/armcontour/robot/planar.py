@@ -15,21 +15,21 @@ from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.core.fields import Checked, checked
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import Length, Name, Quantity, Size
-from armcontour.robot.arm import hint_at_unit
+from armcontour.robot.arm import unit_hint
 from armcontour.robot.chain import Chain, Payload
 from armcontour.robot.limits import Limits
 from armcontour.robot.scene import ArmShapes, Capsule, LinkShape
 from armcontour.robot.serial import ChainArm
 
-# Closer than this [m] to a limit of its reach the arm counts as singular: there sin(theta2) is
-# about 1e-4, the joints move 10^4 times faster than the tool, and double precision leaves 8 digits
-# of the position.
+# Within this distance [m] of a limit of its reach the arm counts as singular: sin(theta2) is about
+# 1e-4, the joints move 10^4 times faster than the tool, and double precision leaves 8 digits of the
+# position.
 SINGULAR_MARGIN = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tube(Checked):
-    """A uniform round tube, which stands for a link whose mass and inertia are not known.
+    """A uniform round tube that replaces a link of unknown mass and inertia.
 
     Args:
         outer_diameter: Outer diameter [m].
@@ -57,7 +57,7 @@ class Tube(Checked):
         return self.density * math.pi * (outer**2 - inner**2) * length
 
     def inertia(self, length: float) -> FloatArray:
-        """Inertia of a tube of this length along y, about its middle [kg m²], (3, 3)."""
+        """Inertia of a tube of this length along y, about its centre [kg m²], (3, 3)."""
         outer, inner = self._radii()
         mass, squares = self.mass(length), outer**2 + inner**2
         across = mass * (3 * squares + length**2) / 12
@@ -83,7 +83,7 @@ class PlanarTwoLink(ChainArm):
         limits: Limits of the arm's joints and tool.
         source: Where the data of the arm come from.
         joint_names: Names of the two joints.
-        tubes: The tubes that stand for the two links; None if neither masses nor shapes are known.
+        tubes: The tubes that replace the two links; None if neither masses nor shapes are known.
         payload: Load at the tool; its frame lies in the plane, with y along the second link.
         assumed: Which masses and inertias are assumed, and by which rule, for messages.
         limits_hint: What the user can do to add the limits that the arm lacks, for messages.
@@ -126,7 +126,7 @@ class PlanarTwoLink(ChainArm):
         return self.reach[1]
 
     def joint_position(self, points: npt.ArrayLike, configuration: str | None = None) -> FloatArray:
-        """Joint positions [rad] that put the tool at the points, (..., 2), eq. (3)-(4).
+        """Joint positions [rad] for tool points, (..., 2), eq. (3)-(4).
 
         The quadrant of (3) is corrected; theta1 is within (-2 pi, 2 pi).
 
@@ -143,7 +143,7 @@ class PlanarTwoLink(ChainArm):
             raise InvalidInput(f"Tool points of an arm in the plane are x and y, not {tool.shape}.")
         c, y = tool[..., 0] - self.base, tool[..., 1]
         distance = np.hypot(c, y)
-        self._refuse_out_of_reach(tool, distance)
+        self._check_reach(tool, distance)
         # 1 - cos(theta2) and 1 + cos(theta2) as products, which are exact at both limits of reach.
         shortest, longest = self.reach
         low = (distance - shortest) * (distance + shortest) / (2 * self.link1 * self.link2)
@@ -155,7 +155,7 @@ class PlanarTwoLink(ChainArm):
         return np.stack([q1, q2], axis=-1)
 
     def configuration_of(self, q: npt.ArrayLike) -> str:
-        """The one of `branches` to which joint positions belong.
+        """Configuration (one of `branches`) of joint positions.
 
         Args:
             q: Joint positions [rad], (2,).
@@ -164,7 +164,7 @@ class PlanarTwoLink(ChainArm):
         return self.branches[0 if sine >= 0 else 1]
 
     def joint_velocity(self, q: npt.ArrayLike, velocity: npt.ArrayLike) -> FloatArray:
-        """Joint velocities [rad/s] that give the tool the velocity `velocity`, eq. (28).
+        """Joint velocities [rad/s] for the tool velocity `velocity`, eq. (28).
 
         Args:
             q: Joint positions [rad], (..., 2).
@@ -178,7 +178,7 @@ class PlanarTwoLink(ChainArm):
     def joint_acceleration(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, acceleration: npt.ArrayLike
     ) -> FloatArray:
-        """Joint accelerations [rad/s²] that give the tool the acceleration `acceleration`.
+        """Joint accelerations [rad/s²] for the tool acceleration `acceleration`.
 
         The equation is `J⁻¹ (a - dJ/dt dq)`, which is (27) without its misprints.
 
@@ -236,11 +236,7 @@ class PlanarTwoLink(ChainArm):
         )
 
     def _branch(self, configuration: str | None) -> str:
-        """Name of a solution, the default one for None.
-
-        Raises:
-            InvalidInput: The arm has no solution of this name.
-        """
+        """Check the name of a solution; None is the default one."""
         if configuration is None:
             return self.branches[0]
         if not isinstance(configuration, str) or configuration not in self.branches:
@@ -250,16 +246,8 @@ class PlanarTwoLink(ChainArm):
             )
         return configuration
 
-    def _refuse_out_of_reach(self, points: FloatArray, distance: FloatArray) -> None:
-        """Refuse points that are out of reach or singular.
-
-        Args:
-            points: Tool points [m], (..., 2).
-            distance: Distances of the points from the first joint [m], (...).
-
-        Raises:
-            Unreachable: Names the first such point.
-        """
+    def _check_reach(self, points: FloatArray, distance: FloatArray) -> None:
+        """Refuse points that are out of reach or singular."""
         shortest, longest = self.reach
         outside = ~(
             (distance > shortest + SINGULAR_MARGIN) & (distance < longest - SINGULAR_MARGIN)
@@ -282,8 +270,7 @@ class PlanarTwoLink(ChainArm):
                 "base, where it is singular"
             )
         raise Unreachable(
-            f"Point ({x:.6g}, {y:.6g}) m {problem}: move the path or the arm"
-            f"{hint_at_unit(beyond)}.",
+            f"Point ({x:.6g}, {y:.6g}) m {problem}: move the path or the arm{unit_hint(beyond)}.",
             point=point.tolist(),
             index=index,
             limit="reach",
@@ -293,12 +280,7 @@ class PlanarTwoLink(ChainArm):
 
 
 def _capsules(tubes: tuple[Tube, Tube], lengths: tuple[float, float]) -> ArmShapes:
-    """Round-ended tubes in the place of links; the second one ends at the tool.
-
-    Args:
-        tubes: The tubes.
-        lengths: Lengths of the links [m].
-    """
+    """Capsules that replace the tubes; the second one ends at the tool."""
     shapes = []
     for k, (tube, length) in enumerate(zip(tubes, lengths, strict=True), start=1):
         radius = tube.outer_diameter / 2

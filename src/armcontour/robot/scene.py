@@ -1,4 +1,4 @@
-"""Shapes of an arm's links and tool, obstacles in its cell, and the margins between them."""
+"""Shapes of an arm's links and tool, obstacles in its cell, and margins between them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Shape(Checked, ABC):
     @property
     @abstractmethod
     def ball(self) -> tuple[FloatArray, float]:
-        """Centre [m], (3,), and radius [m] of a ball that holds the shape."""
+        """Centre [m], (3,), and radius [m] of a bounding ball."""
 
 
 @checks.explain_calls
@@ -50,11 +50,11 @@ class Sphere(Shape):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Capsule(Shape):
-    """All points near a stretch of the z axis, half of which is above the origin.
+    """All points near a segment of the z axis that is centred at the origin.
 
     Args:
-        radius: Distance of the surface from the stretch [m].
-        length: Length of the stretch, without the round ends [m].
+        radius: Distance of the surface from the segment [m].
+        length: Length of the segment, without the round ends [m].
     """
 
     radius: Size = field(kw_only=False)
@@ -62,14 +62,14 @@ class Capsule(Shape):
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
-        """Centre [m], (3,), and radius [m] of a ball that holds the capsule."""
+        """Centre [m], (3,), and radius [m] of a bounding ball."""
         return np.zeros(3), self.length / 2 + self.radius
 
 
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cylinder(Shape):
-    """A round cylinder along the z axis, half of which is above the origin.
+    """A round cylinder along the z axis, centred at the origin.
 
     Args:
         radius: Its radius [m].
@@ -81,7 +81,7 @@ class Cylinder(Shape):
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
-        """Centre [m], (3,), and radius [m] of a ball that holds the cylinder."""
+        """Centre [m], (3,), and radius [m] of a bounding ball."""
         return np.zeros(3), float(np.hypot(self.length / 2, self.radius))
 
 
@@ -98,7 +98,7 @@ class Box(Shape):
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
-        """Centre [m], (3,), and radius [m] of a ball that holds the box."""
+        """Centre [m], (3,), and radius [m] of a bounding ball."""
         return np.zeros(3), float(np.linalg.norm(self.size) / 2)
 
 
@@ -109,14 +109,14 @@ class HalfSpace(Shape):
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
-        """No ball holds a half-space: its radius is infinite."""
+        """A ball of infinite radius: a half-space is unbounded."""
         return np.zeros(3), np.inf
 
 
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
 class Mesh(Shape):
-    """A body within triangles; distances are those of its convex hull, or of the triangles.
+    """A triangle mesh; distances are those of its convex hull or of the triangles.
 
     Args:
         points: Corners of the triangles [m], (n, 3).
@@ -125,7 +125,8 @@ class Mesh(Shape):
         source: Where the mesh comes from, for messages.
 
     Raises:
-        InvalidInput: Fewer than 4 points, points in a plane, or triangles of other points.
+        InvalidInput: There are fewer than 4 points, all points lie in a plane, or a triangle has an
+            index out of range.
     """
 
     points: Annotated[FloatArray, Quantity("m"), Axes("points", 3)] = field(kw_only=False)
@@ -151,25 +152,25 @@ class Mesh(Shape):
         if self.triangles is None:
             return self
         if self._hull is None:
-            # Kept, as libraries keep what they compute of a mesh for as long as it lives.
+            # Cached because the collision library keeps its data for as long as the mesh lives.
             object.__setattr__(self, "_hull", Mesh(points=self.points, source=self.source))
         assert self._hull is not None
         return self._hull
 
     @property
     def size(self) -> float:
-        """The largest of its lengths along x, y and z [m]."""
+        """Largest of the extents along x, y and z [m]."""
         return float(np.ptp(self.points, axis=0).max())
 
     @property
     def ball(self) -> tuple[FloatArray, float]:
-        """Centre [m], (3,), and radius [m] of a ball that holds all points."""
+        """Centre [m], (3,), and radius [m] of a bounding ball."""
         middle = (self.points.max(axis=0) + self.points.min(axis=0)) / 2
         return middle, float(np.linalg.norm(self.points - middle, axis=1).max())
 
 
-# Radius of the capsule that stands for a tool whose shapes are not given, and where it ends before
-# the tool point [m].
+# Radius of the capsule that replaces a tool without shapes, and distance of its end from the tool
+# point [m].
 ASSUMED_RADIUS, ASSUMED_GAP = 0.01, 0.02
 
 
@@ -183,9 +184,9 @@ class LinkShape(Checked):
         shape: The shape.
         place: The frame of the shape, in the frame of the link.
         tool: Whether the shape is the tool's, or that of a part that the tool holds.
-        exact: The body itself, where `shape` is a larger convex one. Where `shape` comes too near,
-            this one decides.
-        assumed: Whether nobody gave the shape.
+        exact: The exact body if `shape` is a larger convex one; it decides if `shape` comes too
+            near.
+        assumed: Whether the shape is an assumption.
     """
 
     name: Name
@@ -203,7 +204,7 @@ class LinkShape(Checked):
             )
 
     def with_hull(self) -> LinkShape:
-        """The same; a mesh becomes its convex hull, with the mesh as the body itself."""
+        """Return the shape with a mesh replaced by its convex hull, and the mesh as `exact`."""
         if not isinstance(self.shape, Mesh) or self.shape.triangles is None:
             return self
         return replace(self, shape=self.shape.hull, exact=self.shape)
@@ -211,11 +212,11 @@ class LinkShape(Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftOut:
-    """Two shapes of an arm whose distance is not looked at.
+    """Two bodies whose distance is not checked.
 
     Args:
         first, second: Names of the links.
-        reason: Why not.
+        reason: Reason for the exclusion.
     """
 
     first: str
@@ -229,12 +230,12 @@ class ArmShapes(Checked):
 
     Args:
         shapes: The shapes. A link may have several.
-        left_out: Pairs of links whose distance is not looked at, with the reasons. Neighbouring
-            links are left out anyway.
+        left_out: Pairs of links whose distance is not checked, with the reasons. Neighbouring links
+            are never checked.
         source: Where the shapes come from, and their licence.
 
     Raises:
-        InvalidInput: A pair that is left out names a link without a shape.
+        InvalidInput: An excluded pair names a link without a shape.
     """
 
     shapes: tuple[LinkShape, ...]
@@ -247,12 +248,12 @@ class ArmShapes(Checked):
             for name in (pair.first, pair.second):
                 if name not in names:
                     raise InvalidInput(
-                        f"The pair {pair.first}, {pair.second} cannot be left out: {name} has no "
+                        f"The pair {pair.first}, {pair.second} cannot be excluded: {name} has no "
                         f"shape; shapes are those of {', '.join(sorted(names))}."
                     )
 
     def with_tool(self, shapes: Iterable[LinkShape]) -> ArmShapes:
-        """The same links with other shapes of the tool.
+        """Return the same links with other shapes of the tool.
 
         Args:
             shapes: Shapes of the tool.
@@ -261,12 +262,12 @@ class ArmShapes(Checked):
         return replace(self, shapes=(*links, *(replace(x, tool=True) for x in shapes)))
 
 
-# What obstacles are fixed to: the base of the arm, or the part, whose frame paths are given in.
+# Frames of obstacles: the base of the arm, or the part, in whose frame the paths are.
 BASE, PART = "base", "part"
-# The name by which an obstacle allows the tool to touch.
+# Name of the tool in `allow` of an obstacle.
 TOOL = "tool"
-# The name of a floor as an obstacle. Two floors have no height and are no obstacles: the plane in
-# which the base is mounted, above which links should stay; and nothing at all.
+# Name of a floor as an obstacle. Two floors are no obstacles: the mounting plane of the base, above
+# which links should stay, and no floor.
 FLOOR = "floor"
 AT_BASE: Literal["base"] = "base"
 NO_FLOOR: Literal["none"] = "none"
@@ -275,7 +276,7 @@ NO_FLOOR: Literal["none"] = "none"
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Margins(Checked):
-    """How near bodies may come to each other, by the kinds of pairs.
+    """Smallest allowed distances between bodies, by the kind of pair.
 
     Args:
         environment: A link and an obstacle [m].
@@ -294,18 +295,18 @@ MARGINS = Margins()
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Obstacle(Checked):
-    """A body that stands in the cell.
+    """A body in the cell.
 
     Args:
         name: Its name, for messages.
         shape: Its shape.
-        place: The frame of its shape, in the frame of what it is fixed to.
-        fixed_to: "base", or "part" for what moves with the part when the part is placed elsewhere.
-        margin: How near links and tool may come to it [m]; None is the margin of the scene.
+        place: The frame of its shape, in the frame of `fixed_to`.
+        fixed_to: "base", or "part" for an obstacle that moves with the part.
+        margin: Smallest allowed distance of links and tool [m]; None is the margin of the scene.
         allow: Names of links that may touch it; "tool" is the tool.
 
     Raises:
-        InvalidInput: A wrong name, margin, or something else that it is fixed to.
+        InvalidInput: The name, the margin or `fixed_to` is invalid.
     """
 
     name: Name = field(kw_only=False)
@@ -323,14 +324,14 @@ class Scene(Checked):
 
     Args:
         obstacles: The obstacles, of different names.
-        margins: How near bodies may come to each other.
+        margins: Smallest allowed distances.
         floor: Height of the floor in the frame of the arm's base [m], an obstacle of the name
-            "floor". By default "base": links should stay above the plane in which the base is
-            mounted, unless an obstacle is a half-space below the base. "none" says that nothing is
-            there, as on a pedestal or a wall.
+            "floor". By default "base": links should stay above the mounting plane of the base,
+            unless an obstacle is a half-space below the base. "none" is no floor, for example on a
+            pedestal or a wall.
 
     Raises:
-        InvalidInput: Two obstacles of one name, or another word for the floor.
+        InvalidInput: Two obstacles have one name, or the word for the floor is unknown.
     """
 
     obstacles: tuple[Obstacle, ...] = field(default=(), kw_only=False)
@@ -352,7 +353,7 @@ class Scene(Checked):
 
     @property
     def has_mounting_plane(self) -> bool:
-        """Whether links should stay above the plane in which the base is mounted."""
+        """Whether links should stay above the mounting plane of the base."""
         return self.floor == AT_BASE and not any(
             isinstance(x.shape, HalfSpace) and x.fixed_to == BASE and x.place.rotation[2, 2] > 0.5
             for x in self.obstacles

@@ -1,4 +1,4 @@
-"""The compiled loop over the steps of drives that move MuJoCo's bodies."""
+"""Compiled loop over the steps of the drives that move MuJoCo's bodies."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class Functions(NamedTuple):
 
 
 class Bodies(NamedTuple):
-    """A model of MuJoCo and its state, which lie in MuJoCo's memory.
+    """A MuJoCo model and its state, both in MuJoCo's memory.
 
     Attributes:
         model, data: Their addresses.
         q, dq: Positions [rad] and velocities [rad/s] of all degrees of freedom, (n,).
-        torque: Torques that are applied, or for an arm at rest those against gravity [N m], (n,).
+        torque: Applied torques, or the gravity torques of an arm at rest [N m], (n,).
     """
 
     model: int
@@ -38,8 +38,8 @@ class Bodies(NamedTuple):
     torque: FloatArray
 
     @classmethod
-    def of(cls, model: Any, data: Any) -> Bodies:
-        """The bodies of a model, as long as its `data` lives."""
+    def from_model(cls, model: Any, data: Any) -> Bodies:
+        """The bodies of a model, valid while its `data` exists."""
         return cls(model._address, data._address, data.qpos, data.qvel, data.qfrc_applied)
 
 
@@ -48,12 +48,12 @@ class Loops(NamedTuple):
 
     Attributes:
         kp, kv, ki: Gains [1/s], (dof,).
-        integral: Integrals of the velocity errors [rad], which the loop writes, (dof,).
+        integral: Integrals of the velocity errors [rad], (dof,); updated.
         step: Time between two computations of the loops [s].
         inertia: J [kg m²], (dof,).
         limit: Torque limits [N m], (dof,).
-        holds: Whether the torque against gravity is added.
-        on_top: Whether the limits leave that torque out.
+        holds: Whether gravity is fed forward.
+        on_top: Whether the limits exclude the gravity torque.
     """
 
     kp: FloatArray
@@ -68,7 +68,7 @@ class Loops(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """What the loop writes, one row per step.
+    """Output of the loop, one row per step.
 
     Attributes:
         q, dq: Positions and velocities at the starts of the steps, and after the last one,
@@ -88,13 +88,13 @@ POINTER = ir.IntType(8).as_pointer()
 
 
 def _intrinsic(function: Callable[..., Any]) -> Any:
-    """A function of compiled functions that writes its machine code by itself."""
+    """Decorator of functions that generate their own machine code."""
     return intrinsic(function)
 
 
 @_intrinsic
 def _call(typing: Any, function: Any, model: Any, data: Any) -> Any:
-    """Call `function(model, data)`, all given by their addresses."""
+    """Call `function(model, data)`; all arguments are addresses."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         kind = ir.FunctionType(ir.VoidType(), [POINTER, POINTER])
@@ -107,7 +107,7 @@ def _call(typing: Any, function: Any, model: Any, data: Any) -> Any:
 
 @_intrinsic
 def _call_rne(typing: Any, function: Any, model: Any, data: Any, result: Any) -> Any:
-    """Call `mj_rne(model, data, 0, result)`, all given by their addresses."""
+    """Call `mj_rne(model, data, 0, result)`; all arguments are addresses."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         whole = ir.IntType(32)
@@ -140,17 +140,17 @@ def advance(
     Args:
         functions: MuJoCo's functions.
         bodies: The bodies; encoders and torques are those of the last dof.
-        known: The arm at rest as its controller knows it.
+        known: The controller's model of the arm, at rest.
         loops: The drives.
-        parts: Number of integration steps in a step of the drives.
+        parts: Number of integration steps per step of the drives.
         commands: Commands in the steps [rad], (steps, dof).
-        integrated: Commands that the integrators see, without acceleration feed-forward [rad],
-            (steps, dof).
+        integrated: Commands of the integrators, without acceleration feed-forward [rad], (steps,
+            dof).
         noise: Noise of measured positions in the steps [rad], (steps, dof); (0, dof) without.
         first: The first step.
         end: The step before which the loop ends.
         wildest: Velocity of a joint that runs away [rad/s].
-        rows: What is written.
+        rows: Output.
 
     Returns:
         `end`, or the step after which a joint runs away.
@@ -170,23 +170,27 @@ def advance(
         for j in range(dof):
             error = (integrated[k, j] - known.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
             loops.integral[j] += loops.step * error
-            ask = (commands[k, j] - known.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
-            ask = (ask + loops.ki[j] * loops.integral[j]) * loops.kv[j]
-            beside = 0.0 if loops.on_top else known.torque[j]
-            above = known.torque[j] if loops.on_top else 0.0
-            want = ask * loops.inertia[j] + beside
-            get = max(min(want, loops.limit[j]), -loops.limit[j]) + above
-            # In saturation the integrator does not wind up, as in `ServoModel`.
-            excess = (want + above - get) / loops.inertia[j]
+            demanded = (commands[k, j] - known.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
+            demanded = (demanded + loops.ki[j] * loops.integral[j]) * loops.kv[j]
+            gravity = 0.0 if loops.on_top else known.torque[j]
+            fed_forward = known.torque[j] if loops.on_top else 0.0
+            required = demanded * loops.inertia[j] + gravity
+            applied = max(min(required, loops.limit[j]), -loops.limit[j]) + fed_forward
+            # Anti-windup as in `ServoModel`.
+            excess = (required + fed_forward - applied) / loops.inertia[j]
             loops.integral[j] -= loops.step * excess / loops.kv[j]
-            bodies.torque[n - dof + j] = get
-            rows.demand[k, j], rows.wanted[k, j], rows.torque[k, j] = ask, want + above, get
+            bodies.torque[n - dof + j] = applied
+            rows.demand[k, j], rows.wanted[k, j], rows.torque[k, j] = (
+                demanded,
+                required + fed_forward,
+                applied,
+            )
         for _ in range(parts):
             _call(functions.step, bodies.model, bodies.data)
         speed = 0.0
         for j in range(n):
             speed += bodies.dq[j] ** 2
-        # Speeds that are not numbers are wild, too.
+        # NaN counts as a runaway, too.
         if not speed < wildest**2:
             return k
     for j in range(n):

@@ -22,7 +22,7 @@ from armcontour.simulation.drive_loop import Functions
 # steps in which a joint may be stopped) the offset remains for hours.
 STIFFEST = 0.9999
 SHORTEST_STEPS = 2.0
-# Inertia that counts as zero: as a fraction of the arm's largest one, and absolute [kg m²].
+# Inertia that counts as zero: relative to the arm's largest one, and absolute [kg m²].
 SINGULAR = 1e-12
 NOTHING = 1e-13
 
@@ -40,7 +40,7 @@ class Springs(NamedTuple):
 
 
 def load() -> Any:
-    """The module mujoco, imported at first use.
+    """Import mujoco at first use.
 
     Raises:
         InvalidInput: mujoco is not installed.
@@ -56,8 +56,8 @@ def load() -> Any:
 
 
 def functions() -> Functions:
-    """Where the functions of MuJoCo are in memory."""
-    # On Linux and macOS the symbols of a module include those of the libraries that it needs.
+    """Addresses of MuJoCo's functions."""
+    # On Linux and macOS the symbols of a module include those of its libraries.
     module = FilePath(load()._functions.__file__)
     library = ctypes.CDLL(str(module.with_name("mujoco.dll") if os.name == "nt" else module))
 
@@ -71,8 +71,8 @@ def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None 
     """Build the MuJoCo model of a chain.
 
     The degrees of freedom are those of the links. With springs those of the motors follow: rotors
-    with the armature and the friction of the drives, each tied to its link by a fixed tendon, whose
-    length is the angle between both.
+    with the armature and the friction of the drives. A fixed tendon, whose length is the angle
+    between both, connects each rotor to its link.
 
     Args:
         chain: A chain with masses; its payload becomes part of the last link.
@@ -87,16 +87,16 @@ def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None 
     spec = mujoco.MjSpec()
     spec.option.timestep = step
     spec.option.gravity = np.array(chain.gravity)
-    # The step is the cycle of the drives: the error of the integrator over a step is far below the
-    # effect of keeping the torque constant over the step.
+    # The step is the cycle of the drives: the error of the integrator is far below the effect of a
+    # torque that is constant for a step.
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    # Tolerance of the iteration for friction: about rounding, and as fast as the standard 1e-8.
-    # With 0 every step would use the maximum number of iterations.
+    # Tolerance of the iteration for friction: near rounding, and as fast as the default 1e-8. With
+    # 0 every step would use the maximum number of iterations.
     spec.option.tolerance = 1e-12
-    # A simulation that diverges is reported; MuJoCo must not reset it to the start.
+    # A diverging simulation is reported, so MuJoCo must not reset it.
     disabled = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_AUTORESET
     if not friction or not np.any(chain.coulomb):
-        # Dry friction is the only constraint; without any, the search for some takes time.
+        # Dry friction is the only constraint; the search for constraints takes time.
         disabled |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     spec.option.disableflags = disabled
     masses, moments = _add_links(mujoco, spec, chain)
@@ -109,22 +109,22 @@ def build(chain: Chain, step: float, *, friction: bool, springs: Springs | None 
     # MuJoCo's compiler refuses rods, laminas with rounding errors, and links without mass; its
     # dynamics accept them, so masses and moments are set after compilation.
     model.body_mass[1:], model.body_inertia[1:] = masses, moments
-    # Drives are the last degrees of freedom, and without springs the only ones.
+    # Drives are the last degrees of freedom, without springs the only ones.
     drives = slice(-len(chain), None)
     if friction:
         model.dof_damping[drives] = np.asarray(chain.viscous)
         model.dof_frictionloss[drives] = np.asarray(chain.coulomb)
     model.dof_solimp[:] = [STIFFEST, STIFFEST, 1e-3, 0.5, 2.0]
     set_step(model, step)
-    # Joints that move no inertia are searched with additional inertia at every joint: without it
-    # MuJoCo would write a warning to a file.
+    # Joints without inertia are searched with additional inertia at every joint: otherwise MuJoCo
+    # writes a warning to a file.
     for extra in (1.0, 0.0):
         model.dof_armature[:] = extra
         model.dof_armature[drives] += np.asarray(chain.armature)
         mujoco.mj_setConst(model, mujoco.MjData(model))
         if extra:
             still = np.zeros(len(chain))
-            _refuse_singular(chain, mass_matrix(model, still) - extra * np.eye(model.nv), springs)
+            _check_inertia(chain, mass_matrix(model, still) - extra * np.eye(model.nv), springs)
     return model
 
 
@@ -143,9 +143,9 @@ def mass_matrix(model: Any, q: FloatArray) -> FloatArray:
 
 
 def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
-    """Mass matrices as `mass_matrix` gives them, (k, n, n), at many positions, (k, dof)."""
+    """Mass matrices as in `mass_matrix`, (k, n, n), at many positions, (k, dof)."""
     mujoco = load()
-    # Memory for a state takes longer than a matrix.
+    # Allocating a state takes longer than computing a matrix.
     data, units = mujoco.MjData(model), np.eye(model.nv)
     matrices = np.empty((len(q), model.nv, model.nv))
     for position, matrix in zip(q, matrices, strict=True):
@@ -158,11 +158,11 @@ def mass_matrices(model: Any, q: FloatArray) -> FloatArray:
 
 
 def weight(model: Any, data: Any, q: FloatArray) -> FloatArray:
-    """Torques that hold the links against gravity at their positions q [N m], (dof,).
+    """Gravity torques at positions q of the links [N m], (dof,).
 
     Args:
         model: The model.
-        data: A state without velocities, of which the positions are lost.
+        data: A state without velocities; its positions are overwritten.
         q: The positions [rad], (dof,).
     """
     mujoco, torque = load(), np.zeros(model.nv)
@@ -173,12 +173,8 @@ def weight(model: Any, data: Any, q: FloatArray) -> FloatArray:
     return torque[: len(q)]
 
 
-def _refuse_singular(chain: Chain, matrix: FloatArray, springs: Springs | None) -> None:
-    """Refuse a chain with a singular mass matrix.
-
-    Raises:
-        InvalidInput: Names the joint that moves no inertia.
-    """
+def _check_inertia(chain: Chain, matrix: FloatArray, springs: Springs | None) -> None:
+    """Raise an error for a chain with a singular mass matrix; it names the joint."""
     values, vectors = np.linalg.eigh(matrix)
     if values[0] <= max(SINGULAR * values[-1], NOTHING):
         j = int(np.argmax(np.abs(vectors[:, 0]))) % len(chain)
@@ -190,7 +186,7 @@ def _refuse_singular(chain: Chain, matrix: FloatArray, springs: Springs | None) 
 
 
 def _add_links(mujoco: Any, spec: Any, chain: Chain) -> tuple[list[float], list[FloatArray]]:
-    """Add the links of a chain to a specification; returns masses and principal moments."""
+    """Add the links of a chain to a specification; return masses and principal moments."""
     body, masses, moments = spec.worldbody, [], []
     for k in range(len(chain)):
         mass, center, inertia = _link(chain, k)
@@ -222,7 +218,7 @@ def _add_motors(mujoco: Any, spec: Any, count: int) -> None:
 
 
 def _link(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
-    """Mass, centre of mass and inertia about it of link k; the last link includes the payload."""
+    """Mass, centre of mass and inertia about it for link k; the last link includes the payload."""
     assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
     mass, center, inertia = float(chain.masses[k]), chain.centers[k], chain.inertias[k]
     load = chain.payload
@@ -244,10 +240,10 @@ def _quaternion(mujoco: Any, rotation: FloatArray) -> FloatArray:
     return quaternion
 
 
-# Number of set-points at which a run is checked before the simulation.
+# Number of set-points at which stability is checked before the simulation.
 LOOKS = 50
-# The simulation integrates over parts of a step, in which the fastest motion of springs and viscous
-# friction has this phase [rad] or decay; its method is stable up to 2.8. At most so many parts.
+# Phase [rad] or decay of the fastest mode of springs and viscous friction per integration step; the
+# method is stable up to 2.8. Largest number of integration steps per step of the drives.
 PHASE = 0.5
 MOST_PARTS = 50
 
@@ -260,11 +256,11 @@ def count_parts(
     viscous: FloatArray,
     springs: Springs | None,
 ) -> int:
-    """Number of parts in which a step of the drives is integrated.
+    """Number of integration steps per step of the drives.
 
     With a torque that is constant for a step h, a mode of rigid joints is stable if the rate of its
-    velocity loop, K_v J / M, times h is below 2. With springs, unstable drives are found by the
-    simulation.
+    velocity loop, K_v J / M, times h is below 2. With springs, the simulation detects unstable
+    drives.
 
     Args:
         model: MuJoCo's model of the arm.
@@ -275,7 +271,8 @@ def count_parts(
         springs: Springs between drives and links; None for rigid joints.
 
     Raises:
-        ExecutionError: A joint is unstable at a set-point, or there would be too many parts.
+        ExecutionError: A joint is unstable at a set-point, or too many integration steps are
+            needed.
     """
     k, d = (np.zeros_like(loop),) * 2 if springs is None else springs
     pulls = np.ones((1, 1)) if springs is None else np.array([[1.0, -1.0], [-1.0, 1.0]])

@@ -1,4 +1,4 @@
-"""`simulate`: plants that run set-points, and the independent servo of each joint."""
+"""`simulate`: plants that execute set-points, and the plant of independent joint servos."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from armcontour.motion import Execution, FineMotion, SetPoints
 from armcontour.robot import Arm, Limits, resolve_limits
 from armcontour.robot.limits import or_unlimited
 from armcontour.robot.servo import ServoModel
-from armcontour.robot.servo.simulation import Simulation, respond_within
+from armcontour.robot.servo.simulation import ServoSimulation, respond_within
 
-# Time that the joints get to come to rest after the last set-point [s], or in durations.
+# Longest time until rest after the last set-point [s], or in durations of the motion.
 PATIENCE = 60.0
 PATIENCE_IN_DURATIONS = 10.0
-# A joint at this velocity [rad/s] falls, or its servo is unstable.
+# Velocity of a falling joint or an unstable servo [rad/s].
 RUNAWAY = 1e3
 SATURATIONS = ("acceleration", "torque", "none")
 # A joint is at rest below this velocity [rad/s] and this distance to the last set-point [rad].
@@ -30,14 +30,14 @@ REST_VELOCITY = 1e-8
 REST_DISTANCE = 1e-8
 # After the last set-point the simulation continues in parts of this time [s] until rest.
 CHUNK = 0.25
-# A servo with at most so many time constants between two results has no more than 1e-11 of its
-# acceleration per s² in what quintics leave out.
+# Largest number of time constants between two results for which quintics are exact to 1e-11 of the
+# servo's acceleration per s².
 SMOOTH = 1.0
-# Set-points that reach a joint nearer to a result than this share of the time to the next one count
-# as reaching it there.
+# Set-points that reach a joint within this fraction of a step from a result count as reaching it
+# there.
 REACHED = 1e-6
-# Times from one result to the next at which the motion between them is computed: cubics between
-# these are off by less than 1e-11 rad for servos with time constants of a millisecond.
+# Number of intervals between two results at which the motion is computed; cubics between them have
+# errors below 1e-11 rad for time constants of a millisecond.
 PARTS = 16
 
 
@@ -46,7 +46,7 @@ class Plant(ABC):
 
     @abstractmethod
     def run(self, set_points: SetPoints, resolution: float) -> Execution:
-        """Execute set-points from rest at the first set-point until rest at the last one.
+        """Execute set-points from rest at the first until rest at the last set-point.
 
         Args:
             set_points: The set-points.
@@ -54,14 +54,14 @@ class Plant(ABC):
         """
 
     def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion | None:
-        """The motion from some results of an execution on this plant to the next ones.
+        """Motion between results of an execution on this plant.
 
         Args:
-            executed: The execution, with all of its results.
-            indices: Indices of the results before, increasing, (m,).
+            executed: The execution, with all results.
+            indices: Indices of the results at the starts, increasing, (m,).
 
         Returns:
-            The motion; None where the plant does not know it, as by default.
+            The motion; None if it is not available (default).
         """
         return None
 
@@ -72,24 +72,20 @@ class Plant(ABC):
 
 
 class LimitedPlant(Immutable, Plant):
-    """A plant whose drives saturate at limits: the given ones, else those of the plan.
+    """A plant whose drives saturate at limits: explicit ones, otherwise those of the plan.
 
-    Once made, a plant does not change; the plant of an `Execution` has the limits of its plan.
+    A plant is immutable; the plant of an `Execution` has the limits of its plan.
     """
 
     limits: Limits | None
 
     @abstractmethod
     def _drives(self, planned: Limits | None) -> dict[str, Any]:
-        """What saturates, by the names of the attributes, with the limits of a plan."""
+        """Saturating values by attribute name, with the limits of a plan."""
 
     @checked
     def for_plan(self, set_points: SetPoints) -> Self:
-        """The plant with the limits of a plan, where it was given none.
-
-        Args:
-            set_points: Set-points for the plan.
-        """
+        """Return the plant with the limits of a plan, unless it has explicit ones."""
         planned = set_points.trajectory.limits
         if planned is None:
             return self
@@ -109,7 +105,7 @@ def simulate(
 
     Args:
         set_points: The set-points.
-        plant: The plant, which must not be the model by which the set-points were compensated.
+        plant: The plant; it must not be the model used for compensation.
         resolution: Largest time between two results [s]; it does not change the motion.
 
     Raises:
@@ -129,10 +125,10 @@ def simulate(
 
 
 def check_joints(set_points: SetPoints, arm: Arm) -> None:
-    """Refuse set-points whose number of joints is not that of the arm.
+    """Check that the set-points have as many joints as the arm.
 
     Raises:
-        InvalidInput: The numbers differ, or it is no set-points.
+        InvalidInput: The numbers differ, or `set_points` has another type.
     """
     checks.check_type("A plant", set_points, SetPoints)
     if set_points.q.shape[1] != arm.dof:
@@ -143,13 +139,13 @@ def check_joints(set_points: SetPoints, arm: Arm) -> None:
 
 
 def check_weight(weight: FloatArray, limit: FloatArray, location: str, t: float) -> None:
-    """Refuse an arm whose drives are too weak to hold it against gravity.
+    """Check that the drives can hold the arm against gravity.
 
     Args:
-        weight: Absolute torques against gravity, (dof,) [N m].
+        weight: Absolute gravity torques, (dof,) [N m].
         limit: Torque limits of the drives, (dof,) [N m].
         location: Name of the position, for the message.
-        t: Time at which the arm is there [s].
+        t: Time at this position [s].
 
     Raises:
         ExecutionError: A torque exceeds its limit.
@@ -171,25 +167,25 @@ def check_weight(weight: FloatArray, limit: FloatArray, location: str, t: float)
 
 
 def count_intervals(set_points: SetPoints, servo: ServoModel) -> int:
-    """Number of cycles until the last set-point has reached all joints."""
+    """Number of cycles until all joints have received the last set-point."""
     delay = int(np.ceil(servo.dead_time.max() / set_points.cycle * (1 - 1e-12)))
     return len(set_points.q) - 1 + delay
 
 
 def patience(duration: float) -> float:
-    """Time allowed for coming to rest after a motion of a duration [s]."""
+    """Longest time until rest after a motion of some duration [s]."""
     return max(PATIENCE, PATIENCE_IN_DURATIONS * duration)
 
 
 class Part(NamedTuple):
-    """The motion of all joints over some cycles.
+    """Motion of all joints over some cycles.
 
     Attributes:
         q, dq: Positions [rad] and velocities [rad/s] at the results, (n, dof).
         demand: Demanded accelerations [rad/s²], (n, dof).
         ddq: Accelerations after saturation [rad/s²], (n, dof).
         saturated: Time in saturation [s], (dof,).
-        demand_range: Lowest and highest demand, also between the results [rad/s²], (2, dof).
+        demand_range: Lowest and highest demand, including between results [rad/s²], (2, dof).
     """
 
     q: FloatArray
@@ -201,7 +197,7 @@ class Part(NamedTuple):
 
 
 def join_parts(parts: list[Part]) -> Part:
-    """The motion over consecutive parts."""
+    """Join consecutive parts."""
     ends = np.concatenate([x.demand_range for x in parts])
     q, dq, demand, ddq = (np.concatenate([x[i] for x in parts]) for i in range(4))
     return Part(
@@ -215,7 +211,7 @@ def join_parts(parts: list[Part]) -> Part:
 
 
 class TorqueBounds:
-    """Acceleration bounds of the joints that follow from torque limits.
+    """Acceleration bounds of the joints due to torque limits.
 
     Args:
         arm: An arm with masses.
@@ -223,7 +219,7 @@ class TorqueBounds:
         set_points: The set-points.
 
     Raises:
-        ExecutionError: Gravity alone exceeds a limit at the first or the last set-point.
+        ExecutionError: The gravity torque exceeds a limit at the first or the last set-point.
     """
 
     def __init__(self, arm: Arm, limit: FloatArray, set_points: SetPoints) -> None:
@@ -233,7 +229,7 @@ class TorqueBounds:
             weight = np.abs(arm.torque(q, still, still))
             check_weight(weight, limit, f"the {label} set-point", float(set_points.t[k]))
 
-    def at(self, k: int, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def bounds_at(self, k: int, q: FloatArray, dq: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Acceleration bounds `(-T - b) / M_jj` and `(T - b) / M_jj` in interval k [rad/s²].
 
         If b alone exceeds T, both bounds have the same sign: the joint brakes or falls.
@@ -263,14 +259,14 @@ class TorqueBounds:
 
 
 class ServoRun:
-    """The servos of all joints, with acceleration bounds that may change in every interval.
+    """Servos of all joints, with acceleration bounds that may change in every cycle.
 
     Args:
         set_points: The set-points.
         steps: Number of results per cycle.
         servo: A servo with values per joint.
         accelerations: Lower and upper bounds, (dof,) each [rad/s²].
-        torque: Torque limits that give the bounds of each interval instead, if any.
+        torque: Torque limits that determine the bounds of each cycle instead; None without.
 
     Raises:
         ExecutionError: The gains are too large to simulate.
@@ -284,10 +280,10 @@ class ServoRun:
         accelerations: tuple[FloatArray, FloatArray],
         torque: TorqueBounds | None,
     ) -> None:
-        # Copies that can be written to: for locked ones the kernels would be compiled once more.
+        # Writable copies: the kernels would be compiled again for read-only arrays.
         lower, upper = (np.array(x) for x in accelerations)
         self.bounds, self.torque = (lower, upper), torque
-        self.simulation = Simulation(
+        self.simulation = ServoSimulation(
             set_points.q, set_points.cycle, servo, *accelerations, steps=steps
         )
         self.held: FloatArray | None = None
@@ -308,7 +304,7 @@ class ServoRun:
             return self._run(begin, count, q, dq, self.bounds)
         parts = []
         for k in range(begin, begin + count):
-            parts.append(self._run(k, 1, q, dq, self.torque.at(k, q, dq)))
+            parts.append(self._run(k, 1, q, dq, self.torque.bounds_at(k, q, dq)))
             q, dq = parts[-1].q[-1], parts[-1].dq[-1]
         return join_parts(parts)
 
@@ -334,25 +330,23 @@ class ServoPlant(LimitedPlant):
 
     Args:
         arm: The arm.
-        servo: The servo of the simulated robot; it may differ from the model by which the
-            set-points data was compensated.
-        limits: Limits with the joint accelerations or torques that saturate, in place of those of
-            the plan that is executed; where a plan has none, the arm's own.
-        saturation: Which limit saturates a servo of second order. "acceleration" is (7):
-            acceleration_limit of the servo, or without one joint_acceleration.
-            "torque" bounds the acceleration by `-T <= M_jj(q) ddq_j + b_j(q, dq) <= T` with the
-            state at the start of each cycle, where T is joint_torque and b is the torque
-            of gravity, centrifugal and Coriolis effects and friction; accelerations of other joints
-            are neglected. "none" never saturates. The default is "acceleration" if there are such
-            limits; else "torque" if there are such limits and the arm has masses; else "none". A
-            joint of another order than "second" has no limited acceleration, and its demands are
-            its accelerations.
+        servo: The servo of the simulated robot; it may differ from the model used for compensation.
+        limits: Limits with the joint accelerations or torques that saturate, instead of those of
+            the plan; a plan without limits uses the arm's.
+        saturation: Limit at which a second-order servo saturates. "acceleration" is (7):
+            acceleration_limit of the servo, otherwise joint_acceleration. "torque" bounds the
+            acceleration by `-T <= M_jj(q) ddq_j + b_j(q, dq) <= T` with the state at the start of
+            each cycle, where T is joint_torque and b the torque of gravity, centrifugal and
+            Coriolis effects and friction; accelerations of other joints are neglected. "none" never
+            saturates. By default "acceleration" if there are such limits; otherwise "torque" if
+            there are such limits and the arm has masses; otherwise "none". Joints of other orders
+            never saturate.
 
     Once made, a plant does not change; the plant of an `Execution` has the limits of its plan.
 
     Attributes:
-        limits: The given limits, or None.
-        saturation: The given or default saturation.
+        limits: The explicit limits, or None.
+        saturation: The explicit or default saturation.
         lower, acceleration: Acceleration bounds [rad/s²], (dof,); infinite without limits.
         torque_limit: Torque limits [N m], (dof,); None unless torque saturates.
 
@@ -382,7 +376,7 @@ class ServoPlant(LimitedPlant):
         vars(self).update(self._drives(None))
 
     def _drives(self, planned: Limits | None) -> dict[str, Any]:
-        """What saturates, by the names of the attributes, with the limits of a plan."""
+        """Saturating values by attribute name, with the limits of a plan."""
         arm, servo = self.arm, self.servo
         resolved = resolve_limits("A ServoPlant", arm, self.limits, planned)
         saturation = _saturation(self._asked, servo, resolved, arm)
@@ -398,7 +392,7 @@ class ServoPlant(LimitedPlant):
                     limit="joint_torque",
                 )
             torque_limit = checks.frozen_array(or_unlimited(resolved.joint_torque, arm.dof))
-            # This property refuses an arm without masses.
+            # This property raises an error for an arm without masses.
             _ = arm.dynamics
         return {
             "saturation": saturation,
@@ -408,7 +402,7 @@ class ServoPlant(LimitedPlant):
         }
 
     def run(self, set_points: SetPoints, resolution: float) -> Execution:
-        """Execute set-points; the motion is exact between the starts and ends of saturation.
+        """Execute set-points; the motion is exact between the events of saturation.
 
         Raises:
             InvalidInput: The set-points are for another number of joints, or the gains are too
@@ -440,18 +434,18 @@ class ServoPlant(LimitedPlant):
         )
 
     def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion | None:
-        """The motion from some results of an execution on this plant to the next ones.
+        """Motion between results of an execution on this plant.
 
-        Quintics where the motion is smooth. Else exact at PARTS times, and where a set-point
-        reaches a joint, with cubics between these.
+        Quintics where the motion is smooth. Otherwise the motion is exact at PARTS times and where
+        a set-point reaches a joint, with cubics between them.
 
         Args:
             executed: The execution, at regular times.
             indices: Indices of the results before, increasing, (m,).
 
         Returns:
-            The motion; None if the torque limits of its cycle follow from a result that
-            the execution does not have.
+            The motion; None if the torque limits depend on a result that the execution does not
+            have.
         """
         motion, set_points = executed, executed.set_points
         steps = round(set_points.cycle / float(motion.t[1] - motion.t[0]))
@@ -468,7 +462,7 @@ class ServoPlant(LimitedPlant):
                 if i < phase:
                     return None
                 limits = TorqueBounds(self.arm, self.torque_limit, set_points)
-                bounds = limits.at(k, motion.q[i - phase], motion.dq[i - phase])
+                bounds = limits.bounds_at(k, motion.q[i - phase], motion.dq[i - phase])
             times = (phase + np.arange(PARTS + 1) / PARTS) * width
             held = np.where(self.servo.ki > 0, motion.demand[i], np.clip(motion.demand[i], *bounds))
             if self.servo.drive_cycle and self.servo.kv is None:
@@ -481,12 +475,7 @@ class ServoPlant(LimitedPlant):
         return FineMotion(t=t, q=q, before=before, after=after)
 
     def _smooth_between(self, demand: FloatArray, width: float) -> bool:
-        """Whether nothing happens between results, and quintics are exact enough there.
-
-        Args:
-            demand: Demands at the results [rad/s²], (..., dof).
-            width: Time between two of them [s].
-        """
+        """Whether the motion has no events between results and quintics are exact enough."""
         servo = self.servo
         jumps = servo.interpolation == "step" or servo.has_feedforward or servo.friction.any()
         if (
@@ -508,7 +497,7 @@ class ServoPlant(LimitedPlant):
     def _until_rest(
         self, set_points: SetPoints, steps: int
     ) -> tuple[list[Part], FloatArray | None]:
-        """The run in parts, from the state at the start on, and `Execution.unsettled`."""
+        """The run in parts, including the initial state, and `Execution.unsettled`."""
         run = self._begin(set_points, steps)
         first, last = set_points.q[0], set_points.q[-1]
         still = np.zeros((1, len(first)))
@@ -529,7 +518,7 @@ class ServoPlant(LimitedPlant):
         return parts, None
 
     def _begin(self, set_points: SetPoints, steps: int) -> ServoRun:
-        """A run of the servos, with `steps` results per cycle."""
+        """A run of the servos with `steps` results per cycle."""
         bounds = None
         if self.torque_limit is not None:
             bounds = TorqueBounds(self.arm, self.torque_limit, set_points)
@@ -537,11 +526,7 @@ class ServoPlant(LimitedPlant):
 
 
 def _saturation(requested: str | None, servo: ServoModel, limits: Limits, arm: Arm) -> str:
-    """The given saturation, or the default one for None.
-
-    Raises:
-        InvalidInput: The saturation is unknown, or no joint is of second order and can saturate.
-    """
+    """Check the requested saturation, or choose the default for None."""
     second = servo.kv is not None
     if requested is None:
         if servo.acceleration_limit is not None:
@@ -555,6 +540,6 @@ def _saturation(requested: str | None, servo: ServoModel, limits: Limits, arm: A
     if not second and requested != "none":
         raise InvalidInput(
             f"A servo of order {servo.order} has no acceleration that its {requested} could limit: "
-            "leave saturation out, or take a servo of order second."
+            "remove saturation, or use a servo of order second."
         )
     return requested

@@ -1,4 +1,4 @@
-"""The plant of rigid bodies in MuJoCo, with drives whose gains are not tuned to the job."""
+"""The plant of rigid bodies in MuJoCo, with drives that are not tuned to the job."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ STEPS = (1e-6, 0.1)
 LARGEST_NOISE = 0.1
 DriveCycle = Annotated[float, Quantity("s", "4 ms", within=STEPS)]
 PositionNoise = Annotated[float, Quantity("rad", "2 deg", within=(0.0, LARGEST_NOISE))]
-# After the last set-point the joints are at rest when each stays within this range [rad], a micron
-# at 1 m, for this time [s] and for the slowest position loop's time constant. The test does not
-# depend on where the joints stop, because friction and gravity decide that.
+# After the last set-point a joint is at rest when it stays within this range [rad], a micron at 1
+# m, for this time [s] and for the slowest time constant of a position loop. The test does not
+# depend on the rest position, which friction and gravity determine.
 REST_TIME = 0.25
 REST_RANGE = 1e-6
 # Noise of the measured position moves a joint by less than this many standard deviations.
@@ -54,12 +54,12 @@ REST_NOISE = 4.0
 EQUILIBRIUM = 1e-13
 ITERATIONS = 200
 # Default damping of a joint over its stiffness [s]: 0.3 % of critical at 10 Hz, less than gears
-# have. Without any, modes above the drives' cycle take minutes to rest: held torques hardly damp
-# them.
+# have. Without damping, modes above the cycle of the drives take minutes to decay, because held
+# torques hardly damp them.
 DAMPING_TIME = 1e-4
 # Number of random poses in which a drive must be able to give the acceleration limits.
 RATED_POSES = 200
-# Duration of the cycles that are simulated at a time [s].
+# Duration of one block of the simulation [s].
 BLOCK = 1.0
 # Number of integration steps in one compiled call, which take up to 0.1 s.
 STEPS_AT_ONCE = 1000
@@ -70,44 +70,43 @@ class RigidBodyPlant(LimitedPlant):
 
     In every step each drive sets its torque to `J K_v (K_p (u - q) - dq)` and keeps it constant for
     the step. An integrator in the velocity loop adds `J K_v k_i` times the sum of the velocity
-    errors of all steps. It does not wind up at torque limits, as in `ServoModel`. The controller
-    may add the torque that holds the arm against gravity. u is the command at the time of the step
-    minus the servo's dead time. J is the servo's inertia, if it has one. By
-    default J is the nominal inertia of the joint with its drive, without payload, with all joints
-    in the middle of the arm's joint ranges (at 0 for a joint without a range). This J is known when
-    the arm is built and does not depend on the job.
+    errors of all steps, with anti-windup as in `ServoModel`. The controller may add the gravity
+    torque. u is the command at the time of the step minus the servo's dead time. J is the servo's
+    inertia. By default J is the nominal inertia of the joint with its drive, without payload, with
+    all joints in the middle of the arm's joint ranges (at 0 for a joint without a range), which
+    does not depend on the job.
 
     With `joint_stiffness`, drives move the links through springs and dampers (Spong's model):
 
         M(q) q'' + c(q, q') + g(q) = K (theta - q) + D (theta' - q')
         B theta'' + friction(theta') = tau - K (theta - q) - D (theta' - q')
 
-    theta are the motors' positions, seen from the links, and B the inertias of the drives
-    (armature). Encoders sit at the motors: the loops and gravity feed-forward see theta. That
-    rotors turn with the links that carry them is left out, as in Spong (1987).
+    theta are the motor positions on the link side, and B the inertias of the drives (armature).
+    Encoders are at the motors: the loops and gravity feed-forward use theta. The rotation of rotors
+    with the links that carry them is neglected, as in Spong (1987).
 
     Args:
         arm: The arm; its chain must have masses.
         servo: The gains of the drives, a servo of second order.
-        limits: Limits with the joint torques that saturate, in place of those of the plan that is
-            executed; where a plan has none, the arm's own. Without torque limits, the drives are
-            just strong enough for the joint accelerations of all joints at once in the worst pose.
-        step: Cycle time of the drives [s]; it is shortened to a fraction of the cycle.
-        gravity_feedforward: Whether the controller adds the torque against gravity, including that
-            of the payload that it knows.
+        limits: Limits with the joint torques that saturate, instead of those of the plan; a plan
+            without limits uses the arm's. Without torque limits, the drives are just strong enough
+            for the acceleration limits of all joints at once in the worst pose.
+        step: Cycle time of the drives [s]; it is shortened to an integer fraction of the cycle.
+        gravity_feedforward: Whether the controller adds the gravity torque, including that of the
+            payload in its model.
         friction: Whether the chain's viscous and Coulomb friction act.
         noise: Standard deviation of measured joint positions [rad], independent in every step.
-            Measured velocities have no noise, because the filters of drives are not known.
+            Measured velocities have no noise because the filters of drives are unknown.
         seed: Seed of the noise, the same in every run.
-        controller: The arm as its controller knows it, for J, for the gravity torque and for torque
-            limits that follow from acceleration limits: for example without a payload that nobody
-            told it of. By default the arm itself.
+        controller: The controller's model of the arm, for J, for the gravity torque and for torque
+            limits that follow from acceleration limits: for example without a payload that it does
+            not know. By default the arm itself.
         joint_stiffness: K, stiffness between each drive and its link [N m/rad], one for all joints
             or one per joint; None for rigid joints.
         joint_damping: D, damping between each drive and its link [N m s/rad], one for all joints or
             one per joint; by default DAMPING_TIME times the stiffness, less than gears have.
 
-    Once made, a plant does not change.
+    A plant is immutable.
 
     Attributes:
         limits: The given limits, or None.
@@ -155,7 +154,7 @@ class RigidBodyPlant(LimitedPlant):
             smallest = float(self.servo.acceleration_limit.min())
             raise InvalidInput(
                 "A rigid-body plant saturates at torques, but the servo has an acceleration_limit "
-                f"of {smallest} rad/s²: leave it out, and give the plant limits with joint_torque."
+                f"of {smallest} rad/s²: remove it, and give the plant limits with joint_torque."
             )
         assert self.servo.kv is not None
         self.kv = self.servo.kv
@@ -167,18 +166,20 @@ class RigidBodyPlant(LimitedPlant):
         self.reference = arm.limits.middle(arm.dof)
         own_inertia = self.servo.inertia
         self.nominal_inertia = (
-            _nominal(self.controller_chain, self.reference) if own_inertia is None else own_inertia
+            _nominal_inertia(self.controller_chain, self.reference)
+            if own_inertia is None
+            else own_inertia
         )
         self.limits = limits
         vars(self).update(self._drives(None))
         self._springs = _springs(self.chain, joint_stiffness, joint_damping)
 
     def _drives(self, planned: Limits | None) -> dict[str, Any]:
-        """What saturates, by the names of the attributes, with the limits of a plan."""
+        """Saturating values by attribute name, with the limits of a plan."""
         resolved = resolve_limits("A RigidBodyPlant", self.arm, self.limits, planned)
-        torques = _torques(resolved, self.arm.limits, self.controller_chain)
-        # A limit that stands for accelerations bounds the torque for motion alone; a torque limit
-        # bounds the sum of the torques for motion and against gravity.
+        torques = _torque_limits(resolved, self.arm.limits, self.controller_chain)
+        # A limit that follows from accelerations bounds the torque for motion alone; a torque limit
+        # bounds the sum of the torques for motion and gravity.
         return {
             "torque_limit": checks.frozen_array(torques),
             "_on_top": resolved.joint_torque is None,
@@ -197,9 +198,9 @@ class RigidBodyPlant(LimitedPlant):
     def run(self, set_points: SetPoints, resolution: float) -> Execution:
         """Execute set-points from the equilibrium at the first set-point.
 
-        With an integrator, with gravity feed-forward of all weight, or without gravity, the
-        equilibrium of a drive is the set-point itself; otherwise it is the position to which the
-        arm sags without friction.
+        The equilibrium of a drive is the set-point itself with an integrator, with gravity
+        feed-forward of the whole weight, or without gravity. Otherwise it is the sagged position
+        without friction.
 
         Raises:
             InvalidInput: The set-points are for another number of joints, or the resolution is
@@ -213,7 +214,7 @@ class RigidBodyPlant(LimitedPlant):
         """As `run`, with the limits of this plant."""
         steps = int(np.ceil(set_points.cycle / self.step * (1 - 1e-12)))
         span = set_points.cycle / steps
-        every = _every(steps, span, resolution)
+        every = _steps_per_result(steps, span, resolution)
         robot = _Robot(self, span, set_points)
         loop, viscous = self.nominal_inertia * self.kv, np.asarray(self.chain.viscous)
         parts = count_parts(
@@ -238,11 +239,11 @@ class RigidBodyPlant(LimitedPlant):
     def _command(
         self, set_points: SetPoints, steps: int, servo: ServoModel
     ) -> Callable[[int, int], FloatArray]:
-        """A function of k and count: commands in every step of `count` intervals from k on."""
+        """Function of k and count: commands in every step of `count` cycles from k on."""
         q, cycle = set_points.q, set_points.cycle
         plain = servo.interpolation != "cubic" and not servo.has_feedforward
         if plain and not servo.dead_time.any():
-            return lambda k, count: _straight(q[k : k + count + 1], steps, servo.interpolation)
+            return lambda k, count: _interpolate(q[k : k + count + 1], steps, servo.interpolation)
         pieces = polynomials(q, cycle, servo)
         return lambda k, count: sample_command(
             pieces,
@@ -254,17 +255,7 @@ class RigidBodyPlant(LimitedPlant):
     def _come_to_rest(
         self, robot: _Robot, set_points: SetPoints, steps: int, every: int
     ) -> list[_Log]:
-        """Simulate after the last set-point until all joints are at rest.
-
-        Args:
-            robot: The run.
-            set_points: The set-points.
-            steps: Number of steps per cycle.
-            every: Number of steps between two results.
-
-        Raises:
-            ExecutionError: A joint does not come to rest, or rests at its torque limit.
-        """
+        """Simulate after the last set-point until all joints are at rest."""
         window = rest_window(self.servo)
         commands = np.tile(set_points.q[-1], (int(np.ceil(window / set_points.cycle)) * steps, 1))
         begin = robot.now
@@ -275,7 +266,7 @@ class RigidBodyPlant(LimitedPlant):
             logs.append(log.thinned(every))
             moved = log.moved(robot.step)
             if (moved <= REST_RANGE + REST_NOISE * self.noise).all():
-                self._refuse_weak(log, set_points.q[-1], robot.now)
+                self._check_strength(log, set_points.q[-1], robot.now)
                 return logs
         worst = int(np.argmax(moved))
         j = worst % self.arm.dof
@@ -293,17 +284,8 @@ class RigidBodyPlant(LimitedPlant):
             joint=j,
         )
 
-    def _refuse_weak(self, log: _Log, last: FloatArray, now: float) -> None:
-        """Refuse a rest at which a drive is always at its torque limit.
-
-        Args:
-            log: The last steps.
-            last: Last set-point [rad], (dof,).
-            now: Time [s].
-
-        Raises:
-            ExecutionError: A drive is too weak to reach its last set-point.
-        """
+    def _check_strength(self, log: _Log, last: FloatArray, now: float) -> None:
+        """Raise an error if a drive at rest is always at its torque limit."""
         weak = (log.wanted != log.torque).all(axis=0)
         if not weak.any():
             return
@@ -312,7 +294,7 @@ class RigidBodyPlant(LimitedPlant):
         offset = log.q[-1, -self.arm.dof :] - last
         raise ExecutionError(
             f"Joint {j + 1} rests {abs(offset[j]):.3g} rad from its last set-point, "
-            f"since its drive gives {allowed:.4g} N m where its servo asks for {needed:.4g} N m: "
+            f"because its drive gives {allowed:.4g} N m but its servo requires {needed:.4g} N m: "
             "raise its torque limit or lighten its load.",
             t=now,
             joint=j,
@@ -322,7 +304,7 @@ class RigidBodyPlant(LimitedPlant):
         )
 
     def _execution(self, set_points: SetPoints, logs: list[_Log], span: float) -> Execution:
-        """The execution of consecutive logs with a time `span` between results [s]."""
+        """The execution of consecutive logs with the time `span` between results [s]."""
         q, dq, ddq, demand, torque_demand, torque = (
             np.concatenate([getattr(x, name) for x in logs])
             for name in ("q", "dq", "ddq", "demand", "wanted", "torque")
@@ -350,7 +332,7 @@ class RigidBodyPlant(LimitedPlant):
         )
 
     def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion:
-        """The motion from some results of an execution to the next ones: cubics of the joints.
+        """Motion between results of an execution: cubics of the joints.
 
         Args:
             executed: The execution, with all of its results.
@@ -361,7 +343,7 @@ class RigidBodyPlant(LimitedPlant):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Log:
-    """The results of some steps.
+    """Results of some steps.
 
     Args:
         q, dq: Positions [rad] and velocities [rad/s] at the starts of the steps: of the links, and
@@ -384,7 +366,7 @@ class _Log:
     saturated: FloatArray
 
     @classmethod
-    def of(
+    def from_steps(
         cls,
         q: FloatArray,
         dq: FloatArray,
@@ -393,7 +375,7 @@ class _Log:
         torque: FloatArray,
         step: float,
     ) -> _Log:
-        """From states at the beginnings of steps and at the end, (n + 1, ...), and what held."""
+        """Log from states at the starts of steps and at the end, (n + 1, ...), and held values."""
         return cls(
             q=q[:-1],
             dq=dq[:-1],
@@ -406,11 +388,11 @@ class _Log:
         )
 
     def moved(self, step: float) -> FloatArray:
-        """How far links and motors moved, also within the steps [rad], (dof,) or (2 dof,)."""
+        """Range of motion of links and motors, including within steps [rad], (dof,) or (2 dof,)."""
         return np.asarray(np.ptp(self.q, axis=0) + np.abs(self.dq).max(axis=0) * step)
 
     def thinned(self, every: int) -> _Log:
-        """The log with every n-th step only, as copies, so that the other steps use no memory."""
+        """Copy of every n-th step, so that the memory of the other steps is freed."""
         return _Log(
             demand_range=self.demand_range,
             saturated=self.saturated,
@@ -434,7 +416,7 @@ class _Robot:
         self.model = mujoco_model.build(plant.chain, step, friction=plant.friction, springs=springs)
         self.data = self.mujoco.MjData(self.model)
         self.parts = 1
-        # The controller's model with a state at rest, for computing the torques of gravity.
+        # The controller's model with a state at rest, for the gravity torques.
         self.known_model = (
             self.model
             if plant.controller_chain is plant.chain and springs is None
@@ -443,12 +425,12 @@ class _Robot:
         self.still = self.mujoco.MjData(self.known_model)
         self.rng = np.random.default_rng(plant.seed)
         motors, links, torque = self._equilibrium(np.array(set_points.q[0]))
-        # Without springs both are the same.
+        # Without springs both are equal.
         self.data.qpos[-len(motors) :] = motors
         self.data.qpos[: len(links)] = links
         self.functions = mujoco_model.functions()
-        self.bodies = Bodies.of(self.model, self.data)
-        self.known = Bodies.of(self.known_model, self.still)
+        self.bodies = Bodies.from_model(self.model, self.data)
+        self.controller = Bodies.from_model(self.known_model, self.still)
         ki = np.array(plant.servo.ki)
         integral = torque / (plant.nominal_inertia * plant.kv * np.where(ki > 0, ki, np.inf))
         self.loops = Loops(
@@ -469,23 +451,15 @@ class _Robot:
         return self.start + self.steps * self.step
 
     def refine(self, parts: int) -> None:
-        """Integrate every step in so many parts."""
+        """Integrate every step in this number of parts."""
         self.parts = parts
         mujoco_model.set_step(self.model, self.step / parts)
-        # Compiled calls of MuJoCo cannot raise exceptions: one of its errors would end the process.
-        # A step from Python shows whether there are any, as all steps do the same.
+        # Compiled calls of MuJoCo cannot raise exceptions: an error would end the process. A step
+        # from Python shows errors, because all steps run the same code.
         self.mujoco.mj_step(self.model, self.mujoco.MjData(self.model))
 
     def advance(self, commands: FloatArray, integrated: FloatArray) -> _Log:
-        """Simulate one step per row of the commands.
-
-        Args:
-            commands: Commands [rad], (n, dof).
-            integrated: Commands that the integrators see [rad], (n, dof).
-
-        Raises:
-            ExecutionError: A joint runs away.
-        """
+        """Simulate one step per row of the commands."""
         n, dof = commands.shape
         q, dq = (np.empty((n + 1, self.model.nv)) for _ in range(2))
         rows = Rows(q, dq, *(np.empty((n, dof)) for _ in range(3)))
@@ -493,31 +467,28 @@ class _Robot:
         if self.plant.noise:
             noise = self.rng.normal(0.0, self.plant.noise, (n, dof))
         commands, integrated = (np.ascontiguousarray(x) for x in (commands, integrated))
-        # Python answers signals between calls.
+        # Python handles signals between calls.
         at_once = max(1, STEPS_AT_ONCE // self.parts)
         for first in range(0, n, at_once):
             end = min(first + at_once, n)
             reached = drive_loop.advance(
-                self.functions, self.bodies, self.known, self.loops, self.parts,
+                self.functions, self.bodies, self.controller, self.loops, self.parts,
                 commands, integrated, noise, first, end, RUNAWAY, rows,
             )  # fmt: skip
             if reached != end:
-                self._refuse_runaway(reached)
+                self._raise_runaway(reached)
         self.steps += n
-        return _Log.of(*rows, self.step)
+        return _Log.from_steps(*rows, self.step)
 
     def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Positions at which the arm is at rest with the first set-point as command [rad].
+        """Rest positions with the first set-point as command [rad].
 
-        The integrator, or else the position loop, holds the weight that is not fed forward, and a
-        spring all of the weight.
+        The integrator, or otherwise the position loop, holds the weight that is not fed forward; a
+        spring holds the whole weight.
 
         Returns:
             Positions of the motors and of the links, without springs the same [rad], and torques
             of the loops [N m], (dof,) each.
-
-        Raises:
-            ExecutionError: There is no equilibrium, or the drives are too weak.
         """
         plant, springs = self.plant, self.plant._springs
         gain = plant.nominal_inertia * plant.kv * plant.servo.kp
@@ -546,22 +517,18 @@ class _Robot:
             )
         location, torque = "the first set-point", weight - fed
         if plant._on_top and plant.gravity_feedforward:
-            weight, location = torque, f"{location}, beside gravity feed-forward"
+            weight, location = torque, f"{location}, in addition to gravity feed-forward"
         check_weight(np.abs(weight), plant.torque_limit, location, self.start)
         return motors, links, torque
 
     def _fed_forward(self, q: FloatArray) -> FloatArray:
-        """Torques that the controller adds against gravity at q [N m], (dof,)."""
+        """Gravity torques that the controller adds at q [N m], (dof,)."""
         if not self.plant.gravity_feedforward:
             return np.zeros(len(q))
         return mujoco_model.weight(self.known_model, self.still, q)
 
-    def _refuse_runaway(self, k: int) -> None:
-        """Refuse a motion that is faster than `RUNAWAY` in step k of the commands.
-
-        Raises:
-            ExecutionError: Always.
-        """
+    def _raise_runaway(self, k: int) -> None:
+        """Raise the error of a joint faster than `RUNAWAY` in step k of the commands."""
         velocity = np.abs(self.data.qvel)
         j = int(np.argmax(np.where(np.isfinite(velocity), velocity, np.inf)))
         speed, j = velocity[j], j % self.plant.arm.dof
@@ -575,12 +542,12 @@ class _Robot:
 
 
 def can_simulate() -> bool:
-    """Whether MuJoCo is installed, which moves the bodies."""
+    """Whether MuJoCo, which simulates the bodies, is installed."""
     return importlib.util.find_spec("mujoco") is not None
 
 
 def require_mujoco() -> None:
-    """Refuse what needs a rigid-body plant where there can be none.
+    """Check that MuJoCo is installed.
 
     Raises:
         InvalidInput: MuJoCo is not installed.
@@ -590,16 +557,16 @@ def require_mujoco() -> None:
 
 def rest_window(servo: ServoModel) -> float:
     """Time for which the joints must stay within `REST_RANGE` to be at rest [s]."""
-    # Of a cascade, the slowest time constant is at most the sum.
+    # The slowest time constant of a cascade is at most the sum.
     slowest = 1 / servo.kp + np.where(servo.ki > 0, 1 / np.where(servo.ki > 0, servo.ki, 1.0), 0.0)
     return min(max(REST_TIME, float(slowest.max())), PATIENCE)
 
 
 def check_damping(stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None) -> None:
-    """Refuse damping of joints without their stiffness.
+    """Check that joint damping comes with joint stiffness.
 
     Raises:
-        InvalidInput: There is damping alone.
+        InvalidInput: There is damping without stiffness.
     """
     if stiffness is None and damping is not None:
         raise InvalidInput(
@@ -608,7 +575,7 @@ def check_damping(stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None
         )
 
 
-def _straight(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
+def _interpolate(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
     """Linear or stepped commands at the starts of all steps between set-points, (n steps, dof)."""
     if interpolation == "step":
         return np.repeat(q[:-1], steps, axis=0)
@@ -618,11 +585,7 @@ def _straight(q: FloatArray, steps: int, interpolation: str) -> FloatArray:
 
 
 def _bodies(arm: Arm) -> Chain:
-    """The chain of an arm with masses.
-
-    Raises:
-        InvalidInput: The arm has no masses, or another number of joints than its chain.
-    """
+    """The chain of an arm; an error without masses or with another number of joints."""
     chain = arm.chain
     if chain is None or not arm.has_bodies:
         raise InvalidInput(
@@ -639,12 +602,7 @@ def _bodies(arm: Arm) -> Chain:
 def _springs(
     chain: Chain, stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None
 ) -> Springs | None:
-    """The springs between drives and links; None for rigid joints.
-
-    Raises:
-        InvalidInput: Damping without stiffness, values out of range or for another number of
-            joints, or a drive without inertia.
-    """
+    """The springs between drives and links; None for rigid joints."""
     check_damping(stiffness, damping)
     if stiffness is None:
         return None
@@ -659,30 +617,22 @@ def _springs(
         raise InvalidInput(
             f"Joint {j + 1} ({chain.joints[j]}) has a spring between its drive and its link, but "
             "its drive has no inertia: give the arm the inertias of its drives (armature), or "
-            "leave joint_stiffness out."
+            "remove joint_stiffness."
         )
     return Springs(checks.frozen_array(k), checks.frozen_array(d))
 
 
-def _nominal(chain: Chain, reference: FloatArray) -> FloatArray:
+def _nominal_inertia(chain: Chain, reference: FloatArray) -> FloatArray:
     """Inertia of each joint at the reference position without payload [kg m²], (dof,)."""
     model = mujoco_model.build(chain.replace(payload=None), STEP, friction=False)
     return np.asarray(np.diagonal(mujoco_model.mass_matrix(model, reference)))
 
 
-def _torques(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArray:
+def _torque_limits(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArray:
     """Torque limits of the drives [N m], (dof,).
 
-    Without torque limits the drives are rated for the acceleration limits: without payload, they
-    are strong enough for all of them at once in each of `RATED_POSES` random poses.
-
-    Args:
-        limits: The limits that saturate.
-        arm_limits: The limits of the arm, which give the joint ranges.
-        chain: The arm's bodies.
-
-    Raises:
-        InvalidInput: There are no torque limits, and acceleration limits differ between directions.
+    Without torque limits the drives are rated for the acceleration limits of all joints at once,
+    without payload, in each of `RATED_POSES` random poses.
     """
     if limits.joint_torque is not None:
         return limits.joint_torque
@@ -701,17 +651,8 @@ def _torques(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArray:
     return np.asarray(np.max([x @ limits.acceleration_bounds(dof)[1] for x in matrices], axis=0))
 
 
-def _every(steps: int, span: float, resolution: float) -> int:
-    """Largest number of steps between two results that divides the steps of a cycle.
-
-    Args:
-        steps: Number of steps in a cycle.
-        span: Duration of a step [s].
-        resolution: Largest time between two results [s].
-
-    Raises:
-        InvalidInput: The resolution is finer than a step.
-    """
+def _steps_per_result(steps: int, span: float, resolution: float) -> int:
+    """Largest divisor of the steps of a cycle that keeps the resolution."""
     if span > resolution * (1 + 1e-9):
         raise InvalidInput(
             f"The rigid-body plant moves in steps of {span:.4g} s, so it has no results every "

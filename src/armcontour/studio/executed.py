@@ -26,8 +26,8 @@ from armcontour.verification.error_profile import error_rows
 from armcontour.verification.evaluation import (
     demand_ratio,
     demand_row,
+    saturated_fractions,
     saturated_row,
-    saturated_shares,
     settled_row,
 )
 
@@ -89,7 +89,7 @@ def tool_lines(
     seen, ends = detail.seen(view.drawn(base), ends)
     which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in pieces])[seen]
     base, tool = base[seen], np.concatenate([x.tool for x in pieces])[seen]
-    distance = np.concatenate([x.found.distance for x in pieces])[seen]
+    distance = np.concatenate([x.followed.distance for x in pieces])[seen]
     more = {name: values[which] for name, values in columns.items()}
     offset = view.offsets(tool - base)
     kept = np.arange(len(which))
@@ -120,7 +120,7 @@ def _figures(executed: Executed) -> Data:
             settled_row(executed.settled),
             *error_rows("contour_error", "contour error", errors, FIRST, FIRST),
             demand_row(demand_ratio(execution, limits)),
-            saturated_row(saturated_shares(execution, end)),
+            saturated_row(saturated_fractions(execution, end)),
         ),
     )
 

@@ -1,4 +1,4 @@
-"""The pieces of an execution that are evaluated one by one: the contours of a program."""
+"""`ContourExecution`: the part of an execution on one contour, with its errors."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from armcontour.verification.error_profile import (
     ErrorProfile,
     Hidden,
     Measure,
-    angle_off,
-    climb_smooth,
     find_peak,
+    maximize_smooth,
+    orientation_angles,
 )
 from armcontour.verification.path_following import Followed, follow_path
 
-# Errors at some times, and the places of the tool on the path then, (n,) each.
+# Errors and arc lengths of the tool at some times, (n,) each.
 Errors = tuple[FloatArray, FloatArray]
 # The tool is at rest below this speed [m/s].
 REST_SPEED = 1e-3
-# Most steps of the search of a common delay, and the step at which it ends [s].
+# Largest number of steps of the search for a common delay, and its tolerance [s].
 MOST_DELAYS = 20
 SAME_DELAY = 1e-7
 # An arm that does not move has no delay.
@@ -54,11 +54,11 @@ class ContourExecution:
         end_time: End of the piece [s].
         rms_until: End of the time over which root mean squares are taken [s]; by default
             `end_time`.
-        since: Its start [s]; by default that of its first sample.
-        beyond: Index after the last sample at which the tool may still be on the path.
-        work: Places between which parts of the path count that the tool leaves out [m].
+        since: Start of the piece [s]; by default that of its first sample.
+        beyond: Index after the last sample at which the tool may be on the path.
+        work: Arc lengths between which the coverage error is evaluated [m].
         before_work: The same on the objective path, or None if unknown.
-        offset: Length of the contours before the piece [m], added to arc lengths.
+        offset: Length of the contours before [m], added to arc lengths.
     """
 
     executed: Execution
@@ -85,8 +85,8 @@ class ContourExecution:
 
     @cached_property
     def _around(self) -> tuple[FloatArray, slice]:
-        """Tool points of the piece and around it [m], and which of them are those of the piece."""
-        # The tool is at the start of the work between two samples.
+        """Tool points of the piece and around it [m], and the slice of the piece."""
+        # The work starts between two samples.
         first = max(self.which.start - 1, 0)
         points = self.executed.arm.tool_position(self.executed.q[first : self.beyond])
         return points, slice(self.which.start - first, self.which.stop - first)
@@ -104,22 +104,22 @@ class ContourExecution:
         return length(velocity)
 
     @cached_property
-    def found(self) -> Followed:
-        """Places of the tool on the path."""
+    def followed(self) -> Followed:
+        """Path points of the tool."""
         return self._follow(self.path, self.work)
 
     @cached_property
     def on_path(self) -> FloatArray:
-        """Points of the path at which the tool is found [m], (n, dimension)."""
-        return self.path(self.found.s)
+        """Path points of the tool [m], (n, dimension)."""
+        return self.path(self.followed.s)
 
     @cached_property
     def off_objective(self) -> Followed | None:
-        """Places of the tool on the objective path; None if unknown."""
+        """Path points of the tool on the objective path; None if unknown."""
         return None if self.objective is None else self._follow(self.objective, self.before_work)
 
     def _follow(self, path: Path, work: tuple[float, float] | None) -> Followed:
-        """Places of the tool on a path."""
+        """Path points of the tool on a path."""
         points, piece = self._around
         return follow_path(path, points, work=work, judged=piece)
 
@@ -128,24 +128,24 @@ class ContourExecution:
         """Distance from the tool to the path [m]."""
         side = None
         if self.path.dimension == 2:
-            side = _side(self.path, self.found, self.tool)
-        return self._off_path(self.found, side)
+            side = _side(self.path, self.followed, self.tool)
+        return self._path_profile(self.followed, side)
 
     @property
     def coverage_error(self) -> Coverage:
         """Largest distance from the path to the tool [m]."""
-        return self._most_missed(self.path, self.work, self.found, self.contour_error)
+        return self._find_coverage_error(self.path, self.work, self.followed, self.contour_error)
 
-    def speed_shares(self, limit: float | None, *, between: bool = False) -> FloatArray:
-        """Tool speed over the velocity assigned at its place, (n,); see `measure_shares`."""
-        return measure_shares(self.path, self.found, self.speed, limit, between=between)
+    def speed_ratios(self, limit: float | None, *, between: bool = False) -> FloatArray:
+        """Tool speed over the assigned velocity, (n,); see `measure_speed_ratios`."""
+        return measure_speed_ratios(self.path, self.followed, self.speed, limit, between=between)
 
     def tracking_error(self, delay: float = 0.0) -> ErrorProfile:
-        """Distance from the tool to its planned position at a time `delay` earlier [m]."""
+        """Distance from the tool to its planned position a time `delay` earlier [m]."""
         trajectory = self.executed.set_points.trajectory
         planned = trajectory(np.clip(self.t - delay, 0.0, trajectory.duration))
         distance = length(self.tool - self.executed.arm.tool_position(planned))
-        return self._over_time(distance, self.found.s)
+        return self._over_time(distance, self.followed.s)
 
     @property
     def model_error(self) -> tuple[float, float] | None:
@@ -153,7 +153,7 @@ class ContourExecution:
         model_error = self.executed.model_error
         if model_error is None:
             return None
-        tangent = self.path(self.found.s, 1)
+        tangent = self.path(self.followed.s, 1)
         both = unexplained_errors(self.executed.arm, self.q, tangent, model_error)
         along, across = (float(x.max()) for x in both)
         return along, across
@@ -162,7 +162,7 @@ class ContourExecution:
     def objective_error(self) -> ErrorProfile | None:
         """Distance from the tool to the objective path [m]; None if unknown."""
         followed = self.off_objective
-        return None if followed is None else self._off_path(followed)
+        return None if followed is None else self._path_profile(followed)
 
     @property
     def objective_coverage_error(self) -> Coverage | None:
@@ -171,7 +171,7 @@ class ContourExecution:
         if self.objective is None or followed is None or error is None:
             return None
         work = self.before_work or (0.0, self.objective.length)
-        return self._most_missed(self.objective, work, followed, error)
+        return self._find_coverage_error(self.objective, work, followed, error)
 
     @property
     def orientation_error(self) -> ErrorProfile | None:
@@ -185,11 +185,11 @@ class ContourExecution:
             if q is None:
                 return None
             tool, turned = arm.pose(q)
-            s = self._near(self.found, i, tool)[1]
-            return angle_off(orientation, s, turned), s
+            s = self._nearby_errors(self.followed, i, tool)[1]
+            return orientation_angles(orientation, s, turned), s
 
-        angle = angle_off(orientation, self.found.s, arm.pose(self.q)[1])
-        return replace(self._over_time(angle, self.found.s, measure), angular=True)
+        angle = orientation_angles(orientation, self.followed.s, arm.pose(self.q)[1])
+        return replace(self._over_time(angle, self.followed.s, measure), angular=True)
 
     @cached_property
     def corners(self) -> tuple[CornerDeviation, ...]:
@@ -201,17 +201,15 @@ class ContourExecution:
             self.tool[judged],
             self.objective,
             self.off_objective.s[judged],
-            self._largest_beside if self._is_told else None,
+            self._maximize_nearby if self._has_fine_motion else None,
         )
 
-    def _largest_beside(
+    def _maximize_nearby(
         self, which: IntArray, function: Callable[[FloatArray], FloatArray]
     ) -> FloatArray:
-        """The largest values of smooth functions of tool points, at some samples and beside them.
+        """Largest values of smooth functions of tool points, at and next to some samples.
 
-        Args:
-            which: Indices of samples of the piece that are higher than those beside them, (m,).
-            function: Gives values of tool points, from (m, n, dimension) to (m, n).
+        `function` maps tool points, (m, n, dimension), to values, (m, n).
         """
         m = len(which)
         best = np.asarray(function(self.tool[which][:, None]))[:, 0]
@@ -227,24 +225,17 @@ class ContourExecution:
             values = np.asarray(function(tool.reshape(*both.shape, -1)))
             return values.reshape(m, 2, -1).swapaxes(0, 1).reshape(t.shape)
 
-        top = climb_smooth(self.t[i], self.t[i + 1], measure).reshape(2, m).max(axis=0)
+        top = maximize_smooth(self.t[i], self.t[i + 1], measure).reshape(2, m).max(axis=0)
         return np.asarray(np.maximum(best, top))
 
-    def _most_missed(
+    def _find_coverage_error(
         self, path: Path, work: tuple[float, float], followed: Followed, error: ErrorProfile
     ) -> Coverage:
-        """The place of a path that is the farthest from the tool, of all that it passes.
-
-        Args:
-            path: The path.
-            work: Places between which it counts [m].
-            followed: How the tool follows it.
-            error: Distance from the tool to the path.
-        """
+        """Coverage error: the point of a path within `work` farthest from the tool."""
         distances, arc_lengths = followed.coverage_error, followed.coverage_error_s
         guessed = np.zeros(len(distances), dtype=bool)
-        if self._is_told:
-            # Elsewhere than at a sample's own place the tool's way was taken for straight.
+        if self._has_fine_motion:
+            # Except at path points of samples, the tool's motion was assumed to be straight.
             guessed = (np.abs(arc_lengths - followed.s) > ROUNDING) & (distances >= 0)
         exact = np.where(guessed, -1.0, distances)
         i = int(np.argmax(exact))
@@ -253,11 +244,12 @@ class ContourExecution:
             t_max=float(self.t[i]),
             s_max=float(arc_lengths[i]) + self.offset,
         )
-        if not self._is_told:
+        if not self._has_fine_motion:
             return largest
         rows = np.flatnonzero(guessed)
-        bounds = (distances + self._bent)[rows]
-        # Between the places of two samples on one segment, each place is that of a tool point.
+        bounds = (distances + self._sagitta)[rows]
+        # Between the path points of two samples on one segment, each point is the path point of a
+        # tool point.
         before, after = followed.s[rows], followed.s[np.minimum(rows + 1, len(distances) - 1)]
         joints = followed.geometry[1:, 11]
         alone = np.searchsorted(joints, before, "right") == np.searchsorted(joints, after)
@@ -265,13 +257,14 @@ class ContourExecution:
         bounds[alone] = np.minimum(bounds[alone], error.max)
         rows, bounds = rows[bounds > largest.max], bounds[bounds > largest.max].tolist()
         nearest = int(np.clip(np.searchsorted(self.t, error.t_max), 0, len(self.t) - 1))
-        # The place from which the tool is the farthest may be as far from the tool's way.
+        # The path point with the largest contour error may have the same distance from the tool's
+        # motion.
         candidates = [(error.max, nearest, error.s_max - self.offset)]
         candidates += zip(bounds, rows.tolist(), arc_lengths[rows].tolist(), strict=True)
         for bound, k, s in sorted(candidates, key=lambda x: -x[0]):
             if bound > largest.max * (1 + CLOSE) and work[0] <= s <= work[1]:
-                value, t = self._distance_to_way(path([s])[0], k)
-                # Outside of the piece the tool may come nearer, as the samples there tell.
+                value, t = self._distance_to_motion(path([s])[0], k)
+                # Outside of the piece the tool may come nearer, as the samples there show.
                 inside = self.t[0] < t < self.t[-1]
                 value = min(value, bound if inside else max(float(distances[k]), 0.0))
                 if value > largest.max:
@@ -279,43 +272,47 @@ class ContourExecution:
         return largest
 
     @property
-    def _is_told(self) -> bool:
-        """Whether a plant tells the motion between samples, of which there are some to go by."""
+    def _has_fine_motion(self) -> bool:
+        """Whether the plant provides the motion between samples, and there are enough samples."""
         return self.executed.plant is not None and len(self.t) > 2
 
     @cached_property
-    def _bent(self) -> FloatArray:
-        """How far the tool's way may be from straight beside each sample [m], (n,)."""
+    def _sagitta(self) -> FloatArray:
+        """Bound on the deviation of the tool's motion from a straight line per sample [m], (n,)."""
         return np.pad(length(np.diff(self.tool, 2, axis=0)) / 4, 1, mode="edge")
 
     @cached_property
-    def _way(self) -> FloatArray:
-        """How far the tool has moved from the first sample to each [m], (n,)."""
+    def _travel(self) -> FloatArray:
+        """Travel of the tool from the first sample to each [m], (n,)."""
         return np.append(0.0, np.cumsum(length(np.diff(self.tool, axis=0))))
 
-    def _distance_to_way(self, point: FloatArray, i: int) -> tuple[float, float]:
-        """Distance from a point to the tool's way about sample i of the piece [m], and when [s]."""
+    def _distance_to_motion(self, point: FloatArray, i: int) -> tuple[float, float]:
+        """Distance from a point to the tool's motion near sample i [m], and its time [s]."""
         reach = 2 * float(length(self.tool[i] - point))
-        # The tool's way by which the first and the last of these are away from the sample.
-        low, high = np.searchsorted(self._way, self._way[i] + np.array([-reach, reach])).tolist()
+        # Travel of the tool between the sample and the first and the last of these.
+        low, high = np.searchsorted(
+            self._travel, self._travel[i] + np.array([-reach, reach])
+        ).tolist()
         low, high = min(low, i), max(high, i + 1)
         k = low + int(np.argmin(length(self.tool[low:high] - point)))
-        # Squares are smooth, also where the way goes through the point.
-        squares = self._largest_beside(np.array([k]), lambda x: -dot(x - point, x - point))
+        # Squares are smooth, even where the tool passes through the point.
+        squares = self._maximize_nearby(np.array([k]), lambda x: -dot(x - point, x - point))
         return float(np.sqrt(-squares[0])), float(self.t[k])
 
-    def _off_path(self, followed: Followed, side: FloatArray | None = None) -> ErrorProfile:
-        """The profile of distances from a path."""
+    def _path_profile(self, followed: Followed, side: FloatArray | None = None) -> ErrorProfile:
+        """Profile of the distances from a path."""
 
         def measure(i: int, t: FloatArray) -> Errors | None:
             q = self._between(i, t)
             return (
-                None if q is None else self._near(followed, i, self.executed.arm.tool_position(q))
+                None
+                if q is None
+                else self._nearby_errors(followed, i, self.executed.arm.tool_position(q))
             )
 
         hidden = None
-        if self._is_told:
-            # Where the path turns sharply, a peak has room for half of the tool's way there.
+        if self._has_fine_motion:
+            # Where the path turns sharply, a peak is at most half of the tool's step higher.
             sharp = np.flatnonzero(followed.turns(SHARP) > SHARP)
             hidden = sharp, length(self.tool[sharp + 1] - self.tool[sharp]) / 2
         return self._over_time(followed.distance, followed.s, measure, side, hidden)
@@ -328,9 +325,9 @@ class ContourExecution:
         side: FloatArray | None = None,
         hidden: Hidden | None = None,
     ) -> ErrorProfile:
-        """The profile of values at the samples, (n,), with the arc lengths of their points."""
+        """Profile of values at the samples, (n,), with the arc lengths of their path points."""
         peak = None
-        if self._is_told and measure is not None:
+        if self._has_fine_motion and measure is not None:
             since = float(self.t[0]) if self.since is None else self.since
             end_time = min(self.end_time, float(self.executed.t[-1]))
             peak = find_peak(self.t, values, measure, since=since, end_time=end_time, hidden=hidden)
@@ -341,12 +338,7 @@ class ContourExecution:
         )
 
     def _between(self, i: int, t: FloatArray) -> FloatArray | None:
-        """Joint positions between sample i of the piece and the next one [rad], (n, dof).
-
-        Args:
-            i: Index of the sample; -1 for the one before the piece.
-            t: Times [s], (n,).
-        """
+        """Joint positions between sample i of the piece and the next one [rad], (n, dof)."""
         if i not in self._fine:
             index = self.which.start + i
             inside = 0 <= index < len(self.executed.t) - 1
@@ -356,18 +348,18 @@ class ContourExecution:
 
     @cached_property
     def _fine(self) -> dict[int, FineMotion | None]:
-        """Motions between samples, as far as they were asked for."""
+        """Cached motions between samples."""
         return {}
 
-    def _near(self, followed: Followed, i: int, tool: FloatArray) -> Errors:
-        """Distances from a path and places of tool points between sample i and the next one [m]."""
+    def _nearby_errors(self, followed: Followed, i: int, tool: FloatArray) -> Errors:
+        """Distances and arc lengths of tool points between sample i and the next [m]."""
         ends = np.clip([i, i + 1], 0, len(followed.s) - 1)
         low, high = followed.s[ends].tolist()
         return followed.near(tool, (low, high), float(followed.distance[ends].max()))
 
 
 def settling_time(executed: Execution, speed: FloatArray) -> float:
-    """Time after which the tool stays at rest [s], not before the end of the plan.
+    """Time after which the tool is at rest [s], not before the end of the plan.
 
     Args:
         executed: The execution.
@@ -379,11 +371,7 @@ def settling_time(executed: Execution, speed: FloatArray) -> float:
 
 
 def common_delay(executed: Execution) -> float:
-    """Delay of the plan at which the tracking error has the smallest root mean square [s].
-
-    Args:
-        executed: The execution.
-    """
+    """Delay of the plan that minimizes the RMS tracking error [s]."""
     trajectory, t, tool = executed.set_points.trajectory, executed.t, executed.tool
     q, dq = (trajectory(np.clip(t, 0.0, trajectory.duration), order) for order in (0, 1))
     planned, velocity = executed.arm.tool_position(q), executed.arm.tool_velocity(q, dq)
@@ -402,11 +390,11 @@ def common_delay(executed: Execution) -> float:
     return best[1]
 
 
-def evaluated_times(executed: Execution, end_time: float | None) -> tuple[float, float]:
-    """Ends of the times that largest values and root mean squares of a single path cover [s]."""
-    if end_time is not None:
-        return end_time, end_time
-    # Rest at the end would reduce the root mean square, but a slow tool can still leave the path.
+def evaluated_times(executed: Execution, until: float | None) -> tuple[float, float]:
+    """Ends of the times for largest values and root mean squares of a single path [s]."""
+    if until is not None:
+        return until, until
+    # Rest at the end would reduce the root mean square; a slow tool can still leave the path.
     end = settling_time(executed, executed.tool_speed)
     return max(end, float(executed.t[-1])), end
 
@@ -414,7 +402,7 @@ def evaluated_times(executed: Execution, end_time: float | None) -> tuple[float,
 def pieces_of(
     executed: Execution, path: Program, objective: Program | None, end_time: float | None
 ) -> list[ContourExecution]:
-    """Split an execution into its contours, each while the process is at work on it.
+    """Split an execution into its contours, each while the process works on it.
 
     A single path is one piece, from the first set-point to `end_time`.
 
@@ -470,22 +458,16 @@ def pieces_of(
 def _find_window(
     executed: Execution, span: Span
 ) -> tuple[slice, tuple[float | None, float], float]:
-    """Find the samples of a contour, its times [s] and the length of the contours before [m]."""
+    """Samples of a contour, its times [s] and the length of the contours before [m]."""
     assert span.work is not None
     start, end = np.searchsorted(executed.t, span.work)
-    # At least two samples, however short the contour is.
+    # At least two samples, even for very short contours.
     start = min(int(start), len(executed.t) - 2)
     return slice(start, max(int(end), start + 2)), span.work, span.s[0]
 
 
 def _side(path: Path, followed: Followed, tool: FloatArray) -> FloatArray:
-    """1 where the tool is to the left of a path in the plane, -1 to its right.
-
-    Args:
-        path: The path.
-        followed: Places of the tool on the path.
-        tool: Tool points [m], (n, 2).
-    """
+    """1 where the tool is to the left of a planar path, -1 to its right."""
     rows = followed.geometry.T
     row = np.maximum(rows[11].searchsorted(followed.s, side="right") - 1, 0)
     x, y = (tool[:, axis] - rows[axis][row] for axis in range(2))
@@ -525,13 +507,13 @@ class CornerDeviation:
     contour: int | None = None
 
 
-# The largest values beside some samples, (m,), given these samples, (m,), and a function of tool
-# points, (m, n, dimension), that has a value for each of them, (m, n).
+# Function of samples, (m,), and a function of tool points, (m, n, dimension) to (m, n): largest
+# values at and next to the samples, (m,).
 Largest = Callable[[IntArray, Callable[[FloatArray], FloatArray]], FloatArray]
 
 
 def corner_deviations(
-    tool: FloatArray, objective: Path, s: FloatArray | None = None, beside: Largest | None = None
+    tool: FloatArray, objective: Path, s: FloatArray | None = None, maximize: Largest | None = None
 ) -> tuple[CornerDeviation, ...]:
     """Cornering deviations at every corner of a path.
 
@@ -539,7 +521,8 @@ def corner_deviations(
         tool: Tool points [m], (n, dimension).
         objective: The path with its corners.
         s: Arc lengths of the nearest points on the path [m], (n,); computed if None.
-        beside: Finds what is larger between the points than at them; None if nothing is known.
+        maximize: Finds the largest values between the points; None if the motion between them is
+            unknown.
     """
     corners = np.flatnonzero(objective.turns > TANGENT_TOLERANCE) + 1
     if not len(corners):
@@ -566,23 +549,23 @@ def corner_deviations(
     away, past = length(offset), dot(offset, across[corner])
     rounding = np.minimum.reduceat(away, starts)
     overshoot = np.maximum.reduceat(past, starts)
-    if beside is not None:
-        # The first of the extreme samples of each corner.
+    if maximize is not None:
+        # The first extreme sample of each corner.
         rows = [np.flatnonzero(x == y[corner]) for x, y in ((away, rounding), (past, overshoot))]
         nearest, farthest = (x[np.unique(corner[x], return_index=True)[1]] for x in rows)
-        # What is largest where the tool comes and goes is not so between samples.
+        # An overshoot at the first or last sample of the region is no peak.
         inner = np.flatnonzero((farthest > starts) & (farthest < starts + last - first - 1))
         farthest, count = farthest[inner], len(corners)
         targets, out = np.concatenate([points, points[inner]])[:, None], across[inner][:, None]
 
-        # Squares are smooth, also where the tool passes through the corner.
+        # Squares are smooth, even where the tool passes through the corner.
         def both(x: FloatArray) -> FloatArray:
             gap = x - targets
             return np.concatenate(
                 [-dot(gap[:count], gap[:count]), np.sum(gap[count:] * out, axis=-1)]
             )
 
-        extremes = beside(order[sample[np.concatenate([nearest, farthest])]], both)
+        extremes = maximize(order[sample[np.concatenate([nearest, farthest])]], both)
         rounding, overshoot[inner] = np.sqrt(-extremes[:count]), extremes[count:]
     return tuple(
         CornerDeviation(vertex=vertex, point=tuple(point), rounding=cr, overshoot=max(0.0, co))
@@ -602,26 +585,25 @@ def _across(path: Path, corners: IntArray) -> FloatArray:
     return np.where(turned, across / np.where(turned, size, 1.0), before)
 
 
-def measure_shares(
+def measure_speed_ratios(
     path: Path, followed: Followed, speed: FloatArray, limit: float | None, *, between: bool = False
 ) -> FloatArray:
-    """Measure the tool speed over the velocity assigned at the place of the tool, (n,).
+    """Tool speed over the velocity assigned at the path point of the tool, (n,).
 
-    The place of a tool off the path is known to within its distance from the path. So next to a
-    joint between segments, as near as that, the larger of both velocities is the assigned one.
-    Where it falls or rises between two samples, the speed at that place counts, which is
-    interpolated linearly.
+    The path point of a tool is uncertain by its distance from the path. Within this distance of a
+    segment end, the larger of both velocities is the assigned one. If the assigned velocity changes
+    between two samples, the linearly interpolated speed at the segment end is used.
 
     Args:
         path: The path, whose segments may have speeds of their own.
-        followed: Places of the tool on it.
+        followed: Path points of the tool.
         speed: Tool speed at the samples [m/s], (n,).
         limit: Assigned velocity of the whole path [m/s]; None without one.
-        between: Whether the shares bound those between samples too, taking the speed for no more
-            bent there than it is at the samples around, with one kink at most.
+        between: Whether the ratios are bounds between samples, too, assuming at most the curvature
+            of the speed at adjacent samples and one kink.
 
     Returns:
-        The shares; 0 where no velocity is assigned.
+        The ratios; 0 without an assigned velocity.
     """
     assigned = np.fmin(path.speeds, np.inf if limit is None else limit)
     assigned = np.where(np.isnan(assigned), np.inf, assigned)
@@ -630,25 +612,29 @@ def measure_shares(
     high = speed + _bound_between(speed) if between else speed
     s, distance = np.maximum.accumulate(followed.s), followed.distance
     first, last = s - distance, s + distance
-    allowed = np.maximum(_at(path, assigned, first, "left"), _at(path, assigned, last, "right"))
+    allowed = np.maximum(
+        _assigned_velocities(path, assigned, first, "left"),
+        _assigned_velocities(path, assigned, last, "right"),
+    )
     ratio = high / allowed
     before, after = assigned[:-1], assigned[1:]
-    # Where the assigned velocity falls, the first sample past the joint has passed it before.
+    # Where the assigned velocity falls, the tool passes the segment end before the first sample
+    # after it.
     falls = np.flatnonzero(after < before)
-    _raise_at_joints(ratio, high, first, path.breaks[1:-1][falls], after[falls], past=1)
-    # Where it rises, the last sample before the joint goes on until there.
+    _raise_at_segment_ends(ratio, high, first, path.breaks[1:-1][falls], after[falls], past=1)
+    # Where it rises, the motion continues from the last sample to the segment end.
     rises = np.flatnonzero(after > before)
-    _raise_at_joints(ratio, high, last, path.breaks[1:-1][rises], before[rises], past=0)
+    _raise_at_segment_ends(ratio, high, last, path.breaks[1:-1][rises], before[rises], past=0)
     return ratio
 
 
-def _at(path: Path, assigned: FloatArray, s: FloatArray, side: str) -> FloatArray:
-    """Assigned velocities at places, which may be beyond the ends of the path [m/s], (n,)."""
+def _assigned_velocities(path: Path, assigned: FloatArray, s: FloatArray, side: str) -> FloatArray:
+    """Assigned velocities at arc lengths, which may exceed the path [m/s], (n,)."""
     inside = np.clip(s, 0.0, path.length)
     return assigned[path.locate(inside, side="left" if side == "left" else "right")]
 
 
-def _raise_at_joints(
+def _raise_at_segment_ends(
     ratio: FloatArray,
     speed: FloatArray,
     s: FloatArray,
@@ -657,15 +643,10 @@ def _raise_at_joints(
     *,
     past: int,
 ) -> None:
-    """Raise shares to those at the time at which the tool passes joints between segments.
+    """Raise ratios to those at the times at which the tool passes segment ends.
 
-    Args:
-        ratio: The shares, (n,); changed.
-        speed: Tool speed at the samples [m/s], (n,).
-        s: Places of the samples [m], (n,).
-        joints: Places of the joints [m], (joints,).
-        assigned: Velocity assigned on the slow side of each joint [m/s], (joints,).
-        past: 1 to raise the share of the sample after the joint, 0 that of the one before.
+    `assigned` is the velocity on the slow side of each end [m/s]; `past` is 1 to raise the ratio of
+    the sample after it, 0 of the one before.
     """
     s = np.maximum.accumulate(s)
     i = np.searchsorted(s, joints, side="right")
@@ -678,12 +659,12 @@ def _raise_at_joints(
 
 
 def _bound_between(speed: FloatArray) -> FloatArray:
-    """How much higher than at a sample the speed may be between it and the next ones, (n,)."""
+    """Bound on the increase of the speed between a sample and its neighbours, (n,)."""
     if len(speed) < 3:
         return np.zeros(len(speed))
     bent = np.pad(np.abs(np.diff(speed, 2)), 1, mode="edge")
-    # A parabola is above both ends by at most an eighth of its second difference, a kink by at most
-    # a quarter of the sum of those around it.
+    # A parabola exceeds both ends by at most an eighth of its second difference, a kink by at most
+    # a quarter of the sum of the adjacent ones.
     pairs = (bent[1:] + bent[:-1]) / 4
     return np.asarray(np.maximum(np.append(pairs, 0.0), np.append(0.0, pairs)))
 
@@ -691,9 +672,9 @@ def _bound_between(speed: FloatArray) -> FloatArray:
 def unexplained_errors(
     arm: Arm, q: FloatArray, tangent: FloatArray, model_error: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Bounds of the tool error due to errors of the joints, to first order.
+    """First-order bounds of the tool error due to joint errors.
 
-    Each joint counts with its largest error and the worst sign.
+    Each joint has its largest error with the worst sign.
 
     Args:
         arm: The arm.

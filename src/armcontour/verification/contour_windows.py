@@ -1,4 +1,4 @@
-"""Assignment of the samples of a motion to the contours of a program."""
+"""Assignment of samples of a motion to the contours of a program."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from armcontour.core.errors import InvalidInput
 from armcontour.geometry import Path
 from armcontour.program import Program, contour_called
 
-# The tool visits an end of a contour if their distance is at most NEAR_SHARE of the length of the
-# contour and at most NEAR [m], or at most AGAIN times the smallest distance of all samples.
+# The tool visits an end of a contour if their distance is at most NEAR_SHARE of the contour's
+# length and at most NEAR [m], or at most AGAIN times the smallest distance of all samples.
 NEAR_SHARE = 0.05
 NEAR = 1e-3
 AGAIN = 1.5
-# The travel of the tool along a contour is between these shares of the length of the contour:
-# chords between samples are shorter, noise of measured samples makes the travel longer.
+# Limits of the tool's travel along a contour, relative to the contour's length: chords between
+# samples are shorter, measurement noise makes the travel longer.
 DRAWN = (0.5, 1.5)
 
 
@@ -41,8 +41,8 @@ class _Window:
 def find_windows(tool: FloatArray, program: Program) -> list[tuple[int, int]]:
     """Find the first and the last sample on every contour of a program, in order.
 
-    Of all assignments in the order of the contours, the result has the smallest largest distance
-    between tool and contours. So a distance that is too large is too large in every assignment.
+    The result minimizes the largest distance between tool and contours over all assignments in the
+    order of the contours. A distance that is too large is therefore too large in every assignment.
 
     Args:
         tool: Tool points [m], (n, dimension).
@@ -57,7 +57,7 @@ def find_windows(tool: FloatArray, program: Program) -> list[tuple[int, int]]:
         earliest = min((x.last for x in previous), default=0)
         windows_here = []
         for first, last in _find_candidates(tool, travel, contour.path, earliest):
-            # The best window of the contour before that ends early enough.
+            # The best window of the previous contour that ends early enough.
             early = (x for x in previous if x.last <= first)
             before = min(early, key=lambda x: x.worst, default=None)
             if before is not None or number == 0:
@@ -82,14 +82,7 @@ def find_windows(tool: FloatArray, program: Program) -> list[tuple[int, int]]:
 def _find_candidates(
     tool: FloatArray, travel: FloatArray, path: Path, earliest: int
 ) -> list[tuple[int, int]]:
-    """Find pairs of samples at the ends of a path between which the tool travels its length.
-
-    Args:
-        tool: Tool points [m], (n, dimension).
-        travel: Travel of the tool up to each sample [m], (n,).
-        path: The path.
-        earliest: Index of the first sample to consider.
-    """
+    """Find pairs of samples at the ends of a path between which the tool travels its length."""
     ends = path([0.0, path.length])
     starts = _find_visits(tool, ends[0], path.length, earliest)
     stops = _find_visits(tool, ends[1], path.length, earliest)
@@ -105,14 +98,7 @@ def _find_candidates(
 def _find_visits(
     tool: FloatArray, point: FloatArray, length: float, earliest: int
 ) -> list[tuple[int, int]]:
-    """Find the first and the last nearest sample of every visit of the tool to a point.
-
-    Args:
-        tool: Tool points [m], (n, dimension).
-        point: The point [m], (dimension,).
-        length: Length of the contour that starts or ends there [m].
-        earliest: Index of the first sample to consider.
-    """
+    """Find the first and the last nearest sample of every visit of the tool to a point."""
     distance = np.linalg.norm(tool[earliest:] - point, axis=1)
     if not len(distance):
         return []

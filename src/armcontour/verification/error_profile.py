@@ -1,4 +1,4 @@
-"""An error over time, with its root mean square and its maximum."""
+"""`ErrorProfile`: an error over time, with its root mean square and its maximum."""
 
 from __future__ import annotations
 
@@ -17,37 +17,38 @@ from armcontour.core.sampling import integrate
 from armcontour.core.text import format_event, short_repr
 from armcontour.geometry import Orientation, Path, Projection
 from armcontour.geometry.orientation import turns_between
-from armcontour.geometry.projection import pack_segments
 
-# What is between samples may be higher than what was found by this share, or by so much [m or rad].
+# A value between samples must exceed the best one by this fraction, and by this amount [m or rad].
 CLOSE, ROUNDING = 3e-7, 1e-13
-# Parts of an interval that is looked at, and how often such parts are cut again, at most.
+# Number of parts per searched interval, and largest number of subdivisions.
 PARTS = 32
 MOST_CUTS = 12
-# A path that turns by more than this between two samples [rad] may have a peak of the error there
-# of which neither sample shows anything.
+# If the path turns by more than this between two samples [rad], the error may have a peak there
+# that no sample shows.
 SHARP = 0.2
-# Where smooth functions are looked at first, as shares of the time; and how often, each time in a
-# sixteenth of the time.
+# First sample times of smooth functions, as fractions of the interval, and number of refinements by
+# a factor of 16.
 FEW = np.arange(9) / 8
 CLOSER = 3
-# Where an interval is looked at; and where next, around the guesses of a peak. Shares of its width.
+# Sample times of an interval, and of the next search around the estimated peaks, as fractions of
+# its width.
 SHARES = np.arange(PARTS + 1) / PARTS
 AROUND = np.array([0.0, -0.03, 0.03])[:, None, None]
-# The ends of an interval are known, and so is what is so near to them, as shares of its width.
+# Distance from the ends of an interval, as a fraction of its width, within which the values are
+# known.
 NEAR = 0.01
-# So many of the largest angles are looked at first, and four times as many in each round after it.
+# Number of largest angles in the first batch; each further batch has four times as many.
 FIRST = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Coverage:
-    """The largest distance from a place of the path to the tool.
+    """Largest distance from the path to the tool (coverage error).
 
     Args:
         max: The distance [m].
-        t_max: Time at which the tool passes that place [s].
-        s_max: Arc length of the place [m].
+        t_max: Time at which the tool passes that path point [s].
+        s_max: Arc length of that path point [m].
     """
 
     max: float
@@ -62,11 +63,11 @@ def error_rows(
     rms: int = TABLE,
     most: int = TABLE,
 ) -> tuple[Row, ...]:
-    """RMS and largest value of an error, with time and place.
+    """Rows of RMS and largest value of an error, with time and arc length.
 
     Args:
         name: Key of the error; "" for none.
-        label: What the error is called.
+        label: Name of the error.
         error: The error; None if it is not known.
         rms: Level of the RMS.
         most: Level of the largest value.
@@ -90,7 +91,7 @@ def error_rows(
 class ErrorProfile(Result, Checked):
     """An error over time: a distance [m], or an angle [rad].
 
-    Between the contours of a program nothing is judged: there, all columns except `t` are NaN.
+    Between the contours of a program all columns except `t` are NaN.
 
     Args:
         t: Times [s], (n,).
@@ -116,7 +117,7 @@ class ErrorProfile(Result, Checked):
     angular: bool = False
 
     def to_data(self) -> Data:
-        """RMS and largest value, with time and place."""
+        """RMS and largest value, with time and arc length."""
         return Data("Error", error_rows("", "error", self))
 
     __repr__ = short_repr
@@ -132,7 +133,7 @@ class ErrorProfile(Result, Checked):
         peak: Peak | None = None,
         rms_until: float | None = None,
     ) -> ErrorProfile:
-        """Make the profile from the first time to `end_time`; the last value is kept to the end.
+        """Make the profile from the first time to `end_time`; the last value is held to the end.
 
         Args:
             t: Times [s], (n,).
@@ -140,17 +141,17 @@ class ErrorProfile(Result, Checked):
             s: Arc length of the nearest point of the path [m], (n,).
             end_time: End of the profile [s].
             side: 1 to the left of the path, -1 to its right, (n,); None for errors without a side.
-            peak: A higher value between the times, which becomes one of the values, but does not
-                count for the RMS; or None.
+            peak: A higher value between the times, which is inserted into the values but not into
+                the RMS; or None.
             rms_until: End of the time over which the RMS is taken [s]; by default `end_time`.
         """
-        times, (weighted,) = _cut(t, end_time if rms_until is None else rms_until, values)
-        t, (values, s) = _cut(t, end_time, values, s)
+        times, (weighted,) = _cut_at(t, end_time if rms_until is None else rms_until, values)
+        t, (values, s) = _cut_at(t, end_time, values, s)
         span = float(times[-1] - times[0])
         # A profile without duration has one value.
         square = integrate(weighted**2, times) / span if span > 0 else weighted[-1] ** 2
         if peak is not None:
-            # One peak of many: it would count for more than its share of the mean.
+            # A single peak would have too large a weight in the mean.
             k = int(np.searchsorted(t, peak.t))
             t, values, s = (np.insert(x, k, y) for x, y in zip((t, values, s), peak, strict=True))
             if side is not None:
@@ -169,7 +170,7 @@ class ErrorProfile(Result, Checked):
 
     @classmethod
     def join(cls, profiles: Sequence[ErrorProfile]) -> ErrorProfile:
-        """Join profiles that follow each other in time, with a gap of NaN between them."""
+        """Join consecutive profiles, with a gap of NaN between them."""
         if len(profiles) == 1:
             return profiles[0]
         worst = max(profiles, key=lambda x: x.max)
@@ -196,23 +197,23 @@ def _with_gaps(columns: Sequence[FloatArray]) -> FloatArray:
     return np.concatenate([np.append(x, np.nan) for x in columns])
 
 
-def _cut(t: FloatArray, end: float, *columns: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
-    """Times up to `end` and the columns there; after the last time its values hold."""
+def _cut_at(t: FloatArray, end: float, *columns: FloatArray) -> tuple[FloatArray, list[FloatArray]]:
+    """Times up to `end`, and columns; after the last time the values are held."""
     inside = t < end
     return np.append(t[inside], end), [np.append(x[inside], np.interp(end, t, x)) for x in columns]
 
 
 class Peak(NamedTuple):
-    """An error at one time: time [s], value [m or rad] and place on the path [m]."""
+    """An error at one time: time [s], value [m or rad] and arc length [m]."""
 
     t: float
     value: float
     s: float
 
 
-# Some samples, (m,), and by how much an error may be higher after each, (m,).
+# Samples, (m,), and possible increases of an error after each, (m,).
 Hidden = tuple[IntArray, FloatArray]
-# Errors and places at times within the interval after a sample, (n,) each.
+# Function of a sample and of times in the interval after it: errors and arc lengths, (n,) each.
 Measure = Callable[[int, FloatArray], tuple[FloatArray, FloatArray] | None]
 
 
@@ -225,63 +226,63 @@ def find_peak(
     end_time: float,
     hidden: Hidden | None = None,
 ) -> Peak | None:
-    """Find a value that is higher than those of all samples.
+    """Find a value that exceeds those of all samples.
 
     Args:
         t: Times of the samples [s], (n,).
         values: The error at these times [m or rad], (n,).
-        measure: Gives errors and places at times between sample i and the next one; i may be -1,
-            or n - 1. None where the motion is not known.
-        since: Nothing before this time counts [s].
-        end_time: Nothing after this time counts [s].
-        hidden: Samples between each of which and the next one the error can be higher though no
-            sample shows it, and by how much [m or rad].
+        measure: Function that returns errors and arc lengths at times between sample i and the
+            next; i may be -1 or n - 1. None if the motion is unknown.
+        since: Start of the search [s].
+        end_time: End of the search [s].
+        hidden: Samples after which the error may have a peak that no sample shows, and its possible
+            height [m or rad].
 
     Returns:
-        The peak; None if no value is higher, or if times do not increase.
+        The peak; None if no value is higher or the times do not increase.
     """
     if len(t) < 3 or (t[1:] <= t[:-1]).any():
         return None
     counts = slice(0, int(t.searchsorted(end_time, side="right")))
     sampled = float(values[counts].max(initial=-np.inf))
     best, peak = sampled, None
-    high, _, bound = _tops(t, values)
-    # Where the bend turns round, ripple is not resolved by the samples.
+    high, _, bound = _find_tops(t, values)
+    # Where the second difference changes its sign, the samples do not resolve the ripple.
     curvature = np.pad((values[2:] - values[1:-1]) - (values[1:-1] - values[:-2]), 1, mode="edge")
     ripple = np.maximum(values[:-1], values[1:]) + (abs(curvature[:-1]) + abs(curvature[1:])) / 4
-    unsure = np.flatnonzero((ripple > _above(best)) & (curvature[:-1] * curvature[1:] <= 0))
+    unsure = np.flatnonzero((ripple > _threshold(best)) & (curvature[:-1] * curvature[1:] <= 0))
     high, bound = np.append(high, unsure), np.append(bound, ripple[unsure])
     if hidden is not None and len(hidden[0]):
         sharp, excess = hidden
         high = np.append(high, sharp)
         bound = np.append(bound, (values[sharp] + values[sharp + 1]) / 2 + excess)
-    # What is beyond the first and the last sample goes on as beside it.
+    # Before the first and after the last sample the slope of the adjacent interval is used.
     for i, a, b in ((-1, 0, 1), (len(t) - 1, -1, -2)):
         end = since - t[0] if i < 0 else end_time - t[-1]
         if (end < 0) == (i < 0) and end != 0:
             rise = abs((values[b] - values[a]) / (t[b] - t[a]) * end)
             high, bound = np.append(high, i), np.append(bound, values[a] + 2 * rise)
     for k in np.argsort(-bound).tolist():
-        if bound[k] <= _above(best):
+        if bound[k] <= _threshold(best):
             break
         i = int(high[k])
         first = max(float(t[i]) if i >= 0 else since, since)
         last = min(float(t[i + 1]) if i + 1 < len(t) else end_time, end_time)
         if first < last:
-            higher = _climb(first, last, partial(measure, i), best)
+            higher = _search_interval(first, last, partial(measure, i), best)
             if higher is not None:
                 best, peak = higher.value, higher
-    # Higher by a rounding error only: one of the samples, computed once more.
-    return peak if best > _above(sampled) else None
+    # A value that is higher only by rounding is a repeated sample.
+    return peak if best > _threshold(sampled) else None
 
 
-def _climb(
+def _search_interval(
     first: float,
     last: float,
     measure: Callable[[FloatArray], tuple[FloatArray, FloatArray] | None],
     best: float,
 ) -> Peak | None:
-    """Find a value that is higher than the best one between two times; None if there is none."""
+    """Find a value above the best one between two times; None if there is none."""
     peak = None
     t, values = np.zeros(0), np.zeros(0)
     times = first + (last - first) * SHARES
@@ -296,9 +297,9 @@ def _climb(
         t, values = np.append(t, times), np.append(values, measured[0])
         order = t.argsort(kind="stable")
         t, values = t[order], values[order]
-        high, guesses, bound = _tops(t, values)
+        high, guesses, bound = _find_tops(t, values)
         width = t[high + 1] - t[high]
-        uncertain = (bound > _above(best)) & (width > PARTS * 4 * np.spacing(t[-1]))
+        uncertain = (bound > _threshold(best)) & (width > PARTS * 4 * np.spacing(t[-1]))
         if not uncertain.any():
             break
         low, width = t[high[uncertain]], width[uncertain]
@@ -307,15 +308,15 @@ def _climb(
     return peak
 
 
-def climb_smooth(
+def maximize_smooth(
     first: FloatArray, last: FloatArray, measure: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
-    """The largest value of smooth functions between two times each, (m,), by parabolas.
+    """Largest values of smooth functions, each between two times, (m,), by parabolas.
 
     Args:
         first: The first times [s], (m,).
         last: The last times [s], (m,).
-        measure: Gives the values at times of each function, both (m, n).
+        measure: Function that returns the values at times of each function, both (m, n).
     """
     step, rows = (last - first) * FEW[1], np.arange(len(first))
     times, best = first[:, None] + (last - first)[:, None] * FEW, np.full(len(first), -np.inf)
@@ -335,35 +336,32 @@ def climb_smooth(
     return best
 
 
-def _above(best: float) -> float:
-    """What must be exceeded to be looked at."""
+def _threshold(best: float) -> float:
+    """Value that must be exceeded to continue the search."""
     return best + CLOSE * abs(best) + ROUNDING
 
 
-def _tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Where the values between two samples may be higher than at both.
+def _find_tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Intervals in which the values may exceed those at both ends.
 
-    No higher than where the line through the two samples before meets that through the two after:
-    there is a kink, if the values have one; a parabola is a quarter as high above its samples.
-
-    Args:
-        t: Times of the samples [s], (n,) with n > 2.
-        values: Values there, (n,).
+    The bound is the intersection of the lines through the two samples before and after the
+    interval, which is the position of a kink; a parabola rises a quarter as much.
 
     Returns:
-        Indices of the first sample of these intervals, (m,); shares of their width at which a kink
-        and the top of a parabola would be, (2, m); how high the values may be, (m,).
+        Indices of the first samples of these intervals, (m,); relative positions of a kink and of
+        the top of a parabola, (2, m); bounds of the values, (m,).
     """
     rises = values[1:] - values[:-1]
     last = len(rises) - 1
-    # The values rise before and fall after the interval; at the ends anything may be.
+    # The values rise before and fall after the interval; the first and the last interval always
+    # count.
     top = (rises[:-2] > 0) & (rises[2:] < 0)
     top = np.concatenate([[0], np.flatnonzero(top) + 1, [last]])
     width = t[top + 1] - t[top]
     slope = rises[top] / width
     before, after = np.maximum(top - 1, 0), np.minimum(top + 1, last)
     a, b = (rises[i] / (t[i + 1] - t[i]) for i in (before, after))
-    # Beyond the ends the values are as bent as beside.
+    # Beyond the ends the curvature is that of the adjacent interval.
     a[0], b[-1] = 2 * slope[0] - b[0], 2 * slope[-1] - a[-1]
     falls = (a > 0) & (b < 0)
     top, slope, a, b, width = (x[falls] for x in (top, slope, a, b, width))
@@ -372,7 +370,7 @@ def _tops(t: FloatArray, values: FloatArray) -> tuple[IntArray, FloatArray, Floa
     return top, np.stack([kink, np.clip(0.5 + 2 * slope / (a - b), 0.0, 1.0)]), bound
 
 
-def angle_off(orientation: Orientation, s: FloatArray, turned: FloatArray) -> FloatArray:
+def orientation_angles(orientation: Orientation, s: FloatArray, turned: FloatArray) -> FloatArray:
     """Angle between the tool and the required tool orientation [rad], (n,).
 
     The angle is that between the tool axes if the path prescribes only an axis.
@@ -385,15 +383,15 @@ def angle_off(orientation: Orientation, s: FloatArray, turned: FloatArray) -> Fl
     return turns_between(orientation(s), turned, axis_only=orientation.axis_only)
 
 
-def least_off(
+def smallest_angles(
     path: Path, tool: FloatArray, nearest: Projection, turned: FloatArray, reach: float
 ) -> FloatArray:
-    """Angle between the tool and the required tool orientation nearby on the path [rad], (n,).
+    """Smallest angle between the tool and the required orientations nearby on the path [rad], (n,).
 
     Where the path crosses itself, turns back or closes, the tool may follow another point of the
-    path than the nearest one. So the smallest angle at the nearest points of all segments within
-    `reach` counts, and at the ends of segments within it. Angles that cannot be the largest one are
-    not reduced in this way.
+    path than the nearest one. The result is therefore the smallest angle at the nearest points of
+    all segments, and at segment ends, within `reach`. Angles that cannot be the largest one are not
+    reduced.
 
     Args:
         path: The path, with a tool orientation.
@@ -405,14 +403,14 @@ def least_off(
     from armcontour.verification.kernels import find_places
 
     assert path.orientation is not None
-    angle = angle_off(path.orientation, nearest.s, turned)
+    angle = orientation_angles(path.orientation, nearest.s, turned)
     geometry, order = pack_segments(path.segments), np.argsort(-angle)
     size, done, worst = FIRST, 0, -np.inf
     while done < len(order) and angle[order[done]] > worst:
         these = order[done : done + size]
         radius = np.maximum(reach, nearest.distance[these])
         point, arc_lengths = find_places(tool[these], geometry, radius)
-        fits = angle_off(
+        fits = orientation_angles(
             path.orientation, np.minimum(arc_lengths, path.length), turned[these[point]]
         )
         np.minimum.at(angle, these[point], fits)

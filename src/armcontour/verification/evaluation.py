@@ -35,7 +35,7 @@ from armcontour.verification.contour_execution import (
 from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
 from armcontour.verification.limit_verdict import measure_limit_ratios
 
-# A joint makes full use of a limit from this share on.
+# Fraction of a limit from which a joint counts as at the limit.
 NEAR = 0.99
 
 
@@ -45,51 +45,47 @@ class Evaluation(Result, Checked):
 
     Args:
         duration: Planned time of the motion [s].
-        settled: Time after which the tool stays below 1 mm/s [s].
+        settled: Time after which the tool speed stays below 1 mm/s [s].
         end_time: End of the time over which root mean squares are taken [s]; largest errors cover
             the time until all joints are at rest, unless `evaluate` was given an end.
-        contour_error: Distance from the tool to its place on the path [m].
-        coverage_error: Largest distance from a place of the path to the tool: a part of the path
-            that the tool does not reach counts.
+        contour_error: Distance from the tool to its path point [m].
+        coverage_error: Largest distance from the path to the tool, including parts of the path that
+            the tool does not reach.
         tracking_error: Distance from the tool to its planned position at the same time [m].
-        common_delay: Delay of the plan at which the RMS tracking error is smallest, which all
-            joints share [s].
+        common_delay: Delay of the plan at which the RMS tracking error is smallest, common to all
+            joints [s].
         error_without_delay: Tracking error without this delay: distance from the tool to its
             planned position at a time earlier by `common_delay` [m].
-        model_error: Bounds of the tool's error along and across the path that the servo model does
-            not explain, to first order [m]; None if its `model_error` is not known.
+        model_error: First-order bounds of the tool errors along and across the path due to the
+            servo's `model_error` [m]; None if it is unknown.
         objective_error: Distance from the tool to the objective path [m]; None without one.
-        objective_coverage_error: Largest distance from a place of the objective path to the tool
-            [m]; None without one.
-        orientation_error: Angle between the tool orientation (or its axis, where only the axis is
-            required) and the required one at its place on the path [rad]; None if no orientation is
+        objective_coverage_error: Largest distance from the objective path to the tool [m]; None
+            without one.
+        orientation_error: Angle between the tool orientation (or tool axis, if only the axis is
+            required) and the required one at the path point [rad]; None if no orientation is
             required.
         corners: Cornering deviations (ISO 9283, 8.5) at the corners of the objective path.
         speed: Largest tool speed [m/s].
-        speed_ratio: Largest ratio of the tool speed to the velocity assigned at its place, which
-            may be that of a segment; NaN without one.
-        speed_overshoot: Largest excess of the tool speed over the velocity assigned at its place
-            [m/s]; 0 without one.
-        path_velocity: Mean tool speed over the planned time of the motion; of a program, over the
+        speed_ratio: Largest ratio of the tool speed to the assigned velocity, which may be that of
+            a segment; NaN without one.
+        speed_overshoot: Largest excess of the tool speed over the assigned velocity [m/s]; 0
+            without one.
+        path_velocity: Mean tool speed over the planned time of the motion; for a program, over the
             time at work [m/s].
-        time_at_limit: Share of the planned time in which some joint was within 1 % of a limit of
-            its acceleration, velocity or torque; None unless `evaluate` was asked for the use of
-            limits by `limit_use=True`.
-        limit_ratios: Largest used share of every limit in the planned motion, on both sides of its
-            breaks and at the peaks between them. None unless `evaluate` was asked for the use of
-            limits by `limit_use=True`.
-        demand: Largest acceleration that each joint would have needed [rad/s²], (dof,).
-        demand_ratio: Largest share of the limit in its direction that each joint would have
-            needed, (dof,); 0 for a joint without a limit.
-        jerk: Largest jerk of each joint as executed, as a mean over one cycle [rad/s³],
-            (dof,).
-        jerk_ratio: Largest share of each joint's limit of jerk in `jerk`, (dof,); 0 without a
-            limit.
+        time_at_limit: Fraction of the planned time in which a joint is within 1 % of a limit of
+            acceleration, velocity or torque; None unless `limit_use=True`.
+        limit_ratios: Largest use of every limit in the planned motion, on both sides of its breaks
+            and at the peaks between them; None unless `limit_use=True`.
+        demand: Largest demanded acceleration of each joint [rad/s²], (dof,).
+        demand_ratio: Largest demanded acceleration of each joint as a fraction of the limit in its
+            direction, (dof,); 0 without a limit.
+        jerk: Largest executed jerk of each joint, averaged over one cycle [rad/s³], (dof,).
+        jerk_ratio: `jerk` as a fraction of each joint's limit, (dof,); 0 without a limit.
         command_jerk: Largest third difference of the set-points of each joint, over the command
             interval [rad/s³], (dof,).
-        saturated: Share of the time for which each joint was saturated, (dof,).
+        saturated: Fraction of time for which each joint is saturated, (dof,).
         contours: The contour error of every contour, in order.
-        judged: What was evaluated, for figures and reports; None if it is not known.
+        judged: Inputs of the evaluation, for figures and reports; None if unknown.
     """
 
     duration: float
@@ -121,7 +117,7 @@ class Evaluation(Result, Checked):
     judged: ContourJudgement | None = field(default=None, repr=False)
 
     def to_data(self) -> Data:
-        """The figures, errors first."""
+        """Result rows, errors first."""
         return Data("Evaluation", (*self._errors, *self._motion), (self._cornering,))
 
     @property
@@ -184,7 +180,7 @@ class Evaluation(Result, Checked):
 
     @property
     def _cornering(self) -> Table:
-        """Deviations at the corners of the objective path."""
+        """Table of deviations at the corners of the objective path."""
         names = ("joint", "contour", "point", "rounding", "overshoot")
         columns = tuple(Row(x, None, "m" if x not in names[:2] else "") for x in names)
         rows = [(c.vertex, c.contour, c.point, c.rounding, c.overshoot) for c in self.corners]
@@ -194,7 +190,7 @@ class Evaluation(Result, Checked):
     figure = draw
 
     def to_dict(self) -> dict[str, FloatArray]:
-        """Errors over time as columns that `pandas.DataFrame` takes, by name.
+        """Errors over time as columns for `pandas.DataFrame`, by name.
 
             pandas.DataFrame(result.to_dict()).plot(x="t", y="contour_error")
 
@@ -214,28 +210,28 @@ class Evaluation(Result, Checked):
 
 
 def duration_row(duration: float, level: int = FIRST) -> Row:
-    """The duration of a plan [s]."""
+    """Row of the duration of a plan [s]."""
     return Row("duration", duration, "s", "motion", level=level)
 
 
 def settled_row(settled: float) -> Row:
-    """The time after which the tool stays at rest [s]."""
+    """Row of the time after which the tool is at rest [s]."""
     return Row("settled", settled, "s", "at rest after")
 
 
 def demand_row(shares: FloatArray) -> Row:
-    """The largest share of its acceleration limit that each joint would have needed, (dof,)."""
+    """Row of the largest demanded fraction of each joint's acceleration limit, (dof,)."""
     return _of_joints("demand_ratio", shares, "1", "joint demand")
 
 
 def saturated_row(shares: FloatArray) -> Row:
-    """The share of the time for which each joint is saturated, (dof,)."""
+    """Row of the fraction of time for which each joint is saturated, (dof,)."""
     joints = [f"joint {j + 1} {number(x, '1')}" for j, x in enumerate(shares) if x > 0]
     return Row("saturated", shares, "1", "saturated", ", ".join(joints) or "no joint")
 
 
 def _of_joints(name: str, shares: FloatArray, unit: str, label: str) -> Row:
-    """A figure of each joint, with the name of the joint of the largest; none without limits."""
+    """Row of a value per joint, with the joint of the largest; no label without limits."""
     if not shares.any():
         return Row(name, shares, unit)
     return Row(name, shares, unit, label, f"joint {int(shares.argmax()) + 1}")
@@ -268,28 +264,27 @@ def evaluate(
     end_time: Interval | None = None,
     limit_use: bool = False,
 ) -> Evaluation:
-    """Evaluate an execution against the path that it was to follow.
+    """Evaluate an execution against its path.
 
     Root mean squares are weighted by time, from the first set-point to `end_time`; after its end
-    the execution is at rest. In a program, every contour is judged while the process is planned to
-    be at work on it, and nothing is judged between contours. A single path is judged from start to
-    end.
+    the execution is at rest. In a program, every contour is evaluated while the process works on
+    it, and nothing is evaluated between contours. A single path is evaluated from start to end.
 
     Args:
         executed: The execution.
-        path: The path that the tool was to follow, or the program that was planned.
+        path: The path that the tool should follow, or the planned program.
         objective: The path or program before rounding or shaping; needed for `objective_error`,
             `objective_coverage_error` and `corners`.
-        limits: Limits in place of those of the plan.
-        end_time: End of the time that errors cover [s]. By default largest errors cover the whole
+        limits: Limits instead of those of the plan.
+        end_time: End of the evaluated time [s]. By default largest errors cover the whole
             execution, and root mean squares the time until the planned motion has ended and the
-            tool stays below 1 mm/s. Not allowed for a program of more than one path.
+            tool speed stays below 1 mm/s. Not allowed for a program of more than one path.
         limit_use: Whether `time_at_limit` and `limit_ratios` are computed, which takes longer than
             all errors together; without it they are None.
 
     Raises:
-        InvalidInput: The path has another dimension than the arm, `end_time` is not above zero, or
-            the program was not planned.
+        InvalidInput: The path has another dimension than the arm, `end_time` is not positive, or
+            the program is not the planned one.
     """
     program, before = Program.from_path(path, "evaluate needs a Path or a Program"), None
     if objective is not None:
@@ -307,7 +302,7 @@ def evaluate(
     _, end = evaluated_times(executed, end_time)
     pieces = pieces_of(executed, program, before, end_time)
     contours = tuple(x.contour_error for x in pieces)
-    shares = [x.speed_shares(bounds.speed) for x in pieces]
+    shares = [x.speed_ratios(bounds.speed) for x in pieces]
     ratio = max(float(x.max()) for x in shares)
     delay = common_delay(executed)
     times = [(t[moved], speed[moved])]
@@ -322,7 +317,7 @@ def evaluate(
         tracking_error=ErrorProfile.join([x.tracking_error() for x in pieces]),
         common_delay=delay,
         error_without_delay=ErrorProfile.join([x.tracking_error(delay) for x in pieces]),
-        model_error=_most_of_each([x.model_error for x in pieces]),
+        model_error=_largest_errors([x.model_error for x in pieces]),
         objective_error=_join_known([x.objective_error for x in pieces]),
         objective_coverage_error=max(
             (x for piece in pieces if (x := piece.objective_coverage_error)),
@@ -343,14 +338,14 @@ def evaluate(
             / (duration if program.single_path else sum(x[-1] - x[0] for x, _ in times))
         ),
         **_compute_demands(executed, bounds, end),
-        time_at_limit=_utilisation(executed, bounds, duration) if limit_use else None,
+        time_at_limit=_time_at_limit(executed, bounds, duration) if limit_use else None,
         limit_ratios=measure_limit_ratios(trajectory, executed.arm, bounds) if limit_use else None,
         judged=ContourJudgement(executed=executed, path=program, objective=before, limits=bounds),
     )
 
 
 def _compute_demands(executed: Execution, limits: Limits, end: float) -> dict[str, Any]:
-    """Fields of `Evaluation` about the demands of the joints; `end` is that of the errors [s]."""
+    """Fields of `Evaluation` about joint demands; `end` is the end of the errors [s]."""
     jerk = executed_jerk(executed)
     return {
         "demand": executed.peak_demand,
@@ -358,41 +353,41 @@ def _compute_demands(executed: Execution, limits: Limits, end: float) -> dict[st
         "jerk": jerk,
         "jerk_ratio": use_of("joint_jerk", limits, jerk).ratio,
         "command_jerk": commanded_jerk(executed.set_points),
-        "saturated": saturated_shares(executed, end),
+        "saturated": saturated_fractions(executed, end),
     }
 
 
 def demand_ratio(executed: Execution, limits: Limits) -> FloatArray:
-    """Largest share of its acceleration limit that each joint would have needed, (dof,)."""
+    """Largest demanded fraction of each joint's acceleration limit, (dof,)."""
     return use_of("joint_acceleration", limits, executed.demand_range).largest
 
 
-def saturated_shares(executed: Execution, end: float) -> FloatArray:
-    """Share of the time for which each joint is saturated, (dof,); `end` is that of the errors."""
+def saturated_fractions(executed: Execution, end: float) -> FloatArray:
+    """Fraction of time for which each joint is saturated, (dof,); `end` is that of the errors."""
     time = max(end, float(executed.t[-1])) - float(executed.t[0])
     return np.asarray(executed.saturated_time / time)
 
 
 def _join_known(profiles: Sequence[ErrorProfile | None]) -> ErrorProfile | None:
-    """Join the profiles that are not None; None if all are."""
+    """Join the profiles that are not None; None if there are none."""
     known_profiles = [x for x in profiles if x is not None]
     return ErrorProfile.join(known_profiles) if known_profiles else None
 
 
-def _most_of_each(errors: Sequence[tuple[float, float] | None]) -> tuple[float, float] | None:
-    """The largest first and second value of those that are not None; None if all are."""
+def _largest_errors(errors: Sequence[tuple[float, float] | None]) -> tuple[float, float] | None:
+    """Largest first and second values, without None; None if there are none."""
     along, across = (max((x[i] for x in errors if x), default=-1.0) for i in (0, 1))
     return None if along < 0 else (along, across)
 
 
 def _number_corners(pieces: Sequence[ContourExecution]) -> tuple[CornerDeviation, ...]:
-    """Cornering deviations of all contours, with the numbers of these."""
+    """Cornering deviations of all contours, with contour numbers."""
     numbered = enumerate(pieces, start=1)
     return tuple(replace(x, contour=number) for number, y in numbered for x in y.corners)
 
 
-def _utilisation(executed: Execution, limits: Limits, duration: float) -> float:
-    """Share of the planned time [s] in which some joint was within 1 % of a limit."""
+def _time_at_limit(executed: Execution, limits: Limits, duration: float) -> float:
+    """Fraction of the planned time [s] in which a joint is within 1 % of a limit."""
     moved = (executed.t >= 0) & (executed.t <= duration)
     values = {"joint_acceleration": executed.ddq, "joint_velocity": executed.dq}
     if executed.torque is not None:
@@ -415,7 +410,7 @@ def mean_jerk(executed: Execution) -> FloatArray:
         return np.zeros_like(ddq)
     step = float(t[-1] - t[0]) / (len(t) - 1)
     k = max(1, round(executed.set_points.cycle / step))
-    # The arm stands still before the first result.
+    # The arm is at rest before the first result.
     before = np.concatenate([np.zeros((k, ddq.shape[1])), ddq])[: len(ddq)]
     return np.asarray((ddq - before) / (k * step))
 

@@ -1,4 +1,4 @@
-"""Compiled search for the places at which a tool follows a path, and for what it leaves out."""
+"""Compiled search for the points at which a tool follows a path, and for the coverage error."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from armcontour.geometry.kernels import Point, distance2, find_foot, point_at
 
 # Distances that differ by less than this are equal [m]: coordinates are not more exact.
 EQUAL = 1e-9
-# Stretches of the path that can be followed at a time; what is beyond joins the last one.
+# Largest number of reachable path intervals; further ones join the last.
 MOST_STRETCHES = 64
-# Halves of a part that wait while it is searched for the place that is the farthest from the tool,
-# and the precision of this distance [m].
+# Largest number of waiting halves in the search of a part for its farthest point, and precision of
+# the distance [m].
 MOST_HALVES, SURE = 64, 1e-10
-# Number of pairs of a point and a segment that are looked at together, about, to bound the memory.
+# Approximate number of point-segment pairs per batch, to bound the memory.
 PAIRS = 50_000
 
 
-class Way(NamedTuple):
-    """The way of the tool.
+class ToolMotion(NamedTuple):
+    """Tool points in order, with their path points.
 
     Attributes:
         points: Tool points in order, padded to space [m], (n, 3) with n > 1.
-        distance: Their distances from their places [m], (n,).
-        s: Their places on the path [m], (n,).
+        distance: Distances from their path points [m], (n,).
+        s: Arc lengths of their path points [m], (n,).
         sizes: Lengths of the tool's chords [m], (n - 1,).
-        later: Lowest place of the tool from each point on [m], (n,).
+        later: Smallest arc length of this and all later points [m], (n,).
     """
 
     points: FloatArray
@@ -41,12 +41,12 @@ class Way(NamedTuple):
     later: FloatArray
 
 
-class Stretches(NamedTuple):
-    """Stretches of the path on which the tool can be, in order.
+class PathIntervals(NamedTuple):
+    """Path intervals in which the tool can be, in order.
 
     Attributes:
-        ends: Their first and last places [m], (MOST_STRETCHES + 1, 2).
-        first: The segments on which they begin, (MOST_STRETCHES + 1,).
+        ends: First and last arc lengths [m], (MOST_STRETCHES + 1, 2).
+        first: Segments on which they begin, (MOST_STRETCHES + 1,).
     """
 
     ends: FloatArray
@@ -54,29 +54,19 @@ class Stretches(NamedTuple):
 
 
 @compiled(inner=True)
-def _reach(
+def _reachable_intervals(
     p: Point,
     rows: FloatArray,
-    old: Stretches,
+    old: PathIntervals,
     count: int,
-    new: Stretches,
+    new: PathIntervals,
     before: float,
     leash2: float,
 ) -> tuple[int, float, float, bool]:
-    """Find the stretches on which the tool can be at a point, and its nearest place on them.
+    """Find the path intervals in which the tool can be at a point, and the nearest path point.
 
-    Args:
-        p: The point [m].
-        rows: As in `follow`.
-        old: The stretches at the last point.
-        count: Their number.
-        new: Those at this point, updated.
-        before: Place at the last point [m].
-        leash2: Largest squared distance between tool and place [m²].
-
-    Returns:
-        The number of the new stretches, distance and place of the tool [m], and whether the place
-        was held by the rule that places do not go back.
+    Returns the number of new intervals, distance and arc length of the tool [m], and whether the
+    path point is at the start of an interval only because arc length must not decrease.
     """
     new_count, best, place, held, done = 0, math.inf, 0.0, False, -1.0
     for k in range(count):
@@ -88,14 +78,14 @@ def _reach(
                 continue
             foot = find_foot(p, rows[j])
             room = leash2 - foot.off2
-            # A line passes its foot once and a full circle twice.
+            # A line has one foot point, a full circle two.
             laps, turn, nearest = 1, 0.0, foot.along
-            # Half the length around its foot in which the segment is within the leash.
+            # Half of the length within the leash around the foot point.
             half = math.sqrt(max(room, 0.0))
             if curvature != 0.0 and room >= 0.0:
                 laps, turn = 2, 2 * math.pi / curvature
                 nearest = math.atan2(foot.along, foot.across) / curvature
-                # Squared distance of the farthest place of the circle, less that of the nearest.
+                # Squared distance of the farthest point of the circle, less that of the nearest.
                 farthest2 = distance2(foot, curvature, turn / 2) - foot.off2
                 fraction = room / farthest2 if room < farthest2 else 1.0
                 half = 2 * math.asin(math.sqrt(fraction)) / curvature
@@ -113,10 +103,10 @@ def _reach(
                 new.ends[new_count - 1, 1] = done
                 arc = min(max(centre, x), y)
                 d = math.sqrt(distance2(foot, curvature, arc - centre))
-                # Of equally near places, the next one ahead is followed.
+                # Of equally near points, the next one ahead is used.
                 if d < best - EQUAL or (d <= best + EQUAL and place < before - EQUAL):
                     place = base + arc
-                    # Held at the first place of the stretch, not at the end of a segment.
+                    # At the start of the interval, not at the end of a segment.
                     held = centre < x and x > 0.0 and base + x <= low + EQUAL
                 best = min(best, d)
             if base + length >= high and not (is_open and done >= base + length - EQUAL):
@@ -146,13 +136,15 @@ def follow(
     """
     n, size = len(points), MOST_STRETCHES + 1
     distance, s = np.empty(n), np.empty(n)
-    now = Stretches(np.empty((size, 2)), np.empty(size, np.intp))
-    after = Stretches(np.empty((size, 2)), np.empty(size, np.intp))
+    now = PathIntervals(np.empty((size, 2)), np.empty(size, np.intp))
+    after = PathIntervals(np.empty((size, 2)), np.empty(size, np.intp))
     now.ends[0, 0], now.ends[0, 1], now.first[0] = 0.0, start, 0
     count, before, held = 1, 0.0, False
     for i in range(n):
         p = points[i, 0], points[i, 1], points[i, 2]
-        count, best, before, point_held = _reach(p, rows, now, count, after, before, leash * leash)
+        count, best, before, point_held = _reachable_intervals(
+            p, rows, now, count, after, before, leash * leash
+        )
         if count == 0:
             return distance, s, i, held
         now, after = after, now
@@ -164,15 +156,15 @@ def follow(
 def find_places(
     points: FloatArray, rows: FloatArray, reach: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Nearest places of all segments within a distance of points, and ends of segments within it.
+    """Nearest points on all segments within a distance of points, and segment ends within it.
 
     Args:
         points: The points, padded to space [m], (n, 3).
-        rows: Segments from `geometry.projection.pack`, (segments, 15).
-        reach: The distances; what is further by rounding counts, too [m], (n,).
+        rows: Segments from `geometry.projection.pack_segments`, (segments, 15).
+        reach: The distances [m], (n,); an excess by rounding is accepted.
 
     Returns:
-        The number of the point of each place, and the places [m].
+        Index of the point, and arc length [m], for each result.
     """
     k, length, within = rows[:, 9], rows[:, 10], reach + EQUAL
     indices, arc_lengths = [np.empty(0, np.intp)], [np.empty(0)]
@@ -204,24 +196,14 @@ def find_places(
 
 @compiled(inner=True)
 def _tool_distances(
-    p: Point, q: Point, way: Way, i: int, until: float, reach: float
+    p: Point, q: Point, way: ToolMotion, i: int, until: float, reach: float
 ) -> tuple[float, float, float]:
-    """Distances of two places of the path from the tool's way around its chord i.
+    """Distances of two path points from the tool's motion around its chord i.
 
-    The way is as long as `reach` on both sides of the chord, and all of it until the tool is past
-    `until` for good.
-
-    Args:
-        p: The first place as a point [m].
-        q: The second one.
-        way: The way of the tool.
-        i: The chord at which the tool passes the places first.
-        until: A place as an arc length [m].
-        reach: Length of the way on each side [m].
-
-    Returns:
-        Both distances [m], and a bound of the distances of all points between both on a line: from
-        each chord, one of the ends is the farthest.
+    The motion extends by `reach` on both sides of the chord, and until the tool has passed
+    `end_time` for the last time. Returns both distances [m] and a bound for all points on the line
+    between
+    them: the end that is farther from a chord.
     """
     a = b = bound = math.inf
     for step in (1, -1):
@@ -230,7 +212,7 @@ def _tool_distances(
             returns = step > 0 and way.later[j] < until
             if j != i and not returns and gone > reach:
                 break
-            # A chord is nearer than an earlier one by no more than the way from there to its end.
+            # A chord is nearer than an earlier one by at most the length from there to its end.
             spare -= way.sizes[j]
             if spare <= EQUAL:
                 x = y = 0.0
@@ -255,7 +237,7 @@ def _tool_distances(
 
 @compiled()
 def _measure_parts(
-    way: Way,
+    way: ToolMotion,
     rows: FloatArray,
     order: IntArray,
     parts: IntArray,
@@ -266,20 +248,10 @@ def _measure_parts(
 ) -> None:
     """Largest distance from parts of the path to the tool, for each point that starts a step.
 
-    A part is measured at its ends and halved while a bound exceeds the largest distance found so
-    far.
-
-    Args:
-        way: The way of the tool.
-        rows: Segments from `geometry.projection.pack`, (segments, 15).
-        order: The order in which parts are measured.
-        parts: The step of the tool that passes each part, its segment, and whether the part is the
-            step's last one, (m, 3).
-        arc_lengths: Arc lengths at which each part starts and ends [m], (m, 2).
-        bounds: Bounds of the distances in each part [m], (m,).
-        distances: Largest distances [m], (n,), updated; -1 initially and where no point is
-            measured. The largest one is at most SURE below that of the whole path.
-        distance_s: Places of these distances [m], (n,); updated.
+    A part is measured at its ends and halved while a bound exceeds the largest distance so far.
+    `parts` are the step, the segment, and whether the part is the last of its step, (m, 3). Updates
+    `distances` [m], -1 where nothing was measured, and their arc lengths `distance_s`, (n,) each.
+    The largest is at most SURE below that of the whole path.
     """
     n = len(way.points)
     halves, worst = np.empty((MOST_HALVES, 2)), -1.0
@@ -289,7 +261,7 @@ def _measure_parts(
         i, g, first, last = parts[m, 0], rows[parts[m, 1]], arc_lengths[m, 0], arc_lengths[m, 1]
         chord, size = min(i, n - 2), last - first
         p, q = point_at(g, first - g[11]), point_at(g, last - g[11])
-        # Distances from the chord alone.
+        # Distances from this chord only.
         a, b, _ = _tool_distances(p, q, way, chord, -math.inf, -1.0)
         reach = 2 * (max(a, b) + min(g[9] * size**2 / 8, size / 2))
         count, halves[0, 0], halves[0, 1] = 1, first, last
@@ -298,13 +270,13 @@ def _measure_parts(
             first_s, last_s = halves[count, 0], halves[count, 1]
             p, q = point_at(g, first_s - g[11]), point_at(g, last_s - g[11])
             a, b, bound = _tool_distances(p, q, way, chord, last, reach)
-            # The end of the step is the place of the next point.
+            # The end of the step is the path point of the next tool point.
             end_point = i + 1 if parts[m, 2] and last_s == last and i < n - 1 else i
             for d, place, point in ((a, first_s, i), (b, last_s, end_point)):
                 if d > distances[point]:
                     distances[point], distance_s[point] = d, place
             worst = max(worst, a, b)
-            # A distance changes by no more than its place.
+            # A distance changes by at most the change of arc length.
             apart = last_s - first_s
             bound = min(bound + g[9] * apart**2 / 8, (a + b + apart) / 2)
             middle = first_s + apart / 2
@@ -315,22 +287,22 @@ def _measure_parts(
 
 
 def measure_coverage(
-    way: Way, rows: FloatArray, begin: float, end: float
+    way: ToolMotion, rows: FloatArray, begin: float, end: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Largest distance from the path to the tool, of the places passed from each point to the next.
+    """Largest distance from the path to the tool, for the path interval of each tool step.
 
-    What the tool passes in one step is cut at joints between segments. The step from the point with
-    the largest distance comes first, because most others need not be measured then.
+    Intervals are split at segment ends. The step from the point with the largest distance comes
+    first, because most others then need no measurement.
 
     Args:
         way: The way of the tool.
-        rows: Segments from `geometry.projection.pack`, (rows, 15).
-        begin: Places before this one do not count [m].
-        end: Nor do places after this one [m].
+        rows: Segments from `geometry.projection.pack_segments`, (rows, 15).
+        begin: Start of the evaluated arc length [m].
+        end: End of the evaluated arc length [m].
 
     Returns:
-        Distances [m], -1 where no place was measured, and places [m], (n,) each; the first row has
-        what is before the first place, too, the last row what is after the last place.
+        Distances [m], -1 without a measurement, and arc lengths [m], (n,) each. The first row
+        includes the path before the first tool point, the last row the path after the last.
     """
     reached = np.maximum.accumulate(way.s)
     low = np.append(begin, np.maximum(reached[1:], begin))
@@ -342,7 +314,7 @@ def measure_coverage(
     step, number = number_parts(count)
     k = segment[step] + number
     first, last = np.maximum(low[step], starts[k]), np.minimum(high[step], ends[k])
-    # No distance of a part between the places of two points exceeds theirs by more than its sag.
+    # The distance of a part between two path points exceeds theirs by at most the sagitta.
     sag = np.minimum(rows[k, 9] * (last - first) ** 2 / 8, (last - first) / 2)
     after = np.minimum(step + 1, len(low) - 1)
     whole = (after > step) & (first == way.s[step]) & (last == way.s[after])

@@ -1,4 +1,4 @@
-"""Use of every limit by a motion: along its laws, at its peaks, and the verdict of a check."""
+"""Use of limits by a motion, with the verdict of a check."""
 
 from __future__ import annotations
 
@@ -19,18 +19,19 @@ from armcontour.robot import Arm, Limits, SerialArm
 from armcontour.robot.limit_use import STILL, States, Use, use_of
 from armcontour.robot.limits import JOINT_RANGE
 from armcontour.robot.limits import UNITS as LIMIT_UNITS
-from armcontour.verification.error_profile import climb_smooth, least_off
+from armcontour.verification.error_profile import maximize_smooth, smallest_angles
 
-# Places in each interval of a law, its ends included: so many at least, and no more unless all
-# intervals together have fewer than FEWEST; those with fewer than ENOUGH have more than the least.
+# Number of times in each interval of a law, including its ends: smallest and largest number; all
+# intervals together have at least FEWEST, and those with fewer than ENOUGH more than the smallest
+# number.
 LEAST_PLACES, MOST_PLACES = 3, 20
 FEWEST, ENOUGH = 4000, 12_000
-# So many of the highest parabolas are looked at more closely.
+# Number of the highest parabolas that are refined.
 PEAKS = 12
 
 VERDICTS = KEPT, CANNOT_TELL, VIOLATED = ("kept", "cannot tell", "violated")
-# A limit counts as kept if rounding can explain the excess and the excess is below this share of
-# the limit: a plan that uses a limit in full exceeds the limit by a last digit once it is printed.
+# Excess as a fraction of the limit below which rounding explains it: the printed digits of a plan
+# that uses a limit in full may exceed it.
 UNSEEN = 1e-3
 
 # Units of the limits by their names.
@@ -40,12 +41,12 @@ UNITS = LIMIT_UNITS | {
     **{"tool_acceleration_step": "m/s²", "path_acceleration_step": "m/s²"},
 }
 
-# Places that are judged at a time.
+# Number of times per batch.
 CHUNK = 200_000
-# Accelerations may jump at a break by what a limit of jerk covers in this time [s], which no
-# controller resolves: jumps by rounding are smaller, those of plans without such a limit larger.
+# Time in which a limit of jerk allows the acceleration to jump at a break [s]; no controller
+# resolves it, and jumps by rounding are smaller.
 AT_ONCE = 1e-5
-# Limits of jerk, with the jumps at breaks that break them.
+# Limits of jerk, with the jumps at breaks that violate them.
 JUMPS = {
     "joint_jerk": "acceleration_step",
     "tool_jerk": "tool_acceleration_step",
@@ -61,7 +62,7 @@ class Occurrence:
     """The use of a limit at one time.
 
     Args:
-        ratio: Value over limit; for joint_lower and joint_upper both counted from the middle of the
+        ratio: Value over limit; for joint_lower and joint_upper both relative to the middle of the
             joint range.
         value: Value without sign [unit of the limit].
         limit: The limit there.
@@ -82,11 +83,7 @@ class Occurrence:
     certain: float
 
     def rows(self, unit: str) -> tuple[Row, ...]:
-        """Its figures; joints are counted from 1.
-
-        Args:
-            unit: Unit of the limit.
-        """
+        """Result rows; joints are numbered from 1."""
         joint = None if self.joint is None else self.joint + 1
         return (
             Row("ratio", self.ratio, "1", "share"),
@@ -110,10 +107,10 @@ class LimitUse(Result, Occurrence):
         name: The limit: a field of `Limits`, "path_deviation", "orientation_deviation", or a jump
             at a break of a law: "position_step", "velocity_step", "acceleration_step",
             "tool_acceleration_step" or "path_acceleration_step".
-        highest: Largest ratio of the numbers as they stand, in the narrowest windows; rounding may
-            have caused it.
+        highest: Largest ratio of the printed numbers, in the narrowest windows; rounding may have
+            caused it.
         verdict: "violated": every motion through the samples, within their digits, exceeds the
-            limit. "kept": the motion as it stands keeps the limit everywhere. Else "cannot tell".
+            limit. "kept": the motion satisfies the limit everywhere. Otherwise "cannot tell".
     """
 
     name: str
@@ -126,7 +123,7 @@ class LimitUse(Result, Occurrence):
         return UNITS.get(self.name, "")
 
     def to_data(self) -> Data:
-        """How much of the limit is used, when and by which joint."""
+        """Use of the limit, with time and joint."""
         highest = self.highest.rows(self.unit)
         printed = f"as printed {number(self.highest.ratio, '1')}"
         return Data(
@@ -142,8 +139,8 @@ class LimitUse(Result, Occurrence):
         )
 
 
-def judge_use(certain: float, highest: float, tolerance: float) -> str:
-    """Give the verdict on a limit, from its largest certain ratio and its largest ratio."""
+def decide_verdict(certain: float, highest: float, tolerance: float) -> str:
+    """Verdict on a limit, from its largest certain ratio and its largest ratio."""
     if certain > 1 + tolerance:
         return VIOLATED
     return KEPT if highest <= 1 + tolerance + UNSEEN else CANNOT_TELL
@@ -175,7 +172,7 @@ class LimitUseAccumulator:
     Args:
         arm: The arm.
         limits: The limits, with one value per joint.
-        path: The path that the tool was to follow, or None.
+        path: The path that the tool should follow, or None.
         deviation: Largest distance from the path [m].
         orientation_deviation: Largest angle from the required tool orientation [rad].
     """
@@ -191,14 +188,14 @@ class LimitUseAccumulator:
         self.arm, self.limits, self.path, self.deviation = arm, limits, path, deviation
         self.orientation_deviation = orientation_deviation
         self.farthest = {"distance": 0.0, "t": 0.0, "s": 0.0}
-        # Whether offered values count for the highest ratio. Means over wider windows are more
-        # certain, but never above the means over the narrower windows inside them.
+        # Whether recorded values count for the highest ratio. Means over wider windows are more
+        # certain, but never exceed the means over the narrower windows inside.
         self.narrow = True
         self._certain: dict[str, tuple[Occurrence, FloatArray]] = {}
         self._highest: dict[str, tuple[Occurrence, FloatArray]] = {}
 
-    def offer(self, use: Use, t: FloatArray, q: FloatArray) -> float:
-        """Accumulate the use of a limit: keep the largest certain and highest ratios.
+    def record(self, use: Use, t: FloatArray, q: FloatArray) -> float:
+        """Record the use of a limit: the largest certain and the highest ratio.
 
         Args:
             use: The use at some times.
@@ -240,22 +237,22 @@ class LimitUseAccumulator:
     def rates(
         self, name: str, t: FloatArray, rates: FloatArray, q: FloatArray, error: npt.ArrayLike = 0.0
     ) -> float:
-        """Offer rates to their limit, if any; arguments as of `offer` and `use_of`."""
+        """Record rates for their limit, if any; arguments as in `record` and `use_of`."""
         if getattr(self.limits, name) is None:
             return 0.0
-        return self.offer(use_of(name, self.limits, rates, error), t, q)
+        return self.record(use_of(name, self.limits, rates, error), t, q)
 
     def states(self, t: FloatArray, states: States) -> None:
-        """Offer all quantities of joints and tool at given states."""
+        """Record all quantities of joints and tool for some states."""
         for use in states.uses(self.limits):
-            self.offer(use, t, states.q)
+            self.record(use, t, states.q)
 
     def tool(self, q: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Tool points [m], (n, dimension), and a bound on the length of their error, (n,)."""
+        """Tool points [m], (n, dimension), and a bound on the norm of their error, (n,)."""
         return States(self.arm, (q,), (error,)).bounded(self.arm.tool_position, 0)
 
     def pose(self, t: FloatArray, q: FloatArray, error: FloatArray) -> None:
-        """Offer the distance of the tool from the path and from the required tool orientation."""
+        """Record the distance of the tool from the path and from the required tool orientation."""
         if self.path is None:
             return
         points, error_bound = self.tool(q, error)
@@ -268,20 +265,20 @@ class LimitUseAccumulator:
                 "s": float(nearest.s[worst]),
             }
         if self.deviation is not None:
-            self.offer(Use("path_deviation", nearest.distance, self.deviation, error_bound), t, q)
+            self.record(Use("path_deviation", nearest.distance, self.deviation, error_bound), t, q)
         allowed, orientation = self.orientation_deviation, self.path.orientation
         if allowed is None or orientation is None or not isinstance(self.arm, SerialArm):
             return
         reach = self.farthest["distance"] if self.deviation is None else self.deviation
-        angle = least_off(self.path, points, nearest, self.arm.pose(q)[1], reach)
+        angle = smallest_angles(self.path, points, nearest, self.arm.pose(q)[1], reach)
         # An error of a joint position turns the tool by at most the same angle. An error of the
         # tool point moves the nearest point to another required orientation.
         rate = np.linalg.norm(orientation.rates(nearest.s)[0], axis=1)
         slack = float(error.sum()) + rate * error_bound
-        self.offer(Use("orientation_deviation", angle, allowed, slack), t, q)
+        self.record(Use("orientation_deviation", angle, allowed, slack), t, q)
 
     def uses(self, tolerance: float) -> tuple[LimitUse, ...]:
-        """The largest uses of all limits, with arc lengths on the path and verdicts."""
+        """Largest uses of all limits, with arc lengths on the path and verdicts."""
         entries = [*self._certain.values(), *self._highest.values()]
         uses = [x for x, _ in entries]
         if self.path is not None and entries:
@@ -292,7 +289,7 @@ class LimitUseAccumulator:
             LimitUse(
                 name=name,
                 highest=most,
-                verdict=judge_use(x.certain, most.ratio, tolerance),
+                verdict=decide_verdict(x.certain, most.ratio, tolerance),
                 **{y.name: getattr(x, y.name) for y in fields(x)},
             )
             for name, x, most in zip(self._certain, certain, highest, strict=True)
@@ -300,7 +297,7 @@ class LimitUseAccumulator:
 
 
 class Law(Protocol):
-    """Joint positions over time as a law, such as a `Trajectory`."""
+    """Joint positions over time as a time law, such as a `Trajectory`."""
 
     @property
     def duration(self) -> float:
@@ -308,25 +305,25 @@ class Law(Protocol):
 
     @property
     def breaks(self) -> FloatArray:
-        """Times between which the law is smooth, its start and end included [s]."""
+        """Times between which the law is smooth, including start and end [s]."""
 
     def __call__(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
         """Joint positions, velocities, accelerations or jerks, (n, dof).
 
-        Of a law that refuses the order 3, jerk is not judged.
+        Jerk is not checked if the law raises an error for order 3.
         """
 
 
-def judge_law(
+def record_law(
     law: Law, tally: LimitUseAccumulator, *, points: int, seed: int, velocity_step: float
 ) -> int:
-    """Offer the law's states to the tally; returns how many.
+    """Record the states of a law; return their number.
 
     Args:
         law: The law.
-        tally: Where findings go.
-        points: Random places per interval.
-        seed: Of the random places.
+        tally: Accumulator of the uses.
+        points: Random times per interval.
+        seed: Seed of the random times.
         velocity_step: Largest jump of a joint's velocity at a break [rad/s].
 
     Raises:
@@ -347,12 +344,12 @@ def judge_law(
         t, q, uses = uses_of_law(law, tally.arm, tally.limits, right, left, jerks)
         count += len(t)
         for use in uses:
-            tally.offer(use, t, q)
+            tally.record(use, t, q)
         tally.pose(t, q, np.zeros(tally.arm.dof))
-        _acceleration_steps(
+        _record_acceleration_steps(
             law, ends if first == 0 else left, tally, jerks, (breaks[0], breaks[-1])
         )
-        _steps(
+        _record_steps(
             law, ends[1:] if first + size < len(breaks) - 1 else ends[1:-1], tally, velocity_step
         )
     return count
@@ -366,15 +363,15 @@ def uses_of_law(
     left: FloatArray,
     jerks: Collection[str],
 ) -> tuple[FloatArray, FloatArray, list[Use]]:
-    """The use of limits by a law at some times.
+    """Use of limits by a law at some times.
 
     Args:
         law: The law.
         arm: The arm.
         limits: The limits, with one value per joint.
-        right: Times at which a break belongs to the interval after it [s], (n,).
-        left: Times at which a break belongs to the interval before it [s], (m,).
-        jerks: The limits of jerk that are judged.
+        right: Times with values from the right at breaks [s], (n,).
+        left: Times with values from the left at breaks [s], (m,).
+        jerks: The limits of jerk that are checked.
 
     Returns:
         Both times, (n + m,), joint positions then, (n + m, dof), and the uses.
@@ -382,7 +379,7 @@ def uses_of_law(
     Raises:
         InvalidInput: A value is not finite, or the law has another number of joints.
     """
-    # Of joints and tool the third derivative is asked for only where it is judged.
+    # The third derivative of the joints is evaluated only if jerk of joints or tool is checked.
     order = 3 if set(jerks) - {"path_jerk"} else 2
     t = np.concatenate([right, left])
     if isinstance(law, Trajectory):
@@ -413,37 +410,32 @@ def uses_of_law(
     return t, columns[0], uses
 
 
-def _steps(law: Law, t: FloatArray, tally: LimitUseAccumulator, velocity_step: float) -> None:
-    """Offer the jumps at breaks, which no acceleration at either side would show."""
+def _record_steps(
+    law: Law, t: FloatArray, tally: LimitUseAccumulator, velocity_step: float
+) -> None:
+    """Record the jumps at breaks, which the accelerations on both sides do not show."""
     if not len(t):
         return
     q = law(t)
     jump = np.abs(q - law(t, side="left"))
-    tally.offer(Use("position_step", jump, POSITION_STEP), t, q)
+    tally.record(Use("position_step", jump, POSITION_STEP), t, q)
     limits = tally.limits
     derived = (limits.joint_acceleration, limits.joint_torque, limits.joint_jerk)
     if any(x is not None for x in derived):
         jump = np.abs(law(t, 1) - law(t, 1, side="left"))
-        tally.offer(Use("velocity_step", jump, velocity_step), t, q)
+        tally.record(Use("velocity_step", jump, velocity_step), t, q)
 
 
-def _acceleration_steps(
+def _record_acceleration_steps(
     law: Law,
     t: FloatArray,
     tally: LimitUseAccumulator,
     names: Collection[str],
     ends: tuple[float, float],
 ) -> None:
-    """Offer the jumps of accelerations at breaks, which no jerk at either side would show.
+    """Record the jumps of accelerations at breaks, which the jerk on both sides does not show.
 
     Before a motion that starts at rest, and after one that ends at rest, accelerations are zero.
-
-    Args:
-        law: The law.
-        t: Breaks [s], (n,).
-        tally: Where findings go.
-        names: The limits of jerk that are judged.
-        ends: The first and the last break [s].
     """
     if not names:
         return
@@ -455,13 +447,13 @@ def _acceleration_steps(
         after[resting & (t == ends[1])] = 0.0
         jump = np.abs(after - before)
         size = jump if name == "joint_jerk" else np.linalg.norm(jump, axis=1)
-        tally.offer(Use(JUMPS[name], size, AT_ONCE * getattr(tally.limits, name)), t, q)
+        tally.record(Use(JUMPS[name], size, AT_ONCE * getattr(tally.limits, name)), t, q)
 
 
 def _accelerations(
     law: Law, t: FloatArray, tally: LimitUseAccumulator, name: str, side: str
 ) -> FloatArray:
-    """The accelerations whose rate a limit of jerk bounds, at one side of times, (n, columns)."""
+    """Accelerations whose rate a limit of jerk bounds, on one side of times, (n, columns)."""
     if name == "path_jerk":
         return np.array(cast("Any", law).s(t, 2, side=side))[:, None]
     q, dq, ddq = (law(t, order, side=side) for order in range(3))
@@ -469,7 +461,7 @@ def _accelerations(
 
 
 def find_known_jerks(law: Law, limits: Limits, start: FloatArray) -> tuple[str, ...]:
-    """Find the limits of jerk that can be judged of a law: of joints and tool, along a path.
+    """Limits of jerk that can be checked for a law.
 
     Args:
         law: The law.
@@ -478,7 +470,7 @@ def find_known_jerks(law: Law, limits: Limits, start: FloatArray) -> tuple[str, 
     """
 
     def is_known(along: bool) -> bool:
-        # Of a law without a tool path s is the value of any parameter.
+        # Without a tool path, s of a law is an arbitrary parameter.
         if along and getattr(law, "path", None) is None:
             return False
         try:
@@ -492,17 +484,12 @@ def find_known_jerks(law: Law, limits: Limits, start: FloatArray) -> tuple[str, 
 
 
 def measure_limit_ratios(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
-    """Measure the largest used share of every limit: 1 is the limit.
+    """Largest use of every limit: 1 is the limit.
 
-    In a program, limits of the tool count along contours, limits of the joints in every move.
-
-    Args:
-        trajectory: The planned motion.
-        arm: The arm.
-        limits: The limits, with one value per joint.
+    In a program, limits of the tool apply along contours, limits of the joints in every move.
 
     Returns:
-        A share for the field of every limit that is given and can be judged.
+        The ratio of every specified limit that can be evaluated.
     """
     largest: dict[str, float] = {}
     for motion, bounds in _parts(trajectory, limits):
@@ -512,7 +499,7 @@ def measure_limit_ratios(trajectory: Trajectory, arm: Arm, limits: Limits) -> di
 
 
 def _parts(trajectory: Trajectory, limits: Limits) -> Iterator[tuple[Trajectory, Limits]]:
-    """Motions, each with the limits that hold in all of it."""
+    """Motions, each with the limits that apply in all of it."""
     if all(x.kind == "contour" for x in trajectory.spans):
         yield trajectory, limits
         return
@@ -523,7 +510,7 @@ def _parts(trajectory: Trajectory, limits: Limits) -> Iterator[tuple[Trajectory,
 
 
 def _largest_ratios(motion: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
-    """The largest used share of every limit in a motion."""
+    """Largest use of every limit in a motion."""
     breaks, jerks = motion.smooth_breaks, find_known_jerks(motion, limits, motion.starts[:1])
     few, enough = (-(-x // (len(breaks) - 1)) for x in (FEWEST, ENOUGH))
     count = max(LEAST_PLACES, few, min(MOST_PLACES, enough))
@@ -553,20 +540,10 @@ def _peaks(
     ratio: FloatArray,
     threshold: float,
 ) -> FloatArray:
-    """Used shares at the tops of the highest parabolas through three places of an interval.
-
-    Args:
-        motion: The motion.
-        arm: The arm.
-        name: The limit.
-        only: Limits of which the others are lifted.
-        t: Evenly spaced times of every interval [s], (places, n).
-        ratio: Used shares then, (places, n, columns).
-        threshold: Lower parabolas do not count.
-    """
+    """Ratios above `threshold` at the tops of the highest parabolas through three times."""
     before, middle, after = ratio[:-2], ratio[1:-1], ratio[2:]
     curvature, tilt = before - 2 * middle + after, (after - before) / 2
-    # Elsewhere the highest place is an end.
+    # Otherwise the highest value is at an end.
     top = np.flatnonzero((curvature < 0) & (np.abs(tilt) < -curvature))
     height = middle.flat[top] - tilt.flat[top] ** 2 / (2 * curvature.flat[top])
     order = np.argsort(-height, kind="stable")[:PEAKS]
@@ -579,4 +556,4 @@ def _peaks(
         values = next(x.ratio for x in uses if x.name == name).reshape(*t.shape, -1)
         return np.take_along_axis(values, column[:, None, None], axis=2)[..., 0]
 
-    return climb_smooth(t[i, k], t[i + 2, k], measure)
+    return maximize_smooth(t[i, k], t[i + 2, k], measure)

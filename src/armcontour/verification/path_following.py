@@ -1,8 +1,8 @@
-"""The places of a path at which a tool follows it, and the parts of the path that it leaves out.
+"""Points of a path at which a tool follows it, and the coverage error.
 
-Where a path runs over itself, the nearest place may be on another lap than the one on which the
-tool is. So the place is the nearest one of those that the tool can have reached by running over the
-path from its start without going back, on a leash that is as short as it can be.
+Where a path crosses or repeats itself, the nearest point may be on another lap than the tool. The
+path point is therefore the nearest one that the tool can have reached along the path from the start
+without moving back, within the shortest possible leash.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from armcontour.geometry import Path
 from armcontour.geometry.biarcs import length
 from armcontour.geometry.projection import find_nearest, pack_segments, pad_to_space
 
-# The leash is at least this many times the largest distance of some of the points from the path,
-# and this many steps of the tool; it is doubled until it is long enough.
+# The leash is this factor times the largest distance of SOME points from the path or the longest
+# step of the tool; it is doubled until it is long enough.
 SLACK = 4.0
 SOME = 500
 SHORTEST = 1e-7
@@ -25,15 +25,15 @@ SHORTEST = 1e-7
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Followed:
-    """How a tool follows a path.
+    """Result of following a path.
 
     Args:
-        distance: Distance from the tool to its place on the path [m], (n,).
-        s: Place of the tool on the path [m], (n,).
-        coverage_error: Largest distance from the path to the tool, of the places that are passed
-            from each point to the next [m], (n,); -1 where it cannot be the largest one.
-        coverage_error_s: Where these distances are [m], (n,).
-        geometry: The path from `geometry.projection.pack`, (rows, 15).
+        distance: Distance from the tool to its path point [m], (n,).
+        s: Arc length of the path point [m], (n,).
+        coverage_error: Largest distance from the path to the tool between each point and the next
+            [m], (n,); -1 where it cannot be the largest one.
+        coverage_error_s: Arc lengths of these distances [m], (n,).
+        geometry: The path from `geometry.projection.pack_segments`, (rows, 15).
     """
 
     distance: FloatArray
@@ -43,10 +43,10 @@ class Followed:
     geometry: FloatArray
 
     def turns(self, threshold: float) -> FloatArray:
-        """By how much the path turns from each point to the next one [rad], (n - 1,).
+        """Angle by which the path turns from each point to the next [rad], (n - 1,).
 
         Args:
-            threshold: Turns below this do not count [rad]: all may be 0 where all are.
+            threshold: If no turn exceeds this angle [rad], all results may be 0.
         """
         rows = self.geometry
         angle = (rows[:, 9] * rows[:, 10])[:, None]
@@ -55,7 +55,7 @@ class Followed:
         ahead = np.abs(np.diff(self.s))
         if corner.max(initial=0.0) + rows[:, 9].max() * ahead.max(initial=0.0) <= threshold:
             return np.zeros(len(ahead))
-        # A corner is a step of the sum of all turns.
+        # A corner is a step of the cumulative turn.
         joints = np.repeat(np.append(rows[:, 11], rows[-1, 11] + rows[-1, 10]), 2)[1:-1]
         steps = np.zeros(len(joints))
         steps[1::2], steps[2::2] = angle[:, 0], corner
@@ -64,12 +64,12 @@ class Followed:
     def near(
         self, points: FloatArray, ends: tuple[float, float], distance_bound: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Distances and places of a tool between two of the points [m], (n,) each.
+        """Distances and arc lengths of a tool between two of the points [m], (n,) each.
 
         Args:
             points: Tool points in order [m], (n, dimension).
-            ends: Places of both points [m].
-            distance_bound: The larger one of their distances [m].
+            ends: Arc lengths of both points [m].
+            distance_bound: The larger of their distances [m].
         """
         from armcontour.verification.kernels import follow
 
@@ -96,24 +96,24 @@ def follow_path(
     work: tuple[float, float] | None = None,
     judged: slice | None = None,
 ) -> Followed:
-    """Find the places of a path at which a tool follows it, and what it leaves out.
+    """Find the points of a path at which a tool follows it, and the coverage error.
 
     Args:
         path: The path.
         points: Tool points in order [m], (n, dimension) with n > 1.
-        work: Places between which the path counts as left out [m]; the tool starts at or before the
-            first one. By default all of the path, with a start at its start.
-        judged: The points for which places are found. Those before them, and those after them as
-            long as the tool is on the path, only count for what is left out. By default all.
+        work: Arc lengths between which the coverage error is evaluated [m]; the tool starts at or
+            before the first one. By default the whole path.
+        judged: The points with results, by default all. Earlier points, and later ones while the
+            tool is on the path, are used for the coverage error only.
     """
-    from armcontour.verification.kernels import Way, follow, measure_coverage
+    from armcontour.verification.kernels import ToolMotion, follow, measure_coverage
 
     first, last = (0, len(points)) if judged is None else (judged.start, judged.stop)
     begin, end = (0.0, path.length) if work is None else work
     padded, geometry = pad_to_space(points), pack_segments(path.segments)
     some = points[: last : max(1, last // SOME)]
     off = float(find_nearest(path.segments, some, in_order=True).distance.max())
-    # A leash that is not needlessly long for any of the points.
+    # The shortest leash that may suffice for all points.
     leash = SLACK * max(
         off, float(length(np.diff(points[:last], axis=0)).max(initial=0.0)), SHORTEST
     )
@@ -126,7 +126,7 @@ def follow_path(
     followed = slice(0, max(reached, 2))
     chords = length(np.diff(padded[followed], axis=0))
     later = np.minimum.accumulate(s[followed][::-1])[::-1].copy()
-    way = Way(padded[followed], distance[followed], s[followed], chords, later)
+    way = ToolMotion(padded[followed], distance[followed], s[followed], chords, later)
     coverage_error, coverage_s = measure_coverage(way, geometry, begin, min(end, path.length))
     selected = slice(first, last)
     for index, others in ((first, slice(0, first)), (last - 1, slice(last, None))):

@@ -8,8 +8,8 @@ of the joint acceleration follow from the positions and velocities at the ends o
     2 (v1 T - q1 + q0) / T²                 weight 2 t / T²
 
 All weights are positive and integrate to 1. The digits of a column bound the error of all of its
-numbers alike. In wider windows the error has less effect, so windows of 1, 2, 4, ... samples are
-judged until the error is negligible.
+numbers. Errors have less effect in wider windows, so windows of 1, 2, 4, ... samples are checked
+until the error is negligible.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from armcontour.robot import Limits, SerialArm
 from armcontour.robot.limit_use import SLOWEST, States, across, angular
 from armcontour.verification.limit_verdict import LimitUseAccumulator
 
-# Windows are not widened further once rounding is at most this share of every limit.
+# Windows are widened until rounding is at most this fraction of every limit.
 NEGLIGIBLE = 1e-7
 # Parts of a sample interval at which the distance of the cubic from the path is computed.
 BETWEEN = np.arange(1, 8) / 8
-# Windows in which the direction of motion turns by more than this sine do not show centripetal
+# Windows in which the direction of motion turns by more than this sine are not used for centripetal
 # acceleration.
 WIDEST_TURN = 0.2
 
-# Values at the samples, (n, columns), and bounds on the errors, (n, columns), or on the length of
-# the error, (n, 1).
+# Values at the samples, (n, columns), and bounds on the errors, (n, columns), or on the norm of the
+# error, (n, 1).
 Column: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Log:
-    """Samples that were checked, with bounds on their errors.
+    """Checked samples, with bounds on their errors.
 
     Args:
         t: Times, increasing [s], (n,).
@@ -48,7 +48,7 @@ class Log:
         ddq: Joint accelerations [rad/s²], (n, dof), or None.
         errors: Bounds on the error of q, dq and ddq, (dof,) each.
         t_error: Bound on the error of every time [s], (n,).
-        clock: Bound on the share by which all times may be stretched together.
+        clock: Bound on the fraction by which all times may be scaled together.
     """
 
     t: FloatArray
@@ -71,22 +71,22 @@ class Log:
     def mean(self, column: Column, order: int, k: int, *, both_ways: bool = False) -> Column:
         """Mean derivative of an order over windows of `order * k` samples, and its error.
 
-        Unless `both_ways`, the error bounds only how much smaller the true mean may be.
+        Unless `both_ways`, the error is a bound only for true means that are smaller.
         """
         y, error = column
         for j in range(1, order + 1):
             span, time_error = self.spans(j * k)
             y = j * (y[k:] - y[:-k]) / span
             size = np.abs(y) if error.shape[1] > 1 else np.linalg.norm(y, axis=1)[:, None]
-            # The shortest true length of a window is never quite none.
+            # The true length of a window is positive.
             shortest = np.maximum(span - time_error, 1e-6 * span)
             true = shortest if both_ways or j < order else span + time_error
             error = (j * (error[k:] + error[:-k]) + size * time_error) / true
         return y, error
 
 
-def judge_samples(log: Log, tally: LimitUseAccumulator) -> None:
-    """Offer to the tally the values at the samples, and lower bounds of the peaks between them."""
+def record_samples(log: Log, tally: LimitUseAccumulator) -> None:
+    """Record the values at the samples, and lower bounds of the peaks between them."""
     rates = () if log.dq is None else (log.dq,) if log.ddq is None else (log.dq, log.ddq)
     states = States(tally.arm, (log.q, *rates), log.errors)
     tally.states(log.t, states)
@@ -106,13 +106,13 @@ def judge_samples(log: Log, tally: LimitUseAccumulator) -> None:
                 mean, error = log.mean(column, order, k)
                 slack = max(slack, tally.rates(name, t, mean, q, error))
         if frames is not None:
-            slack = max(slack, _offer_angular_speed(log, tally, frames, k))
+            slack = max(slack, _record_angular_speed(log, tally, frames, k))
         if log.dq is not None:
-            _offer_both(log, log.dq, tally, k)
+            _record_windows(log, log.dq, tally, k)
         if tally.limits.centripetal_acceleration is not None and (
             log.dq is None or log.ddq is None
         ):
-            slack = max(slack, _offer_centripetal(log, tally, tool, k))
+            slack = max(slack, _record_centripetal(log, tally, tool, k))
         if slack <= NEGLIGIBLE:
             break
         k *= 2
@@ -131,13 +131,10 @@ def judge_samples(log: Log, tally: LimitUseAccumulator) -> None:
 def _mean_rows(
     log: Log, states: States, limits: Limits
 ) -> tuple[list[tuple[str, Column, int]], list[Column]]:
-    """Limits of mean rates, with the columns and the orders of the differences that give them.
+    """Limits of mean rates, with the columns and difference orders that determine them.
 
-    Velocities follow from positions, accelerations from velocities if there are any, and jerks from
-    the highest derivative.
-
-    Returns:
-        The rows; and positions of the tool, with its velocities if joints have them.
+    Velocities follow from positions, accelerations from velocities if available, and jerks from the
+    highest derivative. Also returns positions of the tool, and its velocities if joints have them.
     """
     arm = states.arm
     joints = {
@@ -166,15 +163,13 @@ def _mean_rows(
     return [x for x in rows if getattr(limits, x[0]) is not None], tool
 
 
-def _offer_angular_speed(log: Log, tally: LimitUseAccumulator, frames: FloatArray, k: int) -> float:
-    """Offer the mean angular speed over windows of `k` samples, from the tool's axes, (n, 3, 3).
-
-    Returns:
-        Largest share of the limit that rounding may have made.
-    """
+def _record_angular_speed(
+    log: Log, tally: LimitUseAccumulator, frames: FloatArray, k: int
+) -> float:
+    """Record mean angular speeds over windows of `k` samples; return the effect of rounding."""
     span, time_error = (x[:, 0] for x in log.spans(k))
     step = np.linalg.norm(frames[k:] - frames[:-k], axis=(1, 2))
-    # The shortest rotation between two frames, which is a lower bound of the angle turned.
+    # The shortest rotation between two frames is a lower bound of the angle.
     angle = 2 * np.arcsin(np.minimum(step / np.sqrt(8), 1.0))
     # An error of a joint position turns the tool by at most the same angle.
     error = (2 * log.errors[0].sum() + angle / span * time_error) / (span + time_error)
@@ -182,18 +177,8 @@ def _offer_angular_speed(log: Log, tally: LimitUseAccumulator, frames: FloatArra
     return tally.rates("angular_speed", t, (angle / span)[:, None], q, error)
 
 
-def _offer_centripetal(log: Log, tally: LimitUseAccumulator, tool: list[Column], k: int) -> float:
-    """Offer the part of mean tool accelerations normal to the motion.
-
-    Args:
-        log: The samples.
-        tally: Receives the values.
-        tool: Positions of the tool, with its velocities if joints have them.
-        k: Number of samples per window.
-
-    Returns:
-        Largest share of the limit that rounding may have made.
-    """
+def _record_centripetal(log: Log, tally: LimitUseAccumulator, tool: list[Column], k: int) -> float:
+    """Record mean tool accelerations normal to the motion; return the effect of rounding."""
     from scipy.ndimage import maximum_filter1d
 
     order, limit = 3 - min(len(tool), 2), tally.limits.centripetal_acceleration
@@ -206,9 +191,9 @@ def _offer_centripetal(log: Log, tally: LimitUseAccumulator, tool: list[Column],
     error, velocity_error = error[:, 0], np.maximum(velocity_error[:-k], velocity_error[k:])[:, 0]
     first, last = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
     slowest, size = np.minimum(first, last), np.linalg.norm(mean, axis=1)
-    # If the direction turns by an angle within the window, tangential acceleration has a part
-    # normal to the middle direction: the sine of the angle times its amount. The amount is the
-    # largest one of this window and the windows next to it.
+    # If the direction turns within the window, tangential acceleration has a component normal to
+    # the middle direction: the sine of the angle times its absolute value, of which the largest in
+    # this window and its neighbours is used.
     cosine = np.einsum("ij,ij->i", before, after) / np.maximum(first * last, SLOWEST**2)
     sine = np.sqrt(np.maximum(0.0, 1 - np.minimum(cosine, 1.0) ** 2))
     moving = (slowest > SLOWEST) & (cosine > 0) & (sine < WIDEST_TURN)
@@ -217,7 +202,7 @@ def _offer_centripetal(log: Log, tally: LimitUseAccumulator, tool: list[Column],
     along = np.abs(np.einsum("ij,ij->i", mean, before + after)) / middle
     along = maximum_filter1d(along + error, 2 * k + 1, mode="nearest")
     value, bound = across(before + after, mean), error + turned * along
-    # Where the direction turns by more, any part of the acceleration may be normal to the motion.
+    # Where the direction turns by more, the whole acceleration may be normal to the motion.
     sharp = ~moving & (slowest > SLOWEST + velocity_error)
     value[sharp] = bound[sharp] = size[sharp]
     counts = moving | sharp
@@ -226,8 +211,8 @@ def _offer_centripetal(log: Log, tally: LimitUseAccumulator, tool: list[Column],
     return float(error.max()) / limit
 
 
-def _offer_both(log: Log, dq: FloatArray, tally: LimitUseAccumulator, k: int) -> None:
-    """Offer mean accelerations and jerks from positions and velocities at the ends of windows."""
+def _record_windows(log: Log, dq: FloatArray, tally: LimitUseAccumulator, k: int) -> None:
+    """Record mean accelerations and jerks from positions and velocities at the ends of windows."""
     (span, time_error), (t, q) = log.spans(k), log.middles(k)
     step, total = log.q[k:] - log.q[:-k], dq[k:] + dq[:-k]
     position_error = 2 * log.errors[0] + log.errors[1] * (span + time_error)
@@ -241,7 +226,7 @@ def _offer_both(log: Log, dq: FloatArray, tally: LimitUseAccumulator, k: int) ->
         6 * residual / span**3,
         residual - 2 * position_error - np.abs(total) * time_error,
     )
-    # As numbers of positions are rounded, this says nothing about the motion as it stands.
+    # Because positions are rounded, this is no evidence about the printed motion.
     narrow, tally.narrow = tally.narrow, False
     tally.rates("joint_jerk", t, mean, q, mean - 6 * smallest / (span + time_error) ** 3)
     tally.narrow = narrow

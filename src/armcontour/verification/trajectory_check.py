@@ -1,4 +1,4 @@
-"""An independent check of any time-stamped joint trajectory against limits and a path.
+"""Independent check of time-stamped joint trajectories against limits and a path.
 
 The check shares only geometry and arms with the planners.
 """
@@ -37,24 +37,24 @@ from armcontour.verification.limit_verdict import (
     Law,
     LimitUse,
     LimitUseAccumulator,
-    judge_law,
     merge_uses,
+    record_law,
     shift_use,
 )
 from armcontour.verification.path_following import follow_path
-from armcontour.verification.sample_check import Log, judge_samples
+from armcontour.verification.sample_check import Log, record_samples
 
-# A computed number may be wrong by this many units in its last binary place.
+# Error bound of computed numbers, in units of the last binary digit.
 ULPS = 4
 # Printed times this near to a regular grid, in units of the last printed digit, are on the grid.
 ON_GRID = 1e-3
 UNITS = {"t": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
-# The way of the tool is looked at so often between two breaks of a law.
+# Number of tool points between two breaks of a law.
 PLACES = 4
 
 
 class TimeSamples(Protocol):
-    """Samples in time: `t` (n,), `q` (n, dof); `dq`, `ddq` and `resolution` where it has them."""
+    """Samples in time: `t` (n,), `q` (n, dof); optionally `dq`, `ddq` and `resolution`."""
 
     @property
     def t(self) -> FloatArray:
@@ -67,7 +67,7 @@ class TimeSamples(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathDeviation:
-    """The tool's largest distance from the path [m], its time [s] and its arc length [m]."""
+    """Largest distance of the tool from the path [m], its time [s] and arc length [m]."""
 
     distance: float
     t: float
@@ -79,17 +79,17 @@ class Check(Result):
     """The result of a check.
 
     Args:
-        uses: One entry for every limit that could be judged.
-        not_judged: Limits that the samples do not allow to judge, and requirements of the path
-            without a given limit.
+        uses: One entry for every limit that was checked.
+        not_judged: Limits that the samples do not allow to check, and requirements of the path
+            without a limit.
         reconstruction: Assumption about the motion between samples, in one sentence.
-        tolerance: Share by which a limit may be exceeded.
-        states: Number of times that were judged.
+        tolerance: Fraction by which a limit may be exceeded.
+        states: Number of checked times.
         start: First time [s].
         end: Last time [s].
         end_speeds: Largest joint velocity at the first and the last time [rad/s]; NaN if unknown.
         path_deviation: Largest distance from the path; None without a path.
-        rounding: Bound on the error of "t", "q", "dq", "ddq" that was allowed for [SI].
+        rounding: Assumed bound on the error of "t", "q", "dq", "ddq" [SI].
     """
 
     uses: tuple[LimitUse, ...]
@@ -104,7 +104,7 @@ class Check(Result):
     rounding: Mapping[str, float]
 
     def __repr__(self) -> str:
-        """The verdict, the number of limits, and the limit that is used most."""
+        """The verdict, the number of limits, and the limit with the largest use."""
         worst = self.worst
         suffix = "" if worst is None else f", {worst.name} used by {worst.certain:.6g} at most"
         return f"Check({self.verdict}, {len(self.uses)} limits{suffix})"
@@ -148,7 +148,7 @@ class Check(Result):
         )
 
     def _notes(self) -> Iterator[str]:
-        """Sentences on verdicts that are open, and on what was not judged."""
+        """Sentences on undecided verdicts and on limits that were not checked."""
         names = ", ".join(x.name for x in self.uses if x.verdict == CANNOT_TELL)
         if names:
             yield (
@@ -165,7 +165,7 @@ class Check(Result):
 
     @property
     def worst(self) -> LimitUse | None:
-        """The limit with the largest certain use; None if no limit was judged."""
+        """The limit with the largest certain use; None if no limit was checked."""
         return max(self.uses, key=lambda x: x.certain, default=None)
 
     @property
@@ -180,10 +180,10 @@ class Check(Result):
 
     @property
     def verdict(self) -> str:
-        """The verdict on all judged limits: "violated", "cannot tell" or "kept".
+        """The verdict on all checked limits: "violated", "cannot tell" or "kept".
 
-        "violated" if any limit is violated; else "cannot tell" if any limit has this verdict, or if
-        limits were given and none could be judged; else "kept". See `LimitUse` for one limit.
+        "violated" if any limit is violated; otherwise "cannot tell" if any limit has this verdict,
+        or if no specified limit could be checked; otherwise "kept". See `LimitUse` for one limit.
         """
         if not self.uses:
             return CANNOT_TELL if self.not_judged else KEPT
@@ -213,49 +213,51 @@ def check(
     points: Annotated[int, AtLeast(0, 10_000)] = 50,
     seed: Seed = 0,
 ) -> Check:
-    """Check a joint trajectory of any source against limits and a path.
+    """Check a joint trajectory from any source against limits and a path.
 
-    A law, such as a `Trajectory`, is judged on both sides of every break and at random times
-    between breaks; with a limit of jerk its accelerations must not jump. Samples are judged as they
-    stand, and between samples by means that every motion through them must reach. A reported
-    violation is real, except for the rounding allowed for; a peak between samples may be higher
-    than reported.
+    A law, such as a `Trajectory`, is checked on both sides of every break and at random times
+    between breaks; with a limit of jerk its accelerations must not jump. For samples, the printed
+    values are checked, and between them the means that every motion through them must reach. A
+    reported violation is real within the rounding; a peak between samples may be higher than
+    reported.
 
-    In a program, tool limits are judged along contours with their leads, and joint limits on every
-    move. Samples are assigned to contours so that the tool stays nearest to them.
+    In a program, tool limits are checked along contours with their leads, and joint limits on every
+    move. Samples are assigned to contours so that the tool is nearest to them.
 
     "violated" means that every motion through the samples exceeds the limit, for all true numbers
     within their printed digits. "kept" means that the samples, and the means between neighbours,
-    keep the limit; an excess by rounding below 0.1 % does not count. Else: "cannot tell".
+    satisfy the limit; an excess by rounding below 0.1 % is ignored. Otherwise the verdict is
+    "cannot tell".
 
     Args:
         samples: An object with `t`, `q` and perhaps `dq`, `ddq`; or a law, callable as
             `law(t, order, side=...)` with orders up to 2, and 3 for jerk, with `duration` and
             `breaks`.
         arm: The arm.
-        limits: Limits in place of those of the plan, or of the arm where the samples are no plan.
-        path: The path that the tool was to follow, or the program that was planned. With the
-            objective path in its place, rounded and shaped motions are judged against that.
+        limits: Limits instead of those of the plan, or of the arm if the samples are no plan.
+        path: The path that the tool should follow, or the planned program. With the objective path,
+            rounded and shaped motions are compared with that.
         deviation: Largest distance of the tool from the path [m].
-        coverage_error: Largest distance from any place of the path, such as a corner, to the tool's
-            way [m]: the other direction.
+        coverage_error: Largest distance from any point of the path, such as a corner, to the tool's
+            motion [m]: the opposite direction.
         orientation_deviation: Largest angle between the tool and the required tool orientation
             nearby [rad]; between the axes if only the axis is required.
         resolution: Last printed digit of "t", "q", "dq", "ddq", one or one per joint [SI]; by
-            default that of the samples, or none.
+            default that of the samples, or 0.
         tolerance: Share by which a limit may be exceeded.
         velocity_step: Largest jump of a joint's velocity at a break of a law [rad/s].
         points: Random times per interval of a law.
         seed: Seed of the random times.
 
     Raises:
-        InvalidInput: Samples that are not a trajectory of this arm; names the row, counted from 1.
+        InvalidInput: The samples are not a trajectory of this arm; the message has the row,
+            numbered from 1.
     """
     program = (
         None if path is None else Program.from_path(path, "check compares with a Path or a Program")
     )
     for on in [None] if program is None else [x.path for x in program.contours]:
-        _refuse_path(arm, on, deviation, coverage_error, orientation_deviation)
+        _check_path(arm, on, deviation, coverage_error, orientation_deviation)
     uses: dict[str, LimitUse] = {}
     not_judged: dict[str, None] = {}
     farthest: PathDeviation | None = None
@@ -270,7 +272,7 @@ def check(
             judged = _judge_log(motion, tally)
         whole = whole or judged
         if coverage_error is not None and part.path is not None:
-            judge_coverage(motion, tally, coverage_error)
+            record_coverage(motion, tally, coverage_error)
         part_uses = {x.name: shift_use(x, part.t, part.s) for x in tally.uses(tolerance)}
         not_judged |= dict.fromkeys(_not_judged(part.limits, part.path, set(part_uses)))
         uses |= {x: merge_uses(uses[x], y) if x in uses else y for x, y in part_uses.items()}
@@ -303,10 +305,10 @@ class _Part:
 
     Args:
         motion: A law or samples.
-        limits: The limits that hold in all of it.
+        limits: Its limits.
         path: The path that the tool was to follow, or None.
-        t: Start time of the motion in the whole, added to its times [s].
-        s: Length of the contours before it, added to its arc lengths [m].
+        t: Start time of the part, added to its times [s].
+        s: Length of the contours before, added to its arc lengths [m].
     """
 
     motion: Any
@@ -317,11 +319,7 @@ class _Part:
 
 
 def _split(samples: Any, arm: Arm, program: Program | None, limits: Limits | None) -> list[_Part]:
-    """Split a motion: joint limits hold in all of it, tool limits and paths on its contours.
-
-    Raises:
-        InvalidInput: The law has another number of contours, or samples do not follow a contour.
-    """
+    """Split a motion: joint limits apply in all of it, tool limits and paths on its contours."""
     planned = samples.limits if isinstance(samples, Trajectory) else None
     bounds = resolve_limits("check", arm, limits, planned)
     spans, plural = (
@@ -363,8 +361,8 @@ def _split(samples: Any, arm: Arm, program: Program | None, limits: Limits | Non
 def _judge_law(
     law: Law, tally: LimitUseAccumulator, points: int, seed: int, velocity_step: float
 ) -> dict[str, Any]:
-    """Judge a law; returns the fields of `Check` that do not come from the tally."""
-    count = judge_law(law, tally, points=points, seed=seed, velocity_step=velocity_step)
+    """Check a law; returns the fields of `Check` that the accumulator does not have."""
+    count = record_law(law, tally, points=points, seed=seed, velocity_step=velocity_step)
     start, end = float(law.breaks[0]), float(law.breaks[-1])
     first, last = law(np.array([start]), 1), law(np.array([end]), 1, side="left")
     return {
@@ -381,8 +379,8 @@ def _judge_law(
 
 
 def _judge_log(log: Log, tally: LimitUseAccumulator) -> dict[str, Any]:
-    """Judge samples; returns the fields of `Check` that do not come from the tally."""
-    judge_samples(log, tally)
+    """Check samples; returns the fields of `Check` that the accumulator does not have."""
+    record_samples(log, tally)
     speeds = None if log.dq is None else np.abs(log.dq).max(axis=1)
     rounding = {"t": float(log.t_error.max())} | {
         name: float(error.max())
@@ -399,18 +397,14 @@ def _judge_log(log: Log, tally: LimitUseAccumulator) -> dict[str, Any]:
     }
 
 
-def _refuse_path(
+def _check_path(
     arm: Arm,
     path: Path | None,
     deviation: float | None,
     coverage_error: float | None,
     orientation_deviation: float | None,
 ) -> None:
-    """Refuse a path that does not fit the arm, and deviations without a path for them.
-
-    Raises:
-        InvalidInput: Such a path or deviation.
-    """
+    """Check that the path fits the arm, and that deviations have a path."""
     if path is not None and path.dimension != arm.dimension:
         raise InvalidInput(
             f"The path has {path.dimension} coordinates, but the arm {arm.name} moves its tool in "
@@ -428,7 +422,7 @@ def _refuse_path(
 
 
 def _not_judged(limits: Limits, path: Path | None, judged: set[str]) -> tuple[str, ...]:
-    """Names of the limits, and of requirements of the path, that were not judged."""
+    """Names of limits, and of requirements of the path, that were not checked."""
     required = [x for x in LIMIT_UNITS if getattr(limits, x) is not None]
     if path is not None and path.orientation is not None:
         required.append("orientation_deviation")
@@ -457,11 +451,7 @@ def _reconstruction(log: Log) -> str:
 
 
 def _check_samples(samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLike] | None) -> Log:
-    """Check samples, and bound the errors of their numbers from printing and computing.
-
-    Raises:
-        InvalidInput: The samples are not a trajectory of an arm with `dof` joints.
-    """
+    """Check samples, and bound the errors of their numbers from printing and computing."""
     t, q = getattr(samples, "t", None), getattr(samples, "q", None)
     if t is None or q is None:
         raise InvalidInput(
@@ -513,7 +503,7 @@ def _check_samples(samples: Any, dof: int, resolution: Mapping[str, npt.ArrayLik
 
 
 def _time_errors(t: FloatArray, resolution: float) -> tuple[FloatArray, float]:
-    """Bounds on the errors of times [s], (n,), and on the share by which all may be stretched.
+    """Bounds on the errors of times [s], (n,), and on the fraction of their common scaling.
 
     If all printed times except the last are regular, the true times are regular too. The true
     period then differs by so little that the last digit of the other end does not change.
@@ -529,11 +519,7 @@ def _time_errors(t: FloatArray, resolution: float) -> tuple[FloatArray, float]:
 
 
 def _column(name: str, values: Any, dof: int | None) -> FloatArray:
-    """Check a column of samples: times if `dof` is None, else values per joint.
-
-    Raises:
-        InvalidInput: The values are not numbers, not finite, or of the wrong shape.
-    """
+    """Check a column of samples: times if `dof` is None, else values per joint."""
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -561,15 +547,15 @@ def _column(name: str, values: Any, dof: int | None) -> FloatArray:
     return array
 
 
-def judge_coverage(motion: Any, tally: LimitUseAccumulator, allowed: float) -> None:
-    """Offer the distances from the path to the tool to the tally.
+def record_coverage(motion: Any, tally: LimitUseAccumulator, allowed: float) -> None:
+    """Record the distances from the path to the tool.
 
-    The tool's way is straight between two places that are looked at, less certain by as much as the
-    way is bent around them.
+    The tool's motion is assumed to be straight between its points; its sagitta around them is the
+    error bound.
 
     Args:
         motion: A law, or samples with bounds on their errors.
-        tally: Where findings go; it has a path.
+        tally: Accumulator of the uses, with a path.
         allowed: Largest distance [m].
     """
     assert tally.path is not None
@@ -589,7 +575,9 @@ def judge_coverage(motion: Any, tally: LimitUseAccumulator, allowed: float) -> N
     around = np.maximum(
         sagitta, np.maximum(np.append(sagitta[1:], 0.0), np.append(0.0, sagitta[:-1]))
     )
-    tally.offer(Use("coverage_error", followed.coverage_error, allowed, around + error_bound), t, q)
+    tally.record(
+        Use("coverage_error", followed.coverage_error, allowed, around + error_bound), t, q
+    )
     if tally.deviation is not None:
-        # From its own place, where the nearest one may be on another line.
-        tally.offer(Use("path_deviation", followed.distance, tally.deviation, error_bound), t, q)
+        # Distance from the path point; the nearest point may be on another line.
+        tally.record(Use("path_deviation", followed.distance, tally.deviation, error_bound), t, q)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armcontour as ac
-from armcontour.robot.servo.simulation import Simulation
+from armcontour.robot.servo.simulation import ServoSimulation
 
 
 def test_a_joint_that_cannot_be_simulated_is_named():
@@ -24,7 +24,7 @@ def test_a_joint_that_cannot_be_simulated_is_named():
                 ki=np.zeros(2),
                 drive_cycle=0.0,
             )
-            run = Simulation(q, 4e-3, servo)
+            run = ServoSimulation(q, 4e-3, servo)
             with pytest.raises(ac.ExecutionError, match=r"Joint 2 .* kp = 1e\+"):
                 run.run(0, 3, q[0], np.zeros(2))
 
@@ -55,7 +55,9 @@ def test_held_set_points_while_the_joint_saturates():
         servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=late, interpolation="step")
         true = integrate(q, servo, 1e-5)
         for steps in (1, 3):
-            own = Simulation(q[:, None], CYCLE, servo.for_joints(1), -bound, bound, steps=steps)
+            own = ServoSimulation(
+                q[:, None], CYCLE, servo.for_joints(1), -bound, bound, steps=steps
+            )
             found = own.run(0, 60, q[:1], np.zeros(1))
             assert found.saturated[0] > 5 * CYCLE
             np.testing.assert_allclose([found.lowest[0], found.highest[0]], true, rtol=2e-3)

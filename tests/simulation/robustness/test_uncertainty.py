@@ -36,7 +36,7 @@ def test_a_box_its_columns_and_their_ranges(planar):
     box = Uncertainty(viscous=1.0, armature=0.1, payload_known=True)
     assert box.of_bodies == ("viscous", "armature", "payload_known")
     arm, servo, _, _ = planar
-    u = Unknowns.of(ALL, arm, servo)
+    u = Unknowns.from_uncertainty(ALL, arm, servo)
     assert u.names[:4] == ("payload", "friction of joint 1", "friction of joint 2", "kp of joint 1")
     assert u.names[-1] == "dead time" and len(u) == 10
     corners = u.corners()
@@ -45,9 +45,9 @@ def test_a_box_its_columns_and_their_ranges(planar):
     drawn = u.draw(500, 1)
     assert ((u.low <= drawn) & (drawn <= u.high)).all()
     assert (np.ptp(drawn, axis=0) > 0.95 * (u.high - u.low)).all()
-    shared = Unknowns.of(Uncertainty(viscous=1.0, friction_shared=True), arm, servo)
+    shared = Unknowns.from_uncertainty(Uncertainty(viscous=1.0, friction_shared=True), arm, servo)
     assert shared.names == ("friction",)
-    assert len(Unknowns.of(Uncertainty(), arm, servo)) == 0
+    assert len(Unknowns.from_uncertainty(Uncertainty(), arm, servo)) == 0
 
 
 def test_refusals(planar, refuses):
@@ -74,12 +74,12 @@ def test_refusals(planar, refuses):
         (Uncertainty(armature=0.1), ac.load_arm("pmk3s"), servo),
         (Uncertainty(), arm, first),
     ):
-        refuses(lambda x=(box, own, model): Unknowns.of(*x), ac.InvalidInput, *words)
+        refuses(lambda x=(box, own, model): Unknowns.from_uncertainty(*x), ac.InvalidInput, *words)
 
 
 def test_a_robot_has_its_errors(planar):
     arm, servo, _, _ = planar
-    u = Unknowns.of(ALL, arm, servo)
+    u = Unknowns.from_uncertainty(ALL, arm, servo)
     true, known, own = u.robot(u.high)
     for found, expected in (
         (true.chain.payload.mass, 1.1),
@@ -93,10 +93,12 @@ def test_a_robot_has_its_errors(planar):
         np.testing.assert_allclose(found, expected)
     # The controller knows none of it, unless it weighs its payload.
     assert known is u.arm
-    weighed = Unknowns.of(Uncertainty(payload=[0.0, 1.0], payload_known=True), arm, servo)
+    weighed = Unknowns.from_uncertainty(
+        Uncertainty(payload=[0.0, 1.0], payload_known=True), arm, servo
+    )
     assert weighed.robot(np.ones(1))[1].chain.payload.mass == pytest.approx(1.5)
     arm = ac.load_arm("ur5e").with_tool(ac.Frame(position=[0.0, 0.0, 0.12]))
-    u = Unknowns.of(Uncertainty(payload=[0.0, 2.0]), arm, SERVO)
+    u = Unknowns.from_uncertainty(Uncertainty(payload=[0.0, 2.0]), arm, SERVO)
     load = u.robot(np.array([2.0]))[0].chain.payload
     assert load.mass == 2.0 and load.center[2] == 0.12
     assert u.robot(np.zeros(1))[0].chain.payload is None
@@ -110,7 +112,7 @@ COARSE = {"step": 1e-3}
 @pytest.fixture(scope="module")
 def runs(planar):
     arm, servo, path, set_points = planar
-    u = Unknowns.of(
+    u = Unknowns.from_uncertainty(
         Uncertainty(gains=[[0.05], [0.0]], payload=[0.0, 0.4], payload_known=True), arm, servo
     )
     return BodyRuns(set_points=set_points, path=path, unknowns=u, limits=LIMITS, options=COARSE)
@@ -154,7 +156,7 @@ def test_other_processes_find_the_same(runs, monkeypatch):
 
 def test_a_robot_that_cannot_be_controlled_is_named(planar, runs):
     arm, servo, path, set_points = planar
-    wild = Unknowns.of(runs.unknowns.box, arm, servo.replace(kv=9e3))
+    wild = Unknowns.from_uncertainty(runs.unknowns.box, arm, servo.replace(kv=9e3))
     wrong = BodyRuns(set_points=set_points, path=path, unknowns=wild, limits=LIMITS, options={})
     with pytest.raises(ac.ExecutionError, match="The robot with no errors: .*unstable"):
         spread_on_bodies(wrong, wild.high[None])

@@ -47,7 +47,7 @@ def runs_of(certified):
     return BodyRuns(
         set_points=certified.set_points,
         path=certified.path.path,
-        unknowns=Unknowns.of(certified.goal.box, job.arm, job.plant_servo),
+        unknowns=Unknowns.from_uncertainty(certified.goal.box, job.arm, job.plant_servo),
         limits=certified.run.limits.for_joints(2),
         options={"step": 1e-3},
     )

@@ -9,7 +9,7 @@ from armcontour.core.frames import Frame
 from armcontour.motion import JointPath
 from armcontour.robot.scene import ArmShapes, Box, LinkShape, Margins, Obstacle, Scene, Sphere
 from armcontour.verification.clearance import Cell
-from armcontour.verification.clearance.clear_path import connect, round_postures, through
+from armcontour.verification.clearance.clear_path import connect, path_through, round_postures
 
 pytestmark = needs_dynamics
 
@@ -33,7 +33,7 @@ def test_a_way_around_a_wall_is_found_and_clear():
     assert not cell.keeps(JointPath.spline([A, B]))
     path = connect(cell, A, B, RANGES)
     assert np.allclose(path(path.breaks[[0, -1]]), [A, B], atol=1e-12)
-    assert cell.check(path).kept
+    assert cell.check(path).satisfied
     # At many places, the ball is where the bounds say that it may be.
     q = path(np.linspace(0.0, path.breaks[-1], 500))
     middle = ARM.with_tool(Frame()).tool_position((A + B) / 2)
@@ -58,5 +58,5 @@ def test_rounded_postures_are_smooth():
     assert (speeds <= 1 + 1e-12).all() and speeds.min() >= np.sqrt(0.5) - 1e-12
     assert len(round_postures(postures, 0.0).stops) == 2
     free = Cell(ARM, Scene())
-    path = through(free, np.array([A, A + 0.1, B]))
+    path = path_through(free, np.array([A, A + 0.1, B]))
     assert len(path.stops) == 0

@@ -55,7 +55,7 @@ def test_the_least_distance_is_bracketed():
     centres = tip(motion(np.linspace(0, 1, 20_001)))
     true = np.linalg.norm(centres - [0.3, 0.5, 0.4], axis=1).min() - 0.08
     assert pair.low <= true <= pair.high <= pair.low + 1.1e-4
-    assert found.kept and found.evaluations < 200
+    assert found.satisfied and found.evaluations < 200
 
 
 def test_a_thin_plate_between_two_samples_is_found():
@@ -76,7 +76,7 @@ def test_a_thin_plate_between_two_samples_is_found():
     # Samples of 4 ms miss the plate.
     distances = np.abs((centres - here) @ along) - 0.0005 - 0.001
     assert (distances > 0.003).all()
-    assert not found.kept
+    assert not found.satisfied
     (pair,) = found.too_near
     assert pair.first_time is not None and t[5] < pair.first_time < t[6]
     reached = tip(motion(np.array([pair.first_time])), arm)[0]
@@ -165,7 +165,7 @@ def test_pairs_are_left_out_with_reasons():
     reasons = {(x.first, x.second): x.reason for x in found.left_out}
     assert reasons[("base", "one")] == "neighbours"
     assert reasons[("base", "two")] == "given by cell.srdf: Never"
-    assert reasons[("table", "base")] == "both stand still"
+    assert reasons[("table", "base")] == "both are fixed"
     assert {(x.first, x.second) for x in found.pairs if x.kind == "own"} == {
         ("base", "three"),
         ("one", "three"),
@@ -199,7 +199,7 @@ def test_a_body_decides_where_its_hull_comes_too_near():
     found, near = (
         check_clearance(sweep_of(A, A, 1.0), BALL, Scene(obstacles=(x,))) for x in (full, hull)
     )
-    assert found.kept and not near.kept
+    assert found.satisfied and not near.satisfied
     assert found.pairs[0].high == pytest.approx(0.19 - 0.03, abs=1e-6)
 
 
@@ -240,7 +240,7 @@ def test_links_below_the_base_are_named_with_their_depth():
     assert height[0] > 0.1 and height.min() < -0.2
     found = check_clearance(motion, BALL, resolution=1e-4)
     (below,) = found.below
-    assert (below.second, found.kept) == ("end", True)
+    assert (below.second, found.satisfied) == ("end", True)
     assert below.high == pytest.approx(height.min(), abs=1e-4)
     assert below.t == pytest.approx(t[height.argmin()], abs=0.05)
     # The margin of 1 mm is passed at the first time.
@@ -258,7 +258,7 @@ def test_a_floor_with_a_height_is_an_obstacle(height):
     (pair,) = found.pairs
     assert (pair.first, pair.second, found.below) == ("floor", "end", ())
     assert pair.high == pytest.approx(lowest - height, abs=1.1e-3)
-    assert found.kept == (lowest - height > pair.margin)
+    assert found.satisfied == (lowest - height > pair.margin)
 
 
 def test_only_a_scene_without_a_floor_has_the_plane_of_the_base():

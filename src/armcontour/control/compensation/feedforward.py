@@ -11,7 +11,7 @@ from armcontour.control.compensation.set_points import SETTLING, integrator_tail
 from armcontour.core.checks import FloatArray
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import integrator_filter
-from armcontour.robot.servo.simulation import Simulation, polynomials
+from armcontour.robot.servo.simulation import ServoSimulation, polynomials
 
 # What a set-point leaves of the end of the motion after its tail [rad].
 SETTLED = 1e-10
@@ -96,7 +96,7 @@ def _fade(tail: FloatArray, last: FloatArray, cycle: float, servo: ServoModel) -
         left_out = np.pad(left_out, ((0, extra), (0, 0)), mode="edge")
     still = np.zeros(tail.shape[1])
     prompt = servo.replace(dead_time=still, friction=still)
-    run = Simulation(left_out, cycle, prompt).run(0, len(left_out) - 1, still, still)
+    run = ServoSimulation(left_out, cycle, prompt).run(0, len(left_out) - 1, still, still)
     q, dq, _ = np.abs(run.states).T
     change = np.abs(np.diff(left_out, axis=0)).max(axis=0)
     # Between results, after the last one, and as friction changes its sign.

@@ -21,7 +21,7 @@ from armcontour.motion import DEFAULT_CYCLE, Trajectory, check_cycle
 from armcontour.robot import Limits
 from armcontour.robot.limit_use import use_of
 from armcontour.robot.servo import ServoModel
-from armcontour.robot.servo.simulation import Simulation
+from armcontour.robot.servo.simulation import ServoSimulation
 
 # Fastest poles in units of 1 / T: their lag is a tenth of the cycle T, so that faster
 # poles have no benefit.
@@ -168,7 +168,7 @@ def extreme_demands(
     """
     kv = _second_order(servo)
     prompt = ServoModel(kp=servo.kp, kv=kv, interpolation=servo.interpolation, dead_time=0 * kv)
-    run = Simulation(q, cycle, prompt).run(0, len(q) - 1, q[0].copy(), np.zeros(len(kv)))
+    run = ServoSimulation(q, cycle, prompt).run(0, len(q) - 1, q[0].copy(), np.zeros(len(kv)))
     return run.lowest, run.highest
 
 

@@ -20,7 +20,7 @@ from armcontour.motion.nearest_commands import (
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import JOINT_RANGE
 from armcontour.robot.servo import ServoModel
-from armcontour.robot.servo.simulation import Simulation
+from armcontour.robot.servo.simulation import ServoSimulation
 
 # Set-points may begin earlier and end later by this many time constants of the slowest servo, and
 # by the times that the jerk needs for this many changes of acceleration from zero to its limit.
@@ -115,7 +115,7 @@ def _cost(
         return LimitCost(deviation=deviation)
     still = np.zeros(change.shape[1])
     linear = servo.replace(friction=0.0, drive_cycle=0.0)
-    run = Simulation(change, set_points.cycle, linear).run(0, len(change) - 1, still, still)
+    run = ServoSimulation(change, set_points.cycle, linear).run(0, len(change) - 1, still, still)
     moved = np.pad(run.states.T[0], ((1, 0), (0, 0)))
     tool = arm.tool_position(plan.with_rests(times) + moved)
     distances = np.concatenate([path.project(tool[which]).distance for path, which in paths])

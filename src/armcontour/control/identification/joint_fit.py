@@ -219,7 +219,7 @@ class Problem:
         begins = []
         for s in self.stretches:
             c = s.command
-            offset = float(np.median((s.y - c.at(c.t - lag))[s.use]))
+            offset = float(np.median((s.y - c.evaluate(c.t - lag))[s.use]))
             begins += [offset, float(s.y[0] - offset), s.velocity, 0.0][: self.b]
         return np.asarray(np.clip(np.concatenate([parameters, begins]), self.low, self.high))
 

@@ -227,7 +227,7 @@ class _Motion:
         position, velocity = self.derive(0, k), self.derive(1, k)
         for delay in np.linspace(0.0, LATEST, DELAYS):
             every = zip(self.times, self.stretches, strict=True)
-            commands = [s.command.at(t - delay) for t, s in every]
+            commands = [s.command.evaluate(t - delay) for t, s in every]
             u, du, ddu = (self.derive(x, k, commands) for x in range(3))
             columns = np.stack([u - position, velocity, du, ddu, np.ones(len(u))], axis=1)
             columns /= np.maximum(np.sqrt(np.mean(columns**2, axis=0)), 1e-300)

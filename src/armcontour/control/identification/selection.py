@@ -124,7 +124,7 @@ def find_lag(stretches: Sequence[LogSegment], longest: float) -> float:
     """The pure delay with the smallest tracking error [s], on a grid of about 1 ms."""
 
     def remaining_error(lag: float) -> float:
-        errors = [s.y - s.command.at(s.command.t - lag) for s in stretches]
+        errors = [s.y - s.command.evaluate(s.command.t - lag) for s in stretches]
         return sum(
             float(np.var(x[s.use]) * s.use.sum()) for x, s in zip(errors, stretches, strict=True)
         )
@@ -261,7 +261,7 @@ def _thin(stretches: Sequence[LogSegment]) -> Sequence[LogSegment]:
         return stretches
     thinned = [x.cut(0, len(x.y), every) for x in stretches]
     for one, full in zip(thinned, stretches, strict=True):
-        difference = one.command.at(full.command.t) - full.command.u
+        difference = one.command.evaluate(full.command.t) - full.command.u
         rough = np.sqrt(np.mean(np.diff(full.y, n=3) ** 2) / 20)
         if np.sqrt(np.mean(difference**2)) > THIN * rough or len(one.y) < FEWEST:
             return stretches

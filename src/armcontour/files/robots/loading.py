@@ -503,7 +503,7 @@ def with_more_shapes(
 def _add(arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None) -> ArmShapes:
     """The shapes of an arm and more of them."""
     # Loaded with the compiled code of motions, which an arm alone does not need.
-    from armcontour.verification.clearance.touching import leave_out_touching
+    from armcontour.verification.clearance.touching import exclude_touching
 
     known = arm.shapes or ArmShapes(shapes=())
     every = (*known.shapes, *shapes)
@@ -514,4 +514,4 @@ def _add(arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None) -> ArmS
         names = list(dict.fromkeys(x.name for x in every))
         left_out = (*left_out, *read_left_out(srdf, names))
     found = ArmShapes(shapes=every, left_out=left_out, source=known.source)
-    return leave_out_touching(arm.with_shapes(found)) if every else found
+    return exclude_touching(arm.with_shapes(found)) if every else found

@@ -97,7 +97,7 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
     # Loaded with the compiled code of motions, which an arm alone does not need.
     from armcontour.files.robots.collision import link_shapes
     from armcontour.files.robots.description import Description
-    from armcontour.verification.clearance.touching import leave_out_touching
+    from armcontour.verification.clearance.touching import exclude_touching
 
     tree, carried = description.tree, description.carried()
     # Links that the base does not carry stand still, with all joints locked.
@@ -107,7 +107,7 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
     last = description.moving[-1].child
     shapes = link_shapes(tree, {**still, **carried}, packages, last)
     source = f"collision elements of {FilePath(tree.file).name}"
-    return leave_out_touching(arm.with_shapes(ArmShapes(shapes=shapes, source=source)))
+    return exclude_touching(arm.with_shapes(ArmShapes(shapes=shapes, source=source)))
 
 
 def read_description(file: FilePath, options: ArmOptions, *, trust_xacro: bool) -> Tree:

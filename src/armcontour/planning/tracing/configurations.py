@@ -24,7 +24,7 @@ from armcontour.planning.tracing.knots import (
 from armcontour.planning.tracing.ranges import out_of_range
 from armcontour.planning.tracing.redundancy import null_space, smooth
 from armcontour.robot import SerialArm, newton
-from armcontour.robot.arm import hint_at_unit
+from armcontour.robot.arm import unit_hint
 from armcontour.robot.inverse import (
     REACH_SEEDS,
     configurations,
@@ -401,7 +401,7 @@ def _refuse_start(
     raise Unreachable(
         f"At 0 m along the path the arm {arm.name} cannot reach the position "
         f"{tuple(np.round(point, 6).tolist())} m with the required tool orientation: the tool "
-        f"stays {gap:.3g} m away{farthest}; {what_helps(path)}{hint_at_unit(gap)}.",
+        f"stays {gap:.3g} m away{farthest}; {what_helps(path)}{unit_hint(gap)}.",
         point=point.tolist(),
         s=0.0,
         limit="reach",
@@ -475,7 +475,7 @@ def _refuse(
         raise Unreachable(
             f"From {first:.6g} m of {path.length:.6g} m along the path it is out of reach of the "
             f"arm {arm.name}: at {tuple(np.round(worst, 6).tolist())} m, {s[i + farthest]:.6g} m "
-            f"along it, the tool stays {gap:.3g} m away; {what_helps(path)}{hint_at_unit(gap)}.",
+            f"along it, the tool stays {gap:.3g} m away; {what_helps(path)}{unit_hint(gap)}.",
             s=first,
             point=worst.tolist(),
             limit="reach",

@@ -89,10 +89,10 @@ def _over_time(job: Job, result: RunResult) -> Any:
     figure = Figure()
     cell = job.cell
     t = np.linspace(0.0, result.trajectory.duration, TIMES)
-    planned = cell.least_over(result.trajectory(t))
+    planned = cell.smallest_distances(result.trajectory(t))
     executed = result.motion
     rows = np.unique(np.linspace(0, len(executed.t) - 1, TIMES).astype(int))
-    driven = cell.least_over(executed.q[rows])
+    driven = cell.smallest_distances(executed.q[rows])
     margins = {x.kind: x.margin for x in cell.pairs}
     for (kind, least), colour in zip(planned.items(), RUN_COLOURS, strict=False):
         figure.add_trace(line(t, least * 1e3, f"{KINDS[kind]}, planned", colour))

@@ -1,6 +1,6 @@
 """The nominal robot: drives with position and velocity loops that move an arm's bodies.
 
-Compensation, learning, identification and certification use it. Plants, which judge their results,
+Compensation, learning, identification and certification use it; plants, which verify their results,
 do not.
 """
 
@@ -8,6 +8,6 @@ from armcontour.core.lazy import lazy_names
 
 _HOME = {
     "drives": "Drives",
-    "response": "Response Simulation regular_times respond_along simulate",
+    "response": "Response NominalMotion regular_times respond_along simulate",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -1,4 +1,4 @@
-"""`Drives`: the torques that the joints' drives give, and the command for a motion."""
+"""`Drives`: torques of the joint drives, and the command for a motion."""
 
 from __future__ import annotations
 
@@ -13,9 +13,8 @@ from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import integrator_filter
 
-# Below this speed the torque of Coulomb friction shrinks to 0 in proportion [rad/s]: a joint that a
-# plan leaves at rest has rounding errors of either sign. A joint reverses through this range in
-# less than a cycle.
+# Below this speed Coulomb friction is proportional to the speed [rad/s]: a joint that rests in the
+# plan has rounding errors of either sign. A reversing joint passes this range in less than a cycle.
 CREEP = 1e-3
 
 
@@ -24,15 +23,15 @@ class Drives:
     """The drives of an arm with masses: `tau = J K_v (K_p (u - q) - dq) + g(q)`.
 
     With an integrator, K_v is `K_v (1 + k_i / s)`. u is the command after dead time and
-    interpolation. g is the gravity torque that the controller
-    feeds forward: that of the arm as the controller knows it.
+    interpolation, g the gravity torque that the controller feeds forward, computed from its own
+    model of the arm.
 
     Args:
         arm: The nominal arm, with masses.
         servo: Servo of order "second".
         gravity_feedforward: Whether the controller adds the gravity torque.
-        controller: The arm model of the controller, for g and J, for example without a payload that
-            was identified later. By default the arm itself.
+        controller: The controller's model of the arm, for g and J: for example without a payload
+            that was identified later. By default the arm itself.
 
     Attributes:
         inertia: J, the servo's inertia, or else the nominal inertia of the known arm [kg m²],
@@ -69,23 +68,23 @@ class Drives:
 
     @property
     def controller_arm(self) -> Arm:
-        """The arm as its controller knows it."""
+        """The controller's model of the arm."""
         return self.arm if self.controller is None else self.controller
 
     def command(
         self, q: FloatArray, dq: FloatArray, ddq: FloatArray, step: float = np.inf
     ) -> FloatArray:
-        """The command u with which the drives make a motion [rad], (n, dof).
+        """Command u for which the drives execute a motion [rad], (n, dof).
 
-        `u = q + dq / K_p + tau / (J K_v K_p)`, tau being the torque without gravity feed-forward
-        and without what an integrator gives, which holds the arm at the first time.
+        `u = q + dq / K_p + tau / (J K_v K_p)`. tau is the torque without gravity feed-forward and
+        without the output of an integrator, which holds the arm at the first time.
 
         Args:
             q: Joint positions [rad], (n, dof).
             dq: Joint velocities [rad/s], (n, dof).
             ddq: Joint accelerations [rad/s²], (n, dof).
-            step: Time between two rows, which only integrators need [s]; by default they are
-                states of rest that last.
+            step: Time between two rows [s], needed for integrators only; by default the rows are
+                steady states.
         """
         torque = self.moving_torque(q, dq, ddq)
         if self.servo.ki.any():
@@ -99,9 +98,9 @@ class Drives:
     def moving_torque(self, q: FloatArray, dq: FloatArray, ddq: FloatArray) -> FloatArray:
         """The torque of the loops for a motion, without gravity feed-forward [N m].
 
-        It covers inertia, coupling, Coriolis and centrifugal torques, payload, friction, and
-        gravity that the controller does not feed forward. Coulomb friction is `coulomb sign(dq)`
-        but for joints slower than `CREEP`.
+        It includes inertia, coupling, Coriolis and centrifugal torques, payload, friction, and the
+        gravity torque that the controller does not feed forward. Coulomb friction is `coulomb
+        sign(dq)`, except for joints slower than `CREEP`.
 
         Args:
             q: Joint positions [rad], (n, dof).
@@ -132,7 +131,7 @@ class Drives:
             dq: Joint velocities [rad/s], (n, dof).
             ddq: Joint accelerations [rad/s²], (n, dof).
         """
-        # Gravity of the arm that the controller knows cancels.
+        # The gravity torque that the controller feeds forward cancels.
         fed, differs = self.gravity_feedforward, self.controller is not None
         stiffness, damping, mass = self.arm.dynamics.derivatives(
             q, dq, ddq, gravity=differs or not fed
@@ -148,9 +147,6 @@ def nominal_inertia(arm: Arm) -> FloatArray:
     """Nominal inertia of each joint with its drive [kg m²], (dof,).
 
     It is the diagonal of the mass matrix in the middle of the joint ranges, without payload.
-
-    Args:
-        arm: An arm with masses.
 
     Raises:
         InvalidInput: The masses are not known, or a joint turns no inertia.

@@ -21,8 +21,8 @@ from armcontour.robot.servo.model import integrator_filter
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
-# Friction torques of coupled joints are found one joint after the other until none changes by more
-# than this part of the largest one; a few rounds do, since the drives dominate the coupling.
+# Friction torques of coupled joints are computed joint by joint until none changes by more than
+# this fraction of the largest; a few iterations suffice because the drives dominate the coupling.
 EXACT = 1e-10
 ROUNDS = 60
 
@@ -38,12 +38,12 @@ def spread(
     moved: FloatArray,
     coulomb: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Deviations from a motion under torques, from rest, and the torques of dry friction.
+    """Deviations from a motion under torques, from rest, and the dry friction torques.
 
-    By the method of Newmark with constant mean acceleration, of second order and stable for every
-    step: `M (x[k+1] - 2 x[k] + x[k-1]) / h² + D (x[k+1] - x[k-1]) / 2h + K mean(x) = f[k]` with
-    `mean(x) = (x[k+1] + 2 x[k] + x[k-1]) / 4`. Friction brakes with the Coulomb torque, or holds a
-    joint at rest with what it takes, up to that torque.
+    Newmark's method with constant mean acceleration, second order and unconditionally stable: `M
+    (x[k+1] - 2 x[k] + x[k-1]) / h² + D (x[k+1] - x[k-1]) / 2h + K mean(x) = f[k]` with `mean(x) =
+    (x[k+1] + 2 x[k] + x[k-1]) / 4`. Friction brakes with the Coulomb torque, or holds a joint at
+    rest with any torque up to that.
 
     Args:
         mass: M at the times, (n, dof, dof).
@@ -51,9 +51,9 @@ def spread(
         stiffness: K at the times, (n, dof, dof).
         step: h [s].
         torque: f, means about the times, for several cases [N m], (n, dof, cases).
-        hold: Share of M / h² + D / 2h + K / 4 by which a joint that sticks is stiffer from each
-            time to the next, (n, dof); 0 for others.
-        moved: What the motion moves from each time to the next [rad], (n - 1, dof).
+        hold: Additional stiffness of a sticking joint in each step, as a multiple of M / h² + D /
+            2h + K / 4, (n, dof); 0 for others.
+        moved: Displacement of the motion in each step [rad], (n - 1, dof).
         coulomb: Coulomb friction [N m], (dof,).
 
     Returns:
@@ -87,7 +87,7 @@ def spread(
             for _ in range(ROUNDS):
                 change = 0.0
                 for i in range(dof):
-                    # What the joint would still move, and the friction that stops it.
+                    # Remaining motion of the joint, and the friction torque that stops it.
                     slip = moved[k, i] + free[i] - deviations[k, i, c]
                     for j in range(dof):
                         slip -= inverse[i, j] * brake[j]
@@ -105,20 +105,20 @@ def spread(
     return deviations, friction
 
 
-# The linear response is that of the motion at times this far apart [s], and interpolated: arms
-# hardly change between them.
+# The motion is linearized at times this far apart [s], with interpolation between them: the
+# dynamics hardly change.
 APART = 10e-3
 # A motion: joint positions, velocities or accelerations (order 0, 1, 2) at times, (n, dof).
 Motion = Callable[[FloatArray, int], FloatArray]
 
 
 class Equations(NamedTuple):
-    """The equations `A x = S u + U a` of deviations, with vectors of all times, time first.
+    """Equations `A x = S u + U a` of deviations; vectors cover all times, time first.
 
-    u are commands, and a commands that the integrators do not see, such as acceleration
-    feed-forward; without an integrator, S = U. The first rows of A say that the joints start in
-    equilibrium at the first command; A is lower triangular but for blocks of (dof, dof) on its
-    diagonal. S takes means over neighbouring times.
+    u are commands, and a commands that bypass the integrators, such as acceleration feed-forward;
+    without an integrator, S = U. The first rows of A are the equilibrium at the first command. A is
+    lower triangular except for blocks of (dof, dof) on its diagonal. S averages over neighbouring
+    times.
     """
 
     left: csc_array
@@ -128,12 +128,12 @@ class Equations(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Response(Checked):
-    """The closed loop, linear around a motion: `M x'' + D x' + K x = G u + f`.
+    """The closed loop, linearized around a motion: `M x'' + D x' + K x = G u + f`.
 
-    x is the deviation of the joints, u that of the command that reaches the drives, f additional
-    torque. The joints are at rest at the first time. Times are discrete, as in `_response.spread`,
-    and torques are means over neighbouring times, with the weights 1/4, 1/2 and 1/4. Integrators
-    and a cycle of the drives count in `equations` only.
+    x is the deviation of the joints, u that of the command at the drives, f additional torque. The
+    joints are at rest at the first time. Time is discrete, as in `spread`, and torques are averaged
+    over neighbouring times with the weights 1/4, 1/2 and 1/4. Only `equations` includes integrators
+    and the drive cycle.
 
     Args:
         t: Regular times [s], (n,).
@@ -153,17 +153,11 @@ class Response(Checked):
 
     @property
     def step(self) -> float:
-        """Time between two times [s]."""
+        """Step of the regular times [s]."""
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
 
     def of_drives(self, drives: Drives, others: Drives, every: int) -> Response:
-        """The response with other drives of the same arm, from that with some drives.
-
-        Args:
-            drives: The drives of this response.
-            others: The other drives.
-            every: Only every so many times are used.
-        """
+        """Response with other drives of the same arm, from the response with these drives."""
         return replace(
             self,
             t=self.t[::every],
@@ -184,7 +178,7 @@ class Response(Checked):
         padded = np.concatenate([cases[:1], cases, cases[-1:]])
         means = (padded[:-2] + 2 * cases + padded[2:]) / 4
         free = np.zeros(self.mass.shape[:2])
-        # Copies that can be written to: for locked ones the kernel would be compiled once more.
+        # Writable copies: the kernel would be compiled again for read-only arrays.
         loops = (self.mass, self.damping, self.stiffness)
         mass, damping, stiffness = (np.array(x, order="C") for x in loops)
         deviations, _ = spread(mass, damping, stiffness, self.step, means, free, free[1:], free[0])
@@ -193,15 +187,15 @@ class Response(Checked):
     def equations(self) -> Equations:
         """The equations `A x = S u + U a` of the loops in discrete time.
 
-        A cycle T delays the torque of the loops by T / 2 on average, which takes `D T / 2` of the
-        mass and `K T / 2` of the damping away. Where times are T apart, and for joints that have no
-        other torques, this is exact. An integrator is a filter of first order, which multiplies
-        what the loops give and divides what the bodies need.
+        A cycle T delays the torque of the loops by T / 2 on average, which reduces the mass by `D T
+        / 2` and the damping by `K T / 2`. This is exact for steps of T and joints without other
+        torques. An integrator is a first-order filter of the loop torque; its inverse filters the
+        torque of the bodies.
         """
         servo, delay = self.servo, self.servo.drive_cycle / 2
         lags = np.isfinite(servo.kp)
         loop = np.zeros_like(servo.kp) if servo.kv is None else np.isfinite(servo.kv) * 1.0
-        # What the loops give, and the share of a step by which it is late.
+        # Torque of the loops, and its delay as a fraction of a step.
         loops = loop / np.where(lags, servo.kp, 1.0), lags * 1.0
         fraction = lags * delay / self.step
         before, after = (np.diag(0.25 + x * fraction / 2) for x in (1, -1))
@@ -226,33 +220,27 @@ class Response(Checked):
         return Equations(alone @ bodies + both @ driven, both @ means, alone @ means)
 
     def _filters(self, weights: FloatArray) -> csc_array:
-        """The matrix of a filter of each joint, by the weights of a value and of that before it."""
+        """Matrix of the filter of each joint, from the weights of a value and of the one before."""
         from scipy.sparse import csc_array, diags_array
 
         now, before = np.tile(weights.T[:, None], (1, len(self.t), 1))
-        # At rest before the first time, a filter without the weight of a constant gives nothing.
+        # At rest, a filter without gain for constants has the output 0.
         now[0] += weights[:, 1] * (weights.sum(axis=1) == 0.0)
         dof = len(weights)
         return csc_array(diags_array([now.ravel(), before[1:].ravel()], offsets=[0, -dof]))
 
     def _steps(self, mass: FloatArray, damping: FloatArray, stiffness: FloatArray) -> csc_array:
-        """The matrix of `M x'' + D x' + K x` at all times but the first, where it is `K x`."""
+        """Matrix of `M x'' + D x' + K x` at all times; `K x` at the first."""
         m, d, k = mass[:-1] / self.step**2, damping[:-1] / (2 * self.step), stiffness[:-1] / 4
         return _banded(stiffness[0], np.stack([m - d + k, 2 * k - 2 * m, m + d + k], axis=1))
 
 
 def _banded(first: FloatArray, blocks: FloatArray) -> csc_array:
-    """The sparse matrix of one block in the first block row and three in each other one.
-
-    Args:
-        first: Block of the first row and column, (dof, dof).
-        blocks: Blocks by which a time depends on the two times before it and on itself,
-            (n - 1, 3, dof, dof).
-    """
+    """Sparse matrix with one block in the first block row and three in each other row."""
     from scipy.sparse import bsr_array, csc_array
 
     n, dof = len(blocks) + 1, len(first)
-    # Before the first time the joints are where they are at the first time.
+    # Before the first time the joints rest at their first positions.
     columns = np.maximum(np.arange(n - 1)[:, None] + [-1, 0, 1], 0)
     values = np.concatenate([first[None], blocks.reshape(-1, dof, dof)])
     row_starts = np.append(0, 1 + 3 * np.arange(n))
@@ -266,7 +254,7 @@ def _banded(first: FloatArray, blocks: FloatArray) -> csc_array:
 def linear_along(
     drives: Drives, t: FloatArray, q: FloatArray, dq: FloatArray, ddq: FloatArray
 ) -> list[FloatArray]:
-    """Mass, damping and stiffness at the times, interpolated, (n, dof, dof) each."""
+    """Mass, damping and stiffness along a motion, interpolated, (n, dof, dof) each."""
     rows = np.linspace(0, len(t) - 1, max(int((t[-1] - t[0]) / APART), 1) + 1).astype(np.intp)
     position = np.interp(np.arange(len(t)), rows, np.arange(len(rows)))
     before = np.minimum(position.astype(np.intp), len(rows) - 2)
@@ -276,7 +264,7 @@ def linear_along(
 
 
 def regular_times(start: float, end: float, longest: float) -> FloatArray:
-    """Regular times from `start` to `end` with at most `longest` between two of them [s], (n,)."""
+    """Regular times from `start` to `end` with steps of at most `longest` [s], (n,)."""
     count = max(int(np.ceil((end - start) / longest * (1 - 1e-12))), 1)
     return np.linspace(start, end, count + 1)
 
@@ -290,11 +278,11 @@ def respond_along(
     gravity_feedforward: bool = True,
     controller: Arm | None = None,
 ) -> Response:
-    """The response of the nominal robot around a motion.
+    """Response of the nominal robot around a motion.
 
-    An arm with masses and servos all of order "second" respond as `Drives`, with viscous friction.
+    With masses and second-order servos the robot responds as `Drives`, with viscous friction.
     Otherwise every joint responds as its servo, (6), and torques are in units of acceleration
-    (order "first": of velocity; "delay" and "unknown": of position).
+    (order "first": velocity; "delay" and "unknown": position).
 
     Args:
         motion: Joint positions, velocities and accelerations of the motion at times, by order.
@@ -302,7 +290,7 @@ def respond_along(
         arm: The nominal arm.
         servo: The nominal servo.
         gravity_feedforward: Whether the controller adds the gravity torque.
-        controller: The arm as its controller knows it, as in `Drives`.
+        controller: The controller's model of the arm, as in `Drives`.
 
     Raises:
         InvalidInput: The gains do not fit the arm.
@@ -320,7 +308,7 @@ def respond_along(
         one = np.ones(arm.dof)
         kv = one * np.inf if joint_servo.kv is None else joint_servo.kv
         loop, lag = np.isfinite(kv), np.isfinite(joint_servo.kp)
-        # Joints that only delay follow the command: x = u.
+        # Joints with a pure delay follow the command: x = u.
         gain = np.where(lag, joint_servo.kp, 1.0) * np.where(loop, kv, 1.0)
         rows = loop * one, np.where(loop, kv, lag * one), gain
         mass, damping, stiffness = (np.broadcast_to(np.diag(x), shape) for x in rows)
@@ -329,20 +317,20 @@ def respond_along(
     )
 
 
-# Corrections below this [rad], less than the best encoder resolves, end the iteration. What is left
-# is a thousandth of them.
-EXACT = 1e-9
-# Each correction leaves about a thousandth of the one before it.
+# Corrections below this [rad], less than the best encoder resolves, end the iteration. The
+# remaining error is about a thousandth.
+SMALLEST_CORRECTION = 1e-9
+# Each correction is about a thousandth of the one before.
 CORRECTIONS = 40
-# How much stiffer than inertia and drive a joint that sticks is held.
+# Stiffness of a sticking joint relative to inertia and drive.
 HELD = 1e6
-# A joint that a correction moves by more than this [rad] runs away.
+# A correction above this means that the joint runs away [rad].
 AWAY = 1e3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Simulation:
-    """A motion of the nominal robot, and how it answers to small torques.
+class NominalMotion:
+    """A motion of the nominal robot, and its response to small torques.
 
     Args:
         t: Regular times [s], (n,).
@@ -350,7 +338,7 @@ class Simulation:
         dq: Joint velocities, central differences [rad/s], (n, dof).
         ddq: Joint accelerations, second differences [rad/s²], (n, dof).
         friction: Torque of dry friction [N m], (n, dof).
-        held: Whether a joint sticks from each time to the next, (n, dof).
+        held: Whether a joint sticks in each step, (n, dof).
         mass: M at the times [kg m²], (n, dof, dof).
         damping: D at the times [N m s/rad], (n, dof, dof).
         stiffness: K at the times [N m/rad], (n, dof, dof).
@@ -368,13 +356,13 @@ class Simulation:
 
     @property
     def step(self) -> float:
-        """Time between two times [s]."""
+        """Step of the regular times [s]."""
         return float((self.t[-1] - self.t[0]) / (len(self.t) - 1))
 
     def to_torque(self, torque: FloatArray) -> FloatArray:
         """Deviations of the joints under small additional torques [rad], from the first time on.
 
-        Joints that stick go on to stick, and friction brakes in the same direction.
+        Sticking joints remain at rest, and friction keeps its direction.
 
         Args:
             torque: Torque at the times for several cases [N m], (n, dof, cases).
@@ -394,22 +382,21 @@ def simulate(
     speed: FloatArray | None = None,
     viscous: FloatArray | None = None,
     lag: float = 0.0,
-) -> Simulation:
-    """The motion of `Drives` under a command, on a grid of times.
+) -> NominalMotion:
+    """Simulate the motion of `Drives` under a command, on a regular time grid.
 
-    The torques balance in every step of the method of Newmark. The solution is found by
-    corrections, each of which is the linear response to the torque that the motion before it lacks.
+    The torques balance in every step of Newmark's method. Each iteration corrects the motion by the
+    linear response to its residual torque.
 
     Args:
         drives: The nominal robot. Friction is that of its arm.
         command: Command at the times, after interpolation, dead time and `lag` [rad], (n, dof).
         t: Regular times [s], (n,).
-        guess: A motion near the solution [rad], (n, dof); its first row is where the
-            joints start.
+        guess: Initial guess of the motion [rad], (n, dof); its first row is the initial position.
         speed: Joint velocities at the first time [rad/s], (dof,); by default zero.
-        viscous: Viscous friction instead of that of the arm [N m s/rad], (dof,), of either sign.
-        lag: Time by which the torque of the loops comes late [s], such as half a cycle of the
-            drives. Small against the loops' time constants.
+        viscous: Viscous friction instead of the arm's [N m s/rad], (dof,), of either sign.
+        lag: Delay of the loop torque [s], such as half a drive cycle; small against the time
+            constants of the loops.
 
     Raises:
         ExecutionError: A joint runs away, or friction has no solution.
@@ -418,7 +405,7 @@ def simulate(
     chain = drives.arm.dynamics.chain
     coulomb = np.array(chain.coulomb)
     brake = np.asarray(chain.viscous) if viscous is None else viscous
-    # What comes late takes inertia and damping away.
+    # The delay reduces inertia and damping.
     lost_mass, lost_damping = drives.damping * lag, drives.stiffness * lag
     before = guess[0] - step * (np.zeros(drives.arm.dof) if speed is None else speed)
     demanded = drives.stiffness * _mean(command, command[0])
@@ -441,10 +428,10 @@ def simulate(
         size = float(np.abs(correction).max())
         if not size < AWAY:
             break
-        if size <= EXACT:
+        if size <= SMALLEST_CORRECTION:
             dq, ddq = _rates(q, before, step)
             sticking = np.abs(friction) < coulomb * (1 - 1e-9)
-            return Simulation(
+            return NominalMotion(
                 t=checks.frozen_array(t), q=q, dq=dq, ddq=ddq, friction=friction, held=sticking,
                 mass=mass, damping=damping, stiffness=stiffness,
             )  # fmt: skip

@@ -1,9 +1,9 @@
 """Compiled response of a joint whose velocity loop has an integrator (P-PI cascade).
 
-The joint follows `ddq = clip(z, lower, upper)`, `z = kv (kp (u - q) - dq + ki x)`,
-`dx = kp (v - q) - dq - (z - ddq) / kv`, whose last term stops the integrator in saturation. The
-command v has no friction and no acceleration feed-forward. Within a step the motion is its Taylor
-series, which is exact up to rounding errors.
+The joint follows `ddq = clip(z, lower, upper)`, `z = kv (kp (u - q) - dq + ki x)`, `dx = kp (v - q)
+- dq - (z - ddq) / kv`, whose last term stops the integrator in saturation. The command v excludes
+friction and acceleration feed-forward. Within a step the motion is a Taylor series, exact up to
+rounding errors.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from armcontour.robot.servo.joint_response import MOST_PHASES, MOST_STEPS, ROUND
 
 # Times [s] that differ by less than this are equal, as in `march`.
 NEAR = 4e-12
-# Most terms of a Taylor series, the length of a step in bounds of the fastest time constant, and
-# the size of terms that are left out, as a share of the first ones.
+# Largest number of Taylor terms, length of a step in bounds of the fastest time constant, and
+# relative size of negligible terms.
 TERMS, LENGTH, NOTHING = 24, 0.5, 1e-17
-# Time spans whose maps are kept; the numbers that a map takes: position less second command,
-# velocity, integral, first less second command, slopes of both commands; terms and largest step.
+# Number of cached maps; inputs of a map: position less second command, velocity, integral, first
+# less second command, slopes of both commands; its terms and largest step.
 KEPT, INPUTS, MAP_TERMS, MAP_LENGTH = 4, 6, 16, 0.25
 
 
@@ -55,7 +55,7 @@ def curvature_of(a: FloatArray, t: float) -> float:
 
 @compiled(inner=True, fastmath=FUSED)
 def find_passage(a: FloatArray, low: float, high: float, level: float, slopes: bool) -> float:
-    """Time at which a polynomial, or its slope, passes a level between two times."""
+    """Time at which a polynomial, or its slope, crosses a level between two times."""
     rises = (slope_of(a, high) if slopes else evaluate(a, high)) > level
     tolerance, t = 1e-15 * high, 0.5 * (low + high)
     for _ in range(100):
@@ -75,7 +75,7 @@ def find_passage(a: FloatArray, low: float, high: float, level: float, slopes: b
 
 @compiled(inner=True, fastmath=FUSED)
 def count_terms(x: float) -> int:
-    """Number of terms of a Taylor series whose terms fall like `x^k / k!`."""
+    """Number of Taylor terms for terms that decrease like `x^k / k!`."""
     term, n = 1.0, 0
     while term > NOTHING and n < TERMS - 6:
         n += 1
@@ -87,7 +87,7 @@ def count_terms(x: float) -> int:
 def expand(
     servo: Servo, u: FloatArray, side: float, q: FloatArray, x: FloatArray, z: FloatArray
 ) -> None:
-    """Write Taylor coefficients of position, integral and demand, from the first ones.
+    """Complete Taylor coefficients of position, integral and demand, from the first ones.
 
     Args:
         servo: Gains and bounds.
@@ -128,9 +128,9 @@ def move_command(
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)
 def series_of_map(servo: Servo) -> FloatArray:
-    """Taylor coefficients of the map of a free motion under straight commands, (MAP_TERMS, 18).
+    """Taylor coefficients of the map of a free motion under linear commands, (MAP_TERMS, 18).
 
-    The map gives position, velocity and integral per INPUTS.
+    The map has the outputs position, velocity and integral, with INPUTS columns each.
     """
     coefficients, series = np.empty((MAP_TERMS, 3 * INPUTS)), np.zeros((3, TERMS))
     for i in range(INPUTS):
@@ -191,7 +191,7 @@ def march_lines(
     motion: Motion,
     out: FloatArray,
 ) -> Motion:
-    """As `march_cascade`, under straight commands without saturation; only positions count."""
+    """As `march_cascade`, for linear commands without saturation; only positions are results."""
     kp, kv, ki = servo.kp, servo.kv, servo.ki
     q, w, z, saturated, lowest, highest = motion
     rate = max(kv, math.sqrt(kv * (kp + ki)), (kv * kp * ki) ** (1 / 3))
@@ -238,7 +238,7 @@ def march_cascade(
     motion: Motion,
     out: FloatArray,
 ) -> Motion:
-    """Simulate one joint from times[0] on; as `march`, but with two commands per piece, (n + 1, 8).
+    """Simulate one joint from times[0] on; as `march`, with two commands per piece, (n + 1, 8).
 
     `held` is the demand [rad/s²] at the start and at the end. The integral follows from it.
     """
@@ -275,7 +275,7 @@ def march_cascade(
                 position, integral, demand = series[0, :n], series[1, :n], series[2, :n]
                 series[2] = 0.0
             move_command(pieces, starts, piece, now, u)
-            # Relative to the command, so that large positions lose no digits.
+            # Relative to the command, to avoid cancellation at large positions.
             origin = u[4]
             u[0] -= origin
             u[4] = 0.0
@@ -286,7 +286,7 @@ def march_cascade(
                 side = 1.0
             elif side == 0.0 and z < servo.lower - tolerance:
                 side = -1.0
-            if abs(side) == 2.0:  # A bound has just been left.
+            if abs(side) == 2.0:  # The joint has just left a bound.
                 side = 0.0
             expand(servo, u, side, position, integral, demand)
             extremum = h

@@ -25,24 +25,24 @@ NOTHING = 1e-18
 SERIES = 0.1
 C = tuple(1 / math.factorial(n) for n in range(2, 14, 2))
 S = tuple(1 / math.factorial(n) for n in range(3, 15, 2))
-# Saturation for less than this fraction of a time span only touches the bound, and is ignored.
+# Saturation shorter than this fraction of a time span is ignored.
 SHORTEST_STAY = 1e-9
 # The demand is kp kv times a difference of positions. An excess over its bound below this fraction
 # of kp kv times the command is a rounding error and does not saturate.
 ROUNDING = 1e-14
-# Newton's method ends with a step below this fraction of the time: the next step would be below
+# Newton's method ends at a step below this fraction of the interval: the next step would be below
 # 1e-12.
 NEAR = 1e-6
 # Factor of `kp kv t²` in `_bound_free`. It is more than 1/2, as 1 / (1 - x) is more than 1 + x; 0.6
 # covers that for steps up to LARGEST_STEP.
 FALL = 0.6
-# A time span that needs more free motions than this is refused: no servo is that fast.
+# Largest number of free motions per time span; no servo is that fast.
 MOST_STEPS = 1e5
-# A step with more phases (free, or at a bound) than this does not end, as their times round to 0.
+# Largest number of phases (free, or at a bound) per step; with more, their durations round to 0.
 MOST_PHASES = 100_000
 
 
-# Functions that run in every step are inlined: a call takes as long as they do.
+# Functions of every step are inlined: a call would double their time.
 
 
 class Cubic(NamedTuple):
@@ -56,7 +56,7 @@ class Cubic(NamedTuple):
 
 @compiled(inner=True, fastmath=FUSED)
 def shift(u: Cubic, t: float) -> Cubic:
-    """The same command, with time counted from t."""
+    """The same command with the time origin moved to t."""
     value = u.value + t * (u.rate + t * (u.second + t * u.third))
     rate = u.rate + t * (2 * u.second + t * 3 * u.third)
     return Cubic(value, rate, u.second + 3 * u.third * t, u.third)
@@ -78,9 +78,9 @@ class Servo(NamedTuple):
 class Motion(NamedTuple):
     """State of a joint, and accumulated results.
 
-    They are position q [rad] and velocity w [rad/s]; the acceleration [rad/s²] or velocity that a
-    drive with a cycle holds, or with an integrator the demand; time in saturation [s], and lowest
-    and highest demand [rad/s²] up to now.
+    Position q [rad] and velocity w [rad/s]; the acceleration [rad/s²] or velocity that a drive with
+    a cycle holds, or with an integrator the demand; time in saturation [s], and lowest and highest
+    demand [rad/s²].
     """
 
     q: float
@@ -92,7 +92,7 @@ class Motion(NamedTuple):
 
 
 class Step(NamedTuple):
-    """Linear map of a free motion over a time: from state and command to the state at the end.
+    """Linear map of a free motion over a time span: from state and command to the final state.
 
     In q - u at the end, `qq, qw` are the factors of q - u and dq at the start, and `q1, q2, q3`
     those of the command's coefficients; `wq, ww, w1, w2, w3` are the same factors in dq at the end.
@@ -170,7 +170,7 @@ def modes(discriminant: float, decay: float, t: float) -> tuple[float, float]:
 
 @compiled(inner=True, fastmath=FUSED)
 def transition(kp: float, kv: float, t: float, straight: bool) -> Step:
-    """The free motion over time t.
+    """The map of the free motion over time t.
 
     Args:
         kp: Position loop gain [1/s].
@@ -197,7 +197,7 @@ def _integrals(kp: float, kv: float, t: float) -> tuple[float, float, float]:
     Closed forms have differences of terms in `1 / kp³`, which lose digits if cycles are
     short.
     """
-    # Terms of t times the impulse response; each term follows from the two terms before it.
+    # Series of t times the impulse response; each term follows from the two before.
     if kv == 0.0:
         damping, stiffness = kp * t, 0.0
         term, following = damping, -damping * damping
@@ -274,13 +274,7 @@ def _find_root(servo: Servo, f: Signal, low: float, high: float, t: float) -> fl
 
 @compiled(inner=True, fastmath=FUSED)
 def _find_extremum(servo: Servo, y: float, dy: float) -> float:
-    """First time after 0 at which the slope of a free motion is 0; infinity if there is none.
-
-    Args:
-        servo: Gains.
-        y: Value of the free motion at 0.
-        dy: Slope of the free motion at 0.
-    """
+    """First time after 0 at which the slope of a free motion is 0; infinity if there is none."""
     kp, kv = servo.kp, servo.kv
     slope = -kv / 2 * dy - kp * kv * y
     if slope == 0.0:
@@ -299,7 +293,7 @@ def _find_extremum(servo: Servo, y: float, dy: float) -> float:
 
 @compiled(inner=True, fastmath=FUSED)
 def _find_cubic_extrema(f: Signal, end: float) -> tuple[float, float]:
-    """The two times in (0, end) at which the slope of a cubic is 0; `end` for a missing one."""
+    """Times in (0, end) at which the slope of a cubic is 0; `end` for a missing one."""
     a, b, d = 3 * f.c3, f.c2, f.c1  # slope = a t² + 2 b t + d
     square = b * b - a * d
     if square < 0.0:
@@ -317,11 +311,11 @@ def _find_cubic_extrema(f: Signal, end: float) -> tuple[float, float]:
 
 @compiled(inner=True, fastmath=FUSED)
 def _find_extrema(servo: Servo, f: Signal, end: float) -> tuple[float, float]:
-    """The two times in (0, end) at which a signal has an extremum; `end` for a missing one.
+    """Times in (0, end) at which a signal has an extremum; `end` for a missing one.
 
-    The signal is a straight line plus a free motion. The slope of a free motion is a free motion,
-    too, and has at most one extremum in a short time; the signal has at most one extremum before
-    and one after that time.
+    The signal is linear plus a free motion. The slope of a free motion is a free motion, too, and
+    has at most one extremum in a short time; the signal has at most one extremum before and one
+    after it.
     """
     if f.c1 == 0.0:
         return min(_find_extremum(servo, f.free, f.slope), end), end
@@ -378,7 +372,7 @@ def _excess_in_saturation(servo: Servo, u: Cubic, q: float, w: float, side: floa
 
 @compiled(inner=True, fastmath=FUSED)
 def _time_until_negative(servo: Servo, over: Signal, end: float) -> float:
-    """First time in [0, end] at which a cubic that starts at or above 0 falls below 0, or `end`."""
+    """First time in [0, end] at which a nonnegative cubic falls below 0, or `end`."""
     if over.c3 == 0.0:
         square = over.c1 * over.c1 - 4.0 * over.c2 * over.c0
         if square < 0.0 or (over.c1 >= 0.0 and over.c2 >= 0.0):
@@ -401,16 +395,7 @@ def _time_until_negative(servo: Servo, over: Signal, end: float) -> float:
 
 @compiled(inner=True, fastmath=FUSED, inline="always")
 def _saturate(servo: Servo, over: Signal, q: float, w: float, side: float, t: float) -> Phase:
-    """The motion in saturation for time t, while the demand exceeds a bound.
-
-    Args:
-        servo: Gains and bounds.
-        over: Excess of the demand over the bound.
-        q: Position at the start [rad].
-        w: Velocity at the start [rad/s].
-        side: 1 for the upper bound, -1 for the lower one.
-        t: Time [s].
-    """
+    """The saturated motion for time t, while the demand exceeds a bound."""
     bound = servo.upper if side > 0.0 else servo.lower
     last = over.c0 + t * (over.c1 + t * (over.c2 + t * over.c3))
     lowest, highest = min(over.c0, last), max(over.c0, last)
@@ -426,15 +411,7 @@ def _saturate(servo: Servo, over: Signal, q: float, w: float, side: float, t: fl
 
 @compiled(inner=True, fastmath=FUSED)
 def _guess_crossing(z: float, dz: float, last: float, dlast: float, bound: float) -> float:
-    """Fraction of a step at which the demand about reaches a bound, by a cubic through both ends.
-
-    Args:
-        z: Demand at the start.
-        dz: Slope at the start times the length of the step.
-        last: Demand at the end.
-        dlast: Slope at the end times the length of the step.
-        bound: The bound.
-    """
+    """Fraction of a step at which the demand approximately reaches a bound, by a cubic."""
     if last == z:
         return 0.0
     second, third = 3 * (last - z) - 2 * dz - dlast, dz + dlast - 2 * (last - z)
@@ -452,17 +429,7 @@ def _guess_crossing(z: float, dz: float, last: float, dlast: float, bound: float
 def _move_freely(
     servo: Servo, u: Cubic, q: float, w: float, z: float, step: Step, span: float
 ) -> Phase:
-    """The free motion up to the start of saturation, or over the whole step.
-
-    Args:
-        servo: Gains and bounds.
-        u: The command from now on.
-        q: Position [rad].
-        w: Velocity [rad/s].
-        z: Demand [rad/s²].
-        step: The free motion over the step.
-        span: Time with which the length of a saturation is compared [s].
-    """
+    """The free motion up to the start of saturation, or over the whole step."""
     kp, kv, t = servo.kp, servo.kv, step.time
     straight = u.second == 0.0 and u.third == 0.0
     c1 = 6 * u.third
@@ -505,7 +472,7 @@ def next_phase(
     span: float,
     step: Step,
 ) -> Phase:
-    """The motion of a joint of second order up to the next event.
+    """Motion of a second-order joint up to the next event.
 
     Args:
         servo: Gains and bounds.
@@ -531,7 +498,7 @@ def next_phase(
 
 @compiled(fastmath=FUSED)
 def progresses(kp: float, kv: float, span: float) -> bool:
-    """Whether steps advance the time in floating point, and few enough of them cover a time span.
+    """Whether steps advance the time in floating point, and their number is acceptable.
 
     Args:
         kp: Position loop gain [1/s].
@@ -601,7 +568,7 @@ def _bound_demand(
 def _demand_extremum(
     servo: Servo, u: Cubic, z: float, dz: float, last: float, dlast: float, t: float
 ) -> float:
-    """The extremum of the demand within a step at whose ends the slopes differ in sign.
+    """Extremum of the demand within a step with slopes of opposite sign at its ends.
 
     The time is that of the extremum of a cubic through both ends, improved by one step of Newton's
     method. The value is more exact than the time, as the slope there is 0.
@@ -624,7 +591,7 @@ def _demand_extremum(
 
 @compiled(inner=True, fastmath=FUSED)
 def _respond_first_order(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
-    """Simulate a joint of first order over a step; its demand is its acceleration."""
+    """Simulate a first-order joint over a step; its demand is its acceleration."""
     kp, t = servo.kp, step.time
     q, _ = advance_freely(step, u, m.q, 0.0)
     end = shift(u, t)
@@ -645,12 +612,6 @@ def _respond_first_order(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motio
 @compiled(inner=True, fastmath=FUSED, inline="always")
 def respond(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     """Simulate a joint over a step under the command u.
-
-    Args:
-        servo: Gains and bounds.
-        step: Free motion over the step, at most about `LARGEST_STEP` time constants.
-        u: Command from the start of the step on.
-        m: State and accumulated results at the start.
 
     Returns:
         State and accumulated results at the end; not finite if the step does not end.

@@ -1,4 +1,4 @@
-"""Compiled simulation of joints from command to command: the one march of a joint's servo."""
+"""Compiled simulation of joints from command to command."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from armcontour.robot.servo.joint_response import (
 SLACK = 1 - 1e-9
 # Times and time spans [s] that differ by less than this are equal; rounding of times is less.
 NEAR = 4e-12
-# Time spans whose free motions are kept, and columns of one: span, repeats and the step.
+# Number of cached free motions, and columns of one: span, repeats and the step.
 KEPT, COLUMNS = 4, 13
 
 
@@ -46,10 +46,9 @@ class Joints(NamedTuple):
 class Run(NamedTuple):
     """Simulated motion of all joints.
 
-    `states` are position, velocity and demand at n results, (rows, n, 3); the others are time in
+    `states` are position, velocity and demand at n results, (rows, n, 3). Per row: time in
     saturation, lowest and highest demand, the acceleration or velocity that a drive with a cycle
-    holds at the end (the demand, with an integrator), and True if the motion could not be computed,
-    (rows,).
+    holds at the end (with an integrator the demand), and whether the simulation failed.
     """
 
     states: FloatArray
@@ -62,7 +61,7 @@ class Run(NamedTuple):
 
 @compiled(inner=True, fastmath=FUSED)
 def piece_at(pieces: FloatArray, starts: FloatArray, piece: int, now: float) -> Cubic:
-    """The command from time `now` [s] on, in its piece `piece`."""
+    """Command from time `now` [s] on, in its piece `piece`."""
     u = Cubic(pieces[piece, 0], pieces[piece, 1], pieces[piece, 2], pieces[piece, 3])
     # The command is constant before the first set-point and after the last one.
     return shift(u, now - starts[piece - 1]) if 0 < piece < len(starts) else u
@@ -91,7 +90,7 @@ def march_held(
     piece: int,
     out: FloatArray,
 ) -> Motion:
-    """Simulate a joint whose acceleration or velocity is held for a piece; as `march`.
+    """Simulate a joint whose acceleration or velocity is held in each piece; as `march`.
 
     `piece` is the number of pieces that have begun at times[0]. The integral changes once per
     piece, as in `march_cascade`, before the demand is computed.
@@ -103,7 +102,7 @@ def march_held(
         piece -= 1
     z, x, drive_cycle = held, 0.0, starts[1] - starts[0] if last > 1 else 0.0
     if ki > 0.0 and piece > 0:
-        # From the demand of the last cycle, and where the joint was then.
+        # From the demand of the last cycle and the position at its start.
         held = min(max(z, servo.lower), servo.upper)
         t = now - starts[piece - 1]
         v = w - t * held
@@ -150,12 +149,12 @@ def march(
     """Simulate one joint from times[0] on.
 
     Args:
-        servo: Gains and acceleration bounds of the joint; an infinite kp only delays.
-        kind: 0: commands are held or lines; 1: cubics; 2: a drive holds its acceleration for each
-            piece; 3: as 0, without saturation, and only positions are results.
-        pieces: Coefficients of the command in the time since the begin of each piece; the first
-            and the last one are constant, (n + 1, 4); with an integrator those of v, too, (n + 1,
-            8).
+        servo: Gains and acceleration bounds of the joint; an infinite kp is a pure delay.
+        kind: 0: held or linear commands; 1: cubics; 2: a drive holds its acceleration in each
+            piece; 3: as 0, without saturation, with positions as the only results.
+        pieces: Coefficients of the command in the time since the start of each piece, (n + 1, 4);
+            with an integrator also those of v, (n + 1, 8). The first and the last piece are
+            constant.
         starts: Times at which all pieces but the first reach the joint [s], (n,).
         times: Time of the start, and those of the results [s], (m + 1,).
         motion: State at the start.
@@ -237,7 +236,8 @@ def run_joints(
         commands: Pieces of the commands, (rows, n + 1, 4); (rows, n + 1, 8) with integrators.
         starts: Times at which they reach the joints [s], (rows, n).
         times: Time of the start, and those of the results [s], (m + 1,).
-        states: Position [rad], velocity [rad/s] and what a drive holds at the start, (3, rows).
+        states: Position [rad], velocity [rad/s] and value that a drive holds at the start, (3,
+            rows).
     """
     rows = len(joints.kp)
     out = np.empty((rows, len(times) - 1, 3))

@@ -22,7 +22,7 @@ ORDERS = ("second", "first", "delay", "unknown")
 GAINS = (1e-3, 1e6)
 # Smallest and largest inertia of a joint [kg m²]: from a milligram at 1 cm to ten tonnes at 10 m.
 INERTIAS = (1e-10, 1e6)
-# Largest feed-forward: no drive asks for three times the velocity of its command.
+# Largest feed-forward: no drive commands three times the velocity of its set-points.
 MOST_FEEDFORWARD = 3.0
 # Longest cycle of a drive's loop [s].
 LONGEST_CYCLE = 0.02
@@ -32,11 +32,11 @@ MOST_FRICTION = 0.1
 SLIDING = 5e-3
 # Largest dead time; set-points have a time advance of the dead time, so the robot waits for it [s].
 LONGEST_DEAD_TIME = 60.0
-# Most time constants in a cycle. With more, the joint comes to rest long before the next
-# set-point, and the simulation needs a step for each half of a time constant.
+# Largest number of time constants in a cycle. With more, the joint comes to rest long before the
+# next set-point, and the simulation needs a step for each half of a time constant.
 MOST_TIME_CONSTANTS = 1000.0
-# Compensation that leaves a larger share of the contour error where the servo was not fitted may be
-# worse than none on other programs.
+# If compensation leaves a larger fraction of the contour error on validation data, it may be worse
+# than none on other programs.
 TRUSTED = 0.5
 # Range of logged velocities and accelerations [rad/s, rad/s²], and the ratio that is exceeded.
 LOGGED, EXCEEDED = (0.0, 1e6), 1.02
@@ -62,14 +62,13 @@ class ServoModel(Checked):
     - order "first": `dq = K_p (u - q) + f du + g ddu`, a first-order lag, for a very fast velocity
       loop;
     - order "delay": `q = u`;
-    - order "unknown": no model of the joint but its dead time. Compensation leaves the plan as its
-      set-points, and simulations let it follow these exactly, both with the dead time.
+    - order "unknown": dead time only. Compensation uses the plan as set-points, and the simulated
+      joint follows the set-points exactly, both with the dead time.
 
-    All of u, du and ddu are delayed by tau, and dry friction reduces u by `c sign(du)`; in a P-PI
-    cascade it is the acceleration `-K_p K_v c sign(du)`, which the integrator does not see. In
-    saturation the integrator does not wind up: it integrates the velocity error less the part of
-    the demand above the limit, over K_v (back-calculation with the gain k_i, also known as
-    automatic reset). Between two set-points the command is, by interpolation,
+    u, du and ddu are delayed by tau, and dry friction reduces u by `c sign(du)`; in a P-PI cascade
+    it is the acceleration `-K_p K_v c sign(du)`, which bypasses the integrator. Anti-windup: in
+    saturation the integrator integrates the velocity error less the excess of the demand over K_v
+    (back-calculation with the gain k_i). Between two set-points the command is, by interpolation,
 
     - "linear": the straight line;
     - "step": the earlier set-point (zero-order hold);
@@ -81,16 +80,15 @@ class ServoModel(Checked):
 
     - "linear": du is the slope of the line, and ddu the second difference of the set-points that
       end it, `(u[k] - 2 u[k - 1] + u[k - 2]) / T²`;
-    - "step": du is the difference to the set-point before, over the cycle; there is no
-      ddu;
+    - "step": du is the difference to the set-point before, over the cycle; ddu is not available;
     - "cubic": the derivatives of the cubic.
 
-    With a cycle, the loop is computed once per cycle, from command and state at its begin: the
-    acceleration (order "second") or velocity ("first") is constant for the cycle, and du and ddu
+    With a drive cycle, the loop is computed once per cycle, from command and state at its start:
+    the acceleration (order "second") or velocity ("first") is constant in the cycle, and du and ddu
     are differences of u over cycles. The integral then includes the velocity error of that cycle.
 
-    The command passes each set-point at its time. A controller needs the next set-point for
-    a line, and the one after it for the cubic; its wait for them is part of the dead time.
+    The command passes each set-point at its time. A controller needs the next set-point for a line,
+    and the one after it for the cubic; this delay is part of the dead time.
 
     Args:
         kp: Position loop gain [1/s], one for all joints or one per joint; infinite for joints of
@@ -107,17 +105,16 @@ class ServoModel(Checked):
             arm's own nominal inertia.
         ki: Integral gain k_i of the velocity loop [1/s], one for all joints or one per joint; 0
             without an integrator. Only for order "second".
-        velocity_feedforward: Share f of the velocity of the command that is added to the velocity
-            loop, one for all joints or one per joint: 0 for the paper's servo, about 1 for most
-            drives of industrial robots.
-        acceleration_feedforward: Share g of the acceleration of the command that is added to the
-            demand, one for all joints or one per joint; a time [s] for order "first". Above 0 only
-            with velocity feed-forward, and not for interpolation "step".
-        friction: Position error c by which dry friction holds a joint back [rad], one for all
-            joints or one per joint.
+        velocity_feedforward: Factor f of the command velocity that is added to the velocity loop,
+            one for all joints or one per joint: 0 for the paper's servo, about 1 for most
+            industrial drives.
+        acceleration_feedforward: Factor g of the command acceleration that is added to the demand,
+            one for all joints or one per joint; a time [s] for order "first". Positive only with
+            velocity feed-forward, and not for interpolation "step".
+        friction: Position error c due to dry friction [rad], one for all joints or one per joint.
         acceleration_limit: Acceleration at which a joint of order "second" saturates [rad/s²], one
-            for all joints or one per joint; infinite for a joint that never does. None is the
-            limit joint_acceleration of the robot.
+            for all joints or one per joint; infinite without saturation. None is the limit
+            joint_acceleration of the robot.
         drive_cycle: Time between two computations of the drives' loops [s]; 0 for continuous loops.
         model_error: Largest error of this model on measured motion to which it was not fitted
             [rad], one for all joints or one per joint; None if it is not known.
@@ -193,21 +190,21 @@ class ServoModel(Checked):
         lagged = second | np.array([x == "first" for x in orders])
         if (self.kv is None) == bool(second.any()):
             raise InvalidInput(
-                "A servo of order second needs the velocity loop gain kv [1/s] beside kp."
+                "A servo of order second needs the velocity loop gain kv [1/s] in addition to kp."
                 if self.kv is None
-                else f"A servo of order {orders[0]} has no velocity loop: leave its gain kv out."
+                else f"A servo of order {orders[0]} has no velocity loop: remove its gain kv."
             )
         if self.inertia is not None and not second.all():
             lagging = orders[int(np.argmin(second))]
             raise InvalidInput(
-                f"A servo of order {lagging} has no velocity loop: leave its inertia out."
+                f"A servo of order {lagging} has no velocity loop: remove its inertia."
             )
         feed = self.acceleration_feedforward
-        _refuse_integrator(self.ki, second, self.interpolation, feed)
+        _check_integrator(self.ki, second, self.interpolation, feed)
         if feed.any() and self.interpolation == "step":
             raise InvalidInput(
-                "A servo with held set-points has no acceleration of the command: leave "
-                "acceleration_feedforward out."
+                "A servo with held set-points has no acceleration of the command: remove "
+                "acceleration_feedforward."
             )
         if ((feed > 0) & (self.velocity_feedforward == 0)).any():
             raise InvalidInput(
@@ -215,13 +212,13 @@ class ServoModel(Checked):
                 "time: give velocity_feedforward, too, such as 1."
             )
         object.__setattr__(self, "order", orders[0] if same else orders)
-        object.__setattr__(self, "kp", _needed_gain("kp", self.kp, lagged, same))
+        object.__setattr__(self, "kp", _check_gain("kp", self.kp, lagged, same))
         if self.kv is not None:
-            object.__setattr__(self, "kv", _needed_gain("kv", self.kv, second, same))
+            object.__setattr__(self, "kv", _check_gain("kv", self.kv, second, same))
 
     def __str__(self) -> str:
         """Gains, dead time and feed-forward, such as "kp 25 1/s, kv 150 1/s"."""
-        parts = [] if self.order == "second" else [f"order {_per_joint(self.order)}"]
+        parts = [] if self.order == "second" else [f"order {_join_texts(self.order)}"]
         rows = [(x, "1/s", 1.0) for x in ("kp", "kv", "ki")] + [("dead_time", "ms", 1e3)]
         rows += [("velocity_feedforward", "", 1.0), ("acceleration_feedforward", "", 1.0)]
         rows += [("friction", "mrad", 1e3), ("acceleration_limit", "rad/s²", 1.0)]
@@ -230,12 +227,12 @@ class ServoModel(Checked):
             if values is None or not np.any(np.isfinite(values) & (values > 0)):
                 continue
             words = name.replace("_", " ").replace("feedforward", "feed-forward")
-            text = _per_joint([_or_none(x) for x in np.atleast_1d(values * scale)])
+            text = _join_texts([_value_text(x) for x in np.atleast_1d(values * scale)])
             parts.append(f"{words} {text} {unit}".rstrip())
         return ", ".join(parts)
 
     def for_joints(self, dof: int) -> ServoModel:
-        """The same servo with one gain, dead time and feed-forward per joint.
+        """Return the servo with one gain, dead time and feed-forward per joint.
 
         Args:
             dof: Number of joints.
@@ -253,7 +250,7 @@ class ServoModel(Checked):
             if values is None:
                 continue
             if values.ndim:
-                # Infinite values are none, and their number is refused.
+                # Infinity means none; `per_joint` checks the number of values.
                 checks.per_joint(name, np.where(np.isinf(values), 0.0, values), dof)
             changes[name] = np.full(dof, values)
         if not isinstance(self.order, str) and len(self.order) != dof:
@@ -264,7 +261,7 @@ class ServoModel(Checked):
         return self.replace(**changes)
 
     def replace(self, **changes: Any) -> ServoModel:
-        """The same servo with other values of some parameters.
+        """Return the servo with other values of some parameters.
 
         Args:
             changes: New values by the names of the constructor's parameters.
@@ -294,7 +291,7 @@ class ServoModel(Checked):
         )
 
     def describe_excess(self, dq: FloatArray, ddq: FloatArray) -> str:
-        """Warning that a motion is beyond that on which `model_error` was determined, or empty.
+        """Warning that a motion exceeds the one that determined `model_error`, or empty.
 
         Args:
             dq: Joint velocities [rad/s], (n, dof).
@@ -326,7 +323,7 @@ class ServoModel(Checked):
         return bool(self.velocity_feedforward.any())
 
     def without_feedforward(self) -> ServoModel:
-        """The same servo without velocity and acceleration feed-forward."""
+        """Return the servo without velocity and acceleration feed-forward."""
         return self.replace(velocity_feedforward=0.0, acceleration_feedforward=0.0)
 
     @property
@@ -345,7 +342,7 @@ class ServoModel(Checked):
 
     @property
     def slowest(self) -> float:
-        """Smallest decay rate of any joint [1/s]; infinite where all joints only delay."""
+        """Smallest decay rate of any joint [1/s]; infinite if all joints are pure delays."""
         kp, kv = np.broadcast_arrays(self.kp, self._loops)
         # Rates are the negative real parts of the roots of s² + kv s + kp kv. For real roots the
         # sum of the rates is kv and their product kp kv.
@@ -362,10 +359,10 @@ class ServoModel(Checked):
         return float(min(rate.min(), alone))
 
     def saturate(self, lower: FloatArray, upper: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Acceleration bounds of the joints [rad/s²], (dof,) each; none without a velocity loop.
+        """Acceleration bounds of the joints [rad/s²], (dof,) each; infinite without velocity loop.
 
         Args:
-            lower: Lower bounds of the robot [rad/s²], (dof,); they hold without acceleration_limit.
+            lower: Lower bounds of the robot [rad/s²], (dof,), used without acceleration_limit.
             upper: Its upper bounds [rad/s²], (dof,).
         """
         if self.acceleration_limit is not None:
@@ -375,22 +372,22 @@ class ServoModel(Checked):
         return np.where(loop, lower, -np.inf), np.where(loop, upper, np.inf)
 
     def is_plain(self, *orders: str) -> bool:
-        """Whether all joints are of the same order, without friction and cycle.
+        """Whether all joints are of one of the orders, without friction and drive cycle.
 
         Args:
-            orders: Orders that count.
+            orders: The accepted orders.
         """
         return self.order in orders and not self.friction.any() and not self.drive_cycle
 
     def check_orders(self, who: str, integrator: bool = False) -> None:
-        """Refuse joints of another order than "second", integrators, friction and a drive's cycle.
+        """Check that all joints have order "second", without integrator, friction and cycle.
 
         Args:
-            who: What cannot use them, which begins the message.
+            who: Name of the feature that requires this, which begins the message.
             integrator: Whether integrators are valid.
 
         Raises:
-            InvalidInput: The servo has them.
+            InvalidInput: The servo has one of these.
         """
         if not self.is_plain("second") or (self.ki.any() and not integrator):
             suffix = "" if integrator else ", and without integrator"
@@ -400,13 +397,13 @@ class ServoModel(Checked):
             )
 
     def check_gains(self, cycle: float) -> None:
-        """Refuse gains that are too large for a cycle.
+        """Check that the gains are not too large for a cycle.
 
         Args:
             cycle: Cycle [s].
 
         Raises:
-            InvalidInput: The interval is longer than MOST_TIME_CONSTANTS time constants.
+            InvalidInput: The cycle is longer than MOST_TIME_CONSTANTS time constants.
         """
         for name, values in (("kp", self.kp), ("kv", self._loops), ("ki", self.ki)):
             largest = float(np.max(values, initial=0.0, where=np.isfinite(values)))
@@ -423,12 +420,12 @@ class ServoModel(Checked):
                 )
 
     def command(self, q: FloatArray, dq: FloatArray, ddq: FloatArray | None = None) -> FloatArray:
-        """The command that makes the unsaturated servo without dead time follow q [rad], (n, dof).
+        """Command for which the unsaturated servo without dead time follows q [rad], (n, dof).
 
         Second order: `q + dq / K_p + ddq / (K_p K_v)`, from (6). First order: `q + dq / K_p`. Dry
-        friction adds `c sign(dq)`. With feed-forward, it is `u + a du + b ddu` with the factors of
-        `lead`, from which `compensate` gets set-points. In a P-PI cascade ddq is that part of
-        acceleration and friction that the integrator does not give.
+        friction adds `c sign(dq)`. With feed-forward, the result is `u + a du + b ddu` with the
+        factors of `lead`, from which `compensate` computes set-points. In a P-PI cascade ddq is the
+        part of acceleration and friction that the integrator does not supply.
 
         Args:
             q: Joint positions [rad], (n, dof).
@@ -446,7 +443,8 @@ class ServoModel(Checked):
             raise InvalidInput("q, dq and ddq must have one column per joint.") from None
         command = np.asarray(position + rate / self.kp + self.friction * sliding(rate))
         loops = self._loops
-        # A velocity that is held for a cycle, and differences over a cycle, are late by half of it.
+        # A velocity that is held for a cycle, and differences over a cycle, are delayed by half a
+        # cycle.
         delay = self.drive_cycle / 2 * (np.isinf(loops) + self.velocity_feedforward)
         factor = np.asarray((1 / loops + delay) / self.kp)
         if not factor.any():
@@ -486,15 +484,15 @@ class ServoModel(Checked):
 
 
 def lead_of(kp: Any, kv: Any, velocity: Any, acceleration: Any) -> tuple[FloatArray, FloatArray]:
-    """Factors of `ServoModel.lead` of servos; kv is infinite without a velocity loop."""
+    """Factors of `ServoModel.lead`; kv is infinite without a velocity loop."""
     loops = np.where(np.isinf(kv), 1.0, kv)
     return np.asarray(velocity / kp), np.asarray(acceleration / (kp * loops))
 
 
 def integrator_filter(ki: float, cycle: float, drive_cycle: float) -> tuple[FloatArray, FloatArray]:
-    """Numerator and denominator, in z, of means over intervals of `s / (s + ki)` of means.
+    """Numerator and denominator, in z, of `s / (s + ki)` between means over cycles.
 
-    With a cycle, the integral is a sum; for intervals of one cycle the filter is then exact.
+    With a drive cycle, the integral is a sum; the filter is exact if both cycles are equal.
     """
     decay = np.log1p(ki * drive_cycle) / drive_cycle if drive_cycle else ki
     mean = -np.expm1(-decay * cycle) / (ki * cycle)
@@ -504,9 +502,10 @@ def integrator_filter(ki: float, cycle: float, drive_cycle: float) -> tuple[Floa
 def without_integral(
     dq: FloatArray, ddq: FloatArray, servo: ServoModel, cycle: float
 ) -> FloatArray:
-    """The part of means of accelerations that the integrators do not give [rad/s²], (n, dof).
+    """Part of mean accelerations that the integrators do not supply [rad/s²], (n, dof).
 
-    The loop gives `K_v (1 + k_i / s)` of the velocity error, from rest, also against friction.
+    The loop output is `K_v (1 + k_i / s)` times the velocity error, from rest, also against
+    friction.
 
     Args:
         dq: Means of velocities over intervals [rad/s], (n, dof).
@@ -523,7 +522,7 @@ def without_integral(
     for j in np.flatnonzero(servo.ki):
         rub = servo.kp[j] * servo.kv[j] * servo.friction[j] * sliding(dq[:, j])
         coefficients = integrator_filter(servo.ki[j], cycle, servo.drive_cycle)
-        # Feed-forward of a drive with a cycle is late, which the integrator does not change.
+        # The integrator does not change the delay of the feed-forward of a drive with a cycle.
         delay = servo.kv[j] * servo.velocity_feedforward[j] * servo.drive_cycle / 2
         reduced[:, j] = lfilter(*coefficients, ddq[:, j] + rub) - rub + delay * ddq[:, j]
         reduced[:, j] /= 1 + delay
@@ -531,28 +530,24 @@ def without_integral(
 
 
 def sliding(rate: FloatArray) -> FloatArray:
-    """The direction in which dry friction acts at command velocities [rad/s], smooth at rest."""
+    """Direction of dry friction at command velocities [rad/s], smooth at rest."""
     return np.asarray(rate / np.hypot(rate, SLIDING))
 
 
-def _or_none(value: float) -> str:
+def _value_text(value: float) -> str:
     """A value as text, as in a job file."""
     return f"{value:g}" if np.isfinite(value) else "none"
 
 
-def _per_joint(texts: str | Sequence[str]) -> str:
-    """Texts of all joints: one where they are equal."""
+def _join_texts(texts: str | Sequence[str]) -> str:
+    """Join the texts of all joints; one text if they are equal."""
     if isinstance(texts, str):
         return texts
     return texts[0] if len(set(texts)) == 1 else ", ".join(texts)
 
 
-def _needed_gain(name: str, array: FloatArray, needed: BoolArray, same: bool) -> FloatArray:
-    """Gains as a locked array, one for all joints or one per joint; infinite where not needed.
-
-    Raises:
-        InvalidInput: A gain is missing.
-    """
+def _check_gain(name: str, array: FloatArray, needed: BoolArray, same: bool) -> FloatArray:
+    """Gains as a read-only array, for all joints or per joint; infinite where not needed."""
     if not same:
         array = np.array(np.broadcast_to(array, needed.shape))
     used = np.broadcast_to(needed, array.shape) if array.ndim else needed[0]
@@ -563,25 +558,20 @@ def _needed_gain(name: str, array: FloatArray, needed: BoolArray, same: bool) ->
     return checks.frozen_array(np.where(used, array, np.inf))
 
 
-def _refuse_integrator(
+def _check_integrator(
     ki: FloatArray, second: BoolArray, interpolation: str, feed: npt.ArrayLike
 ) -> None:
-    """Refuse an integrator where no model has one.
-
-    Raises:
-        InvalidInput: A joint without a velocity loop has one, or acceleration feed-forward is not
-            linear in the set-points.
-    """
+    """Check that only second-order joints have an integrator, with a valid interpolation."""
     if not ki.any():
         return
     fits = ki.size == 1 or second.size in (1, ki.size)
     if fits and (ki * ~second).any():
         raise InvalidInput(
-            "ki is the integral gain of a velocity loop, which only order second has: give 0 for "
+            "ki is the integral gain of a velocity loop, which only order second has: write 0 for "
             "joints of another order."
         )
     if interpolation == "cubic" and np.any(feed):
         raise InvalidInput(
-            "acceleration_feedforward with ki is for linear set-points only: leave one of them out "
-            "or take the interpolation linear."
+            "acceleration_feedforward with ki is for linear set-points only: remove one of them "
+            "or use the interpolation linear."
         )

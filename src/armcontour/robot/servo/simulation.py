@@ -1,4 +1,4 @@
-"""Simulation of the servos of joints: over cycles, at any times, and over logs."""
+"""ServoSimulation of joint servos: over cycles, at any times, and over logs."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from armcontour.robot.servo.model import ServoModel, lead_of, sliding
 
 # Kinds of commands, as in `march`.
 STRAIGHT, CUBIC, HELD, LINES = range(4)
-# Times closer to a set-point than this, in cycles, count as the set-point's time.
+# Times within this distance of a set-point, in cycles, count as its time.
 SNAP = 1e-9
 
 
-class Simulation:
-    """Response of all joints to set-points, exact between the starts and ends of saturation.
+class ServoSimulation:
+    """Response of all joints to set-points, exact between the events of saturation.
 
     Args:
         q: Set-points [rad], (n, dof).
@@ -71,8 +71,8 @@ class Simulation:
             dq: Velocities at the start [rad/s], (dof,).
             bounds: Lower and upper acceleration bounds for this run [rad/s²], (dof,) each; by
                 default those of the simulation.
-            held: Accelerations [rad/s²] that drives with a cycle hold at the start, for order
-                "first" velocities; with an integrator the demand, (dof,).
+            held: Values that drives with a cycle hold at the start: accelerations [rad/s²], for
+                order "first" velocities; with an integrator the demand, (dof,).
 
         Raises:
             ExecutionError: The motion cannot be computed.
@@ -110,7 +110,7 @@ class Simulation:
         return run
 
     def velocities_after(self, t: FloatArray, q: FloatArray) -> FloatArray:
-        """Velocities of joints without a velocity loop just after some times [rad/s], (m, dof).
+        """Velocities of joints without velocity loop just after given times [rad/s], (m, dof).
 
         Args:
             t: Times [s], (m,).
@@ -133,15 +133,15 @@ class Simulation:
         return velocities
 
     def _cycles(self, begin: float, end: float) -> tuple[FloatArray, FloatArray]:
-        """What the drives hold in each cycle between two times, and when the cycles begin."""
+        """Held commands of the drives between two times, and the start times of the cycles."""
         drive_cycle, pieces, cycle = self.servo.drive_cycle, self.commands, self.cycle
-        # The integral at the begin follows from the cycle before.
+        # The initial integral follows from the cycle before.
         first = int(np.floor(begin / drive_cycle + SNAP)) - 1
         count = int(np.ceil(end / drive_cycle - SNAP)) - first + 1
         starts = (first + np.arange(max(count, 2), dtype=np.float64)) * drive_cycle
 
         def commands(servo: ServoModel) -> FloatArray:
-            # Feed-forward needs two cycles more.
+            # Feed-forward needs two earlier cycles.
             times = np.asarray((first + np.arange(-2, len(starts))) * drive_cycle, np.float64)
             u = sample_command(pieces, cycle, servo.dead_time, times).T
             return hold(cycle_feedforward(u, drive_cycle, servo), starts, self.joints.kp)
@@ -157,7 +157,7 @@ def _loops(kv: FloatArray | None, like: FloatArray) -> FloatArray:
 
 
 def with_integrated(servo: Any, commands: Callable[[Any], FloatArray]) -> FloatArray:
-    """Pieces of commands, with those that integrators see, as in `run_joints`."""
+    """Pieces of commands, followed by those for integrators, as in `run_joints`."""
     pieces = commands(servo)
     if not np.any(servo.ki):
         return pieces
@@ -167,7 +167,7 @@ def with_integrated(servo: Any, commands: Callable[[Any], FloatArray]) -> FloatA
 
 
 def hold(values: FloatArray, starts: FloatArray, kp: FloatArray) -> FloatArray:
-    """Pieces of commands that are held; joints that only delay follow lines."""
+    """Pieces of held commands; joints with a pure delay follow lines."""
     pieces = np.zeros((len(values), values.shape[1] + 1, 4))
     pieces[:, 1:, 0] = values
     lines = np.isinf(kp)
@@ -193,12 +193,12 @@ def respond_within(
         bounds: Lower and upper acceleration bounds [rad/s²], (dof,) each.
         k: Index of the interval; 0 starts at the first set-point.
         times: Times since the start of the interval, increasing, at least two [s].
-        state: Positions [rad], velocities [rad/s] and what drives with a cycle hold at the first of
-            these times, (dof,) each.
+        state: Positions [rad], velocities [rad/s] and held values of drives with a cycle at the
+            first of these times, (dof,) each.
 
     Returns:
-        The times and those between them at which a set-point reaches a joint [s], (m,); there,
-        positions [rad], and velocities before and after [rad/s], (m, dof) each.
+        The times, including those at which a set-point reaches a joint [s], (m,); positions [rad],
+        and velocities just before and just after [rad/s], (m, dof) each.
 
     Raises:
         ExecutionError: The motion cannot be computed.
@@ -208,11 +208,11 @@ def respond_within(
     times = np.union1d(
         times, phase[(phase > times[0] + tolerance) & (phase < times[-1] - tolerance)]
     )
-    # The set-points that can be active then, and those next to them, which shape their commands.
+    # The active set-points, and their neighbours, which determine the interpolation.
     delay = np.floor(servo.dead_time / cycle + SNAP).astype(np.intp)
     first = max(min(k - int(delay.max()) - 3, len(q) - 4), 0) if not servo.drive_cycle else 0
     active_points = q[first : max(k - int(delay.min()) + 4, first + 4)]
-    active = Simulation(active_points, cycle, servo, *bounds)
+    active = ServoSimulation(active_points, cycle, servo, *bounds)
     run = active.run_at((k - first) * cycle + times, *state[:2], held=state[2])
     position, velocity = (np.vstack([x, run.states[:, :, i].T]) for i, x in enumerate(state[:2]))
     after = velocity.copy()
@@ -230,12 +230,11 @@ def follow(
     drive_cycle: float = 0.0,
     ddq0: float | FloatArray = 0.0,
 ) -> FloatArray:
-    """Positions of a joint over its log, exact between the kinks of its command.
+    """Positions of a joint over its log, exact between the breaks of its command.
 
     Args:
         command: The command.
-        servo: The servo; its values may be arrays (rows,), for servos that are simulated one after
-            the other.
+        servo: The servo; its values may be arrays (rows,), for several servos.
         q0: Position at the first time [rad], a number or (rows,).
         dq0: Velocity at the first time [rad/s], a number or (rows,).
         drive_cycle: Cycle of the drive [s]; one begins at the first set-point; 0 for a continuous
@@ -258,14 +257,14 @@ def follow(
         first = int(np.floor((command.t[0] - origin) / drive_cycle + SNAP))
         count = int(np.ceil((command.t[-1] - origin) / drive_cycle - SNAP)) + 1
         times = origin + np.arange(first - 3, count) * drive_cycle
-        u = np.stack([command.at(times - late) for late in each.dead_time])
+        u = np.stack([command.evaluate(times - delay) for delay in each.dead_time])
 
         def held_pieces(shifted: JointServo) -> FloatArray:
             return hold(cycle_feedforward(u, drive_cycle, shifted), times[2:], each.kp)
 
         pieces, starts = with_integrated(each, held_pieces), np.tile(times[2:], (rows, 1))
     else:
-        # Earlier set-points have reached the joint before the motion.
+        # Earlier set-points reach the joint before the motion.
         early = command.t[0] - np.max(each.dead_time)
         first = max(int(np.searchsorted(command.knots, early)) - 1, 0)
         pieces = with_integrated(each, lambda x: command.for_servo(x, rows, first))
@@ -273,17 +272,17 @@ def follow(
     states = np.zeros((3, rows))
     states[0], states[1], states[2] = q0, dq0, ddq0
     run = run_joints(joints, kind, pieces, starts, command.t, states)
-    begin = np.where(np.isinf(each.kp), command.at(command.t[0] - each.dead_time), states[0])
+    begin = np.where(np.isinf(each.kp), command.evaluate(command.t[0] - each.dead_time), states[0])
     positions = np.concatenate([begin[:, None], run.states[:, :, 0]], axis=1)
     return np.asarray(positions.reshape(*shape, -1))
 
 
 def polynomials(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """The command in each interval, as a cubic in the time since the interval's start.
+    """The command in each cycle, as a cubic in the time since the start of the cycle.
 
-    It is the command to which a servo without feed-forward and friction responds in the same way:
-    what these add is a part of it. Interval k lies between set-points k - 1 and k. The first
-    interval is before all set-points and the last after them; the command is constant there.
+    The command includes feed-forward and friction, so that a servo without them responds in the
+    same way. Interval k lies between set-points k - 1 and k. Before the first and after the last
+    set-point the command is constant.
 
     Args:
         q: Set-points [rad], (n, dof).
@@ -307,7 +306,7 @@ def polynomials(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
 def cycle_feedforward(
     u: FloatArray, drive_cycle: float, servo: ServoModel | JointServo
 ) -> FloatArray:
-    """Commands of cycles with feed-forward and friction, from those of two more before.
+    """Commands of cycles with feed-forward and friction, from commands with two earlier cycles.
 
     Args:
         u: Commands [rad], (rows, count + 2).
@@ -342,13 +341,14 @@ class JointServo(NamedTuple):
 
 
 class LoggedCommand:
-    """The command of one joint in a log, at any times.
+    """Command of one joint in a log, evaluated at any times.
 
     Args:
         t: Times of the set-points [s], increasing, (n,).
         u: Set-points [rad], (n,).
         interpolation: "linear" or "step".
-        begin: Index of the set-point at which the motion begins; those before it arrive later.
+        begin: Index of the set-point at which the motion begins; earlier ones arrive during the
+            motion.
 
     Attributes:
         knots: Times of all set-points.
@@ -373,7 +373,7 @@ class LoggedCommand:
         self.slide = sliding(self.rate)
 
     def for_servo(self, servo: JointServo, rows: int, first: int) -> FloatArray:
-        """Pieces from one on, with feed-forward and friction of some servos, as in `run_joints`."""
+        """Pieces from index `first` on, with feed-forward and friction of some servos."""
         lead, acceleration, slide = (
             np.broadcast_to(x, rows)[:, None] for x in (*servo.lead, servo.friction)
         )
@@ -385,7 +385,7 @@ class LoggedCommand:
             pieces[:, :, 0] -= slide * self.slide[first:]
         return pieces
 
-    def at(self, t: FloatArray) -> FloatArray:
+    def evaluate(self, t: FloatArray) -> FloatArray:
         """The command at some times [rad]."""
         if self.linear:
             return np.interp(t, self.knots, self.every)
@@ -396,7 +396,7 @@ class LoggedCommand:
 def command_and_rates(
     q: FloatArray, cycle: float, interpolation: str
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The command without feed-forward, its velocity and its acceleration, as in `ServoModel`.
+    """Command without feed-forward, its velocity and acceleration, as in `ServoModel`.
 
     Args:
         q: Set-points [rad], (n, dof).
@@ -436,7 +436,7 @@ def command_and_rates(
 def sample_command(
     pieces: FloatArray, cycle: float, dead_time: FloatArray, t: FloatArray
 ) -> FloatArray:
-    """The delayed command that reaches the joints' servos at given times [rad], (len(t), dof).
+    """Delayed command at the joint servos at given times [rad], (len(t), dof).
 
     Args:
         pieces: Coefficients from `polynomials`, (dof, n + 1, 4).
@@ -460,7 +460,7 @@ def sample_command(
 def command_weights(
     count: int, cycle: float, interpolation: str, t: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Weights of the set-points in the command without dead time and feed-forward.
+    """Weights of set-points in the command, without dead time and feed-forward.
 
     Args:
         count: Number of set-points.
@@ -469,8 +469,8 @@ def command_weights(
         t: Times since the first set-point [s], (n,).
 
     Returns:
-        Indices of two set-points, of four for "cubic", which may repeat, and their weights,
-        (n, 2) or (n, 4) each.
+        Indices of two set-points (four for "cubic"), which may repeat, and their weights, (n, 2) or
+        (n, 4) each.
     """
     phase = np.clip(t / cycle, 0.0, count - 1)
     k = np.minimum(np.floor(phase + SNAP), max(count - 2, 0)).astype(np.intp)

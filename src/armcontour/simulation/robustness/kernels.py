@@ -1,4 +1,4 @@
-"""Compiled execution of a robot, with its contour error; joints respond by `march`."""
+"""Compiled simulation of one robot with its contour error; joints respond by `march`."""
 
 from __future__ import annotations
 
@@ -14,33 +14,32 @@ from armcontour.robot.kernels import tool_point
 from armcontour.robot.servo.joint_response import Motion, Servo
 from armcontour.robot.servo.march import march
 
-# Number of cycles simulated at a time: their results fit in the processor's cache.
+# Number of cycles per block: their results fit in the processor's cache.
 CHUNK = 64
 # The tool is at rest below the first speed [m/s], as in `evaluation`; below the second one it no
 # longer moves.
 REST_SPEED = 1e-3
 STILL_SPEED = 1e-9
 # Between two results next to a corner of the path the contour error has a sharp peak, so it is
-# evaluated at this many finer steps, as next to results that are near the largest square of it. A
-# vertex with a smaller turn than CORNER [rad] is no corner.
+# evaluated at this many finer steps, as it is next to results near the largest squared error. A
+# vertex that turns by less than CORNER [rad] is no corner.
 FINER = 16
 CORNER = 1e-3
 NEAR_PEAK = 0.96
-# A joint with an integrator gets faster by at most about this factor before it rests.
+# Approximate largest factor by which a joint with an integrator accelerates before it rests.
 OVERSHOOT = 10.0
 # Times that differ by less than this many intervals between results are equal.
 SNAP = 1e-9
 
 
-class Line(NamedTuple):
+class SearchedPath(NamedTuple):
     """The path.
 
     Attributes:
         rows: The segments, as `nearest.pack` packs them.
         corners: Turn at the vertex before each segment [rad], (segments,).
         around: Length of a closed path [m]; 0 for an open one.
-        low, high: Smallest and largest arc length at which the tool can be, per cycle
-            [m].
+        low, high: Smallest and largest possible arc length of the tool, per cycle [m].
     """
 
     rows: FloatArray
@@ -74,7 +73,7 @@ class Clock(NamedTuple):
 
 
 class Setting(NamedTuple):
-    """What all robots share.
+    """Data shared by all robots.
 
     Attributes:
         robot: Numbers of the links, as `arm.link_table` has them.
@@ -82,13 +81,13 @@ class Setting(NamedTuple):
         line: The path.
         clock: The times.
         kind: Kind of the commands, as in `march`.
-        inertia: Inertia of 1 kg at the tool over each joint's own, (dof, n) [1/kg].
+        inertia: Inertia of 1 kg at the tool relative to the joint's inertia, (dof, n) [1/kg].
         lower, upper: Acceleration bounds [rad/s²], (dof,).
     """
 
     robot: FloatArray
     reach: float
-    line: Line
+    line: SearchedPath
     clock: Clock
     kind: int
     inertia: FloatArray
@@ -149,23 +148,14 @@ def _measure(
 ) -> tuple[int, Errors]:
     """Accumulate the contour errors of some cycles.
 
-    Args:
-        setting: What all robots share.
-        begin: First interval.
-        size: Number of intervals.
-        segment: Segment of the last nearest point.
-        results: Results of the joints, with positions in column 0, (dof, n, 3).
-        anchors: As in `tool_point`.
-        e: Errors so far.
-
     Returns:
         Segment of the last nearest point, and the accumulated errors.
     """
-    # Tuples of arrays are unpacked outside of the loop: unpacking takes as long as all the rest.
+    # Tuples of arrays are unpacked outside of the loop because unpacking is slow.
     line, clock = setting.line, setting.clock
     rows, corners, around, low, high = line
     h, q = clock.cycle / clock.steps, np.empty(len(results))
-    # A result when errors start to count is before that, whatever the rounding of its time says.
+    # A result at the start of the evaluated time belongs to the time before, despite rounding.
     counted = clock.begin + SNAP * h
     for row in range(size * clock.steps):
         for j in range(len(q)):
@@ -195,7 +185,7 @@ def _measure(
         segment, moved = now, (dx, dy, dz)
         end, end_integral, end_peak = e.end, e.end_integral, e.end_peak
         if t <= counted:
-            # Errors do not count yet.
+            # Errors before the evaluated time are ignored.
             e = Errors(0.0, d2, 0.0, p, moved, end, end_integral, end_peak)
             continue
         width = h
@@ -224,15 +214,6 @@ def _advance_joints(
 ) -> float:
     """Simulate all joints of a robot over cycles.
 
-    Args:
-        setting: What all robots share.
-        sample: The robot.
-        begin: First cycle.
-        size: Number of intervals.
-        states: Position [rad], velocity [rad/s], time in saturation [s], largest demand over its
-            limit, and demand without a payload [rad/s²] of all joints, (dof, 5); updated.
-        results: Output: results of all joints, (dof, n, 3).
-
     Returns:
         A bound on the sum of all later joint velocities once the command is constant [rad/s]; NaN
         if the simulation makes no progress.
@@ -242,7 +223,7 @@ def _advance_joints(
     times = np.empty(count + 1)
     for i in range(len(times)):
         times[i] = begin * clock.cycle + i * (clock.cycle / steps)
-    # A payload means more inertia at the same torque: less gain and limits in every interval.
+    # A payload adds inertia at the same torque, which reduces gain and limits in every cycle.
     chunk = count if sample.load == 0.0 else steps
     for j in range(len(states)):
         kp, kv, ki, scale = sample.kp[j], sample.kv[j], sample.ki[j], 1.0
@@ -273,7 +254,7 @@ def _advance_joints(
         # The energy of a joint decreases, whether the joint is saturated or not.
         offset, w = states[j, 0] - sample.commands[j, -1, 0], states[j, 1]
         if ki > 0.0:
-            # An integrator gives energy, too.
+            # An integrator supplies energy, too.
             rate = max(kv, math.sqrt(kv * (kp + ki)))
             total += OVERSHOOT * (abs(w) + rate * abs(offset) + abs(states[j, 4]) / rate)
         elif kv > 0.0:
@@ -286,10 +267,6 @@ def _advance_joints(
 @compiled(fastmath=FUSED)
 def simulate_sample(setting: Setting, sample: Sample) -> tuple[float, float, float, float, float]:
     """Execute set-points on a robot.
-
-    Args:
-        setting: What all robots share.
-        sample: The robot.
 
     Returns:
         RMS and largest contour error [m], end of the time over which errors are evaluated [s],
@@ -307,7 +284,7 @@ def simulate_sample(setting: Setting, sample: Sample) -> tuple[float, float, flo
     p = tool_point(setting.robot, results[:, 0, 0], anchors)
     d2, segment = search_along(p, line.rows, line.around, 0, line.low[0], line.high[0])
     e = Errors(0.0, d2, d2, p, (0.0, 0.0, 0.0), clock.finish, 0.0, 0.0)
-    # From this interval on all commands are constant.
+    # From this cycle on all commands are constant.
     quiet = knots + int(math.ceil(delay / cycle)) + 1
     fixed = int(math.ceil((clock.finish - clock.start) / cycle))
     stop = fixed if clock.fixed else np.iinfo(np.int64).max

@@ -36,34 +36,34 @@ from armcontour.robot.servo.simulation import (
 )
 from armcontour.simulation.robustness.kernels import (
     Clock,
-    Line,
     Sample,
+    SearchedPath,
     Setting,
     simulate_sample,
 )
 from armcontour.simulation.robustness.uncertainty import Uncertainty
 
-# Longest time between two samples of the contour error: 2 ms [s], and half of the shortest time
-# constant of a servo. The RMS error of the paper's job is then within 1e-4 of that at 0.1 ms.
+# Longest time between two samples of the contour error [s], also half of the shortest time constant
+# of a servo. The RMS error of the paper's job is then within 1e-4 of that at 0.1 ms.
 RESOLUTION = 2e-3
 TIME_CONSTANTS = 0.5
 # Largest number of results in a cycle; a servo that needs more is not realistic.
 MOST_RESULTS = 1e5
 # Largest number of corners that are executed: all corners of 10 parameters.
 MOST_CORNERS = 1024
-# The tool is at most this many lags of its servo behind or ahead of the planned position.
+# Largest distance of the tool behind and ahead of the planned position, in lags of the servo.
 LAGS_BEHIND = 2.0
 LAGS_AHEAD = 1.0
-# Number of points at which the planned arc length is computed: per cycle, and least.
+# Number of points at which the planned arc length is computed, per cycle and at least.
 PLACES_PER_INTERVAL = 2
 FEWEST_PLACES = 4000
 # As in `ServoPlant`: time to come to rest after the last set-point [s].
 PATIENCE = 60.0
-# Number of samples that a thread executes at a time.
+# Number of samples per task of a thread.
 BATCH = 32
 
 
-# Number of parameters of the worst robot that are printed.
+# Number of printed parameters of the worst robot.
 MOST_NAMED = 4
 
 
@@ -75,10 +75,10 @@ class MonteCarloResult(Result, Checked):
         max: Largest contour error of each execution [m], (n,).
         rms: Root mean square over time of the contour error [m], (n,).
         end_time: End of the time over which `rms` is taken [s], (n,).
-        saturated: Fraction of this time in which the joint that saturates longest is saturated,
-            (n,).
-        demand_ratio: Largest share of the acceleration limit in its direction that a joint would
-            have needed, (n,).
+        saturated: Fraction of this time for which the joint with the longest saturation is
+            saturated, (n,).
+        demand_ratio: Largest demanded acceleration of a joint, as a fraction of the limit in its
+            direction, (n,).
         kp, kv: Gains [1/s], (n, dof); kv is None for a servo of first order.
         dead_time: Dead times [s], (n, dof).
         payload: Error of the payload's mass [kg], (n,).
@@ -104,7 +104,7 @@ class MonteCarloResult(Result, Checked):
     nominal_rms: float
 
     def to_data(self) -> Data:
-        """Largest contour errors of the robots, and what is behind the worst."""
+        """Largest contour errors of the robots, and the parameters of the worst."""
         drawn = "corners of the box" if self.seed is None else f"drawn robots (seed {self.seed})"
         worst = self.worst_deviations
         largest = sorted(worst, key=lambda x: -abs(worst[x]))[:MOST_NAMED]
@@ -139,7 +139,7 @@ class MonteCarloResult(Result, Checked):
 
     @property
     def worst_deviations(self) -> dict[str, float]:
-        """Errors of the parameters in the worst execution, by the parameters' names."""
+        """Errors of the parameters in the worst execution, by name."""
         return dict(zip(self.names, self.deviations[self.worst].tolist(), strict=True))
 
     def servo(self, i: int, like: ServoModel) -> ServoModel:
@@ -156,7 +156,7 @@ class MonteCarloResult(Result, Checked):
         )
 
     def quantile(self, fraction: float) -> float:
-        """The contour error that a fraction `fraction` of the executions does not exceed [m]."""
+        """Contour error that a fraction `fraction` of the executions does not exceed [m]."""
         return float(np.quantile(self.max, fraction, method="higher"))
 
     def within(self, budget: float) -> float:
@@ -179,29 +179,28 @@ def spread(
     end_time: Interval | None = None,
     threads: Workers | None = None,
 ) -> MonteCarloResult:
-    """Execute set-points on robots with random errors (Monte Carlo), each as `ServoPlant` does.
+    """Execute set-points on robots with random errors (Monte Carlo) with `ServoPlant`'s model.
 
-    Sample i does not depend on the number of samples or on which parameters vary.
+    Sample i does not depend on the number of samples or on the varying parameters.
 
     Args:
         set_points: The set-points.
         path: The path that the tool must follow.
         arm: A planar two-link arm or a serial arm; with masses if the payload varies.
         servo: The nominal servo, in the middle of the box.
-        limits: Limits with the joint accelerations that saturate, in place of those of the plan.
+        limits: Limits with the joint accelerations that saturate, instead of those of the plan.
         box: Largest errors of the parameters.
         samples: Number of executions.
         seed: Seed of the random numbers.
         since: Start of the time over which contour errors are evaluated [s]; by default the first
-            set-point. Set-points of one contour of a program may start before it, with what
-            leads to it.
+            set-point. Set-points of one contour of a program may start before it, with the lead-in.
         end_time: End of that time [s]; by default when the planned motion has ended and the tool is
             at rest.
         threads: Number of threads; by default the number of processors.
 
     Raises:
         InvalidInput: Box, servo, path or set-points do not fit the arm, or the samples do not fit
-            in the memory.
+            in memory.
         ExecutionError: A joint cannot be simulated with its gains.
     """
     checks.check_count(
@@ -225,11 +224,11 @@ def worst_corner(
     end_time: Interval | None = None,
     threads: Workers | None = None,
 ) -> MonteCarloResult:
-    """Execute set-points on robots in the corners of a box, without jitter.
+    """Execute set-points on robots at the corners of an uncertainty set, without jitter.
 
-    If k <= 10 parameters vary, all 2^k corners are executed. If more vary, 1024 corners are: first
-    the corner with the worse sign of each single parameter, then those that a search finds from
-    there by changing one sign at a time as long as the error grows, then random ones.
+    If k <= 10 parameters vary, all 2^k corners are executed. Otherwise 1024 corners are executed:
+    the corner with the worse sign of each single parameter, then those of a search from there that
+    changes one sign per step while the error grows, then random ones.
 
     Arguments and exceptions are those of `spread`.
     """
@@ -263,7 +262,7 @@ def jitter_of(seed: int, sample: int, count: int, jitter: float) -> FloatArray:
 
 
 class _Model:
-    """The data that all executions share, as arrays for the compiled code."""
+    """Data of all executions as arrays for the compiled code."""
 
     def __init__(
         self,
@@ -285,7 +284,7 @@ class _Model:
         )
         self.servo = servo.for_joints(dof)
         self.spans = spans_of(box, self.servo, arm, set_points.cycle)
-        # In the middle of its range the payload may be another one than the arm's.
+        # The middle of the payload range may differ from the arm's payload.
         self.middle = np.append(np.zeros(3 * dof), np.mean(box.payload))
         self.varies: BoolArray = self.spans > 0.0
         if box.dead_time_shared:
@@ -312,7 +311,7 @@ class _Model:
         fixed, patience = end_time is not None, last + PATIENCE
         clock = Clock(set_points.start_time, set_points.cycle, steps, begin, end, fixed, patience)
         kind = CUBIC if servo.interpolation == "cubic" else STRAIGHT
-        line = _line(path, set_points, arm, self._lag())
+        line = _searched_path(path, set_points, arm, self._lag())
         inertia = _inertia(arm, set_points, box)
         self.setting = Setting(robot, reach, line, clock, kind, inertia, lower, upper)
         plain = self.servo.without_feedforward().for_joints(dof)
@@ -322,22 +321,13 @@ class _Model:
         _, *self.rates = command_and_rates(set_points.q, set_points.cycle, servo.interpolation)
 
     def span(self, signs: FloatArray) -> FloatArray:
-        """Corners as rows in units of the box, (n, 3 dof + 1), by signs of varied parameters."""
+        """Corners as rows in units of the box, (n, 3 dof + 1), from signs of varying parameters."""
         unit = np.zeros((len(signs), len(self.spans)))
         unit[:, self.varies] = signs
         return unit
 
     def executed(self, unit: FloatArray, seed: int | None, threads: int) -> MonteCarloResult:
-        """Execute robots given as rows in units of the box, and the nominal robot.
-
-        Args:
-            unit: Errors of all parameters from -1 to 1, (n, 3 dof + 1).
-            seed: Seed of the jitter; None for no jitter.
-            threads: Number of threads.
-
-        Raises:
-            ExecutionError: A joint cannot be simulated with its gains.
-        """
+        """Execute robots, as rows in units of the box, and the nominal robot."""
         rows = np.concatenate([unit, np.zeros((1, unit.shape[1]))])
         if self.box.dead_time_shared:
             rows[:, 2 * self.dof : 3 * self.dof] = rows[:, 2 * self.dof, None]
@@ -349,7 +339,7 @@ class _Model:
         if servo.kv is not None:
             loop = np.isfinite(servo.kv)
             kv[:, loop] = (servo.kv * (1 + errors[:, dof : 2 * dof]))[:, loop]
-        # Below zero by rounding only; larger errors have been refused.
+        # Negative by rounding only; `dead_time_of` checks the range.
         dead_time = np.maximum(servo.dead_time + errors[:, 2 * dof : 3 * dof], 0.0)
         payload = np.ascontiguousarray(errors[:, -1])
 
@@ -402,16 +392,7 @@ class _Model:
         seed: int | None,
         number: int,
     ) -> Sample:
-        """A robot for the compiled code.
-
-        Args:
-            kp: Position gains [1/s], (dof,).
-            kv: Velocity gains [1/s], (dof,); 0 for a servo of first order.
-            dead_time: Dead times [s], (dof,).
-            load: Error of the payload's mass [kg].
-            seed: Seed of the jitter; None for no jitter.
-            number: Number of the sample.
-        """
+        """Parameters of one robot for the compiled code."""
         commands, count, cycle = self.commands, len(self.set_points.q), self.set_points.cycle
         starts = np.arange(count) * cycle + dead_time[:, None]
         servo = self.servo
@@ -439,11 +420,7 @@ class _Model:
         return [*names, "payload"]
 
     def _steps(self) -> int:
-        """Number of results per cycle.
-
-        Raises:
-            ExecutionError: The number is too large.
-        """
+        """Number of results per cycle."""
         span = min(RESOLUTION, TIME_CONSTANTS / self._fastest())
         if not self.set_points.cycle < MOST_RESULTS * span:
             raise ExecutionError(
@@ -451,8 +428,8 @@ class _Model:
                 f"too short to simulate cycles of {self.set_points.cycle:g} s: lower its "
                 "gains kp and kv [1/s]."
             )
-        # A stepped command causes a ripple with the period of the cycle, which one
-        # result per interval would miss.
+        # A stepped command causes a ripple with the period of the cycle, which one result per cycle
+        # would miss.
         fewest = 2 if self.servo.interpolation == "step" else 1
         return max(fewest, int(np.ceil(self.set_points.cycle / span * (1 - 1e-12))))
 
@@ -464,7 +441,7 @@ class _Model:
             kv = self.servo.kv * (1 + self.spans[self.dof : 2 * self.dof])
             loop = np.where(kv >= 4 * kp, kv, np.sqrt(kp) * np.sqrt(kv))
             rates = np.where(np.isfinite(kv), loop, rates)
-        # Joints that only delay have no time constant.
+        # Joints with a pure delay have no time constant.
         return float(max(rates.max(), GAINS[0]))
 
     def _lag(self) -> float:
@@ -478,12 +455,7 @@ class _Model:
 
 
 def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> FloatArray:
-    """The corners to execute if there are too many, as signs, (MOST_CORNERS, k).
-
-    Args:
-        errors: The largest contour error of each of several corners, (n, k) to (n,).
-        k: Number of parameters.
-    """
+    """Corners to execute if there are too many, as signs, (MOST_CORNERS, k)."""
     single = np.concatenate([np.eye(k), -np.eye(k)])
     single_errors = errors(single)
     toward = np.where(single_errors[:k] >= single_errors[k:], 1.0, -1.0)
@@ -519,8 +491,8 @@ def spans_of(box: Uncertainty, servo: ServoModel, arm: Arm, cycle: float) -> Flo
     dof = arm.dof
     if box.of_bodies:
         raise InvalidInput(
-            f"The box has {', '.join(box.of_bodies)}, which only rigid bodies have: leave them "
-            "out, or certify with plant: rigid_body."
+            f"The box has {', '.join(box.of_bodies)}, which only rigid bodies have: remove "
+            "them, or certify with plant: rigid_body."
         )
     gains, late = box.gains_of(dof), box.dead_time_of(servo, dof)
     if box.jitter >= cycle / 2:
@@ -530,29 +502,25 @@ def spans_of(box: Uncertainty, servo: ServoModel, arm: Arm, cycle: float) -> Flo
         )
     if servo.drive_cycle:
         raise InvalidInput(
-            "Robots with uncertain parameters are simulated with continuous loops only: leave "
-            "cycle out of the servo, or set it to 0."
+            "Robots with uncertain parameters are simulated with continuous loops only: remove "
+            "cycle from the servo, or set it to 0."
         )
     if box.jitter and servo.has_feedforward:
         raise InvalidInput(
             "Jitter of set-points is not simulated with velocity_feedforward, whose velocity would "
-            "jump with it: leave jitter out of the box."
+            "jump with it: remove jitter from the box."
         )
     if np.any(box.payload) and servo.order == "first":
         raise InvalidInput(
-            "A servo of order first has no velocity loop whose gain a payload could change: leave "
-            "payload out of the box, or take a servo of order second."
+            "A servo of order first has no velocity loop whose gain a payload could change: remove "
+            "payload from the box, or use a servo of order second."
         )
     box.check_payload(arm)
     return np.concatenate([gains[0], gains[1], late, [np.ptp(box.payload) / 2]])
 
 
 def _robot(arm: Arm, path: Path) -> tuple[FloatArray, float]:
-    """The arm for the compiled code, and the largest distance of the tool from a joint [m].
-
-    Raises:
-        InvalidInput: The class of the arm is not supported, or the path has another dimension.
-    """
+    """Link table of the arm, and the largest distance of the tool from a joint [m]."""
     if path.dimension != arm.dimension:
         raise InvalidInput(
             f"The path has {path.dimension} coordinates, but the arm {arm.name} moves in "
@@ -566,13 +534,12 @@ def _robot(arm: Arm, path: Path) -> tuple[FloatArray, float]:
     return arm.link_table, arm.span
 
 
-def _line(path: Path, set_points: SetPoints, arm: Arm, lag: float) -> Line:
-    """The path for the compiled code, with the arc lengths that the tool can reach at each time.
+def _searched_path(path: Path, set_points: SetPoints, arm: Arm, lag: float) -> SearchedPath:
+    """The path for the compiled code, with the reachable arc lengths at each time.
 
-    The plan follows the path from start to end, so the length of the tool's planned path up to a
-    time is the arc length on the path, up to the difference of their total lengths. The nearest
-    point on the path is searched only near this arc length: elsewhere it would be on another part
-    of the path that passes close by.
+    The length of the tool's planned motion up to a time is the arc length on the path, up to the
+    difference of the total lengths. The nearest point is searched near this arc length only,
+    because another part of the path may pass close by.
     """
     plan = set_points.trajectory
     count = max(FEWEST_PLACES, PLACES_PER_INTERVAL * len(set_points.q))
@@ -585,22 +552,19 @@ def _line(path: Path, set_points: SetPoints, arm: Arm, lag: float) -> Line:
     high = np.interp(begin + set_points.cycle + LAGS_AHEAD * lag, t, drawn) + margin
     arcs, starts = draw_arcs(path.segments)
     rows = pack_arcs(arcs, starts)
-    # At the first segment the path closes, if it does.
+    # The first corner is that of a closed path.
     corners = angle_between(np.roll(arcs.end_tangents, 1, axis=0), arcs.tangents)
     closed = bool(np.linalg.norm(rows[-1, 12:15] - rows[0, :3]) <= REPEATED_POINT)
-    return Line(rows, corners, path.length if closed else 0.0, low, high)
+    return SearchedPath(rows, corners, path.length if closed else 0.0, low, high)
 
 
 def _inertia(arm: Arm, set_points: SetPoints, box: Uncertainty) -> FloatArray:
-    """Inertia that 1 kg at the tool adds to each joint, over the joint's own inertia [1/kg].
+    """Inertia that 1 kg at the tool adds to each joint, relative to the joint's inertia [1/kg].
 
     A point mass m at the tool adds `m |dx/dq_j|²` to the inertia M_jj of joint j.
 
     Returns:
         The ratio at each set-point, (dof, n); zeros, (dof, 1), if the payload does not vary.
-
-    Raises:
-        InvalidInput: The masses of the arm are not known.
     """
     q = np.asarray(set_points.q)
     if not np.any(box.payload):

@@ -1,4 +1,4 @@
-"""Contour errors of set-points on rigid bodies that are not quite known, executed by MuJoCo."""
+"""Contour errors of set-points on uncertain rigid bodies, simulated by MuJoCo."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BodyRuns:
-    """Executes set-points on the robots of a box, each as `RigidBodyPlant` does; it can be called.
+    """Executes set-points on robots of an uncertainty set with `RigidBodyPlant`; callable.
 
     Args:
         set_points: The set-points.
@@ -95,26 +95,24 @@ class BodyRuns:
 def trace_on_bodies(
     runs: BodyRuns, errors: FloatArray, *, executor: Executor | None = None
 ) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Execute set-points on robots with given errors, with results over time.
+    """Execute set-points on robots with specified errors, with results over time.
 
     Args:
         runs: The executions.
         errors: Errors of the unknowns, (n, k).
-        executor: An executor that does the work in place of this process.
+        executor: An executor for the work, instead of this process.
 
     Raises:
         ExecutionError: As for `spread_on_bodies`.
     """
     rows = list(errors)
-    return _all(runs, rows, map_in_processes(runs.trace, rows, processes=1, executor=executor))
+    return _require_results(
+        runs, rows, map_in_processes(runs.trace, rows, processes=1, executor=executor)
+    )
 
 
-def _all(runs: BodyRuns, rows: list[FloatArray], results: list[R | str]) -> list[R]:
-    """The results of robots, none of which may be a sentence on a failed execution.
-
-    Raises:
-        ExecutionError: One is.
-    """
+def _require_results(runs: BodyRuns, rows: list[FloatArray], results: list[R | str]) -> list[R]:
+    """Results of all robots; an error if one is the message of a failed execution."""
     for row, result in zip(rows, results, strict=True):
         if isinstance(result, str):
             robot = describe(runs.unknowns, row) if row.any() else "no errors"
@@ -131,14 +129,14 @@ def spread_on_bodies(
     executor: Executor | None = None,
     done: Callable[[int], None] | None = None,
 ) -> MonteCarloResult:
-    """Execute set-points on robots with given errors, as rigid bodies.
+    """Execute set-points on robots with specified errors, as rigid bodies.
 
     Args:
-        runs: What is executed.
+        runs: The executions.
         errors: Errors of the unknowns, (n, k).
         seed: Seed that the errors were drawn with; None for corners.
-        processes: Number of processes; by default that of processors.
-        executor: An executor that does the work in place of these processes.
+        processes: Number of processes; by default the number of processors.
+        executor: An executor for the work, instead of these processes.
         done: Called with the number of robots that are done.
 
     Raises:
@@ -148,7 +146,7 @@ def spread_on_bodies(
     unknowns = runs.unknowns
     rows = list(np.concatenate([np.zeros((1, len(unknowns))), errors]))
     results = map_in_processes(runs, rows, processes=processes, executor=executor, done=done)
-    results = _all(runs, rows, results)
+    results = _require_results(runs, rows, results)
     largest, rms, end_time, saturated, ratio = np.array(results).T
     servos = [unknowns.robot(x)[2] for x in errors]
     return MonteCarloResult(
@@ -170,7 +168,7 @@ def spread_on_bodies(
 
 
 def describe(unknowns: Unknowns, errors: FloatArray) -> str:
-    """The errors of a robot in words, with those alike of several joints said once.
+    """Description of the errors of a robot; equal values of several joints appear once.
 
     Args:
         unknowns: The unknowns.

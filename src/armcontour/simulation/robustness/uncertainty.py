@@ -1,4 +1,4 @@
-"""`Uncertainty`: ranges of errors of a robot's parameters; `Unknowns`: those of rigid bodies."""
+"""`Uncertainty`: error ranges of a robot's parameters; `Unknowns`: those of rigid bodies."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ from armcontour.robot.servo import ServoModel
 class Uncertainty(Checked):
     """The uncertainty set: ranges of the errors of a robot's parameters.
 
-    Errors are distributed uniformly over their ranges. Friction and armature are those of rigid
-    bodies: a servo of one joint has none.
+    Errors are distributed uniformly over their ranges. Friction and armature apply to rigid bodies
+    only.
 
     Args:
         gains: Relative error of the servo gains, plus and minus, 0.1 for 10 %: one number; one per
@@ -41,24 +41,22 @@ class Uncertainty(Checked):
         dead_time: Error of the dead time, plus and minus [s], one number or one per joint.
         dead_time_shared: Whether the dead times of all joints have the same error, in proportion to
             `dead_time`; otherwise their errors are independent.
-        payload: Error of the payload's mass [kg]: one number for plus and minus, or the least and
-            the largest error, such as 0 and 2 for up to 2 kg that nobody told the robot of. It is a
-            point mass at the tool; of rigid bodies that carry a payload, at the centre of that.
-        payload_known: Whether the controller weighs the payload: its gravity torque is then that of
-            the true one. Only rigid bodies sag.
+        payload: Error of the payload's mass [kg]: one number for plus and minus, or the smallest
+            and the largest error, such as 0 and 2 for up to 2 kg of unknown payload. It is a point
+            mass at the tool, or at the centre of the payload of rigid bodies.
+        payload_known: Whether the controller knows the true payload and uses it for the gravity
+            torque; for rigid bodies only.
         jitter: Error of the arrival time of a set-point, plus and minus [s], less than half a
             cycle. It is independent for each set-point but the first one, and the same
             for all joints.
-        viscous: Viscous friction of the joints that is not known [N m s/rad], one number or one per
-            joint.
-        coulomb: Coulomb friction of the joints that is not known [N m], one number or one per
-            joint.
-        friction: Least and largest share of `viscous` and `coulomb` that a joint has in addition to
-            the friction that the arm knows.
-        friction_shared: Whether all joints have the same share; otherwise those of all joints are
+        viscous: Unknown viscous friction of the joints [N m s/rad], one number or one per joint.
+        coulomb: Unknown Coulomb friction of the joints [N m], one number or one per joint.
+        friction: Smallest and largest fraction of `viscous` and `coulomb` that a joint has in
+            addition to the friction of the arm's model.
+        friction_shared: Whether all joints have the same fraction; otherwise the fractions are
             independent.
         armature: Relative error of the drives' inertias, plus and minus, one number or one per
-            joint; those of all joints are independent.
+            joint; independent for each joint.
 
     Raises:
         InvalidInput: A largest error is negative, the relative error of a gain or an armature is
@@ -93,7 +91,7 @@ class Uncertainty(Checked):
             dof: Number of joints.
 
         Raises:
-            InvalidInput: They do not fit so many joints.
+            InvalidInput: They do not fit the number of joints.
         """
         try:
             return np.broadcast_to(np.asarray(self.gains), (2, dof))
@@ -124,13 +122,10 @@ class Uncertainty(Checked):
         return error
 
     def check_payload(self, arm: Arm) -> None:
-        """Refuse an arm that carries less than the box takes from its payload.
-
-        Args:
-            arm: The nominal arm.
+        """Check that the payload cannot become negative.
 
         Raises:
-            InvalidInput: The least payload is negative.
+            InvalidInput: The smallest payload is negative.
         """
         load = None if arm.chain is None else arm.chain.payload
         lowest, highest = np.asarray(self.payload).tolist()
@@ -146,18 +141,14 @@ class Uncertainty(Checked):
 
     @property
     def of_bodies(self) -> tuple[str, ...]:
-        """Names of the given errors that only rigid bodies have."""
+        """Names of the specified errors that apply to rigid bodies only."""
         errors = {"viscous": self.viscous, "coulomb": self.coulomb, "armature": self.armature}
         names = [name for name, values in errors.items() if np.any(values)]
         return (*names, "payload_known") if self.payload_known else tuple(names)
 
 
 def _range(name: str, values: FloatArray) -> FloatArray:
-    """The least and the largest error, (2,), from both or from one number for plus and minus.
-
-    Raises:
-        InvalidInput: There are other numbers of values, or the least is above the largest.
-    """
+    """Smallest and largest error, (2,), from both or from one number for plus and minus."""
     ends = np.array([-values, values]) if values.ndim == 0 else values
     if ends.shape != (2,) or ends[0] > ends[1]:
         raise InvalidInput(
@@ -173,7 +164,7 @@ KINDS = ("payload", "friction", "kp", "kv", "armature", "dead time")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Unknowns:
-    """The parameters in which the robots of a box differ; errors have one column for each.
+    """The varying parameters of rigid-body robots; errors have one column per parameter.
 
     Args:
         box: The box.
@@ -181,7 +172,8 @@ class Unknowns:
         servo: The nominal servo, of second order, with values per joint.
         kinds: Kind of each parameter, of `KINDS`.
         joints: Joint of each parameter; -1 for one that all joints share.
-        low, high: Least and largest error: relative, in s or in kg; of friction, the share, (k,).
+        low, high: Smallest and largest error: relative, in s or in kg; for friction the fraction,
+            (k,).
     """
 
     box: Uncertainty
@@ -193,20 +185,15 @@ class Unknowns:
     high: FloatArray
 
     @classmethod
-    def of(cls, box: Uncertainty, arm: Arm, servo: ServoModel) -> Unknowns:
+    def from_uncertainty(cls, box: Uncertainty, arm: Arm, servo: ServoModel) -> Unknowns:
         """Find the parameters of a box that vary.
-
-        Args:
-            box: The box.
-            arm: The nominal arm.
-            servo: The nominal servo.
 
         Raises:
             InvalidInput: The box does not fit the arm or the servo.
         """
         joint_servo = servo.for_joints(arm.dof)
-        _refuse_unfit(box, arm, joint_servo)
-        # Those that all joints share, before and after those of joints.
+        _check_fit(box, arm, joint_servo)
+        # Parameters shared by all joints are listed before and after those of single joints.
         first, last = {("payload", -1): np.asarray(box.payload)}, {}
         if box.friction_shared:
             rubs = np.any(box.viscous) or np.any(box.coulomb)
@@ -245,7 +232,7 @@ class Unknowns:
         )
 
     def corners(self) -> FloatArray:
-        """Errors in all corners of the box, (2^k, k)."""
+        """Errors at all corners of the uncertainty set, (2^k, k)."""
         k = len(self)
         upper = np.arange(2**k)[:, None] >> np.arange(k) & 1
         return np.where(upper == 1, self.high, self.low).reshape(-1, k)
@@ -261,7 +248,7 @@ class Unknowns:
         return np.asarray(self.low + unit * (self.high - self.low))
 
     def robot(self, errors: FloatArray) -> tuple[Arm, Arm, ServoModel]:
-        """A robot: its arm, the arm as its controller knows it, and its servo.
+        """Arm, controller's model of the arm, and servo for some errors.
 
         Args:
             errors: Errors of the parameters, (k,).
@@ -279,8 +266,10 @@ class Unknowns:
             armature=np.asarray(chain.armature) * (1 + errors_by_kind["armature"]),
         )
         known = self.arm.with_dynamics(payload=payload) if self.box.payload_known else self.arm
-        # Below zero by rounding only; larger errors have been refused.
-        dead_time = np.maximum(servo.dead_time + errors_by_kind["dead time"] * self.late_share, 0.0)
+        # Negative by rounding only; `dead_time_of` checks the range.
+        dead_time = np.maximum(
+            servo.dead_time + errors_by_kind["dead time"] * self.dead_time_ratio, 0.0
+        )
         return (
             true,
             known,
@@ -292,8 +281,8 @@ class Unknowns:
         )
 
     @property
-    def late_share(self) -> FloatArray:
-        """Error of each joint's dead time over that of a parameter, (dof,)."""
+    def dead_time_ratio(self) -> FloatArray:
+        """Error of each joint's dead time relative to that of the parameter, (dof,)."""
         errors = np.broadcast_to(np.asarray(self.box.dead_time), (self.arm.dof,))
         largest = float(errors.max())
         return (
@@ -301,7 +290,7 @@ class Unknowns:
         )
 
     def payload(self, extra_mass: float) -> Payload | None:
-        """The load at the tip with so much more mass [kg]; None as long as there is none."""
+        """The payload with additional mass [kg]; None if there is none."""
         chain = self.arm.chain
         assert chain is not None
         load = chain.payload
@@ -314,7 +303,7 @@ class Unknowns:
 
 
 def _ranges(box: Uncertainty, dof: int) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Least and largest errors of the parameters of every joint, by their kinds, (dof,) each."""
+    """Smallest and largest errors of the parameters of every joint, by kind, (dof,) each."""
     gains = box.gains_of(dof)
     rubs = np.broadcast_to(np.maximum(box.viscous, box.coulomb), (dof,)) > 0
     lowest, highest = np.asarray(box.friction)
@@ -330,12 +319,8 @@ def _ranges(box: Uncertainty, dof: int) -> dict[str, tuple[FloatArray, FloatArra
     }
 
 
-def _refuse_unfit(box: Uncertainty, arm: Arm, servo: ServoModel) -> None:
-    """Refuse a box that does not fit the arm or the servo.
-
-    Raises:
-        InvalidInput: A shape does not fit, or a robot of the box cannot be.
-    """
+def _check_fit(box: Uncertainty, arm: Arm, servo: ServoModel) -> None:
+    """Check that the uncertainty set fits the arm and the servo."""
     dof, chain = arm.dof, arm.chain
     if chain is None or not arm.has_bodies:
         raise InvalidInput(
@@ -345,7 +330,7 @@ def _refuse_unfit(box: Uncertainty, arm: Arm, servo: ServoModel) -> None:
     servo.check_orders("A box of rigid bodies")
     if box.jitter:
         raise InvalidInput(
-            "Rigid bodies are executed without jitter: leave jitter out of the box, or certify "
+            "Rigid bodies are executed without jitter: remove jitter from the box, or certify "
             "with plant: servo."
         )
     box.gains_of(dof)
@@ -367,6 +352,6 @@ def _refuse_unfit(box: Uncertainty, arm: Arm, servo: ServoModel) -> None:
     if np.any(per_joint["armature"] * (chain.armature == 0)):
         raise InvalidInput(
             f"The box has errors of drive inertias, but the arm {arm.name} has none: give its "
-            "file armature, or leave armature out of the box."
+            "file armature, or remove armature from the box."
         )
     box.check_payload(arm)

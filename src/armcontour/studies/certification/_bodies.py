@@ -150,7 +150,7 @@ def rest_at_start(case: Case, path: Path, set_points: SetPoints) -> float:
 
 
 def _unknowns(case: Case) -> Unknowns:
-    return Unknowns.of(case.box or Uncertainty(), case.arm, case.servo)
+    return Unknowns.from_uncertainty(case.box or Uncertainty(), case.arm, case.servo)
 
 
 def _runs(case: Case, set_points: SetPoints) -> BodyRuns:

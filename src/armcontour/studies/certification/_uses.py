@@ -16,7 +16,7 @@ from armcontour.motion import Execution, PathLaw, SetPoints, Span, Trajectory
 from armcontour.motion.laws import join_path
 from armcontour.robot.limit_use import States
 from armcontour.robot.servo import ServoModel
-from armcontour.robot.servo.simulation import Simulation
+from armcontour.robot.servo.simulation import ServoSimulation
 from armcontour.simulation import ServoPlant, simulate
 from armcontour.simulation.plant import count_intervals
 from armcontour.simulation.robustness.uncertainty import Uncertainty
@@ -119,17 +119,17 @@ def run_on_box(case: Case, set_points: SetPoints) -> list[Group]:
 def distances(piece: ContourExecution) -> FloatArray:
     """Contour error of both directions at every time of a piece [m], (n,)."""
     error = piece.contour_error
-    over_time = np.maximum(piece.found.distance, piece.found.coverage_error)
+    over_time = np.maximum(piece.followed.distance, piece.followed.coverage_error)
     # A peak between two times counts for the nearer one.
     peak = int(np.argmin(np.abs(piece.t - error.t_max)))
     over_time[peak] = max(over_time[peak], error.max)
     return over_time
 
 
-def speed_shares(case: Case, piece: ContourExecution) -> FloatArray:
+def speed_ratios(case: Case, piece: ContourExecution) -> FloatArray:
     """Tool speed of a piece over the velocity assigned at its place, (n,)."""
     # Rigid bodies have a result in every cycle of their drives.
-    return piece.speed_shares(case.limits.speed, between=not case.bodies)
+    return piece.speed_ratios(case.limits.speed, between=not case.bodies)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -203,7 +203,7 @@ def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> LimitMar
         moved = case.arm.tool_velocity(executed.q[now], executed.dq[now])
         tool = (np.linalg.norm(moved, axis=1) / (speed * (1 + SPEED_SLACK))) ** 2
     counts = slice(piece.which.start - now.start, piece.which.stop - now.start)
-    tool[counts] = np.maximum(tool[counts], (speed_shares(case, piece) / (1 + SPEED_SLACK)) ** 2)
+    tool[counts] = np.maximum(tool[counts], (speed_ratios(case, piece) / (1 + SPEED_SLACK)) ** 2)
     error, box = np.zeros(len(t)), np.zeros(len(t))
     error[counts] = distances(piece) / case.budget
     if trial.groups:
@@ -255,7 +255,7 @@ def peak_demand(
     row = first * round(set_points.cycle / float(executed.t[1] - executed.t[0]))
     held = executed.dq[row] if servo.kv is None else executed.ddq[row]
     held = np.where(servo.ki > 0, executed.demand[row], held)
-    again = Simulation(set_points.q, set_points.cycle, servo).run(
+    again = ServoSimulation(set_points.q, set_points.cycle, servo).run(
         first, last, executed.q[row], executed.dq[row], held=held
     )
     both = np.stack([again.lowest, again.highest])
@@ -363,7 +363,7 @@ def _worst(case: Case, trial: Trial, number: int) -> FloatArray:
         largest = np.maximum(largest, np.interp(t, *_across(case, late, pieces, span)))
         for x in pieces:
             rows = np.clip(np.searchsorted(t, x.t), 0, len(t) - 1)
-            np.maximum.at(largest, rows, x.found.coverage_error)
+            np.maximum.at(largest, rows, x.followed.coverage_error)
     return largest
 
 

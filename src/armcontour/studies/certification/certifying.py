@@ -33,7 +33,7 @@ from armcontour.studies.certification import _bodies
 from armcontour.studies.certification._case import Case
 from armcontour.studies.certification._moves import Move
 from armcontour.studies.certification._search import execute_servos, search
-from armcontour.studies.certification._uses import Trial, distances, run, speed_shares
+from armcontour.studies.certification._uses import Trial, distances, run, speed_ratios
 from armcontour.studies.certification.certificate import (
     Budget,
     Certificate,
@@ -284,7 +284,7 @@ def _refuse_other_programs(case: Case) -> None:
             "A certificate on rigid bodies is for one contour, with or without dwells, but "
             f"this program has {_list_moves(program)}, or certify with plant: servo."
         )
-    Unknowns.of(case.box or Uncertainty(), case.arm, case.servo)
+    Unknowns.from_uncertainty(case.box or Uncertainty(), case.arm, case.servo)
     case.plant()
 
 
@@ -382,7 +382,7 @@ def _contours(base: Case, proof: Trial, contours: Sequence[Move]) -> Iterator[Co
             set_points=case.stretch(proof.set_points, span.t, x.plan),
             error=error,
             coverage_error=coverage_error,
-            speed_ratio=float(speed_shares(case, piece).max()),
+            speed_ratio=float(speed_ratios(case, piece).max()),
             budget=Budget(
                 rounding=shape_part(piece.path),
                 servo=servo,

@@ -66,11 +66,11 @@ def clearance(x: Request) -> Frame:
         (plan,) = run(job, simulate=False, progress=x.progress).runs.values()
     found = cell.check(plan.trajectory)
     t = np.linspace(0.0, plan.trajectory.duration, CLEARANCE_TIMES)
-    over_time = cell.least_over(plan.trajectory(t))
+    over_time = cell.smallest_distances(plan.trajectory(t))
     data = found.to_data()
     pairs = data.tables[0]
     header = {
-        **{"run": plan.run.name, "sentence": found.sentence, "kept": found.kept},
+        **{"run": plan.run.name, "sentence": found.sentence, "kept": found.satisfied},
         "rows": frame(data),
         "warnings": [] if found.below_base is None else [found.below_base],
         "kinds": list(over_time),

@@ -1,4 +1,4 @@
-"""Clearance: how far an arm stays from itself and from its cell, proven between samples."""
+"""Clearance: distances of an arm from itself and its cell, proven between samples."""
 
 from armcontour.verification.clearance.clearance import (
     Cell,

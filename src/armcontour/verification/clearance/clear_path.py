@@ -1,4 +1,4 @@
-"""Joint paths between two postures that keep clear of everything: rapids around obstacles."""
+"""Collision-free joint paths between two postures, for rapids around obstacles."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from armcontour.core.checks import FloatArray
 from armcontour.motion import JointPath
 from armcontour.verification.clearance.clearance import Cell
 
-# Corners of a path through postures are rounded over these shares of half of what is between two
-# postures; without any the motion stops there.
+# Fractions of half of each line that the rounding of its corners takes, in order of the trials;
+# with 0 the motion stops at the corners.
 ROUNDED = (0.9, 0.5, 0.2, 0.0)
-# The search for postures between: how far a branch grows at once [rad], how far around the two ends
-# postures are tried [rad], and how many pieces of motion are looked at before it is given up.
+# Search for intermediate postures: growth of a branch per step [rad], margin around both ends for
+# random postures [rad], and largest number of checked lines.
 STEP, AROUND, MOST_PIECES = 0.4, 1.5, 1500
-# So often, two postures of a path are connected directly in the place of what is between them.
+# Number of attempted shortcuts between two postures of a path.
 SHORTCUTS = 60
 
 
 def connect(
     cell: Cell, first: FloatArray, last: FloatArray, ranges: tuple[FloatArray, FloatArray]
 ) -> JointPath | None:
-    """A joint path between two postures along which the arm keeps its margins; None if not found.
+    """Find a joint path between two postures that satisfies all margins; None if not found.
 
     Two trees of postures grow towards each other (RRT-Connect; Kuffner and LaValle, 2000). Every
-    piece of them is proven to be clear. The same input gives the same path.
+    line is proven to be collision-free. The result is deterministic.
 
     Args:
         cell: The arm and its cell.
@@ -33,11 +33,11 @@ def connect(
         ranges: Lowest and highest joint positions [rad], (dof,) each.
     """
     postures = _search(cell, first, last, ranges)
-    return None if postures is None else through(cell, _shorten(cell, postures))
+    return None if postures is None else path_through(cell, _shorten(cell, postures))
 
 
-def through(cell: Cell, postures: FloatArray) -> JointPath | None:
-    """A joint path through postures with rounded corners that keeps clear; None if there is none.
+def path_through(cell: Cell, postures: FloatArray) -> JointPath | None:
+    """A collision-free joint path through postures with rounded corners; None if there is none.
 
     Args:
         cell: The arm and its cell.
@@ -55,8 +55,8 @@ def round_postures(postures: FloatArray, share: float) -> JointPath:
     """Straight lines in joint space between postures, with parabolas at the corners.
 
     Args:
-        postures: The postures, no two in a row the same [rad], (n, dof).
-        share: How much of half of each line its parabolas take; 0 stops at every corner.
+        postures: The postures, no two consecutive ones equal [rad], (n, dof).
+        share: Fraction of half of each line that its parabolas take; 0 stops at every corner.
     """
     steps = np.diff(postures, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
@@ -70,7 +70,7 @@ def round_postures(postures: FloatArray, share: float) -> JointPath:
         widths.append(line)
         if cut[k + 1] > 0:
             r = cut[k + 1]
-            # From r before the corner to r after it; dq_ds turns from one way to the next.
+            # From r before the corner to r after it; dq_ds changes between the directions.
             rows.append(
                 [
                     postures[k + 1] - r * direction,
@@ -87,7 +87,7 @@ def round_postures(postures: FloatArray, share: float) -> JointPath:
 def _search(
     cell: Cell, first: FloatArray, last: FloatArray, ranges: tuple[FloatArray, FloatArray]
 ) -> FloatArray | None:
-    """Postures from the first to the last one with clear lines between them; None if not found."""
+    """Postures from the first to the last with collision-free lines; None if not found."""
     low = np.maximum(np.minimum(first, last) - AROUND, ranges[0])
     high = np.minimum(np.maximum(first, last) + AROUND, ranges[1])
     random = np.random.default_rng(0)
@@ -108,13 +108,13 @@ def _search(
 
 
 class _Lines:
-    """Straight lines in joint space, of which a limited number is looked at.
+    """Straight lines in joint space, with a budget of checks.
 
     Args:
         cell: The arm and its cell.
 
     Attributes:
-        left: How many more are looked at.
+        left: Number of remaining checks.
     """
 
     def __init__(self, cell: Cell) -> None:
@@ -122,13 +122,13 @@ class _Lines:
         self.left = MOST_PIECES
 
     def clear(self, first: FloatArray, last: FloatArray) -> bool:
-        """Whether the line between two postures is clear; none is after the last one looked at."""
+        """Whether the line between two postures is collision-free; False after the last check."""
         self.left -= 1
         return self.left >= 0 and self._cell.keeps(JointPath.spline([first, last]))
 
 
 class _Tree:
-    """Postures that can be reached from a root on clear lines.
+    """Postures connected to a root by collision-free lines.
 
     Args:
         root: The root [rad], (dof,).
@@ -141,10 +141,7 @@ class _Tree:
     def grow(self, goal: FloatArray, lines: _Lines, *, whole: bool = False) -> int | None:
         """Grow from the nearest posture towards a goal; index of the last new posture, or None.
 
-        Args:
-            goal: The goal [rad], (dof,).
-            lines: The lines of the search.
-            whole: Whether to go on until the goal, not for one step only.
+        With `whole` the growth continues to the goal, otherwise it is one step.
         """
         rows = np.array(self.postures)
         k = int(np.argmin(np.linalg.norm(rows - goal, axis=1)))
@@ -174,7 +171,7 @@ class _Tree:
 
 
 def _shorten(cell: Cell, postures: FloatArray) -> FloatArray:
-    """The same way with detours left out, where the direct line is clear."""
+    """The same path with detours replaced by collision-free lines."""
     random = np.random.default_rng(1)
     for _ in range(SHORTCUTS):
         if len(postures) < 3:

@@ -1,4 +1,4 @@
-"""Entry point `check_clearance`: the least distances of a motion, proven for all times."""
+"""`check_clearance`: smallest distances of a motion, proven for all times."""
 
 from __future__ import annotations
 
@@ -24,35 +24,34 @@ from armcontour.robot.scene import LeftOut, Scene
 from armcontour.verification.clearance.distances import UNCERTAINTY, Distances
 from armcontour.verification.clearance.pairs import Pair, mounting_pairs, pairs_of
 
-# What is as near as its margin within this distance counts as nearer [m].
+# Distances within this tolerance of the margin count as violations [m].
 FINEST = 1e-6
-# How exactly the first time is found at which a pair is nearer than its margin [m]: each search
-# cuts a window into so many pieces.
+# Accuracy of the first time at which a margin is violated, as a travel [m]; number of pieces per
+# window of the search.
 STEP, PIECES = 1e-5, 16
-# Up to so many windows are cut into more than two pieces each.
+# Number of pieces per window, with the largest number of windows for it; otherwise two.
 FEW = {8: 25, 4: 100}
-# So many breaks of a motion are looked at together, which bounds the memory.
+# Number of breaks of a motion per batch, to bound the memory.
 AT_ONCE = 20_000
-# Number of cells in the cache: those of a few jobs.
+# Number of cells in the cache.
 CELLS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PairClearance:
-    """How near two bodies come to each other in a motion.
+    """Smallest distance of two bodies in a motion.
 
     Args:
         first, second: Names of the bodies: links, the tool, obstacles.
         kind: "environment" for a link and an obstacle, "own" for two links, "tool" for the tool and
             anything else.
-        margin: How near they may come [m].
-        low: Their distance is nowhere less [m]. Below 0 they overlap.
+        margin: Smallest allowed distance [m].
+        low: Proven lower bound of their distance [m]; negative if they overlap.
         high: Their distance at time t [m].
-        t: A time at which they are so near [s].
-        points: The nearest points of both at the first time, or at t without one, in the work frame
-            [m], (2, 3).
-        first_time: The first time at which they are nearer than the margin [s]; None if they never
-            are.
+        t: Time of the distance `high` [s].
+        points: Nearest points of both at the first time, otherwise at t, in the work frame [m], (2,
+            3).
+        first_time: First time at which the margin is violated [s]; None if it never is.
     """
 
     first: str
@@ -66,12 +65,12 @@ class PairClearance:
     first_time: float | None = None
 
     @property
-    def kept(self) -> bool:
-        """Whether the margin is kept, proven for all times."""
+    def satisfied(self) -> bool:
+        """Whether the margin is satisfied, proven for all times."""
         return self.low >= self.margin
 
     def later(self, by: float) -> PairClearance:
-        """The same with all times later by a time [s].
+        """Return the same result with all times shifted [s].
 
         Args:
             by: The time [s].
@@ -80,13 +79,13 @@ class PairClearance:
         return replace(self, t=self.t + by, first_time=first)
 
     def __str__(self) -> str:
-        """The pair, its distance and when, as a sentence."""
+        """The pair, its distance and time, as a sentence."""
         verb = "touch" if self.high <= 0 else f"come as near as {number(self.high, 'm')}"
         return f"{self.second} and {self.first} {verb}, {self.place}"
 
     @property
     def place(self) -> str:
-        """When and where they are so near, or first too near, as a phrase."""
+        """Time and place of the smallest distance, or of the first violation, as a phrase."""
         t = self.t if self.first_time is None else self.first_time
         when = f"{'' if self.first_time is None else 'first '}at t = {clock(t)} s"
         x, y, z = self.points[1] * 1e3
@@ -95,13 +94,13 @@ class PairClearance:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Clearance(Result):
-    """How far an arm stays from itself and from its cell in a motion.
+    """Distances of an arm from itself and from its cell in a motion.
 
     Args:
-        pairs: The pairs of bodies, the one that comes nearest to its margin first.
-        left_out: Pairs whose distance was not looked at, with the reasons.
-        evaluations: How many distances were computed.
-        below: Links that come below the plane in which the base is mounted, the lowest first.
+        pairs: The pairs of bodies, sorted by distance above the margin.
+        left_out: Pairs whose distance was not checked, with the reasons.
+        evaluations: Number of computed distances.
+        below: Links that go below the mounting plane of the base, the lowest first.
     """
 
     pairs: tuple[PairClearance, ...]
@@ -110,36 +109,36 @@ class Clearance(Result):
     below: tuple[PairClearance, ...] = ()
 
     @property
-    def kept(self) -> bool:
-        """Whether every pair keeps its margin, proven for all times."""
-        return all(x.kept for x in self.pairs)
+    def satisfied(self) -> bool:
+        """Whether all margins are satisfied, proven for all times."""
+        return all(x.satisfied for x in self.pairs)
 
     @property
     def too_near(self) -> tuple[PairClearance, ...]:
-        """The pairs that come nearer than their margins, in the order of the times."""
+        """Pairs that violate their margins, in order of time."""
         pairs = [x for x in self.pairs if x.first_time is not None]
         return tuple(sorted(pairs, key=lambda x: (x.first_time, x.low)))
 
     @property
     def least(self) -> PairClearance | None:
-        """The pair of the least distance; None if there is no pair."""
+        """The pair with the smallest distance; None without pairs."""
         return min(self.pairs, key=lambda x: x.high, default=None)
 
     @property
     def low(self) -> float | None:
-        """What no pair comes below at any time, proven [m]; None if there is no pair."""
+        """Proven lower bound of all distances [m]; None without pairs."""
         return min((x.low for x in self.pairs), default=None)
 
     @property
     def nearest(self) -> tuple[PairClearance, ...]:
-        """The pair of the least distance of every kind, the least distance first."""
+        """The pair with the smallest distance of every kind, the smallest first."""
         by_kind: dict[str, PairClearance] = {}
         for pair in sorted(self.pairs, key=lambda x: x.high):
             by_kind.setdefault(pair.kind, pair)
         return tuple(by_kind.values())
 
     def later(self, by: float) -> Clearance:
-        """The same with all times later by a time [s].
+        """Return the same result with all times shifted [s].
 
         Args:
             by: The time [s].
@@ -148,12 +147,12 @@ class Clearance(Result):
         return replace(self, pairs=pairs, below=below)
 
     def refuse(self) -> None:
-        """Raise an error if a pair comes nearer than its margin.
+        """Raise an error if a margin is violated.
 
         Raises:
-            Collision: With the first time at which one does.
+            Collision: A margin is violated; the error has the first time.
         """
-        if self.kept:
+        if self.satisfied:
             return
         first = self.too_near[0]
         raise Collision(
@@ -167,12 +166,12 @@ class Clearance(Result):
         )
 
     def _others(self) -> str:
-        """Names of further pairs that come too near, for a message."""
+        """Names of further pairs that violate their margins, for a message."""
         names = [f"{x.second} and {x.first}" for x in self.too_near[1:]]
         return f" (also {list_some(names, 5)})" if names else ""
 
     def to_data(self) -> Data:
-        """The verdict, and the pairs, the nearest to its margin first."""
+        """The verdict, and the pairs, sorted by distance above the margin."""
         below = None if not self.below else -self.below[0].high
         note = "" if self.least is None else f"{self.least.second} and {self.least.first}"
         if self.too_near:
@@ -180,7 +179,7 @@ class Clearance(Result):
         return Data(
             "Clearance",
             (
-                Row("kept", self.kept, "", "clearance kept"),
+                Row("kept", self.satisfied, "", "clearance kept"),
                 Row("low", self.low, "m", "clearance", note, FIRST),
                 Row("below_base", self.below_base),
                 Row("below", below, "m", "below the base"),
@@ -220,8 +219,8 @@ class Clearance(Result):
 
     @property
     def sentence(self) -> str:
-        """The verdict with the least distance, as a sentence."""
-        if not self.kept:
+        """The verdict with the smallest distance, as a sentence."""
+        if not self.satisfied:
             return f"Too near: {self.too_near[0]}."
         first, *others = self.nearest or (None,)
         if first is None:
@@ -238,12 +237,12 @@ class Clearance(Result):
         return f"{verdict} Bounds of other kinds: {bounds}." if bounds else verdict
 
     def _lowest(self, kind: str) -> float:
-        """What no pair of a kind comes below at any time, proven [m]."""
+        """Proven lower bound of the distances of a kind [m]."""
         return min(x.low for x in self.pairs if x.kind == kind)
 
     @property
     def below_base(self) -> str | None:
-        """A sentence on the links that come below the base; None if none does."""
+        """A sentence on links that go below the base; None without."""
         if not self.below:
             return None
         lowest, *others = self.below
@@ -255,7 +254,7 @@ class Clearance(Result):
         )
 
 
-# A joint path stands for any motion along it: arc length takes the place of time.
+# A joint path represents any motion along it, with arc length instead of time.
 Motion: TypeAlias = Trajectory | Execution | JointPath
 
 
@@ -267,35 +266,34 @@ def check_clearance(
     *,
     resolution: float = 1e-3,
 ) -> Clearance:
-    """Prove how far an arm stays from itself and from its cell in a motion.
+    """Prove the distances of an arm from itself and from its cell in a motion.
 
-    Distances hold between samples, too: from a distance at one time, two bodies stay apart for as
-    long as their joints cannot have moved them together (conservative advancement; Mirtich, 1996).
-    What comes nearer than its margin is found with its first time.
+    Distances are proven between samples, too: a distance at one time bounds the time in which the
+    joints could bring two bodies together (conservative advancement; Mirtich, 1996). Violations are
+    reported with their first time.
 
     Args:
-        motion: A planned or an executed motion; or a joint path, for which arc length stands for
-            time.
+        motion: A planned or an executed motion, or a joint path, with arc length instead of time.
         arm: The arm, with the shapes of its links.
         scene: Obstacles and margins; by default none, with the default margins.
-        resolution: How well the least distance of every kind of pairs is known [m].
+        resolution: Accuracy of the smallest distance of every kind of pair [m].
 
     Raises:
-        InvalidInput: The shapes of the arm are not known, or something in the scene is wrong.
+        InvalidInput: The shapes of the arm are unknown, or the scene is invalid.
     """
     return Cell(arm, Scene() if scene is None else scene).check(motion, resolution=resolution)
 
 
 class Cell:
-    """An arm with what stands around it, ready to look at many motions.
+    """An arm and its cell, prepared for checks of many motions.
 
     Args:
         arm: The arm, with the shapes of its links.
         scene: Obstacles and margins.
 
     Attributes:
-        pairs: The pairs of bodies that are looked at.
-        left_out: Those that are not, with the reasons.
+        pairs: The checked pairs of bodies.
+        left_out: The other pairs, with the reasons.
 
     Raises:
         InvalidInput: As `check_clearance`.
@@ -331,7 +329,7 @@ class Cell:
         )
 
     def below(self, motion: Motion, resolution: float = 1e-3) -> tuple[PairClearance, ...]:
-        """The links that come below the plane in which the base is mounted, the lowest first.
+        """Links that go below the mounting plane of the base, the lowest first.
 
         Args:
             motion: The motion.
@@ -346,7 +344,7 @@ class Cell:
 
     @checked
     def stays_above(self, motion: Motion) -> bool:
-        """Whether all links stay above the plane in which the base is mounted; True without one.
+        """Whether all links stay above the mounting plane of the base; True without one.
 
         Args:
             motion: The motion.
@@ -355,10 +353,10 @@ class Cell:
             return True
         return _Search(motion, self._mounting, self._heights, np.inf).run()
 
-    def least_over(self, q: FloatArray) -> dict[str, FloatArray]:
-        """The least distance of every kind of pairs at joint positions, (n,) each [m].
+    def smallest_distances(self, q: FloatArray) -> dict[str, FloatArray]:
+        """Smallest distance of every kind of pair at joint positions, (n,) each [m].
 
-        For pictures: `check` proves what lies between.
+        For plots; `check` also proves the distances between them.
 
         Args:
             q: Joint positions [rad], (n, dof).
@@ -373,7 +371,7 @@ class Cell:
         }
 
     def fits(self, motion: Motion) -> bool:
-        """Whether every pair keeps its margin and no link comes below the base in a motion.
+        """Whether a motion satisfies all margins and no link goes below the base.
 
         Args:
             motion: The motion.
@@ -381,7 +379,7 @@ class Cell:
         return self.stays_above(motion) and self.keeps(motion)
 
     def keeps(self, motion: Motion) -> bool:
-        """Whether every pair keeps its margin in a motion; faster than `check`.
+        """Whether a motion satisfies all margins; faster than `check`.
 
         Args:
             motion: The motion.
@@ -393,7 +391,7 @@ class Cell:
 
 @lru_cache(maxsize=CELLS)
 def cell_of(arm: Arm, scene: Scene | None) -> Cell:
-    """The arm and its cell, made once for an arm and a scene.
+    """The cell of an arm and a scene, from a cache.
 
     Args:
         arm: The arm, with the shapes of its links.
@@ -406,13 +404,13 @@ def cell_of(arm: Arm, scene: Scene | None) -> Cell:
 
 
 class _Search:
-    """The search for the least distances of pairs.
+    """Search for the smallest distances of pairs.
 
     Args:
         motion: The motion.
         pairs: The pairs.
         distances: Their distances.
-        resolution: How well the least distance of a kind is known [m].
+        resolution: Accuracy of the smallest distance of a kind [m].
     """
 
     def __init__(
@@ -433,19 +431,19 @@ class _Search:
         self._kinds = np.array([list(kinds).index(x.kind) for x in pairs])
         self._blur = np.zeros(len(pairs))
         if isinstance(motion, Execution):
-            # Between samples joints are not quite where a straight line has them.
+            # Between samples the joints deviate from straight lines.
             steps = np.diff(motion.t).max() if len(motion.t) > 1 else 0.0
             self._blur = self._radii @ (largest_accelerations(motion) * steps**2 / 8)
         n = len(pairs)
-        # Of every pair: what its distance is nowhere below, and the least one that was computed.
+        # Per pair: lower bound of the distance, and smallest computed distance.
         self._low, self._high = np.full(n, np.inf), np.full(n, np.inf)
         self._at = np.zeros(n)
 
     def run(self) -> bool:
-        """Cut windows of time until their bounds decide; return whether all margins are kept.
+        """Divide time windows until their bounds decide; return whether all margins are satisfied.
 
-        Without a resolution only this is of interest, and the first pair that comes too near ends
-        the search.
+        With an infinite resolution only this is determined, and the first violation ends the
+        search.
         """
         for first in range(0, len(self._t) - 1, AT_ONCE):
             last = min(first + AT_ONCE, len(self._t) - 1)
@@ -457,11 +455,11 @@ class _Search:
 
     @property
     def _decided(self) -> bool:
-        """Whether a pair comes too near, where only this is of interest."""
+        """Whether a margin is violated, if only this is to be determined."""
         return self._resolution == np.inf and bool((self._high < self._margins).any())
 
     def results(self) -> list[PairClearance]:
-        """What was found of every pair."""
+        """Results of all pairs."""
         first = [
             None if low >= x.margin else self._first_time(k, float(self._at[k]))
             for k, (x, low) in enumerate(zip(self.pairs, self._low, strict=True))
@@ -484,19 +482,18 @@ class _Search:
         ]
 
     def _run_part(self, t: FloatArray, travel: FloatArray) -> None:
-        """Look at a part of the motion.
+        """Search a part of the motion.
 
-        Args:
-            t: Times of its breaks [s], (n,).
-            travel: How far each joint has moved since its start, at most [rad], (n, dof).
+        `t` are the times of its breaks [s], `travel` the largest travel of each joint since the
+        start of the part [rad], (n, dof).
         """
         pair = np.arange(len(self.pairs))
         begin, end = np.full(len(pair), t[0]), np.full(len(pair), t[-1])
         travelled = np.zeros(len(pair)), self._radii @ travel[-1]
-        distance = self._look(pair, begin), self._look(pair, end)
+        distance = self._measure(pair, begin), self._measure(pair, end)
         while len(pair) and not self._decided:
             width = travelled[1] - travelled[0]
-            # As the distance changes no faster than the way grows.
+            # The distance changes at most as fast as the travel grows.
             low = (distance[0] + distance[1] - width) / 2
             np.minimum(low, np.minimum(*distance), out=low)
             goes_on = self._undecided(pair, low, width)
@@ -506,7 +503,7 @@ class _Search:
                 (travelled[0][goes_on], travelled[1][goes_on]),
                 (distance[0][goes_on], distance[1][goes_on]),
             )
-            count = _pieces(len(pair))
+            count = _count_pieces(len(pair))
             # Ends of the pieces of each window, in columns.
             shares = np.arange(count + 1) / count
             edges = begin[:, None] + (end - begin)[:, None] * shares
@@ -514,7 +511,10 @@ class _Search:
             inner, inner_pair = edges[:, 1:-1].ravel(), np.repeat(pair, count - 1)
             middle = (
                 x.reshape(-1, count - 1)
-                for x in (self._way(t, travel, inner, inner_pair), self._look(inner_pair, inner))
+                for x in (
+                    self._bound_approach(t, travel, inner, inner_pair),
+                    self._measure(inner_pair, inner),
+                )
             )
             travelled, distance = (
                 (rows[:, :-1].ravel(), rows[:, 1:].ravel())
@@ -526,30 +526,17 @@ class _Search:
             pair = np.repeat(pair, count)
             begin, end = edges[:, :-1].ravel(), edges[:, 1:].ravel()
 
-    def _way(
+    def _bound_approach(
         self, t: FloatArray, travel: FloatArray, times: FloatArray, pair: IntArray
     ) -> FloatArray:
-        """How far the bodies of pairs can have come together until times [m], (n,).
-
-        Args:
-            t: As in `_run_part`.
-            travel: As in `_run_part`.
-            times: The times [s], (n,).
-            pair: The pairs, (n,).
-        """
+        """Bound on the approach of pairs of bodies until some times [m], (n,)."""
         i = np.clip(np.searchsorted(t, times, side="right") - 1, 0, len(t) - 2)
         fraction = ((times - t[i]) / (t[i + 1] - t[i]))[:, None]
         moved = (1 - fraction) * travel[i] + fraction * travel[i + 1]
         return np.asarray((moved * self._radii[pair]).sum(axis=1))
 
     def _undecided(self, pair: IntArray, low: FloatArray, width: FloatArray) -> BoolArray:
-        """Which windows are to be cut.
-
-        Args:
-            pair: Their pairs, (n,).
-            low: Bounds of their distances [m], (n,).
-            width: How far bodies can come together in them [m], (n,).
-        """
+        """Mask of the windows that need division."""
         smallest = np.full(self._kinds.max() + 1, np.inf)
         np.minimum.at(smallest, self._kinds, self._high)
         margin, high = self._margins[pair], self._high[pair]
@@ -557,35 +544,28 @@ class _Search:
         coarse = low < smallest[self._kinds[pair]] - self._resolution
         return np.asarray((unproven & (width > FINEST)) | (coarse & (width > self._resolution)))
 
-    def _look(self, pair: IntArray, t: FloatArray) -> FloatArray:
-        """Lower bounds of distances of pairs at times [m], (n,); the least distances are kept."""
+    def _measure(self, pair: IntArray, t: FloatArray) -> FloatArray:
+        """Lower bounds of distances of pairs at times [m], (n,); records the smallest distances."""
         times, index = np.unique(t, return_inverse=True)
         distances = self._distances.measure(self._positions(times), index, pair)
         self.evaluations += len(pair)
         order = np.argsort(-distances, kind="stable")
         better = order[distances[order] < self._high[pair[order]]]
-        # Of several values for a pair, the last one stays, which is the least.
+        # Of several values for a pair, the last one is stored, which is the smallest.
         self._high[pair[better]], self._at[pair[better]] = distances[better], t[better]
         return np.asarray(distances - UNCERTAINTY - self._blur[pair])
 
     def _first_time(self, k: int, latest: float) -> float:
-        """The first time at which a pair may be nearer than its margin [s].
-
-        At this time it is nearer than the margin, or within STEP of way.
-
-        Args:
-            k: Index of the pair.
-            latest: A time at which it is as near as it comes [s].
-        """
+        """First time at which a pair may violate its margin [s], with an accuracy of STEP."""
         travelled, margin = self._travel @ self._radii[k], self.pairs[k].margin
         windows = [(0.0, float(np.interp(latest, self._t, travelled)))]
         while windows:
             begin, end = windows.pop()
             edges = np.linspace(begin, end, PIECES + 1)
             t = np.interp(edges, travelled, self._t)
-            distance = self._look(np.full(len(t), k), t)
+            distance = self._measure(np.full(len(t), k), t)
             if distance[0] < margin:
-                # An arm that rests at first has gone no way for a while.
+                # An arm that rests at first has no travel for a while.
                 return float(t[0] if begin > 0 else self._t[0])
             low = (distance[:-1] + distance[1:] - np.diff(edges)) / 2
             doubtful = np.flatnonzero(np.minimum(low, distance[1:]) < margin).tolist()
@@ -604,6 +584,6 @@ class _Search:
         return interpolate(t, executed.t, executed.q)
 
 
-def _pieces(windows: int) -> int:
-    """Into how many pieces so many windows are cut: a round of few of them costs as much itself."""
+def _count_pieces(windows: int) -> int:
+    """Number of pieces per window: a round with few windows has constant costs."""
     return next((n for n, most in FEW.items() if windows <= most), 2)

@@ -1,4 +1,4 @@
-"""Which pairs of bodies are looked at, how near they may come, and how fast they can approach."""
+"""Pairs of bodies for clearance checks: margins and largest approach per joint velocity."""
 
 from __future__ import annotations
 
@@ -15,23 +15,22 @@ from armcontour.robot import Arm, Chain
 from armcontour.robot.scene import BASE, TOOL, ArmShapes, HalfSpace, LeftOut, Mesh, Scene, Shape
 
 ENVIRONMENT, OWN = "environment", "own"
-# The kind of the pairs of links with the plane in which the base is mounted.
+# Kind of the pairs of links with the mounting plane of the base.
 MOUNTING = "mounting"
-# The links before this one turn about the base; links that come lower than this below the plane are
-# below it [m].
+# First link that can be raised, and depth below the mounting plane that counts as below [m].
 FIRST_RAISED, BELOW = 2, 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Body:
-    """A shape that moves with a link, or stands still.
+    """A shape that moves with a link, or is fixed.
 
     Args:
         name: Name of the link or obstacle.
-        link: The link that it moves with, 0 for the base; obstacles stand still like the base.
+        link: The link that it moves with; 0 for the base and for obstacles.
         shape: The shape.
         place: The frame of the shape, in the frame of the link.
-        exact: The body itself, where the shape is a larger one.
+        exact: The exact body if the shape is a larger one.
         tool: Whether it belongs to the tool.
     """
 
@@ -45,13 +44,13 @@ class Body:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pair:
-    """Two bodies whose distance is looked at.
+    """Two bodies whose distance is checked.
 
     Args:
         first, second: The bodies; the second one moves with the later link.
         kind: "environment", "own" or "tool".
-        margin: How near they may come to each other [m].
-        radii: How fast they can approach each other per joint velocity, at most [m/rad], (dof,).
+        margin: Smallest allowed distance [m].
+        radii: Largest approach per joint motion [m/rad], (dof,).
     """
 
     first: Body
@@ -62,53 +61,45 @@ class Pair:
 
 
 def pairs_of(arm: Arm, scene: Scene) -> tuple[tuple[Pair, ...], tuple[LeftOut, ...]]:
-    """The pairs of bodies of an arm and its cell that are looked at, and those that are not.
-
-    Args:
-        arm: The arm, with a chain and shapes.
-        scene: Its cell.
+    """Pairs of bodies of an arm and its cell: the checked ones, and the excluded ones.
 
     Raises:
-        InvalidInput: The arm has no shapes, or an obstacle allows something unknown to touch it, or
-            has the name of a body that moves.
+        InvalidInput: The arm has no shapes, or an obstacle allows an unknown body to touch it or
+            has the name of a moving body.
     """
     chain, shapes = _parts(arm)
     bodies = [
         Body(name=x.name, link=x.link, shape=x.shape, place=x.place, exact=x.exact, tool=x.tool)
         for x in shapes.shapes
     ]
-    _refuse_unknown(bodies, scene)
+    _check_obstacles(bodies, scene)
     radii = {id(x): _radii(chain, x) for x in bodies}
     pairs: list[Pair] = []
-    left_out = _without_shape(chain, bodies)
-    for obstacle, body, margin, allowed in _with_obstacles(chain, bodies, scene):
+    left_out = _links_without_shape(chain, bodies)
+    for obstacle, body, margin, allowed in _obstacle_pairs(chain, bodies, scene):
         if body.link == 0:
-            reason = "both stand still"
+            reason = "both are fixed"
         elif allowed:
             reason = f"{obstacle.name} allows it to touch"
         else:
             kind = TOOL if body.tool else ENVIRONMENT
-            pairs.append(_pair(radii, obstacle, body, kind, margin))
+            pairs.append(_make_pair(radii, obstacle, body, kind, margin))
             continue
         left_out.append(LeftOut(first=obstacle.name, second=body.name, reason=reason))
     reasons = {frozenset((x.first, x.second)): x.reason for x in shapes.left_out}
     for first, second in combinations(sorted(bodies, key=lambda x: x.link), 2):
-        why = _why_left_out(first, second, reasons)
+        why = _exclusion_reason(first, second, reasons)
         if why is None:
             kind = TOOL if second.tool or first.tool else OWN
             margin = scene.margins.tool if kind == TOOL else scene.margins.own
-            pairs.append(_pair(radii, first, second, kind, margin))
+            pairs.append(_make_pair(radii, first, second, kind, margin))
         elif first.name != second.name:
             left_out.append(LeftOut(first=first.name, second=second.name, reason=why))
     return tuple(pairs), tuple(dict.fromkeys(left_out))
 
 
 def mounting_pairs(arm: Arm, scene: Scene) -> tuple[Pair, ...]:
-    """The links that should stay above the plane in which the base is mounted, paired with it.
-
-    Args:
-        arm: As in `pairs_of`.
-        scene: As in `pairs_of`.
+    """Links that should stay above the mounting plane of the base, each paired with the plane.
 
     Raises:
         InvalidInput: As in `pairs_of`.
@@ -129,11 +120,7 @@ def mounting_pairs(arm: Arm, scene: Scene) -> tuple[Pair, ...]:
 
 
 def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
-    """Chain and shapes of an arm.
-
-    Raises:
-        InvalidInput: The arm lacks one of them.
-    """
+    """Chain and shapes of an arm; an error if one is missing."""
     if arm.chain is None:
         raise InvalidInput(f"The arm {arm.name} has no chain of links, so it has no clearance.")
     if arm.shapes is None or not arm.shapes.shapes:
@@ -145,8 +132,8 @@ def _parts(arm: Arm) -> tuple[Chain, ArmShapes]:
     return arm.chain, arm.shapes
 
 
-def _without_shape(chain: Chain, bodies: Iterable[Body]) -> list[LeftOut]:
-    """Links of which no shape is known, so that nothing is said of them."""
+def _links_without_shape(chain: Chain, bodies: Iterable[Body]) -> list[LeftOut]:
+    """Links without a known shape, which are not checked."""
     links = {x.link for x in bodies}
     return [
         LeftOut(
@@ -159,8 +146,8 @@ def _without_shape(chain: Chain, bodies: Iterable[Body]) -> list[LeftOut]:
     ]
 
 
-def _refuse_unknown(bodies: Iterable[Body], scene: Scene) -> None:
-    """Refuse an obstacle that allows what the arm does not have, or that is a link of the arm."""
+def _check_obstacles(bodies: Iterable[Body], scene: Scene) -> None:
+    """Check that obstacles are no moving links, and allow only known bodies to touch."""
     bodies = list(bodies)
     names, moving = {x.name for x in bodies} | {TOOL}, {x.name for x in bodies if x.link}
     end = max((x for x in bodies if not x.tool), key=lambda x: x.link, default=None)
@@ -180,7 +167,7 @@ def _refuse_unknown(bodies: Iterable[Body], scene: Scene) -> None:
                 )
 
 
-def _with_obstacles(
+def _obstacle_pairs(
     chain: Chain, bodies: Iterable[Body], scene: Scene
 ) -> Iterable[tuple[Body, Body, float, bool]]:
     """Every obstacle with every body of the arm: their margin, and whether they may touch."""
@@ -198,30 +185,22 @@ def _with_obstacles(
             yield obstacle, body, margin, body.name in x.allow or (body.tool and TOOL in x.allow)
 
 
-def _why_left_out(first: Body, second: Body, reasons: dict[frozenset[str], str]) -> str | None:
-    """Why the distance of two bodies of the arm is not looked at; None if it is."""
+def _exclusion_reason(first: Body, second: Body, reasons: dict[frozenset[str], str]) -> str | None:
+    """Reason to exclude two bodies of the arm; None if their distance is checked."""
     if first.link == second.link:
         return "they move together"
     reason = reasons.get(frozenset((first.name, second.name)))
     if reason is not None:
         return reason
-    # A tool may be bent back to the link before the last one, as far as the joint between lets it.
+    # A tool may be bent back to the link before the last one.
     return "neighbours" if second.link == first.link + 1 and not second.tool else None
 
 
-def _pair(
+def _make_pair(
     radii: Mapping[int, FloatArray], first: Body, second: Body, kind: str, margin: float
 ) -> Pair:
-    """A pair, with how fast its bodies can approach each other.
-
-    Args:
-        radii: What `_radii` gives, by the identities of the bodies.
-        first: The body of the earlier link.
-        second: The other body.
-        kind: The kind.
-        margin: The margin [m].
-    """
-    # Only joints between both links move the bodies against each other.
+    """A pair, with its largest approach per joint motion."""
+    # Only joints between both links cause relative motion.
     between = np.arange(len(radii[id(second)])) >= first.link
     return Pair(
         first=first, second=second, kind=kind, margin=margin, radii=radii[id(second)] * between
@@ -229,17 +208,12 @@ def _pair(
 
 
 def _radii(chain: Chain, body: Body) -> FloatArray:
-    """Largest distances of points of a body from the axes of joints, in any posture [m], (dof,).
-
-    Args:
-        chain: The chain.
-        body: The body; joints after its link do not move it.
-    """
+    """Largest distances of points of a body from the joint axes, in any posture [m], (dof,)."""
     radii = np.zeros(len(chain))
     middle, radius = body.shape.ball
     middle = body.place.position + body.place.rotation @ middle
     for k in range(body.link - 1, -1, -1):
-        # A ball about a point of the axis holds the body however the joint turns.
+        # A ball about a point of the axis contains the body at any joint position.
         along = chain.axes[k] * float(chain.axes[k] @ middle)
         radii[k] = radius = radius + float(np.linalg.norm(middle - along))
         middle = chain.positions[k] + chain.rotations[k] @ along

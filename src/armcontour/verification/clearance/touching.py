@@ -1,4 +1,4 @@
-"""Pairs of an arm's own bodies that touch by their shapes, however the arm stands."""
+"""Pairs of an arm's own bodies whose shapes touch in every posture."""
 
 from __future__ import annotations
 
@@ -13,19 +13,18 @@ from armcontour.verification.clearance.distances import UNCERTAINTY, Distances, 
 from armcontour.verification.clearance.pairs import pairs_of
 
 REASON = "touching with all joints at 0, and in every other posture that was tried"
-# How many other postures are tried.
+# Number of other postures that are tried.
 POSTURES = 15
 
 
-def leave_out_touching(arm: Arm) -> ArmShapes:
-    """The shapes of an arm, with pairs left out that touch with all joints at 0.
+def exclude_touching(arm: Arm) -> ArmShapes:
+    """Shapes of an arm, with pairs excluded that touch with all joints at 0 and elsewhere.
 
-    Joints at 0 may be a posture that the arm cannot take, in which bodies meet that are apart
-    elsewhere. So pairs are left out that touch in some other postures, too. No pair is left out
-    because it did not touch. Where distances cannot be computed, the shapes are unchanged.
+    The arm may not be able to take the posture with all joints at 0, so a pair is excluded only if
+    it touches in all other sampled postures, too.
 
-    Args:
-        arm: An arm with shapes.
+    Raises:
+        InvalidInput: The arm has no shapes, or distances cannot be computed here.
     """
     assert arm.shapes is not None
     pairs, _ = pairs_of(arm, Scene())
@@ -43,9 +42,9 @@ def leave_out_touching(arm: Arm) -> ArmShapes:
 
 
 def _postures(arm: Arm) -> FloatArray:
-    """All joints at 0, and postures spread over the ranges of the joints [rad], (n, dof)."""
+    """All joints at 0, and postures distributed over the joint ranges [rad], (n, dof)."""
     low, high = (np.clip(x, -np.pi, np.pi) for x in arm.limits.joint_range(arm.dof))
-    # Square roots of primes spread evenly, each joint in an order of its own.
+    # Multiples of square roots of primes are evenly distributed, differently for each joint.
     steps = np.sqrt([2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37][: arm.dof])
     steps = np.concatenate([steps, np.sqrt(41 + np.arange(arm.dof - len(steps)))])
     shares = np.arange(1, POSTURES + 1)[:, None] * steps % 1

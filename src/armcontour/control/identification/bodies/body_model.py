@@ -12,7 +12,7 @@ from armcontour.core import checks
 from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.robot import Arm, Payload
 from armcontour.robot.drives import Drives
-from armcontour.robot.drives.response import Simulation
+from armcontour.robot.drives.response import NominalMotion
 from armcontour.robot.servo import ServoModel
 
 CENTER = ("payload_center_x", "payload_center_y", "payload_center_z")
@@ -143,7 +143,7 @@ class Model:
         )
 
     def torques(
-        self, values: FloatArray, motion: Simulation, lead: FloatArray, slope: FloatArray
+        self, values: FloatArray, motion: NominalMotion, lead: FloatArray, slope: FloatArray
     ) -> FloatArray:
         """Torques on the joints per unit of the unknowns, (n, dof, unknowns).
 
@@ -174,7 +174,7 @@ class Model:
         }
         return np.concatenate([columns[x] for x in dict.fromkeys(self.names.tolist())], axis=2)
 
-    def _load_torques(self, drives: Drives, motion: Simulation) -> FloatArray:
+    def _load_torques(self, drives: Drives, motion: NominalMotion) -> FloatArray:
         """Joint torques per mass of the payload and per mass times deviation of its centre.
 
         Returns:

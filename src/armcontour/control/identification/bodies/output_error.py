@@ -20,7 +20,7 @@ from armcontour.control.identification.least_squares import (
 from armcontour.core.checks import BoolArray, FloatArray
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.core.sampling import interpolate
-from armcontour.robot.drives.response import Simulation, simulate
+from armcontour.robot.drives.response import NominalMotion, simulate
 
 # A search ends when a step reduces the sum of squares by less than this share: 0.04 standard
 # deviations of an unknown with 20,000 residuals.
@@ -74,7 +74,7 @@ class Trial:
     """
 
     values: FloatArray
-    motions: tuple[Simulation, ...]
+    motions: tuple[NominalMotion, ...]
     residuals: tuple[FloatArray, ...]
 
     @property
