@@ -243,7 +243,7 @@ def seen(model: Model, grids: list[Gridded], values: FloatArray) -> BoolArray:
     """
     jacobian = derivatives(model, grids, attempt(model, grids, values))
     scaled = jacobian / noise_of(grids)[:, None]
-    precision = Precision.of(scaled.reshape(-1, len(values)))
+    precision = Precision.from_jacobian(scaled.reshape(-1, len(values)))
     # A load that is not known yet counts as 1 kg.
     bold = np.where(model.are("payload_mass"), np.maximum(values, 1.0), values)
     limit = allowed(model, bold) * np.where(model.are(*LOGARITHMIC), 1.0, 2.0)
