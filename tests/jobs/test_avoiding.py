@@ -39,7 +39,7 @@ servo: {kp: 25, kv: 150}
 cycle: 0.004
 runs: {compensated: {timing: {method: optimal}, compensation: {method: inverse}}}
 """
-OTHER = "another configuration is taken, in which the contours are clear"
+OTHER = "another configuration is taken, in which the contours are collision-free"
 
 
 def seams(*places):

@@ -155,7 +155,7 @@ class ErrorEstimate:
         return self.lifted.smooth(error + white, self._penalty) - error
 
     def correct(self, setbacks: int) -> FloatArray:
-        """Set-points that remove the repeating error [rad]; each setback slows the change tenfold."""
+        """Set-points that remove the repeating error [rad]; each setback slows the change."""
         if not setbacks:
             return np.asarray(self.runs[0].q + self._change)
         slow = self.lifted.correct(self.removed, self._penalty * SLOWER**setbacks)[0]
