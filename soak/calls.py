@@ -51,7 +51,8 @@ INNER = {
     *("Orientation.join", "Orientation.place", "SecondOrder.allowed", "SecondOrder.on"),
     *("SecondOrder.usage", "ServoModel.check_orders", "ServoModel.check_gains"),
     *("ServoModel.saturate", "motion_between", "on_interval", "on_piece", "on_segment"),
-    *("Box.dead_time_of", "Box.gains_of", "Box.check_payload", "PlaceSearch.check"),
+    *("Uncertainty.dead_time_of", "Uncertainty.gains_of", "Uncertainty.check_payload"),
+    "PlaceSearch.check",
     *("rates_on_piece", "run", "times", "URScriptFormat.write", "TemplateFormat.write"),
 }
 # Arguments that start processes, or wait for a server.

@@ -235,7 +235,7 @@ def results():
     yield from (x.path.path, x.set_points, x.trajectory, x.trajectory.sample(0.1))
     best = Place(values={"x": 0.01, "yaw": np.pi / 2}, verdict=Verdict(bound=1.4, duration=1.5))
     yield ac.Placement(
-        job=job, run=job.runs[0], axes=(), objective="drive_cycle", best=best, refined=best,
+        job=job, run=job.runs[0], axes=(), objective="duration", best=best, refined=best,
         verdicts=(best.verdict, Verdict(bound=1.6), Verdict(refusal="reach")),
         own=Verdict(refusal="reach"), moves=Moves(anchor=np.zeros(3)),
     )  # fmt: skip

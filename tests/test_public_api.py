@@ -64,7 +64,7 @@ def test_a_plan_without_limits_of_jerk_loads_nothing_of_them():
     code = """if True:
         import sys
         import armcontour as ac
-        from armcontour.simulation.robustness.box import Box
+        from armcontour.simulation.robustness.box import Uncertainty
         arm = ac.load_arm("pmk3s")
         ac.plan(ac.Path.polyline([[0.30, 0.20], [0.34, 0.20]]), arm, arm.limits.replace(speed=0.1))
         print(*(x for x in sys.modules if x.startswith("armcontour.")))
@@ -134,7 +134,7 @@ NOT_MADE = {
         "LimitUse",
         "Placement",
     ),
-    *("RoundedPath", "ShapedPath", "JobResult", "Tally"),
+    *("RoundedPath", "ShapedPath", "JobResult", "BatchProgress"),
 }
 
 

@@ -45,14 +45,14 @@ def parse(changes):
 # Changes of the good job, and what is then where.
 VALUES = """
 title: x => {arm.name: PMK-3s, path.vertices: [[0.3, 0.2], [0.4, 0.2], [0.4, 0.3]]}
-title: x => {runs.one.timing.method: paper, runs.one.period: 4.0e-3}
+title: x => {runs.one.timing.method: paper, runs.one.cycle: 4.0e-3}
 title: x => {runs.one.compensation.method: inverse}
 title: x => {runs.one.limits.speed: 0.1, runs.one.rounding.tolerance: 2.0e-3, servo.kp: [25, 25]}
 title: x => {runs.one.limits.joint_acceleration: [0.72, 0.72]}
 runs.one: {limits: {speed: 40 mm/s}} => {runs.one.limits.speed: 0.04}
 runs.one: {limits: {speed: 40 mm/s}} => {runs.one.limits.centripetal_acceleration: 0.09}
 runs.one: {corners: sharp, end_time: 3 s} => {runs.one.rounding: null, runs.one.end_time: 3.0}
-runs.one: {cycle: 1 ms} => {runs.one.period: 0.001}
+runs.one: {cycle: 1 ms} => {runs.one.cycle: 0.001}
 limits: {joint_acceleration: inf} => {runs.one.limits.joint_acceleration: null}
 limits: {joint_acceleration: null} => {runs.one.limits.joint_acceleration: [0.72, 0.72]}
 limits: {joint_velocity: 2.0} => {runs.one.limits.joint_velocity: [2, 2]}

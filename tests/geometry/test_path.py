@@ -191,12 +191,12 @@ def test_points_and_places_that_make_no_sense_are_refused():
 
 GOOD = line((0, 0), (1, 0))
 DEMANDS = (
-    ({"speed": 0.0}, "speed of a demand", "0 m/s"),
-    ({"speed": -1.0}, "speed of a demand", "-1 m/s"),
-    ({"speed": np.nan}, "speed of a demand", "finite"),
-    ({"speed": [1.0, 2.0]}, "speed of a demand", "one number"),
-    ({"tolerance": -1e-3}, "tolerance of a demand", "-0.001 m"),
-    ({"tolerance": np.inf}, "tolerance of a demand", "finite"),
+    ({"speed": 0.0}, "speed of segment limits", "0 m/s"),
+    ({"speed": -1.0}, "speed of segment limits", "-1 m/s"),
+    ({"speed": np.nan}, "speed of segment limits", "finite"),
+    ({"speed": [1.0, 2.0]}, "speed of segment limits", "one number"),
+    ({"tolerance": -1e-3}, "tolerance of segment limits", "-0.001 m"),
+    ({"tolerance": np.inf}, "tolerance of segment limits", "finite"),
 )
 SEGMENTS = (
     ([GOOD, line((1, 0), (1, 0))], "Segment 2", "zero length", {"index": 1, "point": (1, 0)}),

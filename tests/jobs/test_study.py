@@ -128,7 +128,7 @@ def test_jobs_runs_and_experiments_that_cannot_be_are_refused(job, in_space):
     first, second = job.runs
     fast = changed(first, limits=first.limits.replace(speed=np.inf))
     refused(
-        (lambda: ac.run(with_runs(job, fast)), "mac needs an assigned velocity"),
+        (lambda: ac.run(with_runs(job, fast)), "paper needs an assigned velocity"),
         (lambda: Rounding(tolerance=5e-3, acceleration=0.0), "acceleration of a rounding", "zero"),
         (lambda: with_runs(job, first, first), "every run its own name"),
         (lambda: dataclasses.replace(in_space, start=np.zeros(2)), "start has 2 values"),

@@ -33,11 +33,11 @@ MAKERS = {
     "optimal": lambda: ac.plan(ROUNDED, ARM, LIMITS, ac.Optimal(intervals=400)),
     "optimal, sharp": lambda: ac.plan(OBJECTIVE, ARM, LIMITS, ac.Optimal(intervals=400)),
     "paper": lambda: ac.plan(ROUNDED, ARM, SLOW, ac.Paper()),
-    "mac, sharp": lambda: ac.plan(OBJECTIVE, ARM, SLOW, ac.Paper()),
+    "paper, sharp": lambda: ac.plan(OBJECTIVE, ARM, SLOW, ac.Paper()),
     "conventional": lambda: ac.plan(ROUNDED, ARM, SLOW, ac.Conventional()),
     "conventional, uneven": lambda: ac.plan(UNEVEN, ARM, SLOW, ac.Conventional()),
     "program, optimal": lambda: ac.plan(PROGRAM, ARM, LIMITS, ac.Optimal(intervals=400)),
-    "program, mac": lambda: ac.plan(PROGRAM, ARM, SLOW, ac.Paper()),
+    "program, paper": lambda: ac.plan(PROGRAM, ARM, SLOW, ac.Paper()),
     "program, conventional": lambda: ac.plan(PROGRAM, ARM, SLOW, ac.Conventional()),
 }
 SHARES = np.concatenate(
@@ -158,7 +158,7 @@ def test_speeds_that_jump_have_two_sides_and_answers_the_shape_of_the_question()
     for side, speed in (("left", 0.05), ("right", 0.025)):
         assert float(trajectory.speed_at(vertex, side=side)) == speed
         assert float(trajectory.s(t, 1, side=side)) == pytest.approx(speed)
-    for name in ("optimal", "paper", "program, mac"):
+    for name in ("optimal", "paper", "program, paper"):
         trajectory = plan(name)
         for shape in ((), (3,), (2, 3), (0,)):
             share = np.full(shape, 0.3)
@@ -169,7 +169,7 @@ def test_speeds_that_jump_have_two_sides_and_answers_the_shape_of_the_question()
         places = np.array([0.9, 0.1, 0.5]) * ROUNDED.length
         times = [float(trajectory.time_at(s)) for s in places]
         assert trajectory.time_at(places).tolist() == times
-    for name, method in (("optimal", Method.OPTIMAL), ("program, mac", Method.MAC)):
+    for name, method in (("optimal", Method.OPTIMAL), ("program, paper", Method.PAPER)):
         assert plan(name).method is method
     assert f"{plan('paper').method}" == "paper"
 
@@ -213,7 +213,7 @@ def test_refusals(refuses):
     one, mac, program = plan("optimal"), plan("paper"), plan("program, optimal")
     (law,), dwell = one.laws, Span(move=0, kind="dwell", t=(0.0, 1.0))
     still = ac.Trajectory(laws=(law, dwell_law(np.zeros(2), 1.0)), method="by hand")
-    spans = program.spans[:-1], program.spans[1:], plan("program, mac").spans, program.spans * 2
+    spans = program.spans[:-1], program.spans[1:], plan("program, paper").spans, program.spans * 2
     calls = [
         *(lambda ask=ask, s=s: ask(s) for ask in (one.time_at, one.speed_at)
           for s in (-1e-3, 0.2, [0.01, 0.2], "far", np.nan)),

@@ -81,7 +81,9 @@ def _start(job, start, steps):
     """Of the nodes q (2, m + 1), dq, ddq (2, m) and durations of the lines (n,) to start from."""
     path = ac.Path.polyline(job.points)
     rounded = ac.round_corners(path, tolerance=0.0 if start == "stops" else start * job.tolerance)
-    planned = ac.plan(rounded, ac.load_arm("pmk3s"), job.limits, ac.Optimal(branch="positive"))
+    planned = ac.plan(
+        rounded, ac.load_arm("pmk3s"), job.limits, ac.Optimal(configuration="positive")
+    )
     fine = np.linspace(0, planned.duration, 20_001)
     passed = np.interp(rounded.place(path.breaks[1:-1]), planned.s(fine), fine)
     ends = np.concatenate([[0.0], passed, [planned.duration]])
@@ -203,7 +205,9 @@ def gap(seed: int, duration: float) -> float:
     """Share of a duration by which the shaped motion of the oracle's job is longer."""
     job = draw(seed)
     path, arm = ac.Path.polyline(job.points), ac.load_arm("pmk3s")
-    planned = ac.plan(path, arm, job.limits, ac.Shaped(tolerance=job.tolerance, branch="positive"))
+    planned = ac.plan(
+        path, arm, job.limits, ac.Shaped(tolerance=job.tolerance, configuration="positive")
+    )
     return planned.duration / duration - 1
 
 

@@ -21,7 +21,9 @@ def test_with_room_to_all_sides_it_is_the_slower_joint_alone(arm):
 @pytest.mark.parametrize(("line", "tolerance", "rel"), [(0, 1e-4, 1e-5), (1, 3e-5, 3e-3)])
 def test_without_room_it_is_the_fastest_timing_of_the_line(arm, line, tolerance, rel):
     job = Job(points=PAPER[line : line + 2], tolerance=tolerance)
-    planned = ac.plan(ac.Path.polyline(job.points), arm, job.limits, ac.Optimal(branch="positive"))
+    planned = ac.plan(
+        ac.Path.polyline(job.points), arm, job.limits, ac.Optimal(configuration="positive")
+    )
     assert solve(job, 40, ["stops"]) == pytest.approx(planned.duration, rel=rel)
 
 

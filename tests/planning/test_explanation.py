@@ -223,7 +223,7 @@ def test_every_segment_has_its_own_assigned_velocity(arm):
 
 
 def test_only_optimal_plans_can_be_explained(mac, arm, limits, refuses):
-    refuses(lambda: explain(mac, arm, limits), ac.InvalidInput, "not of mac")
+    refuses(lambda: explain(mac, arm, limits), ac.InvalidInput, "not of paper")
 
 
 @pytest.mark.filterwarnings("ignore:Limits of jerk add")

@@ -337,7 +337,7 @@ def placed(names, shape, verdicts):
     best = Place(values=dict.fromkeys(names.split(), 0.0), verdict=verdicts[0])
     return Placement(
         job=job, run=job.runs[0], axes=axes, moves=Moves(anchor=np.zeros(3)),
-        objective="drive_cycle", verdicts=verdicts, best=best, refined=best, own=verdicts[0],
+        objective="duration", verdicts=verdicts, best=best, refined=best, own=verdicts[0],
     )  # fmt: skip
 
 

@@ -34,7 +34,7 @@ class Robot:
 
     def execute(self, set_points=None):
         """The motion of set-points, by default those of the plan."""
-        return ac.execute(set_points or self.plan.set_points, self.plant)
+        return ac.simulate(set_points or self.plan.set_points, self.plant)
 
     def table(self, done, seed=0, interval=2e-3):
         """Rows of a log: time, commands and measured positions, with rests around."""

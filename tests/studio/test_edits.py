@@ -29,7 +29,7 @@ corners: {tolerance: 5 mm}
 servo: {kp: 25 1/s, kv: 150 1/s}
 cycle: 4 ms
 runs:
-  mac: {timing: {method: paper, knots: 600}, compensation: {method: none}}
+  paper: {timing: {method: paper, knots: 600}, compensation: {method: none}}
   own: {limits: {speed: 20 mm/s}, corners: sharp, cycle: 0.002}
 """
 PLANE = HEAD.replace("{arm}", "pmk3s") + (
@@ -143,7 +143,7 @@ def test_values_go_to_the_run_or_the_job_in_the_unit_that_was_written():
     assert set_to("corners.tolerance", 1e-3)["runs"]["own"]["corners"] == {"tolerance": "1 mm"}
     assert set_to("corners.tolerance", 1e-3, "paper")["corners"] == {"tolerance": "1 mm"}
     assert set_to("timing.reserve", 0.1)["runs"]["own"]["timing"] == {"reserve": "10 %"}
-    assert set_to("runs.mac.timing.knots", 100)["runs"]["paper"]["timing"]["knots"] == 100
+    assert set_to("runs.paper.timing.knots", 100)["runs"]["paper"]["timing"]["knots"] == 100
     assert set_to("limits.speed", "3 m/min")["runs"]["own"]["limits"]["speed"] == "3 m/min"
     # A number without a unit has that of the old value.
     assert set_to("limits.speed", "30")["runs"]["own"]["limits"]["speed"] == "30 mm/s"
@@ -373,7 +373,7 @@ limits: {speed: 0.15 m/s, joint_acceleration: [0.72 rad/s^2, 41 deg/s^2]}
 corners: {tolerance: 5 mm}
 servo: {kp: 25 1/s, kv: 150}
 runs:
-  mac: {timing: {method: paper}, compensation: {method: none}}
+  paper: {timing: {method: paper}, compensation: {method: none}}
   own: {limits: {speed: 20 mm/s}, corners: sharp, cycle: 0.002}
 """
 ROBOT = """\

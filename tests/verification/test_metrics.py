@@ -48,7 +48,7 @@ def test_overshoot_knows_the_segments_own_speeds(arm):
     path = ac.Path.from_segments(
         [
             ac.Line(start=(0.30, 0.20), end=(0.35, 0.20)),
-            ac.Line(start=(0.35, 0.20), end=(0.40, 0.20), demand=slow),
+            ac.Line(start=(0.35, 0.20), end=(0.40, 0.20), segment_limits=slow),
         ]
     )
     limits = arm.limits.replace(speed=0.1)

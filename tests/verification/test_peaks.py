@@ -34,7 +34,7 @@ def plan(arm_name, speed, tolerance, space):
         arm,
         objective,
         path,
-        ac.plan(path, arm, limits, ac.Optimal(branch=None if space else "positive")),
+        ac.plan(path, arm, limits, ac.Optimal(configuration=None if space else "positive")),
     )
 
 
@@ -126,7 +126,7 @@ def test_a_peak_where_the_path_turns_is_found_though_no_sample_shows_it():
     objective = ac.Path.polyline(TURNING)
     path = ac.round_corners(objective, tolerance=4e-5)
     limits = arm.limits.replace(speed=0.5, joint_acceleration=20.0)
-    trajectory = ac.plan(path, arm, limits, ac.Optimal(branch="positive"))
+    trajectory = ac.plan(path, arm, limits, ac.Optimal(configuration="positive"))
     plant = ac.ServoPlant(arm, ac.ServoModel(kp=40.0, kv=1000.0), saturation="none")
     coarse, fine = executions(trajectory, plant, 8e-3, "inverse", 8e-3)
     error = ac.evaluate(coarse, path, objective=objective).objective_error
@@ -175,7 +175,7 @@ def short_contours(length, resolution):
     moves = (contours[0], ac.Rapid(), contours[1], ac.Dwell(duration=0.1))
     program = ac.Program(moves=moves)
     trajectory = ac.plan(
-        program, arm, arm.limits.replace(speed=0.15), ac.Optimal(branch="positive")
+        program, arm, arm.limits.replace(speed=0.15), ac.Optimal(configuration="positive")
     )
     servo = ac.ServoModel(kp=25.0, kv=150.0)
     set_points = ac.compensate(trajectory, servo, ac.Inverse(), cycle=8e-3)

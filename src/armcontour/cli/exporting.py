@@ -92,7 +92,7 @@ class Exports:
         with error_context(target.option):
             target.format.write(table, file)
 
-    def period_of(self, target: Target) -> float | None:
+    def cycle_of(self, target: Target) -> float | None:
         """Time between points of the plan in one of the files; None for the cycle."""
         return None if target.format.kind == "urscript" else self.cycle
 
@@ -248,7 +248,7 @@ def rehearse(job: Job, x: Exports, scratch: FilePath) -> None:
     for number, cycle in enumerate(dict.fromkeys(cycles)):
         table = _two_points(job, cycle, events, x)
         for target in x.targets:
-            if cycle not in (*intervals, x.period_of(target)):
+            if cycle not in (*intervals, x.cycle_of(target)):
                 continue
             # A bag is a folder, which no other one may replace.
             place = scratch / f"rehearsal{number}{target.ending}"
@@ -333,7 +333,7 @@ def write_exports(
     made: dict[tuple[str, float], Table] = {}
     for target in x.targets:
         tables: dict[str, tuple[SetPoints | Trajectory, float]]
-        tables = {REFERENCE: (result.trajectory, x.period_of(target) or result.run.cycle)}
+        tables = {REFERENCE: (result.trajectory, x.cycle_of(target) or result.run.cycle)}
         if not target.plans:
             tables[SET_POINTS] = (result.set_points, result.run.cycle)
         for label, (data, cycle) in tables.items():

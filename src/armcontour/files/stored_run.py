@@ -84,7 +84,7 @@ class StoredRun:
             options: As in `set_points`.
 
         Raises:
-            InvalidInput: The file is missing or was changed, the period is no multiple or longer
+            InvalidInput: The file is missing or was changed, the cycle is no multiple or longer
                 than the motion, or as in `make_table`.
         """
         step = self.cycle if cycle is None else cycle
@@ -93,7 +93,7 @@ class StoredRun:
             least = max(1, int(step / self.cycle)) * self.cycle
             raise InvalidInput(
                 f"The result in {self.folder} has the plan every {self.cycle * 1e3:g} ms, so the "
-                f"period must be a multiple of that, such as {least * 1e3:g} ms, and not "
+                f"cycle must be a multiple of that, such as {least * 1e3:g} ms, and not "
                 f"{step * 1e3:g} ms.",
                 needed=step,
                 allowed=least,

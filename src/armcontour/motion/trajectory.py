@@ -230,7 +230,7 @@ class Trajectory(Checked):
     def to_dict(self, cycle: float = DEFAULT_CYCLE) -> dict[str, FloatArray]:
         """Samples as columns that `pandas.DataFrame` takes, by name.
 
-            pandas.DataFrame(trajectory.to_dict(period=8e-3)).plot(x="t", y="dq1")
+            pandas.DataFrame(trajectory.to_dict(cycle=8e-3)).plot(x="t", y="dq1")
 
         Args:
             cycle: Time between samples [s].

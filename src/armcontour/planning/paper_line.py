@@ -95,7 +95,7 @@ def parts_by_rule(name: str, pieces: list[LinePhase]) -> list[Part]:
             continue
         before, length = piece.switch
         middle = piece.s[0] + length
-        parts.append(Part(name, "PAPER", before, (piece.s[0], middle), [piece.law]))
+        parts.append(Part(name, "MAC", before, (piece.s[0], middle), [piece.law]))
         parts.append(Part(name, "MDC", time - before, (middle, piece.s[1]), [piece.law]))
     joined: list[Part] = []
     for part in parts:
@@ -187,7 +187,7 @@ class Line:
 
     def _mac(self, run: Pass, last: int) -> LinePhase:
         """The forward pass up to the knot `last`."""
-        return self._piece("PAPER", 0, last, run.h[:last], run.dq[:last], run.ddq[:last])
+        return self._piece("MAC", 0, last, run.h[:last], run.dq[:last], run.ddq[:last])
 
     def _mdc(self, run: Pass, first: int) -> LinePhase:
         """The reverse pass, turned round in time, from the knot `first` on."""

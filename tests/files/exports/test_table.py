@@ -135,7 +135,7 @@ def test_refuses_what_cannot_be_a_table(set_points, conventional, arm):
     data, three = set_points(np.zeros((3, 2))), set_points(np.zeros((3, 3)))
     late = set_points(np.zeros((3, 2)), events=early(-0.05))
     table = [
-        ((data, {"cycle": 0.008}), "its own interval of 0.004 s"),
+        ((data, {"cycle": 0.008}), "their own cycle of 0.004 s"),
         ((three, {"arm": arm}), "has 2 joints, but 'x' has 3"),
         ((data, {"joint_names": ["a", "b" * 81]}), "81 characters, more than 80"),
         (([1, 2], {}), "not list"),
@@ -408,7 +408,7 @@ def test_a_period_beyond_the_motion_is_refused(conventional, tmp_path, refuses):
     place, duration = tmp_path / "a.csv", conventional.duration
     # Somebody who means milliseconds.
     refuses(lambda: export(conventional, place, cycle=20), InvalidInput, allowed=duration)
-    refusals(lambda x: export(conventional, place, cycle=x), [(1e-12, "longer period")])
+    refusals(lambda x: export(conventional, place, cycle=x), [(1e-12, "longer cycle")])
     export(conventional, place, cycle=duration)
 
 

@@ -166,7 +166,7 @@ def test_the_template_of_the_guide_does_what_it_says(table, tmp_path):
 
 
 ALL = """\
-{{ name }}|{{ file }}|{{ name|identifier }}|{{ joint_names|join('/') }}|{{ dof }}|{{ period }}|\
+{{ name }}|{{ file }}|{{ name|identifier }}|{{ joint_names|join('/') }}|{{ dof }}|{{ cycle }}|\
 {{ duration }}|{{ start_time }}|{{ events|length }}|{{ outputs.tool }}
 {% for p in points %}
 {{ p.number }} {{ p.t }} {{ p.q|degrees|fixed(9) }} {{ p.q_deg|fixed(9) }} {{ p.dq|fixed(3) }} \

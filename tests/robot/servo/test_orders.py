@@ -15,7 +15,7 @@ Q = np.stack([0.3 + 0.05 * np.sin(20 * T) * T / T[-1], 0.2 - 0.3 * T**2], axis=1
 
 
 @pytest.fixture(scope="module")
-def simulate():
+def execute():
     path = ac.Path.polyline([(0.30, 0.20), (0.36, 0.20)])
     limits = ac.Limits(joint_acceleration=[20.0, 20.0], speed=0.2)
     plan = ac.plan(path, ARM, limits, ac.Optimal(intervals=20))
@@ -38,7 +38,7 @@ def test_each_joint_has_its_own_order(execute):
         acceleration_feedforward=(4e-3, 0.0),
         friction=(2e-4, 0.0),
     )
-    done = simulate(servo)
+    done = execute(servo)
     n = len(Q)
     delayed = np.interp(done.t[:n] - late[1], T, Q[:, 1])
     np.testing.assert_allclose(done.q[:n, 1], delayed, atol=1e-12)
@@ -63,7 +63,7 @@ def test_each_joint_has_its_own_order(execute):
 
 def test_joints_without_a_model_do_as_they_are_told(execute):
     servo = ac.ServoModel(order=("second", "unknown"), kp=(20.0, np.inf), kv=(90.0, np.inf))
-    done = simulate(servo)
+    done = execute(servo)
     np.testing.assert_allclose(done.q[: len(Q), 1], Q[:, 1], atol=1e-12)
 
 
@@ -78,7 +78,7 @@ def test_drives_hold_their_acceleration_for_a_cycle(drive_cycle, execute):
         drive_cycle=drive_cycle,
         acceleration_limit=(np.inf, limit),
     )
-    done = simulate(servo)
+    done = execute(servo)
     for j, most in enumerate((np.inf, limit)):
         q, w, found = Q[0, j], 0.0, []
         for m in range(int(T[-1] / drive_cycle)):
@@ -102,7 +102,7 @@ def test_a_cycle_does_not_hold_back_joints_that_only_delay(execute):
     servo = ac.ServoModel(
         order=("delay", "first"), kp=(np.inf, 20.0), dead_time=(late, 0.0), drive_cycle=1e-3
     )
-    done = simulate(servo)
+    done = execute(servo)
     n = len(Q)
     np.testing.assert_allclose(done.q[:n, 0], np.interp(T - late, T, Q[:, 0]), atol=1e-12)
     q, found = Q[0, 1], []
@@ -114,7 +114,7 @@ def test_a_cycle_does_not_hold_back_joints_that_only_delay(execute):
 
 def test_a_log_of_uneven_times_is_followed_as_by_the_plant(execute):
     servo = ac.ServoModel(kp=20.0, kv=90.0, dead_time=5.3e-3, velocity_feedforward=0.9)
-    done = simulate(servo)
+    done = execute(servo)
     more = np.sort(np.concatenate([T, T[:-1] + np.random.default_rng(0).uniform(0, CYCLE, 59)]))
     every = JointServo(
         kp=np.array([20.0, 5.0]), kv=90.0, velocity_feedforward=0.9, dead_time=5.3e-3

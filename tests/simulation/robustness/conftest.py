@@ -17,6 +17,6 @@ def planar():
     servo = ac.ServoModel(kp=25.0, kv=150.0, dead_time=2e-3)
     path = ac.Path.polyline([(0.30, 0.20), (0.34, 0.20), (0.34, 0.23)])
     rounded = ac.round_corners(path, tolerance=1e-3)
-    plan = ac.plan(rounded, arm, LIMITS, ac.Optimal(intervals=400, branch="positive"))
+    plan = ac.plan(rounded, arm, LIMITS, ac.Optimal(intervals=400, configuration="positive"))
     set_points = ac.compensate(plan, servo, ac.InverseDynamics(), arm=arm, cycle=8e-3)
     return arm, servo, rounded, set_points

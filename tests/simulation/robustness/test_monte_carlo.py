@@ -38,7 +38,7 @@ def leading(mac, job):
 
 
 def reference(set_points, path, arm, servo, limits, end_time=None, resolution=1e-3):
-    executed = ac.execute(set_points, ac.ServoPlant(arm, servo, limits), resolution=resolution)
+    executed = ac.simulate(set_points, ac.ServoPlant(arm, servo, limits), resolution=resolution)
     return executed, ac.evaluate(executed, path, end_time=end_time)
 
 
@@ -97,7 +97,7 @@ def test_errors_between_two_times(job, since, end_time):
     for i in range(4):
         plant = ac.ServoPlant(arm, found.servo(i, servo), limits)
         # Looked at as often as the spread is: between that, errors of micrometres differ by more.
-        executed = ac.execute(set_points, plant, resolution=2e-3)
+        executed = ac.simulate(set_points, plant, resolution=2e-3)
         off = path.project(executed.tool).distance
         inside = executed.t[(executed.t > since) & (executed.t < end_time)]
         t = np.concatenate([[since], inside, [end_time]])
@@ -153,7 +153,7 @@ def test_the_largest_error_of_a_short_motion_is_found_between_results():
 
 
 def test_a_tool_slower_than_a_millimetre_per_second_still_leaves_its_path():
-    job = replace(random_job(16), branch="positive")
+    job = replace(random_job(16), configuration="positive")
     plan = ac.certify(job)
     setting = plan.set_points, plan.path.path, job.arm, job.plant_servo, plan.run.limits
     found = spread(*setting, Uncertainty(), samples=1)

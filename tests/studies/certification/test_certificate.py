@@ -210,7 +210,7 @@ def test_a_total_tolerance_is_split_and_given_back():
 def test_a_command_keeps_to_joint_velocities(refuses):
     slow = parse_job(LINE)
     run = slow.runs[0]
-    plan = ac.plan(slow.path, slow.arm, run.limits, ac.Optimal(branch=slow.branch))
+    plan = ac.plan(slow.path, slow.arm, run.limits, ac.Optimal(configuration=slow.configuration))
     fastest = np.abs(plan(np.linspace(0, plan.duration, 2000), 1)).max(axis=0)
     # The plan may just be run, but the command that leads it exceeds the limit.
     limits = run.limits.replace(joint_velocity=fastest)

@@ -45,4 +45,8 @@ def test_wrong_values_are_refused(refuses):
         InvalidInput,
         "needs a Job",
     )
-    refuses(partial(ac.certify, job, goal={"servo_error": 1e-5}), InvalidInput, "needs a Goal")
+    refuses(
+        partial(ac.certify, job, goal={"servo_error": 1e-5}),
+        InvalidInput,
+        "needs a CertificateGoal",
+    )

@@ -244,7 +244,7 @@ def export(
             that of the file's extension.
         arm: The arm; gives joint names, and tool points if the format contains them.
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
-        cycle: Sampling period of a trajectory [s], 4 ms by default; set-points have their own.
+        cycle: Time between samples of a trajectory [s], 4 ms by default; set-points have their own.
 
     Warns:
         UserWarning: A program of URScript or of the template kuka or abb does not switch an event,

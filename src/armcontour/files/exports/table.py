@@ -187,14 +187,15 @@ def make_table(
         name: Name of the program.
         arm: The arm; gives joint names and tool points.
         joint_names: Joint names instead of the arm's; "joint 1", "joint 2", ... without an arm.
-        cycle: Sampling period of a trajectory [s], by default PERIOD; set-points have their own.
+        cycle: Time between samples of a trajectory [s], by default `DEFAULT_CYCLE`; set-points have
+            their own.
         derivatives: 2, 1 for positions and velocities only, or 0 for positions only.
         tool_motion: Whether the table has orientation and speed of the tool too.
         analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
             values, as `armcontour.jobs.analog_outputs` gives them.
 
     Raises:
-        InvalidInput: The period differs from that of set-points; the number of joints or names is
+        InvalidInput: The cycle differs from that of set-points; the number of joints or names is
             wrong; the motion of the tool is wanted, but no arm is given; or as for `Table`.
     """
     if not isinstance(data, SetPoints | Trajectory):
@@ -288,31 +289,31 @@ def _tool(arm: Arm, samples: Samples, motion: bool) -> dict[str, FloatArray]:
 
 
 def check_export_cycle(cycle: float, duration: float, name: str) -> None:
-    """Refuse a period that leaves nothing of a motion but its ends.
+    """Refuse a cycle that leaves nothing of a motion but its ends.
 
     Args:
-        cycle: The period [s].
+        cycle: The cycle [s].
         duration: The duration of the motion [s].
         name: Name of the program, for the message.
 
     Raises:
-        InvalidInput: The period is longer than the motion, and than any cycle.
+        InvalidInput: The cycle is longer than the motion and than any usual cycle.
     """
     # A cycle may be longer than a tiny motion.
     if cycle > max(duration, LONGEST_CLOCK):
         raise InvalidInput(
-            f"The period of {cycle:g} s is longer than the motion of {duration:.6g} s: nothing of "
-            f"{name!r} would be left but its ends; give a shorter period.",
+            f"The cycle of {cycle:g} s is longer than the motion of {duration:.6g} s: nothing of "
+            f"{name!r} would be left but its ends; give a shorter cycle.",
             needed=cycle,
             allowed=duration,
         )
 
 
 def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> float:
-    """The period at which a trajectory is sampled [s].
+    """The cycle at which a trajectory is sampled [s].
 
     Raises:
-        InvalidInput: The period is not above zero, longer than the motion, or too short
+        InvalidInput: The cycle is not above zero, longer than the motion, or too short
             for its duration.
     """
     step = DEFAULT_CYCLE if cycle is None else checks.positive("cycle", cycle, "s")
@@ -320,7 +321,7 @@ def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> f
     if trajectory.duration > MOST_SAMPLES * step:
         raise InvalidInput(
             f"{name!r} takes {trajectory.duration:.6g} s, which every {step:g} s are more than the "
-            f"{MOST_SAMPLES} samples that are written: give a longer period.",
+            f"{MOST_SAMPLES} samples that are written: give a longer cycle.",
             needed=trajectory.duration / step,
             allowed=float(MOST_SAMPLES),
         )
@@ -331,13 +332,13 @@ def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) ->
     """The set-points of set-points with their derivatives, as `make_table` says.
 
     Raises:
-        InvalidInput: The given period is not that of the set-points.
+        InvalidInput: The given cycle is not that of the set-points.
     """
     wanted = set_points.cycle if cycle is None else checks.positive("cycle", cycle, "s")
     if not math.isclose(wanted, set_points.cycle, rel_tol=1e-9):
         raise InvalidInput(
             f"Set-points have their own cycle of {set_points.cycle:g} s and cannot be exported "
-            f"every {wanted:g} s: leave the period out, or compensate for that interval.",
+            f"every {wanted:g} s: remove the cycle, or compensate for that cycle.",
             needed=wanted,
             allowed=set_points.cycle,
         )
@@ -518,7 +519,7 @@ def write_csv(table: Table, file: FilePath) -> None:
 def write_npz(table: Table, file: FilePath) -> None:
     """Write the table to an npz file.
 
-    The arrays are name, joint_names, period, start_time, t, q, dq, ddq, tool,
+    The arrays are name, joint_names, cycle, start_time, t, q, dq, ddq, tool,
     tool_rotation and tool_speed; for analog outputs `analog_name`, (outputs,), and `analog`,
     (n, outputs); and for the events `event_name`, `event_value` (JSON), `event_t`, `event_due` and
     `event_s`, (events,).

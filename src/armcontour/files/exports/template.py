@@ -30,7 +30,7 @@ ANALOG_EXAMPLES: dict[str, int | str] = {"abb": "aoPower", "kuka": 1, "urscript"
 # do instead, by format.
 MOST_POINTS = 10_000
 FEWER = {
-    **dict.fromkeys(SHIPPED, "use a longer period (--period)"),
+    **dict.fromkeys(SHIPPED, "use a longer cycle (--cycle)"),
     "urscript": "stream the set-points over RTDE (--export csv)",
 }
 # Last digit of joint positions in programs [rad]; other formats have 12 decimals or more.

@@ -33,7 +33,7 @@ ANGLE = "%.6f"
 # The first line and the last one are those that the controller needs over its socket.
 HEAD = """\
 def {program}():
-  # {title}: {count} set-points, every {period} s, for {duration} s
+  # {title}: {count} set-points, every {cycle} s, for {duration} s
   # Joint positions in rad: {joints}
   # These shape the servo: take the values for which its model was identified.
   lookahead = 0.1

@@ -155,7 +155,7 @@ class _Search:
                 self._judged(turns[turn], found)
                 turn += 1
             needed = len(turns) if self._every else bisect_right(bounds, best)
-            self._tell("plans", turn / max(needed, 1))
+            self._tell("plans", turn / max(needed, turn, 1))
         self._best = best
 
     def _can_beat(self, turn: int, score: float) -> bool:
