@@ -40,7 +40,7 @@ servo: {kp: 25, kv: 150}
 cycle: 0.004
 runs: {compensated: {timing: {method: optimal}, compensation: {method: inverse}}}
 """
-OTHER = "another configuration is taken, in which the contours are clear"
+OTHER = "another configuration is taken, in which the contours are collision-free"
 
 
 def seams(*places):
@@ -149,21 +149,19 @@ def test_shapes_that_are_not_known_or_cannot_be_read(job):
     bare = dataclasses.replace(job, arm=job.arm.with_shapes(lacking))
     plan = plan_of(bare)
     assert plan.clearance is None
-    assert not [x for x in plan.warnings if "how near the arm comes to itself" in x]
+    assert not [x for x in plan.warnings if "self-collision is not checked" in x]
     # They matter where a scene asks for clearance.
     refused((lambda: plan_of(bare, scene=Scene()), "mesh is not there"))
     plan = plan_of(job, arm=job.arm.with_shapes(None))
     assert plan.clearance is None
-    assert [x for x in plan.warnings if "shapes of its links are not known" in x]
+    assert [x for x in plan.warnings if "links are unknown" in x]
 
 
 def test_without_its_library_no_clearance_is_a_warning(job, monkeypatch):
     monkeypatch.setitem(sys.modules, "coal", None)
     plan = plan_of(job)
     assert plan.clearance is None and plan.clearance_note is None
-    assert [
-        x for x in plan.warnings if "how near the arm comes to itself" in x and "[dynamics]" in x
-    ]
+    assert [x for x in plan.warnings if "self-collision is not checked" in x and "[dynamics]" in x]
     refused((lambda: plan_of(job, scene=Scene()), "coal", "[dynamics]"))
 
 
@@ -223,7 +221,7 @@ def test_a_tool_without_shapes_is_a_capsule_from_the_flange():
     assert not [x for x in clamped(far, tip).avoided if "tool" in x]
     thin = clamped(CLAMPED, ", shapes: {}")
     assert ["no shape" in x for x in thin.avoided if "tool" in x] == [True]
-    assert "nothing looked at" in str(thin.clearance_note)
+    assert "clearance is not checked" in str(thin.clearance_note)
 
 
 @needs_dynamics

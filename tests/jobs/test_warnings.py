@@ -75,7 +75,7 @@ def test_a_demand_far_above_the_limit_is_said_and_by_whom():
     assert ratio.max() > 1.5
     (warning,) = found.warnings
     joint = int(ratio.argmax())
-    assert f"joint {joint + 1} is asked for " in warning and "a larger reserve" in warning
+    assert f"joint {joint + 1} is commanded " in warning and "a larger reserve" in warning
     assert f"{ratio[joint]:.3g} times its acceleration limit at " in warning
     assert f"{found.evaluation.contour_error.max * 1e3:.4g} mm off" in warning
 
@@ -156,7 +156,7 @@ def slow(path, **values):
 
 def test_contours_far_slower_than_assigned_are_warned_of_with_the_slowest():
     (said,) = slow(measured(6e-3))
-    assert "in place of 150 mm/s" in said
+    assert "instead of 150 mm/s" in said
     a, b = (Contour(path=measured(x), name=name) for x, name in ((4e-3, "a"), (6e-3, "b")))
     (said,) = slow(Program(moves=(a, Rapid(), b)))
     assert "of 2 places" in said and "contour b" in said

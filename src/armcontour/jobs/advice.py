@@ -1,4 +1,4 @@
-"""`advise`: changes that save most time of a run, or repair its verdict, planned one by one."""
+"""`advise`: changes of a run that save most time, or that lead to a positive verdict."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ from armcontour.verification import evaluate
 
 # Changes that are listed, and changes that are planned to find them.
 MOST_LISTED, MOST_PLANNED = 3, 6
-# Limits are raised by this factor, corner tolerances by the other.
+# Factor for limits, and factor for corner tolerances.
 RAISED, WIDER = 1.2, 2.0
 # Changes that save a smaller share of the duration are not listed.
 LEAST = 2e-3
-# Factors by which a repair lowers the speed, and reserves that it tries, the mildest first.
+# Repairs: factors of the speed, and reserves, smallest changes first.
 SLOWER, RESERVES = (0.8, 0.6, 0.4, 0.2), (0.1, 0.2, 0.4)
-# Reserves below this leave a servo no room [share of the acceleration].
+# Smallest reserve for the servo [share of the acceleration].
 LEAST_RESERVE = 0.02
-# A repair takes so much of the accuracy, so that rounding of numbers does not decide.
+# Share of the accuracy that a repair uses, so that rounding errors are not decisive.
 OF_ACCURACY = 0.98
-# Jobs with more segments in all runs are not planned again unasked.
+# Jobs with more segments in all runs are planned again on request only.
 SMALL = 50
-# Which limits are those of drives; others are the user's.
+# Conditions of changes: limits of drives, and limits set by the user.
 IF_DRIVE, IF_PROCESS = "the drive allows it", "the process allows it"
 IF_PART = "the part allows it"
 STEP = "changes"
@@ -53,12 +53,10 @@ class _Candidate:
     """A change that may help.
 
     Args:
-        label: As of `Improvement`.
-        edits: As of `Improvement`.
+        label: As in `Improvement`, as are `edits` and `condition`.
         job: The changed job.
         run: The changed run.
-        worth: About the share of the duration that it may save.
-        condition: As of `Improvement`.
+        worth: Approximate share of the duration that it may save.
     """
 
     label: str
@@ -70,14 +68,14 @@ class _Candidate:
 
 
 def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Advice:
-    """Find the changes of a run that save most time; of a run that is not kept, those that repair.
+    """Find changes that save most time or, for a run with a negative verdict, that repair it.
 
     Each change is planned and simulated.
     """
-    tell, steps = subprogress(progress), advising(job, result)
+    report, steps = subprogress(progress), advising(job, result)
     while True:
         try:
-            tell(Step((STEP,), done=next(steps)))
+            report(Step((STEP,), done=next(steps)))
         except StopIteration as end:
             advice: Advice = end.value
             return advice
@@ -123,7 +121,7 @@ def advised(study: JobResult, progress: Progress | None = None) -> JobResult:
 
 
 def is_small(job: Job, maximum: int = SMALL) -> bool:
-    """Whether changes of a job are planned within a few seconds."""
+    """True if changes of a job are planned within a few seconds."""
     segments = sum(len(x.path) for x in job.program.contours)
     return segments * len(job.runs) <= maximum and not any(x.is_shaped for x in job.runs)
 
@@ -148,7 +146,7 @@ def _try(x: _Candidate, result: RunResult, reuse: Reuse) -> Improvement | None:
 
 
 def _contour_errors(job: Job, planned: Planned) -> list[float]:
-    """The largest contour error of each contour of a plan, executed by what judges its run [m]."""
+    """Largest contour error of each contour of a plan, with the plant that judges its run [m]."""
     run = planned.run
     set_points = compute_set_points(job, run, planned.trajectory)
     plant = None
@@ -159,13 +157,13 @@ def _contour_errors(job: Job, planned: Planned) -> list[float]:
 
 
 def _rounded(value: float, digits: int = 3) -> float:
-    """A value with few digits, which is not larger."""
+    """The value, rounded down to few digits."""
     step = 10.0 ** (floor(log10(value)) - digits + 1)
     return float(f"{floor(value / step * (1 + 1e-12)) * step:.{digits}g}")
 
 
 def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
-    """Changes that may make the motion shorter, in groups of which the first that helps counts."""
+    """Changes that may shorten the motion, in groups whose first successful change counts."""
     run, why = result.run, result.explanation
     if why is None or run.duration is not None:
         return
@@ -185,7 +183,7 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
         process = replace(job.process, order="shortest")
         yield [
             _Candidate(
-                label="Order the contours by the shortest ways",
+                label="Order the contours by the shortest rapids",
                 edits=(("process.order", "shortest"),),
                 job=replace(job, process=process),
                 run=run,
@@ -195,7 +193,7 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
 
 
 def _faster_weave(job: Job, result: RunResult, share: float) -> Iterator[_Candidate]:
-    """A higher travel speed of the weave, where it is the assigned velocity."""
+    """A higher travel speed of the weave, if this is the assigned velocity."""
     weave = job.process.weave
     if weave is None or weave.speed is None or weave_speed(result) is None:
         return
@@ -220,7 +218,7 @@ def _raised_limit(
     value = None if name is None else getattr(run.limits, name)
     if name is None or value is None:
         return
-    # The time along a path goes with the square root of accelerations.
+    # The time along a path is proportional to 1 / sqrt(acceleration).
     worth = share * (1 - (1 / RAISED if "speed" in name or "velocity" in name else RAISED**-0.5))
     words, condition = f"the {kind}", IF_PROCESS
     raised = np.array(value, dtype=np.float64)
@@ -247,7 +245,7 @@ def _steps(old: float, new: float, unit: str) -> str:
 
 
 def _wider_corners(job: Job, result: RunResult, share: float) -> Iterator[_Candidate]:
-    """A larger corner tolerance, as far as the accuracy allows it."""
+    """A larger corner tolerance within the accuracy."""
     old, accuracy = result.tolerance, result.run.accuracy
     if old is None or result.rounding_error is None:
         return
@@ -287,7 +285,7 @@ def _reserve(job: Job, run: Run, new: float, worth: float = 0.0) -> _Candidate:
 
 
 def _repairs(job: Job, result: RunResult) -> Iterator[Iterator[_Candidate]]:
-    """Changes that may make a run kept, in groups of which the first that helps counts."""
+    """Changes that may repair a run, in groups whose first successful change counts."""
     run, e = result.run, result.judged
     if run.accuracy is not None and result.tolerance is not None and e is not None:
         room = OF_ACCURACY * run.accuracy - 2 * e.contour_error.max

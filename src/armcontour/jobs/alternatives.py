@@ -1,4 +1,4 @@
-"""`alternatives`: joint paths of a program that keep clear of the cell and of the arm itself."""
+"""`alternatives`: collision-free joint paths of a program."""
 
 from __future__ import annotations
 
@@ -25,49 +25,49 @@ from armcontour.robot.scene import ASSUMED_GAP, ASSUMED_RADIUS
 from armcontour.verification.clearance import Cell, Clearance
 from armcontour.verification.clearance.distances import can_measure
 
-# A rapid that would touch goes so far back along the tool axis first [m], the least that is clear.
+# Retract distances along the tool axis for rapids with a collision [m]; the first free one is used.
 RETRACTS = (0.02, 0.05, 0.1, 0.2)
-# Places on the way back, which is straight for the tool but not for the joints.
-PLACES = 8
-# Where the turn about the tool axis is free, so many of them are tried in each configuration.
+# Points of the retract move, which is straight for the tool but not for the joints.
+RETRACT_POINTS = 8
+# Number of turns about a free tool axis that are tried in each configuration.
 TURNS = 8
 REST = "at rest"
-OTHER = "another configuration is taken, in which the contours are clear"
-# A tool point this near to the flange has no tool between [m].
+OTHER = "another configuration is taken, in which the contours are collision-free"
+# If the tool point is nearer to the flange than this [m], there is no tool.
 SHORT = 1e-3
 # Position and orientation, with the turn about the tool axis.
 WHOLE_POSE = 6
 
-# Of arms in space; in the plane neighbouring links are all that could touch.
-NOT_LOOKED_AT = (
-    "nothing looked at how near the arm comes to itself: that needs pip install "
-    "'armcontour[dynamics]' (there are no wheels for Windows)."
+# For arms in space; in the plane, only neighbouring links could touch.
+NOT_CHECKED = (
+    "self-collision is not checked: this requires pip install 'armcontour[dynamics]' (there are no "
+    "wheels for Windows)."
 )
 NO_SHAPES = (
-    "nothing looked at how near the arm comes to itself: the shapes of its links are not known; "
-    "give its description <collision> elements, or the job arm.shapes."
+    "self-collision is not checked: the shapes of the arm's links are unknown; give its "
+    "description <collision> elements, or the job arm.shapes."
 )
 
 
 def alternatives(
     job: Job, run: Run, traced: Tracing, progress: Progress
 ) -> Iterator[tuple[Tracing, tuple[str, ...]]]:
-    """Joint paths of a program, the fastest first, then those that are found to keep clear.
+    """Yield joint paths of a program: the fastest ones, then collision-free ones.
 
-    Contours are followed in another configuration, or with another turn about a tool axis that is
-    free. Rapids go back along the tool axis, move, and approach along it; or through postures that
-    a search finds.
+    Contours are followed in another configuration, or with another turn about a free tool axis.
+    Rapids retract along the tool axis, move, and approach along it; or they pass through
+    configurations from a search.
 
     Yields:
-        Joint paths, and sentences on what is different, or why nothing looks at the clearance. The
-        next ones are for a caller whose plan along these comes too near to something. The last ones
-        are those that got farthest.
+        Joint paths, and sentences on their differences or on why the clearance is not checked. Take
+        the next ones if the plan along these has a collision. The last ones are those with the
+        longest collision-free part.
 
     Raises:
         InvalidInput: The job has a scene, but the shapes of the arm are not known.
     """
-    if not _is_looked_at(job):
-        yield traced, _why_unseen(job.arm)
+    if not _is_checked(job):
+        yield traced, _explain_unchecked(job.arm)
         return
     if not _has_pairs(job):
         yield traced, ()
@@ -89,59 +89,59 @@ def alternatives(
     count = sum(x is not y for x, y in zip(around.steps, traced.steps, strict=True))
     if count:
         message = "1 rapid goes" if count == 1 else f"{count} rapids go"
-        others.append(f"{message} around what the direct way would come too near to")
+        others.append(f"{message} around obstacles of the direct move")
     if others:
         yield around, tuple(dict.fromkeys((*others, *notes)))
 
 
 def clearance_of(job: Job, motion: Trajectory) -> Clearance | None:
-    """How far the arm stays from itself and its cell; None where nothing looks at it."""
-    return job.cell.check(motion) if _is_looked_at(job) and _has_pairs(job) else None
+    """Clearance of the arm from itself and its cell; None if it is not checked."""
+    return job.cell.check(motion) if _is_checked(job) and _has_pairs(job) else None
 
 
 def below_base(job: Job, motion: Trajectory) -> str | None:
-    """A sentence on links that come below the base; None if none does, or nothing looks at it."""
-    if not _is_looked_at(job):
+    """A sentence on links below the base; None if there are none, or they are not checked."""
+    if not _is_checked(job):
         return None
     return Clearance(pairs=(), below=job.cell.below(motion)).below_base
 
 
 def _has_pairs(job: Job) -> bool:
-    """Whether there is anything that the arm may come near to."""
+    """True if there are pairs of shapes that may collide."""
     return job.scene is not None or bool(job.cell.pairs)
 
 
 def first_contour_clear(job: Job) -> Callable[[JointPath], bool] | None:
-    """Whether a contour keeps clear and above the base; None if no configuration is chosen."""
+    """Test that a contour is collision-free and above the base; None for a given start."""
     chosen = job.seed is None and isinstance(job.arm, SerialArm)
-    if not chosen or not _is_looked_at(job):
+    if not chosen or not _is_checked(job):
         return None
     return job.cell.stays_above if job.ignore_collisions else job.cell.fits
 
 
-def _is_looked_at(job: Job) -> bool:
-    """Whether distances are computed; without a scene nobody asks for what is not known."""
+def _is_checked(job: Job) -> bool:
+    """True if distances are computed: with a scene always, otherwise if shapes are known."""
     return job.scene is not None or (job.arm.knows_shapes and can_measure())
 
 
-def _why_unseen(arm: Arm) -> tuple[str, ...]:
-    """Why nothing looks at how near an arm comes to itself, if that is not said elsewhere."""
+def _explain_unchecked(arm: Arm) -> tuple[str, ...]:
+    """Reason why self-collision is not checked, unless notes of the arm state it."""
     if arm.dimension != 3:
         return ()
     try:
-        return (NO_SHAPES,) if arm.shapes is None else (NOT_LOOKED_AT,)
+        return (NO_SHAPES,) if arm.shapes is None else (NOT_CHECKED,)
     except InvalidInput:
-        # Notes of the arm say which meshes are lacking.
+        # Notes of the arm list the missing meshes.
         return ()
 
 
 def _about_tool(arm: Arm) -> tuple[str, ...]:
-    """What the shape of the tool is, if nobody gave it."""
+    """Note on the assumed shape of the tool, if none is given."""
     if arm.chain is None or not np.linalg.norm(arm.chain.tool.position) > SHORT:
         return ()
     tools = [] if arm.shapes is None else [x for x in arm.shapes.shapes if x.tool]
     if not tools:
-        return ("the tool has no shape, so nothing looked at how near it comes: arm.tool.shapes",)
+        return ("the tool has no shape, so its clearance is not checked: arm.tool.shapes",)
     if not tools[0].assumed:
         return ()
     return (
@@ -152,12 +152,12 @@ def _about_tool(arm: Arm) -> tuple[str, ...]:
 
 
 def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
-    """Refuse the first contour that comes too near to something, else the first other move.
+    """Raise the collision of the first contour that has one, else of the first other move.
 
-    Rapids might go around what is in their way, so that contours are what a user has to change.
+    Contours come first because a rapid may find a way around obstacles, but a contour may not.
 
     Raises:
-        Collision: A move comes too near to something; times are those of the whole motion.
+        Collision: A move violates a clearance margin; times are those of the whole motion.
     """
     contours = iter(enumerate(program.contours))
     moves: list[tuple[str, Span]] = []
@@ -176,7 +176,7 @@ def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
 
 
 def _rapids_around(job: Job, run: Run, traced: Tracing, cell: Cell, progress: Progress) -> Tracing:
-    """Joint paths whose rapids go around what they would come too near to, as far as is found."""
+    """Joint paths with detours for rapids that have a collision, if detours are found."""
     steps = []
     for k, x in enumerate(traced.steps):
         progress(Step(("clearance",), k / len(traced.steps)))
@@ -192,9 +192,9 @@ def _rapids_around(job: Job, run: Run, traced: Tracing, cell: Cell, progress: Pr
 def _other_start(
     job: Job, run: Run, traced: Tracing, reached: float, progress: Progress
 ) -> Tracing | None:
-    """Joint paths from another start: the fastest whose contours keep clear, or those farthest.
+    """Joint paths from another start: the fastest collision-free ones, or those that get farthest.
 
-    None if no start gets farther than the joint paths that were tried first, by `_reach`.
+    None if no start gets farther than the first joint paths, by `_reach`.
     """
     if job.seed is not None or not isinstance(job.arm, SerialArm):
         return None
@@ -224,9 +224,9 @@ def _other_start(
 
 
 def _reach(traced: Tracing, cell: Cell) -> float:
-    """Number of contours that keep clear before one does not, and the share of that one.
+    """Number of collision-free contours before the first collision, plus its share of the contour.
 
-    Infinite if all keep clear.
+    Infinite if all are collision-free.
     """
     contours = [x.joint_path for x in traced.steps if traced.is_contour(x)]
     for k, path in enumerate(x for x in contours if x is not None):
@@ -237,10 +237,9 @@ def _reach(traced: Tracing, cell: Cell) -> float:
 
 
 def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
-    """Joint positions in which a path can start: its configurations, then turned about a free axis.
+    """Joint positions at the start of a path: its configurations, then other turns of the tool.
 
-    The turn at the start of a configuration is a good one already, so that the others only help
-    where none of these is clear.
+    Other turns about a free axis are only needed if no configuration is collision-free.
     """
     try:
         yield find_starts(path, arm)
@@ -259,7 +258,7 @@ def _starts(arm: SerialArm, path: Path) -> Iterator[list[FloatArray]]:
 
 
 def _rapid_around(arm: Arm, run: Run, cell: Cell, path: JointPath) -> JointPath | None:
-    """A joint path with the same ends that keeps clear; None if none is found."""
+    """A collision-free joint path with the same ends; None if none is found."""
     from armcontour.verification.clearance.clear_path import connect, path_through
 
     first, last = ends_of(path)
@@ -282,11 +281,11 @@ def _rest(q: FloatArray) -> Trajectory:
 
 
 def _retract(arm: SerialArm, run: Run, q: FloatArray, height: float) -> FloatArray | None:
-    """Joint positions on the way back along the tool axis, (n, dof); None if out of reach."""
+    """Joint positions of a retract along the tool axis, (n, dof); None if out of reach."""
     point, rotation = (x[0] for x in arm.pose(q[None]))
     line = Path.polyline([point, point - height * rotation[:, 2]])
     try:
         retraction = trace(line.oriented(rotation), arm, limits=run.limits, seed=q)
     except ArmContourError:
         return None
-    return retraction(np.linspace(0.0, retraction.length, PLACES))
+    return retraction(np.linspace(0.0, retraction.length, RETRACT_POINTS))

@@ -49,7 +49,7 @@ def _output(process: Process, name: str) -> Analog | None:
 
 
 def check_speeds(program: Program, process: Process, limits: Limits) -> None:
-    """Refuse analog outputs that depend on the assigned velocity of a contour that has none.
+    """Check that contours have an assigned velocity if an analog output depends on it.
 
     Raises:
         InvalidInput: There is such an output.
@@ -136,7 +136,7 @@ def _full_speeds(
 
 
 class _States:
-    """On/off outputs over the time of a plan, by the place of the tool; leads do not count.
+    """On/off outputs over the time of a plan, by the position of the tool, without lead times.
 
     Args:
         trajectory: The plan.
@@ -163,7 +163,7 @@ class _States:
         self.drawn -= {x.name for own in process.variants for x in own.events}
 
     def on(self, layer: str, output: Analog, t: FloatArray) -> BoolArray:
-        """Whether the process of a layer is on at increasing times [s], for an analog output."""
+        """Mask of increasing times [s] at which the process of a layer is on."""
         switch, names = self.process.of_layer(layer).switch, self.drawn
         if output.follows:
             names = {output.follows}

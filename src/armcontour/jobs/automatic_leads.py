@@ -1,4 +1,4 @@
-"""Leads of automatic length: the shortest with which the tool has full speed at the contour."""
+"""Leads of automatic length: the shortest ones with full tool speed at the contour."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from armcontour.robot import PlanarTwoLink
 
 # The first length that is tried [m], and the shortest and longest ones.
 FIRST_LEAD, SHORTEST_LEAD, LONGEST_LEAD = 32e-3, 2e-3, 16.0
-# Under limits of jerk the speed goes on growing a little, the flatter the lead's arc gets: twice a
-# lead that gives less than this share more is not worth its length.
+# With limits of jerk, the speed increases slowly with the radius of the lead's arc: a lead is not
+# doubled for a smaller relative increase than this.
 LEAST_GAIN = 0.05
-# A lead is short enough if this share of its length does not suffice; the next length that is tried
-# is longer than estimated by this factor; and the speed along a lead is known at so many places.
+# A lead is short enough if this share of its length is not sufficient; factor of the next tried
+# length over its estimate; number of points along a lead at which the speed is known.
 SHORT_ENOUGH, LONGER, PLACES = 0.98, 1.005, 401
 # Values of the process without which automatic leads are found.
 UNLED = ("lead_in", "lead_out", "pierce", "kerf")
@@ -33,7 +33,7 @@ PlanOne = Callable[..., Planned]
 
 
 def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
-    """The shortest leads with which the tool has full speed where the process goes on and off.
+    """The shortest leads with which the tool has full speed when the process switches on and off.
 
     Full speed is the assigned velocity. If no lead within the arm's reach gives the assigned
     velocity, full speed is the largest speed that a lead gives. Corners of the shape free count as

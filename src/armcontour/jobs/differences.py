@@ -1,4 +1,4 @@
-"""Differences of two results: figures, and the time by what takes it."""
+"""Differences of two results: figures, and times by active limit."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ def differences(one: Data, other: Data, names: tuple[str, str] = ("one", "other"
     """The figures of two runs that matter first, and the time of each limit, with differences.
 
     Returns:
-        A row for each figure: what it is, both values and their difference, the first less the
-        second.
+        A row for each figure: label, both values, and the first minus the second value.
     """
     columns = ("figure", *names, "difference")
     rows = [
@@ -24,7 +23,7 @@ def differences(one: Data, other: Data, names: tuple[str, str] = ("one", "other"
 
 
 def _pairs(one: Data, other: Data) -> Iterator[tuple[Row, Row]]:
-    """Rows of both results of one name, and of one thing that takes time."""
+    """Pairs of rows with the same name, and pairs of times with the same cause."""
     others = {x.name: x for x in other.shown(FIRST)}
     for x in one.shown(FIRST):
         if x.name in others:

@@ -1,4 +1,4 @@
-"""`Experiment`: a simulated robot of rigid bodies, with what its controller does not know."""
+"""`Experiment`: a simulated robot of rigid bodies, with properties unknown to its controller."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from armcontour.simulation.rigid_body_plant import (
     check_damping,
 )
 
-# What a robot can have per joint, with its unit and its name in sentences.
+# Properties per joint, with unit and name in sentences.
 PER_JOINT = {
     "armature": ("kg m²", "drive inertias of"),
     "viscous": ("N m s/rad", "viscous friction of"),
@@ -44,9 +44,9 @@ class Experiment(Checked):
     """Options of a simulation of the arm as rigid bodies, by `RigidBodyPlant`.
 
     The simulated robot can have another payload, friction or drive inertia than the arm, and joints
-    that are not rigid. What is given here takes the place of the arm's own value. Plans,
-    compensation and the controller of the robot know only the arm: its gravity feed-forward does
-    not carry this payload.
+    that are not rigid. Values given here replace those of the arm. Plans, compensation and the
+    controller of the robot use only the model of the arm: gravity feed-forward does not include
+    this payload.
 
     Args:
         step: Cycle time of the drives [s].
@@ -54,8 +54,8 @@ class Experiment(Checked):
         friction: Whether the simulation includes joint friction.
         noise: Standard deviation of measured joint positions [rad].
         seed: Seed of the noise.
-        payload: What the robot really carries at the tip, in the place of the arm's payload; the
-            controller does not know it. By default the arm's payload.
+        payload: Real payload at the tip, instead of the arm's payload; unknown to the controller.
+            By default the arm's payload.
         armature: Real inertia of each drive, reflected to its joint [kg m²], one for all joints or
             one per joint; by default the arm's.
         viscous: Real viscous friction of the joints [N m s/rad], one for all joints or one per
@@ -70,7 +70,7 @@ class Experiment(Checked):
 
     Raises:
         InvalidInput: A step or a noise out of range, a negative friction, inertia or damping, a
-            stiffness that is not above zero, or friction that is given and left out.
+            stiffness that is not above zero, or values of a friction that is switched off.
     """
 
     step: DriveCycle = 2.5e-4
@@ -89,8 +89,8 @@ class Experiment(Checked):
         check_damping(self.joint_stiffness, self.joint_damping)
         if not self.friction and (self.viscous is not None or self.coulomb is not None):
             raise InvalidInput(
-                "The experiment has friction (viscous or coulomb) and leaves it out (friction: "
-                "false): leave one of them out."
+                "The experiment has friction (viscous or coulomb) and switches it off (friction: "
+                "false): remove one of them."
             )
 
     def for_joints(self, dof: int) -> Experiment:
@@ -108,12 +108,12 @@ class Experiment(Checked):
 
     @property
     def unknown(self) -> str:
-        """What the robot has and its controller does not know, in words; empty if nothing."""
+        """Text on properties of the robot that its controller does not model; may be empty."""
         parts = [] if self.payload is None else [f"a payload of {self.payload.mass:g} kg"]
         for name, (unit, words) in PER_JOINT.items():
             values = getattr(self, name)
             if values is not None:
-                # One value for all joints is said once.
+                # Equal values of all joints are listed once.
                 listed = values if np.ptp(values) else values.ravel()[:1]
                 parts.append(f"{words} {', '.join(f'{x:g}' for x in listed.ravel())} {unit}")
         return "; ".join(parts)
@@ -124,9 +124,9 @@ def build_plant(
 ) -> RigidBodyPlant:
     """Build the simulated robot of an experiment.
 
-    The plant has the payload, friction and drive inertias of the experiment where they are given,
-    else those of the arm, and the joint stiffness of the experiment. Its controller knows only the
-    arm: J of its loops (unless the servo gives one), gravity feed-forward, and torque limits that
+    The plant has the payload, friction and drive inertias of the experiment if they are given,
+    else those of the arm, and the joint stiffness of the experiment. Its controller uses the model
+    `arm`: J of its loops (unless the servo gives one), gravity feed-forward, and torque limits that
     follow from acceleration limits.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Changes of a job, and what they gain."""
+"""Suggested changes of a job, and their effects."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from armcontour.core.result import FILE, JUDGED, VERDICT, Data, Row, Table
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Improvement:
-    """A change of a job, and what it gains.
+    """A suggested change of a job, and its effect.
 
     Args:
         label: The change in words.
-        edits: Keys of the job file, as the run sees them, and their values in SI units.
-        saved: By how much the motion gets shorter [s]; below zero it gets longer.
+        edits: Keys of the job file, relative to the run, and their values in SI units.
+        saved: Reduction of the duration [s]; negative if the motion becomes longer.
         duration: Duration of the changed motion [s].
         off_drawing: Distance of the tool from the drawing after the change [m].
-        kept: Whether the changed run is kept; None if it is not judged.
-        condition: What must be true for it.
+        kept: Verdict on the changed run; None if it is not judged.
+        condition: Condition of the change, as a clause.
     """
 
     label: str
@@ -33,18 +33,18 @@ class Improvement:
 
     @property
     def effect(self) -> str:
-        """What the change gains, such as "saves 0.5 s"."""
+        """Effect of the change, such as "saves 0.5 s"."""
         time = number(abs(self.saved), "s")
         return f"saves {time}" if self.saved >= 0 else f"kept, takes {time} more"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Advice(Result):
-    """What to change: at most three changes, those that save or repair most first.
+    """At most three suggested changes, those with the largest effect first.
 
     Args:
         improvements: The changes.
-        note: A sentence where there are none.
+        note: A sentence if there are none.
     """
 
     improvements: tuple[Improvement, ...]
@@ -56,7 +56,7 @@ class Advice(Result):
 
     @property
     def table(self) -> Table:
-        """The changes, which report, page, print and files have alike."""
+        """The changes as a table for report, page, print and files."""
         columns = (
             *(Row("change", None, "", "what to change"), Row("saved", None, "s", "saves")),
             *(Row("off_drawing", None, "m", "off the drawing"), Row("kept", None, JUDGED, "then")),

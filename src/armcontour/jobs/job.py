@@ -59,16 +59,16 @@ TANGENT, CURVATURE = CONTINUITIES
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rounding(Checked):
-    """How corners are rounded: by `tolerance`, or by `speed` and `acceleration`.
+    """Rounding of corners: by `tolerance`, or by `speed` and `acceleration`.
 
     Args:
         shape: "arc" rounds corners with arcs; "free" finds, for the limits of the run, the fastest
             path whose points are all within the tolerance of the objective, corners and lines
             alike, and needs `tolerance` and the timing optimal.
         tolerance: Largest corner error [m] (case II).
-        at: For the shape arc, the largest errors of single corners in the place of `tolerance` [m],
-            by the numbers of their waypoints from 1, such as `{2: 1 mm}`: points of a polyline or
-            a spline, ends of segments. For a path of one contour.
+        at: For the shape arc, the largest errors of single corners instead of `tolerance` [m], by
+            the numbers of their waypoints from 1, such as `{2: 1 mm}`: points of a polyline or a
+            spline, ends of segments. For a path of one contour.
         line_tolerance: For the shape free, the largest distance from the objective farther than
             `zone` from its corners [m]; by default the tolerance holds everywhere.
         zone: For the shape free, the distance from a corner within which `tolerance` holds [m].
@@ -102,7 +102,7 @@ class Rounding(Checked):
 
     @property
     def free(self) -> bool:
-        """Whether the shape is found together with the timing."""
+        """True if the shape is optimized together with the timing."""
         return self.shape == FREE
 
     @property
@@ -118,12 +118,12 @@ class Rounding(Checked):
 
     @property
     def without_continuity(self) -> Rounding:
-        """The same without what only arcs have."""
+        """The same rounding without options of arcs."""
         return replace(self, continuity=None, transition_tolerance=None)
 
     @property
-    def wanted(self) -> dict[str, float | None]:
-        """The given tolerances and iterations of the shape free, by their names."""
+    def shaping_options(self) -> dict[str, float | None]:
+        """The specified tolerances and iterations of the shape free, by name."""
         names = {x.name for x in fields(self)} & {x.name for x in fields(Shaped)}
         values = {name: getattr(self, name) for name in names}
         specified = {name: x for name, x in values.items() if x is not None}
@@ -132,17 +132,17 @@ class Rounding(Checked):
     @property
     def options(self) -> Shaped:
         """Options of `shape` for the shape free."""
-        return Shaped(**cast(Any, self.wanted))
+        return Shaped(**cast(Any, self.shaping_options))
 
     def check(self, timing: str, key: str = "corners") -> None:
-        """Refuse values that do not go together.
+        """Check that the values are consistent.
 
         Args:
             timing: Timing method of the run.
             key: The key of these values in messages.
 
         Raises:
-            InvalidInput: Such values.
+            InvalidInput: Inconsistent values.
         """
         self._check_continuity(timing, key)
         self._check_single(key)
@@ -185,11 +185,11 @@ class Rounding(Checked):
             )
         if self.tolerance is None:
             raise InvalidInput(
-                f"{key}.at needs {key}.tolerance beside it, the tolerance of all other corners."
+                f"{key}.at needs {key}.tolerance, too, the tolerance of all other corners."
             )
 
     def _check_continuity(self, timing: str, key: str) -> None:
-        """Refuse a continuity of the corners that shape or timing do not have."""
+        """Check that shape and timing support the continuity of the corners."""
         if self.transition_tolerance is not None and (self.free or self.continuity == TANGENT):
             raise InvalidInput(
                 f"{key}.transition_tolerance is for corners with continuity: curvature: leave it "
@@ -254,7 +254,7 @@ class Run(Checked):
             self.rounding.check(self.timing.method)
 
     def check_end_time(self, program: Program) -> None:
-        """Refuse an end of the evaluation for a program of several moves.
+        """Check that an end of the evaluation is given for a single path only.
 
         Args:
             program: The program, as it is drawn or prepared.
@@ -270,22 +270,22 @@ class Run(Checked):
 
     @property
     def for_bodies(self) -> bool:
-        """Whether the set-points are for the arm's bodies, which the servo model does not have."""
+        """True if the set-points are for the arm's bodies, which the servo model does not have."""
         return isinstance(self.compensation, InverseDynamics)
 
     @property
     def judge(self) -> Experiment | None:
-        """The experiment that judges the run; None where the servo model does."""
+        """The experiment that judges the run; None if the servo model does."""
         return self.experiment if self.for_bodies else None
 
     @property
     def is_shaped(self) -> bool:
-        """Whether corners have the shape free, which is found together with the timing."""
+        """True if corners have the shape free, which is optimized together with the timing."""
         return self.rounding is not None and self.rounding.free
 
     @property
     def continuity(self) -> Continuity | None:
-        """What is continuous along rounded corners; None without corners that arcs replace."""
+        """Continuity of rounded corners; None without corners that arcs replace."""
         if self.rounding is None or self.rounding.free:
             return None
         return self.rounding.continuity or (CURVATURE if self.limits.jerk_limits else TANGENT)
@@ -326,10 +326,10 @@ class Job(Checked):
         plant_servo: The simulated servo; by default the nominal one.
         runs: At least one run, with different names.
         certificate: Requirements of a certified plan.
-        placement: Where a placement looks for the best place, and what is best.
-        scene: What stands in the cell; None if nothing is known.
-        ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell;
-            results say so.
+        placement: Options of a placement.
+        scene: Obstacles in the cell; None if they are unknown.
+        ignore_collisions: Whether runs continue if the arm comes too near to itself or to its cell;
+            results report this.
         part: The frame of the part: path, file or points are placed by it already.
 
     Raises:
@@ -386,7 +386,7 @@ class Job(Checked):
             object.__setattr__(self, "seed", checks.frozen_array(seed))
 
     def __str__(self) -> str:
-        """What is followed by what, and the runs."""
+        """Arm, path and runs."""
         x = self.program
         summary = f"{count_noun(len(x.contours), 'contour')}, {digits(x.length)} m"
         return format_table(
@@ -396,8 +396,8 @@ class Job(Checked):
                 ("path", f"{summary}, {x.source}" if x.source else summary),
                 *((f"run {x.name}", self._words(x)) for x in self.runs),
                 ("obstacles", "" if self.scene is None else f"{len(self.scene.obstacles)}"),
-                ("certificate", "" if self.certificate is None else "asked for"),
-                ("placement", "" if self.placement is None else "asked for"),
+                ("certificate", "" if self.certificate is None else "requested"),
+                ("placement", "" if self.placement is None else "requested"),
             ],
         )
 
@@ -413,7 +413,7 @@ class Job(Checked):
 
     @property
     def cell(self) -> Cell:
-        """The arm and what stands around it, ready for clearance.
+        """The arm and its obstacles, for checks of the clearance.
 
         Raises:
             InvalidInput: As `check_clearance`.
@@ -446,7 +446,7 @@ def choose_run(job: Job, name: str | None, done: str, among: Sequence[Run] = ())
     if len(able) > 1:
         names = ", ".join(x.name for x in able)
         raise InvalidInput(
-            f"The job {job.name} has several runs: say which one is to be {done}, with --run "
+            f"The job {job.name} has several runs: choose the one to be {done}, with --run "
             f"({names})."
         )
     return able[0]

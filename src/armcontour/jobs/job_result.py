@@ -1,4 +1,4 @@
-"""`JobResult` and `RunResult`: what the runs of a job give."""
+"""`JobResult` and `RunResult`: results of a job and its runs."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ from armcontour.verification import Evaluation
 from armcontour.verification.clearance import Clearance
 from armcontour.verification.evaluation import duration_row
 
-# Begin of the labels of what the simulated rigid bodies give.
+# Prefix of labels of figures of the simulated rigid bodies.
 ON_BODIES = "on rigid bodies: "
-# Begin of the names of these figures.
+# Prefix of the names of these figures.
 BODIES = "experiment."
-# Figures of rigid bodies that do not judge, which are shown.
+# Figures of rigid bodies that are shown, even if the servo model judges the run.
 SHOWN_OF_BODIES = ("experiment.contour_error", "experiment.torque")
 # Figures of the verdict, in its order; those of the clearance are a part of their own.
 OF_VERDICT = ("kept", "off_drawing", "duration", "time_limit", "saturated", "warning_count")
@@ -83,13 +83,13 @@ class RunResult(Planned, Result):
 
     Args:
         set_points: The set-points.
-        servo: The servo for which it was made.
+        servo: The servo model of the compensation.
         execution: The executed motion; None without a simulation.
         evaluation: Errors of the executed motion; None without a simulation.
-        executed_clearance: How far the arm stays from itself and from its cell, as executed.
+        executed_clearance: Clearance of the arm from itself and its cell, as executed.
         experiment: Result on rigid bodies, if the run has an experiment that did not fail.
         failure: The error of a failed experiment.
-        advice: What to change; None if that was not computed.
+        advice: Suggested changes; None if they were not computed.
     """
 
     set_points: SetPoints
@@ -111,7 +111,7 @@ class RunResult(Planned, Result):
 
     @property
     def kept(self) -> bool | None:
-        """Whether the tool is as near to the drawing as the run allows, and the arm is clear.
+        """True if the tool deviates from the drawing by no more than allowed, without collision.
 
         None without a simulation, and without an accuracy and a tolerance.
         """
@@ -125,7 +125,7 @@ class RunResult(Planned, Result):
 
     @property
     def _failure(self) -> str:
-        """Why the run was not completed; "" if it was."""
+        """Reason why the run was not completed; "" if it was."""
         return "" if self.failure is None else "the simulated robot does not complete the motion"
 
     @property
@@ -213,7 +213,7 @@ class JobResult:
 
     @property
     def simulated(self) -> bool:
-        """Whether any run was executed."""
+        """True if any run was simulated."""
         return any(x.execution is not None for x in self.runs.values())
 
     def to_dict(self) -> dict[str, list[Any]]:
@@ -233,7 +233,7 @@ class JobResult:
 
     @cached_property
     def figures(self) -> dict[str, Data]:
-        """What each run says, which print, summary and report have alike."""
+        """Data of each run, for print, summary and report."""
         return {name: run_data(x, self.job) for name, x in self.runs.items()}
 
     @checked
@@ -244,7 +244,7 @@ class JobResult:
 
         Args:
             files: The files of the result, relative to its folder.
-            parts: What else is in the summary, by its keys.
+            parts: Further parts of the summary by key.
         """
         job, arm = self.job, self.job.arm
         warnings = warnings_of(self.runs.values())
@@ -279,7 +279,7 @@ class JobResult:
 
 
 def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
-    """The warnings of several runs; what holds for more than one of them is said once."""
+    """Warnings of several runs; equal warnings of several runs are merged."""
     messages: dict[str, list[str]] = {}
     for plan in plans:
         for sentence in plan.warnings:
@@ -291,7 +291,7 @@ def warnings_of(plans: Iterable[RunResult]) -> tuple[str, ...]:
 
 
 def run_data(result: RunResult, job: Job | None = None) -> Data:
-    """What one run says; without figures of its execution, if it was not simulated."""
+    """Data of one run; without figures of its execution if it was not simulated."""
     e = result.evaluation
     parts: dict[str, Data] = {}
     if result.clearance is not None:
@@ -362,14 +362,14 @@ def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[
 
 
 def _verdict(result: RunResult) -> Iterator[Row]:
-    """What is off the drawing, whether that is kept, what limits the time, the worst warning."""
+    """Verdict, deviation from the drawing, limit of the duration, and warnings."""
     yield from verdict_rows(result, result._errors, result._failure)
     yield from time_limit_row(result)
     yield from warning_rows(result.warnings)
 
 
 def _executed(result: RunResult, evaluation: Evaluation) -> Iterator[Row]:
-    """Figures of the execution by the servo; of files only, where the bodies judge."""
+    """Figures of the execution by the servo; for files only if the rigid bodies judge the run."""
     for row in evaluation.to_data().rows:
         judges = result.judged is evaluation or row.name == "limit_ratios"
         yield row if judges else replace(row, level=FILE)
@@ -385,7 +385,7 @@ def _planned(result: RunResult) -> Iterator[Row]:
 
 
 def _clearance(result: RunResult) -> Data:
-    """The clearance of a plan, with the ways that were taken to keep clear."""
+    """The clearance of a plan, with the measures against collisions."""
     assert result.clearance is not None
     data = result.clearance.to_data()
     rows = (replace(x, level=VERDICT) if x.name == "low" else x for x in data.rows)
@@ -393,7 +393,7 @@ def _clearance(result: RunResult) -> Data:
 
 
 def _experiment(result: RunResult) -> Iterator[Row]:
-    """Figures of the execution on rigid bodies; where the bodies judge, those of the run."""
+    """Figures of the execution on rigid bodies; if these judge the run, figures of the run."""
     if result.failure is not None:
         yield Row("experiment.failed", str(result.failure), "", f"{ON_BODIES}failed", level=FIRST)
     x = result.experiment
@@ -443,7 +443,7 @@ def _tables(result: RunResult, job: Job | None) -> Iterator[Table]:
 
 
 def _set_points(result: RunResult) -> Iterator[Row]:
-    """How many set-points there are, and limits of commands with their cost."""
+    """Number of set-points, and command limits with the resulting error."""
     set_points = result.set_points
     if result.servo is None and result.execution is None:
         # The joints of a plan without a servo follow it exactly.
@@ -467,7 +467,7 @@ def _set_points(result: RunResult) -> Iterator[Row]:
 
 
 def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
-    """What the plan is: its path, its method and its corners."""
+    """Path, methods and corners of the plan."""
     run, trajectory, path = result.run, result.trajectory, result.path
     yield Row("length", path.length, "m", "path")
     if path.single_path is None:
@@ -497,17 +497,17 @@ def _plan(result: RunResult, job: Job | None) -> Iterator[Row]:
     yield Row("shaping.durations", shaped.durations, "s")
     yield Row("shaping.gain", shaped.gain, "1", "saved by shaping", str(shaped))
     yield Row("shaping.iterations", shaped.iterations)
-    yield Row("shaping.wanted", None if run.rounding is None else run.rounding.wanted)
+    yield Row("shaping.wanted", None if run.rounding is None else run.rounding.shaping_options)
 
 
 def unknown_notes(study: JobResult) -> tuple[str, ...]:
-    """Sentences on what simulated robots have that their controllers do not know."""
+    """Sentences on properties of simulated robots that their controllers do not model."""
     notes: dict[str, list[str]] = {}
     for name, result in study.runs.items():
         if result.run.experiment is not None and (unknown := result.run.experiment.unknown):
             notes.setdefault(unknown, []).append(name)
     return tuple(
-        f"The simulated robot of {', '.join(names)} has what neither plan nor controller knows: "
+        f"The simulated robot of {', '.join(names)} has properties unknown to plan and controller: "
         f"{unknown}."
         for unknown, names in notes.items()
     )

@@ -1,4 +1,4 @@
-"""`PlaceSearch`: where a placement looks for the best place, and what is best."""
+"""`PlaceSearch`: options of a placement: grid, objective and uncertainty."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ IN_PLANE = ("x", "y", "yaw")
 MOST_PLACES = 500_000
 # Decimals of places in SI units.
 DIGITS = 12
-# Places, uncertainties and the anchor are no farther away than this [m, rad]: more is a mistake in
-# a unit or a digit, and rounds.
+# Largest coordinates of places, uncertainties and the anchor [m, rad]: larger values are mistakes
+# in a unit or a digit, and cause rounding errors.
 FARTHEST = {"m": 1e4, "rad": 1e3}
 # Ends of a range of angles count as the same direction within this [rad].
 SAME_DIRECTION = 1e-9
@@ -72,7 +72,7 @@ def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, 
             "such as over={'x': (-0.1, 0.1, 11)}; in a job file they are the key placement.over."
         )
     for name in over:
-        _refuse_axis(name, names, "over")
+        _check_axis(name, names, "over")
     axes = tuple(_axis(x, over[x]) for x in names if x in over)
     count = math.prod(len(x.values) for x in axes)
     if count > MOST_PLACES:
@@ -86,14 +86,14 @@ def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, 
 
 
 def read_uncertainty(deviations: Mapping[str, float], dimension: int) -> dict[str, float]:
-    """By how much a part may be off its place, of some axes [m, rad]; zeros are left out.
+    """Position uncertainty of the part, of some axes [m, rad], without zeros.
 
     Raises:
         InvalidInput: An unknown axis, or a value below zero.
     """
     names = AXES if dimension == 3 else IN_PLANE
     for name in deviations:
-        _refuse_axis(name, names, "uncertainty")
+        _check_axis(name, names, "uncertainty")
     sizes = {
         name: checks.check_range(
             f"uncertainty of {name}", deviations[name], 0, FARTHEST[UNITS[name]], UNITS[name]
@@ -115,8 +115,8 @@ def corners_of(uncertainty: Mapping[str, float]) -> list[dict[str, float]]:
     ]
 
 
-def _refuse_axis(name: str, names: tuple[str, ...], label: str) -> None:
-    """Refuse an axis that is not there."""
+def _check_axis(name: str, names: tuple[str, ...], label: str) -> None:
+    """Check that an axis exists for this arm."""
     if name not in names:
         plane = " for an arm in the plane" if name in AXES else ""
         raise InvalidInput(f"{label} has no axis {name!r}{plane}: axes are {', '.join(names)}.")
@@ -153,7 +153,7 @@ def _axis(name: str, limits: Sequence[Any]) -> Axis:
 
 DURATION, MANIPULABILITY, CLEARANCE, TORQUE = "duration", "manipulability", "clearance", "torque"
 OBJECTIVES = (DURATION, MANIPULABILITY, CLEARANCE, TORQUE)
-# What can be moved.
+# Objects that can be moved.
 WHAT = (PART, BASE)
 # Points that x, y, z and angles are of: the middle of the path, or the origin of its coordinates.
 MIDDLE, ORIGIN = POINTS = ("middle", "origin")
@@ -166,20 +166,19 @@ OFF = "Position error of the part, whose worst corner counts: 'x: 2 mm'; 0 takes
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlaceSearch(Checked):
-    """Where a placement looks for the best place, and what is best.
+    """Options of a placement: the grid of positions, the objective and the uncertainty.
 
     Args:
         over: The axes of the grid, each with its first value, its last value and the number of
             values: "x", "y" and "z" [m], "yaw" about z and "tilt" about y of the turned part [rad],
             along the coordinates of the job's path.
-        objective: What is best: "duration", the shortest duration; "manipulability", the largest of
-            the least singular values along the path; "clearance", the largest of the least
-            distances; or "torque", the largest share of the torque limits that is left free.
-        uncertainty: Position error of the part, of some axes [m, rad]: each place is rated by the
-            worst of it and of the corners of this box, planned for each. 0 is as if the axis were
-            not named.
-        what: What is moved: the "part", with the obstacles that are fixed to it; or the "base" of
-            the arm, whose cell stays.
+        objective: Criterion: "duration", the shortest duration; "manipulability", the largest
+            minimum of the smallest singular value along the path; "clearance", the largest minimum
+            distance; or "torque", the largest unused share of the torque limits.
+        uncertainty: Position error of the part, of some axes [m, rad]: each place is rated by its
+            worst case, planned at the place and at each corner of this box. 0 ignores the axis.
+        what: Moved object: the "part", with the obstacles that are fixed to it; or the "base" of
+            the arm, relative to its cell.
         absolute: Whether x, y and z are coordinates of the point that they move; by default they
             are added to it.
         about: The point that they move, and that angles turn about: the "middle" of the path, the
@@ -220,13 +219,13 @@ class PlaceSearch(Checked):
             checks.check_range("about", x, -FARTHEST["m"], FARTHEST["m"], "m")
 
     def check(self, dimension: int) -> None:
-        """Refuse axes that an arm has not.
+        """Check that an arm has these axes.
 
         Args:
             dimension: Dimension of the tool motion of the arm, 2 or 3.
 
         Raises:
-            InvalidInput: There is such an axis.
+            InvalidInput: An axis does not exist.
         """
         if self.over:
             read_axes(self.over, dimension)

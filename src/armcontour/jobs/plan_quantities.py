@@ -1,4 +1,4 @@
-"""Drive torques, angular tool speeds and weaves of a run."""
+"""Quantities of a run's plan: jerk-limited stops, weaves, torques, angular tool speeds."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ CURVATURE_JUMPS = "curvature jumps"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JerkStop:
-    """A full stop inside a contour, at a place where the curvature jumps.
+    """A full stop inside a contour, at a jump of the curvature.
 
     Args:
-        contour: What messages call the contour; empty for a single path.
+        contour: Name of the contour in messages; empty for a single path.
         s: Arc length from the start of the contour [m].
-        point: The place [m], 2 or 3 coordinates.
+        point: Position [m], 2 or 3 coordinates.
     """
 
     contour: str
@@ -56,7 +56,7 @@ def jerk_stops(
 
 # Samples of the planned path per wave.
 PER_WAVE = 64
-# Relative difference from what was requested above which a weave is not as requested.
+# Largest relative difference of a weave from the requested one.
 ALLOWED = 0.02
 
 
@@ -65,10 +65,10 @@ class Weaving:
     """Weave of a contour as planned, where the weave has its full width.
 
     Args:
-        contour: What messages call the contour.
+        contour: Name of the contour in messages.
         width: Smallest and largest distance between neighbouring crests, across the seam [m].
         frequency: Smallest and largest number of waves per second [1/s].
-        asked: Requested width [m] and frequency [1/s]; the frequency is NaN without an assigned
+        requested: Requested width [m] and frequency [1/s]; the frequency is NaN without an assigned
             velocity.
         left_out: Length of the seam that is not woven, in parts shorter than half a pitch [m].
     """
@@ -76,20 +76,20 @@ class Weaving:
     contour: str
     width: tuple[float, float]
     frequency: tuple[float, float]
-    asked: tuple[float, float]
+    requested: tuple[float, float]
     left_out: float
 
     @property
     def differs(self) -> bool:
-        """Whether corner rounding, limits or short parts make the weave other than requested."""
-        width, frequency = self.asked
+        """True if corner rounding, limits or short parts change the weave."""
+        width, frequency = self.requested
         narrow = max(abs(x - width) for x in self.width) > ALLOWED * width
         return narrow or self.frequency[0] < (1 - ALLOWED) * frequency or self.left_out > 0
 
     @property
     def sentence(self) -> str:
         """Widths and frequencies, and those requested if they differ."""
-        width, frequency = self.asked
+        width, frequency = self.requested
         text = f"{self.contour} weaves {number_range(self.width, 'm')} wide at "
         text += number_range(self.frequency, "Hz")
         if not self.differs:
@@ -116,7 +116,7 @@ def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
         count = int(PER_WAVE * woven.seam.length / woven.pitch) + 2
         t = np.linspace(begin - offset, end - offset, count).clip(0.0, plan.duration)
         near = woven.seam.project(x.path(plan.s(t).clip(0.0, x.path.length)))
-        # The tool may stop or turn, but along the seam it only goes on.
+        # The tool may stop or turn, but it only moves forward along the seam.
         s = np.maximum.accumulate(near.s)
         first, last = (np.searchsorted(s, woven.crests + y * woven.pitch / 4) for y in (-1, 1))
         heights = np.array(
@@ -132,7 +132,7 @@ def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
                 contour=contour_called(x, i),
                 width=(float(widths.min()), float(widths.max())),
                 frequency=(float(1 / times.max()), float(1 / times.min())),
-                asked=(woven.width, woven.frequency),
+                requested=(woven.width, woven.frequency),
                 left_out=woven.left_out,
             )
 
@@ -160,7 +160,7 @@ class Torques(Checked):
 
 
 def assumed_numbers(arm: Arm) -> str:
-    """Which parameters of an arm's bodies are assumed, and by which rule; empty if none is."""
+    """Text on assumed parameters of an arm's bodies and their rule; empty without any."""
     return "" if arm.chain is None else arm.chain.assumed
 
 

@@ -1,4 +1,4 @@
-"""The plan of a run: its path, joint path and motion, and why it takes so long."""
+"""The plan of a run: path, joint paths, motion, and active limits."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ NEAR = 10e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ShapingGain:
-    """What shaping the contours of a program gained, without rapids and dwells between them.
+    """Gain by shaping the contours of a program, without rapids and dwells between them.
 
     Args:
-        starts: How many contours each start won, by the names of the starts.
-        durations: Sums over all contours of the least durations, of every start that all contours
-            have and of the shaped paths as "shaped" [s].
+        starts: Number of contours for which each start was best, by name of the start.
+        durations: Sums over all contours of the shortest durations, of every start that all
+            contours have and of the shaped paths as "shaped" [s].
         iterations: Largest number of iterations of a contour.
     """
 
@@ -49,7 +49,7 @@ class ShapingGain:
 
     @staticmethod
     def of(program: Program) -> ShapingGain | None:
-        """What shaping gained in a program; None if it has no shaped contour."""
+        """The gain of a program; None if it has no shaped contour."""
         outcomes = [x.path.outcome for x in program.contours if isinstance(x.path, ShapedPath)]
         if not outcomes:
             return None
@@ -87,11 +87,11 @@ class Planned:
             corners.
         trajectory: The realizable trajectory.
         traced: Joint paths of all moves, if known. Runs with the same path and limits share them.
-        clearance: How far the arm stays from itself and from its cell, as planned; None for an arm
-            whose shapes are not known.
-        avoided: Sentences on other joint paths that were taken to keep clear; without a clearance,
-            on why there is none.
-        explanation: Which limit binds where, for a plan of the method "optimal".
+        clearance: Planned clearance of the arm from itself and its cell; None for an arm with
+            unknown shapes.
+        avoided: Sentences on other joint paths that were taken to avoid collisions; without a
+            clearance, on why it is not checked.
+        explanation: Active limits along the path, for a plan of the method "optimal".
     """
 
     run: Run
@@ -110,7 +110,7 @@ class Planned:
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences on what makes the result worse than requested, without the run's name."""
+        """Sentences on deviations of the result from the request, without the run's name."""
         return tuple(filter(None, self._warnings()))
 
     def _warnings(self, executed: Clearance | None = None) -> Iterator[str | None]:
@@ -151,20 +151,20 @@ class Planned:
 
     @cached_property
     def jerk_stops(self) -> tuple[JerkStop, ...]:
-        """Where limits of jerk make the tool stop inside contours, because the curvature jumps."""
+        """Stops inside contours at jumps of the curvature, due to limits of jerk."""
         return jerk_stops(self.path, self.traced, self.trajectory, self.run)
 
     @property
     def full_stops(self) -> dict[str, int]:
-        """How often the tool comes to a full stop inside contours, by the reasons."""
+        """Number of full stops inside contours, by reason."""
         by_jerk = len(self.jerk_stops)
         return self._stops_of_path | ({CURVATURE_JUMPS: by_jerk} if by_jerk else {})
 
     @cached_property
     def _stops_of_path(self) -> dict[str, int]:
-        """Full stops that the path asks for, whatever the limits, by the reasons."""
+        """Number of full stops that the path requires for any limits, by reason."""
         if isinstance(self.run.timing, Conventional):
-            # It goes through corners at its uniform speed.
+            # This method passes corners at its uniform speed.
             return {}
         stops: Counter[str] = Counter()
         for x in self.path.contours:
@@ -173,10 +173,7 @@ class Planned:
 
     @property
     def stops_note(self) -> str | None:
-        """A sentence on the full stops inside contours; None without any but those of jerk.
-
-        Of these there is a warning.
-        """
+        """A sentence on full stops inside contours; None if all are due to jerk (see warnings)."""
         stops = self._stops_of_path
         count = sum(stops.values())
         if not count:
@@ -192,9 +189,9 @@ class Planned:
 
     @property
     def clearance_note(self) -> str | None:
-        """A sentence on the clearance of the plan; None for an arm whose shapes are not known.
+        """A sentence on the clearance; None if shapes are unknown or a margin is violated.
 
-        Of margins that are not kept there is a warning.
+        Violations are reported by a warning.
         """
         if self.clearance is None or not self.clearance.satisfied:
             return None
@@ -203,19 +200,19 @@ class Planned:
 
     @property
     def _far_from_itself(self) -> bool:
-        """Whether nothing is near the arm, and only the arm itself was to be looked at."""
+        """True if only self-collision was checked, and all distances are large."""
         if self.clearance is None or self.avoided:
             return False
         return all(x.kind != "environment" and x.low > NEAR for x in self.clearance.nearest)
 
     @property
     def shaped(self) -> ShapingGain | None:
-        """How the shape of all contours was found; None if the run shapes none."""
+        """The gain by shaping; None if the run shapes no contour."""
         return ShapingGain.of(self.path)
 
     @property
     def shape_note(self) -> str | None:
-        """A sentence on what shaping gained; None if the run shapes no contour."""
+        """A sentence on the gain by shaping; None if the run shapes no contour."""
         gain = self.shaped
         if gain is None:
             return None

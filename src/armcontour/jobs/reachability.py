@@ -1,4 +1,4 @@
-"""`explain`: where and by how far a job is out of reach, and what brings it into reach."""
+"""`explain`: points of a job that are out of reach, their distances, and a remedy."""
 
 from __future__ import annotations
 
@@ -19,40 +19,40 @@ from armcontour.program import Contour, Program, Rapid, contour_called, prepare
 from armcontour.robot import Arm, PlanarTwoLink, SerialArm
 from armcontour.robot.arm import FAR_OUT, unit_hint
 
-# Number of points on each path, and on all; each takes a few milliseconds.
+# Number of points on each path, and on all paths; each takes a few milliseconds.
 MOST_ALONG = 60
 MOST_PLACES = 400
-# Starts of the search for what the arm reaches; from more, at so many places that seem the worst.
+# Number of initial configurations, and number of the worst points with more of them.
 FEW_SEEDS = 12
 WORST = 6
-# A move that brings all into reach is looked for in so many steps, at so many places. It goes so
-# far inside the reach [m], at whose edge arms are singular, and is said in this unit [m].
+# Search for a shift that brings all points into reach: number of steps and of points; margin inside
+# the reach [m], because arms are singular at its edge; resolution of the reported shift [m].
 MOST_STEPS = 40
 MOST_MOVED = 80
 INSIDE = 5e-3
-SAID = 1e-3
+RESOLUTION = 1e-3
 
 
-class _Places(NamedTuple):
-    """Places along some paths of a program.
+class _PathPoints(NamedTuple):
+    """Points along some paths of a program.
 
     Args:
         paths: Names of the paths in messages, and the paths.
-        of: The index of the path of each place, (n,).
+        owner: Index of the path of each point, (n,).
         s: Arc lengths [m], (n,).
-        points: Where the tool is to be [m], (n, dimension).
+        points: Required positions of the tool [m], (n, dimension).
         rotations: Its orientation, (n, 3, 3); the unit matrix where none is required.
     """
 
     paths: list[tuple[str, Path]]
-    of: IntArray
+    owner: IntArray
     s: FloatArray
     points: FloatArray
     rotations: FloatArray
 
     @classmethod
-    def along(cls, paths: list[tuple[str, Path]]) -> _Places:
-        """Places along paths: ends of segments and places between, or some of them."""
+    def along(cls, paths: list[tuple[str, Path]]) -> _PathPoints:
+        """Points along paths: ends of segments and points between them, or a subset."""
         maximum, rows = int(np.clip(MOST_PLACES // len(paths), 2, MOST_ALONG)), []
         for k, (_, x) in enumerate(paths):
             s = np.union1d(np.linspace(0, x.length, maximum), x.breaks)
@@ -64,10 +64,10 @@ class _Places(NamedTuple):
             rows.append((np.full(len(s), k), s, x(s), turned))
         return cls(paths, *map(np.concatenate, zip(*rows, strict=True)))
 
-    def some(self, selection: IntArray) -> _Places:
-        """Only these places."""
+    def some(self, selection: IntArray) -> _PathPoints:
+        """Only these points."""
         paths, indices, s, points, rotations = self
-        return _Places(
+        return _PathPoints(
             paths, indices[selection], s[selection], points[selection], rotations[selection]
         )
 
@@ -86,7 +86,7 @@ def explain(error: Unreachable, job: Job) -> Unreachable:
     for rapid in (False, True) if error.limit == "reach" else ():
         if not (paths := list(_paths_of(program, rapid))):
             continue
-        points = _extremes(job.arm, _Places.along(paths))
+        points = _extremes(job.arm, _PathPoints.along(paths))
         away = np.linalg.norm(_reached(job.arm, points, WORST) - points.points, axis=1)
         k = int(np.argmax(away))
         if away[k] > OUT_OF_REACH:
@@ -110,8 +110,8 @@ def _paths_of(program: Program, rapid: bool) -> Iterator[tuple[str, Path]]:
             yield f"rapid {to} {called}", turn_along(x.path, before, after)
 
 
-def _extremes(arm: Arm, points: _Places) -> _Places:
-    """Of very many places only those that are farthest from the base of the arm, or nearest."""
+def _extremes(arm: Arm, points: _PathPoints) -> _PathPoints:
+    """Subset of very many points: those farthest from the base of the arm, and nearest to it."""
     if len(points.s) <= 2 * MOST_PLACES:
         return points
     assert isinstance(arm, PlanarTwoLink | SerialArm)
@@ -121,7 +121,7 @@ def _extremes(arm: Arm, points: _Places) -> _Places:
 
 
 def _reached(
-    arm: Arm, points: _Places, closely: int, starts: FloatArray | None = None
+    arm: Arm, points: _PathPoints, closely: int, starts: FloatArray | None = None
 ) -> FloatArray:
     """The tool points nearest to places that the arm reaches [m], (n, dimension)."""
     goals = points.points
@@ -129,7 +129,7 @@ def _reached(
         near, far = arm.reach
         along = goals - [arm.base, 0.0]
         distance = np.linalg.norm(along, axis=1, keepdims=True)
-        # All directions are alike for a point at the base itself.
+        # The direction of a point at the base is arbitrary.
         ways = np.where(distance > 0, along / np.where(distance > 0, distance, 1.0), [1.0, 0.0])
         return np.asarray([arm.base, 0.0] + ways * np.clip(distance, near, far))
     assert isinstance(arm, SerialArm)
@@ -152,9 +152,9 @@ def _reached(
     return arm.tool_position(positions)
 
 
-def _refusal(job: Job, points: _Places, away: FloatArray, k: int, rapid: bool) -> Unreachable:
-    """The refusal by the place `k`, which is the farthest from what the arm reaches."""
-    called, path = points.paths[points.of[k]]
+def _refusal(job: Job, points: _PathPoints, away: FloatArray, k: int, rapid: bool) -> Unreachable:
+    """The error for point `k`, which is the farthest out of reach."""
+    called, path = points.paths[points.owner[k]]
     point, s, gap = points.points[k], float(points.s[k]), float(away[k])
     far = gap >= FAR_OUT
     drawn = (np.resize([*point, 0.0], 3) - job.part.position) @ job.part.rotation
@@ -162,7 +162,7 @@ def _refusal(job: Job, points: _Places, away: FloatArray, k: int, rapid: bool) -
     before = (
         "" if np.allclose(drawn, point) else f", which is {_place(drawn, far)} before path.frame"
     )
-    count = len(np.unique(points.of[away > OUT_OF_REACH]))
+    count = len(np.unique(points.owner[away > OUT_OF_REACH]))
     others = "" if far or count < 2 else f" ({count} of {len(points.paths)} are out of reach)"
     remedy = unit_hint(gap) if far else "; " + _remedy(job, points, away, rapid)
     return Unreachable(
@@ -177,21 +177,21 @@ def _refusal(job: Job, points: _Places, away: FloatArray, k: int, rapid: bool) -
     )
 
 
-def _remedy(job: Job, points: _Places, away: FloatArray, rapid: bool) -> str:
-    """What brings all places into reach, as the end of a sentence."""
+def _remedy(job: Job, points: _PathPoints, away: FloatArray, rapid: bool) -> str:
+    """Remedy that brings all points into reach, as the end of a sentence."""
     shift = _way(job.arm, points, away)
     lower = "all contours are in reach: take a smaller approach or retract, or " if rapid else ""
     free = what_helps(points.paths[0][1]).removeprefix("move the path or the arm")
     if shift is None:
-        return f"{lower}move the part or the arm{free}; armcontour place looks where"
+        return f"{lower}move the part or the arm{free}; armcontour place finds a position"
     return (
-        f"{lower}move the part by {_place(shift)} (path.frame, --at), with which all "
-        f"{'rapids' if rapid else 'contours'} come into reach{free}, or let armcontour place look "
-        "for the best place"
+        f"{lower}move the part by {_place(shift)} (path.frame, --at), which brings all "
+        f"{'rapids' if rapid else 'contours'} into reach{free}, or let armcontour place find the "
+        "best position"
     )
 
 
-def _way(arm: Arm, points: _Places, away: FloatArray) -> FloatArray | None:
+def _way(arm: Arm, points: _PathPoints, away: FloatArray) -> FloatArray | None:
     """A way of the part that brings all places into reach [m], (3,); None if none is found.
 
     Parts stay on their table, as far as that helps.
@@ -216,10 +216,11 @@ def _way(arm: Arm, points: _Places, away: FloatArray) -> FloatArray | None:
         if len(step) == 3 and np.linalg.norm(step[:2]) > np.abs(step[2]):
             step[2] = 0.0
         long = float(np.linalg.norm(step))
-        # Only the part of a step that lies along the missing way helps there.
+        # Only the component along the missing distance helps.
         required = gaps[k] ** 2 / long if long > 0 else 0.0
         shift = (
-            np.round((shift + step / max(long, OUT_OF_REACH) * (required + INSIDE)) / SAID) * SAID
+            np.round((shift + step / max(long, OUT_OF_REACH) * (required + INSIDE)) / RESOLUTION)
+            * RESOLUTION
         )
     return None
 

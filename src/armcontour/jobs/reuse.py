@@ -1,4 +1,4 @@
-"""`Reuse`: results of the steps of planning, by what they depend on."""
+"""`Reuse`: cache of the results of planning steps by their inputs."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Reuse:
 
 
 def comparable(value: Any) -> Any:
-    """A value whose fields are numbers and arrays, as something that can be compared."""
+    """A comparable form of a value whose fields are numbers and arrays."""
     if isinstance(value, np.ndarray):
         return value.shape, value.tobytes()
     if dataclasses.is_dataclass(value):

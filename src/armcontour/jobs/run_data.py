@@ -1,4 +1,4 @@
-"""Parts of what a run says: torques, bodies, corners and moves as rows and tables."""
+"""Rows and tables of a run: torques, plant, corners and moves."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def field_rows(name: str, value: Any) -> Iterator[Row]:
 def torque_rows(
     torques: Torques | None, limit: FloatArray | None, arm: Arm, kind: str
 ) -> Iterator[Row]:
-    """Largest torques, their limits, and what is assumed of the bodies.
+    """Largest torques, their limits, and assumed parameters of the bodies.
 
     Args:
         torques: The torques; None for an arm without bodies.
@@ -74,7 +74,7 @@ def torque_rows(
 
 
 def plant_rows(plant: RigidBodyPlant) -> Iterator[Row]:
-    """What the simulated robot is, and what its controller knows of it."""
+    """Parameters of the simulated robot, and of the model in its controller."""
     yield Row("plant", type(plant).__name__)
     yield Row("step", plant.step, "s")
     yield Row("gravity_feedforward", plant.gravity_feedforward)
@@ -89,7 +89,7 @@ def plant_rows(plant: RigidBodyPlant) -> Iterator[Row]:
 
 
 def _robot(name: str, chain: Chain) -> Iterator[Row]:
-    """Load, drive inertias and friction of a robot, or of the robot that a controller knows."""
+    """Load, drive inertias and friction of a robot or of the model in its controller."""
     yield Row(f"{name}.payload", 0.0 if chain.payload is None else chain.payload.mass, "kg")
     yield Row(f"{name}.armature", chain.armature, "kg m^2")
     yield Row(f"{name}.viscous", chain.viscous, "N m s/rad")
@@ -134,7 +134,7 @@ def move_table(
     starts: Sequence[tuple[float, float]],
     errors: Sequence[ErrorProfile],
 ) -> Table:
-    """The moves of a program with their times; what only contours have is null for others.
+    """The moves of a program with their times; columns of contours are null for other moves.
 
     Args:
         trajectory: The plan.
@@ -174,13 +174,13 @@ def work_length(x: Contour) -> float:
 
 
 def pierce_length(x: Contour) -> float:
-    """Length of the way from the height of the pierce to the lead-in or the contour [m]."""
+    """Length of the move from the pierce height to the lead-in or the contour [m]."""
     tags = x.path.tags
     return float(sum(x.path.lengths[k] for k, tag in enumerate(tags) if tag == PIERCE))
 
 
 def program_rows(trajectory: Trajectory, path: Program, objective: Program) -> Iterator[Row]:
-    """How much of a program is work, how much the ways between."""
+    """Lengths and times of a program with and without the process on."""
     spans = trajectory.spans
     works = [x.work for x in trajectory.contour_spans if x.work is not None]
     rapids, dwells = ([x for x in spans if x.kind == kind] for kind in ("rapid", "dwell"))
@@ -207,7 +207,7 @@ def _duration(spans: Sequence[Span]) -> float:
 
 
 def _outcome(path: ShapedPath) -> dict[str, Any]:
-    """How the shape of one contour was found."""
+    """Outcome of the shape search of one contour."""
     x = path.outcome
     iterations = max(len(x.history) - 1, 0)
     return {

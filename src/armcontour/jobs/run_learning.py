@@ -29,23 +29,23 @@ from armcontour.verification import ErrorProfile
 from armcontour.verification.contour_execution import ContourExecution, pieces_of
 from armcontour.verification.error_profile import Coverage, error_rows
 
-# Smallest dead time [s] and clock error that are told to the user.
-TOLD_DELAY, TOLD_RATE = 1e-4, 1e-5
-# Set-points of an earlier run that are so much nearer to those of a log are those of the log.
+# Smallest dead time [s] and clock error that are reported.
+REPORTED_DELAY, REPORTED_RATE = 1e-4, 1e-5
+# A log belongs to an earlier run if that run's set-points reduce the misfit below this share.
 NEARER = 0.5
-# Set-points of a log are others than those of its run if they are beside these by more than
-# printing rounds them [rad], and by more than this share of the errors.
-TOLD_BESIDE, BESIDE = 2e-5, 0.05
+# Set-points of a log are reported as different if they differ from those of the run by more than
+# printing rounds [rad], and by more than this share of the errors.
+REPORTED_DIFFERENCE, DIFFERENCE_SHARE = 2e-5, 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LearningStudy:
-    """A job's run, and what was learned from its runs on a robot.
+    """A run of a job, and the result of learning from its executions on a robot.
 
     Args:
         job: The job.
         plan: Plan and set-points before learning.
-        lesson: What was learned, and the set-points of the next run.
+        lesson: Result of learning, with the set-points of the next run.
     """
 
     job: Job
@@ -54,13 +54,13 @@ class LearningStudy:
 
     @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
-        """The summary of the plan, and what was learned from its runs."""
+        """Summary of the plan and of learning."""
         study = JobResult(job=self.job, runs={self.plan.run.name: self.plan})
         return study.to_data(files, {"learning": self.result})
 
     @property
     def result(self) -> Data:
-        """What was learned."""
+        """Result of learning."""
         name, data = self.plan.run.name, self.lesson.to_data()
         rows = (Row("run", name), *data.rows, Row("notes", self.notes))
         return replace(data, title=f"Run {name}", rows=rows, notes=tuple(self.notes))
@@ -85,12 +85,12 @@ class LearningStudy:
 
     @property
     def has_path(self) -> bool:
-        """Whether errors are those from a path."""
+        """True if errors are distances from a path."""
         return self.lesson.runs[0].contour_rms is not None
 
     @property
     def notes(self) -> list[str]:
-        """Sentences on what comes next, and on what the runs have shown."""
+        """Sentences on the next step, and on the findings from the runs."""
         lesson = self.lesson
         timing = _on_time(0.0, lesson.runs[-1])
         notes = [self._verdict, *(f"{x}; learning allows for it." for x in timing)]
@@ -110,7 +110,7 @@ class LearningStudy:
 
     @property
     def _verdict(self) -> str:
-        """Whether another run is worth while."""
+        """Sentence on the benefit of another run."""
         lesson = self.lesson
         noise = (
             f"{number(lesson.repeats, 'm')} RMS repeats, {number(lesson.noise, 'm')} RMS does not"
@@ -135,7 +135,7 @@ class LearningStudy:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JudgedStudy:
-    """A job's run, and what a log says that the robot did.
+    """A run of a job, and its errors according to a log.
 
     Args:
         job: The job.
@@ -152,13 +152,13 @@ class JudgedStudy:
 
     @checked
     def to_data(self, files: Sequence[str] = ()) -> Data:
-        """The summary of the plan, and what its log shows."""
+        """Summary of the plan, and the errors according to the log."""
         study = JobResult(job=self.job, runs={self.plan.run.name: self.plan})
         return study.to_data(files, {"judged": self.result})
 
     @property
     def result(self) -> Data:
-        """What the log shows."""
+        """Errors according to the log."""
         name, run = self.plan.run.name, self.judged.runs[0]
         errors = [
             Data(
@@ -203,7 +203,7 @@ class JudgedStudy:
 
     @cached_property
     def contours(self) -> list[tuple[str, ErrorProfile, Coverage]]:
-        """Names of the contours, their errors without noise, and what the tool left out of them."""
+        """Names of the contours, their errors without noise, and their coverage errors."""
         names = [contour_called(x, k) for k, x in enumerate(self.plan.path.contours)]
         pairs = zip(names, self.pieces, strict=True)
         return [(name, x.contour_error, x.coverage_error) for name, x in pairs]
@@ -223,13 +223,13 @@ class JudgedStudy:
 
     @property
     def notes(self) -> list[str]:
-        """Sentences on the clock of the log, and on what it cannot show."""
+        """Sentences on the clock of the log, and on its limitations."""
         run = self.judged.runs[0]
         notes = [f"{x}; the errors allow for it." for x in _on_time(self.judged.delay, run)]
         notes += _other_set_points(run)
         notes.append(
-            "The errors are those at the encoders, or at the tracker if its file was given: what "
-            "these do not see is not in them."
+            "The errors are those measured by the encoders, or by the tracker if its file was "
+            "given. Other deviations are not included."
         )
         return notes
 
@@ -256,11 +256,9 @@ def _measured_pieces(
 def _on_time(delay: float, run: LearningRun) -> list[str]:
     """Clauses on dead time that the model lacks, and on the clock of the log."""
     sentences = []
-    if delay >= TOLD_DELAY:
-        sentences.append(
-            f"The robot acts as if it were {number(delay, 's')} later than its servo model says"
-        )
-    if abs(run.rate - 1) >= TOLD_RATE:
+    if delay >= REPORTED_DELAY:
+        sentences.append(f"The robot has {number(delay, 's')} more delay than its servo model")
+    if abs(run.rate - 1) >= REPORTED_RATE:
         sentences.append(
             "The clock of the log differs from that of the set-points by "
             f"{(run.rate - 1) * 100:+.3f} %"
@@ -271,7 +269,7 @@ def _on_time(delay: float, run: LearningRun) -> list[str]:
 def _other_set_points(run: LearningRun) -> list[str]:
     """A sentence on a log whose set-points are not those of the run."""
     deviation = float(np.sqrt(np.mean(run.error**2)))
-    if run.set_points_off <= max(TOLD_BESIDE, BESIDE * deviation):
+    if run.set_points_off <= max(REPORTED_DIFFERENCE, DIFFERENCE_SHARE * deviation):
         return []
     return [
         f"The set-points in {run.source} differ from those of the run by "
@@ -320,15 +318,15 @@ def learn_run(
     *,
     tool: tuple[FloatArray, FloatArray] | None = None,
 ) -> LearningResult:
-    """What a run of a job teaches, by the job's arm and servo.
+    """Learn from a run of a job, with the job's arm and servo.
 
-    The limits of the run hold for the set-points, unless those before learning exceed them.
+    Set-points satisfy the limits of the run, unless those before learning exceed them.
 
     Args:
         job: The job.
         plan: The plan of the run.
         set_points: The set-points that were executed: those of the plan, or a lesson.
-        executed: What the joints did, as `learn` takes it.
+        executed: Motion of the joints, as in `learn`.
         tool: Times [s] and measured positions of the tool [m], as `learn` takes them.
     """
     try:
@@ -353,7 +351,7 @@ def learn_run(
 def learn_logs(
     job: Job, run: str | None, logs: Sequence[Log | Recording], progress: Progress | None = None
 ) -> LearningStudy:
-    """What logs of successive runs teach; each run executes the set-points learned before it."""
+    """Learn from logs of successive runs, which execute the set-points learned before them."""
     plan = plan_run(job, run, progress)
     lesson = _learned(job, plan, logs, progress)
     assert isinstance(lesson, LearningResult)
@@ -363,7 +361,7 @@ def learn_logs(
 def judge_last(
     job: Job, run: str | None, logs: Sequence[Log | Recording], progress: Progress | None = None
 ) -> JudgedStudy:
-    """What the last of successive runs did; arguments and errors as of `learn_logs`."""
+    """Determine the errors of the last of successive runs; arguments as in `learn_logs`."""
     plan = plan_run(job, run, progress)
     set_points = _learned(job, plan, logs[:-1], progress)
     subprogress(progress)(Step((f"judging {logs[-1].source}",)))
@@ -389,13 +387,13 @@ def judge_log(
     *,
     tool: tuple[FloatArray, FloatArray] | None = None,
 ) -> JudgedStudy:
-    """What a run of a job did according to its log, by the job's arm and servo.
+    """Determine the errors of a run from its log, with the job's arm and servo.
 
     Args:
         job: The job.
         plan: The plan of the run.
         set_points: The set-points that were executed: those of the plan, or a lesson.
-        log: What the joints did.
+        log: Motion of the joints.
         tool: Times [s] and measured positions of the tool [m], as `learn` takes them.
     """
     judged = judge_run(
@@ -413,7 +411,7 @@ def judge_log(
 
 
 def feeds_gravity_forward(run: Run) -> bool:
-    """Whether the controller adds the gravity torque: by the compensation, else the experiment."""
+    """True if the controller adds the gravity torque, by the compensation or the experiment."""
     options = run.compensation
     if isinstance(options, InverseDynamics) and options.gravity_feedforward is not None:
         return options.gravity_feedforward

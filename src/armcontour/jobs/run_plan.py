@@ -51,19 +51,19 @@ def plan_one(
     clear: bool = True,
     first_only: bool = False,
 ) -> Planned:
-    """Plan a run: prepare, round and trace its program, and time it along a clear joint path.
+    """Plan a run: prepare, round and trace its program, and time it on a collision-free joint path.
 
     Raises:
         ArmContourError: The run cannot be planned.
     """
-    reuse, tell = Reuse() if reuse is None else reuse, subprogress(progress)
+    reuse, report = Reuse() if reuse is None else reuse, subprogress(progress)
     objective, traced = trace_one(
         job, run, reuse, progress, objective=objective, clear=clear, first_only=first_only
     )
     traced, trajectory, clearance, notes = reuse.get(
         "timing",
         (traced, comparable(run.limits), run.timing, clear),
-        lambda: _time(job, run, traced, reuse, tell, clear),
+        lambda: _time(job, run, traced, reuse, report, clear),
     )
     return Planned(
         run=run,
@@ -91,14 +91,14 @@ def trace_one(
     Raises:
         ArmContourError: The program cannot be prepared, rounded or traced.
     """
-    tell = subprogress(progress)
+    report = subprogress(progress)
     try:
         prepared, path = prepare_and_round(job, run, reuse, progress, objective)
         limits = comparable(run.limits)
         if job.seed is not None and not clear:
             limits = comparable(run.limits.joint_range(job.arm.dof))
         made_of = path, _arm_inputs(job), limits
-        return prepared, reuse.get("tracing", made_of, lambda: trace_run(job, run, path, tell))
+        return prepared, reuse.get("tracing", made_of, lambda: trace_run(job, run, path, report))
     except Unreachable as error:
         if first_only:
             raise
@@ -119,11 +119,11 @@ def prepare_and_round(
     Raises:
         ArmContourError: The process does not fit the program, or an automatic lead has no length.
     """
-    cache, tell = Reuse() if reuse is None else reuse, subprogress(progress)
+    cache, report = Reuse() if reuse is None else reuse, subprogress(progress)
     inputs = path_inputs(job, run)
 
     def make() -> tuple[Program, Program]:
-        tell(Step((SHAPING if run.is_shaped else ROUNDING,)))
+        report(Step((SHAPING if run.is_shaped else ROUNDING,)))
         prepared = objective
         if prepared is None:
             shared = inputs if job.process.automatic else inputs[:2]
@@ -131,7 +131,7 @@ def prepare_and_round(
             run.check_end_time(prepared)
             if run.rounding is not None and run.rounding.at:
                 check_found(job.program.path, prepared, list(run.rounding.at))
-        return prepared, round_program(job, run, prepared, tell)
+        return prepared, round_program(job, run, prepared, report)
 
     return cache.get(ROUNDING, (objective, *inputs), make)
 
@@ -153,7 +153,7 @@ def path_inputs(job: Job, run: Run) -> tuple[Any, ...]:
 
 
 def explain_plan(job: Job, trajectory: Trajectory, reuse: Reuse) -> Explanation | None:
-    """Which limit binds where on a plan; None for methods that have no such limits."""
+    """Active limits along a plan; None for methods without such limits."""
     if trajectory.method is not Method.OPTIMAL:
         return None
     return reuse.get("explanation", trajectory, lambda: explain(trajectory, job.arm))
@@ -215,7 +215,7 @@ def round_program(
 
 
 def _tolerance(job: Job, rounding: Rounding) -> float | None | Callable[[Path], npt.ArrayLike]:
-    """The largest corner error [m], which single corners may have of their own."""
+    """The largest corner error [m], with tolerances of single corners as a function."""
     single, tolerance = rounding.at, rounding.tolerance
     if not single or tolerance is None:
         return tolerance
@@ -226,8 +226,8 @@ def _tolerance(job: Job, rounding: Rounding) -> float | None | Callable[[Path], 
 def trace_run(job: Job, run: Run, program: Program, progress: Progress) -> Tracing:
     """Trace the joint paths of all moves of a program, under the limits of a run.
 
-    A shaped program is traced in the configuration that it was shaped for, others in the fastest
-    one that keeps clear and above the base.
+    A shaped program is traced in the configuration of its shaping, others in the fastest one that
+    is collision-free and above the base.
     """
     progress(Step(("tracing",)))
     return trace_program(
@@ -257,7 +257,7 @@ def _join_smoothly(program: Program, run: Run, *, rounded: bool) -> Program:
 def _time(
     job: Job, run: Run, traced: Tracing, reuse: Reuse, progress: Progress, clear: bool
 ) -> tuple[Tracing, Trajectory, Clearance | None, tuple[str, ...]]:
-    """Plan along the first of several joint paths that keep clear."""
+    """Plan along the first collision-free joint path of several."""
 
     def timed(traced: Tracing) -> Trajectory:
         progress(Step(("timing",)))
@@ -265,7 +265,7 @@ def _time(
 
     if not clear:
         return traced, timed(traced), None, ()
-    # A copy of an iterator of `tee` begins anew, and shares what others have searched.
+    # A copy of a `tee` iterator restarts and shares the results of earlier searches.
     cached = reuse.get(
         "alternatives",
         (traced, comparable(run.limits)),

@@ -153,13 +153,13 @@ def _missed_speed(
         yield (
             mean / assigned,
             f"{name} moves at {number(mean, 'm/s')} on average and {number(float(v.max()), 'm/s')} "
-            f"at most in place of {number(assigned, 'm/s')}",
+            f"at most instead of {number(assigned, 'm/s')}",
             "",
         )
 
 
 def stops(stops: tuple[JerkStop, ...]) -> Iterator[str]:
-    """One warning for all full stops that limits of jerk force."""
+    """One warning for all full stops due to limits of jerk."""
     if stops:
         first, count = stops[0], len(stops)
         point = ", ".join(number(x, "m") for x in first.point)
@@ -250,7 +250,7 @@ def not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> Itera
             "a larger reserve" if run.timing.reserve > 0 else "a reserve, such as {reserve: 10 %}"
         )
         yield (
-            f"{name if name.startswith('joint') else f'joint {name}'} is asked for {ratio:.3g} "
+            f"{name if name.startswith('joint') else f'joint {name}'} is commanded {ratio:.3g} "
             f"times its acceleration limit at {t:.4g} s and saturates, and the tool is {error} its "
             f"path: give the plan {reserve}, a start near which the path needs less, slower poles, "
             "or limits and gains that are those of the plant."
@@ -269,7 +269,7 @@ def worse_than_none(run: Run, judged: Evaluation, uncompensated: Evaluation) -> 
             "the compensation knows, or its drives saturate"
         )
     if run.experiment is not None and run.experiment.unknown:
-        why += f"; nor does it know what the robot has: {run.experiment.unknown}"
+        why += f"; nor does it model properties of the robot: {run.experiment.unknown}"
     rms, largest, *others = (
         figure(x) for error in (compensated, without) for x in error.to_data().shown()
     )

@@ -1,4 +1,4 @@
-"""Corners with a tolerance of their own, named by the waypoints of the path as it was given."""
+"""Corners with their own tolerances, identified by the waypoints of the original path."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ SAME_DIRECTION = 1e-6
 
 
 def corner_waypoints(path: Path, prepared: Path) -> IntArray:
-    """The waypoints that the vertices of a prepared path are, matched by place and directions.
+    """Waypoint numbers of the vertices of a prepared path, matched by position and directions.
 
-    A process changes the vertices of a path: it adds leads, moves the start, and runs on past it.
+    A process changes the vertices of a path: it adds leads and overlap, and moves the start.
 
     Returns:
         For every vertex between segments of the prepared path the number of its waypoint, from 1,
@@ -29,7 +29,7 @@ def corner_waypoints(path: Path, prepared: Path) -> IntArray:
     numbers, points, before, after = _waypoints(path)
     waypoints = np.zeros(len(prepared) - 1, dtype=np.intp)
     if np.array_equal(prepared.vertices, path.vertices):
-        # Nothing was added: while a point is dragged this is asked often.
+        # Fast path for an unchanged path, as while a point is dragged.
         inside = np.isin(path.waypoints, np.arange(1, len(path)))
         numbers_inside = _numbers(path)[inside]
         waypoints[path.waypoints[inside] - 1] = np.where(
@@ -66,7 +66,7 @@ def corner_tolerances(
 
 
 def check_corners(program: Program, process: Process, numbers: Sequence[int]) -> None:
-    """Refuse numbers of waypoints at which a path has no corner.
+    """Check that a path has corners at waypoints.
 
     Raises:
         InvalidInput: There is such a number; or the program has several contours, or a process that
@@ -90,11 +90,11 @@ def check_corners(program: Program, process: Process, numbers: Sequence[int]) ->
     count = len(path.waypoints) + len(path.merged)
     for number in numbers:
         if number not in corners:
-            raise InvalidInput(f"corners.at: {_why_not(number, count, path)}.")
+            raise InvalidInput(f"corners.at: {_explain_no_corner(number, count, path)}.")
 
 
 def check_found(path: Path, program: Program, numbers: Sequence[int]) -> None:
-    """Refuse the start of a closed path as a corner, if the prepared path does start there.
+    """Check that the start of a closed path is a corner of the prepared path, if it is listed.
 
     Raises:
         InvalidInput: The number 1 is among them, and no contour passes the first waypoint.
@@ -130,8 +130,8 @@ def _numbers(path: Path) -> IntArray:
     return np.delete(np.arange(count), path.merged) + 1
 
 
-def _why_not(number: int, count: int, path: Path) -> str:
-    """Why there is no corner at a waypoint."""
+def _explain_no_corner(number: int, count: int, path: Path) -> str:
+    """Reason why there is no corner at a waypoint."""
     if not 1 <= number <= count:
         return f"there is no waypoint {number}: the path has {count}, counted from 1"
     if number - 1 in path.merged:
@@ -142,9 +142,9 @@ def _why_not(number: int, count: int, path: Path) -> str:
             return f"waypoint {number} is the start of the closed path: name it 1"
         if not closed:
             return f"waypoint {number} is an end of the path, where it has no corner"
-    return f"the path has no corner at waypoint {number}, so that nothing is rounded there"
+    return f"the path has no corner at waypoint {number}, so nothing is rounded there"
 
 
 def _alike(one: FloatArray, other: FloatArray) -> bool:
-    """Whether two directions are the same."""
+    """True if two directions are the same."""
     return bool(np.linalg.norm(one - other) <= SAME_DIRECTION)

@@ -1,7 +1,4 @@
-"""`run`: the whole way of a job, from its path to its contour errors.
-
-Files are read and written by `io`; all steps between are called from here, in their order.
-"""
+"""`run`: all steps of a job, from its path to its contour errors."""
 
 from __future__ import annotations
 
@@ -30,7 +27,7 @@ from armcontour.verification import Evaluation, evaluate
 from armcontour.verification.clearance import Clearance
 
 STEPS = (ROUNDING, "tracing", "timing", "clearance", "compensation", "execution", "evaluation")
-TEACHING = STEPS[:5]
+PLAN_STEPS = STEPS[:5]
 EXPERIMENT = "experiment"
 # Largest time between two results of an execution [s], unless the drives on bodies are slower.
 RESOLUTION = 1e-3
@@ -38,9 +35,9 @@ RESOLUTION = 1e-3
 
 @checked
 def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) -> JobResult:
-    """Do every run of a job, from the objective path to the evaluation.
+    """Execute every run of a job, from the objective path to the evaluation.
 
-    An experiment whose joints do not come to rest raises no error: it is the `failure` of its run.
+    If the joints of an experiment do not come to rest, the error is the `failure` of its run.
 
     Args:
         job: The job.
@@ -72,7 +69,7 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
 def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
     """The simulated robots of the experiments, by the names of the runs.
 
-    What is known to fail is refused before any work, which can take minutes.
+    Invalid combinations are rejected before planning, which can take minutes.
     """
     plants = {}
     for x in job.runs:
@@ -92,7 +89,7 @@ def _simulate(
     plant: RigidBodyPlant | None,
     progress: Progress,
 ) -> dict[str, Any]:
-    """Fields of a `RunResult`: how the servo executes set-points, and rigid bodies if given."""
+    """Fields of a `RunResult`: execution by the servo, and by rigid bodies if given."""
     run, path, objective = planned.run, planned.path, planned.objective
     progress(Step(("execution",)))
     executed = simulate_run(job, set_points)
@@ -140,7 +137,7 @@ def evaluate_run(run: Run, executed: Execution, path: Program, objective: Progra
 
 
 def _executed_clearance(job: Job, planned: Planned, executed: Execution) -> Clearance | None:
-    """How far the arm stays from itself and from its cell when the servo executes a plan."""
+    """Clearance of the arm from itself and its cell when the servo executes a plan."""
     if planned.clearance is None:
         return None
     near = job.cell.check(executed)
@@ -176,7 +173,7 @@ def simulate_rigid_bodies(
 
 def steps_of(run: Run, *, simulated: bool = True) -> tuple[str, ...]:
     """Names of the steps of a run, in order."""
-    steps = STEPS if simulated else TEACHING
+    steps = STEPS if simulated else PLAN_STEPS
     if run.is_shaped:
         steps = (SHAPING, *steps[1:])
     return steps if run.experiment is None or not simulated else (*steps, EXPERIMENT)

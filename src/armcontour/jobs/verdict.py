@@ -1,4 +1,4 @@
-"""The verdict on a run: how far the tool is off the drawing, and whether that is allowed."""
+"""The verdict on a run: deviation of the tool from the drawing, and its limit."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from armcontour.core.result import JUDGED, VERDICT, Row
 if TYPE_CHECKING:
     from armcontour.jobs.planned_run import Planned
 
-# By default a contour may be off its path by this share of the smallest tolerance of its corners.
+# Default limit of the contour error, as a share of the smallest corner tolerance.
 DEFAULT_ACCURACY = 0.1
-# What explanations call the assigned velocity.
+# Name of the assigned velocity in explanations.
 ASSIGNED = "assigned velocity"
-# Share by which rounding of numbers may exceed a tolerance.
+# Relative tolerance for rounding errors.
 ROUNDING = 1e-9
 
 
@@ -33,7 +33,7 @@ def off_drawing(
         tolerance: Largest corner error that the run allows [m]; None without a tolerance.
         error: Largest contour error [m].
         allowed: Largest contour error that the run allows [m]; None if it states none.
-        label: What the sum is called.
+        label: Label of the sum.
     """
     parts = [("servo", error, allowed)]
     if rounding is not None:
@@ -67,7 +67,7 @@ def farthest(planned: Planned, errors: Sequence[float]) -> tuple[float | None, f
 
 
 def judge(planned: Planned, errors: Sequence[float]) -> tuple[bool | None, str]:
-    """Whether contour errors are allowed, and what was compared.
+    """Verdict on contour errors, and a sentence on the comparison.
 
     Args:
         planned: The plan.
@@ -95,7 +95,7 @@ def judge(planned: Planned, errors: Sequence[float]) -> tuple[bool | None, str]:
 def verdict_rows(
     planned: Planned, errors: Sequence[float] | None, failure: str = ""
 ) -> Iterator[Row]:
-    """Whether a run is kept, and how far its tool is off the drawing.
+    """Rows of the verdict and of the deviation from the drawing.
 
     Args:
         planned: The plan.
@@ -126,7 +126,7 @@ def weave_speed(planned: Planned) -> float | None:
 
 
 def time_limit_row(planned: Planned) -> Iterator[Row]:
-    """What takes most of the time; nothing where that is not known."""
+    """Row of the limit that takes most of the time; none if it is unknown."""
     why = planned.explanation
     if why is not None and why.longest is not None:
         limit, share = why.longest

@@ -17,6 +17,7 @@ from armcontour.core.sampling import integrate
 from armcontour.core.text import format_event, short_repr
 from armcontour.geometry import Orientation, Path, Projection
 from armcontour.geometry.orientation import turns_between
+from armcontour.geometry.projection import pack_segments
 
 # A value between samples must exceed the best one by this fraction, and by this amount [m or rad].
 CLOSE, ROUNDING = 3e-7, 1e-13

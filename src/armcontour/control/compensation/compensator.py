@@ -20,7 +20,7 @@ from armcontour.motion.command_limits import check_commands, describe_excess
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 
-# Durations are sums with rounding errors: an interval that is longer by this share is as long.
+# Relative tolerance for rounding errors of durations, which are sums.
 SAME = 1e-9
 
 
@@ -45,8 +45,8 @@ class CompensationOptions(Options):
     command_limits: Limits | None = None
 
     @property
-    def own(self) -> dict[str, Any]:
-        """The given options that only this method has, without arms, by their names."""
+    def specific(self) -> dict[str, Any]:
+        """The specified options that only this method has, without arms, by name."""
         names = ("poles", "gravity_feedforward")
         return {x: getattr(self, x) for x in names if getattr(self, x, None) is not None}
 
@@ -56,9 +56,9 @@ class CompensationOptions(Options):
 class Inverse(CompensationOptions):
     """The exact inverse of the unsaturated servo; options are those of `CompensationOptions`.
 
-    It inverts the mean of the trajectory over a cycle about each set-point; where
-    accelerations jump, the servo demands are about 1 % larger than that. The first set-point, one
-    interval before time 0, is the start of the plan.
+    It inverts the mean of the trajectory over a cycle about each set-point. If accelerations jump,
+    the servo commands accelerations about 1 % above those of the plan. The first set-point, one
+    cycle before time 0, is the start of the plan.
     """
 
     method = "inverse"
@@ -84,16 +84,16 @@ class PolePlacement(CompensationOptions):
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class InverseDynamics(CompensationOptions):
-    """The inverse of drives that move the arm's bodies; also `CompensationOptions`.
+    """The inverse of drives that move the arm's rigid bodies; also `CompensationOptions`.
 
-    It is best for plans with limits of jerk. Its first and last set-points hold the arm at both
-    ends of the plan. It needs an arm with masses, and a servo of order "second".
+    It is most accurate for plans with limits of jerk. Its first and last set-points hold the arm at
+    both ends of the plan. It requires an arm with masses, and a servo of order "second".
 
     Args:
-        gravity_feedforward: Whether the controller adds the gravity torque; by default it does, in
-            a job as in its experiment.
-        controller: The arm as its controller knows it, for example without a payload that was found
-            later; by default the nominal arm.
+        gravity_feedforward: True if the controller adds the gravity torque; by default True, in
+            a job the value of its experiment.
+        controller: The arm model of the controller, for example without a payload that was
+            identified later; by default the nominal arm.
 
     Raises:
         InvalidInput: A value of the wrong type.
@@ -129,15 +129,15 @@ def compensate(
     arm: Arm | None = None,
     limits: Limits | None = None,
 ) -> SetPoints:
-    """Set-points whose set-points make the servos follow a trajectory.
+    """Compute set-points with which the servos follow a trajectory.
 
     Set-points have a time advance of the servo's dead time, plus half a cycle for
-    interpolation "step". The set-points then starts before time 0, at the start of the plan.
+    interpolation "step". They then start before time 0, at the start of the plan.
 
-    Velocity feed-forward f leaves a transient of the set-points after the plan, with the time
-    constant `f / kp`, and an integrator one with `1 / ki`. After 1 s or 20 % of the motion it is
-    cut off: set-points fade to the end of the plan, and `SetPoints.truncated` bounds the errors of
-    the joints after it.
+    After the plan, set-points have a transient: with velocity feed-forward f its time constant is
+    `f / kp`, with an integrator `1 / ki`. It is truncated after 1 s or 20 % of the motion:
+    set-points then fade to the end of the plan, and `SetPoints.truncated` bounds the resulting
+    joint errors.
 
     Args:
         trajectory: Trajectory that the joints should follow.
@@ -147,10 +147,10 @@ def compensate(
         cycle: Cycle [s].
         arm: The nominal arm whose bodies the drives move, for `InverseDynamics`; other methods do
             not use it.
-        limits: Limits of the controller, in place of those of the plan: set-points must be within
-            joint_lower and joint_upper, and must not move faster than joint_velocity. Set-points
-            that exceed those of the command limits or else of the plan, where none are given, are a
-            warning.
+        limits: Limits of the controller, instead of those of the plan: set-points must be within
+            joint_lower and joint_upper, and must not move faster than joint_velocity. Without
+            `limits`, a warning is given if set-points exceed the command limits or the limits of
+            the plan.
 
     Raises:
         InvalidInput: An argument has the wrong type, gains do not fit the joints or the interval,

@@ -1,4 +1,4 @@
-"""Set-points for a servo with feed-forward, and tails of set-points after a motion.
+"""Set-points for a servo with feed-forward, and their transient after the motion.
 
 See docs/concepts/compensation.md.
 """
@@ -13,12 +13,11 @@ from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import integrator_filter
 from armcontour.robot.servo.simulation import ServoSimulation, polynomials
 
-# What a set-point leaves of the end of the motion after its tail [rad].
+# Set-points nearer to the last one than this have settled [rad].
 SETTLED = 1e-10
-# Time constants for which the response to a cut-off is simulated after it.
+# Simulated time after truncation, in time constants.
 SETTLING_OF_INTEGRATORS = 3.0
-# Corrections of the first solution for cubics, of which each leaves a small share of the error, and
-# the error at which they end [rad].
+# Largest number of corrections of the solution for cubics, and the error at which they end [rad].
 MOST_CORRECTIONS = 50
 EXACT = 1e-13
 
@@ -26,12 +25,12 @@ EXACT = 1e-13
 def for_feedforward(
     plain: FloatArray, cycle: float, servo: ServoModel, duration: float
 ) -> tuple[FloatArray, FloatArray | None]:
-    """Set-points to which a servo responds as one without feed-forward responds to others.
+    """Set-points with which a servo with feed-forward responds like one without.
 
-    In every cycle the mean of the command with what feed-forward adds is that of the
-    command without feed-forward. These equations are solved forward from rest, which is stable for
-    any feed-forward. The transient that remains after the motion is cut off if it is too long:
-    set-points then fade to the end of the plan.
+    In every cycle, the mean of the command including feed-forward equals the mean of the command
+    without it. These equations are solved forward from rest, which is stable for any feed-forward.
+    The transient after the motion is truncated if it is too long: set-points then fade to the end
+    of the plan.
 
     Args:
         plain: Set-points for the servo without feed-forward [rad], (n, dof); at rest before the
@@ -42,13 +41,13 @@ def for_feedforward(
 
     Returns:
         Set-points [rad], (m, dof), with m >= n: their difference to the last one decays with the
-        time constant `velocity_feedforward / kp`. And the largest error of each joint because the
-        transient is cut off [rad], (dof,); None if it is not.
+        time constant `velocity_feedforward / kp`. Also the largest error of each joint due to the
+        truncation [rad], (dof,); None without truncation.
     """
     allowed = max(int(longest_tail(duration) / cycle), 1)
     done = len(plain) - integrator_tail(servo, duration, cycle)
     rows = int(np.ceil(min(tail_duration(servo, duration) / cycle, allowed) + SETTLING))
-    # What compensates friction is a part of the set-points.
+    # The friction compensation is already a part of the set-points.
     frictionless = servo.replace(friction=0.0)
     prompt = frictionless.without_feedforward().for_joints(plain.shape[1])
     want = _means(np.concatenate([plain, np.tile(plain[-1], (rows, 1))]), cycle, prompt)
@@ -71,7 +70,7 @@ def for_feedforward(
 
 
 def tail_duration(servo: ServoModel, duration: float) -> float:
-    """Longest time for which set-points go on after a motion because of feed-forward [s].
+    """Longest duration of the set-points after a motion with feed-forward [s].
 
     Args:
         servo: Servo model with values per joint.
@@ -84,22 +83,22 @@ def tail_duration(servo: ServoModel, duration: float) -> float:
 def _fade(tail: FloatArray, last: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
     """Fade set-points to the last one, in place; bounds of the errors of the joints [rad].
 
-    The exact tail moves no joint, so the error is the response to what is left out of it. After it
-    the set-points hold, so the error only decays.
+    The exact tail moves no joint, so the error is the response to the removed part. After the tail
+    the set-points are constant, so the error only decays.
     """
     share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, len(tail) + 1) / len(tail))
-    left_out = np.pad((last - tail) * share[:, None], ((1, 0), (0, 0)))
-    tail += left_out[1:]
+    removed = np.pad((last - tail) * share[:, None], ((1, 0), (0, 0)))
+    tail += removed[1:]
     if servo.ki.any():
         # An integrator overshoots afterwards.
         extra = int(np.ceil(SETTLING_OF_INTEGRATORS / (servo.slowest * cycle)))
-        left_out = np.pad(left_out, ((0, extra), (0, 0)), mode="edge")
+        removed = np.pad(removed, ((0, extra), (0, 0)), mode="edge")
     still = np.zeros(tail.shape[1])
     prompt = servo.replace(dead_time=still, friction=still)
-    run = ServoSimulation(left_out, cycle, prompt).run(0, len(left_out) - 1, still, still)
+    run = ServoSimulation(removed, cycle, prompt).run(0, len(removed) - 1, still, still)
     q, dq, _ = np.abs(run.states).T
-    change = np.abs(np.diff(left_out, axis=0)).max(axis=0)
-    # Between results, after the last one, and as friction changes its sign.
+    change = np.abs(np.diff(removed, axis=0)).max(axis=0)
+    # Error between the samples and after the last one; the last term bounds reversals of friction.
     between = dq.max(axis=0) * cycle / 2 + servo.velocity_feedforward * change
     after = 0.0 if servo.kv is None else dq[-1] / servo.kv
     return np.asarray(q.max(axis=0) + between + after + 2 * servo.friction)
@@ -112,13 +111,16 @@ def _means(q: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
 
 
 def _solved(means: FloatArray, cycle: float, servo: ServoModel) -> FloatArray:
-    """Set-points of which the command has given means over the intervals that end there."""
+    """Set-points for given means of the command over the intervals that end at them.
+
+    Means are relative to the position before the first set-point; cubics count as lines.
+    """
     from scipy.signal import lfilter
 
     set_points = np.empty_like(means)
     held = servo.interpolation == "step"
     for j, (a, b) in enumerate(zip(*servo.lead, strict=True)):
-        # Shares of the velocity and acceleration of the command, in differences of set-points.
+        # Weights of the first and second differences of set-points.
         first, second = a / cycle, b / cycle**2
         if held:
             # The interval that ends at a set-point holds the one before it.

@@ -1,8 +1,8 @@
 """Set-points by the inverse of the drives that move the arm's bodies.
 
-The command that makes the drives move like the plan is known at every time, see
-`armcontour.robot.drives`. Set-points are chosen so that what the controller makes of them is
-nearest to it, see docs/concepts/compensation.md.
+The command with which the drives follow the plan is known at every time, see
+`armcontour.robot.drives`. Set-points are those whose interpolation is nearest to this command, see
+docs/concepts/compensation.md.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from armcontour.robot import Arm
 from armcontour.robot.drives import Drives
 from armcontour.robot.servo import ServoModel
 
-# Weights of a set-point and of its neighbours in the mean about it: the middle of a line is the
-# mean of its ends, that of a cubic is `(-x[k-1] + 9 x[k] + 9 x[k+1] - x[k+2]) / 16`.
+# Weights of a set-point and its neighbours in the mean about it. The middle of a line is the mean
+# of its ends; the middle of a cubic is `(-x[k-1] + 9 x[k] + 9 x[k+1] - x[k+2]) / 16`.
 MEANS = {"linear": (4 / 6, 1 / 6), "cubic": (34 / 48, 8 / 48, -1 / 48)}
 
 
@@ -44,7 +44,7 @@ def inverse_dynamics(
         cycle: Cycle [s].
         arm: The nominal arm, with masses.
         gravity_feedforward: Whether the controller adds the gravity torque.
-        controller: The arm as its controller knows it, as in `Drives`.
+        controller: The arm model of the controller, as in `Drives`.
 
     Returns:
         Time of the first set-point [s], and set-points [rad], (n, dof).
@@ -66,12 +66,12 @@ def inverse_dynamics(
     )
     ends = trajectory([0.0]), trajectory([trajectory.duration], side="left")
     still = np.zeros((1, arm.dof))
-    # At rest friction is not known, and none is assumed: the drives hold the arm against gravity.
+    # Friction at rest is unknown and assumed zero: the drives hold the arm against gravity only.
     hold, final = (drives.command(x, still, still) for x in ends)
     tail = np.arange(integrator_tail(servo, trajectory.duration, cycle)) * cycle
 
-    def at(t: FloatArray) -> FloatArray:
-        """The command that the drives should get, every half interval from rest on."""
+    def command_at(t: FloatArray) -> FloatArray:
+        """The exact command at times, (n, dof)."""
         moving = (t >= 0) & (t < trajectory.duration)
         q = np.where((t < 0)[:, None], *ends)
         dq, ddq = np.zeros((2, *q.shape))
@@ -82,7 +82,9 @@ def inverse_dynamics(
         t = np.append(times.inside, trajectory.duration + times.after_end + tail)
         commands = final
         if len(t):
-            exact = at(np.append(t[0] - [cycle, cycle / 2], np.stack([t, t + cycle / 2], 1)))
+            exact = command_at(
+                np.append(t[0] - [cycle, cycle / 2], np.stack([t, t + cycle / 2], 1))
+            )
             set_points = _nearest(exact[2::2], exact[1::2], hold, final, servo.interpolation)
             commands = np.concatenate([set_points, final])
         return commands[:, joints]
@@ -97,9 +99,10 @@ def _nearest(
 ) -> FloatArray:
     """Set-points whose interpolation has the same means as a command about every set-point.
 
-    Of held set-points these are the means over their intervals. Of lines and cubics they are
-    weighted by a triangle from the set-point before to the one after; lines are then nearest to the
-    command in the mean square. Means are by Simpson's rule in each half.
+    For held set-points, these are means over their intervals. For lines and cubics, they have
+    triangular weights from the previous to the next set-point, so that lines are the least-squares
+    approximation of the command. Means are by Simpson's rule in each half: `points` are at the
+    set-points, `halves` half an interval before the first one and after each.
     """
     if interpolation == "step":
         return np.asarray((halves[:-1] + 4 * points + halves[1:]) / 6)

@@ -29,9 +29,9 @@ from armcontour.robot.servo.model import GAINS, MOST_TIME_CONSTANTS
 
 # Largest step of the Taylor series of the filter's state, in shortest time constants of the filter.
 LARGEST_STEP = 0.25
-# Terms after which the series converges to rounding errors, for inputs up to fifth order; and the
-# share of the state below which they are none.
+# Largest number of terms: the series of inputs up to fifth order converges to rounding errors.
 TERMS = 22
+# Terms below this share of the state are neglected.
 NOTHING = 1e-20
 
 
@@ -175,11 +175,11 @@ def _set_points(
     placed: ComplexArray,
     times: SetPointTimes,
 ) -> FloatArray:
-    """The compensator's output at the times, and on until the end of its own tail."""
+    """Output of the compensator at the times, and until its transient has decayed."""
     assert servo.kv is not None
     knots = np.union1d(trajectory.breaks, times.inside)
     tail = int(np.ceil(SETTLING / float(np.abs(placed.real).min()) / cycle))
-    # From the end of the motion to the next set-point, then from set-point to set-point.
+    # Interval from the end of the motion to the next set-point, then between set-points.
     after = np.append(times.after_end, np.full(tail, cycle))
     q, dq, ddq = trajectory.motion(knots[:-1])
     end, dend, ddend = trajectory.motion(knots[1:], side="left")
@@ -206,7 +206,7 @@ def run_poles(
     coefficients: FloatArray,
     start: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """States of the filter of F G as in `run_filter`, factor of their rates in F G, p and damping.
+    """States of the filter F G as in `run_filter`, the factor of their rates in F G, p, damping.
 
     Args:
         kv: Velocity loop gains [1/s], (dof,).
@@ -284,7 +284,7 @@ def check_poles(poles: npt.ArrayLike, dof: int) -> ComplexArray:
     if outside.any():
         j = int(np.argmax(outside))
         raise InvalidInput(
-            f"The poles of joint {j + 1} must lie between -{high:g} and -{low:g} 1/s, as gains of "
-            f"servos do, but are {placed[j].tolist()} 1/s."
+            f"The poles of joint {j + 1} must be between -{high:g} and -{low:g} 1/s, like gains of "
+            f"servos, but are {placed[j].tolist()} 1/s."
         )
     return placed

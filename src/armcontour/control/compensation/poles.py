@@ -1,4 +1,4 @@
-"""Choice of the compensator's poles: their effect, and the fastest that do not saturate a servo."""
+"""Choice of compensator poles: lag and peaking, and the fastest poles without saturation."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from armcontour.robot.limit_use import use_of
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation
 
-# Fastest poles in units of 1 / T: their lag is a tenth of the cycle T, so that faster
-# poles have no benefit.
+# Fastest poles in units of 1 / T. Their lag is a tenth of the cycle T, so faster poles have no
+# benefit.
 FASTEST = 20.0
 # Relative precision of the fastest poles.
 PRECISION = 1e-3
@@ -89,7 +89,7 @@ def fastest_poles(
     limits: Limits | None = None,
     cycle: float = DEFAULT_CYCLE,
 ) -> FloatArray:
-    """The fastest poles whose set-points does not saturate the servo.
+    """The fastest poles whose set-points do not saturate the servo.
 
     The poles are `m1 = m2 = -p, g = -K_v`, for which `F G = p² / (s + p)²` on every joint: all
     joints have the lag 2 / p, and the demand exceeds the plan's only at the corners of the
@@ -99,7 +99,7 @@ def fastest_poles(
     Args:
         servo: Servo model of order "second".
         trajectory: Trajectory that the joints should follow.
-        limits: Limits with the joint accelerations of the servo, in place of those of the plan.
+        limits: Limits with the joint accelerations of the servo, instead of those of the plan.
         cycle: Cycle [s].
 
     Returns:
@@ -124,7 +124,7 @@ def fastest_poles(
     kv = _second_order(model)
 
     def use(p: float) -> FloatArray:
-        """Largest share of each joint's acceleration limit that set-points ask for, (dof,)."""
+        """Largest commanded share of each joint's acceleration limit, (dof,)."""
         _, q = pole_placement(trajectory, model, interval, pole_family(kv, p))
         demands = np.stack(extreme_demands(model, q, interval))
         return use_of("joint_acceleration", limits, demands).largest
@@ -139,7 +139,7 @@ def fastest_poles(
         needed = float(worst[j]) * allowed
         raise CompensationError(
             f"Joint {j + 1} saturates with any poles: even with the regulator poles at -{low:.4g} "
-            f"1/s, which lag as the servo does by itself, its demand is {needed:.6g} rad/s², above "
+            f"1/s, with the lag of the servo itself, its demand is {needed:.6g} rad/s², above "
             f"its limit of {allowed:.6g} rad/s²; plan with a joint_acceleration lower by at least "
             f"{needed - allowed:.1g} rad/s², or take a shorter cycle.",
             joint=j,

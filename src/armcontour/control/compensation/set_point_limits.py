@@ -1,4 +1,4 @@
-"""Limits of commands: the nearest set-points within them, and the error that this causes."""
+"""Command limits: nearest set-points within them, and the resulting error."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from armcontour.robot.limits import JOINT_RANGE
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation
 
-# Set-points may begin earlier and end later by this many time constants of the slowest servo, and
-# by the times that the jerk needs for this many changes of acceleration from zero to its limit.
+# Set-points may begin earlier and end later by this many time constants of the slowest servo, plus
+# this many times the duration of a jerk-limited ramp from zero to the acceleration limit.
 TIME_CONSTANTS, RAMPS = 2.0, 4.0
 # A plan that exceeds a limit of velocity or acceleration by less than this share is smoothed.
 SMOOTHED = 0.01
@@ -34,13 +34,13 @@ UNITS = ("rad", "rad/s", "rad/s²", "rad/s³")
 def within_limits(
     set_points: SetPoints, servo: ServoModel, limits: Limits, arm: Arm | None = None
 ) -> SetPoints:
-    """Set-points with the nearest set-points within limits of commands.
+    """Replace set-points by the nearest ones within command limits.
 
-    If the limits bind, set-points begin earlier and end later, because a compensated command leaves
-    and reaches rest faster than its joint.
+    If a limit is active, set-points begin earlier and end later, because a compensated command
+    accelerates and decelerates faster than its joint.
 
     Raises:
-        InvalidInput: A limit that is none of commands.
+        InvalidInput: A limit that does not apply to commands.
         CompensationError: The plan exceeds limits, or no set-points satisfy them.
     """
     dof, cycle = set_points.q.shape[1], set_points.cycle
@@ -48,7 +48,7 @@ def within_limits(
     bounds = command_bounds(limits, dof)
     if find_excess(set_points.q, cycle, bounds) is None:
         return replace(set_points, command_limits=limits)
-    _refuse_plan(set_points, bounds[:3], SMOOTHED)
+    _check_plan(set_points, bounds[:3], SMOOTHED)
     jerky = np.isfinite(bounds[2, 1])
     ramp = float((bounds[2, 1, jerky] / bounds[3, 1, jerky]).max(initial=0.0))
     usual = min(TIME_CONSTANTS / servo.slowest + RAMPS * ramp, LONGEST_TAIL)
@@ -60,7 +60,7 @@ def within_limits(
             break
     else:
         assert joint is not None
-        _refuse_plan(set_points, np.where(np.arange(dof) == joint, bounds, UNLIMITED))
+        _check_plan(set_points, np.where(np.arange(dof) == joint, bounds, UNLIMITED))
         raise CompensationError(
             f"No set-points of joint {joint + 1} satisfy command_limits between the ends of the "
             f"plan, even {LONGEST_TAIL:g} s longer at both: raise command_limits, or plan a slower "
@@ -76,8 +76,8 @@ def within_limits(
     return replace(longer, limit_cost=_cost(longer, nearest - q, servo, arm))
 
 
-def _refuse_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -> None:
-    """Refuse a plan that exceeds bounds, because set-points within them would leave its path."""
+def _check_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) -> None:
+    """Reject a plan beyond the bounds, because set-points within them would leave its path."""
     plan, cycle = set_points.trajectory, set_points.cycle
     # Set-points with a time advance end before the plan.
     t = set_points.times(int((plan.duration - set_points.start_time) / cycle) + 3, cycle)
@@ -106,7 +106,7 @@ def _refuse_plan(set_points: SetPoints, bounds: FloatArray, share: float = 0.0) 
 def _cost(
     set_points: SetPoints, change: FloatArray, servo: ServoModel, arm: Arm | None
 ) -> LimitCost:
-    """Cost of a change of set-points [rad], (n, dof), by the linear response of the servos."""
+    """Error due to a change of set-points [rad], (n, dof), by the linear servo response."""
     deviation, plan = np.abs(change).max(axis=0), set_points.trajectory
     arm = plan.arm if arm is None else arm
     times = set_points.t

@@ -1,4 +1,4 @@
-"""Times of set-points and their time advance, and the inverse of the servo."""
+"""Times of set-points, their time advance, and the inverse of the servo."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from armcontour.motion import Trajectory
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import without_integral
 
-# Set-points closer than this to a break of the trajectory, in cycles, are at the break.
+# Set-points closer than this to a break of the trajectory [cycles] are moved to it.
 SNAP = 1e-9
-# Set-points continue after the motion for this many time constants, until the rest has decayed.
+# Set-points continue after the motion for this many time constants, until it has settled.
 SETTLING = 36.0
-# Longest tail of set-points after a motion [s], and as a share of it; longer ones are cut off.
+# Longest transient of set-points after a motion [s], and as a share of it; the rest is truncated.
 LONGEST_TAIL = 1.0
 TAIL_SHARE = 0.2
-# A mean over a cycle T differs from the value by T² / 24 of the second derivative,
-# interpolation by lines by T² / 12 more, and held set-points, which are means again, by T² / 24.
+# A mean over a cycle T differs from the value by T² / 24 times the second derivative. Linear
+# interpolation adds T² / 12, held set-points (means, too) add T² / 24.
 BIAS = {"linear": 1 / 8, "step": 1 / 12, "cubic": 1 / 24}
-# Second derivatives that make up for it are those over so many cycles to either side:
-# over fewer, they would add more to what is asked for at a jump of acceleration.
+# Half width in cycles of the second differences that correct this bias: a smaller width would
+# increase the commanded acceleration at jumps of acceleration.
 REACH = 12
 
 
@@ -87,8 +87,8 @@ def advance_set_points(
     """Set-points with a time advance per joint.
 
     The set-point at time t belongs to the plan's time t + lead. The set-points start before time 0
-    by as many intervals as the largest time advance needs; a joint with a smaller time advance
-    stays where it holds at the start of the plan first.
+    by as many cycles as the largest time advance requires; a joint with a smaller time advance
+    first rests at the start of the plan.
 
     Args:
         trajectory: Trajectory that the joints should follow.
@@ -124,10 +124,9 @@ def advance_set_points(
 def inverse(trajectory: Trajectory, servo: ServoModel, cycle: float) -> tuple[float, FloatArray]:
     """Set-points by the inverse of the servo.
 
-    A set-point is the mean of the exact command over the cycle about its time. That is
-    the command of the plan's mean: the means of velocity and acceleration are differences of
-    position and velocity, so that a jump of acceleration has its part in the set-points on both
-    sides, wherever it is between them.
+    A set-point is the mean of the exact command over the cycle about its time, which is the command
+    of the plan's mean. The means of velocity and acceleration are differences of position and
+    velocity, so a jump of acceleration between two set-points affects both in proportion.
 
     Args:
         trajectory: Trajectory that the joints should follow.
@@ -144,15 +143,15 @@ def inverse(trajectory: Trajectory, servo: ServoModel, cycle: float) -> tuple[fl
     def command(times: SetPointTimes, joints: IntArray) -> FloatArray:
         t = times.inside
         if len(t) and times.after_end < cycle / 2:
-            # The interval about the next set-point still has a part of the motion.
+            # The cycle about the next set-point still contains a part of the motion.
             t = np.append(t, trajectory.duration + times.after_end)
-        # An acceleration that is held for a cycle is that of its middle.
+        # A held acceleration corresponds to the middle of the drive cycle.
         q, dq, ddq = _means(trajectory, t, cycle, servo.drive_cycle / 2)
         q, ends = np.concatenate([q, tail + final]), np.concatenate([dq, tail])
         ddq = without_integral(ends, np.concatenate([ddq, tail]), servo, cycle)
         commands = servo.command(q, ends, ddq)
         inside = commands[: len(t)]
-        inside -= BIAS[servo.interpolation] * _bends(inside, trajectory, t, cycle)
+        inside -= BIAS[servo.interpolation] * _second_differences(inside, trajectory, t, cycle)
         return np.concatenate([commands, final])[:, joints]
 
     return advance_set_points(
@@ -172,22 +171,22 @@ def integrator_tail(servo: ServoModel, duration: float, cycle: float) -> int:
 
 
 def longest_tail(duration: float) -> float:
-    """Time after a motion at which its tail is cut off [s]."""
+    """Time after a motion at which the transient of its set-points is truncated [s]."""
     return min(LONGEST_TAIL, TAIL_SHARE * duration)
 
 
 def _means(
     trajectory: Trajectory, t: FloatArray, cycle: float, ahead: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Means of q, dq and ddq over the intervals about times, also of the rest around the motion.
+    """Means of q, dq and ddq over the cycles about times, including the rest around the motion.
 
-    Those of q are by Simpson's rule, which is exact up to third order. Those of ddq are for
-    intervals that are `ahead` later [s].
+    Means of q are by Simpson's rule, which is exact up to third order. Means of ddq are for
+    cycles that are shifted by `ahead` [s].
     """
     shifts = cycle / 2 * np.arange(-1, 2)
     if ahead:
         shifts = np.append(shifts, ahead + shifts[::2])
-    # At all times at once, nearly in their order: a program has thousands of laws to look up.
+    # One evaluation for all times, because a program has thousands of laws.
     q, dq = trajectory.motion_with_rests((t[:, None] + shifts).ravel(), 1)
     count = len(shifts)
     first, middle, last = (q[k::count] for k in range(3))
@@ -195,10 +194,12 @@ def _means(
     return (first + 4 * middle + last) / 6, (last - first) / cycle, (after - before) / cycle
 
 
-def _bends(u: FloatArray, trajectory: Trajectory, t: FloatArray, cycle: float) -> FloatArray:
+def _second_differences(
+    u: FloatArray, trajectory: Trajectory, t: FloatArray, cycle: float
+) -> FloatArray:
     """Second differences of set-points, over up to REACH intervals of the same move, (n, dof).
 
-    From the start of a move, and to its end, they fade: an arm at rest is where the plan is.
+    They fade towards both ends of a move, because set-points at rest have no bias.
     """
     ends = trajectory.starts
     k = np.clip(np.searchsorted(ends, t, side="right"), 1, len(ends) - 1)

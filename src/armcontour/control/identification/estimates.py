@@ -49,9 +49,9 @@ class Estimate(Result):
         sd: Standard deviation; nan if there is none, as for a parameter at the bound of its range
             or one that keeps its nominal value.
         low, high: Ends of the 95 % interval.
-        determined: Whether the logs determine it: `sd` is at most 10 % of the value; for a dead
-            time 0.5 ms and for feed-forward 0.05 are enough, too. In rigid bodies, more is enough
-            for small frictions, masses and inertias.
+        determined: True if the logs determine it: `sd` is at most 10 % of the value; for a dead
+            time 0.5 ms and for feed-forward 0.05 are sufficient, too. For rigid bodies, small
+            frictions, masses and inertias may have a larger `sd`.
     """
 
     name: str
@@ -80,7 +80,7 @@ class Estimate(Result):
 
     @property
     def label(self) -> str:
-        """Name of the parameter for people."""
+        """Name of the parameter in texts."""
         return self.name.replace("_", " ")
 
     def to_data(self) -> Data:
@@ -98,7 +98,7 @@ class Estimate(Result):
 
     @property
     def row(self) -> Row:
-        """The value with its 95 % interval, as one figure."""
+        """The value with its 95 % interval."""
         ends = self.low, self.high
         note = f"({number_range(ends, self.unit)})" if np.isfinite(ends).all() else ""
         if not (self.determined or math.isnan(self.value)):
@@ -183,7 +183,7 @@ class IdentifiedJoints(Estimates):
         return ", ".join(dict.fromkeys(x.source for x in self.logs))
 
     def _tables(self) -> tuple[Table, Table]:
-        """The figures of every joint with its estimates, and the estimates alone."""
+        """Tables of the joints with all rows, and of the estimates only."""
         every = [x.to_data() for x in self.joints]
         rows = [(*x.rows, Row("parameters", x.tables[0].as_dicts())) for x in every]
         names = [x for x in UNITS if any(x in y.parameters for y in self.joints)]

@@ -15,15 +15,15 @@ from armcontour.robot import Arm
 
 # Orders of the models that may be selected, by the option model.
 MODELS = {"auto": ("delay", "first", "second"), "second": ("second",), "first": ("first",)}
-# What the controller adds against gravity: the torque of the nominal arm, that of the arm with its
-# true load, or nothing.
+# Gravity feed-forward of the controller: torque of the nominal arm, of the arm with its true load,
+# or none.
 GRAVITIES = ("nominal", "loaded", "none")
 # Longest dead time of the search [s], and for arms with masses the smallest one.
 LONGEST_DELAY, BELOW_ZERO = 0.25, 10e-3
 # Drives that hold a torque for this time are usual [s]: 4 kHz.
 DRIVE_CYCLE = 2.5e-4
 # Sample intervals [s] from which a servo can be identified. No robot controller samples faster than
-# 20 kHz. Below 10 Hz the response to the gains happens between two samples.
+# 20 kHz. Below 10 Hz, the response of the loops is over between two samples.
 INTERVALS = (5e-5, 0.1)
 
 
@@ -73,8 +73,8 @@ class BodyFit(FitOptions):
     """Options of `identify_bodies`: an arm with masses; also those of `FitOptions`.
 
     Args:
-        gravity: What the controller adds against gravity: the torque of the "nominal" arm, of the
-            arm with its load as it is ("loaded"), or "none"; by default what the logs support.
+        gravity: Gravity feed-forward of the controller: torque of the "nominal" arm, of the arm
+            with its true load ("loaded"), or "none"; by default the one that the logs support.
         drive_cycle: Time for which the drives keep their torque, up to 2 ms [s]: half of it must be
             small against the time constant of a velocity loop.
 
@@ -119,8 +119,8 @@ def choose_interpolation(logs: Sequence[Log], required: str | None) -> str:
     for x in logs:
         checks.raise_if(
             required is not None and x.interpolation not in (None, required),
-            f"{x.source} says that its interpolation is {x.interpolation}, but {required} is "
-            "required: leave one of them out.",
+            f"{x.source} states the interpolation {x.interpolation}, but {required} is required: "
+            "remove one of them.",
         )
     kinds = {required or x.interpolation or "linear" for x in logs}
     if len(kinds) > 1:

@@ -18,42 +18,43 @@ from armcontour.core.sampling import white_noise
 from armcontour.motion.log import FEWEST, Log
 from armcontour.robot.servo.simulation import JointServo, LoggedCommand, follow
 
-# A gap of more sample intervals than this splits a log: the command in the gap is unknown.
+# Gaps of more sample intervals than this split a log, because the command in the gap is unknown.
 SHORT_GAP = 20.0
-# Time at the begin of a log that counts for no fit [s]: it depends on commands before the log.
+# Time at the start of a log that fits ignore [s]: it depends on commands before the log.
 SKIPPED = 0.04
 # Time over which the speed of the command is averaged [s], about the settling time of a servo.
 RECENT = 0.1
-# Samples from which the velocity at the begin is estimated.
+# Samples from which the initial velocity is estimated.
 STARTING = 20
-# Below this share of the usual speed a command stands, above that speed it has no more weight.
-STANDS, USUAL = 0.02, 95
+# A command below this share of the typical speed counts as rest; the percentile of the typical
+# speed, above which weights do not increase.
+AT_REST, TYPICAL = 0.02, 95
 # Contiguous parts of equal motion of a single log.
 PARTS = 5
 # Typical sizes of changes in a fit: of logarithms for LOGARITHMIC, others in SI units.
 SCALES = JointServo(0.5, 0.5, 0.2, 0.05, 3e-3, 0.5, 1e-3, 0.5)
-# Parameters in which the motion is linear, as in its begin, if nothing saturates.
+# Parameters in which the motion is linear (as in its initial state) if nothing saturates.
 LINEAR = ("velocity_feedforward", "acceleration_feedforward", "friction")
-# Offset of the measurement [rad]; position, velocity and, with an integrator, acceleration at the
-# begin [rad, rad/s, rad/s²].
+# Typical measurement offset [rad]; initial position, velocity and, with an integrator, acceleration
+# [rad, rad/s, rad/s²].
 BEGIN_SCALES = np.array([1e-3, 1e-3, 0.05, 1.0])
 # Step of numerical derivatives, in these sizes.
 STEP = 1e-5
-# Smaller values, at a bound of zero, are rounding.
+# Smaller values, at a bound of zero, are rounding errors.
 ROUNDING = 1e-9
-# Residuals are in mrad, and cut off where a trial diverges.
+# Residuals are in mrad, and clipped if a trial diverges.
 MRAD, MOST = 1e3, 1e4
 # Range of the gains of the search [1/s]: velocity loops of drives have bandwidths below 160 Hz.
 SLOWEST, FASTEST = 0.1, 1000.0
-# Unknowns whose typical change moves all samples by less have no effect [mrad].
+# Unknowns whose typical change moves all samples by less than this have no effect [mrad].
 INVISIBLE = 1e-4
 # Standard deviations in half a 95 % interval.
 REACH = 1.96
 # Standard deviations that are small enough for any value.
 ALSO = {"dead_time": 0.5e-3, "velocity_feedforward": 0.05, "acceleration_feedforward": 0.05}
-# Effects of a cycle are larger than those of first order by up to this factor.
+# Effects of a drive cycle exceed their first-order approximation by up to this factor.
 HIGHER = 1.2
-# Numbers of the begin of a log that are fitted: offset, position, velocity.
+# Number of fitted initial values of a log: offset, position, velocity.
 BEGINS = {"unknown": 1, "delay": 1, "first": 2, "second": 3}
 
 
@@ -65,7 +66,7 @@ class Model(NamedTuple):
 
 
 class Search(NamedTuple):
-    """Longest dead time, cycle of the drives [s], 0 for none, and orders that may be selected."""
+    """Longest dead time [s], drive cycle [s] (0 for continuous loops), and allowed orders."""
 
     longest: float
     drive_cycle: float
@@ -96,12 +97,12 @@ class LogSegment:
 
     Args:
         log: Index of the log.
-        start: Its first sample in the log.
+        start: Index of its first sample in the log.
         command: Command with times and set-points.
         y: Measured positions [rad].
         use: Samples that count.
-        weight: Motion of the command.
-        part: Part of the logs that is left out together.
+        weight: Weight of each sample, by the motion of the command.
+        part: Index of the part (for cross-validation) of each sample.
     """
 
     log: int
@@ -113,7 +114,7 @@ class LogSegment:
     part: IntArray
 
     def after(self, lag: float) -> LogSegment:
-        """The stretch in which samples count after SKIPPED and a lag of the joint [s]."""
+        """The segment, with samples used after SKIPPED and a lag of the joint [s]."""
         t = self.command.t
         return replace(self, use=t >= min(max(SKIPPED, lag, t[5]), t[-1] / 4))
 
@@ -124,7 +125,7 @@ class LogSegment:
         return float(np.polyfit(self.command.t[:n], self.y[:n], 1)[0])
 
     def cut(self, a: int, b: int, every: int = 1) -> LogSegment:
-        """Samples from a to b, or every so many of them, with set-points only there and before."""
+        """Every `every`-th sample from a to b, with set-points only there and before."""
         c, before = self.command, len(self.command.knots) - len(self.command.t)
         a += -(before + a) % every
         knots, samples = slice(0, before + b, every), slice(a, b, every)
@@ -159,8 +160,8 @@ def split_logs(
         travel = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(u)))])
         speeds.append((travel - np.interp(t - RECENT, t, travel)) / RECENT)
     every = np.concatenate(speeds) if speeds else np.zeros(1)
-    usual = float(np.percentile(every[every > 0], USUAL)) if every.any() else 1.0
-    weights = [np.where(x > STANDS * usual, np.minimum(x, usual), 0.0) for x in speeds]
+    usual = float(np.percentile(every[every > 0], TYPICAL)) if every.any() else 1.0
+    weights = [np.where(x > AT_REST * usual, np.minimum(x, usual), 0.0) for x in speeds]
     total, done = max(sum(float(x.sum()) for x in weights), 1e-300), 0.0
     moving = {i for (i, _, _), x in zip(spans, weights, strict=True) if x.any()}
     segments = []
@@ -184,20 +185,20 @@ def split_logs(
 
 
 class Problem:
-    """The least-squares problem of a model and stretches, solved by variable projection.
+    """The least-squares problem of a model and log segments, solved by variable projection.
 
-    Unknowns are the parameters of the model, and for each stretch the offset of the measurement,
-    position, velocity and acceleration at the begin as far as the model has them. Those in which
-    the motion is linear are solved for in every step; only the others are searched.
+    Unknowns are the parameters of the model, and for each segment the offset of the measurement and
+    the initial position, velocity and acceleration that the model has. Linear unknowns are solved
+    for in every step; only the others are searched.
     """
 
-    def __init__(self, model: Model, stretches: Sequence[LogSegment], search: Search) -> None:
-        self.model, self.stretches, self.search = model, stretches, search
+    def __init__(self, model: Model, segments: Sequence[LogSegment], search: Search) -> None:
+        self.model, self.segments, self.search = model, segments, search
         self.m, self.b = len(model.free), BEGINS[model.order] + ("ki" in model.free)
         self.logarithmic = np.array([x in LOGARITHMIC for x in model.free], dtype=bool)
-        scales, count = [getattr(SCALES, x) for x in model.free], len(stretches)
+        scales, count = [getattr(SCALES, x) for x in model.free], len(segments)
         self.scale = np.concatenate([scales, np.tile(BEGIN_SCALES[: self.b], count)])
-        self.used = [np.flatnonzero(s.use) for s in stretches]
+        self.used = [np.flatnonzero(s.use) for s in segments]
         free, (low, high) = np.full(self.b * count, np.inf), search.bounds(model)
         self.low, self.high = np.concatenate([low, -free]), np.concatenate([high, free])
         limited = "acceleration_limit" in model.free
@@ -213,18 +214,18 @@ class Problem:
         return JointServo(**{"kp": np.inf, **parameters})
 
     def guess(self, values: dict[str, float], lag: float) -> FloatArray:
-        """Unknowns from parameters, with begins as of a pure delay."""
+        """Unknowns from parameters, with initial states as for a pure delay."""
         parameters = np.array([values.get(x, 0.0) for x in self.model.free])
         parameters = np.where(self.logarithmic, np.log(np.maximum(parameters, 1e-9)), parameters)
         begins = []
-        for s in self.stretches:
+        for s in self.segments:
             c = s.command
             offset = float(np.median((s.y - c.evaluate(c.t - lag))[s.use]))
             begins += [offset, float(s.y[0] - offset), s.velocity, 0.0][: self.b]
         return np.asarray(np.clip(np.concatenate([parameters, begins]), self.low, self.high))
 
     def select(self, x: FloatArray, indices: Sequence[int]) -> FloatArray:
-        """The unknowns of a problem with some of the stretches."""
+        """The unknowns of a problem with some of the segments."""
         begins = x[self.m :].reshape(-1, self.b)[list(indices)]
         return np.concatenate([x[: self.m], begins.ravel()])
 
@@ -244,7 +245,7 @@ class Problem:
         values[np.arange(1, after), searched] += self.steps[searched]
         servo, column, end = self.servo(values), np.cumsum(only), 0
         every = np.zeros((1 + int(column[-1]), sum(len(k) for k in self.used)))
-        for i, (s, used) in enumerate(zip(self.stretches, self.used, strict=True)):
+        for i, (s, used) in enumerate(zip(self.segments, self.used, strict=True)):
             begin, first = np.zeros((rows, len(BEGIN_SCALES))), m + i * b
             begin[:, :b] = x[first : first + b]
             begin[np.arange(after, rows), later] += self.steps[m + later]
@@ -299,7 +300,7 @@ class Problem:
         return float(np.sum(self.project(np.clip(x, self.low, self.high))[1] ** 2)) / 2
 
     def solve(self, start: FloatArray, evaluations: int) -> Any:
-        """Solve the problem from a start, with at most so many evaluations."""
+        """Solve the problem from a start with at most `evaluations` evaluations."""
         searched = np.flatnonzero(~self.linear)
         begin = np.clip(start, self.low, self.high)
         x, linear = begin, np.empty((0, 0))
@@ -344,7 +345,7 @@ class Fit:
 
     @property
     def noise(self) -> float:
-        """Noise of the residuals [rad]: what changes from sample to sample."""
+        """Standard deviation of the white noise of the residuals [rad]."""
         return float(white_noise(self.problem.residuals(self.x))) / MRAD
 
     def at_bounds(self) -> tuple[set[str], set[str]]:
@@ -356,7 +357,7 @@ class Fit:
 
 
 def fit(problem: Problem, starts: Sequence[FloatArray], evaluations: int = 60) -> Fit:
-    """Solve a problem from the best of some starts; only the best one of these fits goes on."""
+    """Solve a problem from the best starts with few evaluations, then continue the best fit."""
     few = evaluations
     if len(starts) > 1:
         few = min(12, evaluations // 4)
@@ -368,12 +369,9 @@ def fit(problem: Problem, starts: Sequence[FloatArray], evaluations: int = 60) -
     return Fit(problem=problem, x=solution.x, cost=float(solution.cost))
 
 
-def predict(stretch: LogSegment, servo: JointServo, order: str, drive_cycle: float) -> FloatArray:
-    """Positions of a servo over a stretch [rad], (n,).
-
-    Offset, position and velocity at the begin are fitted: they are no parameters of the servo.
-    """
-    s, b = stretch, BEGINS[order] + int(servo.ki > 0)
+def predict(segment: LogSegment, servo: JointServo, order: str, drive_cycle: float) -> FloatArray:
+    """Positions of a servo over a log segment [rad], (n,); offset and initial state are fitted."""
+    s, b = segment, BEGINS[order] + int(servo.ki > 0)
     free = np.isinf(servo.acceleration_limit)
     scale = BEGIN_SCALES[:b]
     steps = np.diag(BEGIN_SCALES)[:b] * (1.0 if free else STEP)
@@ -385,7 +383,7 @@ def predict(stretch: LogSegment, servo: JointServo, order: str, drive_cycle: flo
 
     x = np.array([0.0, s.y[0], s.velocity, 0.0])
     q = simulate(x + steps)
-    # Without saturation the motion depends linearly on its begin, and one step is enough.
+    # Without saturation the motion is linear in its initial state, so one step is enough.
     for _ in range(1 if free else 8):
         slopes = (q - q[0]) / np.maximum(steps.sum(axis=1), 1e-300)[:, None]
         slopes[0] = 1.0
@@ -414,9 +412,9 @@ def estimate_parameters(
     Args:
         fit: The fit.
         without: Servos that are fitted without one part of the logs each. Their scatter shows
-            what a model does not have, such as other joints.
+            effects that are not modelled, such as other joints.
         longest_cycle: Longest cycle of the drive, if it is unknown [s].
-        rivals: Servos of other models that are as good, where none is complete.
+        rivals: Servos of other models with equal errors, if no model is complete.
     """
     p, names, bounds = fit.problem, fit.problem.model.free, set().union(*fit.at_bounds())
     free = np.full(len(fit.x), True)
@@ -424,7 +422,7 @@ def estimate_parameters(
     residuals, jacobian = p.linearize(fit.x)
     freedom = max(len(residuals) - int(np.sum(free)), 1)
     variance = float(np.sum(residuals**2)) / freedom * correlation_length(residuals)
-    deviations = np.where(free, Precision.of(jacobian, variance).sd(free), math.nan)
+    deviations = np.where(free, Precision.from_jacobian(jacobian, variance).sd(free), math.nan)
     servo, estimates = fit.servo, {}
     cycled = cycled_servo(servo, longest_cycle)
     for name, sd in zip(names, deviations.tolist(), strict=False):
@@ -451,8 +449,7 @@ def estimate_parameters(
 def cycled_servo(servo: JointServo, drive_cycle: float) -> JointServo:
     """The servo with a cycle [s] that moves as a continuous one, to first order in the cycle.
 
-    What a drive holds for a cycle, and differences of commands over a cycle, are late by half of
-    it.
+    Held values and differences over a cycle have a delay of half a cycle.
     """
     half = HIGHER * drive_cycle / 2
     kp, ki = servo.kp / (1 + servo.kp * half), servo.ki / (1 + servo.ki * half)

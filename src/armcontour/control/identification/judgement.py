@@ -20,26 +20,26 @@ from armcontour.motion.log import Log
 from armcontour.robot import Arm
 from armcontour.robot.servo.simulation import JointServo
 
-# Contour errors are computed from samples that far apart [s].
+# Contour errors are computed from samples with this spacing [s].
 STEP = 4e-3
 # Commands that differ by less than this share of their range are the same program.
 SAME = 0.02
 # Without an arm a joint counts in proportion to its tracking error, but to no less than this share
 # of the largest one: the noise of a joint that hardly moves is no contour error.
 FLOOR = 0.1
-# Newton steps to a delay, and the most by which that of a contour differs from joints' [s].
+# Newton steps to a delay, and the largest difference of contour and joint delays [s].
 STEPS, BEYOND = 3, 0.1
-# A model, or a delay, that leaves more than this share of the tracking error is none.
+# A model or delay is rejected if it leaves more than this share of the tracking error.
 WEAK = 0.8
-# Contour errors of so many times the noise of the encoders are noise.
+# Contour errors up to this multiple of the encoder noise count as noise.
 NOISES = 3.0
-# No division by less.
+# Smallest divisor.
 TINY = 1e-30
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Motion:
-    """Samples of a log: times, commands, samples that count, and residuals by choice."""
+class _LogSamples:
+    """Samples of a log: times, commands, used samples, and residuals of each choice."""
 
     t: FloatArray
     command: FloatArray
@@ -74,10 +74,10 @@ def judge(
     longest: float,
     arm: Arm | None,
 ) -> tuple[tuple[JointIdentification, ...], Judgement]:
-    """Choose what is written of each joint by the contour error, and judge it.
+    """Choose the written model of each joint by the contour error, and judge the result.
 
-    Good models are written. Of the other joints, the weak model, the delay, or nothing is written,
-    whichever has the smallest contour error.
+    Good models are written. For the other joints, the weak model, the delay or nothing is written,
+    depending on which has the smallest contour error.
 
     Args:
         logs: The logs.
@@ -135,8 +135,8 @@ def judge(
 
 def _prepare(
     logs: Sequence[Log], i: int, joints: Sequence[JointIdentification], longest: float
-) -> _Motion:
-    """The samples of log i, with residuals where they were not fitted."""
+) -> _LogSamples:
+    """The samples of log i, with the residuals of predictions."""
     log = logs[i]
     every = max(int(STEP / log.interval * (1 + 1e-6)), 1)
     delays = _joint_delays([x for k, x in enumerate(logs) if k != i] or logs, longest)
@@ -152,7 +152,7 @@ def _prepare(
     }
     some = slice(None, None, every)
     centred = {name: (x - x[use].mean(axis=0))[some] for name, x in residuals.items()}
-    return _Motion(log.t[some] - log.t[0], log.command[some], use[some], centred)
+    return _LogSamples(log.t[some] - log.t[0], log.command[some], use[some], centred)
 
 
 def _joint_delays(logs: Sequence[Log], longest: float) -> FloatArray:

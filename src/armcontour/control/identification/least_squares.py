@@ -1,4 +1,4 @@
-"""Least squares of both identifications: solver, covariance, and when a parameter is determined."""
+"""Least squares of both identifications: solver, covariance, tolerances of parameters."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ def solve(
 ) -> Any:
     """Solve a bounded least-squares problem by `scipy.optimize.least_squares`.
 
-    An orthogonal transformation makes the residuals one number and zeros: the solver then needs no
-    decompositions of long matrices, in which threads of a library wait for each other.
+    An orthogonal transformation reduces the residuals to one number and zeros, so that the solver
+    does not decompose long matrices, which is slow with several BLAS threads.
 
     Args:
         residuals: Residuals (n,) of unknowns (m,); nan where there are none.
@@ -78,7 +78,7 @@ def solve(
 
 
 class Precision(NamedTuple):
-    """Information of the logs about the unknowns, in units in which each has the information 1.
+    """Fisher information of the logs about the unknowns, scaled to 1 for each unknown.
 
     Args:
         information: Products of the scaled derivatives, (unknowns, unknowns).
@@ -93,7 +93,7 @@ class Precision(NamedTuple):
     freedom: float = math.inf
 
     @classmethod
-    def of(cls, jacobian: FloatArray, variance: float = 1.0) -> Precision:
+    def from_jacobian(cls, jacobian: FloatArray, variance: float = 1.0) -> Precision:
         """The precision of a fit whose residuals are independent.
 
         Args:
@@ -114,7 +114,7 @@ class Precision(NamedTuple):
             jacobian: Derivatives of the residuals, (samples, dof, unknowns).
             residuals: Residuals, (samples, dof).
         """
-        independent = cls.of(jacobian.reshape(-1, jacobian.shape[2]))
+        independent = cls.from_jacobian(jacobian.reshape(-1, jacobian.shape[2]))
         unit = jacobian / independent.size
         # Samples without information take no time.
         weights = np.sum(unit**2, axis=(1, 2))
@@ -132,7 +132,7 @@ class Precision(NamedTuple):
         return float(stdtrit(self.freedom, 0.975))
 
     def covariance(self, free: BoolArray) -> FloatArray:
-        """Covariance if only some unknowns are sought, 0 for the others, (unknowns, unknowns)."""
+        """Covariance if only the free unknowns are estimated, else 0, (unknowns, unknowns)."""
         block, covariance = np.ix_(free, free), np.zeros_like(self.information)
         inverse, dependent = invert(self.information[block])
         part = inverse @ self.scores[block] @ inverse
@@ -141,5 +141,5 @@ class Precision(NamedTuple):
         return covariance
 
     def sd(self, free: BoolArray) -> FloatArray:
-        """Standard deviations if only some unknowns are sought, (unknowns,)."""
+        """Standard deviations if only the free unknowns are estimated, (unknowns,)."""
         return np.asarray(np.sqrt(np.maximum(np.diag(self.covariance(free)), 0.0)))

@@ -1,4 +1,4 @@
-"""Residuals of a joint: whether they are white, their patterns, and what to record next."""
+"""Residuals of a joint: whiteness test, patterns, and the recommended next recording."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SLIDING = 0.02
 SMOOTHED = 8e-3
 # Fits of the scaling of residuals, each with the weights of the one before.
 REWEIGHTED = 5
-# Patterns of residuals: what they are, and what to record.
+# Patterns of residuals: description and recommended recording.
 PATTERNS = {
     "velocity": (
         "is in phase with velocity, as by viscous friction or a changing delay",
@@ -35,9 +35,9 @@ PATTERNS = {
         "the same program at half its speed, and one about the positions of the work",
     ),
 }
-# Correlations of residuals below this are chance.
+# Correlations of residuals below this are not significant.
 UNCORRELATED = 0.05
-# Residuals with this chance are not white; the fewest lines of a spectrum that are compared.
+# Significance level of the whiteness test, and the fewest spectral lines that it compares.
 CHANCE, FEWEST_LINES = 0.01, 8
 # Rounding of positions as a share of their range, and of multiples of an encoder's step; variance
 # of an encoder's resolution may be larger by this share.
@@ -45,7 +45,7 @@ ROUNDED, STEP_ROUNDING, SLACK = 1e-9, 0.01, 0.2
 
 
 def describe_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) -> str:
-    """A sentence on the largest pattern in the residuals of joint j, and what to record next.
+    """A sentence on the largest pattern in the residuals of joint j, and on the next recording.
 
     Args:
         logs: The logs.
@@ -80,7 +80,7 @@ def describe_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray])
         pattern, record = PATTERNS[name]
     else:
         pattern = f"follows the motion of {name}, as by coupled axes"
-        record = f"each of both joints alone, while {name} or this one stands"
+        record = f"each of both joints alone, while {name} or this one rests"
     much = f" by {shares[name]:.0%}" if shares[name] >= NAMED else ""
     return f"The residual {pattern}{much}: record {record}."
 
@@ -128,7 +128,7 @@ def scale_residuals(logs: Sequence[Log], j: int, rests: Sequence[FloatArray]) ->
 
 
 def find_residuals(log: Log, j: int) -> FloatArray:
-    """Tracking errors of a joint that its own velocity and acceleration do not explain [rad]."""
+    """Tracking errors of a joint not explained by its own velocity and acceleration [rad]."""
     rate = np.gradient(log.command[:, j], log.t)
     columns = np.stack([rate, np.gradient(rate, log.t), np.ones(len(rate))], axis=1)
     lag = log.measured[:, j] - log.command[:, j]
@@ -166,7 +166,7 @@ def _middle_frequency(x: FloatArray, interval: float) -> float:
 
 
 def is_white(residuals: FloatArray, step: float) -> bool:
-    """Whether residuals are white noise, apart from what an encoder's resolution explains.
+    """True if residuals are white noise, except for the effect of the encoder's resolution.
 
     The power of the lowest frequencies is compared with that of the others, for 8, 16, ... lines of
     the spectrum.
@@ -177,7 +177,7 @@ def is_white(residuals: FloatArray, step: float) -> bool:
     """
     from scipy.stats import f
 
-    # More variance than that of the noise from sample to sample.
+    # Quantization explains variance beyond the noise from sample to sample.
     if np.var(residuals) - white_noise(residuals) ** 2 <= (1 + SLACK) * step**2 / 12:
         return True
     power = np.abs(np.fft.rfft(residuals - np.mean(residuals))[1:]) ** 2
@@ -190,7 +190,7 @@ def is_white(residuals: FloatArray, step: float) -> bool:
 
 
 def resolution(y: FloatArray) -> float:
-    """Resolution of an encoder [rad]: the step of which all differences are multiples, else 0."""
+    """Resolution of an encoder [rad]: common divisor of all differences; 0 if there is none."""
     steps = np.diff(np.unique(y))
     steps = steps[steps > ROUNDED * max(float(np.ptp(y)), 1e-12)]
     if len(steps) < 2:
@@ -201,7 +201,7 @@ def resolution(y: FloatArray) -> float:
 
 
 def correlation_length(residuals: FloatArray) -> float:
-    """Number of residuals that are worth one independent one, at least 1."""
+    """Number of residuals per independent residual, at least 1."""
     n = len(residuals)
     power = np.abs(np.fft.rfft(residuals, 2 * n)) ** 2
     correlations = np.fft.irfft(power)[: max(n // 5, 1)]

@@ -1,4 +1,4 @@
-"""Samples of a log in which a drive's limit of acceleration or velocity clips the motion."""
+"""Detection of saturated samples in a log: acceleration or velocity limits of a drive."""
 
 from __future__ import annotations
 
@@ -41,20 +41,20 @@ TOP, RANGE = 99.0, 0.1
 EQUAL, SIGMAS = 0.01, 4.0
 # Fewest successive samples at a limit, and the shortest time [s].
 FEWEST_EQUAL, SHORTEST = 4, 5e-3
-# At a limit the loop demands more: by this share of the largest acceleration, and by this many
-# times the error of the demand at the other samples.
+# At a limit the commanded acceleration exceeds the measured one by at least this share of the
+# largest acceleration, and by this many times its error at the other samples.
 EXCESS, ERRORS = 0.05, 4.0
-# Dead times of the demand: their number and the longest one [s].
+# Dead times that are tried for the commanded acceleration: number, and longest one [s].
 DELAYS, LATEST = 26, 0.1
-# Least share of samples at a limit, and fewest samples to which the demand is fitted.
+# Smallest share of samples at a limit, and fewest samples to fit the commanded acceleration.
 LEAST_SHARE, FEWEST_FREE = 2e-3, 50
-# Least and largest share of the measured limit that is tried, and their number.
+# Smallest and largest multiple of the measured limit that is tried, and their number.
 REFINED = (0.98, 1.06, 9)
-# Samples between clipped ones that are fitted: fewer show only their own begin.
+# Fewest samples in a row that are fitted: shorter segments only determine their initial state.
 FEWEST_BETWEEN = 20
-# With more times between, their free beginnings would explain most of the motion.
+# With more segments, their free initial states would explain most of the motion.
 MOST_BETWEEN = 40
-# Share of the time at a limit above which gains that are not determined are no model.
+# Above this share of time at a limit, undetermined gains are not accepted as a model.
 HIDDEN = 0.5
 # Margin about clipped samples [s]: drives with a cycle react up to one cycle later.
 MARGIN = 1e-3
@@ -68,7 +68,7 @@ class Saturation:
         kind: "acceleration" or "velocity".
         limit, sd: The limit and its standard deviation [rad/s² or rad/s].
         time, duration: Time at the limit and of the logs [s].
-        clipped: Samples of each stretch that the limit affects.
+        clipped: Samples of each segment that the limit affects.
     """
 
     kind: str
@@ -80,24 +80,24 @@ class Saturation:
 
     @property
     def hides(self) -> bool:
-        """Whether the joint is at a limit of acceleration most of the time."""
+        """True if the joint is at its acceleration limit for more than HIDDEN of the time."""
         return self.kind == "acceleration" and self.time > HIDDEN * self.duration
 
     def describe(self, name: str) -> str:
-        """What the joint of that name does, as a clause."""
+        """Clause on the saturation of the joint with this name."""
         limit = f"{self.limit:.3g} {'rad/s²' if self.kind == 'acceleration' else 'rad/s'}"
         return f"{name} saturates at {limit} for {self.time:.2g} s of {self.duration:.3g} s"
 
 
-def find_saturation(stretches: Sequence[LogSegment]) -> Saturation | None:
-    """Find plateaus of acceleration or velocity at which the loop demands more.
+def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
+    """Find plateaus of acceleration or velocity at which the loop commands a larger value.
 
-    The demand is linear in position, velocity and command, and is fitted to the other samples.
-    So motion that is planned at a limit, and follows its command, is no saturation.
+    The commanded acceleration is linear in position, velocity and command, and is fitted to the
+    other samples. So motion that is planned at a limit and follows its command is not saturation.
     """
-    motion = _Motion(stretches)
+    motion = _MeasuredMotion(segments)
     for order, kind in ((2, "acceleration"), (1, "velocity")):
-        # Acceleration, too, is needed to judge a velocity.
+        # The test of a velocity plateau needs the acceleration, too.
         windows = [motion.window(x) for x in {2, order}]
         if not all(windows):
             continue
@@ -132,17 +132,17 @@ def find_saturation(stretches: Sequence[LogSegment]) -> Saturation | None:
 
 
 def select_between(
-    stretches: Sequence[LogSegment], saturation: Saturation, search: Search
+    segments: Sequence[LogSegment], saturation: Saturation, search: Search
 ) -> Selected | None:
     """Select the model of a joint from the samples that its limit does not affect.
 
-    Position and velocity are free after each time at the limit. A fit of all samples with the limit
-    is preferred if its error between these times is no larger, and its K_p is more certain. None
-    if the limit affects too much of the motion, or too many parts of it.
+    Position and velocity are free after each saturated interval. A fit of all samples with the
+    limit is preferred if its error between these intervals is no larger and its K_p is more
+    certain. None if the limit affects too many samples, or too many intervals.
     """
     between = [
         s.cut(i, j)
-        for s, clipped in zip(stretches, saturation.clipped, strict=True)
+        for s, clipped in zip(segments, saturation.clipped, strict=True)
         for i, j in _spans(~clipped)
         if np.sum(s.use[i:j]) >= FEWEST_BETWEEN
     ]
@@ -152,9 +152,9 @@ def select_between(
     if free is None:
         return None
     if saturation.kind == "velocity" or free.fit.problem.model.order != "second":
-        return replace(predict_parts(free.fit, stretches), rivals=free.rivals)
+        return replace(predict_parts(free.fit, segments), rivals=free.rivals)
     order, names = free.fit.problem.model
-    problem = Problem(Model(order, (*names, LIMIT)), stretches, search)
+    problem = Problem(Model(order, (*names, LIMIT)), segments, search)
     start = {**free.fit.servo._asdict(), LIMIT: saturation.limit}
     whole = fit(problem, [problem.guess(start, free.fit.servo.dead_time)])
     squares = _error(between, whole.servo._replace(acceleration_limit=np.inf), search.drive_cycle)
@@ -162,39 +162,39 @@ def select_between(
     certain = [estimate_parameters(x)[KP].sd for x in (whole, free.fit)]
     if not is_implausible(whole) and rms * GAIN < free.rms and certain[0] < certain[1]:
         return replace(predict_parts(whole), rivals=free.rivals)
-    # The plateaus that are measured are too low where they are short, as those of smoothed motion.
+    # Smoothing lowers short plateaus, so larger limits are tried, too.
     measured, servo = saturation.limit, free.fit.servo
     value = min(
         (measured, *measured * np.linspace(*REFINED)),
-        key=lambda x: _error(stretches, servo._replace(acceleration_limit=x), search.drive_cycle),
+        key=lambda x: _error(segments, servo._replace(acceleration_limit=x), search.drive_cycle),
     )
     sd = max(saturation.sd, abs(value - measured) / 2)
     limit = Estimate(
         name=LIMIT, unit=UNITS[LIMIT], value=float(value), sd=sd, low=value - REACH * sd,
         high=value + REACH * sd, determined=bool(sd <= allowed_deviation(value)),
     )  # fmt: skip
-    return replace(predict_parts(free.fit, stretches, limit), rivals=free.rivals)
+    return replace(predict_parts(free.fit, segments, limit), rivals=free.rivals)
 
 
-def _error(stretches: Sequence[LogSegment], servo: JointServo, drive_cycle: float) -> float:
+def _error(segments: Sequence[LogSegment], servo: JointServo, drive_cycle: float) -> float:
     """Sum of the squared errors of a servo of second order, weighted by motion [rad²]."""
-    errors = [s.y - predict(s, servo, "second", drive_cycle) for s in stretches]
-    return sum(float(s.weight @ x**2) for s, x in zip(stretches, errors, strict=True))
+    errors = [s.y - predict(s, servo, "second", drive_cycle) for s in segments]
+    return sum(float(s.weight @ x**2) for s, x in zip(segments, errors, strict=True))
 
 
-class _Motion:
-    """Motion of a joint at even times, and its derivatives without `k` samples at both ends."""
+class _MeasuredMotion:
+    """Motion of a joint at regular times, and its derivatives without `k` samples at both ends."""
 
-    def __init__(self, stretches: Sequence[LogSegment]) -> None:
-        self.stretches = stretches
-        self.interval = float(np.median(np.diff(stretches[0].command.t)))
-        self.sigma = max(float(white_noise(s.y)) for s in stretches)
+    def __init__(self, segments: Sequence[LogSegment]) -> None:
+        self.segments = segments
+        self.interval = float(np.median(np.diff(segments[0].command.t)))
+        self.sigma = max(float(white_noise(s.y)) for s in segments)
         self.times = []
-        for s in stretches:
+        for s in segments:
             first, last = s.command.t[[0, -1]]
             self.times.append(np.linspace(first, last, round((last - first) / self.interval) + 1))
         self.positions = [
-            np.interp(t, s.command.t, s.y) for t, s in zip(self.times, stretches, strict=True)
+            np.interp(t, s.command.t, s.y) for t, s in zip(self.times, segments, strict=True)
         ]
 
     def noise(self, order: int, k: int) -> float:
@@ -202,13 +202,13 @@ class _Motion:
         return self.sigma * float(np.linalg.norm(_filter(order, k, self.interval)))
 
     def derive(self, order: int, k: int, signals: Sequence[FloatArray] | None = None) -> FloatArray:
-        """A derivative of the positions or of other signals, one stretch after the other."""
+        """A derivative of the positions or of other signals, segments concatenated."""
         weights = _filter(order, k, self.interval)
         every = self.positions if signals is None else signals
         return np.concatenate([np.convolve(x, weights, "valid") for x in every if len(x) > 2 * k])
 
     def window(self, order: int) -> int:
-        """Samples before and after that a derivative needs, 0 if it is noise."""
+        """Half width in samples of the filter for a derivative; 0 if it would be noise."""
         longest = min(round(LONGEST / self.interval), max(len(x) for x in self.positions) // 4)
         for k in range(1, longest + 1):
             top = float(np.percentile(np.abs(self.derive(order, k)), TOP))
@@ -217,16 +217,16 @@ class _Motion:
         return 0
 
     def demand(self, k: int, free: BoolArray) -> tuple[FloatArray, float] | None:
-        """Acceleration that the loop demands [rad/s²], (n,), and its RMS error at some samples.
+        """Acceleration that the loop commands [rad/s²], (n,), and its RMS error at free samples.
 
-        None if these samples are too few to fit the demand to them.
+        None if there are too few free samples for the fit.
         """
         if np.sum(free) < FEWEST_FREE:
             return None
         acceleration, best = self.derive(2, k), None
         position, velocity = self.derive(0, k), self.derive(1, k)
         for delay in np.linspace(0.0, LATEST, DELAYS):
-            every = zip(self.times, self.stretches, strict=True)
+            every = zip(self.times, self.segments, strict=True)
             commands = [s.command.evaluate(t - delay) for t, s in every]
             u, du, ddu = (self.derive(x, k, commands) for x in range(3))
             columns = np.stack([u - position, velocity, du, ddu, np.ones(len(u))], axis=1)
@@ -239,9 +239,9 @@ class _Motion:
         return best
 
     def at_samples(self, mask: BoolArray, k: int) -> tuple[BoolArray, ...]:
-        """A mask of derivatives at the samples of each stretch."""
+        """The mask of derivatives, resampled at the samples of each segment."""
         masks, done = [], 0
-        for t, s in zip(self.times, self.stretches, strict=True):
+        for t, s in zip(self.times, self.segments, strict=True):
             times_mask = np.full(len(t), False)
             count = max(len(t) - 2 * k, 0)
             times_mask[k : k + count] = mask[done : done + count]
@@ -276,11 +276,11 @@ def _find_plateaus(values: FloatArray, noise: float, interval: float) -> tuple[f
 
 
 def _spans(mask: BoolArray) -> list[tuple[int, int]]:
-    """Begins and ends of the runs of true values."""
+    """Start and end indices of the runs of true values."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.intp)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _widen(mask: BoolArray, by: int) -> BoolArray:
-    """A mask that is true also some samples before and after."""
+    """The mask, extended by some samples before and after each run."""
     return np.asarray(np.convolve(mask, np.ones(2 * by + 1))[by : len(mask) + by] > 0.5)

@@ -38,25 +38,25 @@ CANDIDATES = (
     Model("second", (KP, KV, KI, FEED, ACCELERATION, DELAY, FRICTION)),
     Model("second", (KP, KV, FEED, DELAY, LIMIT)),
 )
-# Parameters that a cascade may do without.
+# Optional parameters of a cascade.
 OPTIONAL = (ACCELERATION, FEED, FRICTION)
 # A richer model is selected if the median over the parts of its error, divided by that of the
 # poorer one, is below GAIN (with an acceleration limit below LIMIT_GAIN), and if its error is
 # smaller on this share of the parts.
 GAIN, LIMIT_GAIN, MOST_PARTS = 0.9, 0.5, 0.6
-# A richer model whose error on the data that it was fitted to is above this share is not better.
+# A richer model is not better if its error on the fitted data is above this share.
 SAME = 0.97
-# A poorer model whose error there is above this times that of the richer one is worse.
+# A poorer model is worse if its cost on the fitted data is above this multiple.
 WORSE = 2.0
 # A cascade is fitted where the error of the other models is below this share of the tracking error.
 EXPLAINED = 0.5
-# Loops with less damping are rejected: no drive is tuned so.
+# Loops with less damping are rejected, because no drive is tuned like this.
 DAMPING = 0.2
-# Evaluations of a fit without a part; it starts from the fit of all parts.
+# Evaluations of each cross-validation fit, which starts from the fit of all parts.
 REFITTED = 10
-# Selection uses samples this far apart [s] where the set-points between are on straight lines.
+# Selection uses samples this far apart [s] if the set-points between them are on straight lines,
 COARSE = 4e-3
-# and the rest is less than this share of what the positions change at random, outliers included.
+# with a remaining error below this share of the random changes of the positions.
 THIN = 0.3
 # Longest first dead time of a joint that saturates [s].
 USUAL_DELAY = 0.01
@@ -79,7 +79,7 @@ class Selected:
 
     Args:
         fit: The fit to all samples.
-        stretches: The stretches of the predictions.
+        segments: The segments of the predictions.
         unseen: Predicted positions [rad]; each sample by a fit without its part.
         errors: Mean squared errors of the parts, weighted by motion [rad²], (parts,).
         motions: Weights of the parts, (parts,).
@@ -89,7 +89,7 @@ class Selected:
     """
 
     fit: Fit
-    stretches: Sequence[LogSegment]
+    segments: Sequence[LogSegment]
     unseen: list[FloatArray]
     errors: FloatArray
     motions: FloatArray
@@ -109,34 +109,34 @@ class Selected:
 
     @property
     def explains_all(self) -> bool:
-        """Whether the error is noise or rounding, so that no richer model can be better."""
+        """True if the error is noise or rounding, so that no richer model can be better."""
         return self.rms * GAIN < max(self.fit.noise, ROUNDING)
 
     def is_better(self, other: Selected) -> bool:
-        """Whether this richer model is better than another one."""
+        """True if this richer model is better than a poorer one."""
         limited = LIMIT in self.fit.problem.model.free
         ratio = float(np.median(self.errors / np.maximum(other.errors, 1e-300))) ** 0.5
         some = float(np.mean(self.errors < other.errors))
         return ratio < (LIMIT_GAIN if limited else GAIN) and some >= MOST_PARTS
 
 
-def find_lag(stretches: Sequence[LogSegment], longest: float) -> float:
-    """The pure delay with the smallest tracking error [s], on a grid of about 1 ms."""
+def find_lag(segments: Sequence[LogSegment], longest: float) -> float:
+    """Pure delay with the smallest tracking error [s], on a grid of about 1 ms."""
 
     def remaining_error(lag: float) -> float:
-        errors = [s.y - s.command.evaluate(s.command.t - lag) for s in stretches]
+        errors = [s.y - s.command.evaluate(s.command.t - lag) for s in segments]
         return sum(
-            float(np.var(x[s.use]) * s.use.sum()) for x, s in zip(errors, stretches, strict=True)
+            float(np.var(x[s.use]) * s.use.sum()) for x, s in zip(errors, segments, strict=True)
         )
 
     return float(min(np.linspace(0.0, longest, int(longest / 1e-3) + 2), key=remaining_error))
 
 
 def select(
-    stretches: Sequence[LogSegment], search: Search, *, limited: bool = True
+    segments: Sequence[LogSegment], search: Search, *, limited: bool = True
 ) -> Selected | None:
     """Select the model of a joint; None if none can be judged or all are at their bounds."""
-    some = _thin(stretches)
+    some = _thin(segments)
     # A model is judged by the parts without which it was fitted.
     if len(_moving_parts(some)) < 2:
         return None
@@ -158,25 +158,25 @@ def select(
         trials.add(Model(order, (*free, FRICTION)))
     best = trials.best
     rivals = [x.fit.servo for x in trials.tried if x.rms * GAIN < best.rms and x is not best]
-    if some is stretches:
+    if some is segments:
         return replace(best, rivals=rivals)
-    whole = Problem(best.fit.problem.model, stretches, search)
+    whole = Problem(best.fit.problem.model, segments, search)
     return replace(best, rivals=rivals, fit=fit(whole, [best.fit.x], REFITTED))
 
 
 class _Trials:
     """The models that were fitted to a joint, and the best one so far."""
 
-    def __init__(self, stretches: Sequence[LogSegment], search: Search) -> None:
-        self.stretches, self.search = stretches, search
-        self.lag = find_lag(stretches, search.longest)
+    def __init__(self, segments: Sequence[LogSegment], search: Search) -> None:
+        self.segments, self.search = segments, search
+        self.lag = find_lag(segments, search.longest)
         self.fits: dict[Model, Fit] = {}
         self.tried: list[Selected] = []
         self.best: Selected | None = None
 
     def add(self, model: Model) -> None:
-        """Fit one more model; it becomes the best one if it is better."""
-        problem, best = Problem(model, self.stretches, self.search), self.best
+        """Fit another model; it replaces the best one if it is better."""
+        problem, best = Problem(model, self.segments, self.search), self.best
         starts = [problem.guess(x, self.lag) for x in self._starts(model)]
         result = fit(problem, starts, 30 if KI in model.free else 60)
         hopeless = best and result.cost > SAME**2 * best.fit.cost
@@ -194,16 +194,16 @@ class _Trials:
             self.best = self.tried[-1]
 
     def may_be_cascade(self, model: Model) -> bool:
-        """Whether the best model explains so much that an integrator is worth its fit."""
+        """True if the best model explains enough for a fit with an integrator."""
         if self.best is None:
             return False
-        lag = np.concatenate([(s.y - s.command.u)[s.use] for s in self.best.stretches])
+        lag = np.concatenate([(s.y - s.command.u)[s.use] for s in self.best.segments])
         supported = {KI, ACCELERATION} & set(self.best.fit.problem.model.free)
         explains = self.best.rms < EXPLAINED * np.std(lag)
         return bool(explains and (ACCELERATION not in model.free or supported))
 
     def prune(self) -> None:
-        """Leave out the optional parameters without which the best model is as good."""
+        """Remove optional parameters that do not improve the best model."""
         for x in OPTIONAL:
             assert self.best is not None
             best = self.best.fit
@@ -212,7 +212,7 @@ class _Trials:
             # Acceleration feed-forward needs velocity feed-forward.
             if remaining == free or (x == FEED and ACCELERATION in free):
                 continue
-            problem = Problem(Model(order, remaining), self.stretches, self.search)
+            problem = Problem(Model(order, remaining), self.segments, self.search)
             result = fit(problem, [problem.guess(best.servo._asdict(), best.servo.dead_time)])
             if is_implausible(result) or result.cost > WORSE * best.cost:
                 continue
@@ -221,7 +221,7 @@ class _Trials:
                 self.best = poorer
 
     def _starts(self, model: Model) -> list[dict[str, float]]:
-        """Parameters from which a model is fitted: generic loops, or the poorer model's."""
+        """Initial parameters of a fit: generic loops, or those of the poorer model."""
         (order, free), lag = model, self.lag
         if order == "delay":
             return [{DELAY: x} for x in (lag, max(lag - 4e-3, 0.0))]
@@ -237,14 +237,14 @@ class _Trials:
         initial = poorer.servo._asdict()
         if LIMIT not in new:
             return [initial]
-        # If a joint saturates much, the fit without a limit and its lag are of no use.
-        tops = [max(_acceleration(s, x) for s in self.stretches) for x in ACCELERATING]
+        # If a joint saturates often, the fit without a limit and its lag are not usable.
+        tops = [max(_acceleration(s, x) for s in self.segments) for x in ACCELERATING]
         loops = [{**x, DELAY: min(x[DELAY], USUAL_DELAY)} for x in loops[2:4]]
         return [{**x, LIMIT: a} for x in (initial, *loops) for a in (*tops, 3 * max(tops))]
 
 
 def is_implausible(result: Fit) -> bool:
-    """Whether a loop has parameters at their bounds, or hardly any damping."""
+    """True if a loop has parameters at their bounds, or too little damping."""
     low, high = result.at_bounds()
     servo = result.servo
     ringing = np.isfinite(servo.kv) and 0.5 * np.sqrt(servo.kv / servo.kp) < DAMPING
@@ -253,29 +253,29 @@ def is_implausible(result: Fit) -> bool:
     return bool(ringing or bounded)
 
 
-def _thin(stretches: Sequence[LogSegment]) -> Sequence[LogSegment]:
-    """The stretches with fewer samples, if their set-points give the same command."""
-    interval = float(np.median(np.diff(stretches[0].command.t)))
+def _thin(segments: Sequence[LogSegment]) -> Sequence[LogSegment]:
+    """The segments with fewer samples, if their set-points give the same command."""
+    interval = float(np.median(np.diff(segments[0].command.t)))
     every = int(COARSE / interval * (1 + 1e-6))
-    if every < 2 or not stretches[0].command.linear:
-        return stretches
-    thinned = [x.cut(0, len(x.y), every) for x in stretches]
-    for one, full in zip(thinned, stretches, strict=True):
+    if every < 2 or not segments[0].command.linear:
+        return segments
+    thinned = [x.cut(0, len(x.y), every) for x in segments]
+    for one, full in zip(thinned, segments, strict=True):
         difference = one.command.evaluate(full.command.t) - full.command.u
         rough = np.sqrt(np.mean(np.diff(full.y, n=3) ** 2) / 20)
         if np.sqrt(np.mean(difference**2)) > THIN * rough or len(one.y) < FEWEST:
-            return stretches
+            return segments
     return thinned
 
 
-def _moving_parts(stretches: Sequence[LogSegment]) -> IntArray:
+def _moving_parts(segments: Sequence[LogSegment]) -> IntArray:
     """The parts in which the command moves."""
-    every = [s.part[s.use & (s.weight > 0)] for s in stretches]
+    every = [s.part[s.use & (s.weight > 0)] for s in segments]
     return np.unique(np.concatenate(every))
 
 
 def _acceleration(s: LogSegment, time: float) -> float:
-    """Largest measured acceleration over some time but for outliers [rad/s²]."""
+    """Largest measured acceleration over a time [s], without outliers [rad/s²]."""
     t = s.command.t
     interval = float(np.median(np.diff(t)))
     k = min(max(int(round(time / interval)), 1), (len(t) - 1) // 2)
@@ -292,22 +292,22 @@ def predict_parts(
     result: Fit, judged: Sequence[LogSegment] | None = None, limit: Estimate | None = None
 ) -> Selected:
     """Predict each part by a fit of the others."""
-    p, stretches = result.problem, judged or result.problem.stretches
+    p, segments = result.problem, judged or result.problem.segments
 
     def predict_by(servo: JointServo, s: LogSegment) -> FloatArray:
         return predict(s, limited_servo(servo, limit), p.model.order, p.search.drive_cycle)
 
     # Parts without motion are predicted by the fit of all.
-    unseen = [predict_by(result.servo, s) for s in stretches]
+    unseen = [predict_by(result.servo, s) for s in segments]
     errors, motions, without = [], [], []
-    for k in _moving_parts(stretches):
-        others = [replace(s, use=s.use & (s.part != k)) for s in p.stretches]
+    for k in _moving_parts(segments):
+        others = [replace(s, use=s.use & (s.part != k)) for s in p.segments]
         indices = [i for i, s in enumerate(others) if s.use.any()]
         other = Problem(p.model, [others[i] for i in indices], p.search)
         servo = fit(other, [p.select(result.x, indices)], REFITTED).servo
         without.append(servo)
         squares = motion = 0.0
-        for i, s in enumerate(stretches):
+        for i, s in enumerate(segments):
             mask = s.part == k
             if mask.any():
                 q = predict_by(servo, s)
@@ -319,7 +319,7 @@ def predict_parts(
         motions.append(motion)
     return Selected(
         fit=result,
-        stretches=stretches,
+        segments=segments,
         unseen=unseen,
         errors=np.array(errors),
         motions=np.array(motions),

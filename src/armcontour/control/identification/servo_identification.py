@@ -26,7 +26,7 @@ from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import TRUSTED
 from armcontour.robot.servo.simulation import JointServo
 
-# Condition of the errors by which a servo is judged, and the largest trusted one.
+# Condition of the contour error ratio, and its largest trusted value.
 UNFITTED = f"where the servo was not fitted, trusted up to {number(TRUSTED, '1')}"
 # Digits of the numbers in a servo file, and a factor that rounds up bounds.
 DIGITS = 6
@@ -50,9 +50,9 @@ class JointIdentification(JointEstimates):
         scaling: The RMS error where it was not fitted is the root of the sum of squares of three
             parts: at rest [rad], per velocity [s] and per acceleration [s²], (3,).
         noise: Noise of the encoder [rad].
-        note: Why the joint has no model or a weak one, or empty.
-        effective: Whether the residuals are not white: the model lacks an effect, and its
-            parameters make up for it, so that they differ from those that are set in the drive.
+        note: Reason for a missing or weak model, or empty.
+        effective: True if the residuals are not white: an effect is not modelled, and the
+            parameters compensate for it, so they differ from the settings of the drive.
         saturation: A sentence about samples at a limit of the drive, or empty.
         contour_ratio: RMS deviation from the contour with compensation over that without it, in
             the worst log.
@@ -98,12 +98,12 @@ class JointIdentification(JointEstimates):
 
     @property
     def _replacement(self) -> str:
-        """What is written of a joint without a model."""
+        """Label of the values that are written for a joint without a model."""
         return "delay only" if self.servo.dead_time else ""
 
     @property
     def growth(self) -> str:
-        """How the error grows with the motion, as a sentence; empty without a model."""
+        """Sentence on the growth of the error with the motion; empty without a model."""
         if not np.isfinite(self.scaling).all():
             return ""
         still, rate, acceleration = (number(x, "rad") for x in self.scaling)
@@ -114,12 +114,12 @@ class JointIdentification(JointEstimates):
 
     @property
     def written(self) -> bool:
-        """Whether the servo file has a model of this joint."""
+        """True if the servo file has a model of this joint."""
         return self.order != "unknown"
 
     @property
     def determined(self) -> bool:
-        """Whether the logs determine all parameters of the model."""
+        """True if the logs determine all parameters of the model."""
         return bool(self.parameters) and all(x.determined for x in self.estimates)
 
 
@@ -127,10 +127,9 @@ class JointIdentification(JointEstimates):
 class Judgement:
     """Contour errors with and without compensation on motion that was not fitted.
 
-    With compensation, the command and the residuals of the model remain. A delay that all joints
-    share costs nothing. With an arm the errors are those of its tool across its path. Without an
-    arm they are distances in joint space, where each joint counts in proportion to its tracking
-    error.
+    With compensation, the residuals of the model remain. A delay that all joints share causes no
+    error. With an arm, errors are those of its tool across its path. Without an arm, they are
+    distances in joint space, where each joint is weighted by the inverse of its tracking error.
 
     Args:
         programs: Number of different programs. If it is 1, parts of the program were predicted.
@@ -146,7 +145,7 @@ class Judgement:
 
     @property
     def trusted(self) -> bool:
-        """Whether compensation removes half of the contour error."""
+        """True if compensation removes at least half of the contour error."""
         return self.ratio <= TRUSTED
 
 
@@ -164,7 +163,7 @@ class Identification(IdentifiedJoints):
     judgement: Judgement
 
     def to_data(self) -> Data:
-        """Whether the servo can be trusted, then every joint and its parameters."""
+        """Verdict on the servo, then every joint and its parameters."""
         result = self.judgement
         count = f"{sum(x.written for x in self.joints)} of {count_noun(len(self.joints), 'joint')}"
         doubt = "" if result.trusted else "compensation may be worse than none"
@@ -192,7 +191,7 @@ class Identification(IdentifiedJoints):
 
     @property
     def determined(self) -> bool:
-        """Whether all parameters of all joints are determined."""
+        """True if all parameters of all joints are determined."""
         return all(x.determined for x in self.joints)
 
     @property
@@ -263,7 +262,7 @@ class Identification(IdentifiedJoints):
 
 def write_servo(
     joint: JointIdentification,
-    stretches: Sequence[LogSegment],
+    segments: Sequence[LogSegment],
     servo: JointServo,
     order: str = "unknown",
     drive_cycle: float = 0.0,
@@ -273,16 +272,16 @@ def write_servo(
 
     Args:
         joint: The joint.
-        stretches: The joint in the logs.
+        segments: The joint in the logs.
         servo: The servo that is written.
         order: Its order.
         drive_cycle: Cycle of the drives [s].
         unseen: Largest error on parts that were not fitted [rad].
     """
     rms, largest = math.nan, math.pi
-    if stretches:
+    if segments:
         errors = np.concatenate(
-            [(s.y - predict(s, servo, order, drive_cycle))[s.use] for s in stretches]
+            [(s.y - predict(s, servo, order, drive_cycle))[s.use] for s in segments]
         )
         rms, largest = float(np.sqrt(np.mean(errors**2))), float(np.abs(errors).max())
     model_error = max(unseen, largest)
@@ -292,7 +291,7 @@ def write_servo(
 
 
 def rounded(value: float) -> float:
-    """A number with the digits of a servo file."""
+    """A value rounded to the number of digits in a servo file."""
     return float(f"{value:.{DIGITS}g}")
 
 

@@ -51,19 +51,19 @@ from armcontour.motion.log_checks import check_distance, check_speeds, check_uni
 from armcontour.robot.servo.simulation import JointServo
 
 SERVO_FIT = ServoFit()
-# A model is good if its RMS error is at most this share of the tracking error, or at most so many
-# times the noise of the encoder. A weak one is within that share of the motion.
+# A model is good if its RMS error is at most SHARE of the tracking error, or at most NOISES times
+# the encoder noise. The error of a weak model is at most SHARE of the motion.
 SHARE, NOISES = 0.3, 3.0
-# Errors beyond this share of the motion may come from columns in another order, unit or direction.
+# Errors above this share of the motion may be due to columns in another order, unit or direction.
 MISREAD = 0.1
-# Less motion than this, in standard deviations of the noise or in rad, is none: an encoder of 32
-# bits has steps of 1.5e-9 rad.
+# Motion below this many standard deviations of the noise, or below this [rad], counts as rest: a
+# 32-bit encoder has steps of 1.5e-9 rad.
 STILL, LEAST_MOTION = 1.5, 1e-9
-# Smallest tracking error [rad] of which shares are computed.
+# Lower bound of tracking errors in ratios [rad].
 LEAST_LAG = 1e-12
-# Nor is this [rad] a change of velocity: logs have nine digits at most.
+# Smaller deviations from uniform velocity are rounding [rad]: logs have nine digits at most.
 LEAST_BEND = 1e-8
-# Longest cycle of a drive whose cycle is not given [s], or the cycle, if it is longer.
+# Assumed longest drive cycle if none is given [s]; the sample interval if that is longer.
 USUAL_CYCLE = 2e-3
 
 
@@ -111,11 +111,11 @@ def identify(
         if arm is not None:
             check_distance(x, arm)
         check_speeds(x)
-    tell, joints = subprogress(progress), []
+    report, joints = subprogress(progress), []
     longest, orders = dead_times(every, options.longest_dead_time)[1], MODELS[options.model]
     search = Search(longest, options.drive_cycle or 0.0, orders)
     for j, name in enumerate(first.joint_names):
-        tell(Step((name,)))
+        report(Step((name,)))
         joints.append(identify_joint(every, j, interpolation, search))
     judged, judgement = judge(every, joints, interpolation, search.longest, arm)
     return Identification(
@@ -136,23 +136,21 @@ def identify_joint(
         InvalidInput: Command and measurement cannot belong together.
     """
     name = logs[0].joint_names[j]
-    stretches = split_logs(logs, j, interpolation)
-    lag = find_lag(stretches, search.longest)
-    stretches = [x.after(lag) for x in stretches]
+    segments = split_logs(logs, j, interpolation)
+    lag = find_lag(segments, search.longest)
+    segments = [x.after(lag) for x in segments]
     joint = JointIdentification(name=name)
-    if why := _why_none(stretches):
-        return _without_model(joint, stretches, f"{name} has no model: {why}")
-    saturation, selected = find_saturation(stretches), None
+    if reason := _explain_no_model(segments):
+        return _without_model(joint, segments, f"{name} has no model: {reason}")
+    saturation, selected = find_saturation(segments), None
     if saturation is not None:
-        selected = select_between(stretches, saturation, search)
+        selected = select_between(segments, saturation, search)
     poor = selected is not None and selected.rms > NOISES * selected.fit.noise
-    # What is left beside a limit may tell little of the servo; models have no limit of velocity.
+    # Unsaturated samples may not determine the servo; models have no velocity limit.
     if selected is None or (poor and saturation is not None and saturation.kind == "acceleration"):
-        whole = select(stretches, search)
-        selected = min(
-            filter(None, (selected, whole)), key=partial(_error, stretches), default=None
-        )
-    motion = _rms([s.y for s in stretches], stretches)[0]
+        whole = select(segments, search)
+        selected = min(filter(None, (selected, whole)), key=partial(_error, segments), default=None)
+    motion = _rms([s.y for s in segments], segments)[0]
     if selected is None or selected.rms > MISREAD * motion:
         for log in logs:
             check_units(log, search.longest, j)
@@ -162,21 +160,21 @@ def identify_joint(
             f"{name} has no model: gains (up to {search.fastest:g} 1/s) or feed-forward end at the "
             f"bounds of their ranges. {describe_residuals(logs, j, residuals)}"
         )
-        return _without_model(joint, stretches, note)
+        return _without_model(joint, segments, note)
     servo = JointServo(*(rounded(x) for x in selected.servo))
     order, noise = selected.fit.problem.model.order, selected.fit.noise
-    file = [s.y - predict(s, servo, order, search.drive_cycle) for s in stretches]
-    unseen = [s.y - q for s, q in zip(selected.stretches, selected.unseen, strict=True)]
-    error, tracking = _judge(unseen, selected.stretches)
-    worst = max((error, tracking), _judge(file, stretches), key=lambda x: x[0] / x[1])
-    interval = max(float(np.median(np.diff(s.command.t))) for s in stretches)
+    file = [s.y - predict(s, servo, order, search.drive_cycle) for s in segments]
+    unseen = [s.y - q for s, q in zip(selected.segments, selected.unseen, strict=True)]
+    error, tracking = _judge(unseen, selected.segments)
+    worst = max((error, tracking), _judge(file, segments), key=lambda x: x[0] / x[1])
+    interval = max(float(np.median(np.diff(s.command.t))) for s in segments)
     unknown_cycle = 0.0 if search.drive_cycle else max(interval, USUAL_CYCLE)
     limit = {} if selected.limit is None else {selected.limit.name: selected.limit}
-    step = max(resolution(s.y) for s in stretches)
+    step = max(resolution(s.y) for s in segments)
     effective = not is_white(selected.fit.problem.residuals(selected.fit.x) / MRAD, step)
     rivals = selected.rivals if effective else ()
     rests = [np.full(len(x.t), np.nan) for x in logs]
-    for s, errors in zip(selected.stretches, unseen, strict=True):
+    for s, errors in zip(selected.segments, unseen, strict=True):
         t = logs[s.log].t - logs[s.log].t[s.start]
         some = (t >= s.command.t[s.use][0]) & (t <= s.command.t[-1])
         rests[s.log][some] = np.interp(t[some], s.command.t, errors)
@@ -194,10 +192,10 @@ def identify_joint(
     )
     if saturation is not None and saturation.hides and not joint.kp.determined:
         note = (
-            f"{name} has no model: {saturation.describe('it')}, and the rest does not determine "
-            "its servo: record more motion at lower accelerations."
+            f"{name} has no model: {saturation.describe('it')}, and the other samples do not "
+            "determine its servo: record more motion at lower accelerations."
         )
-        return _without_model(replace(joint, saturation=""), stretches, note)
+        return _without_model(replace(joint, saturation=""), segments, note)
     note, advice, share = "", "", worst[0] / worst[1]
     if worst[0] > max(SHARE * worst[1], NOISES * noise):
         note = (
@@ -208,81 +206,79 @@ def identify_joint(
     if note and (share > WEAK or selected.rms > SHARE * motion):
         allowed = f"{WEAK:.0%}" if share > WEAK else f"{SHARE:.0%} of the motion"
         note = f"{name} has no model: {note}, more than {allowed}.{advice}"
-        return _without_model(joint, stretches, note)
+        return _without_model(joint, segments, note)
     note = f"The model of {name} is weak: {note}, more than {SHARE:.0%}.{advice}" if note else ""
-    joint = replace(joint, note=note, tracking_rms=_rms(_lags(stretches), stretches)[0])
-    used = np.concatenate([x[s.use] for x, s in zip(unseen, selected.stretches, strict=True)])
-    return write_servo(
-        joint, stretches, servo, order, search.drive_cycle, float(np.abs(used).max())
-    )
+    joint = replace(joint, note=note, tracking_rms=_rms(_lags(segments), segments)[0])
+    used = np.concatenate([x[s.use] for x, s in zip(unseen, selected.segments, strict=True)])
+    return write_servo(joint, segments, servo, order, search.drive_cycle, float(np.abs(used).max()))
 
 
 def _without_model(
-    joint: JointIdentification, stretches: Sequence[LogSegment], note: str
+    joint: JointIdentification, segments: Sequence[LogSegment], note: str
 ) -> JointIdentification:
     """The joint of order "unknown", whose error is its tracking error about the mean."""
-    written = write_servo(joint, stretches, JointServo(math.inf))
+    written = write_servo(joint, segments, JointServo(math.inf))
     return replace(written, note=note, tracking_rms=written.rms)
 
 
-def _error(stretches: Sequence[LogSegment], selected: Selected) -> float:
+def _error(segments: Sequence[LogSegment], selected: Selected) -> float:
     """RMS error of a model over all samples [rad]."""
     order, drive_cycle = selected.fit.problem.model.order, selected.fit.problem.search.drive_cycle
-    return _rms(
-        [s.y - predict(s, selected.servo, order, drive_cycle) for s in stretches], stretches
-    )[0]
+    return _rms([s.y - predict(s, selected.servo, order, drive_cycle) for s in segments], segments)[
+        0
+    ]
 
 
-def _judge(errors: Sequence[FloatArray], stretches: Sequence[LogSegment]) -> tuple[float, float]:
+def _judge(errors: Sequence[FloatArray], segments: Sequence[LogSegment]) -> tuple[float, float]:
     """Error and tracking error of the log with the largest share, RMS [rad].
 
-    Those of a single log are weighted by motion, because some of its parts may stand.
+    Errors of a single log are weighted by motion, because the joint may rest in parts of it.
     """
-    logs = sorted({s.log for s in stretches if s.weight.any()})
-    single, pairs, lags = int(len(logs) == 1), [], _lags(stretches)
+    logs = sorted({s.log for s in segments if s.weight.any()})
+    single, pairs, lags = int(len(logs) == 1), [], _lags(segments)
     for k in logs:
-        indices = [i for i, s in enumerate(stretches) if s.log == k]
-        some = [stretches[i] for i in indices]
+        indices = [i for i, s in enumerate(segments) if s.log == k]
+        some = [segments[i] for i in indices]
         error = _rms([errors[i] for i in indices], some, centred=False)[single]
         pairs.append((error, max(_rms([lags[i] for i in indices], some)[single], LEAST_LAG)))
     return max(pairs, key=lambda x: x[0] / x[1])
 
 
-def _lags(stretches: Sequence[LogSegment]) -> list[FloatArray]:
+def _lags(segments: Sequence[LogSegment]) -> list[FloatArray]:
     """Measured positions less commands [rad]."""
-    return [s.y - s.command.u for s in stretches]
+    return [s.y - s.command.u for s in segments]
 
 
 def _rms(
-    values: Sequence[FloatArray], stretches: Sequence[LogSegment], *, centred: bool = True
+    values: Sequence[FloatArray], segments: Sequence[LogSegment], *, centred: bool = True
 ) -> tuple[float, float]:
-    """RMS of values over the samples that count, about their means, and weighted by motion."""
+    """RMS of values over the used samples about their means: unweighted, weighted by motion."""
     sums = np.zeros(4)
-    for x, s in zip(values, stretches, strict=True):
+    for x, s in zip(values, segments, strict=True):
         square = (x - (np.mean(x[s.use]) if centred else 0.0)) ** 2
         weight = s.weight * s.use
         sums += [square @ s.use, s.use.sum(), square @ weight, weight.sum()]
     return float(np.sqrt(sums[0] / sums[1])), float(np.sqrt(sums[2] / max(sums[3], 1e-300)))
 
 
-def _why_none(stretches: Sequence[LogSegment]) -> str:
-    """Why nothing can be identified: no motion, or only a uniform velocity; else empty."""
-    if not stretches:
+def _explain_no_model(segments: Sequence[LogSegment]) -> str:
+    """The reason why nothing can be identified (no motion, uniform velocity), else empty."""
+    if not segments:
         return f"there are no {FEWEST} samples without a gap: record more."
-    if not any((s.weight * s.use).any() for s in stretches):
+    if not any((s.weight * s.use).any() for s in segments):
         return "no motion is commanded: record a program in which it moves."
     if all(
-        np.ptp(s.y) <= LEAST_MOTION or np.std(s.y) <= STILL * white_noise(s.y) for s in stretches
+        np.ptp(s.y) <= LEAST_MOTION or np.std(s.y) <= STILL * white_noise(s.y) for s in segments
     ):
-        change = max(float(np.ptp(s.command.u)) for s in stretches)
+        change = max(float(np.ptp(s.command.u)) for s in segments)
         still = f"it shows no motion beyond noise, though commands change by {change:.3g} rad"
         return f"{still}: record more motion."
-    if not any(changes_velocity(s.command.t, x) for s in stretches for x in (s.command.u, s.y)):
+    if not any(changes_velocity(s.command.t, x) for s in segments for x in (s.command.u, s.y)):
         return "the velocity is uniform, which shows a lag, but no gains: record a multisine."
     return ""
 
 
 def changes_velocity(t: FloatArray, x: FloatArray) -> bool:
-    """Whether positions [rad] over times [s] are more than a straight line and noise, (n,) each."""
+    """True if positions [rad] over times [s], (n,), differ from a line by more than noise."""
     errors = x - np.polyval(np.polyfit(t, x, 1), t)
     return bool(np.std(errors) > STILL * white_noise(x) and np.ptp(errors) > LEAST_BEND)

@@ -1,4 +1,4 @@
-"""Learning from run to run: set-points from what the joints did with those before."""
+"""Iterative learning control: set-points of the next run from logs of earlier runs."""
 
 from armcontour.control.learning.learner import judge_run, learn
 from armcontour.control.learning.learning_result import LearningResult, LearningRun, Recording

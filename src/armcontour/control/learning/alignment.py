@@ -1,4 +1,4 @@
-"""The clock of a recording, in time of the plan, and refusals of recordings of something else."""
+"""Alignment of a recording with the plan (clock, outliers, tool positions), with checks."""
 
 from __future__ import annotations
 
@@ -19,38 +19,38 @@ from armcontour.core.sampling import DEVIATION_PER_MEDIAN, interpolate, white_no
 from armcontour.motion import SetPoints
 from armcontour.motion.log_checks import check_is_whole, find_misreading
 
-# Largest difference between two clocks; more is another job, or another unit of time.
+# Largest difference between two clocks; a larger one means another job or unit of time.
 WORST_RATE = 0.03
 # Cycles over which differences of set-points are averaged.
 AVERAGED = 10
-# Steps of Newton's method, which ends below this time [s].
+# Largest number of Newton steps, and the change at which they end [s].
 STEPS, NEAR = 30, 1e-9
-# A recording is one of this motion if it differs from what is expected by at most this share of
+# A recording belongs to this motion if it differs from the expected one by at most this share of
 # the motion. A loaded arm with weak gains differs by some percent, other jobs by 100 % and more.
 UNLIKE = 0.3
-# Fewest samples in a period of the loops' natural frequency: disturbances up to it become errors.
+# Fewest samples per period of the loops' natural frequency: slower disturbances cause errors.
 SAMPLES = 5.0
-# Two intervals that differ by less than this share are the same: clocks drift.
+# Intervals that differ by less than this share are equal, because clocks drift.
 SAME = 0.01
-# Logged set-points are those of another run if they differ from the exported ones by more than this
-# RMS [rad], by more than this share of the errors, and by more than so many times the noise.
+# Logged set-points belong to another run if they differ from the exported ones by more than this
+# RMS [rad], by more than this share of the errors, and by more than this multiple of the noise.
 OTHERS, SHARE, NOISES = 1e-4, 0.05, 10.0
-# A tracker is in another frame, or tracks another point, if the tool is this far away [m]: no
-# elastic joint gives way by so much.
+# A tracker measures in another frame, or another point, if its tool positions differ by more than
+# this [m]: elastic joints deflect less.
 FAR = 0.05
-# Size of outliers relative to the noise and to the range of samples between these quantiles, number
-# of passes that find them, and the largest share of all samples.
+# Smallest outlier relative to the noise and to the range of samples between these quantiles, number
+# of passes, and largest share of outliers.
 OUTLIER, SPIKE, RANGE, PASSES, MOST_OUTLIERS = 10.0, 0.1, (0.05, 0.95), 5, 0.02
-# An encoder has a new offset if all deviations from the run before have one of so many times their
-# standard deviation, and of at least this [rad].
+# An encoder has a new offset if the median deviation from the previous run is at least this many
+# standard deviations, and at least this [rad].
 SHIFTED, LEAST_SHIFT = 6.0, 1e-4
 
 
 def replace_outliers(values: FloatArray, noise: FloatArray) -> tuple[FloatArray, int]:
-    """Samples whose outliers are replaced by interpolation, and the number of the outliers.
+    """Samples with outliers replaced by interpolation, and the number of outliers.
 
     An outlier differs from the cubic through its two neighbours on each side by OUTLIER times the
-    noise and by SPIKE of the range of most samples. Many such samples are no outliers.
+    noise and by SPIKE times the quantile range. If there are too many, none is replaced.
 
     Args:
         values: Deviations of the joints [rad], (n, dof).
@@ -63,7 +63,7 @@ def replace_outliers(values: FloatArray, noise: FloatArray) -> tuple[FloatArray,
         padded = np.pad(cleaned, ((2, 2), (0, 0)), mode="edge")
         far, near = padded[:-4] + padded[4:], padded[1:-3] + padded[3:-1]
         distances = np.abs(cleaned - (4 * near - far) / 6)
-        # An outlier spoils the cubics of its neighbours, so only the largest one nearby counts.
+        # An outlier distorts the cubics of its neighbours, so only the local maximum counts.
         new = (distances > allowed) & (distances >= maximum_filter1d(distances, 5, axis=0))
         if not new.any():
             break
@@ -102,10 +102,9 @@ class Aligned(NamedTuple):
 def align(
     recording: Recording, lifted: Lifted, set_points: SetPoints, expected: FloatArray | None = None
 ) -> Aligned:
-    """The clock of a recording, and the motion that the model expects in it.
+    """Align a recording with the plan by its set-points, or else by the expected motion.
 
-    By the recorded set-points where there are some, and else by the expected motion: a dead time
-    that the servo model does not know is then part of the offset.
+    In the latter case, dead time that is not in the servo model becomes part of the offset.
 
     Args:
         recording: What was measured.
@@ -151,7 +150,7 @@ def align(
     apart = recording.q - lifted.between(t, expected)
     deviation = rms(apart)
     if deviation > UNLIKE * moved:
-        # How far joints are from where they start needs no order and no unit of columns.
+        # The distance from the start depends on neither the order nor the unit of columns.
         gone, due = (np.linalg.norm(x - x[0], axis=1)[:, None] for x in (recording.q, expected))
         gone, due = (x / max(float(x.max()), 1e-300) for x in (gone, due))
         start = 0.0 if recording.in_plan_time else coarse_offset(recording.t, gone, lifted.t, due)
@@ -184,7 +183,7 @@ def align(
 
 
 def check_set_points(run: LearningRun) -> None:
-    """Refuse the log of another run by its set-points.
+    """Check that the logged set-points are those of the run.
 
     Raises:
         InvalidInput: They differ from those of the set-points by more than noise explains.
@@ -193,7 +192,7 @@ def check_set_points(run: LearningRun) -> None:
     allowed = max(OTHERS, SHARE * error, NOISES * noise)
     if run.set_points_off > allowed:
         raise InvalidInput(
-            f"{run.source} is the log of another run: its set-points differ from the set-points "
+            f"{run.source} is the log of another run: its set-points differ from those of this run "
             f"by {run.set_points_off * 1e3:.3g} mrad RMS, and at most {allowed * 1e3:.3g} mrad is "
             f"allowed for noise of {noise * 1e3:.2g} mrad. Give the set-points that the robot "
             "executed; if the controller logs filtered set-points, give a log without them.",
@@ -204,10 +203,10 @@ def check_set_points(run: LearningRun) -> None:
 
 
 def set_points_off(t: FloatArray, command: FloatArray | None, set_points: SetPoints) -> float:
-    """RMS by which recorded set-points are beside those of the set-points [rad]; 0 without any.
+    """RMS difference of recorded and executed set-points [rad]; 0 if none are recorded.
 
-    Controllers record them held or interpolated, and stamp them a little early or late. That makes
-    differences which go to and fro within an interval, so differences are averaged over several.
+    Controllers record set-points held or interpolated, with small offsets in time. The resulting
+    differences alternate within a cycle, so they are averaged over AVERAGED cycles.
 
     Args:
         t: Times of the recording, in time of the plan [s], (m,).
@@ -226,7 +225,7 @@ def set_points_off(t: FloatArray, command: FloatArray | None, set_points: SetPoi
 def fit_to(
     t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
 ) -> tuple[float, float]:
-    """The clock with which values fit a reference: time of the plan is `offset + rate t`.
+    """Fit the clock of values to a reference: time of the plan is `offset + rate t`.
 
     Args:
         t: Times of the recording [s], (m,).
@@ -249,7 +248,7 @@ def fit_to(
             break
         rows = slope(plan_times[inside])
         errors = values[inside] - curve(plan_times[inside])
-        # Constant differences of a joint, as of a load that hangs on it, say nothing about time.
+        # Constant differences of a joint, for example due to a load, do not depend on time.
         parts = np.stack([rows, rows * (t[inside] - middle)[:, None]], axis=2)
         parts -= parts.mean(axis=0)
         errors = errors - errors.mean(axis=0)
@@ -264,7 +263,7 @@ def fit_to(
 def coarse_offset(
     t: FloatArray, values: FloatArray, times: FloatArray, reference: FloatArray
 ) -> float:
-    """About the offset with which values fit a reference best [s].
+    """Approximate offset with the best fit of values to a reference [s].
 
     Args:
         t: Times of the recording [s], (m,).
@@ -277,7 +276,7 @@ def coarse_offset(
     step = max(float(np.median(np.diff(t))), float(times[1] - times[0]))
     span = float(np.ptp(times))
     short = np.arange(times[0], times[-1] + step / 2, step)
-    # The arm rests before and after its motion: what was not recorded is as at the edges.
+    # The arm rests before and after its motion, so the edges are extrapolated as constants.
     edge = WORST_RATE * span + max(span - float(np.ptp(t)), 0.0)
     long = np.arange(t[0] - edge, t[-1] + edge + step / 2, step)
     pattern = interpolate(short, times, reference)
@@ -296,17 +295,17 @@ def add_tool(
     error: FloatArray,
     clock: tuple[float, float] | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Errors of the joints that explain what encoders and a tracker have measured.
+    """Joint errors that explain the measurements of encoders and a tracker.
 
-    What the tracker sees and the encoders do not, as links that give way, is added as the smallest
-    motion of the joints that explains it; with noise, less.
+    Deviations that only the tracker measures, such as deflections of links, are converted to joint
+    errors by damped least squares, with damping from the noise.
 
     Args:
         tool: Times [s], (m,), and positions of the tool point in the frame of the path [m],
             (m, dimension).
         lifted: The model.
         error: Errors of the joints by encoders [rad], (n, dof).
-        clock: The tracker's clock, if known; otherwise it is found from the motion.
+        clock: Offset and rate of the tracker's clock; None fits them to the motion.
 
     Returns:
         Errors of the joints [rad], (n, dof), and the standard deviation of the white noise that the
@@ -337,14 +336,14 @@ def add_tool(
     largest = float(np.linalg.norm(offsets, axis=1).max())
     if largest > FAR:
         raise InvalidInput(
-            f"The measured tool is {1e3 * largest:.4g} mm from where the joints say it is, and "
+            f"The measured tool is {1e3 * largest:.4g} mm from its position by the encoders, and "
             f"more than {1e3 * FAR:g} mm is not compliance: give positions of the tool point in "
             "the frame of the path, in metres.",
             needed=largest,
             allowed=FAR,
         )
     noise = float(np.mean(white_noise(points - lifted.between(plan_times, encoded), order=4) ** 2))
-    # Joints are as likely to give way as makes the tool move as it does.
+    # Prior variance of joint deflections, from the size of the tool's deviations.
     jacobian = arm.tool_jacobian(lifted.planned)
     transposed = np.swapaxes(jacobian, 1, 2)
     product = jacobian @ transposed

@@ -1,4 +1,4 @@
-"""What runs tell: the noise, the error that repeats, and how far the model is off."""
+"""Estimation from runs: noise, repeating error, and error of the model's response."""
 
 from __future__ import annotations
 
@@ -11,22 +11,21 @@ from armcontour.control.learning.learning_result import LearningRun
 from armcontour.control.learning.lifted_model import Lifted
 from armcontour.core.checks import FloatArray
 
-# The relative error of the model's response where the model is right, from tests of `Response`.
+# Relative error of the response of an exact model, from tests of `Response`.
 MODEL = 1e-3
-# The response counts as off by this fraction, at least: runs that tell less moved far, and small
-# changes meet friction, which is not linear.
+# Smallest assumed relative error of the response, because friction is not linear for small changes.
 UNTESTED = 0.3
-# Errors of set-points between or beyond those of runs are off by this fraction, as friction is not
+# Relative error of errors that are interpolated or extrapolated from runs, because friction is not
 # linear.
 LINEAR = 0.3
-# Each setback forbids changes that are ten times as slow.
+# Factor of the penalty per setback: changes become ten times as slow.
 SLOWER = 100.0
-# Another run is worth while if it can reduce the error by more than this factor.
+# Another run is useful if it can reduce the error by more than this factor.
 WORTH = 1.05
 
 
 def model_error(noise: FloatArray, error: FloatArray) -> FloatArray:
-    """Variance of what the model need not explain in an error [rad²], (dof,).
+    """Variance of the part of an error that the model need not explain [rad²], (dof,).
 
     Args:
         noise: Standard deviation of the white noise in the error [rad], (dof,).
@@ -40,8 +39,8 @@ def smooth_error(
 ) -> FloatArray:
     """The part of an error that a disturbance of the drives explains [rad], (n, dof).
 
-    A random walk describes the disturbance, but not what learned set-points leave of it: these are
-    peaks, as at reversals and corners.
+    The disturbance is modelled as a random walk. Its remainder after learning is not, because it
+    has peaks at reversals and corners.
 
     Args:
         lifted: The model.
@@ -54,8 +53,8 @@ def smooth_error(
     return np.asarray(lifted.smooth(remaining, lifted.choose_penalty(remaining, variance)) + moved)
 
 
-class Estimate:
-    """What runs tell together.
+class ErrorEstimate:
+    """Joint estimate from several runs.
 
     Args:
         lifted: The model.
@@ -64,15 +63,15 @@ class Estimate:
     Attributes:
         spread: Standard deviation of the errors that differ between runs [rad], (dof,).
         best: Index of the run whose set-points have the smallest repeating error.
-        q: Set-points that all runs together say have the least error [rad], (count, dof).
+        q: Set-points with the smallest error, estimated from all runs [rad], (count, dof).
         error: Their repeating error [rad], (n, dof).
         repeats: RMS error of the best run that repeats [m].
         differs: RMS error that differs between runs [m].
         noise: RMS error that does not repeat, with noise of the measurement and of the loops [m].
         removed: The part of `error` that a change of the set-points removes [rad], (n, dof).
-        off: Relative error of the model's response, by the last run that was predicted.
+        response_error: Relative error of the model's response, by the last run that was predicted.
         independent: Number of independent values of the noise in a run.
-        step: The share of a change that leaves least error if its response is off by `off`.
+        step: The share of a change that minimises the error for this error of the response.
         expected: RMS error of another run of the best set-points [m].
         resolution: Standard deviation of a run's RMS error by noise [m].
     """
@@ -93,10 +92,10 @@ class Estimate:
             alone.append(lifted.judge(smooth_error(lifted, mean, white, moved)).rms)
         self.best = int(np.argmin(alone))
         self.repeats = alone[self.best]
-        # Noise of a position measurement moves the joint as noise of the command does.
+        # Noise of a position measurement moves the joint like noise of the command.
         loops = np.random.default_rng(1).normal(size=lifted.planned.shape) * runs[-1].loop_noise
         self._in_loops = lifted.judge(lifted.respond_to(loops))
-        self.off = self._compare()
+        self.response_error = self._compare()
         self.q, self.error, variance = self._combine()
         moved = lifted.respond(self.q - runs[0].q)
         self._penalty = lifted.choose_penalty(self.error - moved, variance)
@@ -104,16 +103,16 @@ class Estimate:
         self.removed = moved - response
         measured = lifted.judge(self._unknown(np.sqrt(variance))).rms
         self.noise = float(np.hypot(measured, max(self._in_loops.rms, self.differs)))
-        self.step = 1 / (1 + self.off**2)
+        self.step = 1 / (1 + self.response_error**2)
         self.expected = float(np.hypot(self.repeats, self.noise if self.differs > 0 else 0.0))
         self.resolution = float(self.noise / np.sqrt(self.independent))
 
     def _find_spread(self) -> FloatArray:
         """The standard deviation of errors that differ between runs [rad], (dof,).
 
-        The squared difference of two runs is twice the variance of what does not repeat, and a
-        share of the square of what the model says of their set-points: UNTESTED or more. Two runs
-        of different set-points cannot tell these apart.
+        The squared difference of two runs is twice the variance of the error that does not repeat,
+        plus a share (at least UNTESTED**2) of the squared response to the difference of their
+        set-points. Two runs of different set-points cannot separate these.
         """
         pairs = list(combinations(range(len(self.runs)), 2))
         spread = np.zeros(self.lifted.dof)
@@ -129,11 +128,11 @@ class Estimate:
             for j in range(len(spread)):
                 rows = np.column_stack([np.full(len(pairs), 2.0), moves[:, j]])
                 spread[j] = np.sqrt(nnls(rows / scale[:, [j]], observed[:, j] / scale[:, j])[0][0])
-        # Less than the white noise of one value cannot be told from errors of the model.
+        # A spread below the white noise of one value is not distinguishable from model errors.
         return np.where(spread > self.runs[-1].noise, spread, 0.0)
 
     def _judge_spread(self) -> float:
-        """RMS error of the tool that differs between runs [m]; how many values of it are free."""
+        """RMS tool error that differs between runs [m]; also updates `independent`."""
         if not self.spread.any():
             return 0.0
         rests, squares = self._errors - self._moves, []
@@ -148,7 +147,7 @@ class Estimate:
         return float(np.sqrt(np.mean(squares)))
 
     def _unknown(self, deviation: float) -> FloatArray:
-        """An error as probable as the one that noise leaves unknown [rad], (n, dof)."""
+        """A random sample of the error that noise leaves undetermined [rad], (n, dof)."""
         random, shape = np.random.default_rng(0), self.runs[0].q.shape
         walk = random.normal(size=shape).cumsum(axis=0) * deviation / np.sqrt(self._penalty)
         error = self.lifted.respond(walk)
@@ -156,17 +155,17 @@ class Estimate:
         return self.lifted.smooth(error + white, self._penalty) - error
 
     def correct(self, setbacks: int) -> FloatArray:
-        """Set-points without the error that repeats [rad], (count, dof)."""
+        """Set-points that remove the repeating error [rad]; each setback slows the change."""
         if not setbacks:
             return np.asarray(self.runs[0].q + self._change)
         slow = self.lifted.correct(self.removed, self._penalty * SLOWER**setbacks)[0]
         return np.asarray(self.q + slow)
 
     def _mean_at(self, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The error that repeats for set-points with a response, by all runs [rad], (n, dof).
+        """Repeating error for set-points with this response, by all runs, and the weights of runs.
 
-        Runs count by the inverse variance of their noise and of the error of the model; these
-        weights are returned, too, (runs, dof).
+        Weights (runs, dof) are inverse variances of noise and model error; the error is in rad,
+        (n, dof).
         """
         variance = UNTESTED**2 * ((moved - self._moves) ** 2).mean(axis=1)
         weights = 1 / np.maximum(self.spread**2 + self._white + variance, 1e-300)
@@ -175,9 +174,9 @@ class Estimate:
         return mean, weights
 
     def _compare(self) -> float:
-        """How far the model's response is off, relatively, by the last run but the best one.
+        """Relative error of the model's response, by the last run that is not the best one.
 
-        White noise, what does not repeat and the noise in the loops of both runs do not count.
+        White noise, the error that does not repeat, and noise in the loops are excluded.
         """
         lifted, best = self.lifted, self.best
         for k in reversed(range(len(self.runs))):
@@ -194,19 +193,19 @@ class Estimate:
         return UNTESTED
 
     def _combine(self) -> tuple[FloatArray, FloatArray, float]:
-        """Set-points between or beyond those of the runs, with the least error by all runs.
+        """Combination of the runs' set-points with the smallest error.
 
-        The error is an affine function of the set-points, whatever the robot is, as far as it is
-        linear: a mean of runs, with weights that may be negative, has the mean of their errors.
-        Every joint has its own weights, which the model's coupling of joints is added to. Noise
-        and what is not linear keep the weights small. What does not repeat is averaged.
+        The error of a linear robot is an affine function of the set-points: a weighted mean of
+        runs (weights may be negative) has the weighted mean of their errors. Every joint has its
+        own weights; the model adds the coupling of joints. Noise and non-linearity keep the
+        weights small. The error that does not repeat is averaged.
 
         Returns:
             The set-points [rad], their error [rad], and the variance of its noise [rad²].
         """
         best, errors, spread = self.best, self._errors, self.spread**2
         moved = self._moves - self._moves[best]
-        # What differs between runs is no effect of set-points.
+        # Errors that differ between runs are not an effect of set-points.
         power, unmoved = (moved**2).sum(axis=1), 2 * len(moved[0]) * spread
         gain = np.where(unmoved > 0, power / np.maximum(power + unmoved, 1e-300), 1.0)
         apart = gain[:, None] * (errors - errors[best])
@@ -235,6 +234,6 @@ class Estimate:
 
     @property
     def is_noise(self) -> bool:
-        """Whether the error that repeats is so small that one more run hardly helps."""
+        """True if another run cannot reduce the error by more than the factor WORTH."""
         after = np.sqrt(1 + 1 / len(self.runs))
         return bool(np.hypot(self.repeats, self.noise) <= WORTH * after * self.noise)

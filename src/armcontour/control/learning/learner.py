@@ -1,4 +1,4 @@
-"""Public functions `learn`: set-points for the next run; `judge_run`: the errors of a run alone."""
+"""`learn`: set-points for the next run; `judge_run`: errors of a run only."""
 
 from __future__ import annotations
 
@@ -10,7 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from armcontour.control.learning import alignment
-from armcontour.control.learning.error_estimate import UNTESTED, Estimate, model_error, smooth_error
+from armcontour.control.learning.error_estimate import (
+    UNTESTED,
+    ErrorEstimate,
+    model_error,
+    smooth_error,
+)
 from armcontour.control.learning.learning_result import (
     LearningResult,
     LearningRun,
@@ -37,30 +42,31 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import LONGEST_DEAD_TIME
 
-# What the joints did in a run.
+# Measured or simulated motion of a run.
 Executed: TypeAlias = Execution | Log | Recording
-# What they did in runs of the same set-points, and measured positions of the tool.
+# Motion of one or several runs of the same set-points.
 Runs: TypeAlias = Executed | Sequence[Executed]
+# Times and measured positions of the tool.
 Tool: TypeAlias = tuple[npt.ArrayLike, npt.ArrayLike] | None
 
-# Usual cycle time of a drive [s], where the recording does not tell.
+# Assumed cycle time of a drive [s].
 DRIVE_CYCLE = 2.5e-4
-# Position loop gain of a joint whose servo has none [1/s]: that of many industrial drives.
+# Position loop gain of a joint whose servo has none [1/s], typical of industrial drives.
 TYPICAL_GAIN = 25.0
 # Learning ends after this many setbacks; each halves the step.
 MOST_SETBACKS = 3
 HALF = 0.5
-# Set-points may accelerate so many times as much as before learning, where this is above the limit
-# of the joint. Joints that hardly move count as accelerating by RESTING times the fastest one.
+# Largest acceleration of set-points relative to that before learning, if it exceeds the limit of
+# the joint. Joints that hardly move count as accelerating by RESTING times the fastest one.
 ROUGHER, RESTING = 2.0, 0.25
-# Learning ends at this setback if the effect of the last change is off by more than this share: by
-# the servo model, unless learning has reduced the first error to the share PROVEN with it.
+# Learning ends at this setback if the relative error of the response exceeds MOST_OFF. The servo
+# model is the cause unless learning has reduced the first error to the share PROVEN.
 SETBACKS_OFF, MOST_OFF, PROVEN = 2, 1.0, 0.5
-# A lesson has learned nothing if limits of the set-points leave less than this share of the change.
+# Learning ends if limits of the set-points allow less than this share of the change.
 NO_GAIN = 0.05
-# Share of the error that the first lesson leaves, as a median, where its servo was fitted.
+# Median share of the error that remains after the first lesson with a fitted servo.
 FITTED = 0.1
-# A run is worse than another one, not noisy, by this many standard deviations.
+# A run is worse than another one if its error is larger by this many standard deviations.
 SURE = 3.0
 
 
@@ -76,36 +82,35 @@ def learn(
     controller: Arm | None = None,
     tool: Tool = None,
 ) -> LearningResult:
-    """Set-points for the next run, from those of the last run and what the joints did.
+    """Compute set-points for the next run from those of the last run and its log.
 
-    Give the lesson that this returns, and the log of its run, for the run after it. Logs of several
-    runs of the same set-points show which errors repeat; after three runs of learned set-points
-    these are known, too.
+    For the run after that, pass the returned lesson and its log. Logs of several runs of the same
+    set-points show which errors repeat; three runs of learned set-points show this, too.
 
     Args:
         set_points: The set-points of the last run: a `LearningResult` with the runs before it, or
             other set-points for the first run.
-        executed: What the joints did: an execution, a log with set-points, from which the clock is
-            found, or a recording of joint positions alone; or several of these.
+        executed: Motion of the joints: an execution, a log with set-points, which determine the
+            clock, or a recording of joint positions only; or several of these.
         arm: The nominal arm. If it has masses, and the servo is of second order, the model is one
             of rigid bodies; otherwise of its servos alone.
         servo: The nominal servo.
-        limits: Limits of the controller, as in `compensate`. Without `limits`, set-points keep
-            those of the plan, unless set-points of the last run exceed them already.
+        limits: Limits of the controller, as in `compensate`. By default those of the plan, unless
+            set-points of the last run already exceed them.
         gravity_feedforward: Whether the controller adds the torque against gravity.
         controller: The arm model of the controller, if `arm` has been updated since, for example
             by an identified payload.
         tool: Times [s], (m,), and measured positions of the tool point in the frame of the path
             [m], (m, dimension), from a tracker. With an execution the times are those of its plan;
-            otherwise the tracker has a clock of its own, and a tool that is late on its whole way
-            cannot be told from a clock that is off. Give it for every run, of one log each, or for
-            none.
+            otherwise the tracker has its own clock, and a constant delay of the tool is not
+            distinguishable from an offset of this clock. Give it for every run, with one log each,
+            or for none.
 
     Raises:
-        InvalidInput: The log is not of this set-points, or not fit to learn from.
+        InvalidInput: The log is not one of these set-points, or not suitable for learning.
         CompensationError: The set-points of the last run exceed the limits.
     """
-    result, lifted = _see(
+    result, lifted = _evaluate_runs(
         set_points, executed, Nominal(arm, servo, gravity_feedforward, controller), tool
     )
     for run in result.runs:
@@ -125,18 +130,18 @@ def judge_run(
     controller: Arm | None = None,
     tool: Tool = None,
 ) -> LearningResult:
-    """Judge runs by their logs as `learn` does, and learn nothing from them.
+    """Determine the errors of runs from their logs as `learn` does, without learning.
 
     Returns:
-        A finished lesson of these runs alone, with the set-points of `set_points`.
+        A finished lesson of these runs only, with the set-points of `set_points`.
 
     Raises:
-        InvalidInput: The log is not of this set-points, or not fit to be judged.
+        InvalidInput: The log is not one of these set-points, or not suitable.
     """
-    result, lifted = _see(
+    result, lifted = _evaluate_runs(
         set_points, executed, Nominal(arm, servo, gravity_feedforward, controller), tool
     )
-    estimate = Estimate(lifted, result.runs)
+    estimate = ErrorEstimate(lifted, result.runs)
     return replace(
         result,
         predicted=estimate.expected,
@@ -146,10 +151,10 @@ def judge_run(
     )
 
 
-def _see(
+def _evaluate_runs(
     set_points: SetPoints, executed: Runs, nominal: Nominal, tool: Tool
 ) -> tuple[LearningResult, Lifted]:
-    """Runs as learning sees them, with times as the robot has them, before any estimate."""
+    """Errors of the runs and the model, with times of the robot, before any estimate."""
     if tool is not None:
         tool = checks.check_sequence("tool", tool, object, "times and positions of the tool", 2)
     logs = executed if isinstance(executed, (list, tuple)) else (executed,)
@@ -170,7 +175,7 @@ def _see(
         cycle=set_points.cycle, q=set_points.q, trajectory=set_points.trajectory,
         method=set_points.method, start_time=set_points.start_time,
         command_limits=set_points.command_limits, servo=fitted, misfits=misfits, lifted=lifted,
-        runs=tuple(_judge_run(lifted, set_points, record(x, set_points), tool) for x in logs),
+        runs=tuple(_measure_errors(lifted, set_points, record(x, set_points), tool) for x in logs),
         delay=float((fitted.dead_time - servo.dead_time).max()),
         predicted=0.0, noise=0.0, best=0, repeats=0.0, finished=True, reason="learned nothing",
     )  # fmt: skip
@@ -178,10 +183,10 @@ def _see(
 
 
 def _linear(servo: ServoModel, arm: Arm) -> ServoModel:
-    """The linear response of a servo with values per joint, which a fit can change.
+    """Linear servo model with values per joint.
 
-    Friction is learned. A joint that only delays its command is one of order "first" with velocity
-    feed-forward 1. On rigid bodies a cycle delays by half of it.
+    Friction is removed, because it is learned. A pure delay becomes order "first" with velocity
+    feed-forward 1. On rigid bodies, a drive cycle becomes a dead time of half a cycle.
     """
     servo = servo.replace(friction=0.0).for_joints(arm.dof)
     if servo.drive_cycle and arm.has_bodies and servo.replace(drive_cycle=0.0).is_plain("second"):
@@ -200,11 +205,10 @@ def _linear(servo: ServoModel, arm: Arm) -> ServoModel:
 def _fit_model(
     set_points: SetPoints, logs: Sequence[Executed], nominal: Nominal
 ) -> tuple[SetPoints, Lifted, tuple[float, float]]:
-    """Set-points with times as the robot has them, the model, and misfits, by the first logs.
+    """Fit the servo to the mean of the first logs: set-points, model, and misfits.
 
-    The servo is fitted to the mean of the logs. A robot with more dead time than its model,
-    by whole cycles, gets its set-points earlier by these: only their times in the plan
-    change.
+    If the robot has more dead time than its model, set-points are shifted by whole cycles: only
+    their times in the plan change.
     """
     lifted = Lifted(set_points, nominal)
     errors, noises, interval = [], [], np.inf
@@ -228,7 +232,7 @@ def _fit_model(
     return set_points, Lifted(set_points, nominal._replace(servo=servo)), misfits
 
 
-def _judge_run(
+def _measure_errors(
     lifted: Lifted, set_points: SetPoints, recording: Recording, tool: Tool
 ) -> LearningRun:
     """Errors of a run."""
@@ -243,13 +247,13 @@ def _judge_run(
     aligned = alignment.align(recording, lifted, set_points, expected)
     offset, rate, expected, measured, noise, shift, outliers = aligned
     error = measured - lifted.planned
-    # Noise of positions in the joints' loops: exact positions show it in the command that explains
-    # them; the encoders' noise hides it, but the loops have the same noise in every cycle.
+    # Measurement noise in the loops. Exact positions show it in their equivalent command. With
+    # encoder noise it is not visible, but has the same variance per drive cycle.
     in_loop = noise * np.sqrt(min(DRIVE_CYCLE, recording.interval) / lifted.step)
     if recording.exact:
         command = lifted.equivalent_command(measured - expected)
         in_loop = white_noise(command, smoothed=True, order=4)
-    # Noise of samples that are further apart than the model's times counts for all of these.
+    # If samples are further apart than the model's times, their noise affects several of these.
     noise *= np.sqrt(max(recording.interval * rate / lifted.step, 1.0))
     if tool is not None:
         clock = (offset, rate) if recording.in_plan_time else None
@@ -273,29 +277,33 @@ def _judge_run(
 def _next_lesson(
     result: LearningResult, lifted: Lifted, last: LearningResult | None, limits: Limits | None
 ) -> LearningResult:
-    """The lesson after the runs that were seen and those of the last lesson."""
+    """The lesson after the new runs and those of the last lesson."""
     none: tuple[tuple[LearningRun, ...], int, bool] = ((), 0, False)
     earlier, setbacks, done = (last.runs, last.setbacks, last.finished) if last else none
     runs = (*earlier, *result.runs)
-    estimate = Estimate(lifted, runs)
+    estimate = ErrorEstimate(lifted, runs)
     best = runs[estimate.best]
     before = min((x.rms for x in earlier), default=np.inf)
     now = rms(np.array([x.rms for x in result.runs]))
     is_setback = now > before + SURE * estimate.resolution and not done
     setbacks += is_setback
     step = HALF**setbacks * (estimate.step if earlier else 1.0)
-    limits_kept = _limits_to_keep(result, limits)
-    check_commands(replace(result, q=best.q), limits_kept)
+    applied = _limits_to_keep(result, limits)
+    check_commands(replace(result, q=best.q), applied)
     first = _accelerations(runs[0].q, result.cycle)
     fastest = ROUGHER * np.maximum(first, RESTING * first.max())
-    if limits_kept.joint_acceleration is not None:
-        slowest = np.minimum(*np.abs(limits_kept.acceleration_bounds(lifted.dof)))
+    if applied.joint_acceleration is not None:
+        slowest = np.minimum(*np.abs(applied.acceleration_bounds(lifted.dof)))
         fastest = np.maximum(slowest, fastest)
     requested = best.q + step * (estimate.correct(setbacks) - best.q)
-    q, reason = _keep_limits(result, requested, best.q, limits_kept, fastest)
-    # Learning slows down from run to run, as noise and friction take a larger share.
+    q, reason = _keep_limits(result, requested, best.q, applied, fastest)
+    # Learning slows down from run to run, because the share of noise and friction increases.
     fraction = FITTED if any(result.misfits) else UNTESTED
-    fraction = max(estimate.off, float(np.sqrt(min(now / before, 1.0)))) if earlier else fraction
+    fraction = (
+        max(estimate.response_error, float(np.sqrt(min(now / before, 1.0))))
+        if earlier
+        else fraction
+    )
     remaining = lifted.judge(fraction * estimate.removed).rms
     lost = lifted.respond(requested - q)
     remaining += lifted.judge(lost).rms + (1 - step) * estimate.repeats
@@ -317,21 +325,21 @@ def _next_lesson(
 
 
 def _limits_to_keep(result: LearningResult, limits: Limits | None) -> Limits:
-    """The limits that lessons keep; of the plan's those only that its set-points kept."""
+    """Limits of learned set-points: those of the plan only if its set-points satisfy them."""
     selected = result.trajectory.limits_for(result.command_limits if limits is None else limits)
     return selected.of_tool if limits is None and describe_excess(result) else selected
 
 
-def _reason_to_finish(estimate: Estimate, setbacks: int, is_setback: bool) -> str:
-    """Why no further lesson is expected to reduce the error; empty if one may."""
+def _reason_to_finish(estimate: ErrorEstimate, setbacks: int, is_setback: bool) -> str:
+    """The reason why further lessons are not expected to reduce the error, else empty."""
     if estimate.is_noise:
         return "what remains is noise"
-    if is_setback and setbacks >= SETBACKS_OFF and estimate.off > MOST_OFF:
+    if is_setback and setbacks >= SETBACKS_OFF and estimate.response_error > MOST_OFF:
         if estimate.runs[estimate.best].rms < PROVEN * estimate.runs[0].rms:
             return "what remains does not repeat"
         return (
-            f"the last change made the error larger, and its effect differs by {estimate.off:.0%} "
-            "from that of the servo model, so identify the servo"
+            "the last change made the error larger, and its effect differs by "
+            f"{estimate.response_error:.0%} from that of the servo model, so identify the servo"
         )
     if setbacks >= MOST_SETBACKS:
         return f"{setbacks} changes made the error larger"

@@ -38,9 +38,9 @@ class Recording(Checked):
         q: Measured joint positions [rad], (n, dof).
         command: Set-points at the same times [rad], (n, dof), by which the clock is found; None if
             they were not recorded.
-        in_plan_time: Whether `t` counts from the start of the plan, without error.
-        exact: Whether `q` are the true positions of a simulation, without measurement noise.
-        source: Where it comes from, for messages.
+        in_plan_time: True if `t` is exactly the time of the plan.
+        exact: True if `q` are the true positions of a simulation, without measurement noise.
+        source: Source of the data, for messages.
         notes: As in `Log`.
 
     Raises:
@@ -60,7 +60,7 @@ class Recording(Checked):
             raise InvalidInput(f"{self.source} needs at least two times, which must increase.")
 
     def __str__(self) -> str:
-        """Where it comes from, its times, and where the joints were."""
+        """Source, times, and ranges of the joints."""
         times = f"t = {self.t[0]:.4f} to {self.t[-1]:.4f} s"
         return format_table(
             f"Recording: {count_noun(len(self.t), 'sample')}, {times}",
@@ -81,10 +81,10 @@ class Recording(Checked):
 
 
 def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Recording:
-    """What the joints did.
+    """Convert an execution or a log to a recording, with checks.
 
     Raises:
-        InvalidInput: It is something else, of another number of joints, or of other set-points.
+        InvalidInput: Wrong type, another number of joints, or other set-points.
     """
     if isinstance(executed, Execution):
         executed_points = executed.set_points
@@ -98,7 +98,7 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
             )
         recording = Recording(
             t=executed.t + set_points.start_time - executed_points.start_time,
-            # Encoders of drives see the motors.
+            # Encoders of drives measure the motors.
             q=executed.q if executed.motor_q is None else executed.motor_q,
             in_plan_time=True,
             exact=True,
@@ -114,7 +114,7 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
         raise InvalidInput(
             f"learn needs an Execution, a Log or a Recording, not {type(executed).__name__}."
         )
-    _refuse_many_gaps(recording)
+    _check_gaps(recording)
     if recording.q.shape[1] != set_points.q.shape[1]:
         raise InvalidInput(
             f"{recording.source} has {recording.q.shape[1]} joints, but the set-points have "
@@ -123,8 +123,8 @@ def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Reco
     return recording
 
 
-def _refuse_many_gaps(recording: Recording) -> None:
-    """Refuse a recording that misses a large share of the run."""
+def _check_gaps(recording: Recording) -> None:
+    """Check that gaps are a small share of the recording, and that times do not come in bursts."""
     t, source = recording.t, recording.source
     steps = np.diff(t)
     if bursts := describe_bursts(t, source):
@@ -146,9 +146,9 @@ def _refuse_many_gaps(recording: Recording) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LearningRun(Result, Checked):
-    """One run, as learning saw it.
+    """One run and its measured errors.
 
-    Errors are those that a disturbance of the drives explains; white noise is taken out.
+    Errors are those that a disturbance of the drives explains, without white noise.
 
     Args:
         q: Set-points that were executed [rad], (n, dof).
@@ -165,11 +165,11 @@ class LearningRun(Result, Checked):
         contour_max: Largest such distance [m].
         offset: Time of the plan when the clock of the log was at 0 [s].
         rate: Seconds of the plan in a second of the log.
-        predicted: What `rms` was predicted to be [m]; None for the first run.
-        set_points_off: RMS by which the set-points in the log are beside those of the run [rad]; 0
-            where the log has none.
-        source: Where it comes from, for messages.
-        encoder_shift: Offset of each encoder since the best run before, which is not in `error`
+        predicted: Predicted value of `rms` [m]; None for the first run.
+        set_points_off: RMS difference of the set-points in the log from those of the run [rad]; 0
+            if the log has none.
+        source: Source of the log, for messages.
+        encoder_shift: Offset of each encoder since the best earlier run, which is not in `error`
             [rad], (dof,); None if it was not estimated.
         outliers: Number of samples of the log that were ignored.
     """
@@ -193,7 +193,7 @@ class LearningRun(Result, Checked):
     outliers: int = 0
 
     def to_data(self) -> Data:
-        """Errors of the run, and what was predicted."""
+        """Errors of the run, and the predicted error."""
         level = FIRST if self.contour_rms is None else TABLE
         rms, largest = (
             ("contour error, RMS", "contour error, largest") if level == TABLE else ("", "")
@@ -224,13 +224,13 @@ class LearningRun(Result, Checked):
 
     @property
     def rms(self) -> float:
-        """The error by which runs are compared [m]: `contour_rms`, or else `tool_rms`."""
+        """Error for the comparison of runs [m]: `contour_rms`, or else `tool_rms`."""
         return self.tool_rms if self.contour_rms is None else self.contour_rms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LearningResult(Result, SetPoints):
-    """Set-points for the next run, and what was learned from the runs before it.
+    """Set-points for the next run, and the findings from the runs before it.
 
     Args:
         runs: The runs so far, in order.
@@ -240,14 +240,14 @@ class LearningResult(Result, SetPoints):
             and with `servo` [rad]; both 0 if no servo was fitted.
         delay: Dead time of the robot beyond that of the servo model [s].
         predicted: Expected RMS error of the next run [m], comparable to `LearningRun.rms`.
-        noise: RMS error that does not repeat from run to run [m], as far as it is known.
-        best: Index of the run whose set-points have the smallest error, as far as it repeats.
+        noise: Estimated RMS error that does not repeat from run to run [m].
+        best: Index of the run whose set-points have the smallest repeating error.
         repeats: RMS error of these set-points that repeats [m], by all runs.
         setbacks: Number of times that a run was worse than the best before it.
-        finished: Whether nothing more is to be had. The set-points are then those of the best run,
-            or where errors differ between runs, learned from all of them.
-        reason: Why learning is finished, or what keeps the step small; may be empty.
-        lifted: The model, kept from run to run because it takes most of the time; None makes it
+        finished: True if no further improvement is expected. The set-points are then those of the
+            best run or, if errors differ between runs, learned from all of them.
+        reason: Reason why learning is finished, or limit of the step; may be empty.
+        lifted: The model, reused from run to run because it takes most of the time; None builds it
             again.
 
     Raises:
@@ -273,7 +273,7 @@ class LearningResult(Result, SetPoints):
             raise InvalidInput("A lesson needs at least one run from which it was learned.")
 
     def to_data(self) -> Data:
-        """What the runs had, what the next one is to have, and whether to go on."""
+        """Errors of the runs, the expected error of the next one, and the verdict."""
         best = f"run {self.best + 1}"
         share = f"{number(self.noise_share, '1')} of the square"
         return Data(

@@ -1,4 +1,4 @@
-"""`Lifted`: how a change of all set-points changes the whole motion, and the best such change.
+"""`Lifted`: response of the whole motion to a change of all set-points, and the best change.
 
 "Lifted" means that a run is one vector: `x = P du`, with one entry for every joint and time.
 """
@@ -24,17 +24,17 @@ from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.model import integrator_filter, without_integral
 from armcontour.robot.servo.simulation import command_weights
 
-# Longest time between two times of the model [s]. The rule of the response is off by about
-# (w h)² / 12 at the rate w: 0.2 % at the 150 1/s of the paper's velocity loop.
+# Longest step of the model [s]. The relative error of the response is about (w h)² / 12 at the
+# rate w: 0.2 % at the 150 1/s of the paper's velocity loop.
 LONGEST_STEP = 1e-3
-# Time constants of the slowest joint after the last set-point that count as motion: 5 % is left.
+# Modelled time after the last set-point, in time constants of the slowest joint: 5 % remains.
 AFTER = 3.0
-# Penalties are powers of ten within these, so that few factors serve all runs; the search starts at
-# the first one.
+# Range of the exponents of penalties (powers of ten, so few factorizations serve all runs), and the
+# initial penalty.
 PENALTIES, FIRST = (-8, 6), 1e-3
-# Steps of the search for what gaps of a log hold, and the relative error of the model there.
+# Iterations of the interpolation in gaps of a log, and the relative error of the model there.
 BRIDGES, BRIDGED = 10, 1e-3
-# Factors that are kept: those of the last penalties, and as many as a search ends with.
+# Size of the cache of factorizations: as many as a search ends with.
 MOST_FACTORS = 3
 
 
@@ -48,12 +48,12 @@ class ToolError(NamedTuple):
 
     @property
     def rms(self) -> float:
-        """The error by which runs are compared [m]."""
+        """Error for the comparison of runs [m]."""
         return self.tool_rms if self.contour_rms is None else self.contour_rms
 
 
 class Nominal(NamedTuple):
-    """The nominal robot of which a lifted model is made, with fields as those of `Drives`.
+    """The nominal robot of a lifted model, with the fields of `Drives`.
 
     With masses, and servos all of order "second", rigid bodies respond, else the servos alone.
     """
@@ -71,15 +71,15 @@ class Nominal(NamedTuple):
 
 
 class _Term(NamedTuple):
-    """The interpolated set-points at shifted times [s], times a factor (one, or one per joint).
+    """Interpolated set-points at shifted times [s], times a factor (one, or one per joint).
 
-    The integrators see it or not, as acceleration feed-forward.
+    `integrated` is False for acceleration feed-forward, which the integrators do not receive.
     """
 
     factor: FloatArray | float
     interpolation: str
     shift: float
-    seen: bool = True
+    integrated: bool = True
 
 
 class Lifted:
@@ -120,7 +120,7 @@ class Lifted:
             settling = float(nominal.servo.dead_time.max()) + AFTER / float(nominal.servo.kp.min())
             intervals = self.count - 1 + int(np.ceil(settling / self.cycle))
             step, drive_cycle = self.cycle / parts, nominal.servo.drive_cycle
-            # At the times at which the drives compute their loops, where these are not far apart.
+            # Use the cycle of the drives as the step, unless it is short.
             step = drive_cycle if drive_cycle > LONGEST_STEP / 2 else step
             t = set_points.times(int(np.ceil(intervals * self.cycle / step - 1e-9)) + 1, step)
         self.t, self.step = t, float(t[1] - t[0])
@@ -171,7 +171,7 @@ class Lifted:
             shift, span = (0.0, servo.drive_cycle) if servo.drive_cycle else (shift, span)
             bends = self._rate_terms(b / span, shift)
             bends += self._rate_terms(-b / span, shift - span)
-            terms += [x._replace(seen=False) for x in bends]
+            terms += [x._replace(integrated=False) for x in bends]
         return terms
 
     def _rate_terms(self, factor: FloatArray | float, shift: float) -> list[_Term]:
@@ -208,12 +208,12 @@ class Lifted:
         sums, values = np.zeros((2, self.planned.size)), q.ravel()
         for term in terms:
             index, weight = self._interpolated(term)
-            sums[int(term.seen)] += (weight * values[index]).sum(axis=1)
+            sums[int(term.integrated)] += (weight * values[index]).sum(axis=1)
         unseen, integrated = sums.reshape(2, *self.planned.shape)
-        return np.asarray(integrated + self.as_seen(unseen))
+        return np.asarray(integrated + self.equivalent_input(unseen))
 
-    def as_seen(self, command: FloatArray) -> FloatArray:
-        """The command to which joints respond as to one that their integrators do not see.
+    def equivalent_input(self, command: FloatArray) -> FloatArray:
+        """The command with the same response as one that the integrators do not receive.
 
         Args:
             command: Command at the times, 0 before the first one [rad], (n, dof).
@@ -267,10 +267,10 @@ class Lifted:
         return self.planned + self.respond_to(self.reaching(q) - self._needed)
 
     def correct(self, error: FloatArray, penalty: float) -> tuple[FloatArray, FloatArray]:
-        """The change of the set-points that takes an error away, and the joints' response to it.
+        """The change of the set-points that removes an error, and the response of the joints.
 
-        It minimises `|error + P du|² + penalty |L du|²`, L being differences of set-points that
-        follow each other.
+        It minimises `|error + P du|² + penalty |L du|²`, where L are differences of consecutive
+        set-points.
 
         Args:
             error: Errors of the joints at the times [rad], (n, dof) or (n, dof, cases).
@@ -302,8 +302,8 @@ class Lifted:
         """Factors of the optimality conditions, the order of time, and the log of the determinant.
 
         The conditions are those of a minimum over x and du with the multipliers y of
-        `A x = B du`, from which `x = -error - A' y` is eliminated: AA' and B above B' and
-        -penalty L'L. They are quasi-definite, so that no pivots are needed.
+        `A x = B du`, with `x = -error - A' y` eliminated: [[AA', B], [B', -penalty L'L]]. They are
+        quasi-definite, so no pivoting is needed.
         """
         if penalty not in self._factors:
             while len(self._factors) >= MOST_FACTORS:
@@ -327,7 +327,7 @@ class Lifted:
         jump = csc_array(eye_array(rows, size, k=self.dof) - eye_array(rows, size))
         right = csc_array((n, size))
         for means, integrated in ((self._means, True), (self._unseen, False)):
-            terms = [x for x in self._terms if x.seen == integrated]
+            terms = [x for x in self._terms if x.integrated == integrated]
             if terms:
                 index, weight = (
                     np.hstack(x) for x in zip(*map(self._interpolated, terms), strict=True)
@@ -337,10 +337,10 @@ class Lifted:
         blocks: Any = [[self._left @ self._left.T, right], [right.T, None]]
         set_points = self.start + np.arange(self.count)[:, None] * self.cycle
         reached = set_points + self.nominal.servo.dead_time
-        # The last set-point holds until the end: eliminated earlier, it would couple all of it.
+        # The last set-point acts until the end, so it is eliminated last to avoid fill-in.
         reached[-1] = np.inf
         order = np.argsort(np.append(np.repeat(self.t, self.dof), reached.ravel()), kind="stable")
-        # An array of no entries has the shape of the multipliers.
+        # Empty block for the multipliers.
         none = csc_array((n, n))
         jumps = block_diag([none, jump.T @ jump], format="csc")
         parts = csc_array(block_array(blocks)), jumps
@@ -348,13 +348,13 @@ class Lifted:
         return conditions, jumps, order
 
     def choose_penalty(self, error: FloatArray, variance: float, first: float = 0.0) -> float:
-        """The power of ten that explains an error best, with which noise is not learned.
+        """The penalty (a power of ten) with the largest likelihood of an error.
 
         Args:
             error: Errors of the joints [rad], (n, dof).
             variance: Variance of the noise in them [rad²].
             first: The penalty from which the search starts, a power of ten; by default that of the
-                last search, which is near.
+                last search.
         """
         surprise = cache(lambda k: self.surprise(error, 10.0**k, max(variance, 1e-300)))
         power, last = round(np.log10(first or self._penalty)), None
@@ -366,7 +366,7 @@ class Lifted:
         return self._penalty
 
     def surprise(self, error: FloatArray, penalty: float, variance: float) -> float:
-        """How improbable an error is, as -2 log of its probability density, but for a constant.
+        """-2 log of the probability density of an error, up to a constant.
 
         The error is that of set-points whose differences are normal with the variance
         `variance / penalty`, and white noise.
@@ -378,7 +378,7 @@ class Lifted:
         """
         change, response = self.correct(error, penalty)
         squares = np.sum((error + response) ** 2) + penalty * np.sum(np.diff(change, axis=0) ** 2)
-        # The determinant is that of `P'P + penalty L'L` but for a factor that does not change.
+        # The determinant is that of `P'P + penalty L'L` up to a constant factor.
         size = self._factored(penalty)[2]
         rank = (self.count - 1) * self.dof
         return float(squares / variance + size - rank * np.log(penalty))
@@ -413,8 +413,8 @@ class Lifted:
     def at_times(self, t: FloatArray, q: FloatArray, expected: FloatArray) -> FloatArray:
         """Joint positions at the model's times, of joint positions at other times [rad], (n, dof).
 
-        Their difference from what is expected is interpolated, which is smoother than the motion.
-        Before and after the samples it is constant.
+        Their difference from the expected motion is interpolated, which is smoother than the
+        motion. It is constant before and after the samples.
 
         Args:
             t: Times of the plan [s], (m,).
@@ -427,8 +427,7 @@ class Lifted:
     def bridge(self, t: FloatArray, deviation: FloatArray, noise: FloatArray) -> FloatArray:
         """Deviations at the model's times, of deviations at the times of a log [rad], (n, dof).
 
-        In gaps of the log they are those that the model explains best together with all others, by
-        expectation and maximization.
+        In gaps of the log, they are estimated by expectation maximization with the model.
 
         Args:
             t: Times of the plan [s], (m,).
@@ -449,10 +448,10 @@ class Lifted:
         return bridged
 
     def judge(self, error: FloatArray) -> ToolError:
-        """Errors of the tool that errors of the joints make.
+        """Errors of the tool due to errors of the joints.
 
-        A path is judged from its first set-point to the end of the times, contours of a program
-        while the process is at work on them. The tool's place on the path is the nearest one.
+        A path is evaluated from its first set-point to the end of the times, contours of a program
+        while the process is on. Distances are to the nearest point of the path.
 
         Args:
             error: Errors of the joints [rad], (n, dof).

@@ -17,24 +17,24 @@ STEP = 4e-3
 MOST_FACTOR = 5.0
 # Smallest feed-forward of a joint with acceleration feed-forward, and largest of any.
 LEAST_F, MOST_F = 1e-3, 1.5
-# Fits start from the feed-forward of the model and from these.
+# Fits start from the feed-forward of the model and from these values.
 STARTS = (0.0, 0.9)
 # Longest dead time [s]; no controller for contouring has more.
 LONGEST_DELAY = 0.05
-# Standard deviations before the log is known: of logarithms of gains and of the feed-forward, and
-# of the dead time [s].
+# Prior standard deviations: of logarithms of gains and of the feed-forward, and of the dead time
+# [s].
 PRIOR, DELAY_PRIOR = 0.5, 0.01
-# The same for joints that do not move: less than MOVES times their noise, or than STILL [rad].
+# Prior for joints at rest, which move less than MOVES times their noise, or than STILL [rad].
 KNOWN, MOVES, STILL = 1e-6, 10.0, 1e-6
-# The penalty with which the first fits take all deviations for noise or the servo.
+# Penalty of the first fits, with which no deviation is explained by a disturbance.
 NO_DISTURBANCE = 1e4
-# Most evaluations of a fit from each start, and of each of the fits that follow from the best.
+# Evaluations of the fit from each start; number and evaluations of the fits from the best one.
 FIRST, ROUNDS, NEXT = 8, 2, 20
 # Damping of the Levenberg-Marquardt method, relative to the diagonal: at first, and at most.
 DAMPING, MOST_DAMPING = 1e-3, 1e6
-# A search ends where a step gains less than this of twice the log likelihood.
+# A search ends if a step gains less than this in twice the log likelihood.
 SETTLED = 1e-1
-# Gain of twice the log likelihood per joint that a fitted servo needs.
+# Gain of twice the log likelihood per joint that is required to accept a fitted servo.
 LEAST_GAIN = 20.0
 
 
@@ -50,7 +50,7 @@ def fit_servo(
 
     The deviation from the expected motion is white noise, friction of each joint, and
     the response to an unknown disturbance, a random walk of the command (`Lifted.surprise`). The
-    penalty that stands for the size of the disturbance is estimated together with the servo.
+    penalty, which describes the size of the disturbance, is estimated together with the servo.
 
     Args:
         set_points: Set-points of the run.
@@ -65,12 +65,12 @@ def fit_servo(
         The servo, and the RMS deviation of the joints from the motion with the nominal servo and
         with this one, without friction and offsets [rad]; both 0 if it is the nominal servo.
     """
-    # More times than two in an interval of the log say nothing more.
+    # More than two times per interval of the log give no further information.
     spans = STEP, min(interval / 2, STEP)
     steps = [max(int(x / lifted.step * (1 + 1e-9)), 1) for x in spans]
     still = np.ptp(lifted.planned, axis=0) < np.maximum(MOVES * noise, STILL)
     fits = {
-        k: _Fit(
+        k: _ServoProblem(
             set_points,
             lifted if k == 1 else Lifted(set_points, lifted.nominal, lifted.t[::k], near=lifted),
             error[::k],
@@ -81,14 +81,17 @@ def fit_servo(
     }
     coarse, fit = (fits[k] for k in steps)
     few, lifted = coarse.lifted, fit.lifted
-    # Without changes, and with each feed-forward.
+    # Starts: no changes, and each feed-forward.
     dof, starts = lifted.dof, np.zeros((1 + len(STARTS), len(fit.spread)))
     starts[1:, dof : 2 * dof] = np.subtract.outer(STARTS, fit.nominal.velocity_feedforward)
     best = min((coarse.solve(x, FIRST) for x in np.unique(starts, axis=0)), key=coarse.cost)
-    # The search at all times is short from the penalty at few times.
-    before, fit.penalty = 0.0, few.choose_penalty(coarse.rest(best), variance, NO_DISTURBANCE)
+    # The penalty of the coarse times is a good start for all times.
+    before, fit.penalty = (
+        0.0,
+        few.choose_penalty(coarse.unexplained(best), variance, NO_DISTURBANCE),
+    )
     for _ in range(ROUNDS):
-        fit.penalty = lifted.choose_penalty(fit.rest(best), variance, fit.penalty)
+        fit.penalty = lifted.choose_penalty(fit.unexplained(best), variance, fit.penalty)
         if fit.penalty == before:
             break
         before, best = fit.penalty, fit.solve(best, NEXT)
@@ -98,15 +101,15 @@ def fit_servo(
     alone[friction] -= np.linalg.lstsq(columns, fit.residuals(alone), rcond=None)[0]
     if fit.cost(alone) - fit.cost(best) <= LEAST_GAIN * dof:
         return lifted.nominal.servo, (0.0, 0.0)
-    before, after = (float(np.sqrt(fit.rest(x).var(axis=0).mean())) for x in (alone, best))
+    before, after = (float(np.sqrt(fit.unexplained(x).var(axis=0).mean())) for x in (alone, best))
     return fit.servo(best), (before, after)
 
 
-class _Fit:
+class _ServoProblem:
     """Residuals of a log, whitened by the nominal response, and their derivatives.
 
     A joint obeys `q + b dq + c T = u + a du` with b = 1 / K_p, c = 1 / (K_p K_v), a = f / K_p and
-    T, the acceleration that its torque stands for. Parameters are, per joint, the changes of
+    T, its torque divided by its inertia. Parameters are, per joint, the changes of
     `K_p b` and `K_p a` with the nominal K_p, friction, and, for order "second", the change of
     `K_p K_v c`; and one change of all dead times. Offsets are part of the disturbance.
     """
@@ -131,7 +134,7 @@ class _Fit:
         self._last: tuple[FloatArray, Lifted, FloatArray, FloatArray] | None = None
 
     def servo(self, x: FloatArray) -> ServoModel:
-        """The servo of parameters."""
+        """The servo with these parameters."""
         b, a, _, *c = x[:-1].reshape(-1, self.dof)
         nominal = self.nominal
         # A servo with acceleration feed-forward has velocity feed-forward, too.
@@ -152,7 +155,7 @@ class _Fit:
         )
 
     def response(self, x: FloatArray) -> tuple[Lifted, FloatArray, FloatArray]:
-        """The response with the servo of parameters, its motion and that by friction."""
+        """The response of the servo with these parameters, its motion, and that due to friction."""
         if self._last is None or not np.array_equal(x, self._last[0]):
             response = self.lifted
             if x.any():
@@ -162,8 +165,8 @@ class _Fit:
             self._last = x.copy(), response, expected, self._friction(expected)
         return self._last[1:]
 
-    def rest(self, x: FloatArray) -> FloatArray:
-        """Deviations that parameters leave unexplained [rad], (n, dof)."""
+    def unexplained(self, x: FloatArray) -> FloatArray:
+        """Deviations not explained by the parameters [rad], (n, dof)."""
         _, expected, friction = self.response(x)
         return np.asarray(self.measured - expected - friction * x[:-1].reshape(-1, self.dof)[2])
 
@@ -171,7 +174,7 @@ class _Fit:
         speed = np.gradient(expected, self.lifted.step, axis=0)
         fastest = np.abs(speed).max(axis=0)
         direction = np.tanh(speed / np.where(fastest > 0, 1e-2 * fastest, 1.0))
-        return self.lifted.respond_to(self.lifted.as_seen(direction))
+        return self.lifted.respond_to(self.lifted.equivalent_input(direction))
 
     def whiten(self, error: FloatArray) -> FloatArray:
         """Deviations whose values are independent, with the standard deviation 1, (m, cases)."""
@@ -182,7 +185,7 @@ class _Fit:
 
     def residuals(self, x: FloatArray) -> FloatArray:
         """Whitened deviations, and parameters relative to their standard deviations."""
-        return np.append(self.whiten(self.rest(x)[:, :, None]), x / self.spread)
+        return np.append(self.whiten(self.unexplained(x)[:, :, None]), x / self.spread)
 
     def derivatives(self, x: FloatArray) -> FloatArray:
         """Derivatives of `residuals` by the parameters."""
@@ -195,7 +198,7 @@ class _Fit:
             drives, ddq = lifted.drives, np.gradient(dq, lifted.step, axis=0)
             if drives is not None:
                 ddq = drives.moving_torque(expected, dq, ddq) / drives.inertia
-            ddq = lifted.as_seen(ddq)
+            ddq = lifted.equivalent_input(ddq)
             causes.append(-ddq / (nominal.kp * nominal.kv))
         each = [x[:, :, None] * np.eye(dof) for x in causes]
         by_delay = -with_feedforward[:, :, None]

@@ -382,7 +382,7 @@ class Certificate(Result):
             Row("derating", "derating.csv"),
             Row("rapids", [dict(x) for x in self.rapids]),
             Row("compensation", run.compensation.method),
-            Row("compensation_options", run.compensation.own),
+            Row("compensation_options", run.compensation.specific),
             Row("cycle", run.cycle, "s"),
             *field_rows("rounding", run.rounding),
             *(x for x in field_rows("limits", run.limits) if x.name != "limits.lifted"),

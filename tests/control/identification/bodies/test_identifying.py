@@ -108,7 +108,7 @@ def test_derivatives_are_those_of_the_simulated_motion(log, nominal):
         values[names == name] = value
     for axis, value in zip("xyz", (0.02, -0.03, 0.05), strict=True):
         values[names == f"payload_center_{axis}"] = value
-    grids = [Gridded.of(short, "linear", 0.3)]
+    grids = [Gridded.from_log(short, "linear", 0.3)]
     exact = derivatives(model, grids, attempt(model, grids, values))
     steps = {"dead_time": 1e-3, "payload_mass": 1e-2, "coulomb": None}
     for k, name in enumerate(names):

@@ -54,11 +54,11 @@ class BodyIdentification(IdentifiedJoints):
 
     Args:
         nominal: The nominal arm.
-        gravity: What the controller adds against gravity: "loaded", "nominal" or "none".
+        gravity: Gravity feed-forward of the controller: "loaded", "nominal" or "none".
         arm: The identified arm, with payload, friction and inertias of the drives.
         notes: Findings, as sentences.
-        gains: The servo that goes with `arm`; a guess where gains are not determined or known.
-        gains_known: Whether a nominal servo was given.
+        gains: The servo for `arm`; a guess for gains that are neither determined nor nominal.
+        gains_known: True if a nominal servo was given.
     """
 
     joints: tuple[BodyJoint, ...] = field(repr=False)
@@ -70,7 +70,7 @@ class BodyIdentification(IdentifiedJoints):
     gains_known: bool
 
     def to_data(self) -> Data:
-        """Whether all parameters are determined, those of the robot, then every joint."""
+        """Verdict (all parameters determined), parameters of the robot, then every joint."""
         nominal = f"nominal: {', '.join(self.open)}" if self.open else ""
         samples = sum(int(np.sum(np.isfinite(x))) for x in self.joints[0].rests)
         return Data(
@@ -112,7 +112,7 @@ class BodyIdentification(IdentifiedJoints):
 
     @property
     def determined(self) -> bool:
-        """Whether the logs determine every parameter that logs can determine."""
+        """True if the logs determine every parameter that logs can determine."""
         return not self.open
 
     def servo_model(self) -> ServoModel:
@@ -132,7 +132,7 @@ class BodyIdentification(IdentifiedJoints):
         if self.dead_time.high < 0:
             raise InvalidInput(
                 f"{self.source}: the dead time is {number(self.dead_time.value, 's')}, below zero: "
-                "commands are logged late, or set-points that were taken for interpolated are held "
+                "commands are logged with a delay, or set-points are held instead of interpolated "
                 "(interpolation step)."
             )
         return self.gains

@@ -1,4 +1,4 @@
-"""The robot of an identification: from its unknowns to drives, and to torques per unknown."""
+"""Robot model of the identification: drives for values of the unknowns, and their derivatives."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ CENTER = ("payload_center_x", "payload_center_y", "payload_center_z")
 OF_JOINTS = ("kp", "kv", "viscous", "coulomb", "armature")
 # Time by which commands are shifted for the derivative by the dead time [s].
 SHIFT = 1e-3
-# A joint without friction whose speed is below this [rad/s] might as well stick.
+# A frictionless joint whose speed is below this [rad/s] may also stick.
 CREEP = 1e-3
-# Below this mass [kg] a payload has no centre.
+# The centre of a payload with less mass than this [kg] is undefined.
 LEAST_MASS = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Model:
-    """The nominal robot, and what is sought of it.
+    """The nominal robot and the unknowns.
 
     Args:
         arm: The nominal arm.
         servo: The servo at which the search starts, of order "second", with values per joint.
-        keep_kv: Whether K_v is kept and viscous friction sought, or the other way round: a log
-            shows their sum only.
-        gravity: What the controller adds against gravity, one of GRAVITIES.
-        lag: Time by which the torques of the loops come late [s].
+        keep_kv: True if K_v is fixed and viscous friction unknown, else the reverse: a log shows
+            only the sum of J K_v and viscous friction.
+        gravity: Gravity feed-forward of the controller, one of GRAVITIES.
+        lag: Delay of the torques of the loops [s].
 
     Attributes:
         inertia: J, with which the controller scales its loops [kg m²], (dof,).
@@ -82,7 +82,7 @@ class Model:
 
     @property
     def scales(self) -> bool:
-        """Whether one factor of the nominal drive inertias is sought; else those of all joints."""
+        """True if one factor of all nominal drive inertias is unknown, else each inertia."""
         return bool(np.any(np.asarray(self.arm.dynamics.chain.armature) > 0))
 
     @property
@@ -91,12 +91,12 @@ class Model:
         return self.arm.dynamics.chain.payload or Payload(mass=0.0)
 
     def are(self, *names: str) -> BoolArray:
-        """Whether each unknown has one of some names, (unknowns,)."""
+        """Mask of the unknowns with one of some names, (unknowns,)."""
         return np.isin(self.names, names)
 
     @property
     def relative(self) -> BoolArray:
-        """Whether each unknown is sought relative to its value: gains, a factor of inertias."""
+        """Mask of the unknowns with relative tolerances (gains, factor of inertias)."""
         return self.are(*LOGARITHMIC) | (self.are("armature") & (self.joints < 0))
 
     def value(self, values: FloatArray, name: str) -> FloatArray:
@@ -157,7 +157,7 @@ class Model:
         load, each = self._load_torques(drives, motion), np.eye(self.arm.dof)
         spring = drives.stiffness * (lead + self.lag * motion.dq)
         delayed = motion.dq - self.lag * motion.ddq
-        # Without friction so far, it would act against the velocity.
+        # A first friction would act against the velocity.
         slow = np.clip(motion.dq / CREEP, -1.0, 1.0)
         friction = np.sign(motion.friction) * ~motion.held
         slides = np.where(motion.friction.any(axis=0), friction, slow)

@@ -14,11 +14,11 @@ from armcontour.robot.drives import regular_times
 
 # Longest step of the simulation [s]: 0.15 time constants of a velocity loop with K_v = 150 1/s.
 STEP = 1e-3
-# Share of the second differences of samples that lines cut off bends in the middle of samples.
+# Interpolation error of a line at its middle, as a share of the second difference.
 BENT = 1 / 8
 # Smallest noise of an encoder [rad]: less is rounding.
 LEAST_NOISE = 1e-7
-# Measured positions are smoothed up to this frequency [Hz] to find where the simulation starts.
+# Cut-off frequency of the smoothed positions from which the simulation starts [Hz].
 CUT = 15.0
 
 
@@ -28,7 +28,7 @@ class Gridded:
 
     Args:
         log: The log.
-        held: Whether each set-point is held until the next; else commands are interpolated.
+        held: True if each set-point is held until the next; else commands are interpolated.
         t: The grid [s], (n,).
         near: Smoothed measured positions on the grid [rad], (n, dof).
         rows: Samples of the log that are compared.
@@ -45,13 +45,15 @@ class Gridded:
     weight: FloatArray
 
     @classmethod
-    def of(cls, log: Log, interpolation: str, settled: float, *, step: float = STEP) -> Gridded:
+    def from_log(
+        cls, log: Log, interpolation: str, settled: float, *, step: float = STEP
+    ) -> Gridded:
         """The grid of a log.
 
         Args:
             log: The log.
-            interpolation: What the controller does between set-points, "linear" or "step".
-            settled: Time after which nothing is left of where the joints started [s].
+            interpolation: Interpolation of set-points, "linear" or "step".
+            settled: Time after which the initial state has no effect [s].
             step: Longest time between two times of the grid [s].
         """
         from scipy.interpolate import CubicSpline
@@ -105,10 +107,10 @@ class Gridded:
         return interpolate(times, log.t, log.command)
 
     def bent_command(self, delay: float) -> FloatArray:
-        """The command on the grid, if it has its bends in the middle of samples of the log [rad].
+        """The command on the grid, if its corners are midway between samples of the log [rad].
 
-        Lines between samples cut off these bends: at an angular frequency ω and a sample interval
-        T, the bent command is 1 / cos(ω T / 2) times as large. This is its series in differences.
+        Lines between samples cut these corners: at an angular frequency ω and a sample interval
+        T, the true command is 1 / cos(ω T / 2) times as large. This is its series in differences.
 
         Args:
             delay: Dead time [s].
@@ -140,7 +142,7 @@ def noise_of(grids: list[Gridded]) -> FloatArray:
 
 
 def filtered(values: FloatArray, interval: float) -> FloatArray:
-    """Values without what is faster than CUT, without delay, (n, ...)."""
+    """Low-pass filtered values without delay (zero-phase, cut-off CUT), (n, ...)."""
     from scipy.signal import butter, sosfiltfilt
 
     nyquist = 0.5 / interval

@@ -1,4 +1,4 @@
-"""Output error: the unknowns with which the simulated robot moves most like the real one."""
+"""Output-error method: unknowns for which the simulated motion is nearest to the measured one."""
 
 from __future__ import annotations
 
@@ -43,23 +43,24 @@ ANGLE = 1e-4
 MASS = 0.05
 AWAY = 0.01
 DELAY = 0.5e-3
-# Of unknowns that are only determined together, a gain keeps its nominal value rather than a load
-# or friction, if its standard deviation over the allowed one is the largest after this factor.
+# If only a combination of unknowns is determined, the one with the largest ratio of standard
+# deviation to tolerance becomes nominal. Ratios of gains are multiplied by this factor, because
+# nominal gains are more reliable than a nominal load or friction.
 TRUSTED = 2.0
-# Another gravity must leave errors that are smaller by this share: with a load that the controller
-# knows, all are alike.
+# Another gravity feed-forward must reduce the cost by this share: if the controller knows the load,
+# all of them fit equally well.
 SURELY = 0.05
-# Errors below this many times the noise leave nothing to be explained.
+# Errors below this multiple of the noise count as noise.
 ALL_NOISE = 2.0
 # A search has converged in an unknown if its next step is at most this share of a standard
 # deviation; otherwise the unknown stays nominal.
 REST = 0.5
-# A model that explains less than this share of the lag behind the command is of another robot: with
-# two joints exchanged it explains 0.99 or less of one of them.
+# A model that explains less than this share of the tracking error is rejected: with two joints
+# exchanged, it explains at most 0.99 of one of them.
 EXPLAINS = 0.99
 # Share of the sum of squares below which a reduction ends the search for the gravity feed-forward.
 COARSE_NEAR = 1e-3
-# A joint whose command moves by less than this [rad] does not move.
+# A joint whose command changes by less than this [rad] does not move.
 MOVES = 1e-3
 
 
@@ -99,7 +100,7 @@ class OutputError:
             (samples, dof, unknowns).
         residuals: Residuals in multiples of `scatter`, (samples, dof).
         scatter: Root mean square of the residuals of each joint [rad], (dof,).
-        left: The next linear step of the unknowns, (unknowns,).
+        remaining: The next linear step of the unknowns, (unknowns,).
     """
 
     trial: Trial
@@ -107,7 +108,7 @@ class OutputError:
     jacobian: FloatArray
     residuals: FloatArray
     scatter: FloatArray
-    left: FloatArray
+    remaining: FloatArray
 
     @property
     def precision(self) -> Precision:
@@ -183,7 +184,7 @@ def fit(
         return trial
 
     def residuals(x: FloatArray) -> FloatArray:
-        """Nan where the robot cannot be simulated."""
+        """Residuals; nan if the robot cannot be simulated."""
         try:
             errors = move(x).residuals
         except (ExecutionError, InvalidInput):
@@ -206,7 +207,12 @@ def fit(
     columns, size = normalize(jacobian[:, :, ~ends].reshape(errors.size, -1))
     remaining[~ends] = np.linalg.lstsq(columns, errors.ravel(), rcond=1e-6)[0] / size
     return OutputError(
-        trial=trial, free=free, jacobian=jacobian, residuals=errors, scatter=scatter, left=remaining
+        trial=trial,
+        free=free,
+        jacobian=jacobian,
+        residuals=errors,
+        scatter=scatter,
+        remaining=remaining,
     )
 
 
@@ -229,7 +235,7 @@ def allowed(model: Model, values: FloatArray) -> FloatArray:
 def moved(model: Model, grids: list[Gridded]) -> BoolArray:
     """Unknowns except those of joints that no log moves, (unknowns,).
 
-    A joint that only others shake shows that friction holds it, but not how strong friction is.
+    A joint that only moves due to others shows that friction holds it, but not how large it is.
     """
     ranges = np.max([np.ptp(x.log.command, axis=0) for x in grids], axis=0)
     return np.asarray((model.joints < 0) | (ranges > MOVES)[model.joints])
@@ -243,7 +249,7 @@ def seen(model: Model, grids: list[Gridded], values: FloatArray) -> BoolArray:
     """
     jacobian = derivatives(model, grids, attempt(model, grids, values))
     scaled = jacobian / noise_of(grids)[:, None]
-    precision = Precision.of(scaled.reshape(-1, len(values)))
+    precision = Precision.from_jacobian(scaled.reshape(-1, len(values)))
     # A load that is not known yet counts as 1 kg.
     bold = np.where(model.are("payload_mass"), np.maximum(values, 1.0), values)
     limit = allowed(model, bold) * np.where(model.are(*LOGARITHMIC), 1.0, 2.0)
@@ -251,7 +257,7 @@ def seen(model: Model, grids: list[Gridded], values: FloatArray) -> BoolArray:
 
 
 def determined(model: Model, precision: Precision, free: BoolArray, limit: FloatArray) -> BoolArray:
-    """Unknowns that logs determine; the worst becomes nominal until all others are determined.
+    """Mask of determined unknowns: the worst ones become nominal until all others are determined.
 
     Args:
         model: The robot.
@@ -273,7 +279,7 @@ def determined(model: Model, precision: Precision, free: BoolArray, limit: Float
 
 
 def with_mass(model: Model, free: BoolArray) -> BoolArray:
-    """Unknowns but for the centre of a payload whose mass is neither sought nor nominal."""
+    """Mask without the centre of a payload whose mass is neither unknown nor nominal."""
     has_mass = free[model.are("payload_mass")] | (model.load.mass > LEAST_MASS)
     return ~model.are(*CENTER) | has_mass
 
@@ -281,9 +287,9 @@ def with_mass(model: Model, free: BoolArray) -> BoolArray:
 def doubts(model: Model, grids: list[Gridded], fit: OutputError) -> FloatArray:
     """Bias of the unknowns, to first order, due to two assumptions of the model, (unknowns,).
 
-    It is the change of the estimates if commands had their bends between the samples instead of at
-    them, or held set-points came an interval sooner, and if the drives' cycle were half as long
-    again. Without it, 95 % intervals contained the truth in 60 to 80 % of the cases.
+    It is the change of the estimates if commands had their corners between the samples instead of
+    at them, or held set-points came one interval earlier, and if the drives' cycle were longer by
+    half. Without this bias, 95 % intervals contained the true value in 60 to 80 % of the cases.
     """
     drives = model.drives(fit.trial.values)
     delay = float(fit.trial.values[-1]) + model.lag
@@ -310,13 +316,13 @@ def choose_model(models: list[Model], grids: list[Gridded]) -> tuple[Model, Tria
     Raises:
         ExecutionError: The robot cannot be simulated with any of them.
     """
-    best, why = None, ExecutionError("it cannot be simulated.")
+    best, failure = None, ExecutionError("it cannot be simulated.")
     for model in models:
         start = np.array(model.nominal)
         try:
             trial = fit(model, grids, start, seen(model, grids, start), COARSE_NEAR).trial
         except ExecutionError as error:
-            why = error
+            failure = error
             continue
         if (trial.scatter < ALL_NOISE * noise_of(grids)).all():
             return model, trial
@@ -324,7 +330,7 @@ def choose_model(models: list[Model], grids: list[Gridded]) -> tuple[Model, Tria
         if best is None or trial.cost(scatter) < (1 - SURELY) * best[1].cost(scatter):
             best = model, trial
     if best is None:
-        raise why
+        raise failure
     return best
 
 
@@ -347,7 +353,7 @@ def fit_determined(
         accepted = determined(model, precision, free, allowed(model, values))
         if (accepted == free).all():
             sd = np.maximum(precision.sd(free), 1e-300)
-            accepted = free & ~(np.abs(result.left) > REST * sd)
+            accepted = free & ~(np.abs(result.remaining) > REST * sd)
             restless |= free & ~accepted
             if (accepted == free).all():
                 return result, restless

@@ -41,11 +41,11 @@ from armcontour.robot import Arm
 from armcontour.robot.servo import ServoModel
 
 BODY_FIT = BodyFit()
-# Gains at which the search starts without a nominal servo [1/s].
+# Initial gains without a nominal servo [1/s].
 KP, KV = 25.0, 150.0
-# Joints forget where they started in this many time constants of their position loops,
+# The effect of the initial state decays in this many time constants of the position loops,
 FORGOTTEN = 10.0
-# and in no less than this time [s].
+# and takes at least this time [s].
 SETTLED = 0.3
 # Step of the simulations of the first search, which chooses the gravity feed-forward [s].
 COARSE = 5e-3
@@ -64,12 +64,11 @@ def identify_bodies(
 
     The model is the arm's rigid bodies, moved by drives with the torques
     `J K_v (K_p (u(t - dead time) - q) - dq)` and gravity feed-forward, with viscous and Coulomb
-    friction and a payload. What the logs do not determine keeps its nominal value.
+    friction and a payload. Undetermined parameters keep their nominal values.
 
     Args:
         logs: A log of all joints of the arm, or several.
-        arm: The nominal arm, with masses; it gives what is nominal of payload, friction and drive
-            inertias.
+        arm: The nominal arm, with masses, payload, friction and drive inertias.
         servo: The nominal servo, of order "second". Its K_v is kept, since a log shows only the sum
             of J K_v and viscous friction; without it friction is kept, and K_v sought.
         options: Options, such as `BodyFit(gravity="nominal")`.
@@ -82,7 +81,8 @@ def identify_bodies(
     every = [arrange_joints(x, arm.joint_names) for x in list_logs(logs)]
     for x in every:
         x.check_gaps()
-    tell, interpolation = subprogress(progress), choose_interpolation(every, options.interpolation)
+    report = subprogress(progress)
+    interpolation = choose_interpolation(every, options.interpolation)
     guess = ServoModel(kp=KP, kv=KV) if servo is None else servo
     guess = guess.for_joints(arm.dof).replace(interpolation=interpolation)
     settled, lag = max(FORGOTTEN / float(guess.kp.min()), SETTLED), options.drive_cycle / 2
@@ -92,12 +92,12 @@ def identify_bodies(
             Model(arm=arm, servo=guess, keep_kv=servo is not None, gravity=x, lag=lag)
             for x in (GRAVITIES if options.gravity is None else [options.gravity])
         ]
-        tell(Step(("gravity",)))
-        coarse = [Gridded.of(x, interpolation, settled, step=COARSE) for x in every]
+        report(Step(("gravity",)))
+        coarse = [Gridded.from_log(x, interpolation, settled, step=COARSE) for x in every]
         model, near = choose_model(models, coarse)
         check_fit(coarse, near)
-        tell(Step(("fit",)))
-        grids = [Gridded.of(x, interpolation, settled) for x in every]
+        report(Step(("fit",)))
+        grids = [Gridded.from_log(x, interpolation, settled) for x in every]
         fit, restless = fit_determined(model, grids, near.values)
         delays = dead_times(every, options.longest_dead_time)
         return _describe(model, grids, fit, restless, delays)
@@ -106,7 +106,7 @@ def identify_bodies(
         positions = ((x.t - x.t[0], y) for x in every for y in (*x.command.T, *x.measured.T))
         if not any(changes_velocity(*x) for x in positions):
             raise InvalidInput(
-                f"Every joint in {names} stands or moves at a uniform velocity, which tells no "
+                f"Every joint in {names} rests or moves at a uniform velocity, which determines no "
                 "gains, dead time or inertias: record a motion whose velocity changes, such as a "
                 "multisine around the bandwidth of the position loops."
             ) from None
@@ -163,9 +163,9 @@ def _describe(
 
 
 def identified(model: Model, values: FloatArray) -> tuple[Arm, ServoModel]:
-    """The arm and the servo that have some values of the unknowns.
+    """The arm and the servo for values of the unknowns.
 
-    Viscous friction below zero is taken from K_v: only their sum matters.
+    Negative viscous friction is moved to K_v, because only the sum of both has an effect.
     """
     drives, viscous = model.drives(values), model.viscous(values)
     lower = np.minimum(viscous, 0.0)
@@ -185,7 +185,7 @@ def identified(model: Model, values: FloatArray) -> tuple[Arm, ServoModel]:
 def _list_estimates(
     model: Model, grids: list[Gridded], fit: OutputError
 ) -> list[dict[str, Estimate]]:
-    """Estimates of the robot, and of each joint, by name; what is not determined is nominal."""
+    """Estimates of the robot and of each joint by name; undetermined parameters are nominal."""
     precision, doubt = fit.precision, doubts(model, grids, fit)
     values, covariance = fit.trial.values, precision.covariance(fit.free)
     m = int(np.argmax(model.are("payload_mass")))
