@@ -239,7 +239,7 @@ def test_an_earlier_result_has_the_derivatives_that_its_run_had(method, tmp_path
         folder.place(
             "a/set_points.csv", partial(write_taught, set_points=set_points, joint_names=names)
         )
-        folder.place("a/planned.csv", partial(write_planned, x=samples, joint_names=names))
+        folder.place("a/planned.csv", partial(write_planned, samples=samples, joint_names=names))
     for derivatives in (1, 2):
         found = read_run(tmp_path / "out").set_points(derivatives=derivatives)
         expected = make_table(set_points, name="x", derivatives=derivatives)

@@ -180,10 +180,10 @@ def write_motions(
         planned = result.trajectory.sample(result.run.cycle)
         set_points = partial(write_taught, set_points=result.set_points, joint_names=names)
         folder.place(f"{prefix}{name}/set_points.csv", set_points)
-        plan = partial(write_planned, x=planned, joint_names=names)
+        plan = partial(write_planned, samples=planned, joint_names=names)
         folder.place(f"{prefix}{name}/planned.csv", plan)
         if job.arm.has_bodies:
-            torque = partial(write_torque, x=planned, arm=job.arm)
+            torque = partial(write_torque, samples=planned, arm=job.arm)
             folder.place(f"{prefix}{name}/torque.csv", torque)
 
 

@@ -419,7 +419,7 @@ def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
 def _read_titles(
     titles: Sequence[str],
     title_of: Callable[[str, bool], Title[Key] | None],
-    where: str,
+    location: str,
     example: str,
     option: str,
 ) -> tuple[dict[Key, CsvColumn], tuple[str, ...]]:
@@ -427,7 +427,7 @@ def _read_titles(
     if all(map(NUMBER.fullmatch, titles)):
         fix = f"; without such a line, name them with {option}" if option else ""
         raise InvalidInput(
-            f"{where}: the first line must name the columns, such as {example}{fix}."
+            f"{location}: the first line must name the columns, such as {example}{fix}."
         )
     recognised: dict[Key, CsvColumn] = {}
     unknown: list[str] = []
@@ -439,9 +439,11 @@ def _read_titles(
             unknown += [title] * (title != SKIPPED)
             continue
         if unit is not None and content.unit is not None:
-            raise InvalidInput(f"{where}: the column {show(title)} has two units: leave one out.")
+            raise InvalidInput(
+                f"{location}: the column {show(title)} has two units: leave one out."
+            )
         unit = content.unit if unit is None else unit
-        factor = 1.0 if unit is None else _factor(unit, content.si, title, where)
+        factor = 1.0 if unit is None else _factor(unit, content.si, title, location)
         column, other = (
             CsvColumn(index, title, unit, factor, content.rank),
             recognised.get(content.key),
@@ -450,7 +452,7 @@ def _read_titles(
             same = f"the columns {show(other.title)} and {show(title)} hold the same"
             twice = f"there are two columns {show(title)}" if other.title == title else same
             fix = f", such as with {option} '{SKIPPED}={title}'" if option else ""
-            raise InvalidInput(f"{where}: {twice}: leave one out{fix}.")
+            raise InvalidInput(f"{location}: {twice}: leave one out{fix}.")
         if other is None or column.rank < other.rank:
             recognised[content.key] = column
         if other is not None:
@@ -458,7 +460,7 @@ def _read_titles(
     return recognised, tuple(unknown)
 
 
-def _factor(unit: str, si: str | None, title: str, where: str) -> float:
+def _factor(unit: str, si: str | None, title: str, location: str) -> float:
     """Factor from a unit in a title to an SI unit."""
     plain = unit.strip().replace("²", "^2").replace("°", "deg")
     try:
@@ -468,6 +470,6 @@ def _factor(unit: str, si: str | None, title: str, where: str) -> float:
     if factor <= 0 or (si is not None and "rad" in si and not _ANGLE.search(plain)):
         expected = f"one that converts to {si}" if si else "wanted: the column has none"
         raise InvalidInput(
-            f"{where}: the unit {show(unit)} of the column {show(title)} is not {expected}."
+            f"{location}: the unit {show(unit)} of the column {show(title)} is not {expected}."
         )
     return factor

@@ -97,8 +97,8 @@ def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:
         name: x if isinstance(x, TableToolModel) else TableToolModel(position=x)
         for name, x in (model.tools or {}).items()
     }
-    for name, x in table.items():
-        frame_of(f"tools.{name}", x)
+    for name, entry in table.items():
+        frame_of(f"tools.{name}", entry)
     if not table:
         return model.arm
     from armcontour.program.tools import tools_of_contours

@@ -79,8 +79,8 @@ def change_data(data: Any, changes: Sequence[Change]) -> Any:
     Raises:
         InvalidInput: A position that its list does not have.
     """
-    for x in changes:
-        data = _changed(data, x.keys, x)
+    for change in changes:
+        data = _changed(data, change.keys, change)
     return data
 
 
@@ -89,9 +89,9 @@ def move_files(text: str, folder: FilePath, to: FilePath) -> str:
     root = yaml.compose(text, Loader=Loader)
     edits = []
     for node in _file_names(root):
-        there = folder / node.value
-        if not FilePath(node.value).is_absolute() and there.exists():
-            name = FilePath(os.path.relpath(there.resolve(), to.resolve())).as_posix()
+        location = folder / node.value
+        if not FilePath(node.value).is_absolute() and location.exists():
+            name = FilePath(os.path.relpath(location.resolve(), to.resolve())).as_posix()
             edits.append(Splice(node.start_mark.index, node.end_mark.index, flow_text(name)))
     return _spliced(text, edits)
 
@@ -113,11 +113,13 @@ def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
         values = value.value if isinstance(value, yaml.SequenceNode) else [value]
         if key.value == "packages" and isinstance(value, yaml.MappingNode):
             values = [x for _, x in value.value]
-        for x in values:
-            if not isinstance(x, yaml.ScalarNode):
-                yield from _file_names(x)
-            elif key.value in FILES or (key.value == "arm" and x.value.lower().endswith(ARM_FILES)):
-                yield x
+        for node in values:
+            if not isinstance(node, yaml.ScalarNode):
+                yield from _file_names(node)
+            elif key.value in FILES or (
+                key.value == "arm" and node.value.lower().endswith(ARM_FILES)
+            ):
+                yield node
 
 
 @lru_cache(maxsize=1)
@@ -170,13 +172,15 @@ def _position(key: Key, change: Change) -> int:
 def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
     """The changes in groups whose locations in the text are independent."""
     group: list[Change] = []
-    for x in changes:
-        alone = x.insert or x.value is REMOVE or value_at(data, x.keys, REMOVE) is REMOVE
-        if group and (alone or any(meet(x.keys, y.keys) for y in group)):
+    for change in changes:
+        alone = (
+            change.insert or change.value is REMOVE or value_at(data, change.keys, REMOVE) is REMOVE
+        )
+        if group and (alone or any(meet(change.keys, y.keys) for y in group)):
             yield group
             group = []
-        data = change_data(data, [x])
-        group.append(x)
+        data = change_data(data, [change])
+        group.append(change)
         if alone:
             yield group
             group = []
@@ -248,8 +252,8 @@ def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
 
 def _spliced(text: str, splices: Sequence[Splice]) -> str:
     """A text with parts replaced."""
-    for x in sorted(splices, key=lambda x: (x.begin, x.end), reverse=True):
-        text = text[: x.begin] + x.text + text[x.end :]
+    for splice in sorted(splices, key=lambda x: (x.begin, x.end), reverse=True):
+        text = text[: splice.begin] + splice.text + text[splice.end :]
     return text
 
 

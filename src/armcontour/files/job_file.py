@@ -376,19 +376,19 @@ def _without_effect(process: Process, program: Program) -> list[str]:
 def _switched(program: Program, process: Process) -> set[str]:
     """Names of the outputs that a program or its process switches."""
     names = {x.name for x in program.moves if isinstance(x, Event)}
-    for x in program.contours:
-        layer_process = process.of_layer(x.layer)
-        names |= {y.name for y in (*x.events, *layer_process.events)}
+    for contour in program.contours:
+        layer_process = process.of_layer(contour.layer)
+        names |= {y.name for y in (*contour.events, *layer_process.events)}
         names |= set() if layer_process.switch is None else {layer_process.switch.name}
     return names
 
 
-def _on_drawing(process: Process, drawing: PathModel, there: Collection[str]) -> Process:
+def _on_drawing(process: Process, drawing: PathModel, existing: Collection[str]) -> Process:
     """A process with the vertical direction and the speeds of layers from a job's path."""
     layers = drawing.layers if isinstance(drawing.layers, dict) else {}
     # The reader has noted layers that are missing in the file.
-    layer_limits = {name: x for name, x in layers.items() if name in there}
-    by_layer = {name: x for name, x in process.by_layer.items() if name in there}
+    layer_limits = {name: x for name, x in layers.items() if name in existing}
+    by_layer = {name: x for name, x in process.by_layer.items() if name in existing}
     return dataclasses.replace(
         process, up=part_of(drawing).rotation[:, 2], layers=layer_limits, by_layer=by_layer
     )

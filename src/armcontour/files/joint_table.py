@@ -186,9 +186,9 @@ def _time(words: Sequence[_Word], unit: str | None) -> Title[Key] | None:
     """The title of a time, or of the nanoseconds or microseconds of a time in two columns."""
     if not {x.meaning for x in words} <= {"t", "fraction", "topic", "q", "measured"}:
         return None
-    for x in words:
-        if x.meaning == "fraction":
-            unit = "ns" if x.text.lower().startswith("n") else "us"
+    for word in words:
+        if word.meaning == "fraction":
+            unit = "ns" if word.text.lower().startswith("n") else "us"
             return Title(FRACTION, "s", unit, len(words))
     return Title(TIME, "s", unit, len(words) - 1)
 

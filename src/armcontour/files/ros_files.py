@@ -215,10 +215,10 @@ class _Point:
     """
 
     def __init__(self, source: str, number: int, data: Any) -> None:
-        where = f"{source}, point {number}"
+        location = f"{source}, point {number}"
         if not isinstance(data, dict):
             raise InvalidInput(
-                f"{where}: it must have positions and time_from_start, not {show(data)}."
+                f"{location}: it must have positions and time_from_start, not {show(data)}."
             )
         for name in ARRAYS.values():
             values = data.get(name) or ()
@@ -227,15 +227,15 @@ class _Point:
             )
             if None in numbers:
                 raise InvalidInput(
-                    f"{where}: {name} must be a list of numbers, not {show(values)}."
+                    f"{location}: {name} must be a list of numbers, not {show(values)}."
                 )
             setattr(self, name, numbers)
         start = data.get("time_from_start")
         self.nanoseconds = _nanoseconds(start)
         if abs(self.nanoseconds) >= 2**63:
             raise InvalidInput(
-                f"{where}: time_from_start must be a number of seconds, or sec and nanosec (secs "
-                f"and nsecs in ROS 1), within 292 years, not {show(start)}."
+                f"{location}: time_from_start must be a number of seconds, or sec and nanosec "
+                f"(secs and nsecs in ROS 1), within 292 years, not {show(start)}."
             )
 
 

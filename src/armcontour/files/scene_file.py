@@ -66,11 +66,11 @@ def read_scene_file(
     tree = read_tree(str(location), file_access.read_bytes(location, "description of a cell"))
     obstacles: list[Obstacle] = []
     for link, (_, frame) in Description(tree, (), (), {}, tree.root).carried().items():
-        for k, x in enumerate(collisions(tree, link)):
+        for k, element in enumerate(collisions(tree, link)):
             with error_context(location.name):
-                shape = shape_of(tree, x, packages, unit)
+                shape = shape_of(tree, element, packages, unit)
                 name = link if k == 0 else f"{link} {k + 1}"
-                obstacles.append(Obstacle(name=name, shape=shape, place=frame @ x.place))
+                obstacles.append(Obstacle(name=name, shape=shape, place=frame @ element.place))
     if not obstacles:
         raise InvalidInput(f"{location} has no collision elements, so it describes no obstacles.")
     return tuple(obstacles)
@@ -90,10 +90,10 @@ def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
         InvalidInput: Values that make no body, or a file that is missing or invalid.
     """
     obstacles = []
-    for where, x in _bodies(model, "scene", OF_LINKS, "shapes of links"):
-        with error_context(where):
-            obstacle = Obstacle(name=x.name, shape=_shape(x, folder), place=_place(x))
-        obstacles.append(_stand(obstacle, x, part))
+    for key, body in _bodies(model, "scene", OF_LINKS, "shapes of links"):
+        with error_context(key):
+            obstacle = Obstacle(name=body.name, shape=_shape(body, folder), place=_place(body))
+        obstacles.append(_stand(obstacle, body, part))
     for entry in model.files:
         file = SceneFileModel(file=entry) if isinstance(entry, str) else entry
         _refuse_keys(f"scene.files: {file.file}", file, OF_LINKS, "shapes of links")
@@ -134,14 +134,14 @@ def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
     length = reach - 2 * ASSUMED_RADIUS - ASSUMED_GAP
     if length <= 0:
         return ()
-    out = (point - flange) / reach
-    middle = flange + (ASSUMED_RADIUS + length / 2) * out
+    direction = (point - flange) / reach
+    middle = flange + (ASSUMED_RADIUS + length / 2) * direction
     return (
         LinkShape(
             name=TOOL,
             link=len(chain),
             shape=Capsule(radius=ASSUMED_RADIUS, length=length),
-            place=Frame(position=middle, rotation=upright(out)),
+            place=Frame(position=middle, rotation=upright(direction)),
             tool=True,
             assumed=True,
         ),
@@ -157,13 +157,13 @@ def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[Li
     links = {x.name: x.link for x in (() if arm.shapes is None else arm.shapes.shapes)}
     links |= {BASE: 0} | {name: k for k, name in enumerate(arm.joint_names, start=1)}
     shapes = []
-    for where, x in _bodies(model, "arm.shapes", OF_OBSTACLES, "obstacles"):
-        if x.link not in links:
+    for key, body in _bodies(model, "arm.shapes", OF_OBSTACLES, "obstacles"):
+        if body.link not in links:
             raise InvalidInput(
-                f"{where}: link must be one of {list_some(list(links), MOST_NAMED)}, "
-                f"{'but is missing' if x.link is None else f'not {x.link!r}'}."
+                f"{key}: link must be one of {list_some(list(links), MOST_NAMED)}, "
+                f"{'but is missing' if body.link is None else f'not {body.link!r}'}."
             )
-        shapes.append(_link_shape(where, x, folder, links[x.link]))
+        shapes.append(_link_shape(key, body, folder, links[body.link]))
     return tuple(shapes)
 
 
@@ -184,18 +184,18 @@ def _bodies(
     model: BodiesModel, key: str, keys: tuple[str, ...], whose: str
 ) -> Iterator[tuple[str, BodyModel]]:
     """All bodies under a key, with their locations in the job; the keys `keys` are refused."""
-    for x in dataclasses.fields(BodiesModel):
-        for body in getattr(model, x.name):
-            where = f"{key}.{x.name}: {body.name}"
-            _refuse_keys(where, body, keys, whose)
-            yield where, body
+    for entry in dataclasses.fields(BodiesModel):
+        for body in getattr(model, entry.name):
+            location = f"{key}.{entry.name}: {body.name}"
+            _refuse_keys(location, body, keys, whose)
+            yield location, body
 
 
 def _link_shape(
-    where: str, model: BodyModel, folder: FilePath, link: int, *, tip: Frame | None = None
+    key: str, model: BodyModel, folder: FilePath, link: int, *, tip: Frame | None = None
 ) -> LinkShape:
     """A shape of a link, or with `tip` of the tool, whose frame that is in the last link."""
-    with error_context(where):
+    with error_context(key):
         shape, frame = _shape(model, folder), _place(model)
         if tip is not None:
             frame = tip @ frame
@@ -232,11 +232,11 @@ def _normal(model: HalfSpaceModel) -> FloatArray | None:
         return turned
     if turned is not None:
         raise InvalidInput("A half-space takes either normal, or rpy or quaternion, not both.")
-    out = checks.check_numbers("normal", model.normal)
-    length = float(np.linalg.norm(out))
+    normal = checks.check_numbers("normal", model.normal)
+    length = float(np.linalg.norm(normal))
     if length == 0:
         raise InvalidInput("The normal of a half-space has the length 0: give it a direction.")
-    return upright(out / length)
+    return upright(normal / length)
 
 
 def upright(z: FloatArray) -> FloatArray:
@@ -270,11 +270,11 @@ def _shape(model: BodyModel, folder: FilePath) -> Shape:
     return HalfSpace()
 
 
-def _refuse_keys(where: str, model: PlacedModel, keys: tuple[str, ...], whose: str) -> None:
+def _refuse_keys(location: str, model: PlacedModel, keys: tuple[str, ...], whose: str) -> None:
     """Check that a body has no keys of other uses."""
     for key in keys:
         if getattr(model, key) is not None:
-            raise InvalidInput(f"{where}: {key} is a key of {whose}: leave it out here.")
+            raise InvalidInput(f"{location}: {key} is a key of {whose}: leave it out here.")
 
 
 def three_numbers(value: Any) -> Any:

@@ -215,9 +215,9 @@ def _near(stored: TrajectoryFile) -> float:
 
 def _refuse_other_job(history: FilePath, lesson: LearningResult, job: Job, plan: RunResult) -> None:
     """Check that a learning history began with the set-points of the job."""
-    first, now = lesson.runs[0].q, plan.set_points.q
-    same = first.shape == now.shape and lesson.cycle == plan.set_points.cycle
-    if not same or np.abs(first - now).max() > SAME:
+    first, current = lesson.runs[0].q, plan.set_points.q
+    same = first.shape == current.shape and lesson.cycle == plan.set_points.cycle
+    if not same or np.abs(first - current).max() > SAME:
         raise InvalidInput(
             f"{history} was learned with other set-points at its beginning than the job "
             f"{job.name} makes for its run {plan.run.name}: give the job as it was, with the same "

@@ -172,7 +172,7 @@ def _numbers(table: CsvTable[Key], role: str) -> list[str]:
 
 
 def _refuse_other_joints(
-    where: str, joints: Sequence[str], joint_names: Sequence[str], title: str
+    heading: str, joints: Sequence[str], joint_names: Sequence[str], title: str
 ) -> None:
     """Raise the error for joints with names that the arm does not have."""
     have, arm = (list_some([show(x) for x in y], MOST_NAMED) for y in (joints, joint_names))
@@ -183,8 +183,8 @@ def _refuse_other_joints(
             f"'{joint_names[0]}={title}' or 'q#=NAME_#', or give its arm with --arm"
         )
     raise InvalidInput(
-        f"{where}: the file has positions of {count_noun(len(joints), 'joint')} ({have}), but the "
-        f"arm has {len(joint_names)} ({arm}): {fix}.",
+        f"{heading}: the file has positions of {count_noun(len(joints), 'joint')} ({have}), but "
+        f"the arm has {len(joint_names)} ({arm}): {fix}.",
         needed=len(joints),
         allowed=len(joint_names),
     )
@@ -323,15 +323,15 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
         ) from None
 
 
-def _event(x: Mapping[str, Any]) -> TimedEvent:
+def _event(data: Mapping[str, Any]) -> TimedEvent:
     """An event of a summary."""
     return TimedEvent(
-        name=x["name"],
-        value=x["value"],
-        t=x["t"],
-        due=x["due"],
-        s=x["s"],
-        point=tuple(x["point"]),
+        name=data["name"],
+        value=data["value"],
+        t=data["t"],
+        due=data["due"],
+        s=data["s"],
+        point=tuple(data["point"]),
     )
 
 

@@ -131,8 +131,10 @@ def _unit(code: Any, source: str, options: ReadOptions) -> float:
         return options.unit
     if code in UNITS:
         return UNITS[code]
-    why = "does not say its unit" if code == 0 else f"has the unit {code!r}, which is not known"
-    raise InvalidInput(f"{source} {why} ($INSUNITS): give it, such as `units: mm` or --units mm.")
+    reason = "does not say its unit" if code == 0 else f"has the unit {code!r}, which is not known"
+    raise InvalidInput(
+        f"{source} {reason} ($INSUNITS): give it, such as `units: mm` or --units mm."
+    )
 
 
 def _flattened(entities: list[EntityOutlines], source: str) -> list[EntityOutlines]:
@@ -142,11 +144,11 @@ def _flattened(entities: list[EntityOutlines], source: str) -> list[EntityOutlin
         return bool(np.abs(points[:, 2]).max() <= REPEATED_POINT)
 
     flat = all(is_flat(y.reach) for x in entities for y in x.outlines)
-    for x in entities:
-        if x.clips and not (flat and all(is_flat(clip.corners) for clip in x.clips)):
+    for entity in entities:
+        if entity.clips and not (flat and all(is_flat(clip.corners) for clip in entity.clips)):
             raise InvalidInput(
-                f"{source}: {x.where} is in a block that is clipped in space, which is not read: "
-                "clip drawings at z = 0 only."
+                f"{source}: {entity.where} is in a block that is clipped in space, which is not "
+                "read: clip drawings at z = 0 only."
             )
     if not flat:
         return entities
@@ -194,8 +196,8 @@ class DxfWalk(Walk):
         if not self.elsewhere:
             return ""
         requested = ", ".join(repr(x) for x in sorted(self.requested_layers or ()))
-        there = list_some([repr(x) for x in sorted(self.elsewhere)], 12)
-        return f"has no contour on the layer {requested}: it has entities on {there}"
+        layers = list_some([repr(x) for x in sorted(self.elsewhere)], 12)
+        return f"has no contour on the layer {requested}: it has entities on {layers}"
 
     def shapes(self, unit: float) -> Iterator[EntityOutlines]:
         """Yield the shapes of all entities of the model space, in the order of the document.
@@ -358,13 +360,13 @@ class DxfWalk(Walk):
         rows, columns = grid(entity)
         return rows * columns * self._sizes[name]
 
-    def _leave(self, kind: str, name: str, layer: str, why: str, handle: str) -> None:
+    def _leave(self, kind: str, name: str, layer: str, reason: str, handle: str) -> None:
         """Leave out an entity that cannot be read, or refuse it."""
         if kind != "INSERT" and not self.wants_layer(layer):
             return
         # The search for a line reads the whole file, so only the first entities get their lines.
         line = self.line_of(handle) if len(self.left_out.get(BROKEN, ())) < NAMED else ""
-        defect = f"{kind} {name}{line} on layer {layer!r} {why}"
+        defect = f"{kind} {name}{line} on layer {layer!r} {reason}"
         if not self.skip:
             raise InvalidInput(
                 f"{self.source}: {defect}. Mend it in the drawing, choose the layers to follow "
@@ -452,8 +454,8 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
             # The remaining part of a truncated file is intact.
             return document, notes
         mended = f" and was mended in {count_noun(changes, 'place')}" if changes else ""
-        why = ADDRESS.sub("", said(first))
-        damage = f"The file is damaged ({why}){mended}; damaged parts may be missing."
+        reason = ADDRESS.sub("", said(first))
+        damage = f"The file is damaged ({reason}){mended}; damaged parts may be missing."
         return document, [*notes, damage]
     except Exception:
         intact, broken = (b"", []) if data.startswith(BINARY) else _without_broken(data)

@@ -152,8 +152,8 @@ def _find_repeated(
 def _same(a: Path, b: Path) -> bool:
     """True if two paths are the same within `SAME_PIECE`, in the same or opposite direction."""
     # One may be cut into more segments than the other.
-    share = np.linspace(0, 1, 2 * max(len(a), len(b)) + 5)
-    one, other = a(share * a.length), b(share * b.length)
+    fractions = np.linspace(0, 1, 2 * max(len(a), len(b)) + 5)
+    one, other = a(fractions * a.length), b(fractions * b.length)
     return any(float(np.abs(one - x).max(initial=0.0)) <= SAME_PIECE for x in (other, other[::-1]))
 
 

@@ -74,9 +74,9 @@ def tell_share(progress: Progress | None, source: str) -> Tell:
         return lambda share: None
     say, shown = subprogress(progress, source), -1
 
-    def tell(share: float) -> None:
+    def tell(fraction: float) -> None:
         nonlocal shown
-        percent = int(100 * min(share, 1.0))
+        percent = int(100 * min(fraction, 1.0))
         if percent > shown:
             shown = percent
             say(Step((), percent / 100))
@@ -236,8 +236,8 @@ class ReadOptions(Checked):
     @property
     def fit_tolerance(self) -> float:
         """Largest distance between a curve and its arcs [m]; transitions may add the rest."""
-        share = 1.0 if self.continuity == "tangent" else FIT_SHARE
-        return share * self.chord_tolerance
+        fraction = 1.0 if self.continuity == "tangent" else FIT_SHARE
+        return fraction * self.chord_tolerance
 
     @property
     def skips(self) -> bool:
@@ -304,15 +304,15 @@ def repair(program: Program, options: ReadOptions) -> Program:
     """
     moves: list[Move] = list(program.moves)
     tolerances, changed = options.layer_tolerances, []
-    for i, x in enumerate(moves):
-        if not isinstance(x, Contour) or x.path.orientation is not None:
+    for i, move in enumerate(moves):
+        if not isinstance(move, Contour) or move.path.orientation is not None:
             continue
-        tolerance = tolerances.get(x.layer, math.inf)
-        mended = mend_vertices(x.path, options.mend_vertices, tolerance)
+        tolerance = tolerances.get(move.layer, math.inf)
+        mended = mend_vertices(move.path, options.mend_vertices, tolerance)
         if mended is not None:
             changed.append(mended)
-            events = tuple(dataclasses.replace(y, s=float(mended.place(y.s))) for y in x.events)
-            moves[i] = dataclasses.replace(x, path=mended.path, events=events)
+            events = tuple(dataclasses.replace(y, s=float(mended.place(y.s))) for y in move.events)
+            moves[i] = dataclasses.replace(move, path=mended.path, events=events)
     if not changed:
         return program
     notes = (*program.notes, _note(changed))

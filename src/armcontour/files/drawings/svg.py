@@ -442,9 +442,9 @@ def _extent(element: Element, user: Element | None, key: str, whole: float | Non
     The value is taken from the use element, else from the element, else it is that of the outer
     viewport.
     """
-    for x in (user, element):
-        if x is not None and x.get(key) not in ("", "auto"):
-            return length_of(x, key)
+    for source in (user, element):
+        if source is not None and source.get(key) not in ("", "auto"):
+            return length_of(source, key)
     return whole
 
 

@@ -155,17 +155,18 @@ class _Builder:
 
     def _check_entity(self, name: str, value: str | None, line: int) -> None:
         """Refuse an entity that is not plain text in the file, or expands to too much."""
-        where = f"{self.source}, line {line}: the entity {name[:60]!r}"
+        location = f"{self.source}, line {line}: the entity {name[:60]!r}"
         if value is None or "&" in value or "%" in value or "<" in value:
             raise InvalidInput(
-                f"{where} is not plain text in the file, which is not read: save it as plain SVG."
+                f"{location} is not plain text in the file, which is not read: save it as plain "
+                "SVG."
             )
         # Counted before the parser expands it; the file's encoding must contain ASCII.
         self._expanded += len(value) * self._data.count(f"&{name};".encode())
         if self._expanded > MOST_EXPANDED or b"<!ENTITY" not in self._data:
             raise InvalidInput(
-                f"{where} would make the file longer by more than {MOST_EXPANDED} characters, or "
-                "nobody can tell: save it as plain SVG."
+                f"{location} would make the file longer by more than {MOST_EXPANDED} characters, "
+                "or nobody can tell: save it as plain SVG."
             )
 
     def _start(self, name: str, attributes: dict[str, str], line: int) -> None:
@@ -303,10 +304,10 @@ def length_of(element: Element, key: str, *, default: float | None = 0.0) -> flo
     match = _LENGTH.fullmatch(text)
     factor = PIXELS.get(match[2].lower()) if match else None
     if match is None or factor is None:
-        why = " here, where nothing says of what" if match and match[2] == "%" else ""
+        reason = " here, where nothing says of what" if match and match[2] == "%" else ""
         element.refuse(
-            f"{key}={text[:40]!r} is not a length that is read{why}: write a number, or one in px, "
-            "mm, cm, in, pt or pc"
+            f"{key}={text[:40]!r} is not a length that is read{reason}: write a number, or one in "
+            "px, mm, cm, in, pt or pc"
         )
     value = float(match[1]) * factor
     if not math.isfinite(value):
@@ -389,23 +390,23 @@ def transform_of(element: Element) -> Affine:
 
 def _single_transform(kind: str, values: list[float]) -> Affine:
     """The affine map of one transform, such as rotate, with its arguments."""
-    x = values[0]
+    first = values[0]
     if kind == "matrix":
         return affine(*values)
     if kind == "translate":
-        return affine(1, 0, 0, 1, x, values[1] if len(values) > 1 else 0)
+        return affine(1, 0, 0, 1, first, values[1] if len(values) > 1 else 0)
     if kind == "scale":
-        return affine(x, 0, 0, values[1] if len(values) > 1 else x, 0, 0)
+        return affine(first, 0, 0, values[1] if len(values) > 1 else first, 0, 0)
     if kind == "skewX":
-        return affine(1, 0, math.tan(math.radians(x)), 1, 0, 0)
+        return affine(1, 0, math.tan(math.radians(first)), 1, 0, 0)
     if kind == "skewY":
-        return affine(1, math.tan(math.radians(x)), 0, 1, 0, 0)
-    c, s = _cos_sin(x)
+        return affine(1, math.tan(math.radians(first)), 0, 1, 0, 0)
+    c, s = _cos_sin(first)
     turned = affine(c, s, -s, c, 0, 0)
     if len(values) == 1:
         return turned
-    there, back = affine(1, 0, 0, 1, *values[1:]), affine(1, 0, 0, 1, -values[1], -values[2])
-    return there @ turned @ back
+    forward, back = affine(1, 0, 0, 1, *values[1:]), affine(1, 0, 0, 1, -values[1], -values[2])
+    return forward @ turned @ back
 
 
 def _cos_sin(degrees: float) -> tuple[float, float]:

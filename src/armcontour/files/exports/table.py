@@ -357,14 +357,14 @@ def differentiate(q: FloatArray, cycle: float) -> Samples:
     # The velocities v of a cubic spline with equal intervals h solve
     # v[i-1] + 4 v[i] + v[i+1] = 3 (q[i+1] - q[i-1]) / h, with zero at both ends.
     for j in range(q.shape[1]):
-        x, v = np.ascontiguousarray(q[:, j]), dq[:, j]
+        positions, velocities = np.ascontiguousarray(q[:, j]), dq[:, j]
         if len(q) > 2:
-            right = (3 / cycle * (x[2:] - x[:-2]))[:, None]
+            right = (3 / cycle * (positions[2:] - positions[:-2]))[:, None]
             solve_banded(np.tile([4.0, 1.0], (len(right), 1)), right)
-            v[1:-1] = right[:, 0]
-        slope = np.diff(x) / cycle
-        ddq[:-1, j] = (6 * slope - 4 * v[:-1] - 2 * v[1:]) / cycle
-        ddq[-1, j] = (2 * v[-2] + 4 * v[-1] - 6 * slope[-1]) / cycle
+            velocities[1:-1] = right[:, 0]
+        slope = np.diff(positions) / cycle
+        ddq[:-1, j] = (6 * slope - 4 * velocities[:-1] - 2 * velocities[1:]) / cycle
+        ddq[-1, j] = (2 * velocities[-2] + 4 * velocities[-1] - 6 * slope[-1]) / cycle
     for values in (dq, ddq):
         # No copies: a long motion has gigabytes of set-points.
         values.setflags(write=False)
@@ -565,25 +565,28 @@ def taught_pieces(set_points: SetPoints, joint_names: Sequence[str]) -> Iterator
     return csv_pieces(*joint_columns(set_points.t, joint_names, q=set_points.q))
 
 
-def write_planned(file: FilePath, x: Samples, joint_names: Sequence[str] = ()) -> None:
+def write_planned(file: FilePath, samples: Samples, joint_names: Sequence[str] = ()) -> None:
     """Write the realizable trajectory as CSV: t, then q, dq and ddq of every joint.
 
     Args:
         file: The file.
-        x: Samples of the trajectory; the last row is the end.
+        samples: Samples of the trajectory; the last row is the end.
         joint_names: Names of the joints; numbers by default.
     """
-    names = joint_names or [f"joint {j + 1}" for j in range(x.q.shape[1])]
-    write_pieces(file, csv_pieces(*joint_columns(x.t, names, q=x.q, dq=x.dq, ddq=x.ddq)))
+    names = joint_names or [f"joint {j + 1}" for j in range(samples.q.shape[1])]
+    write_pieces(
+        file,
+        csv_pieces(*joint_columns(samples.t, names, q=samples.q, dq=samples.dq, ddq=samples.ddq)),
+    )
 
 
-def write_torque(file: FilePath, x: Samples, arm: Arm) -> None:
+def write_torque(file: FilePath, samples: Samples, arm: Arm) -> None:
     """Write torques of the realizable trajectory as CSV: t, then the torque of every drive.
 
     Args:
         file: The file.
-        x: Samples of the trajectory; the last row is the end.
+        samples: Samples of the trajectory; the last row is the end.
         arm: The arm, with bodies.
     """
-    torque = arm.torque(x.q, x.dq, x.ddq)
-    write_pieces(file, csv_pieces(*joint_columns(x.t, arm.joint_names, torque=torque)))
+    torque = arm.torque(samples.q, samples.dq, samples.ddq)
+    write_pieces(file, csv_pieces(*joint_columns(samples.t, arm.joint_names, torque=torque)))

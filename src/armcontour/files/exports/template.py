@@ -267,16 +267,16 @@ def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str
 def _points(table: SetPointTable) -> tuple[Point, ...]:
     """The rows of a table, each with its events."""
     switches: dict[int, list[OutputSwitch]] = {}
-    for x, i in zip(table.events, table.point_of_events, strict=True):
+    for event, i in zip(table.events, table.point_of_events, strict=True):
         switches.setdefault(i, []).append(
             OutputSwitch(
-                name=x.name,
-                value=x.value,
-                t=x.t,
-                due=x.due,
-                s=x.s,
-                point=x.point,
-                text=format_event(x),
+                name=event.name,
+                value=event.value,
+                t=event.t,
+                due=event.due,
+                s=event.s,
+                point=event.point,
+                text=format_event(event),
             )
         )
     count = len(table.t)
@@ -311,14 +311,14 @@ def _tuples(values: Any, count: int) -> list[tuple[float, ...] | None]:
     return [None] * count if values is None else [tuple(x) for x in values.tolist()]
 
 
-def _each(function: Any, x: Any) -> Any:
+def _each(function: Any, value: Any) -> Any:
     """The function of a number, or the list of the function of each number."""
-    return function(x) if isinstance(x, int | float) else [function(y) for y in x]
+    return function(value) if isinstance(value, int | float) else [function(y) for y in value]
 
 
-def _fixed(x: float | Sequence[float], decimals: int = DECIMALS) -> str:
+def _fixed(value: float | Sequence[float], decimals: int = DECIMALS) -> str:
     """A number, or several with commas between them, with a fixed number of decimals."""
-    text = _each(lambda y: f"{y:.{decimals}f}", x)
+    text = _each(lambda y: f"{y:.{decimals}f}", value)
     return text if isinstance(text, str) else ", ".join(text)
 
 

@@ -155,21 +155,21 @@ def pieces_of(circle: Circle, turns: int) -> list[ArcPart]:
     Raises:
         Fault: The radius is so large that rounding would make an arc miss its end.
     """
-    x = circle
-    if x.start == x.end:
-        last = [_arc_around(x, 2 * math.pi)]
-    elif x.sweep > NEARLY_FULL and _distance_to_bisector(x) > REPEATED_POINT:
-        last = _two_arcs(x)
+    arc = circle
+    if arc.start == arc.end:
+        last = [_arc_around(arc, 2 * math.pi)]
+    elif arc.sweep > NEARLY_FULL and _distance_to_bisector(arc) > REPEATED_POINT:
+        last = _two_arcs(arc)
     else:
-        last = [_arc_between(x.start, x.end, x.center, x.turn)]
-    return [last[0].circle(x.start)] * (turns - 1) + last
+        last = [_arc_between(arc.start, arc.end, arc.center, arc.turn)]
+    return [last[0].circle(arc.start)] * (turns - 1) + last
 
 
 def _distance_to_bisector(circle: Circle) -> float:
     """Distance from the centre to the perpendicular bisector of start and end [m]."""
-    x = circle
-    square_difference = (x.radius - x.end_radius) * (x.radius + x.end_radius)
-    return abs(square_difference) / (2 * math.dist(x.start, x.end))
+    arc = circle
+    square_difference = (arc.radius - arc.end_radius) * (arc.radius + arc.end_radius)
+    return abs(square_difference) / (2 * math.dist(arc.start, arc.end))
 
 
 def _arc_between(start: Point, end: Point, center: Point, turn: int) -> ArcPart:
@@ -189,34 +189,39 @@ def _arc_between(start: Point, end: Point, center: Point, turn: int) -> ArcPart:
 
 def _arc_around(circle: Circle, sweep: float) -> ArcPart:
     """The arc around the programmed centre from its start over an angle `sweep` [rad]."""
-    x = circle
-    normal = ((x.center[0] - x.start[0]) / x.radius, (x.center[1] - x.start[1]) / x.radius)
-    tangent = (x.turn * normal[1], -x.turn * normal[0])
+    arc = circle
+    normal = (
+        (arc.center[0] - arc.start[0]) / arc.radius,
+        (arc.center[1] - arc.start[1]) / arc.radius,
+    )
+    tangent = (arc.turn * normal[1], -arc.turn * normal[0])
     c, s = math.cos(sweep), math.sin(sweep)
     end = (
-        x.center[0] + x.radius * (s * tangent[0] - c * normal[0]),
-        x.center[1] + x.radius * (s * tangent[1] - c * normal[1]),
+        arc.center[0] + arc.radius * (s * tangent[0] - c * normal[0]),
+        arc.center[1] + arc.radius * (s * tangent[1] - c * normal[1]),
     )
     if sweep == 2 * math.pi:
-        end = x.start
-    piece = ArcPart(tangent, normal, 1 / x.radius, sweep * x.radius, end)
-    _refuse_a_miss(x.start, piece)
+        end = arc.start
+    piece = ArcPart(tangent, normal, 1 / arc.radius, sweep * arc.radius, end)
+    _refuse_a_miss(arc.start, piece)
     return piece
 
 
 def _two_arcs(circle: Circle) -> list[ArcPart]:
     """An arc around the programmed centre over half the angle, and a tangent arc to the end."""
-    x = circle
-    first = _arc_around(x, x.sweep / 2)
-    ex = (first.end[0] - x.center[0]) / x.radius
-    ey = (first.end[1] - x.center[1]) / x.radius
-    along = (x.end[0] - x.center[0]) * ex + (x.end[1] - x.center[1]) * ey
+    arc = circle
+    first = _arc_around(arc, arc.sweep / 2)
+    ex = (first.end[0] - arc.center[0]) / arc.radius
+    ey = (first.end[1] - arc.center[1]) / arc.radius
+    along = (arc.end[0] - arc.center[0]) * ex + (arc.end[1] - arc.center[1]) * ey
     # The second centre lies on the radius at the first arc's end, at a distance k from the first
     # centre. Its distances to both ends of the second arc are equal:
     # r2² - 2 k along + k² = (r1 - k)².
-    shift = (x.end_radius - x.radius) * (x.end_radius + x.radius) / (2 * (along - x.radius))
-    center = (x.center[0] + shift * ex, x.center[1] + shift * ey)
-    return [first, _arc_between(first.end, x.end, center, x.turn)]
+    shift = (
+        (arc.end_radius - arc.radius) * (arc.end_radius + arc.radius) / (2 * (along - arc.radius))
+    )
+    center = (arc.center[0] + shift * ex, arc.center[1] + shift * ey)
+    return [first, _arc_between(first.end, arc.end, center, arc.turn)]
 
 
 def _refuse_a_miss(start: Point, piece: ArcPart) -> None:
@@ -253,19 +258,22 @@ def helix_points(
         tolerance: Largest distance between chord and helix [m].
         spend: Called with the number of chords before they are made; may refuse them.
     """
-    x, largest = circle, max(circle.radius, circle.end_radius)
+    arc, largest = circle, max(circle.radius, circle.end_radius)
     step = 2 * math.asin(math.sqrt(min(tolerance / (2 * largest), 0.5))) * 2
     # A chord spans at most a quarter of a turn, also with a wide tolerance.
     step = min(step, math.pi / 2)
-    total = x.sweep + 2 * math.pi * (turns - 1)
+    total = arc.sweep + 2 * math.pi * (turns - 1)
     n = max(1, math.ceil(total / step))
     spend(n)
-    px, py = (x.start[0] - x.center[0]) / x.radius, (x.start[1] - x.center[1]) / x.radius
+    px, py = (
+        (arc.start[0] - arc.center[0]) / arc.radius,
+        (arc.start[1] - arc.center[1]) / arc.radius,
+    )
     points = []
     for i in range(1, n):
-        angle, radius = x.turn * i / n * total, x.radius + i / n * (x.end_radius - x.radius)
+        angle, radius = arc.turn * i / n * total, arc.radius + i / n * (arc.end_radius - arc.radius)
         c, s = math.cos(angle), math.sin(angle)
         points.append(
-            (x.center[0] + radius * (c * px - s * py), x.center[1] + radius * (s * px + c * py))
+            (arc.center[0] + radius * (c * px - s * py), arc.center[1] + radius * (s * px + c * py))
         )
-    return [*points, x.end]
+    return [*points, arc.end]

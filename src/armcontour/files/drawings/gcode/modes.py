@@ -270,8 +270,8 @@ class Switches:
                 self.set("spindle", SPINDLE[code])
         for code in block.m:
             if code in COOLANT:
-                value, now = COOLANT[code], self.states.get("coolant")
-                self.set("coolant", BOTH if value and now and now != value else value)
+                value, current = COOLANT[code], self.states.get("coolant")
+                self.set("coolant", BOTH if value and current and current != value else value)
 
     def _select_tool(self, block: Block) -> None:
         if "T" not in block.words:

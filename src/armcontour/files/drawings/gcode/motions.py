@@ -198,10 +198,10 @@ class ToolMotion:
         if abs(rise) > CLOSE and not self.draft.offset:
             feed = self.feed_of(helix_length(circle, turns, rise))
             points = helix_points(circle, turns, self.chord_tolerance, self.draft.room_for)
-            x = list(last)
+            point = list(last)
             for i, (u, v) in enumerate(points, 1):
-                x[a], x[b], x[c] = u, v, last[c] + i / len(points) * rise
-                self.draft.feed(x[0], x[1], x[2], feed)
+                point[a], point[b], point[c] = u, v, last[c] + i / len(points) * rise
+                self.draft.feed(point[0], point[1], point[2], feed)
         else:
             self.draft.room_for(turns - 1)
             pieces = pieces_of(circle, turns)
