@@ -423,7 +423,7 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     from armcontour.core.render import figure
     from armcontour.core.text import capitalise
     from armcontour.files.cell import read_cell_arm
-    from armcontour.files.exports.formats import put
+    from armcontour.files.exports.formats import write_destination
     from armcontour.files.trajectory_file import read_run
     from armcontour.verification.evaluation import duration_row
 
@@ -451,7 +451,7 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     )
     x = Exports(targets=(target,))
     _refuse_outputs(x, {event.name for event in table.events}, f"the run {run.name}")
-    put(file, partial(x.write, target, table), folder=target.format.kind == "mcap")
+    write_destination(file, partial(x.write, target, table), folder=target.format.kind == "mcap")
     for said in x.warn_of_events(target, table):
         Console().say(f"Warning: {capitalise(said)}")
     what = REFERENCE if options.reference else SET_POINTS

@@ -145,11 +145,13 @@ def _read(
 ) -> tuple[SetPoints, Log | Recording, tuple[FloatArray, FloatArray] | None]:
     """What the robot executed, its log, and positions of its tool if there are any."""
     from armcontour.files.log_file import read_run_log, read_tool_positions
-    from armcontour.files.set_point_file import read_taught
+    from armcontour.files.set_point_file import read_set_points
 
     assert x.log is not None
     progress(Step(("reading the log",)))
-    set_points = plan.set_points if x.set_points is None else read_taught(x.set_points, job, plan)
+    set_points = (
+        plan.set_points if x.set_points is None else read_set_points(x.set_points, job, plan)
+    )
     log = read_run_log(
         x.log,
         job.arm.joint_names,

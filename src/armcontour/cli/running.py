@@ -172,13 +172,13 @@ def write_motions(
         plans: Plans by the names of their runs.
         prefix: Begin of all names of files, such as `plate/`.
     """
-    from armcontour.files import write_planned, write_taught, write_torque
+    from armcontour.files import write_planned, write_set_points, write_torque
 
     names = job.arm.joint_names
     for name, result in plans.items():
         # Thousands of laws take long to evaluate: once for both files.
         planned = result.trajectory.sample(result.run.cycle)
-        set_points = partial(write_taught, set_points=result.set_points, joint_names=names)
+        set_points = partial(write_set_points, set_points=result.set_points, joint_names=names)
         folder.place(f"{prefix}{name}/set_points.csv", set_points)
         plan = partial(write_planned, samples=planned, joint_names=names)
         folder.place(f"{prefix}{name}/planned.csv", plan)

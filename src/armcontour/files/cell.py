@@ -19,7 +19,7 @@ from armcontour.files.job_edits import REMOVE, move_files
 from armcontour.files.job_file import job_of, job_text, model_of, read_data
 from armcontour.files.job_model import CellModel, PathModel
 from armcontour.files.job_path import part_of, read_drawing
-from armcontour.files.patch import Patch, apply, write
+from armcontour.files.patch import Patch, apply_patch, write_patch
 from armcontour.files.scene_file import scene_of
 from armcontour.jobs import Job
 from armcontour.jobs.job import LONGEST_TITLE
@@ -132,7 +132,7 @@ def cell_data(
     data, location = read_data(text, source), FilePath(drawing)
     drawn = _drawn(data, location, str(location.absolute()))
     with error_context(source):
-        return apply(data, {**drawn, **(patch or {})}), source, folder
+        return apply_patch(data, {**drawn, **(patch or {})}), source, folder
 
 
 def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) -> str:
@@ -145,7 +145,7 @@ def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) ->
     location = FilePath(drawing).absolute()
     file = FilePath(os.path.relpath(location, to)).as_posix()
     drawn = _drawn(read_data(text, source), location, file)
-    return write(move_files(text, folder, to), drawn, source)
+    return write_patch(move_files(text, folder, to), drawn, source)
 
 
 def _drawn(cell: Mapping[str, Any], drawing: FilePath, file: str) -> Patch:

@@ -14,7 +14,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import LONGEST, list_some, parse_number, show
-from armcontour.files.units import parse
+from armcontour.files.units import parse_quantity
 
 Key = TypeVar("Key", bound=Hashable)
 NUMBER = re.compile(
@@ -464,7 +464,7 @@ def _factor(unit: str, si: str | None, title: str, location: str) -> float:
     """Factor from a unit in a title to an SI unit."""
     plain = unit.strip().replace("²", "^2").replace("°", "deg")
     try:
-        factor = 0.0 if si is None else parse(f"1 {plain}", si)
+        factor = 0.0 if si is None else parse_quantity(f"1 {plain}", si)
     except ValueError:
         factor = 0.0
     if factor <= 0 or (si is not None and "rad" in si and not _ANGLE.search(plain)):

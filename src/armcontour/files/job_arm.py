@@ -87,7 +87,7 @@ def frame_of(key: str, model: FrameModel) -> Frame:
     )
 
 
-def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:
+def arm_with_tool(model: JobModel, drawn: Path | Program) -> str | ArmModel:
     """The key `arm` of a job, with the tool of its tool table that its contours use.
 
     Raises:

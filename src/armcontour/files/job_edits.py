@@ -16,8 +16,8 @@ import yaml
 from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_layout import Loader, load_with_node
 from armcontour.files.job_arm import ARM_FILES
-from armcontour.files.problems import place
-from armcontour.files.yaml_text import Shared, Splice, YamlText, flow_text, same
+from armcontour.files.problems import key_text
+from armcontour.files.yaml_text import Shared, Splice, YamlText, equal_data, flow_text
 
 Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]
@@ -66,7 +66,7 @@ def change_text(text: str, changes: Sequence[Change], source: str = "job") -> st
             changed = change_data(data, group)
             # If the text is no YAML any more, the change removed an anchor that is still used.
             data, root = _parsed(text, source)
-            if not same(data, changed):
+            if not equal_data(data, changed):
                 raise Shared
         except (Shared, InvalidInput):
             raise _shared(source, group[-1]) from None
@@ -151,7 +151,7 @@ def _changed_list(data: list[Any], index: int, inner: Keys, change: Change) -> l
     adding = change.insert and not inner
     if not 0 <= index < len(data) + adding:
         raise InvalidInput(
-            f"{place(change.keys)} cannot be changed: the list there has {len(data)} "
+            f"{key_text(change.keys)} cannot be changed: the list there has {len(data)} "
             f"item{'' if len(data) == 1 else 's'}."
         )
     if adding:
@@ -165,7 +165,7 @@ def _changed_list(data: list[Any], index: int, inner: Keys, change: Change) -> l
 def _position(key: Key, change: Change) -> int:
     """The position in a list that a key names."""
     if not isinstance(key, int):
-        raise InvalidInput(f"{place(change.keys)} is no position in a list.")
+        raise InvalidInput(f"{key_text(change.keys)} is no position in a list.")
     return key
 
 
@@ -176,7 +176,7 @@ def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
         alone = (
             change.insert or change.value is REMOVE or value_at(data, change.keys, REMOVE) is REMOVE
         )
-        if group and (alone or any(meet(change.keys, y.keys) for y in group)):
+        if group and (alone or any(overlap(change.keys, y.keys) for y in group)):
             yield group
             group = []
         data = change_data(data, [change])
@@ -219,7 +219,7 @@ def value_at(data: Any, keys: Keys, default: Any = None) -> Any:
     return data
 
 
-def meet(one: Keys, other: Keys) -> bool:
+def overlap(one: Keys, other: Keys) -> bool:
     """True if one of two locations in data is inside the other, or they are the same."""
     shared = min(len(one), len(other))
     return one[:shared] == other[:shared]
@@ -259,7 +259,7 @@ def _spliced(text: str, splices: Sequence[Splice]) -> str:
 
 def _shared(source: str, change: Change) -> InvalidInput:
     """The error for a change that would also change other keys."""
-    name = place(change.keys)
+    name = key_text(change.keys)
     by_hand = f"write {name}: {flow_text(change.value)}"
     if change.value is REMOVE:
         by_hand = f"remove {name}"

@@ -20,7 +20,7 @@ from armcontour.core.progress import Progress
 from armcontour.core.text import show
 from armcontour.core.yaml_layout import load
 from armcontour.files.file_keys import MappingKeys, read_keys, schema_of
-from armcontour.files.job_arm import arm_of, equipped
+from armcontour.files.job_arm import arm_of, arm_with_tool
 from armcontour.files.job_model import (
     ExperimentModel,
     JobModel,
@@ -109,9 +109,9 @@ def parse_job(
     data = read_data(text, source)
     with error_context(source):
         if patch:
-            from armcontour.files.patch import apply
+            from armcontour.files.patch import apply_patch
 
-            data = apply(data, patch)
+            data = apply_patch(data, patch)
     model = model_of(JobModel, data, source)
     with error_context(source):
         return job_of(model, folder or FilePath(), reading, trust_xacro)
@@ -162,7 +162,7 @@ def job_of(
         InvalidInput: Values that do not make a job.
     """
     parts = parts_of(model, folder, reading, trust_xacro=trust_xacro, drawing=drawing)
-    return job_on(model, *parts)
+    return assemble_job(model, *parts)
 
 
 def parts_of(
@@ -180,7 +180,7 @@ def parts_of(
     """
     arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
     drawn = path_of(model.path, folder, arm.dimension, reading, drawing)
-    used = equipped(model, drawn)
+    used = arm_with_tool(model, drawn)
     if used is not model.arm:
         arm = arm_of(used, folder, trust_xacro=trust_xacro)
     scene = None if model.scene is None else scene_of(model.scene, folder, part_of(model.path))
@@ -199,7 +199,7 @@ def _start(start: list[float] | dict[str, float], arm: Arm) -> FloatArray:
     return np.array([start[x] for x in arm.joint_names])
 
 
-def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
+def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
     """Make the job of a job file from its keys and its arm, path and scene.
 
     Raises:

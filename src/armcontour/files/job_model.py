@@ -28,7 +28,7 @@ from armcontour.files.file_keys import Methods, SpecifiedKeys
 from armcontour.files.forms import FORMS, Form, Place, Point
 from armcontour.files.robots.options import ArmOptions
 from armcontour.files.scene_file import BodiesModel, Direction, RotationModel, SceneModel
-from armcontour.files.units import parse
+from armcontour.files.units import parse_quantity
 from armcontour.geometry import SegmentLimits
 from armcontour.jobs import CertificateGoal, Experiment, PlaceSearch, Rounding
 from armcontour.planning import METHODS, PlanOptions, Shaped
@@ -47,11 +47,11 @@ def _joint_position(value: Any) -> Any:
     """Refuse a joint position that is neither an angle nor a length; return it as written."""
     if isinstance(value, str):
         try:
-            parse(value, "m")
+            parse_quantity(value, "m")
             return value
         except ValueError:
             pass
-    parse(value, "rad")
+    parse_quantity(value, "rad")
     return value
 
 

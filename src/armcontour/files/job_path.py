@@ -20,7 +20,7 @@ from armcontour.files.job_model import (
     RepeatModel,
     SegmentModel,
 )
-from armcontour.files.problems import place
+from armcontour.files.problems import key_text
 from armcontour.files.scene_file import rotation_of
 from armcontour.geometry import Arc, Line, Path, SegmentLimits
 from armcontour.program import Contour, Program, contour_called
@@ -219,7 +219,7 @@ def _points(key: str, points: list[list[float]]) -> FloatArray:
     if len({len(x) for x in points}) > 1:
         raise InvalidInput(f"the points of {key} must all have 2 or all have 3 coordinates.")
     for i, point in enumerate(points):
-        _refuse_far(place((*key.split("."), "points", i)), point)
+        _refuse_far(key_text((*key.split("."), "points", i)), point)
     return np.array(points).reshape(len(points), -1)
 
 
@@ -241,8 +241,8 @@ def _chain(start: list[float], models: list[SegmentModel]) -> Path:
     _refuse_far("path.start", point)
     for i, segment in enumerate(models):
         for name in ("to", "via", "center"):
-            _refuse_far(place(("path", "segments", i, name)), getattr(segment, name) or ())
-        segments.append(_segment(point, segment, place(("path", "segments", i))))
+            _refuse_far(key_text(("path", "segments", i, name)), getattr(segment, name) or ())
+        segments.append(_segment(point, segment, key_text(("path", "segments", i))))
         point = list(segment.to) if segment.to is not None else _end(segments)
     with error_context("path.segments"):
         return Path.from_segments(segments)
@@ -306,7 +306,7 @@ def _orient(path: Path, orientation: OrientationModel, location: str) -> Path:
 def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
     """Give a path one tool orientation per waypoint."""
     for i, orientation in enumerate(models):
-        key = place(("path", "orientation", i))
+        key = key_text(("path", "orientation", i))
         _refuse_unclear(key, orientation)
         if orientation.follow_tangent is not None:
             raise InvalidInput(
@@ -323,7 +323,7 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
             "path.orientation: either all waypoints or none give axis, and all or none are "
             "axis_only."
         )
-    turned = [rotation_of(place(("path", "orientation", i)), x) for i, x in enumerate(models)]
+    turned = [rotation_of(key_text(("path", "orientation", i)), x) for i, x in enumerate(models)]
     with error_context("path.orientation"):
         return path.oriented(np.array(turned), axis_only=models[0].axis_only)
 

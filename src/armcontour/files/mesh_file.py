@@ -13,7 +13,7 @@ from armcontour.core import file_access
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import plain_number, show
-from armcontour.files.units import parse
+from armcontour.files.units import parse_quantity
 from armcontour.robot.scene import Mesh
 from armcontour.robot.scene.shapes import LARGEST, SMALLEST
 
@@ -72,7 +72,7 @@ def read_mesh(
 def _factor(unit: str, location: FilePath) -> float:
     """A unit of length in metres."""
     try:
-        return parse(f"1 {unit}", "m")
+        return parse_quantity(f"1 {unit}", "m")
     except ValueError:
         raise InvalidInput(
             f"The mesh {location} has the unit {show(unit)}, which is no unit of length such as mm."
@@ -84,7 +84,7 @@ def _refuse_size(points: FloatArray, location: FilePath) -> None:
     size = float(np.ptp(points, axis=0).max())
     if SMALLEST <= size <= LARGEST:
         return
-    factors = {x: parse(f"1 {x}", "m") for x in USUAL}
+    factors = {x: parse_quantity(f"1 {x}", "m") for x in USUAL}
     hint = "its unit or a scale"
     for unit, factor in factors.items():
         if LIKELY[0] <= size * factor <= LIKELY[1]:

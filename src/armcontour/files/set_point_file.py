@@ -121,7 +121,7 @@ LESSON = "lesson.npz"
 SAME = 1e-9
 
 
-def read_taught(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
+def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
     """The set-points in a file of set-points, with the learning history.
 
     The set-points are those that the job makes, or those of the lesson in the same folder, exact to

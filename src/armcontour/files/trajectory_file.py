@@ -20,9 +20,9 @@ from armcontour.core.text import list_some, show
 from armcontour.files.csv_table import MOST_NAMED, CsvTable, last_digit, read_table
 from armcontour.files.exports.table import (
     SetPointTable,
-    are_places,
     check_export_cycle,
     differentiate,
+    equals_plan,
     regular_times,
     tabulate,
 )
@@ -280,7 +280,7 @@ class StoredRun:
         if not self.plain or derivatives < 2:
             return differentiate(set_points.q, self.cycle)
         plan = self._read("planned.csv")
-        if plan.dq is None or plan.ddq is None or not are_places(set_points.q, plan.q):
+        if plan.dq is None or plan.ddq is None or not equals_plan(set_points.q, plan.q):
             return differentiate(set_points.q, self.cycle)
         dq, ddq = plan.dq.copy(), plan.ddq.copy()
         if abs(plan.t[-1] - set_points.t[-1]) > SAME_TIME * self.cycle:

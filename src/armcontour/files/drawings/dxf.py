@@ -25,10 +25,10 @@ from armcontour.files.drawings.dxf_entities import (
     NO_CONTOUR,
     SHAPES,
     Unreadable,
-    check_found,
+    check_required,
     clip_of,
-    grid,
-    insertions,
+    insert_grid,
+    insert_transforms,
 )
 from armcontour.files.drawings.outlines import Outline
 from armcontour.files.drawings.read_options import SKIP, ReadOptions, hex_of
@@ -215,7 +215,7 @@ class DxfWalk(Walk):
                 self._layer_colors[_key(layer.dxf.name)] = _color_names(layer, abs(layer.color))
             entities = self.document.modelspace()
         except Exception as error:
-            raise InvalidInput(f"{self.source} is damaged: {said(error)}.") from None
+            raise InvalidInput(f"{self.source} is damaged: {error_line(error)}.") from None
         world = Affine(unit * np.eye(3), np.zeros(3))
         drawing = Inherited(to=world, layer="0", color=WHITE)
         for k, entity in enumerate(entities):
@@ -250,7 +250,7 @@ class DxfWalk(Walk):
                 raise
             except Exception as error:
                 # A broken entity makes ezdxf raise exceptions of any class.
-                self._leave(kind, name, layer, f"is damaged: {said(error)}", handle)
+                self._leave(kind, name, layer, f"is damaged: {error_line(error)}", handle)
 
     def _drawn(
         self, entity: Any, kind: str, name: str, layer: str, block: Inherited
@@ -278,7 +278,7 @@ class DxfWalk(Walk):
         """Yield the shape of an entity, if it has a length and one of the chosen colours."""
         if not self.wants_color(self._color(entity, layer, block)):
             return
-        check_found(entity)
+        check_required(entity)
         shape = SHAPES[entity.dxftype()](entity)
         outlines = []
         if shape is not None:
@@ -318,7 +318,7 @@ class DxfWalk(Walk):
         if self.wants_layer(layer):
             for _ in getattr(entity, "attribs", ()):
                 self.leave_out(NOT_READ, "ATTRIB")
-        check_found(entity)
+        check_required(entity)
         called = str(_attribute(entity, "name", ""))
         content = self.document.blocks.get(called)
         if content is None:
@@ -330,8 +330,8 @@ class DxfWalk(Walk):
             if self._copies > MOST_COPIES:
                 raise Unreadable(f"raises the number of copies of entities above {MOST_COPIES}")
         base = np.array(tuple(content.block.dxf.base_point), dtype=np.float64)
-        affine, offsets = insertions(entity, base)
-        columns = grid(entity)[1]
+        affine, offsets = insert_transforms(entity, base)
+        columns = insert_grid(entity)[1]
         clip = clip_of(entity)
         color = self._color(entity, layer, block)
         for k, offset in enumerate(offsets):
@@ -357,7 +357,7 @@ class DxfWalk(Walk):
             inner = [x for x in content or () if x.dxftype() == "INSERT"]
             count = 1 + (len(content) if content is not None else 0)
             self._sizes[name] = count + sum(self._copies_of(x) for x in inner)
-        rows, columns = grid(entity)
+        rows, columns = insert_grid(entity)
         return rows * columns * self._sizes[name]
 
     def _leave(self, kind: str, name: str, layer: str, reason: str, handle: str) -> None:
@@ -386,7 +386,7 @@ def letters_of(entity: Any) -> list[Any]:
     try:
         return list(text2path.virtual_entities(entity, kind=text2path.Kind.SPLINES))
     except Exception as error:
-        raise Unreadable(f"cannot be drawn through a font: {said(error)}") from None
+        raise Unreadable(f"cannot be drawn through a font: {error_line(error)}") from None
 
 
 def _attribute(entity: Any, name: str, default: Any) -> Any:
@@ -454,7 +454,7 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
             # The remaining part of a truncated file is intact.
             return document, notes
         mended = f" and was mended in {count_noun(changes, 'place')}" if changes else ""
-        reason = ADDRESS.sub("", said(first))
+        reason = ADDRESS.sub("", error_line(first))
         damage = f"The file is damaged ({reason}){mended}; damaged parts may be missing."
         return document, [*notes, damage]
     except Exception:
@@ -470,7 +470,9 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
     try:
         document = _read(intact)
     except Exception as error:
-        raise InvalidInput(f"{source} is no DXF file that can be read: {said(error)}.") from None
+        raise InvalidInput(
+            f"{source} is no DXF file that can be read: {error_line(error)}."
+        ) from None
     return document, [
         *notes,
         f"{BROKEN}: {list_some(broken, NAMED)}.",
@@ -501,7 +503,7 @@ def _reason(error: Exception) -> str:
     from ezdxf.lldxf.const import DXFError
 
     if isinstance(error, DXFError):
-        return f"{ADDRESS.sub('', said(error))}."
+        return f"{ADDRESS.sub('', error_line(error))}."
     return "its structure is damaged. Open it in a CAD program, and save it again."
 
 
@@ -536,7 +538,7 @@ def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
             if kind not in STRUCTURE:
                 factory.load(ExtendedTags.from_text("\n".join(part) + "\n"), None)
         except Exception as error:
-            broken.append(f"{kind} in line {i + 2} ({ADDRESS.sub('', said(error))})")
+            broken.append(f"{kind} in line {i + 2} ({ADDRESS.sub('', error_line(error))})")
         else:
             intact += part
     if marked:
@@ -576,7 +578,7 @@ def line_of_handle(data: bytes, handle: str) -> str:
     return f" in line {data.count(bytes([10]), 0, match.start()) + 2}" if match else ""
 
 
-def said(error: Exception) -> str:
+def error_line(error: Exception) -> str:
     """The first line of an exception's message, shortened to 120 characters."""
     lines = str(error).strip().splitlines() or [type(error).__name__]
     text = lines[0].strip().rstrip(".")

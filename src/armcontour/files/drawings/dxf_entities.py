@@ -260,7 +260,7 @@ NO_CONTOUR = frozenset(
 )
 
 
-def check_found(entity: Any) -> None:
+def check_required(entity: Any) -> None:
     """Check that an entity has its required attributes.
 
     Raises:
@@ -271,14 +271,14 @@ def check_found(entity: Any) -> None:
             raise Unreadable(f"has no {name.replace('_', ' ')}")
 
 
-def grid(entity: Any) -> tuple[int, int]:
+def insert_grid(entity: Any) -> tuple[int, int]:
     """Numbers of rows and columns of an INSERT's copies; without spacing the number is 1."""
     dxf = entity.dxf
     rows, columns = (max(int(x), 1) for x in (dxf.row_count, dxf.column_count))
     return rows if dxf.row_spacing else 1, columns if dxf.column_spacing else 1
 
 
-def insertions(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
+def insert_transforms(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
     """The affine map by which an INSERT places a block, and the offsets of its copies.
 
     Args:
@@ -298,7 +298,7 @@ def insertions(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
     rotation = axes @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     linear = rotation * _numbers("scale", [dxf.xscale, dxf.yscale, dxf.zscale])
     insertion = axes @ _numbers("insertion point", tuple(dxf.insert))
-    rows, columns = grid(entity)
+    rows, columns = insert_grid(entity)
     step = _numbers("spacing", [dxf.column_spacing, dxf.row_spacing])
     k = np.arange(rows * columns)
     offsets = np.column_stack([k % columns * step[0], k // columns * step[1], np.zeros(len(k))])

@@ -27,7 +27,7 @@ from armcontour.core.quantities import (
     Tolerance,
 )
 from armcontour.core.text import make_printable, show
-from armcontour.files.units import parse
+from armcontour.files.units import parse_quantity
 from armcontour.geometry import SegmentLimits
 from armcontour.geometry.mending import Mended, mend_vertices
 from armcontour.geometry.rounding import Continuity
@@ -68,7 +68,7 @@ _RGB = re.compile(r"rgb\(\s*([\d.]+)(%?)[\s,]+([\d.]+)%?[\s,]+([\d.]+)%?\s*\)")
 Tell = Callable[[float], None]
 
 
-def tell_share(progress: Progress | None, source: str) -> Tell:
+def fraction_reporter(progress: Progress | None, source: str) -> Tell:
     """A function that reports the fraction of a file that is read, in whole percents."""
     if progress is None:
         return lambda share: None
@@ -226,7 +226,7 @@ class ReadOptions(Checked):
         """Length of the unit of the file [m]; None takes that of the file."""
         if isinstance(self.units, str):
             try:
-                return parse(f"1 {self.units}", "m")
+                return parse_quantity(f"1 {self.units}", "m")
             except ValueError:
                 raise InvalidInput(
                     f"units must be a unit of length such as mm, not {self.units!r}."
@@ -297,7 +297,7 @@ class ReadOptions(Checked):
         }
 
 
-def repair(program: Program, options: ReadOptions) -> Program:
+def repair_vertices(program: Program, options: ReadOptions) -> Program:
     """The program with vertices made tangent that rounded coordinates can have bent.
 
     Contours with a tool orientation stay.

@@ -16,7 +16,13 @@ from armcontour.core.text import list_some
 from armcontour.files.drawings.arc_chain import Affine
 from armcontour.files.drawings.entity_chains import DrawnEntity, chain_pieces
 from armcontour.files.drawings.outlines import Outline, paths_of
-from armcontour.files.drawings.read_options import FARTHEST, Labels, ReadOptions, repair, tell_share
+from armcontour.files.drawings.read_options import (
+    FARTHEST,
+    Labels,
+    ReadOptions,
+    fraction_reporter,
+    repair_vertices,
+)
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.program import Program
@@ -193,7 +199,7 @@ class Walk:
     def __init__(self, source: str, options: ReadOptions, progress: Progress | None) -> None:
         self.source, self.options, self.skip = source, options, options.skips
         self.requested_layers, self.colors = options.layer_set, options.color_set
-        self.tell = tell_share(progress, source)
+        self.tell = fraction_reporter(progress, source)
         self.labels = Labels()
         # Names of omitted items by the reasons; entities on other layers and of other colours.
         self.left_out: dict[str, Counter[str]] = {}
@@ -247,7 +253,7 @@ class Walk:
             remarks=describe_not_run(self.elsewhere),
             other_layers=tuple(self.elsewhere),
         )
-        return repair(program, self.options)
+        return repair_vertices(program, self.options)
 
     def _pieces(self, entities: Sequence[EntityOutlines]) -> list[DrawnEntity]:
         """The paths of all outlines, clipped."""

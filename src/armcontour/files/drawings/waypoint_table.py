@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import QUATERNION_TOLERANCE, angle_between, from_rpy
 from armcontour.core.text import plain_number, show
 from armcontour.files.csv_table import CsvTable, Title, read_table
-from armcontour.files.drawings.read_options import FARTHEST, ReadOptions, repair
+from armcontour.files.drawings.read_options import FARTHEST, ReadOptions, repair_vertices
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.smooth_axes import smooth_axes
@@ -74,7 +74,7 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
     program = Program(
         moves=tuple(contours), source=source, notes=tuple(notes), remarks=tuple(remarks)
     )
-    return repair(program, options)
+    return repair_vertices(program, options)
 
 
 def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str], list[str]]:

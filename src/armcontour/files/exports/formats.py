@@ -275,7 +275,7 @@ def export(
     ):
         kind = "Template" if isinstance(chosen, TemplateFormat) else "Format"
         warnings.warn(f"{kind} {chosen.label}: {sentence}", stacklevel=3)
-    put(
+    write_destination(
         destination,
         lambda path: chosen.write(table, path),
         folder=isinstance(chosen, McapFormat),
@@ -297,7 +297,9 @@ def check_outputs(
             raise InvalidInput(f"{option} names {name!r}, which {owner} does not switch: {has}.")
 
 
-def put(file: FilePath, write: Callable[[FilePath], None], *, folder: bool = False) -> None:
+def write_destination(
+    file: FilePath, write: Callable[[FilePath], None], *, folder: bool = False
+) -> None:
     """Write a file or folder to a temporary path, then move it to the destination.
 
     If writing fails, an earlier file at the destination stays.

@@ -325,7 +325,7 @@ def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) ->
             allowed=set_points.cycle,
         )
     plan, t = set_points.trajectory, set_points.t
-    if derivatives > 1 and are_places(set_points.q, plan.with_rests(t)):
+    if derivatives > 1 and equals_plan(set_points.q, plan.with_rests(t)):
         dq, ddq = plan.with_rests(t, 1), plan.with_rests(t, 2)
         for values in (dq, ddq):
             values.setflags(write=False)
@@ -333,7 +333,7 @@ def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) ->
     return differentiate(set_points.q, set_points.cycle)
 
 
-def are_places(q: FloatArray, plan: FloatArray) -> bool:
+def equals_plan(q: FloatArray, plan: FloatArray) -> bool:
     """True if set-points equal their plan at the same times, (n, dof) each."""
     return q.shape == plan.shape and bool((np.abs(q - plan) <= SAME_PLACE).all())
 
@@ -426,7 +426,7 @@ def csv_pieces(
     yield _csv_line(header)
     row = ",".join([FIXED] * sum(1 if x.ndim == 1 else x.shape[1] for x in columns))
     lines = {k: row + _csv_line(["", x]).replace("%", "%%") for k, x in (cells or {}).items()}
-    yield from filled(row + ("\n" if cells is None else ",\n"), *columns, lines=lines)
+    yield from format_rows(row + ("\n" if cells is None else ",\n"), *columns, lines=lines)
 
 
 def _csv_line(cells: Sequence[str]) -> str:
@@ -436,7 +436,9 @@ def _csv_line(cells: Sequence[str]) -> str:
     return line.getvalue()
 
 
-def filled(row: str, *columns: FloatArray, lines: Mapping[int, str] | None = None) -> Iterator[str]:
+def format_rows(
+    row: str, *columns: FloatArray, lines: Mapping[int, str] | None = None
+) -> Iterator[str]:
     """Yield all rows as text, in blocks of rows.
 
     Args:
@@ -555,13 +557,13 @@ def _event_cells(table: SetPointTable) -> dict[int, str]:
     return cells
 
 
-def write_taught(file: FilePath, set_points: SetPoints, joint_names: Sequence[str]) -> None:
+def write_set_points(file: FilePath, set_points: SetPoints, joint_names: Sequence[str]) -> None:
     """Write set-points as CSV: t, then q of every joint."""
-    write_pieces(file, taught_pieces(set_points, joint_names))
+    write_pieces(file, set_point_pieces(set_points, joint_names))
 
 
-def taught_pieces(set_points: SetPoints, joint_names: Sequence[str]) -> Iterator[str]:
-    """The pieces of text that `write_taught` writes."""
+def set_point_pieces(set_points: SetPoints, joint_names: Sequence[str]) -> Iterator[str]:
+    """The pieces of text that `write_set_points` writes."""
     return csv_pieces(*joint_columns(set_points.t, joint_names, q=set_points.q))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.files.exports.table import SetPointTable, filled, format_event, write_pieces
+from armcontour.files.exports.table import SetPointTable, format_event, format_rows, write_pieces
 from armcontour.motion import TimedEvent
 
 JOINTS = 6
@@ -103,12 +103,12 @@ def _commands(
         # A servoj lasts for one interval, so the line after it is executed at the time of the next
         # set-point.
         before = round(position)
-        yield from filled(point, table.q[done : min(before, count)])
+        yield from format_rows(point, table.q[done : min(before, count)])
         if before > max(done, count):
             yield _repeat_last(last, (before - max(done, count)) * table.cycle)
         yield command
         done = max(done, before)
-    yield from filled(point, table.q[done:])
+    yield from format_rows(point, table.q[done:])
     yield _repeat_last(last, HOLD)
 
 

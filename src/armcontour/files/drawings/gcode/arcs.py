@@ -86,7 +86,7 @@ class Circle:
     end_radius: float
 
 
-def around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> Circle:
+def arc_around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> Circle:
     """The arc around a centre; a full circle if start and end are the same point.
 
     Args:
@@ -123,7 +123,7 @@ def around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> 
     return Circle(center, start, end, turn, sweep, radius, end_radius)
 
 
-def with_radius(start: Point, end: Point, radius: float, turn: int) -> Circle:
+def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> Circle:
     """The arc of a given radius: at most half a circle, or at least that for a negative radius.
 
     Raises:

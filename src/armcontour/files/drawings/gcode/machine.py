@@ -18,7 +18,7 @@ from armcontour.files.drawings.gcode.words import (
     Dialect,
     Fault,
     Notes,
-    whole,
+    whole_number,
 )
 from armcontour.files.drawings.read_options import ReadOptions
 
@@ -385,7 +385,7 @@ class Machine:
                 f"a tool, and {_explain_tool(1)}"
             )
         # D0 is the tool in the spindle, as in LinuxCNC.
-        number = whole(word or 0.0, f"{name} with a tool D") or in_spindle
+        number = whole_number(word or 0.0, f"{name} with a tool D") or in_spindle
         if number not in self.tools:
             raise Fault(
                 f"{name}, cutter radius compensation by the tool {number}, whose diameter is in "

@@ -15,7 +15,7 @@ from armcontour.files.drawings.gcode.words import (
     Dialect,
     Fault,
     Notes,
-    whole,
+    whole_number,
 )
 from armcontour.program.moves import Value
 
@@ -276,7 +276,7 @@ class Switches:
     def _select_tool(self, block: Block) -> None:
         if "T" not in block.words:
             return
-        self.selected = whole(block.words.pop("T"), "a tool T")
+        self.selected = whole_number(block.words.pop("T"), "a tool T")
         if not self.dialect.changes_tools:
             self._change_tool()
 
@@ -370,4 +370,4 @@ class Extruder:
 def _number(block: Block, letter: str, code: float) -> int:
     if letter not in block.words:
         raise Fault(f"M{code:g} without {letter}, the number of its output")
-    return whole(block.words.pop(letter), f"an output {letter}")
+    return whole_number(block.words.pop(letter), f"an output {letter}")

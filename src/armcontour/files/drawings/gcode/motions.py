@@ -7,18 +7,18 @@ import math
 from armcontour.files.drawings.gcode import codes
 from armcontour.files.drawings.gcode.arcs import (
     Circle,
-    around,
+    arc_around,
+    arc_with_radius,
     helix_length,
     helix_points,
     pieces_of,
-    with_radius,
 )
 from armcontour.files.drawings.gcode.arcs import Point as InPlane
 from armcontour.files.drawings.gcode.codes import AXES, OFFSETS, PLANES
 from armcontour.files.drawings.gcode.cutter_compensation import Compensation
 from armcontour.files.drawings.gcode.draft import Feed
 from armcontour.files.drawings.gcode.modes import Modes, Offsets
-from armcontour.files.drawings.gcode.words import WHOLE, Block, Fault, Notes, whole
+from armcontour.files.drawings.gcode.words import WHOLE, Block, Fault, Notes, whole_number
 
 # Largest coordinate [m]: beyond it a double does not resolve a nanometre.
 FARTHEST = 1e6
@@ -217,7 +217,7 @@ class ToolMotion:
         dialect = "inch" if modes.inch else "mm"
         if by_radius(block, modes.plane):
             radius = self._length("R", block.words.pop("R"))
-            return with_radius(start, end, radius, turn)
+            return arc_with_radius(start, end, radius, turn)
         letters = center_letters(block, modes.plane, modes.arc_absolute)
         a, b, _ = PLANES[modes.plane]
         u, v = (self._length(x, block.words.get(x, 0.0)) for x in letters)
@@ -227,7 +227,7 @@ class ToolMotion:
             center = (point[a], point[b])
         else:
             center = (start[0] + u, start[1] + v)
-        return around(start, end, center, turn, dialect)
+        return arc_around(start, end, center, turn, dialect)
 
     def _length(self, letter: str, value: float) -> float:
         length = value * self.modes.unit
@@ -333,7 +333,7 @@ class Cycles:
         assert code is not None
         a, b, c = PLANES[self.modes.plane]
         self._take_sticky_words(block, code, AXES[c])
-        repeats = whole(block.words.pop("L", 1.0), "a number L of repeats")
+        repeats = whole_number(block.words.pop("L", 1.0), "a number L of repeats")
         if repeats < 1:
             raise Fault(f"L{repeats} repeats of a cycle, which must be from 1")
         if self.level is None or self.level[0] != c:

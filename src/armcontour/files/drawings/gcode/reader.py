@@ -9,7 +9,12 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.gcode.machine import Machine
 from armcontour.files.drawings.gcode.words import LONGEST_LINE, Fault, dialect_of, parse
-from armcontour.files.drawings.read_options import ReadOptions, Tell, repair, tell_share
+from armcontour.files.drawings.read_options import (
+    ReadOptions,
+    Tell,
+    fraction_reporter,
+    repair_vertices,
+)
 from armcontour.program import Program
 
 # A line with only coordinates and feed, as nearly all lines of long programs. Other lines are
@@ -53,10 +58,10 @@ def read_gcode(
     """
     lines = _lines(data, source)
     machine = Machine(options, dialect_of(lines))
-    tell = tell_share(progress, source)
+    tell = fraction_reporter(progress, source)
     _Runner(lines, source, machine).run(tell)
     program = machine.draft.program(source, tuple(machine.notes.sentences()))
-    program = repair(program, options)
+    program = repair_vertices(program, options)
     tell(1.0)
     return program
 

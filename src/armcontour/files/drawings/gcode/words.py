@@ -268,7 +268,7 @@ def _refuse_two(first: str, second: str, group: str | None) -> None:
     )
 
 
-def whole(value: float, word: str) -> int:
+def whole_number(value: float, word: str) -> int:
     """Convert a value that must be a whole number.
 
     Raises:
