@@ -49,6 +49,10 @@ class ExportFormat(Checked):
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table directly to a path, without a temporary file.
 
+        Args:
+            table: The table.
+            file: The path; for a bag a folder that does not exist yet.
+
         Raises:
             InvalidInput: The format cannot hold the table.
         """
