@@ -1,4 +1,4 @@
-"""`ArmOptions`: how an arm is loaded from a file or a model."""
+"""`ArmOptions`: options for loading an arm from a file or a model."""
 
 from __future__ import annotations
 
@@ -80,28 +80,23 @@ def locked_position(options: ArmOptions, name: str, *, slides: bool) -> float:
         raise InvalidInput(f"arm.locked.{name} {error}.") from None
 
 
-def check_options(options: ArmOptions, known: tuple[str, ...], arm: str) -> None:
+def check_options(options: ArmOptions, names: tuple[str, ...], arm: str) -> None:
     """Refuse options that an arm does not have.
-
-    Args:
-        options: The options.
-        known: Names of the options of its kind.
-        arm: The arm, for the message.
 
     Raises:
         InvalidInput: There is such an option.
     """
     for x in fields(ArmOptions):
-        if x.name not in known and getattr(options, x.name):
+        if x.name not in names and getattr(options, x.name):
             files = ".urdf, .xacro and MJCF files" if x.name in MODEL else ".urdf and .xacro"
             raise InvalidInput(f"{arm} has no option {x.name}, which is of {files}.")
 
 
 def is_model(value: Any) -> bool:
-    """Whether a value is a `pinocchio.Model`, without loading pinocchio."""
+    """True if a value is a `pinocchio.Model`, without loading pinocchio."""
     return type(value).__name__ == "Model" and type(value).__module__.startswith("pinocchio")
 
 
 def is_description(file: str | FilePath) -> bool:
-    """Whether a file is a robot description, by its ending."""
+    """True if the extension of a file is that of a robot description."""
     return FilePath(file).suffix.lower() in DESCRIPTIONS
