@@ -150,11 +150,7 @@ class CsvTable(Generic[Key]):
     comments: list[str]
 
     def need(self, *keys: Key) -> None:
-        """Refuse a table without some columns.
-
-        Raises:
-            InvalidInput: A column is missing.
-        """
+        """Refuse a table without some columns."""
         missing = next((x for x in keys if x not in self.columns), None)
         if missing is None:
             return
@@ -177,11 +173,7 @@ class CsvTable(Generic[Key]):
         return f"{location}, column {show(titles)}" if keys else location
 
     def cells(self, row: int) -> list[str]:
-        """All cells of a row.
-
-        Raises:
-            InvalidInput: There are too few or too many, or a quote is wrong.
-        """
+        """All cells of a row."""
         try:
             cells = _split(self.lines[row], self.separator)
         except csv.Error as error:
@@ -210,9 +202,6 @@ class CsvTable(Generic[Key]):
         """The numbers of some columns in SI units, (rows, columns), and their printed digits.
 
         Empty cells are NaN.
-
-        Raises:
-            InvalidInput: There are no rows, or a cell is not a finite decimal number.
         """
         if not self.lines:
             raise InvalidInput(f"{self.source} has column names, but no rows with numbers.")
@@ -244,11 +233,7 @@ class CsvTable(Generic[Key]):
         return numbers
 
     def raise_cell_error(self, row: int, key: Key) -> NoReturn:
-        """Refuse a cell that is no number.
-
-        Raises:
-            InvalidInput: Always.
-        """
+        """Refuse a cell that is no number."""
         raise InvalidInput(
             f"{self.place(row, key)}: {show(self.cell(row, key))} is not a finite number: correct "
             "it, or remove the line.",
@@ -282,10 +267,6 @@ def read_table(
             lines before the first one with a number; or new names of some columns, as `rename`
             takes them.
         option: The option with these, for messages; empty without one.
-
-    Raises:
-        InvalidInput: There is no line of titles, `columns` names more or fewer columns than there
-            are, two columns hold the same quantity, or a unit is wrong.
     """
     # Not `splitlines`, which also splits at characters that are allowed in a cell.
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -389,9 +370,6 @@ def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
         pairs: `NEW=NAME`, separated by commas. A # matches a number and a * any text;
             NEW repeats the matched text, as in `q# [deg]=joint_#`.
         source: Name of the file, for messages.
-
-    Raises:
-        InvalidInput: A pair is incomplete, or no name matches it.
     """
     renamed = list(names)
     for pair in pairs.split(","):

@@ -184,11 +184,7 @@ class Methods(KeyMark):
 
 
 def read_keys(mark: KeyMark, data: Any, source: str) -> Any:
-    """Check the data of a file and make the value of its dataclass.
-
-    Raises:
-        InvalidInput: An unknown key, or an invalid value; one sentence that names the key.
-    """
+    """Check the data of a file and make the value of its dataclass."""
     with suppress(ValidationError):
         return _adapter(mark).validate_python(data)
     # Messages need the schema of the whole file.

@@ -52,12 +52,7 @@ class Change:
 
 
 def change_text(text: str, changes: Sequence[Change], source: str = "job") -> str:
-    """A YAML text with some keys changed; all other lines stay as they were written.
-
-    Raises:
-        InvalidInput: Not YAML, a position that its list does not have, or a key that cannot be
-            changed separately, because an alias repeats it or refers to it.
-    """
+    """A YAML text with some keys changed; all other lines stay as they were written."""
     data, root = _parsed(text, source)
     for group in _together(data, changes):
         written = YamlText(text, root)
@@ -74,11 +69,7 @@ def change_text(text: str, changes: Sequence[Change], source: str = "job") -> st
 
 
 def change_data(data: Any, changes: Sequence[Change]) -> Any:
-    """The data of a job file with some keys changed; the given data stay as they are.
-
-    Raises:
-        InvalidInput: A position that its list does not have.
-    """
+    """The data of a job file with some keys changed; the given data stay as they are."""
     for change in changes:
         data = _changed(data, change.keys, change)
     return data
@@ -97,11 +88,7 @@ def move_files(text: str, folder: FilePath, to: FilePath) -> str:
 
 
 def file_names(text: str, source: str = "job") -> list[str]:
-    """The files and folders that a job file names.
-
-    Raises:
-        InvalidInput: Not YAML.
-    """
+    """The files and folders that a job file names."""
     return [x.value for x in _file_names(_parsed(text, source)[1])]
 
 

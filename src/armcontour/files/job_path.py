@@ -42,11 +42,7 @@ def path_of(
     progress: Progress | None = None,
     drawing: Program | None = None,
 ) -> Path | Program:
-    """The objective path of a job, or its program, with the tool orientation if the job gives one.
-
-    Raises:
-        InvalidInput: Keys that do not go together, or values that make no path.
-    """
+    """The objective path or program of a job, with the tool orientation if the job gives one."""
     unplaced = unplaced_path(model, folder, dimension, progress, drawing)
     return placed_path(model, unplaced, dimension)
 
@@ -58,11 +54,7 @@ def unplaced_path(
     progress: Progress | None = None,
     drawing: Program | None = None,
 ) -> Path | Program:
-    """The path or program before its frame places it; unchanged if only the part moves.
-
-    Raises:
-        InvalidInput: As of `path_of`.
-    """
+    """The path or program before its frame places it; unchanged if only the part moves."""
     if model.file is not None:
         if any(x is not None for x in (model.points, model.start, model.segments, model.spline)):
             raise InvalidInput(
@@ -82,11 +74,7 @@ def unplaced_path(
 
 
 def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path | Program:
-    """The path or program of `unplaced_path` in its frame.
-
-    Raises:
-        InvalidInput: A frame out of the plane in which the arm moves its tool.
-    """
+    """The path or program of `unplaced_path` in its frame."""
     frame = part_of(model)
     if dimension == 2 and path.dimension == 2 and not frame.keeps_plane:
         raise InvalidInput(LIFTED)
@@ -124,11 +112,7 @@ def _refuse_space(model: PathModel, program: Program) -> None:
 def read_drawing(
     model: PathModel, file: str, folder: FilePath, progress: Progress | None = None
 ) -> Program:
-    """The program of a file, by the keys of a job's path that are options for reading it.
-
-    Raises:
-        InvalidInput: The file cannot be read; the sentence names it.
-    """
+    """The program of a file, by the keys of a job's path that are options for reading it."""
     from armcontour.files.drawings.read import read_path
 
     # With copies, the names may be theirs.

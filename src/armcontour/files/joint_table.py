@@ -300,11 +300,7 @@ class TableSamples:
 
 
 def read_csv_text(file: str | FilePath, kind: str, topic: str | None = None) -> str:
-    """The text of a file of some kind, which has no topics.
-
-    Raises:
-        InvalidInput: There is no such file, or a topic is given.
-    """
+    """The text of a file of some kind, which has no topics."""
     if topic is not None:
         name = FilePath(file).name
         raise InvalidInput(f"{name} is CSV, which has no topics: leave --topic out.")
@@ -334,10 +330,6 @@ def read_samples(
         keys: The columns, at least one.
         start: First time that is needed [s].
         end: Last time that is needed [s].
-
-    Raises:
-        InvalidInput: There is no time, a cell is no number, a column without a unit seems to have
-            another unit than SI, or needed times do not increase or values are too large.
     """
     times = [x for x in (TIME, FRACTION) if x in table.columns]
     if not times:

@@ -57,11 +57,7 @@ def parse_set(text: str) -> Patch:
 
 
 def key_of(key: Any) -> Keys:
-    """The keys of a text such as `limits.speed`, or of a list of them.
-
-    Raises:
-        InvalidInput: Neither of them.
-    """
+    """The keys of a text such as `limits.speed`, or of a list of them."""
     parts = key.split(".") if isinstance(key, str) else key
     listed = isinstance(parts, list | tuple) and all(type(part) in (str, int) for part in parts)
     if not listed or not parts or "" in parts:
@@ -81,9 +77,6 @@ def locate_key(keys: Keys, data: Any, run: str | None = None) -> Keys:
         keys: The keys, such as ("limits", "speed"); numbers may be texts.
         data: The data of the job file.
         run: Name of the run that sees the value; by default the value is the job's.
-
-    Raises:
-        InvalidInput: The keys name a run that the job does not have.
     """
     runs = value_at(data, ("runs",))
     if keys[0] == "runs" and isinstance(runs, Mapping) and (len(keys) < 2 or keys[1] not in runs):
@@ -107,29 +100,17 @@ def locate_key(keys: Keys, data: Any, run: str | None = None) -> Keys:
 
 
 def resolve_patch(data: Any, patch: Patch, run: str | None = None) -> list[Change]:
-    """The changes of a job file that a patch makes.
-
-    Raises:
-        InvalidInput: A key that the data cannot have, or that no run takes.
-    """
+    """The changes of a job file that a patch makes."""
     return _resolved(data, patch, run)[1]
 
 
 def apply_patch(data: Any, patch: Patch, run: str | None = None) -> Any:
-    """The data of a job file with the values of a patch; the given data stay as they are.
-
-    Raises:
-        InvalidInput: As `resolve_patch`.
-    """
+    """The data of a job file with the values of a patch; the given data stay as they are."""
     return _resolved(data, patch, run)[0]
 
 
 def write_patch(text: str, patch: Patch, source: str = "job") -> str:
-    """A job file with the values of a patch; its comments stay.
-
-    Raises:
-        InvalidInput: As `resolve_patch` and `change_text`.
-    """
+    """A job file with the values of a patch; its comments stay."""
     return change_text(text, resolve_patch(load(text, source), patch), source)
 
 

@@ -84,11 +84,7 @@ Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
 
 
 def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
-    """The scene of a job.
-
-    Raises:
-        InvalidInput: Values that make no body, or a file that is missing or invalid.
-    """
+    """The scene of a job."""
     obstacles = []
     for key, body in _bodies(model, "scene", OF_LINKS, "shapes of links"):
         with error_context(key):
@@ -105,11 +101,7 @@ def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
 
 
 def tool_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
-    """The shapes of a tool, which are in the frame of the tip.
-
-    Raises:
-        InvalidInput: As in `scene_of`.
-    """
+    """The shapes of a tool, which are in the frame of the tip."""
     chain = arm.chain
     if chain is None:
         raise InvalidInput(f"The arm {arm.name} has no chain of links that a tool could hang on.")
@@ -149,11 +141,7 @@ def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
 
 
 def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
-    """Shapes that a job adds to links of its arm, in the frames of the links.
-
-    Raises:
-        InvalidInput: As in `scene_of`, or there is no such link.
-    """
+    """Shapes that a job adds to links of its arm, in the frames of the links."""
     links = {x.name: x.link for x in (() if arm.shapes is None else arm.shapes.shapes)}
     links |= {BASE: 0} | {name: k for k, name in enumerate(arm.joint_names, start=1)}
     shapes = []
@@ -168,11 +156,7 @@ def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[Li
 
 
 def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
-    """The rotation matrix of a model, (3, 3); None if the model gives no rotation.
-
-    Raises:
-        InvalidInput: Both rpy and quaternion, or a quaternion whose length is not 1.
-    """
+    """The rotation matrix of a model, (3, 3); None if the model gives no rotation."""
     if model.rpy is not None and model.quaternion is not None:
         raise InvalidInput(f"{key or 'It'} takes either rpy or quaternion, not both.")
     if model.quaternion is not None:

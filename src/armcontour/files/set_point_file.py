@@ -60,11 +60,7 @@ def write_lesson(file: FilePath, lesson: LearningResult) -> None:
 
 
 def read_lesson(file: FilePath, plan: Trajectory) -> LearningResult:
-    """Read a lesson that `write_lesson` wrote.
-
-    Raises:
-        InvalidInput: The file is none of these, of another version, or damaged.
-    """
+    """Read a lesson that `write_lesson` wrote."""
     content = read_bytes(file, "file of learning")
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as source:
@@ -127,9 +123,6 @@ def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
     The set-points are those that the job makes, or those of the lesson in the same folder, exact to
     the last bit. The file is compared with them, within its printed digits. Set-points of a result
     folder with the plan of the job are valid also if the servo of the job has changed since.
-
-    Raises:
-        InvalidInput: No such file, or one with other set-points.
     """
     name = plan.run.name
     file = verify_file(location, f"{name}/set_points.csv") if location.is_dir() else location

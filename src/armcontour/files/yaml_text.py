@@ -206,11 +206,7 @@ class YamlPart:
         return _items(self, self.node) if isinstance(self.node, yaml.SequenceNode) else []
 
     def holds(self, key: Any) -> bool:
-        """True if the value is a list for a position, or a mapping for another key.
-
-        Raises:
-            Shared: The value is an alias.
-        """
+        """True if the value is a list for a position, or a mapping for another key."""
         if self.node is None and self.outer is not None:
             raise Shared
         if isinstance(self.node, yaml.SequenceNode):
@@ -224,11 +220,7 @@ class YamlPart:
         return next((x for x in self.parts if type(x.key) is type(key) and x.key == key), None)
 
     def replace(self, old: Any, new: Any) -> list[Splice]:
-        """Replace the value; lists of the same length and mappings of the same keys keep theirs.
-
-        Raises:
-            Shared: The value is an alias.
-        """
+        """Replace the value; lists of the same length and mappings of the same keys keep theirs."""
         if equal_data(old, new):
             return []
         if self.node is None and self.outer is not None:

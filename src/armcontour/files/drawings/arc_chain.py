@@ -163,9 +163,6 @@ class ArcChain:
 
         Returns:
             The segments; None if the chain has no length.
-
-        Raises:
-            InvalidInput: An arc is too large for the tolerance.
         """
         chain = self._without_points()
         if not len(chain.angles):

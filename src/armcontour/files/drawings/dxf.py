@@ -111,10 +111,6 @@ def read_dxf(
     Lines and arcs are kept; ellipses and splines become arcs within the chord tolerance. If all
     points have z = 0, the program is in the plane, otherwise in space. A contour is named after
     the handle of its first entity; in a block, the handle of the INSERT comes before.
-
-    Raises:
-        InvalidInput: The file is not readable as DXF, the unit is not known, an entity is unknown
-            and unknown entities are refused, or there is no contour.
     """
     with silence_log(), np.errstate(all="ignore"):
         document, notes = open_document(data, source, skip=options.skips)
@@ -204,9 +200,6 @@ class DxfWalk(Walk):
 
         Args:
             unit: Length of the drawing's unit [m].
-
-        Raises:
-            InvalidInput: An entity cannot be read, or is unknown and unknown entities are refused.
         """
         try:
             for layer in self.document.layers:
@@ -376,11 +369,7 @@ class DxfWalk(Walk):
 
 
 def letters_of(entity: Any) -> list[Any]:
-    """The outlines of the letters of a TEXT, as splines and polylines.
-
-    Raises:
-        Unreadable: The text cannot be drawn.
-    """
+    """The outlines of the letters of a TEXT, as splines and polylines."""
     from ezdxf.addons import text2path
 
     try:
@@ -427,9 +416,6 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
 
     Returns:
         ezdxf's document, and a sentence on the damage if the file had to be repaired.
-
-    Raises:
-        InvalidInput: ezdxf is not installed, or the data are not a DXF file.
     """
     try:
         import ezdxf  # noqa: F401

@@ -143,11 +143,7 @@ def _bulge_polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) ->
 
 
 def spline(entity: Any) -> Shape | None:
-    """Shape of a SPLINE, from its control points or else through its fit points.
-
-    Raises:
-        Unreadable: Degree, knots, weights or points do not define a continuous curve.
-    """
+    """Shape of a SPLINE, from its control points or else through its fit points."""
     if entity.control_point_count() == 0:
         return _fit_spline(entity)
     points = _numbers("control points", [tuple(x) for x in entity.control_points])
@@ -261,11 +257,7 @@ NO_CONTOUR = frozenset(
 
 
 def check_required(entity: Any) -> None:
-    """Check that an entity has its required attributes.
-
-    Raises:
-        Unreadable: An attribute of `NEEDED` is missing.
-    """
+    """Check that an entity has its required attributes."""
     for name in NEEDED.get(entity.dxftype(), ()):
         if not entity.dxf.hasattr(name):
             raise Unreadable(f"has no {name.replace('_', ' ')}")
@@ -287,9 +279,6 @@ def insert_transforms(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray
 
     Returns:
         The map of the first copy, and the offsets of all copies from the first, (n, 3).
-
-    Raises:
-        Unreadable: An attribute is not a finite number.
     """
     dxf = entity.dxf
     axes = plane_axes(dxf.extrusion)
@@ -306,11 +295,7 @@ def insert_transforms(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray
 
 
 def clip_of(entity: Any) -> Clip | None:
-    """The clip of an INSERT in the coordinates of its block; None if it is drawn whole.
-
-    Raises:
-        Unreadable: The clip is no polygon, or lies in space.
-    """
+    """The clip of an INSERT in the coordinates of its block; None if it is drawn whole."""
     from ezdxf.xclip import XClip
 
     clip = XClip(entity)
@@ -331,11 +316,7 @@ def clip_of(entity: Any) -> Clip | None:
 
 
 def plane_axes(extrusion: Any) -> FloatArray:
-    """Axes of an entity's plane as columns, by DXF's arbitrary axis algorithm.
-
-    Raises:
-        Unreadable: The extrusion is not a vector with a direction.
-    """
+    """Axes of an entity's plane as columns, by DXF's arbitrary axis algorithm."""
     normal = _numbers("extrusion", tuple(extrusion))
     size = np.linalg.norm(normal)
     if normal.shape != (3,) or not 0 < size < np.inf:

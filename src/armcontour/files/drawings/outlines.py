@@ -136,9 +136,6 @@ def fit_splines(
     Args:
         splines: Splines that have a length.
         tolerance: Largest distance between a spline and its arcs [m].
-
-    Raises:
-        InvalidInput: A spline is too large for the tolerance; with its index.
     """
     alike: dict[tuple[int, bool, int], list[int]] = defaultdict(list)
     for i, spline in enumerate(splines):
@@ -255,9 +252,6 @@ class Outline:
         Args:
             tolerance: As in `paths_of` [m].
             join: As in `paths_of` [m].
-
-        Raises:
-            InvalidInput: An arc is too large for the tolerance.
         """
         parts: list[Segments | BezierSpline] = []
         for shape in self.closed_up(join):
@@ -310,9 +304,6 @@ def paths_of(
         tolerance: Largest distance between a curve and its arcs [m].
         join: Largest gap of a closed outline that is closed by moving its end [m].
         tell: Called from time to time with the fraction that is done.
-
-    Raises:
-        InvalidInput: A curve is too large for the tolerance; with the index of its outline.
     """
     plain = _draw_plain(outlines, tolerance, join)
     parts: list[list[Segments | BezierSpline]] = []

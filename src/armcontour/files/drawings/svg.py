@@ -108,10 +108,6 @@ def read_svg(
 
     Lines are kept, and so are arcs that are still circular after all transforms; other curves
     become tangent arcs within `options.fit_tolerance`.
-
-    Raises:
-        InvalidInput: The file is not SVG, or has content that is not read; the message names the
-            element and its line.
     """
     root = tree_of(data, source)
     page, view, notes = _page(root, options, data)
@@ -227,11 +223,7 @@ class SvgWalk(Walk):
         return "is a font, whose glyphs are no drawing: give one whose text is converted to paths"
 
     def shapes(self, to: Affine, view: ViewBox | None) -> Iterator[EntityOutlines]:
-        """Yield the shapes in the order in which they are drawn.
-
-        Raises:
-            InvalidInput: An element is unknown or invalid, or references have no end.
-        """
+        """Yield the shapes in the order in which they are drawn."""
         counts = dict.fromkeys(SHAPES, 0)
         color = frozenset({color_of(self.root.style("stroke") or "none")})
         inherited = _SvgInherited(to=to, view=view, color=color, font=font_size(self.root, FONT))

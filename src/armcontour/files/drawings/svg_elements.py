@@ -74,11 +74,7 @@ class Element:
         return ""
 
     def refuse(self, defect: str) -> NoReturn:
-        """Refuse the element with a description of its defect.
-
-        Raises:
-            InvalidInput: Always.
-        """
+        """Refuse the element with a description of its defect."""
         raise InvalidInput(f"{self.source}: {self.name}: {defect}.")
 
 
@@ -87,10 +83,6 @@ def tree_of(data: bytes, source: str) -> Element:
 
     Entities must be plain text in the file, and together add at most `MOST_EXPANDED` characters, as
     a short file could expand to any size. Other files are never loaded.
-
-    Raises:
-        InvalidInput: The file is not XML, defines other entities or has too many elements, or its
-            outermost element is not svg.
     """
     from xml.parsers import expat
 
@@ -260,11 +252,7 @@ def is_flat(transform: Affine) -> bool:
 
 
 def numbers_of(element: Element, key: str, text: str) -> list[float]:
-    """The numbers in a text, separated by blanks or commas; `key` is for messages.
-
-    Raises:
-        InvalidInput: The text is not a list of numbers.
-    """
+    """The numbers in a text, separated by blanks or commas; `key` is for messages."""
     if not NUMBERS.fullmatch(text):
         bad = NUMBERS.match(text)
         position = bad.end() if bad else 0
@@ -280,11 +268,7 @@ def limit_matches(matches: Iterable[re.Match[str]]) -> Iterable[re.Match[str]]:
 
 
 def check_numbers(element: Element, key: str, values: list[float]) -> list[float]:
-    """Return the numbers of a list if they are finite and not too many; `key` is for messages.
-
-    Raises:
-        InvalidInput: A number is too large, or there are more than `MOST_NUMBERS`.
-    """
+    """Return the numbers of a list if they are finite and not too many; `key` is for messages."""
     if len(values) > MOST_NUMBERS:
         element.refuse(f"{key} has more than {MOST_NUMBERS} numbers: split it")
     if not all(map(math.isfinite, values)):
@@ -293,11 +277,7 @@ def check_numbers(element: Element, key: str, values: list[float]) -> list[float
 
 
 def length_of(element: Element, key: str, *, default: float | None = 0.0) -> float | None:
-    """An attribute that is a length, in user units; `default` if it is missing or auto.
-
-    Raises:
-        InvalidInput: The attribute is not a length, or has a relative unit such as % or em.
-    """
+    """An attribute that is a length, in user units; `default` if it is missing or auto."""
     text = element.get(key)
     if text in ("", "auto"):
         return default
@@ -316,11 +296,7 @@ def length_of(element: Element, key: str, *, default: float | None = 0.0) -> flo
 
 
 def number_of(element: Element, key: str) -> float:
-    """An attribute that is a length, in user units; 0 if it is missing or auto.
-
-    Raises:
-        InvalidInput: The attribute is not a length, or has a relative unit such as % or em.
-    """
+    """An attribute that is a length, in user units; 0 if it is missing or auto."""
     return length_of(element, key) or 0.0
 
 
@@ -359,11 +335,7 @@ def font_size(element: Element, inherited: float) -> float:
 
 
 def transform_of(element: Element) -> Affine:
-    """The affine map of an element's attribute transform.
-
-    Raises:
-        InvalidInput: The attribute is not a list of transforms.
-    """
+    """The affine map of an element's attribute transform."""
     text = element.get("transform")
     if text in ("", "none"):
         return IDENTITY
@@ -429,11 +401,7 @@ class ViewBox:
 
 
 def view_box(element: Element) -> ViewBox | None:
-    """The viewBox of an element; None if it has none.
-
-    Raises:
-        InvalidInput: The attribute is not four numbers, or the box has no area.
-    """
+    """The viewBox of an element; None if it has none."""
     text = element.get("viewBox")
     if not text or text == "none":
         return None
@@ -446,11 +414,7 @@ def view_box(element: Element) -> ViewBox | None:
 
 
 def viewbox_transform(element: Element, inner: ViewBox, outer: ViewBox) -> Affine:
-    """The map from the viewBox of an element into its viewport, by its preserveAspectRatio.
-
-    Raises:
-        InvalidInput: The value of preserveAspectRatio is not known.
-    """
+    """The map from the viewBox of an element into its viewport, by its preserveAspectRatio."""
     text = element.get("preserveAspectRatio") or "xMidYMid"
     match = _ALIGN.fullmatch(text)
     if match is None:

@@ -232,11 +232,7 @@ class Walk:
         return ""
 
     def program(self, entities: Iterable[EntityOutlines], notes: Sequence[str]) -> Program:
-        """The program of all contours.
-
-        Raises:
-            InvalidInput: An entity makes no path, or there is no contour.
-        """
+        """The program of all contours."""
         pieces = self._pieces(list(entities))
         contours, chaining_notes = chain_pieces(pieces, self.options.join_tolerance)
         notes = [*notes, *self.notes, *chaining_notes]

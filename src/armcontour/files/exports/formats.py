@@ -52,9 +52,6 @@ class ExportFormat(Checked):
         Args:
             table: The table.
             file: The path; for a bag a folder that does not exist yet.
-
-        Raises:
-            InvalidInput: The format cannot hold the table.
         """
         raise NotImplementedError
 
@@ -191,22 +188,14 @@ WITH_OUTPUTS = (URScriptFormat, TemplateFormat)
 
 
 def format_named(name: str) -> type[ExportFormat]:
-    """The format of a name.
-
-    Raises:
-        InvalidInput: There is no such format.
-    """
+    """The format of a name."""
     if name not in FORMATS:
         raise InvalidInput(f"There is no format {name!r}: the formats are {LISTED}.")
     return FORMATS[name]
 
 
 def format_of(file: FilePath) -> type[ExportFormat]:
-    """The format of a file, by its extension.
-
-    Raises:
-        InvalidInput: No format has this extension.
-    """
+    """The format of a file, by its extension."""
     by_ending = {x.ending: x for x in FORMATS.values() if x.ending}
     if file.suffix.lower() in by_ending:
         return by_ending[file.suffix.lower()]
@@ -289,11 +278,7 @@ def export(
 def check_outputs(
     outputs: Mapping[str, int | str], events: Iterable[str], *, option: str, owner: str
 ) -> None:
-    """Check that outputs belong to existing events.
-
-    Raises:
-        InvalidInput: An output is for an unknown event.
-    """
+    """Check that outputs belong to existing events."""
     names = sorted(set(events))
     for name in outputs:
         if name not in names:
@@ -307,9 +292,6 @@ def write_destination(
     """Write a file or folder to a temporary path, then move it to the destination.
 
     If writing fails, an earlier file at the destination stays.
-
-    Raises:
-        InvalidInput: The destination cannot be written.
     """
     try:
         _refuse_destination(file, folder)

@@ -61,9 +61,6 @@ def write_mcap(table: SetPointTable, file: FilePath) -> None:
     The trajectory message is at time 0 of the bag. Each event is a std_msgs/msg/String of JSON on
     the topic /armcontour/events at its own time, so playing the bag publishes the events in step
     with the motion.
-
-    Raises:
-        InvalidInput: rosbags is not installed.
     """
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer

@@ -184,10 +184,6 @@ def make_table(
         tool_motion: Whether the table has orientation and speed of the tool too.
         analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
             values, as `armcontour.jobs.analog_outputs` gives them.
-
-    Raises:
-        InvalidInput: The cycle differs from that of set-points; the number of joints or names is
-            wrong; the motion of the tool needs an arm; or as for `SetPointTable`.
     """
     if not isinstance(data, SetPoints | Trajectory):
         raise InvalidInput(
@@ -227,11 +223,7 @@ def tabulate(
     tool_motion: bool = False,
     **about: Any,
 ) -> SetPointTable:
-    """The table of samples; `about` are further fields of `SetPointTable`.
-
-    Raises:
-        InvalidInput: As in `make_table`.
-    """
+    """The table of samples; `about` are further fields of `SetPointTable`."""
     name, dof = about["name"], samples.q.shape[1]
     checks.check_int("derivatives", derivatives, 0, 2)
     tool: dict[str, Any] = {}
@@ -286,9 +278,6 @@ def check_export_cycle(cycle: float, duration: float, name: str) -> None:
         cycle: The cycle [s].
         duration: The duration of the motion [s].
         name: Name of the program, for the message.
-
-    Raises:
-        InvalidInput: The cycle is longer than the motion, and than `LONGEST_CLOCK`.
     """
     # A cycle may be longer than a tiny motion.
     if cycle > max(duration, LONGEST_CLOCK):

@@ -103,12 +103,7 @@ def template_of(
     *,
     file: str,
 ) -> str:
-    """The program that a template makes of a table.
-
-    Raises:
-        InvalidInput: The template does not exist, has an error, or refuses the table; the message
-            names the template and the line.
-    """
+    """The program that a template makes of a table."""
     source, text, folder = _read(template)
     environment = _environment(folder)
     variables = _variables(table, outputs or {}, file)

@@ -60,11 +60,6 @@ def write_urscript(
     before it, even if its own time is earlier. An event with a digital output switches the output
     on or off; any other event writes a message by `textmsg`. An analog output with a number is set
     at every set-point at which its level changes. Comments name the contours.
-
-    Raises:
-        InvalidInput: The number of joints is not six, the interval is not a multiple of 2 ms, an
-            output does not exist, an analog value is not from 0 to 1, or an event cannot be
-            written.
     """
     _check(table)
     named_outputs = outputs or {}

@@ -26,9 +26,6 @@ def read_left_out(file: str | FilePath, links: Collection[str]) -> tuple[LeftOut
 
     Typical reasons are that a pair never touched in random configurations ("Never") or always
     touched ("Default").
-
-    Raises:
-        InvalidInput: No such file, another format, a pair without names, or pairs of another robot.
     """
     location = FilePath(file)
     robot = parse_xml(str(location), file_access.read_bytes(location, "SRDF file"))
@@ -108,11 +105,7 @@ def link_shapes(
     packages: Packages | None = None,
     last: str = "",
 ) -> tuple[LinkShape, ...]:
-    """Shapes of links, with the names of the links.
-
-    Raises:
-        InvalidInput: A mesh file is missing, or a geometry tag is unknown.
-    """
+    """Shapes of links, with the names of the links."""
     shapes = []
     for name, (link, frame) in carried.items():
         tool = last in carried and link == carried[last][0] and name != last
@@ -139,11 +132,7 @@ def collisions(tree: Tree, link: str) -> Iterator[Collision]:
 def shape_of(
     tree: Tree, collision: Collision, packages: Packages | None = None, unit: str | None = None
 ) -> Shape:
-    """The shape of a collision element.
-
-    Raises:
-        InvalidInput: An unknown geometry, an invalid number, or a missing mesh.
-    """
+    """The shape of a collision element."""
     kind, element, location = collision.geometry.tag, collision.geometry, collision.where
     if kind == "box":
         return Box(size=three(location, "size", element.get("size", "")))

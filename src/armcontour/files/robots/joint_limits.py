@@ -58,9 +58,6 @@ def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
     in MoveIt, negative. The smaller of `max_deceleration` and `max_acceleration` becomes the
     acceleration limit in both directions, which satisfies both. The default scaling factors are not
     applied, because they are defaults of requests to MoveIt, not limits.
-
-    Raises:
-        InvalidInput: No such file, a file for other joints, or a value that is no limit.
     """
     content = file_access.read_bytes(file, "file of joint limits")
     data = yaml_layout.load(content, str(file), yaml_layout.AngleLoader)
@@ -84,11 +81,7 @@ def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
 
 
 def limits_of(table: Table, joints: Sequence[str], source: str) -> Limits:
-    """Make `Limits` from a table.
-
-    Raises:
-        InvalidInput: A limit that only some joints have, or a value that is no limit.
-    """
+    """Make `Limits` from a table."""
     limits: dict[str, Any] = {}
     for name in JOINT_LIMITS:
         if any(x is not None for x in table[name]):

@@ -193,7 +193,7 @@ OF_ARM = ("name", "file", "tip", "base", "joint_limits")
 
 @cache
 def _built_in(name: str) -> Any:
-    """The data of a built-in arm, read-only, cached because parsing takes longer than making an arm."""
+    """The data of a built-in arm, read-only; cached, because parsing takes most of the time."""
     file = f"{name}.yaml"
     content = (resources.files("armcontour.files.robots") / "library" / file).read_bytes()
     return yaml_layout.load(content, file, yaml_layout.AngleLoader)
@@ -205,11 +205,7 @@ def arm_of(
     payload: Payload | None = None,
     load: Callable[..., Arm] | None = None,
 ) -> Arm:
-    """The arm of an arm file's data.
-
-    Raises:
-        InvalidInput: They describe no arm.
-    """
+    """The arm of an arm file's data."""
     kind = data.get("kind") if isinstance(data, Mapping) else None
     keys = KINDS.get(kind) if isinstance(kind, str) else None
     if keys is None:

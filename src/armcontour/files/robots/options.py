@@ -64,11 +64,7 @@ class ArmOptions(Checked):
 
 
 def locked_position(options: ArmOptions, name: str, *, slides: bool) -> float:
-    """The position of a locked joint [rad], or [m] of one that slides.
-
-    Raises:
-        InvalidInput: No number and no quantity of this unit.
-    """
+    """The position of a locked joint [rad], or [m] of one that slides."""
     value, unit = (options.locked or {})[name], "m" if slides else "rad"
     if not isinstance(value, str):
         return checks.check_number(f"arm.locked.{name}", value, unit)
@@ -81,11 +77,7 @@ def locked_position(options: ArmOptions, name: str, *, slides: bool) -> float:
 
 
 def check_options(options: ArmOptions, names: tuple[str, ...], arm: str) -> None:
-    """Refuse options that an arm does not have.
-
-    Raises:
-        InvalidInput: There is such an option.
-    """
+    """Refuse options that an arm does not have."""
     for x in fields(ArmOptions):
         if x.name not in names and getattr(options, x.name):
             files = ".urdf, .xacro and MJCF files" if x.name in MODEL else ".urdf and .xacro"

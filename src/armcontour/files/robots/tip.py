@@ -22,9 +22,6 @@ def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str
 
     Returns:
         The link, and a note of the choice; empty if there was none.
-
-    Raises:
-        InvalidInput: More than one link could be the tip.
     """
     parents = {joint.parent for joint in tree.joints.values()}
     ends = [x.child for x in tree.below(base) if x.child not in parents]

@@ -102,11 +102,7 @@ class Tree:
         return joints
 
     def between(self, base: str, tip: str) -> list[Joint]:
-        """The joints from the link `base` to the link `tip`.
-
-        Raises:
-            InvalidInput: No such link, or no chain of joints from base to tip.
-        """
+        """The joints from the link `base` to the link `tip`."""
         link, start = self.link("tip", tip), self.link("base", base)
         joints: list[Joint] = []
         # From the tip up to the base; reversed at the end.
@@ -121,11 +117,7 @@ class Tree:
         return joints[::-1]
 
     def link(self, role: str, name: str) -> str:
-        """The name of a link, which must exist.
-
-        Raises:
-            InvalidInput: There is no such link.
-        """
+        """The name of a link, which must exist."""
         if name not in self.links:
             raise InvalidInput(
                 f"{self.file} has no link {name!r} to be the {role}: its links are "
@@ -135,11 +127,7 @@ class Tree:
 
 
 def read_tree(file: str, content: bytes | str) -> Tree:
-    """Read and check the tree of links and joints in a robot description.
-
-    Raises:
-        InvalidInput: Not XML, not a robot, or links and joints that form no tree.
-    """
+    """Read and check the tree of links and joints in a robot description."""
     robot = parse_xml(file, content)
     if robot.tag != "robot":
         raise InvalidInput(
@@ -191,11 +179,7 @@ def _joints(
 
 
 def parse_xml(file: str, content: bytes | str) -> ET.Element:
-    """Parse an XML document and return its outermost element.
-
-    Raises:
-        InvalidInput: Not XML, an unknown encoding, or a document that is too deep or too large.
-    """
+    """Parse an XML document and return its outermost element."""
     data = content.encode() if isinstance(content, str) else content
     # Text is encoded as UTF-8 above, even if its first line names another encoding.
     parser = ET.XMLParser(encoding="utf-8" if isinstance(content, str) else None)

@@ -45,11 +45,7 @@ ASSUMED = (
 
 
 def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
-    """Make a serial arm from a robot description.
-
-    Raises:
-        InvalidInput: A description that gives no serial arm.
-    """
+    """Make a serial arm from a robot description."""
     from armcontour.files.robots.collision import missing_meshes
     from armcontour.files.robots.description import Description
     from armcontour.files.robots.tip import choose_tip
@@ -107,11 +103,7 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
 
 
 def read_description(file: FilePath, options: ArmOptions, *, trust_xacro: bool) -> Tree:
-    """Read the links and joints of a robot description.
-
-    Raises:
-        InvalidInput: No such file, a .xacro file that is not trusted, or no description.
-    """
+    """Read the links and joints of a robot description."""
     content: bytes | str = file_access.read_bytes(file, "robot description")
     if is_xacro(file):
         if not trust_xacro:

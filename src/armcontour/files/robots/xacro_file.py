@@ -93,12 +93,7 @@ def expand_xacro(
     packages: Mapping[str, str | FilePath] | None = None,
     arguments: Mapping[str, Value] | None = None,
 ) -> str:
-    """Expand a trusted xacro file to the text of a robot description.
-
-    Raises:
-        InvalidInput: xacro is not installed, a package or an argument is lacking or unknown, or
-            xacro cannot expand the file within the limits.
-    """
+    """Expand a trusted xacro file to the text of a robot description."""
     if importlib.util.find_spec("xacro") is None:
         raise InvalidInput(
             f"{file} needs the package xacro, which is not installed: pip install "

@@ -95,10 +95,6 @@ def arc_around(start: Point, end: Point, center: Point, turn: int, dialect: str)
         center: Programmed centre [m].
         turn: 1 for counter-clockwise, -1 for clockwise.
         dialect: "mm" or "inch", the unit of the program, which decides the tolerances.
-
-    Raises:
-        Fault: The radius is zero, or the distances from the centre to start and end differ too
-            much.
     """
     px, py = start[0] - center[0], start[1] - center[1]
     qx, qy = end[0] - center[0], end[1] - center[1]
@@ -124,11 +120,7 @@ def arc_around(start: Point, end: Point, center: Point, turn: int, dialect: str)
 
 
 def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> Circle:
-    """The arc of a given radius: at most half a circle, or at least that for a negative radius.
-
-    Raises:
-        Fault: Start and end are the same point, or the radius is too short to reach the end.
-    """
+    """The arc of a given radius: at most half a circle, or at least that for a negative radius."""
     chord = math.dist(start, end)
     if chord <= REPEATED_POINT:
         raise Fault(
@@ -150,11 +142,7 @@ def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> Circl
 
 
 def pieces_of(circle: Circle, turns: int) -> list[ArcPart]:
-    """The arcs that draw a programmed arc: `turns` - 1 full circles, then the last turn.
-
-    Raises:
-        Fault: The radius is so large that rounding would make an arc miss its end.
-    """
+    """The arcs that draw a programmed arc: `turns` - 1 full circles, then the last turn."""
     arc = circle
     if arc.start == arc.end:
         last = [_arc_around(arc, 2 * math.pi)]

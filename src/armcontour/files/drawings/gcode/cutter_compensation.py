@@ -126,11 +126,7 @@ class Compensation:
             )
 
     def start_of_arc(self) -> Point:
-        """Start point of the next arc.
-
-        Raises:
-            Fault: The next move leaves a compensated contour, so it must be straight.
-        """
+        """Start point of the next arc."""
         if self.leaves:
             raise Fault(
                 "an arc as the first move after G40, which has to be straight: the tool's centre "

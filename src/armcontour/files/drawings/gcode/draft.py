@@ -92,11 +92,7 @@ class ProgramDraft:
         self.across = self.across or 2 in (a, b)
 
     def room_for(self, segments: int) -> None:
-        """Count segments of helices and of further turns.
-
-        Raises:
-            Fault: More than `MOST_SEGMENTS`.
-        """
+        """Count segments of helices and of further turns."""
         self.segments += segments
         if self.segments > MOST_SEGMENTS:
             raise Fault(
@@ -141,11 +137,7 @@ class ProgramDraft:
             self.moves.append(Dwell(duration=duration))
 
     def program(self, source: str, notes: tuple[str, ...]) -> Program:
-        """The drafted program.
-
-        Raises:
-            InvalidInput: No contour, or one that makes no path.
-        """
+        """The drafted program."""
         self.rest()
         if not self.begun:
             raise InvalidInput(

@@ -46,11 +46,7 @@ class Unknown:
         self.notes, self.skipped, self.lenient = notes, frozenset(skip), lenient
 
     def screen(self, block: Block) -> None:
-        """Remove from a line the codes and words that are not executed.
-
-        Raises:
-            Fault: A code that cannot be skipped, because it displaces the rest of the program.
-        """
+        """Remove from a line the codes and words that are not executed."""
         words = block.words.keys()
         if "I" in words and math.isnan(block.words["I"]) and not LASER.isdisjoint(block.m):
             block.drop("I")
@@ -148,11 +144,7 @@ class Unknown:
                 self.notes.count(f"the word {letter} of zero")
 
     def leave_idle(self, block: Block) -> None:
-        """Remove the remaining words of a line that cause no motion.
-
-        Raises:
-            Fault: Words of a motion on a line without that motion.
-        """
+        """Remove the remaining words of a line that cause no motion."""
         for letter in list(block.words):
             if letter in "PQ" and not self._has_modes(block):
                 with_what = {"P": "G4, G64, G2, G3", "Q": "G64"}[letter]
@@ -247,9 +239,6 @@ class Machine:
 
         Returns:
             Whether it ends the program.
-
-        Raises:
-            Fault: A code or a word that cannot be executed.
         """
         if not block.m and self._is_simple(block):
             if "F" in block.words:

@@ -41,11 +41,7 @@ class Offsets:
         return self.system == self.used and all(self.placed) and None not in self.shift
 
     def to_drawing(self, coordinates: dict[int, float], position: list[float]) -> list[float]:
-        """A point of the drawing from absolute coordinates of the program.
-
-        Raises:
-            Fault: A second coordinate system, or a shift that is not known.
-        """
+        """A point of the drawing from absolute coordinates of the program."""
         point = list(position)
         for i, value in coordinates.items():
             shift = self.shift[i]
@@ -140,11 +136,7 @@ class Modes:
         return self.unit == INCH
 
     def set_feed(self, block: Block) -> None:
-        """Take feed mode and F from a line.
-
-        Raises:
-            Fault: F below zero or too large.
-        """
+        """Take feed mode and F from a line."""
         for code, inverse_time in ((codes.INVERSE_TIME, True), (codes.PER_MINUTE, False)):
             if code in block.g and self.inverse_time != inverse_time:
                 self.inverse_time, self.feed = inverse_time, None
@@ -167,9 +159,6 @@ class Modes:
 
         Args:
             length: Length of the move [m].
-
-        Raises:
-            Fault: No feed rate.
         """
         feed = self.feed
         if self.inverse_time:
@@ -246,11 +235,7 @@ class Switches:
         self.tool = 0
 
     def apply(self, block: Block) -> None:
-        """Switch outputs by a line, in the order of the manual; removes its words from the line.
-
-        Raises:
-            Fault: A speed below zero, a tool or an output that has no number.
-        """
+        """Switch outputs by a line, in the order of the manual; removes its words from the line."""
         speed = block.words.pop("S", None)
         if speed is not None:
             if speed < 0:

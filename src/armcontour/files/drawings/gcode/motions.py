@@ -60,11 +60,7 @@ class ToolMotion:
         self.away = False
 
     def target(self, block: Block) -> list[float]:
-        """Target of the coordinates of a line, in the drawing [m].
-
-        Raises:
-            Fault: A coordinate is too large, or its coordinate system has an unknown position.
-        """
+        """Target of the coordinates of a line, in the drawing [m]."""
         words, unit = block.words, self.modes.unit
         coordinates = {i: words[x] * unit for i, x in enumerate(AXES) if x in words}
         for i, value in coordinates.items():
@@ -239,11 +235,7 @@ class ToolMotion:
 
 
 def turns_of(block: Block) -> int:
-    """P, the number of turns begun; removes it from the line.
-
-    Raises:
-        Fault: Not a whole number from 1.
-    """
+    """P, the number of turns begun; removes it from the line."""
     word = block.words.pop("P", 1.0)
     turns = round(word)
     if abs(word - turns) > WHOLE or turns < 1:
@@ -252,11 +244,7 @@ def turns_of(block: Block) -> int:
 
 
 def by_radius(block: Block, plane: int) -> bool:
-    """True if the arc is given by its radius.
-
-    Raises:
-        Fault: The arc also has a centre, or has no end.
-    """
+    """True if the arc is given by its radius."""
     words = block.words
     if "R" not in words:
         return False
@@ -270,11 +258,7 @@ def by_radius(block: Block, plane: int) -> bool:
 
 
 def center_letters(block: Block, plane: int, absolute: bool) -> tuple[str, str]:
-    """The letters of the centre's coordinates, in the order of the plane's axes.
-
-    Raises:
-        Fault: No centre, half of an absolute one, or a coordinate across the plane.
-    """
+    """The letters of the centre's coordinates, in the order of the plane's axes."""
     words = block.words
     a, b, c = PLANES[plane]
     both = f"{OFFSETS[min(a, b)]} and {OFFSETS[max(a, b)]}"

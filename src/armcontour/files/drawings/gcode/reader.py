@@ -52,9 +52,6 @@ def read_gcode(
     line; every segment has the speed F and the tolerance G64 P, or 0 under G61. Rapids keep their
     points. Spindle, coolant, tool, outputs and extruder are events. See docs/guides/gcode.md for
     every word.
-
-    Raises:
-        InvalidInput: A line cannot be read or executed; `index` is the index of the line, from 0.
     """
     lines = _lines(data, source)
     machine = Machine(options, dialect_of(lines))

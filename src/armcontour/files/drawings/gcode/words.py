@@ -148,11 +148,7 @@ class Block:
 
 
 def parse(line: str) -> Block:
-    """The words of a line.
-
-    Raises:
-        Fault: Text that is no word or comment, or words that exclude each other.
-    """
+    """The words of a line."""
     text = line.translate(COMPACT)
     block = Block()
     if "O" in text and O_WORD.match(text) is not None:
@@ -269,11 +265,7 @@ def _refuse_two(first: str, second: str, group: str | None) -> None:
 
 
 def whole_number(value: float, word: str) -> int:
-    """Convert a value that must be a whole number.
-
-    Raises:
-        Fault: It is not.
-    """
+    """Convert a value that must be a whole number."""
     if not math.isfinite(value) or abs(value - round(value)) > WHOLE:
         raise Fault(f"{word} of {value:g}, which must be a whole number")
     return round(value)
