@@ -294,9 +294,9 @@ class PlacedModel(RotationModel):
     Args:
         at: The position of its origin [m]: the middle of boxes, cylinders, spheres and capsules, a
             point of the plane of a half-space, the origin of a mesh or of a file.
-        fixed_to: For obstacles, what they stand on: the `base` of the arm, whose frame places them,
-            or the `part`, with the frame of the path.
-        margin: For obstacles, how near links and tool may come [m]; by default as `margins` says.
+        fixed_to: For obstacles, their reference frame: the `base` of the arm, or the `part`, with
+            the frame of the path.
+        margin: For obstacles, minimum distance of links and tool [m]; by default that of `margins`.
         allow: For obstacles, links that may touch; `tool` is the tool.
         link: For shapes of links, the link: a joint, for the link after this joint, another shape's
             name, or `base`.
@@ -357,11 +357,11 @@ class CylinderModel(BodyModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CapsuleModel(BodyModel):
-    """All points near a stretch of its z axis.
+    """All points near a line segment on its z axis.
 
     Args:
-        radius: Distance of the surface from the stretch [m].
-        length: Length of the stretch, without the round ends [m].
+        radius: Distance of the surface from the segment [m].
+        length: Length of the segment, without the round ends [m].
     """
 
     radius: Distance
@@ -419,7 +419,7 @@ class SceneFileModel(PlacedModel):
     """A file of obstacles.
 
     Args:
-        file: A description (.urdf) whose `<collision>` elements stand still; its name is relative
+        file: A description (.urdf) whose `<collision>` elements are fixed; its name is relative
             to the job file.
         unit: Unit of the lengths of meshes that the file names without a scale; metres by default.
     """
@@ -430,12 +430,12 @@ class SceneFileModel(PlacedModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneModel(BodiesModel):
-    """Obstacles in the cell, and how near the arm may come to them and to itself.
+    """Obstacles in the cell, and minimum distances of the arm to them and to itself.
 
     Args:
-        margins: How near bodies may come, by the kinds of pairs.
+        margins: Minimum distances of bodies, by the kinds of pairs.
         files: Files of more obstacles, with or without their place and margin.
-        floor: Height of the floor in the frame of the arm's base, an obstacle; "none" where nothing
+        floor: Height of the floor in the frame of the arm's base, an obstacle; "none" if nothing
             is below the base, as on a pedestal or a wall. By default a link below the base is a
             warning.
     """

@@ -156,35 +156,35 @@ WORD = re.compile(r"[GM]\d{1,4}(\.\d)?|[ABCDEHLPQSTUVW]")
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadOptions(Checked):
-    """How a drawing, G-code or a table of waypoints is read.
+    """Options for reading a drawing, G-code or a table of waypoints.
 
     Args:
         units: Unit of the file's lengths, such as "mm", or its length in metres; replaces the unit
-            that a drawing gives. None takes that unit. A column of a table with a unit of its own
-            keeps that unit.
+            that a drawing gives. None takes that unit. A table column with its own
+            unit keeps it.
         scale: Factor of the file's lengths; tools keep their diameters.
         layers: Layers to read. Or a mapping from layers to speed and tolerance of their contours,
-            for segments without values of their own; a drawing need not have all these layers.
+            for segments without their own values; missing layers are ignored.
         names: Names of contours to read: ids of elements (SVG), handles of entities (DXF), "line
             12" (G-code).
         colors: Colours of DXF entities, or of strokes in SVG, to read: names, "#rrggbb", and for
             DXF also AutoCAD's numbers.
-        flat: Whether to leave out z, and the tool orientation that the file gives.
+        flat: Whether to remove z and the tool orientation of the file.
         chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
         join_tolerance: Distance below which two ends are one point [m].
-        mend_vertices: Distance by which rounded coordinates can be wrong [m]: vertices whose turn
-            this explains are made tangent within it, with a note. The default suits three decimals
-            of a millimetre and four of an inch; 0 leaves all vertices as they are.
-        smooth_axes: For tables of waypoints with tool axes, the largest angle by which these are
-            turned so that they turn smoothly [rad], as measured ones do not; 0 leaves them.
+        mend_vertices: Largest rounding error of coordinates [m]: vertices whose turn such an error
+            can explain are made tangent within it, with a note. The default suits three decimals
+            of a millimetre and four of an inch; 0 changes no vertex.
+        smooth_axes: For tables of waypoints with tool axes, the largest correction that makes noisy
+            measured axes turn smoothly [rad]; 0 leaves the axes unchanged.
         columns: For waypoints in CSV, names of the columns in place of the first line, or of a line
-            that is missing, such as "x [mm],y [mm],-"; "-" leaves a column out.
+            that is missing, such as "x [mm],y [mm],-"; "-" skips a column.
         unknown: Whether to refuse elements that the reader does not know, or skip them with a note;
-            for G-code, `{skip: [T, M6]}` leaves out these words.
+            for G-code, `{skip: [T, M6]}` skips these words.
         texts: For DXF, "contours" draws the letters of TEXT through a font of this machine, with a
-            note; "leave_out" leaves texts out with a note.
+            note; "leave_out" skips texts with a note.
         tools: For G41 and G42 of G-code, diameters of tools [m] by their numbers, such as
-            `{1: 0.003}`; a negative one puts the tool on the other side.
+            `{1: 0.003}`; a negative diameter offsets the tool to the other side.
         continuity: "curvature" puts transitions where the curvature jumps without a corner, for
             motions with a limit of jerk (`smooth_curvature`): curves then become arcs within half
             of the chord tolerance, and transitions leave lines and arcs by the other half at most.
@@ -208,7 +208,7 @@ class ReadOptions(Checked):
     unknown: Annotated[
         Annotated[str, Choice(UNKNOWN)] | Mapping[Literal["skip"], Sequence[str]],
         About("--skip-unknown", help="Skip unknown elements.", read="to_skip"),
-        About("--skip", "G-code", "Words of G-code to leave out: 'T,M6'.", "to_words"),
+        About("--skip", "G-code", "Words of G-code to skip: 'T,M6'.", "to_words"),
     ] = "refuse"
     texts: Annotated[str, Choice(TEXTS), About("--texts")] = "leave_out"
     tools: Annotated[

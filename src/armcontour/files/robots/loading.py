@@ -95,9 +95,9 @@ def load_arm(
 
     Args:
         name: Built-in name, arm file (.yaml), robot description (.urdf, .xacro), MJCF file (.xml,
-            read by MuJoCo, without shapes) or `pinocchio.Model`. Of a built-in name, upper case
-            and hyphens do not count.
-        options: How it is loaded, such as ArmOptions(tip="tool0") for a robot description.
+            read by MuJoCo, without shapes) or `pinocchio.Model`. Case and hyphens of
+            built-in names are ignored.
+        options: Options, such as ArmOptions(tip="tool0") for a robot description.
         tool: The tool frame relative to the tip: a Frame, a 4 by 4 transform, a pinocchio.SE3 or a
             position [m].
         work: The frame of tool points relative to the base, in the same forms.

@@ -27,7 +27,7 @@ DESCRIPTION = (*MODEL, "base", "packages", "arguments")
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmOptions(Checked):
-    """How an arm is loaded from a file or a model.
+    """Options for loading an arm from a file or a model.
 
     Args:
         tip: Link at the end of the arm, for a robot description (.urdf, .xacro); by default the end
@@ -37,13 +37,13 @@ class ArmOptions(Checked):
         joint_limits: A joint_limits.yaml of MoveIt, which replaces limits of the arm's own file.
             Its default scaling factors are not applied.
         locked: Positions of locked joints by name, for a description or a model [rad or m], or
-            texts such as "90 deg"; by default joints beside the arm stand at 0, or at the end of
+            texts such as "90 deg"; by default joints outside of the arm are at 0, or at the end of
             their range that is nearest to 0.
         packages: Folders of ROS packages by name, for a robot description. Other packages are
-            looked for by their `package.xml` near the file; those of a .xacro file first in a
+            searched by their `package.xml` near the file; those of a .xacro file first in a
             sourced ROS.
         arguments: Values of the arguments of a .xacro file, by name.
-        srdf: A file of MoveIt (.srdf) that says which links may touch each other.
+        srdf: A file of MoveIt (.srdf) with the pairs of links that may touch each other.
 
     Raises:
         InvalidInput: A value of another class.
