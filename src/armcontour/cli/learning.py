@@ -155,8 +155,7 @@ def _read(
     log = read_run_log(
         x.log,
         job.arm.joint_names,
-        start=window[0],
-        end=window[1],
+        window=window,
         unwrap=x.unwrap,
         columns=x.columns,
         topic=x.topic,

@@ -479,10 +479,10 @@ def _names_of(kind: str, message: Any) -> Sequence[str]:
 
 def _measured_part(kind: str, message: Any) -> Any:
     """The part of a message with measured positions, as a point."""
-    return _State(message) if kind == STATE else _point(message, MEASUREMENTS)
+    return _JointState(message) if kind == STATE else _point(message, MEASUREMENTS)
 
 
-class _State:
+class _JointState:
     """A JointState with the attributes of a point; it has no accelerations.
 
     Args:

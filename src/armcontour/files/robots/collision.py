@@ -85,7 +85,7 @@ Packages = Mapping[str, str | FilePath]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Collision:
+class CollisionElement:
     """A collision element of a link.
 
     Args:
@@ -116,7 +116,7 @@ def link_shapes(
     return tuple(shapes)
 
 
-def collisions(tree: Tree, link: str) -> Iterator[Collision]:
+def collisions(tree: Tree, link: str) -> Iterator[CollisionElement]:
     """The collision elements of a link."""
     for element in tree.links[link].findall("collision"):
         location = f"A collision of the link {link} of {tree.file}"
@@ -124,13 +124,16 @@ def collisions(tree: Tree, link: str) -> Iterator[Collision]:
         if geometry is None or len(geometry) != 1:
             raise InvalidInput(f"{location} needs one geometry: a box, cylinder, sphere or mesh.")
         xyz, rpy = origin_of(element, location)
-        yield Collision(
+        yield CollisionElement(
             where=location, geometry=geometry[0], place=Frame(position=xyz, rotation=from_rpy(rpy))
         )
 
 
 def shape_of(
-    tree: Tree, collision: Collision, packages: Packages | None = None, unit: str | None = None
+    tree: Tree,
+    collision: CollisionElement,
+    packages: Packages | None = None,
+    unit: str | None = None,
 ) -> Shape:
     """The shape of a collision element."""
     kind, element, location = collision.geometry.tag, collision.geometry, collision.where

@@ -10,7 +10,7 @@ from armcontour.files.drawings.gcode.codes import AXES, PLANES
 from armcontour.files.drawings.gcode.cutter_compensation import Compensation
 from armcontour.files.drawings.gcode.draft import ProgramDraft
 from armcontour.files.drawings.gcode.modes import Extruder, Modes, Offsets, Switches, unit_of
-from armcontour.files.drawings.gcode.motions import Cycles, ToolMotion
+from armcontour.files.drawings.gcode.motions import Cycles, ProgrammedTool
 from armcontour.files.drawings.gcode.words import (
     LASER,
     MILLIMETRE,
@@ -189,7 +189,7 @@ class Machine:
         self.compensation = Compensation(self.draft, options.fit_tolerance)
         self.tools = options.unscaled_tools
         self.notes = Notes()
-        self.tool = ToolMotion(
+        self.tool = ProgrammedTool(
             self.compensation, self.notes, self.modes, self.offsets, options.fit_tolerance
         )
         self.unknown = Unknown(self.notes, options.words, options.skips)

@@ -32,7 +32,7 @@ UNKNOWN = (
 )
 
 
-class ToolMotion:
+class ProgrammedTool:
     """Position of the tool in the drawing, and its moves.
 
     Args:
@@ -295,7 +295,7 @@ class Cycles:
         modes: The modal state.
     """
 
-    def __init__(self, tool: ToolMotion, modes: Modes) -> None:
+    def __init__(self, tool: ProgrammedTool, modes: Modes) -> None:
         self.tool, self.modes = tool, modes
         self.code: int | None = None
         self.sticky: dict[str, float] = {}
