@@ -417,9 +417,7 @@ def _read_titles(
             unknown += [title] * (title != SKIPPED)
             continue
         if unit is not None and content.unit is not None:
-            raise InvalidInput(
-                f"{location}: the column {show(title)} has two units: leave one out."
-            )
+            raise InvalidInput(f"{location}: the column {show(title)} has two units: remove one.")
         unit = content.unit if unit is None else unit
         factor = 1.0 if unit is None else _factor(unit, content.si, title, location)
         column, other = (
@@ -430,7 +428,7 @@ def _read_titles(
             same = f"the columns {show(other.title)} and {show(title)} hold the same"
             twice = f"there are two columns {show(title)}" if other.title == title else same
             fix = f", such as with {option} '{SKIPPED}={title}'" if option else ""
-            raise InvalidInput(f"{location}: {twice}: leave one out{fix}.")
+            raise InvalidInput(f"{location}: {twice}: remove one{fix}.")
         if other is None or column.rank < other.rank:
             recognised[content.key] = column
         if other is not None:

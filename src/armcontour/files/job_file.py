@@ -298,7 +298,7 @@ def _timing(model: RunModel, cycle: float) -> PlanOptions:
         return dataclasses.replace(model.timing, duration=model.duration)
     if model.duration is not None:
         raise InvalidInput(
-            f"duration goes with the method optimal, not {model.timing.method}: leave it out."
+            f"duration goes with the method optimal, not {model.timing.method}: remove it."
         )
     if isinstance(model.timing, Paper):
         return dataclasses.replace(model.timing, cycle=cycle)

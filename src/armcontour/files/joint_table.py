@@ -303,7 +303,7 @@ def read_csv_text(file: str | FilePath, kind: str, topic: str | None = None) -> 
     """The text of a file of some kind, which has no topics."""
     if topic is not None:
         name = FilePath(file).name
-        raise InvalidInput(f"{name} is CSV, which has no topics: leave --topic out.")
+        raise InvalidInput(f"{name} is CSV, which has no topics: remove --topic.")
     return read_text(file, kind, most=LARGE, latin=True)
 
 
@@ -339,7 +339,7 @@ def read_samples(
     values, notes = values[rows], list[str]()
     if len(rows) < len(table.lines):
         left_out = count_noun(len(table.lines) - len(rows), "row")
-        notes.append(f"{left_out} of {table.source} without positions: left out.")
+        notes.append(f"{left_out} of {table.source} without positions: skipped.")
     clock, t, part = times[0], values[:, 0], values[:, len(times) - 1]
     if len(times) == 2 and ((part >= 0) & (part < 1)).all():
         # Nanoseconds since 1970 have more digits than a float: times begin in second 0.
@@ -406,7 +406,7 @@ def tidy_times(
         count = int(again.sum())
         notes.append(
             f"{count_noun(count, 'row')} of {source} {'repeats' if count == 1 else 'repeat'} the "
-            "one before: left out."
+            "one before: skipped."
         )
         t = t[rows]
     steps = np.diff(t)

@@ -208,7 +208,7 @@ def _pair(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[list[str]
         if titles:
             notes.append(
                 f"{list_some(titles, MOST_NAMED)} of {table.source} "
-                f"{'has' if len(titles) == 1 else 'have'} no {other} column: left out."
+                f"{'has' if len(titles) == 1 else 'have'} no {other} column: skipped."
             )
     return pairs, notes
 

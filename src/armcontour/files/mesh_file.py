@@ -96,7 +96,7 @@ def _refuse_size(points: FloatArray, location: FilePath) -> None:
             break
     raise InvalidInput(
         f"The mesh {location} would be {size:.4g} m large if its lengths were metres, and bodies "
-        f"in a cell are {SMALLEST:g} to {LARGEST:g} m: say {hint}."
+        f"in a cell are {SMALLEST:g} to {LARGEST:g} m: give {hint}."
     )
 
 

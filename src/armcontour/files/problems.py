@@ -37,7 +37,7 @@ EXPECTED = {
 OF_VALUES = ("value_error", "too_short", "too_long", "greater_than_equal", "less_than_equal")
 # Keys of older files, and their replacements.
 GONE = {
-    "ignore_jerk": "plans keep limits of jerk, so leave it out; write limits: {joint_jerk: inf} "
+    "ignore_jerk": "plans keep limits of jerk, so remove it; write limits: {joint_jerk: inf} "
     "to lift the arm's own",
 }
 NAME = "must be letters, digits, - and _, 64 at most, with a letter or digit first"
@@ -151,7 +151,7 @@ def _instead(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
     names = [x for kind in kinds for x in kind.get("properties", ())]
     if len(outer) == 2 and outer[0] == "runs" and name in schema.get("properties", ()):
         return (
-            f"{name} is of the whole job, so write it beside runs; several values of it are "
+            f"{name} belongs to the whole job, so write it next to runs; several values of it are "
             "compared by `armcontour batch`, or by pins in the Studio"
         )
     if str(name)[:1].isdigit():

@@ -80,7 +80,7 @@ def read_ros_motion(
     called = _renaming(file.name, names)
     if file.suffix.lower() in YAMLS and not file.is_dir():
         if topic is not None:
-            raise InvalidInput(f"{file.name} is YAML, which has no topics: leave --topic out.")
+            raise InvalidInput(f"{file.name} is YAML, which has no topics: remove --topic.")
         return _read_yaml(file, joint_names, called)
     kind, messages = _read_bag(file, (TRAJECTORY, *AROUND, CONTROLLER, STATE), topic)
     if kind in (TRAJECTORY, *AROUND):
@@ -191,8 +191,8 @@ def _trajectory_in(source: str, data: Any) -> Any:
     if isinstance(data, list):
         if len(data) > 1:
             raise InvalidInput(
-                f"{source} holds {len(data)} trajectories, but one is judged at a time: write them "
-                "to files of their own."
+                f"{source} holds {len(data)} trajectories, but a check takes one: write them "
+                "to separate files."
             )
         return _trajectory_in(source, data[0]) if data else data
     for name in LEADING:

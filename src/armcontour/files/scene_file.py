@@ -258,7 +258,7 @@ def _refuse_keys(location: str, model: PlacedModel, keys: tuple[str, ...], whose
     """Check that a body has no keys of other uses."""
     for key in keys:
         if getattr(model, key) is not None:
-            raise InvalidInput(f"{location}: {key} is a key of {whose}: leave it out here.")
+            raise InvalidInput(f"{location}: {key} is a key of {whose}: remove it here.")
 
 
 def three_numbers(value: Any) -> Any:

@@ -139,7 +139,7 @@ def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
     if not same_plan:
         _refuse_other_job(history, lesson, job, plan)
     _refuse_other(
-        file, job, lesson, f"{history.name} beside it has", "give both as learn wrote them"
+        file, job, lesson, f"{history.name} next to it has", "give both as learn wrote them"
     )
     return replace(lesson, command_limits=plan.set_points.command_limits)
 

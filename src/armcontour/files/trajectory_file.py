@@ -141,7 +141,7 @@ def _keys(table: CsvTable[Key], joint_names: Sequence[str]) -> tuple[list[Key], 
     if len(roles) > 1:
         notes.append(
             f"{table.source} has commands and measured positions: the measured ones are read. To "
-            "read the commands, leave the others out with --columns, such as "
+            "read the commands, skip the others with --columns, such as "
             f"'-={title_pattern(table.columns[Key('q', role, joints[0])].title)}'."
         )
     keys = [Key("q", role, x) for x in joints]

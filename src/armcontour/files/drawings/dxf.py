@@ -73,12 +73,12 @@ EXPLODE = "explode it into lines and arcs in the CAD program"
 MOST_COPIES = 200_000
 OFF, FROZEN = "off", "frozen"
 # Reasons for omitted entities.
-HIDDEN = "Left out, on layers that are off or frozen"
-INVISIBLE = "Left out, because they are invisible"
-NOT_READ = "Left out, because it is no line, arc or curve"
-TEXT = "Left out, unless its letters are contours (path.texts or --texts: contours)"
+HIDDEN = "Skipped on layers that are off or frozen"
+INVISIBLE = "Skipped because they are invisible"
+NOT_READ = "Skipped because it is no line, arc or curve"
+TEXT = "Skipped, unless its letters are contours (path.texts or --texts: contours)"
 THROUGH_FONT = "Drawn through a font of this machine, which may differ from the drawing's"
-BROKEN = "Left out, because it cannot be read"
+BROKEN = "Skipped because it cannot be read"
 # Numbers of AutoCAD's colours that mean the colour of the block, of the layer, and black or white.
 BY_BLOCK, BY_LAYER, ACI_WHITE = 0, 256, 7
 WHITE = frozenset({"7", "#ffffff", "#000000"})
@@ -362,7 +362,7 @@ class DxfWalk(Walk):
         defect = f"{kind} {name}{line} on layer {layer!r} {reason}"
         if not self.skip:
             raise InvalidInput(
-                f"{self.source}: {defect}. Mend it in the drawing, choose the layers to follow "
+                f"{self.source}: {defect}. Fix it in the drawing, choose the layers to follow "
                 f"(layers, or --layer), or {SKIP}."
             )
         self.leave_out(BROKEN, defect)
@@ -439,7 +439,7 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
         if notes and not changes:
             # The remaining part of a truncated file is intact.
             return document, notes
-        mended = f" and was mended in {count_noun(changes, 'place')}" if changes else ""
+        mended = f" and was repaired in {count_noun(changes, 'place')}" if changes else ""
         reason = ADDRESS.sub("", error_line(first))
         damage = f"The file is damaged ({reason}){mended}; damaged parts may be missing."
         return document, [*notes, damage]

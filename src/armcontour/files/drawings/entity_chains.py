@@ -164,10 +164,10 @@ def _notes(
     notes = []
     if repeated.any():
         names = [pieces[i].name for i in np.flatnonzero(repeated).tolist()]
-        notes.append(f"Left out because they lie exactly on others: {list_some(names, 6)}.")
+        notes.append(f"Skipped because they coincide with others: {list_some(names, 6)}.")
     if short:
         notes.append(
-            f"Left out because their ends are one point within {tolerance:g} m: "
+            f"Skipped because their ends are one point within {tolerance:g} m: "
             f"{list_some(short, 6)}."
         )
     return notes

@@ -65,7 +65,7 @@ def read_path(
     for option, (modules, purpose) in ONLY.items():
         checks.raise_if(
             bool(getattr(options, option)) and module not in modules,
-            f"{purpose}, and {location.name} is none: leave it out.",
+            f"{purpose}, and {location.name} is none: remove it.",
         )
     read = getattr(importlib.import_module(f"armcontour.files.drawings.{module}"), name)
     if module in WITH_PROGRESS:

@@ -39,7 +39,7 @@ LARGEST = SMALL
 # Length of a name that is cut [characters]; a number is appended if two cut names are equal.
 KEPT = LONGEST_NAME - 12
 # Advice in messages to choose "skip".
-SKIP = "have it left out (unknown: skip, or --skip-unknown)"
+SKIP = "skip it (unknown: skip, or --skip-unknown)"
 # Names of CSS that drawings for lasers and plotters use; other names are used as written.
 NAMED = {
     "black": "#000000",
@@ -252,14 +252,14 @@ class ReadOptions(Checked):
         if list(self.unknown) != ["skip"]:
             raise InvalidInput(
                 'unknown must be "refuse", "skip", or {"skip": [...]} with the words of G-code to '
-                f"leave out, such as M6 or T, not {show(self.unknown)}."
+                f"skip, such as M6 or T, not {show(self.unknown)}."
             )
         words = checks.check_sequence("unknown: skip", self.unknown["skip"], str, "words of G-code")
         plain = {x.strip().upper() for x in words}
         wrong = next((x for x in sorted(plain) if WORD.fullmatch(x) is None), None)
         if wrong is not None:
             raise InvalidInput(
-                f"unknown: {{skip: ...}} names {wrong!r}, which cannot be left out: it takes codes "
+                f"unknown: {{skip: ...}} names {wrong!r}, which cannot be skipped: it takes codes "
                 "such as G43 or M6, and letters other than X, Y, Z, I, J, K, R, F, N and O."
             )
         return frozenset(re.sub(r"(?<=[GM])0+(?=\d)", "", x) for x in plain)
@@ -323,10 +323,10 @@ def _note(done: list[Mended]) -> str:
     """A note on the repaired vertices."""
     count = sum(x.count for x in done)
     kink, deviation = (max(getattr(x, y) for x in done) for y in ("kink", "deviation"))
-    vertices = f"{count} vertices, at which" if count > 1 else "1 vertex, at which"
+    vertices = f"{count} vertices" if count > 1 else "1 vertex"
     return (
-        f"Mended {vertices} rounded coordinates can explain the turn of at most "
-        f"{digits(math.degrees(kink), 2)}°: the path is tangent there, at most "
+        f"Repaired {vertices} whose turn of at most {digits(math.degrees(kink), 2)}° can be "
+        "explained by rounded coordinates: the path is tangent there, at most "
         f"{digits(deviation * 1e3, 2)} mm from the file's (path.mend_vertices: 0 mm keeps such "
         "turns, at which the tool stops)."
     )

@@ -76,14 +76,14 @@ MARKERS = ("marker", "marker-start", "marker-mid", "marker-end")
 # Style sheets are not evaluated, so declarations of these properties are refused, except for the
 # harmless values.
 _SHEET = re.compile(r"(?<![\w-])(display|visibility|transform|clip-path|mask)\s*:\s*(\w+)")
-MARKED = "Left out: the markers of"
-NOT_READ = "Left out because it is no outline"
+MARKED = "Skipped: the markers of"
+NOT_READ = "Skipped because it is no outline"
 HARMLESS = ("none", "inline", "block", "visible", "inherit")
 _STROKE = re.compile(r"(?<![\w-])stroke\s*:")
 # Values of properties that change nothing.
 NOTHING = ("", "none", "inherit", "initial", "unset")
 _URL = re.compile(r"url\(\s*['\"]?#([^'\")]+)['\"]?\s*\)")
-HIDDEN = "Left out because hidden"
+HIDDEN = "Skipped because hidden"
 # Largest number of segments, a curve counted as one; no drawing of contours has more.
 MOST_SEGMENTS = 500_000
 # Largest number of elements drawn by reference; a file with more is malicious.
@@ -157,7 +157,7 @@ def _page(
         return _up(high, unit) @ inner, box, notes
     if height is None:
         notes.append(
-            f"{root.source} says no height of its page: y is 0 at its upper edge and negative "
+            f"{root.source} gives no height of its page: y is 0 at its upper edge and negative "
             "below."
         )
         return _up(0.0, unit), None, notes

@@ -158,7 +158,7 @@ class _Builder:
         if self._expanded > MOST_EXPANDED or b"<!ENTITY" not in self._data:
             raise InvalidInput(
                 f"{location} would make the file longer by more than {MOST_EXPANDED} characters, "
-                "or nobody can tell: save it as plain SVG."
+                "or by an unknown number: save it as plain SVG."
             )
 
     def _start(self, name: str, attributes: dict[str, str], line: int) -> None:
@@ -284,7 +284,11 @@ def length_of(element: Element, key: str, *, default: float | None = 0.0) -> flo
     match = _LENGTH.fullmatch(text)
     factor = PIXELS.get(match[2].lower()) if match else None
     if match is None or factor is None:
-        reason = " here, where nothing says of what" if match and match[2] == "%" else ""
+        reason = (
+            " because the reference of the percentage is unknown"
+            if match and match[2] == "%"
+            else ""
+        )
         element.refuse(
             f"{key}={text[:40]!r} is not a length that is read{reason}: write a number, or one in "
             "px, mm, cm, in, pt or pc"

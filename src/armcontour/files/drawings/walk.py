@@ -139,7 +139,7 @@ def _kept(points: FloatArray, clip: Clip) -> BoolArray:
 WALKED = 0.4
 # Largest number of entities that a note names.
 NAMED = 9
-NO_SIZE = "Left out because of no size"
+NO_SIZE = "Skipped because of no size"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

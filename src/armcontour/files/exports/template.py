@@ -333,7 +333,7 @@ def _sentence(error: Exception) -> str:
     from jinja2 import TemplateNotFound
 
     if isinstance(error, TemplateNotFound):
-        return f"there is no template {error.name!r} beside it"
+        return f"there is no template {error.name!r} next to it"
     message = " ".join(str(error).split()).rstrip(".")
     return message or type(error).__name__
 

@@ -194,6 +194,6 @@ def _digital_outputs(table: SetPointTable, outputs: Mapping[str, int | str]) -> 
         if event.name in numbers and not isinstance(event.value, bool | str):
             raise InvalidInput(
                 f"The event {event.name} switches to {json.dumps(event.value)}, but a digital "
-                "output is only on or off: leave its output out."
+                "output is only on or off: remove its output."
             )
     return numbers

@@ -158,7 +158,7 @@ def shape_of(
     file = find_mesh(tree, name, packages)
     if file is None or not file.is_file():
         raise InvalidInput(
-            f"{location} names the mesh {show(name)}, which is not there"
+            f"{location} names the mesh {show(name)}, which does not exist"
             f"{'' if file is None else f' ({file})'}: {_mend(name)}."
         )
     return read_mesh(file, unit=unit if scale is None else None, scale=scale)
@@ -200,7 +200,7 @@ def missing_meshes(tree: Tree, packages: Packages | None) -> str:
     if not lacking:
         return ""
     return (
-        f"meshes are not there, or of no known format, so nothing can be said of clearance: "
+        f"meshes are missing or have an unknown format, so clearance is unknown: "
         f"{list_some([show(x) for x in lacking], MOST_FILES)}; {_mend(lacking[0])}"
     )
 
@@ -212,6 +212,7 @@ def _mend(name: str) -> str:
     if name.startswith("package://"):
         package = name.split("/")[2]
         return (
-            f"say where its package is, packages={{{package!r}: FOLDER}} (in a job, arm.packages)"
+            f"give the folder of its package, packages={{{package!r}: FOLDER}} (in a job, "
+            "arm.packages)"
         )
     return "put it there, relative to the description"

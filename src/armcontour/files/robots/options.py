@@ -81,7 +81,7 @@ def check_options(options: ArmOptions, names: tuple[str, ...], arm: str) -> None
     for x in fields(ArmOptions):
         if x.name not in names and getattr(options, x.name):
             files = ".urdf, .xacro and MJCF files" if x.name in MODEL else ".urdf and .xacro"
-            raise InvalidInput(f"{arm} has no option {x.name}, which is of {files}.")
+            raise InvalidInput(f"{arm} has no option {x.name}, which is for {files}.")
 
 
 def is_model(value: Any) -> bool:

@@ -32,7 +32,7 @@ def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str
         ends.sort(key=lambda link: -_turning_joints(tree, base, link))
         example = ends[0] if ends else "LINK"
         raise InvalidInput(
-            f"{tree.file} has {len(ends) or 'no'} links that could be the tip: say which with "
+            f"{tree.file} has {len(ends) or 'no'} links that could be the tip: choose one with "
             f"tip= (in a job, arm: {{tip: {example}}}; for check, --tip {example}), one of "
             f"{list_some(ends or list(tree.links), MOST_NAMED)}."
         )

@@ -229,7 +229,7 @@ def _soften(table: Table, moving: list[Joint], file: str) -> str:
                 narrowed.append(joint.name)
     if not narrowed:
         return ""
-    return f"it has soft limits of {list_some(narrowed, MOST_NAMED)}, which are kept"
+    return f"it has soft limits of {list_some(narrowed, MOST_NAMED)}, which are applied"
 
 
 def _refuse_degrees(table: Table, stated: Table, moving: list[Joint], file: str) -> None:

@@ -134,7 +134,7 @@ def _folders(packages: Mapping[str, str | FilePath]) -> dict[str, str]:
     """The absolute folders of packages."""
     for name, folder in packages.items():
         if not os.path.isdir(folder):
-            raise InvalidInput(f"The folder of the package {name}, {folder}, is not there.")
+            raise InvalidInput(f"The folder of the package {name}, {folder}, does not exist.")
     return {str(name): os.path.abspath(folder) for name, folder in packages.items()}
 
 

@@ -99,12 +99,12 @@ class Unknown:
         if moves:
             raise Fault(
                 f"{name} with coordinates, which this reader does not know: write G0, G1, G2 and "
-                f"G3, or have it left out with its words (unknown: {{skip: [{name}]}}, or --skip "
+                f"G3, or skip it with its words (unknown: {{skip: [{name}]}}, or --skip "
                 f"{name})"
             )
         if code not in codes.HARMLESS_G and not self.lenient:
             raise Fault(
-                f"{name}, which this reader does not know: remove it, or have it left out "
+                f"{name}, which this reader does not know: remove it, or skip it "
                 f"(unknown: {{skip: [{name}]}}, or --skip {name})"
             )
         block.g.remove(code)
@@ -118,7 +118,7 @@ class Unknown:
         for code in [x for x in block.g if codes.g_name(x) in self.skipped]:
             name = codes.g_name(code)
             if code in codes.NEVER_SKIPPED_G or codes.G_GROUP.get(code) == codes.MOTION:
-                raise Fault(f"{name}, a motion, which cannot be left out: write it otherwise")
+                raise Fault(f"{name}, a motion, which cannot be skipped: write it otherwise")
             block.g.remove(code)
             self.notes.count(name)
             strange = code not in codes.UNDERSTOOD_G and block.motion is None
@@ -137,7 +137,7 @@ class Unknown:
             if abs(value) > TURNED:
                 raise Fault(
                     f"{letter}{value:g}, a move of the axis {letter}, which this reader does not "
-                    "have: it reads X, Y and Z (to have the word left out all the same: unknown: "
+                    "have: it reads X, Y and Z (to skip the word: unknown: "
                     f"{{skip: [{letter}]}}, or --skip {letter})"
                 )
             if not math.isnan(value):
@@ -435,7 +435,7 @@ class Machine:
         if not words.keys().isdisjoint("LXYZ"):
             raise Fault(
                 "G10, which sets offsets or tools of the controller, is not read: let the CAM "
-                "system write the program without it, or, if it changes nothing, leave it out "
+                "system write the program without it, or, if it changes nothing, skip it "
                 "(unknown: {skip: [G10]}, or --skip G10)"
             )
         block.drop("PRS")
@@ -449,7 +449,7 @@ class Machine:
             self.extruder.position = fed
         values = {i: words.pop(x) * unit for i, x in enumerate(AXES) if x in words}
         if not values and fed is None:
-            raise Fault("G92 without coordinates: say which axes it sets, such as G92 X0 Y0 Z0")
+            raise Fault("G92 without coordinates: name the axes that it sets, such as G92 X0 Y0 Z0")
         self.tool.set_position(values)
 
     def _set_motion(self, block: Block) -> None:

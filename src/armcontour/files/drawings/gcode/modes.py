@@ -87,7 +87,7 @@ class Offsets:
             raise Fault(
                 f"a coordinate {AXES[min(axes)]} in {second} after others in {first}: only one "
                 "coordinate system is read, because their offsets are in the controller; let the "
-                f"CAM system write one, or, if both offsets are equal, leave out {second} "
+                f"CAM system write one, or, if both offsets are equal, skip {second} "
                 f"(unknown: {{skip: [{second}]}}, or --skip {second})"
             )
         for i in axes:
@@ -190,7 +190,7 @@ class Modes:
             return unit
         raise Fault(
             "F on the line that changes the unit of length, which some machines read in the old "
-            "unit and some in the new: write F on a line of its own"
+            "unit and some in the new: write F on a separate line"
         )
 
 

@@ -141,7 +141,7 @@ class _Runner:
                 machine.notes.count("what follows % on its line")
             self.ended, self.framed = self.framed or self.has_words, True
         elif text.startswith("/"):
-            machine.notes.count("lines with a slash (block delete)", "Left out: {}.")
+            machine.notes.count("lines with a slash (block delete)", "Skipped: {}.")
         elif text and PROGRAM_NUMBER.fullmatch(text) is None and not self._is_text(line):
             if ";" in line and (match := SLICER.match(line)) is not None:
                 machine.compensation.set_layer(match[1], match[2])

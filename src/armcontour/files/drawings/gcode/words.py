@@ -20,7 +20,7 @@ from armcontour.files.drawings.gcode.codes import (
 )
 
 MILLIMETRE, INCH = 1e-3, 0.0254
-IDLE = "Left out, because it moves nothing: {}."
+IDLE = "Skipped because it causes no motion: {}."
 # Largest number of kinds that a note names.
 MOST_KINDS = 12
 
@@ -288,7 +288,7 @@ def _explain_syntax(text: str, position: int) -> str:
         close = text.find(")", position + 1)
         if close < 0 or inner < 0:
             return "a comment that begins with ( and does not end: close it with )"
-        return "a comment ( ) within a comment: leave out the inner parentheses"
+        return "a comment ( ) within a comment: remove the inner parentheses"
     if text.startswith(("//", "/*"), position):
         return (
             f"a comment {text[position : position + 2]}, which G-code does not have: write ( ) or ;"
@@ -298,7 +298,7 @@ def _explain_syntax(text: str, position: int) -> str:
     if character in "@^":
         return "polar coordinates (@ or ^), which this reader does not have: write X and Y"
     if character == "$":
-        return "$, which belongs to a sender or a controller and is no G-code: leave the line out"
+        return "$, which belongs to a sender or a controller and is no G-code: remove the line"
     if text.startswith(("->", "<-", "<~")):
         return "the record of a sender (->, <-), which is no G-code: give the file of the program"
     return f"{ascii(character)}, which begins no word"
