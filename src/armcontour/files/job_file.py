@@ -208,11 +208,11 @@ def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene 
     path, process = add_process(drawn, model.process, model.path)
     servo = _servo("servo", model.servo, arm)
     if model.experiment is not None:
-        _refuse_unknown("experiment.runs", model.experiment.runs or [], model)
+        _check_run_names("experiment.runs", model.experiment.runs or [], model)
     if model.certificate is not None and model.certificate.run is not None:
-        _refuse_unknown("certificate.run", [model.certificate.run], model)
+        _check_run_names("certificate.run", [model.certificate.run], model)
     if model.placement is not None and model.placement.run is not None:
-        _refuse_unknown("placement.run", [model.placement.run], model)
+        _check_run_names("placement.run", [model.placement.run], model)
     return Job(
         name=model.name,
         title=model.title or model.name,
@@ -271,7 +271,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         with error_context(f"Run {name}") if model.corners is None else nullcontext():
             corners.check(model.timing.method, key)
         if corners.tolerance is None:
-            _refuse_no_speed(key, corners, limits)
+            _check_corner_speed(key, corners, limits)
     cycle = model.cycle or job.cycle or DEFAULT_CYCLE
     compensation = dataclasses.replace(model.compensation, command_limits=command_limits)
     if isinstance(compensation, InverseDynamics) and compensation.gravity_feedforward is None:
@@ -305,8 +305,8 @@ def _timing(model: RunModel, cycle: float) -> PlanOptions:
     return model.timing
 
 
-def _refuse_no_speed(key: str, corners: Rounding, limits: Limits) -> None:
-    """Refuse rounding without a tolerance, and without a speed and an acceleration."""
+def _check_corner_speed(key: str, corners: Rounding, limits: Limits) -> None:
+    """Check that rounding without a tolerance has a speed and an acceleration."""
     if corners.speed is None or limits.centripetal_acceleration is None:
         raise InvalidInput(
             f"{key} needs tolerance, the largest corner error, or speed and acceleration."
@@ -322,8 +322,8 @@ def _experiment(run: str, model: ExperimentModel | None, arm: Arm) -> Experiment
         return Experiment(**options).for_joints(arm.dof)
 
 
-def _refuse_unknown(key: str, names: Sequence[str], job: JobModel) -> None:
-    """Refuse names of runs that the job does not have."""
+def _check_run_names(key: str, names: Sequence[str], job: JobModel) -> None:
+    """Check that the job has the named runs."""
     for name in names:
         if name not in job.runs:
             raise InvalidInput(f"{key} names the run {name}, which the job does not have.")

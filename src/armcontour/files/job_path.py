@@ -97,7 +97,7 @@ def _oriented(model: PathModel) -> Path:
     return _orient_waypoints(path, model.orientation)
 
 
-def _refuse_space(model: PathModel, program: Program) -> None:
+def _check_planar(model: PathModel, program: Program) -> None:
     """Check that a planar arm can follow a drawing: no z and no orientation."""
     if program.dimension == 3:
         raise InvalidInput(
@@ -129,7 +129,7 @@ def _drawn(model: PathModel, program: Program, dimension: int) -> Program:
     if model.repeat is not None:
         program = _repeat(program, model.repeat, model.names)
     if dimension == 2:
-        _refuse_space(model, program)
+        _check_planar(model, program)
         return program
     program = program.mapped(Path.lifted)
     if model.orientation is not None:
@@ -203,11 +203,11 @@ def _points(key: str, points: list[list[float]]) -> FloatArray:
     if len({len(x) for x in points}) > 1:
         raise InvalidInput(f"the points of {key} must all have 2 or all have 3 coordinates.")
     for i, point in enumerate(points):
-        _refuse_far(key_text((*key.split("."), "points", i)), point)
+        _check_range(key_text((*key.split("."), "points", i)), point)
     return np.array(points).reshape(len(points), -1)
 
 
-def _refuse_far(key: str, point: Sequence[float]) -> None:
+def _check_range(key: str, point: Sequence[float]) -> None:
     """Check that coordinates are small enough for floating-point numbers."""
     far = max(map(abs, point), default=0.0)
     if far > FARTHEST:
@@ -222,10 +222,10 @@ def _chain(start: list[float], models: list[SegmentModel]) -> Path:
         raise InvalidInput("path.segments is empty: a path needs at least one.")
     segments: list[Line | Arc] = []
     point = list(start)
-    _refuse_far("path.start", point)
+    _check_range("path.start", point)
     for i, segment in enumerate(models):
         for name in ("to", "via", "center"):
-            _refuse_far(key_text(("path", "segments", i, name)), getattr(segment, name) or ())
+            _check_range(key_text(("path", "segments", i, name)), getattr(segment, name) or ())
         segments.append(_segment(point, segment, key_text(("path", "segments", i))))
         point = list(segment.to) if segment.to is not None else _end(segments)
     with error_context("path.segments"):
@@ -275,7 +275,7 @@ def _segment(start: list[float], segment: SegmentModel, key: str) -> Line | Arc:
 
 def _orient(path: Path, orientation: OrientationModel, location: str) -> Path:
     """Give a path one tool orientation for its whole length; `location` is for messages."""
-    _refuse_unclear("path.orientation", orientation)
+    _check_single_rotation("path.orientation", orientation)
     follow = orientation.follow_tangent
     key = "path.orientation" if follow is None else "path.orientation.follow_tangent"
     rotation = rotation_of(key, orientation if follow is None else follow)
@@ -291,7 +291,7 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
     """Give a path one tool orientation per waypoint."""
     for i, orientation in enumerate(models):
         key = key_text(("path", "orientation", i))
-        _refuse_unclear(key, orientation)
+        _check_single_rotation(key, orientation)
         if orientation.follow_tangent is not None:
             raise InvalidInput(
                 f"{key}: follow_tangent is for the whole path: give it alone, not in a list."
@@ -312,7 +312,7 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
         return path.oriented(np.array(turned), axis_only=models[0].axis_only)
 
 
-def _refuse_unclear(key: str, orientation: OrientationModel) -> None:
+def _check_single_rotation(key: str, orientation: OrientationModel) -> None:
     """Check that an orientation has exactly one key."""
     names = [name for name in ORIENTATIONS if getattr(orientation, name) is not None]
     if len(names) != 1:

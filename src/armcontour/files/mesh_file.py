@@ -61,7 +61,7 @@ def read_mesh(
     points, triangles = (_read_stl if kind == ".stl" else _read_obj)(content, str(location))
     points = points * factor * (1.0 if scale is None else np.asarray(scale))
     if unit is None and scale is None:
-        _refuse_size(points, location)
+        _check_size(points, location)
     first, second, third = points[triangles.T]
     flat = ~np.cross(second - first, third - first).any(axis=1)
     if flat.all():
@@ -79,7 +79,7 @@ def _factor(unit: str, location: FilePath) -> float:
         ) from None
 
 
-def _refuse_size(points: FloatArray, location: FilePath) -> None:
+def _check_size(points: FloatArray, location: FilePath) -> None:
     """Check that the size is likely in metres; the error names a unit that fits."""
     size = float(np.ptp(points, axis=0).max())
     if SMALLEST <= size <= LARGEST:
@@ -118,7 +118,7 @@ def _binary_corners(content: bytes, source: str) -> FloatArray:
             f"The mesh {source} ends early, or is no STL file: {count} triangles take "
             f"{HEADER + RECORD * count} bytes, and it has {len(content)}."
         )
-    _refuse_count(count, source)
+    _check_triangle_count(count, source)
     rows = np.frombuffer(content, np.uint8, RECORD * count, HEADER).reshape(-1, RECORD)
     corners = rows[:, 12:48].copy().view("<f4").reshape(-1, 3).astype(np.float64)
     wrong = ~np.isfinite(corners).all(axis=1)
@@ -133,7 +133,7 @@ def _binary_corners(content: bytes, source: str) -> FloatArray:
 def _ascii_corners(content: bytes, source: str) -> FloatArray:
     """Corners of the triangles of an ASCII STL file, (3 n, 3)."""
     words = [x.split() for x in VERTEX.findall(content)]
-    _refuse_count(len(words) // 3, source)
+    _check_triangle_count(len(words) // 3, source)
     if len(words) % 3:
         raise InvalidInput(
             f"The mesh {source} ends within a triangle: it has {len(words)} corners."
@@ -162,8 +162,8 @@ def _read_obj(content: bytes, source: str) -> tuple[FloatArray, IntArray]:
             if len(corners) < 3:
                 raise InvalidInput(f"{source}, line {number}: a face has at least 3 corners.")
             triangles += [(corners[0], *x) for x in zip(corners[1:-1], corners[2:], strict=True)]
-            _refuse_count(len(triangles), source)
-    _refuse_count(len(triangles), source)
+            _check_triangle_count(len(triangles), source)
+    _check_triangle_count(len(triangles), source)
     return np.array(points), np.array(triangles)
 
 
@@ -202,8 +202,8 @@ def _three(words: list[str], source: str, line: int) -> list[float]:
     return [float(x) for x in numbers if x is not None]
 
 
-def _refuse_count(count: int, source: str) -> None:
-    """Refuse a mesh without triangles, or with too many."""
+def _check_triangle_count(count: int, source: str) -> None:
+    """Check the number of triangles of a mesh."""
     if count == 0:
         raise InvalidInput(f"The mesh {source} has no triangles: export it again.")
     if count > MOST_TRIANGLES:

@@ -341,7 +341,7 @@ def _read_bag(
         raise InvalidInput(
             "Bags of ROS need the library rosbags: pip install 'armcontour[ros]'."
         ) from None
-    _refuse_size(file)
+    _check_size(file)
     unpacker, read = _Unpacker(file.name), _Unpacker(file.name)
     try:
         # Bags of before 2023 have no message definitions.
@@ -435,7 +435,7 @@ class _Unpacker:
                 mcap.lz4_decompress = unpack_lz4
 
 
-def _refuse_size(file: FilePath) -> None:
+def _check_size(file: FilePath) -> None:
     """Check that a bag exists and is not too large."""
     if not file.exists():
         raise InvalidInput(f"There is no trajectory file or log {file}.")

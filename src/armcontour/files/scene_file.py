@@ -92,7 +92,7 @@ def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
         obstacles.append(_stand(obstacle, body, part))
     for entry in model.files:
         file = SceneFileModel(file=entry) if isinstance(entry, str) else entry
-        _refuse_keys(f"scene.files: {file.file}", file, OF_LINKS, "shapes of links")
+        _check_keys(f"scene.files: {file.file}", file, OF_LINKS, "shapes of links")
         with error_context("scene.files"):
             for obstacle in read_scene_file(folder / file.file, unit=file.unit):
                 moved = dataclasses.replace(obstacle, place=_place(file) @ obstacle.place)
@@ -171,7 +171,7 @@ def _bodies(
     for entry in dataclasses.fields(BodiesModel):
         for body in getattr(model, entry.name):
             location = f"{key}.{entry.name}: {body.name}"
-            _refuse_keys(location, body, keys, whose)
+            _check_keys(location, body, keys, whose)
             yield location, body
 
 
@@ -254,7 +254,7 @@ def _shape(model: BodyModel, folder: FilePath) -> Shape:
     return HalfSpace()
 
 
-def _refuse_keys(location: str, model: PlacedModel, keys: tuple[str, ...], whose: str) -> None:
+def _check_keys(location: str, model: PlacedModel, keys: tuple[str, ...], whose: str) -> None:
     """Check that a body has no keys of other uses."""
     for key in keys:
         if getattr(model, key) is not None:

@@ -133,12 +133,12 @@ def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
             return recorded
         again = f"the job {job.name} makes for its run {name}"
         mend = "give the job that made this file, with the same options"
-        _refuse_other(file, job, plan.set_points, again, mend)
+        _check_same_set_points(file, job, plan.set_points, again, mend)
         return plan.set_points
     lesson = read_lesson(history, plan.trajectory)
     if not same_plan:
-        _refuse_other_job(history, lesson, job, plan)
-    _refuse_other(
+        _check_same_job(history, lesson, job, plan)
+    _check_same_set_points(
         file, job, lesson, f"{history.name} next to it has", "give both as learn wrote them"
     )
     return replace(lesson, command_limits=plan.set_points.command_limits)
@@ -174,7 +174,9 @@ def _recorded(file: FilePath, job: Job, plan: RunResult) -> SetPoints | None:
     )
 
 
-def _refuse_other(file: FilePath, job: Job, set_points: SetPoints, has: str, mend: str) -> None:
+def _check_same_set_points(
+    file: FilePath, job: Job, set_points: SetPoints, has: str, mend: str
+) -> None:
     """Check that a file has the given set-points."""
     stored = read_trajectory(file, job.arm.joint_names)
     problem = ""
@@ -206,7 +208,7 @@ def _near(stored: TrajectoryFile) -> float:
     return stored.resolution["t"] + SAME
 
 
-def _refuse_other_job(history: FilePath, lesson: LearningResult, job: Job, plan: RunResult) -> None:
+def _check_same_job(history: FilePath, lesson: LearningResult, job: Job, plan: RunResult) -> None:
     """Check that a learning history began with the set-points of the job."""
     first, current = lesson.runs[0].q, plan.set_points.q
     same = first.shape == current.shape and lesson.cycle == plan.set_points.cycle

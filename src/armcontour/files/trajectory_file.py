@@ -135,7 +135,7 @@ def _keys(table: CsvTable[Key], joint_names: Sequence[str]) -> tuple[list[Key], 
         if joints and not joints[0].isdigit():
             if joint_names:
                 title = table.columns[Key("q", role, joints[0])].title
-                _refuse_other_joints(table.heading, joints, joint_names, title)
+                _raise_other_joints(table.heading, joints, joint_names, title)
         else:
             joints = _numbers(table, role)
     if len(roles) > 1:
@@ -171,7 +171,7 @@ def _numbers(table: CsvTable[Key], role: str) -> list[str]:
     return joints
 
 
-def _refuse_other_joints(
+def _raise_other_joints(
     heading: str, joints: Sequence[str], joint_names: Sequence[str], title: str
 ) -> None:
     """Raise the error for joints with names that the arm does not have."""

@@ -150,7 +150,7 @@ def spline(entity: Any) -> Shape | None:
     n, degree = len(points), int(entity.dxf.degree)
     if not 1 <= degree <= HIGHEST_DEGREE:
         raise Unreadable(f"has degree {degree}, which must be from 1 to {HIGHEST_DEGREE}")
-    _refuse_many_points(n)
+    _check_point_count(n)
     knots = _numbers("knots", list(entity.knots))
     if n <= degree or len(knots) != n + degree + 1:
         raise Unreadable(
@@ -175,7 +175,7 @@ def _fit_spline(entity: Any) -> Shape | None:
     from scipy.interpolate import make_interp_spline
 
     points = _numbers("fit points", [tuple(x) for x in entity.fit_points]).reshape(-1, 3)
-    _refuse_many_points(len(points))
+    _check_point_count(len(points))
     closed = bool(entity.dxf.flags & CLOSED_SPLINE)
     if closed and len(points):
         points = np.concatenate([points, points[:1]])
@@ -205,8 +205,8 @@ def _scale_ends(ends: Any, by: float) -> Any:
     return ends if isinstance(ends, str) else tuple([(1, by * x[0][1])] for x in ends)
 
 
-def _refuse_many_points(n: int) -> None:
-    """Refuse a spline of more than `MOST_POINTS` points."""
+def _check_point_count(n: int) -> None:
+    """Check that a spline has at most `MOST_POINTS` points."""
     if n > MOST_POINTS:
         raise Unreadable(f"has {n} points, more than the {MOST_POINTS} that are read")
 

@@ -294,13 +294,13 @@ def write_destination(
     If writing fails, an earlier file at the destination stays.
     """
     try:
-        _refuse_destination(file, folder)
+        _check_destination(file, folder)
         staging.write_atomically(file, write)
     except OSError as error:
         raise staging.unwritable(file, error) from None
 
 
-def _refuse_destination(file: FilePath, folder: bool) -> None:
+def _check_destination(file: FilePath, folder: bool) -> None:
     """Check that writing to a destination would not destroy other files."""
     if not file.name or "\0" in str(file):
         raise InvalidInput(f"Cannot write {str(file)!r}: it is not the name of a file.")

@@ -191,7 +191,7 @@ def parse_xml(file: str, content: bytes | str) -> ET.Element:
             root = element if root is None else root
             depth += 1 if event == "start" else -1
             links += event == "start" and depth == 2 and element.tag == "link"
-            _refuse_flood(file, depth, links, count // 2)
+            _check_document_size(file, depth, links, count // 2)
     except (ET.ParseError, ValueError, LookupError) as error:
         if isinstance(error, InvalidInput):
             raise
@@ -201,7 +201,7 @@ def parse_xml(file: str, content: bytes | str) -> ET.Element:
     return root
 
 
-def _refuse_flood(file: str, depth: int, links: int, elements: int) -> None:
+def _check_document_size(file: str, depth: int, links: int, elements: int) -> None:
     """Check that a document is not deeper or larger than a robot description."""
     if depth > DEEPEST:
         raise InvalidInput(f"{file} has elements nested more than {DEEPEST} deep.")

@@ -65,7 +65,7 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
         end, chosen = choose_tip(tree, start, positions)
     route = tree.between(start, end)
     moving = [x for x in route if x.kind != "fixed" and x.name not in positions]
-    _refuse_joints(tree, moving)
+    _check_moving_joints(tree, moving)
     description = Description(tree, route, moving, positions, start)
     chain = description.chain()
     limits, lacking = _limits(tree, moving, options.limits_file, heavy=chain.masses is not None)
@@ -130,7 +130,7 @@ def is_xacro(file: str | FilePath) -> bool:
     return FilePath(file).suffix.lower() == ".xacro"
 
 
-def _refuse_joints(tree: Tree, moving: list[Joint]) -> None:
+def _check_moving_joints(tree: Tree, moving: list[Joint]) -> None:
     """Check that moving joints turn and are independent."""
     if not moving:
         raise InvalidInput(f"No joint turns between base and tip in {tree.file}: choose others.")
@@ -167,7 +167,7 @@ def _limits(
     if file is not None:
         override(table, names, file)
         override(stated, names, file)
-    _refuse_degrees(table, stated, moving, tree.file)
+    _check_radians(table, stated, moving, tree.file)
     lacking = {}
     for name, key in GIVEN.items():
         lacking_joints = [x for x, value in zip(names, table[name], strict=True) if value is None]
@@ -232,7 +232,7 @@ def _soften(table: Table, moving: list[Joint], file: str) -> str:
     return f"it has soft limits of {list_some(narrowed, MOST_NAMED)}, which are applied"
 
 
-def _refuse_degrees(table: Table, stated: Table, moving: list[Joint], file: str) -> None:
+def _check_radians(table: Table, stated: Table, moving: list[Joint], file: str) -> None:
     """Check that ranges are not likely to be in degrees."""
     for k, joint in enumerate(moving):
         low, high = (table[name][k] or 0.0 for name in JOINT_RANGE)

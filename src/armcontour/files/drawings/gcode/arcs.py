@@ -171,7 +171,7 @@ def _arc_between(start: Point, end: Point, center: Point, turn: int) -> ArcPart:
     tangent = (ux * c + turn * uy * s, uy * c - turn * ux * s)
     normal = (-turn * tangent[1], turn * tangent[0])
     piece = ArcPart(tangent, normal, 1 / radius, 2 * half * radius, end)
-    _refuse_a_miss(start, piece)
+    _check_end(start, piece)
     return piece
 
 
@@ -191,7 +191,7 @@ def _arc_around(circle: Circle, sweep: float) -> ArcPart:
     if sweep == 2 * math.pi:
         end = arc.start
     piece = ArcPart(tangent, normal, 1 / arc.radius, sweep * arc.radius, end)
-    _refuse_a_miss(arc.start, piece)
+    _check_end(arc.start, piece)
     return piece
 
 
@@ -212,8 +212,8 @@ def _two_arcs(circle: Circle) -> list[ArcPart]:
     return [first, _arc_between(first.end, arc.end, center, arc.turn)]
 
 
-def _refuse_a_miss(start: Point, piece: ArcPart) -> None:
-    """Refuse an arc that misses its end by more than `MISS`."""
+def _check_end(start: Point, piece: ArcPart) -> None:
+    """Check that an arc ends within `MISS` of its end point."""
     turn = piece.curvature * piece.length
     along = math.sin(turn) / piece.curvature
     across = 2 * math.sin(turn / 2) ** 2 / piece.curvature

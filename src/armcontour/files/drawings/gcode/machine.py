@@ -250,7 +250,7 @@ class Machine:
                 self.unknown.leave_idle(block)
             return False
         self.unknown.screen(block)
-        self._refuse_two_users(block)
+        self._check_single_p(block)
         self.modes.set_feed(block)
         dwell = self._dwell(block) if codes.DWELL in block.g else None
         self.switches.apply(block)
@@ -277,8 +277,8 @@ class Machine:
             and not self.unknown.skipped
         )
 
-    def _refuse_two_users(self, block: Block) -> None:
-        """Refuse a word P that may belong to two codes of its line."""
+    def _check_single_p(self, block: Block) -> None:
+        """Check that a word P belongs to one code of its line."""
         users = [codes.g_name(x) for x in (codes.DWELL, codes.BLEND) if x in block.g]
         if self._turns_on(block):
             users.append("the arc")

@@ -74,10 +74,10 @@ class ProgrammedTool:
             point = self.offsets.to_drawing(coordinates, self.position)
         else:
             point = [self.position[i] + coordinates.get(i, 0.0) for i in (0, 1, 2)]
-        self._refuse_far(point)
+        self._check_range(point)
         return point
 
-    def _refuse_far(self, point: list[float]) -> None:
+    def _check_range(self, point: list[float]) -> None:
         if max(point) <= FARTHEST and min(point) >= -FARTHEST:
             return
         for i, x in enumerate(point):
@@ -157,7 +157,7 @@ class ProgrammedTool:
 
     def feed(self, target: list[float]) -> None:
         """A straight feed move."""
-        self._refuse_lost()
+        self._check_position_known()
         self.offsets.place()
         x, y, z = target
         self.draft.feed(x, y, z, self.feed_of(math.dist(self.position, target)))
@@ -173,7 +173,7 @@ class ProgrammedTool:
             )
         return speed, self.modes.tolerance, self.notes.line
 
-    def _refuse_lost(self) -> None:
+    def _check_position_known(self) -> None:
         if self.away:
             names = ", ".join(AXES[i] for i in sorted(self.lost)) or "X, Y and Z"
             raise Fault(
@@ -183,7 +183,7 @@ class ProgrammedTool:
 
     def arc(self, block: Block, target: list[float]) -> None:
         """Add an arc or a helix in the active plane; removes its words from the line."""
-        self._refuse_lost()
+        self._check_position_known()
         self.offsets.place()
         modes = self.modes
         a, b, c = axes = PLANES[modes.plane]

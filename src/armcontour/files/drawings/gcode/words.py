@@ -152,7 +152,7 @@ def parse(line: str) -> Block:
     text = line.translate(COMPACT)
     block = Block()
     if "O" in text and O_WORD.match(text) is not None:
-        _refuse_flow(line)
+        _check_program_number(line)
         return block
     position = 0
     while position < len(text):
@@ -173,8 +173,8 @@ def parse(line: str) -> Block:
     return block
 
 
-def _refuse_flow(line: str) -> None:
-    """Refuse an O word that is not the number of a program."""
+def _check_program_number(line: str) -> None:
+    """Check that an O word is the number of a program."""
     text = COMMENTS.sub("", line)
     if PROGRAM_NUMBER.fullmatch(text.translate(COMPACT)) is None:
         shown = " ".join(text.split())[:SHOWN]
@@ -194,7 +194,7 @@ def _read_other(block: Block, text: str, position: int) -> int:
     if bare and BARE.match(text, position):
         _add_word(block, text[position], math.nan)
         return position + 1
-    raise Fault(_explain_syntax(text, position))
+    raise Fault(_explain_syntax_error(text, position))
 
 
 def _add(block: Block, letter: str, number: str, position: int) -> None:
@@ -238,7 +238,7 @@ def _add_g(block: Block, value: float, text: str) -> None:
                 codes.remove(other)
                 code = min(other, code)
                 break
-            _refuse_two(g_name(other), g_name(code), group)
+            _raise_conflict(g_name(other), g_name(code), group)
     codes.append(code)
     if group == MOTION:
         block.motion = code
@@ -252,11 +252,11 @@ def _add_m(codes: list[float], value: float, text: str) -> None:
     group = M_GROUP.get(code)
     for other in codes:
         if other == code or (group is not None and M_GROUP.get(other) == group):
-            _refuse_two(f"M{other:g}", f"M{code:g}", group)
+            _raise_conflict(f"M{other:g}", f"M{code:g}", group)
     codes.append(code)
 
 
-def _refuse_two(first: str, second: str, group: str | None) -> None:
+def _raise_conflict(first: str, second: str, group: str | None) -> None:
     group_name = f" of the group for {group}" if group else ""
     raise Fault(
         f"{first} and {second}, two codes{group_name} of which a line takes only one: "
@@ -271,7 +271,7 @@ def whole_number(value: float, word: str) -> int:
     return round(value)
 
 
-def _explain_syntax(text: str, position: int) -> str:
+def _explain_syntax_error(text: str, position: int) -> str:
     """The reason why no word or comment starts at a position."""
     character = text[position]
     if FANUC_FLOW.match(text, position) is not None:
