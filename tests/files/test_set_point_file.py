@@ -102,7 +102,7 @@ def test_other_set_points_are_refused(job, plan, tmp_path):
         ),
         ((changed(plan, by=0.0, cycle=0.005),), "set_points.csv ... at other times"),
         # Histories of other set-points, and of another job.
-        ((plan.set_points, lesson), "lesson.npz beside it ... joint 2"),
+        ((plan.set_points, lesson), "lesson.npz next to it ... joint 2"),
         ((other, other), "give the job as it was"),
     ]
     refusals(lambda x: read_set_points(put(tmp_path, job, *x), job, plan), table)

@@ -273,7 +273,7 @@ viewBox="0 0 1" => viewBox='0 0 1'
 viewBox="0 0 0 1" => the last two above zero
 viewBox="0 0 1 1" preserveAspectRatio="middle" => preserveAspectRatio='middle'
 {MM} transform="scale(2)" => a transform of the outermost svg
-height="9" => where nothing says of what
+height="9" => because the reference of the percentage is unknown
 """
 
 
