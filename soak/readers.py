@@ -177,7 +177,7 @@ def _read_as(kind: str, name: str, data: bytes, how: ReadOptions) -> tuple[float
 def _read_bodies(kind: str, name: str, data: bytes) -> tuple[float, list[str]]:
     """Largest size of what is read [m], and all names in it."""
     from armcontour.files.mesh_file import read_mesh
-    from armcontour.files.robots.srdf import read_left_out
+    from armcontour.files.robots.collision import read_left_out
     from armcontour.files.scene_file import read_scene_file
 
     with tempfile.TemporaryDirectory() as folder:

@@ -10,7 +10,7 @@ from tests.loaded_robot import loaded_robot
 
 from armcontour.cli.run_command import run_job
 from armcontour.files import read_job
-from armcontour.files.set_point_file import read_taught
+from armcontour.files.set_point_file import read_set_points
 from armcontour.files.trajectory_file import read_run
 from armcontour.jobs.run_learning import plan_run
 from armcontour.simulation import simulate
@@ -35,7 +35,7 @@ class Shop:
     def executed(self, set_points, number):
         """What a controller logs of set-points: t, commands, positions, at 125 Hz in degrees."""
         robot = loaded_robot(self.job, self.plan, number)
-        done = simulate(read_taught(set_points, self.job, self.plan), robot)
+        done = simulate(read_set_points(set_points, self.job, self.plan), robot)
         t = np.arange(done.t[0] - 0.2, done.t[-1] + 0.2, 0.008)
         noise = 1e-6 * np.random.default_rng(number).standard_normal((len(t), 2))
         u = np.stack([np.interp(t, done.set_points.t, x) for x in done.set_points.q.T], axis=1)

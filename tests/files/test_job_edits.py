@@ -15,7 +15,7 @@ from armcontour.files.job_edits import (
     file_names,
     move_files,
 )
-from armcontour.files.patch import write
+from armcontour.files.patch import write_patch
 
 TEXT = """\
 # A cell.
@@ -35,20 +35,20 @@ runs: {a: {}}
 
 
 def test_keys_are_set_where_they_stand_or_last_in_their_mapping():
-    found = write(TEXT, {("arm", "work"): {"position": [1.5, 0, 0]}, ("name",): "new"})
+    found = write_patch(TEXT, {("arm", "work"): {"position": [1.5, 0, 0]}, ("name",): "new"})
     changed = [b for a, b in zip(TEXT.splitlines(), found.splitlines(), strict=True) if a != b]
     assert changed == ["name: new   # its name", "  work: {position: [1.5, 0, 0]}  # here"]
     # A block is replaced by one line, and what follows stays.
-    found = write(TEXT, {("path", "frame"): {"position": [0, 0, 1]}})
+    found = write_patch(TEXT, {("path", "frame"): {"position": [0, 0, 1]}})
     assert "  frame: {position: [0, 0, 1]}\n  # After it.\nruns: {a: {}}\n" in found
-    found = write(TEXT, {("limits", "tool"): 2, ("arm", "tool"): 1, ("runs", "a", "b"): 3})
+    found = write_patch(TEXT, {("limits", "tool"): 2, ("arm", "tool"): 1, ("runs", "a", "b"): 3})
     assert "limits: {speed: 1 m/s, tool: 2}  # of the tool" in found
     assert "  work: {position: [0, 0, 0]}  # here\n  tool: 1\nlimits:" in found
     assert "runs: {a: {b: 3}}" in found
     # What is no mapping becomes one.
-    found = write("corners: sharp # so\na: 1\n", {("corners", "tolerance"): 1e-3})
+    found = write_patch("corners: sharp # so\na: 1\n", {("corners", "tolerance"): 1e-3})
     assert found == "corners: {tolerance: 0.001} # so\na: 1\n"
-    assert write("a:\nb: 1\n", {("a",): [1]}) == "a: [1]\nb: 1\n"
+    assert write_patch("a:\nb: 1\n", {("a",): [1]}) == "a: [1]\nb: 1\n"
 
 
 def test_files_are_named_from_another_folder(tmp_path):
@@ -220,7 +220,7 @@ def test_aliases_and_positions_that_are_not_there_are_refused():
     shared = [(x, "is shared with other keys") for x in (("b", 0), ("b",), ("a", 0), ("a",))]
     refusals(lambda x: change_text(text, [Change(x, 5)]), shared)
     words = "b.k is shared with other keys ... write b.k: 2"
-    refusals(lambda x: write("a: &x {k: 1}\nb: *x\n", {x: 2}), [(("b", "k"), words)])
+    refusals(lambda x: write_patch("a: &x {k: 1}\nb: *x\n", {x: 2}), [(("b", "k"), words)])
     absent = [(("a", 3), "a (item 4) ... has 2 items")]
     refusals(lambda x: change_data({"a": [1, 2]}, [Change(x, 1)]), absent)
     # What is merged can be had as a key of its own.

@@ -99,7 +99,7 @@ def test_a_good_job_is_read_in_si_units():
 BAD = r"""
 arm: null => the key arm is missing
 limits.speeed: 1 => unknown key limits.speeed: did you mean speed?
-runs.one.servo: {kp: 50 1/s} => runs.one.servo: servo is of the whole job,
+runs.one.servo: {kp: 50 1/s} => runs.one.servo: servo belongs to the whole job,
 corners: {tolerance: 0, 2 mm: null} => unknown key corners.2 mm: a comma between
 corners: {} => corners needs tolerance ... or speed and acceleration
 corners.tolerance: -2 mm => corners.tolerance: must not be negative, but is -2 mm.

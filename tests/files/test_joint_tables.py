@@ -271,7 +271,7 @@ q1= => NEW=NAME ... 'q1='
 q#=u1 => NEW=NAME
 q*=u# => NEW=NAME
 q1 => 3 columns, but names of 1
-q1=u1 => there are two columns 'q1': leave one out, such as with --columns '-=q1'
+q1=u1 => there are two columns 'q1': remove one, such as with --columns '-=q1'
 """
 
 

@@ -9,7 +9,7 @@ from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job, parse_set
 from armcontour.files.cell import read_cell
 from armcontour.files.job_edits import REMOVE
-from armcontour.files.patch import apply, key_of, place, write
+from armcontour.files.patch import apply_patch, key_of, locate_key, write_patch
 from armcontour.jobs import Rounding
 from armcontour.program import prepare
 
@@ -39,7 +39,7 @@ def read(text, changes="{}"):
     changed = yaml.safe_dump({**JOB, **yaml.safe_load(changes)})
     job = parse_job(changed, patch=patch(text))
     # The file with these values is the same job.
-    again = parse_job(write(changed, patch(text)))
+    again = parse_job(write_patch(changed, patch(text)))
     assert [(x.rounding, x.timing, x.cycle) for x in again.runs] == [
         (x.rounding, x.timing, x.cycle) for x in job.runs
     ]
@@ -189,9 +189,9 @@ def test_a_value_goes_to_the_run_that_has_it_else_to_the_job():
         ("servo.kp", "own", "servo.kp"),
         ("runs.own.duration", "plain", "runs.own.duration"),
     ):
-        assert ".".join(place(key_of(text), JOB, run)) == wanted
-    assert place(key_of("path.points.0.1"), JOB) == ("path", "points", 0, 1)
-    new = apply(JOB, patch("{limits.speed: 1, timing.reserve: 0.1}"), "own")
+        assert ".".join(locate_key(key_of(text), JOB, run)) == wanted
+    assert locate_key(key_of("path.points.0.1"), JOB) == ("path", "points", 0, 1)
+    new = apply_patch(JOB, patch("{limits.speed: 1, timing.reserve: 0.1}"), "own")
     assert new["limits"] == JOB["limits"] and "timing" not in new["runs"]["plain"]
     assert new["runs"]["own"]["limits"]["speed"] == 1
     assert new["runs"]["own"]["timing"] == {"reserve": 0.1}
@@ -211,9 +211,9 @@ def test_what_goes_with_another_choice_is_left_out():
 
 def test_short_forms_become_mappings():
     text = "arm: pmk3s # mine\npath: {file: a.dxf, layers: [a, b]}\n"
-    new = write(text, patch("{path.layers.a.speed: 1 m/s, arm.work.position: [0, 0, 1]}"))
+    new = write_patch(text, patch("{path.layers.a.speed: 1 m/s, arm.work.position: [0, 0, 1]}"))
     assert load(new, "") == {
         "arm": {"name": "pmk3s", "work": {"position": [0, 0, 1]}},
         "path": {"file": "a.dxf", "layers": {"a": {"speed": "1 m/s"}, "b": {}}},
     }
-    assert write(new, {("arm",): REMOVE, ("path",): REMOVE}) == "{}\n"
+    assert write_patch(new, {("arm",): REMOVE, ("path",): REMOVE}) == "{}\n"

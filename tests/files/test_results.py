@@ -12,7 +12,7 @@ import pytest
 import armcontour as ac
 from armcontour.control.compensation import METHODS
 from armcontour.core.errors import InvalidInput
-from armcontour.files import ResultFolder, write_planned, write_taught
+from armcontour.files import ResultFolder, write_planned, write_set_points
 from armcontour.files.exports import make_table
 from armcontour.files.result_folder import SUMMARY
 from armcontour.files.trajectory_file import read_run
@@ -237,9 +237,9 @@ def test_an_earlier_result_has_the_derivatives_that_its_run_had(method, tmp_path
         names, samples = ARM.joint_names, planned.sample(CYCLE)
         folder.place(SUMMARY, lambda file: file.write_text(json.dumps(about)))
         folder.place(
-            "a/set_points.csv", partial(write_taught, set_points=set_points, joint_names=names)
+            "a/set_points.csv", partial(write_set_points, set_points=set_points, joint_names=names)
         )
-        folder.place("a/planned.csv", partial(write_planned, x=samples, joint_names=names))
+        folder.place("a/planned.csv", partial(write_planned, samples=samples, joint_names=names))
     for derivatives in (1, 2):
         found = read_run(tmp_path / "out").set_points(derivatives=derivatives)
         expected = make_table(set_points, name="x", derivatives=derivatives)

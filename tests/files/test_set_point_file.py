@@ -12,10 +12,16 @@ from tests.files.tables import refusals
 
 from armcontour import load_arm
 from armcontour.control.learning import LearningResult, LearningRun
-from armcontour.files import parse_job, parse_trajectory, write_planned, write_taught, write_torque
+from armcontour.files import (
+    parse_job,
+    parse_trajectory,
+    write_planned,
+    write_set_points,
+    write_torque,
+)
 from armcontour.files.exports import export
 from armcontour.files.result_folder import data_json
-from armcontour.files.set_point_file import LESSON, read_lesson, read_taught, write_lesson
+from armcontour.files.set_point_file import LESSON, read_lesson, read_set_points, write_lesson
 from armcontour.jobs import run
 from armcontour.jobs.run_learning import plan_run
 from armcontour.motion import SetPoints
@@ -50,7 +56,7 @@ def learned(plan, step=1e-3):
 
 def put(folder, job, set_points, lesson=None):
     folder.mkdir(exist_ok=True)
-    write_taught(folder / "set_points.csv", set_points, job.arm.joint_names)
+    write_set_points(folder / "set_points.csv", set_points, job.arm.joint_names)
     if lesson is not None:
         write_lesson(folder / LESSON, lesson)
     return folder / "set_points.csv"
@@ -58,18 +64,18 @@ def put(folder, job, set_points, lesson=None):
 
 def test_without_a_history_it_is_the_taught_data_of_the_job(job, plan, tmp_path):
     file = put(tmp_path, job, plan.set_points)
-    assert read_taught(file, job, plan) is plan.set_points
+    assert read_set_points(file, job, plan) is plan.set_points
     # Degrees with few digits will do.
     table = np.column_stack([plan.set_points.t * 1e3, np.degrees(plan.set_points.q)])
     np.savetxt(file, table, "%.4f", ",", header="t [ms],q1 [deg],q2 [deg]", comments="")
-    assert read_taught(file, job, plan) is plan.set_points
+    assert read_set_points(file, job, plan) is plan.set_points
     # An export begins at zero.
     late = dataclasses.replace(plan, set_points=changed(plan, by=0.0, start_time=-0.008))
     export(late.set_points, tmp_path / "export.csv", arm=job.arm)
-    assert read_taught(tmp_path / "export.csv", job, late) is late.set_points
+    assert read_set_points(tmp_path / "export.csv", job, late) is late.set_points
     # With a history it is the lesson, to the last bit.
     lesson = learned(plan)
-    found = read_taught(put(tmp_path, job, lesson, lesson), job, plan)
+    found = read_set_points(put(tmp_path, job, lesson, lesson), job, plan)
     assert isinstance(found, LearningResult) and len(found.runs) == 1
     assert found.q.tobytes() == lesson.q.tobytes() and found.start_time == lesson.start_time
 
@@ -96,11 +102,11 @@ def test_other_set_points_are_refused(job, plan, tmp_path):
         ),
         ((changed(plan, by=0.0, cycle=0.005),), "set_points.csv ... at other times"),
         # Histories of other set-points, and of another job.
-        ((plan.set_points, lesson), "lesson.npz beside it ... joint 2"),
+        ((plan.set_points, lesson), "lesson.npz next to it ... joint 2"),
         ((other, other), "give the job as it was"),
     ]
-    refusals(lambda x: read_taught(put(tmp_path, job, *x), job, plan), table)
-    refusals(lambda x: read_taught(x, job, plan), [(tmp_path, "holds no result")])
+    refusals(lambda x: read_set_points(put(tmp_path, job, *x), job, plan), table)
+    refusals(lambda x: read_set_points(x, job, plan), [(tmp_path, "holds no result")])
 
 
 def made(plan, runs=2):
@@ -259,7 +265,7 @@ def test_planned_joints_are_called_by_their_names_and_read_again(study, tmp_path
 def test_taught_data_is_written_as_plans_are_and_read_again(study, tmp_path):
     set_points = study.runs["plain"].set_points
     for names in (study.job.arm.joint_names, [f"joint {j + 1}" for j in range(6)]):
-        text = written(tmp_path, write_taught, set_points, names)
+        text = written(tmp_path, write_set_points, set_points, names)
         title = f"q {names[0].removeprefix('joint ')} [rad]"
         assert text.startswith(f"t [s],{title},")
         # Files of older versions have the joint's name alone.

@@ -263,7 +263,7 @@ def test_joints_with_the_names_of_the_arm_are_put_in_its_order(tmp_path):
 def test_joints_with_other_names_stay_in_their_order(tmp_path):
     columns = (T, U[:, 0], Q[:, 0], U[:, 1], Q[:, 1])
     file = written(tmp_path, "t,target_q_0,actual_q_0,target_q_1,actual_q_1", *columns)
-    log = read_run_log(file, ARM, start=0.05)
+    log = read_run_log(file, ARM, window=(0.05, np.inf))
     assert isinstance(log, Log) and log.t[0] == pytest.approx(0.056)
     np.testing.assert_allclose(log.measured, Q[T >= 0.05], atol=1e-9)
     # Positions without commands are a recording.

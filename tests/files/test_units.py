@@ -18,9 +18,9 @@ from armcontour.files.units import (
     PERCENT,
     QUANTITY,
     USUAL,
-    parse,
+    parse_quantity,
+    parse_share,
     read_quantity,
-    share,
     unit_of,
     write_like,
 )
@@ -43,7 +43,7 @@ def test_numbers_and_text_are_read():
         ("3 m ** 2 / m", "m", 3.0),
         ("7 s**-1", "1/s", 7.0),
     ):
-        assert parse(value, unit) == pytest.approx(expected, rel=1e-15), value
+        assert parse_quantity(value, unit) == pytest.approx(expected, rel=1e-15), value
 
 
 # These would take for ever if they were worked out, and nothing can interrupt that.
@@ -67,11 +67,11 @@ def test_refusals():
     for words, values in REFUSED.items():
         for value in values:
             with pytest.raises(ValueError, match=words) as caught:
-                parse(value, "m")
+                parse_quantity(value, "m")
             assert len(str(caught.value)) < 500
     for text in POWERS:
         with pytest.raises(ValueError, match="not a quantity"):
-            parse(text, "s")
+            parse_quantity(text, "s")
 
 
 REPEATS = "9,9.,1 ,m ,m*,m/,m**2 ,m^-2 ,m²,m·,e,1e9,_,°,-".split(",")
@@ -84,12 +84,12 @@ def test_long_texts_are_no_quantities():
         assert not QUANTITY.fullmatch(text) and not PERCENT.fullmatch(text)
     # No text above the bound is looked at.
     text = "5" + " " * (MOST_CHARACTERS - 3) + "mm"
-    assert len(text) == MOST_CHARACTERS and parse(text, "m") == 5e-3
+    assert len(text) == MOST_CHARACTERS and parse_quantity(text, "m") == 5e-3
     with pytest.raises(ValueError, match="101 characters, more than the 100"):
-        parse(text + " ", "m")
-    assert share("5" + " " * (MOST_CHARACTERS - 2) + "%") == 0.05
+        parse_quantity(text + " ", "m")
+    assert parse_share("5" + " " * (MOST_CHARACTERS - 2) + "%") == 0.05
     with pytest.raises(ValueError, match="percentage"):
-        share("5" + " " * (MOST_CHARACTERS - 1) + "%")
+        parse_share("5" + " " * (MOST_CHARACTERS - 1) + "%")
 
 
 def test_usual_units_are_those_of_pint():
@@ -97,7 +97,7 @@ def test_usual_units_are_those_of_pint():
     for unit, names in USUAL.items():
         for name, number in itertools.product(names, ("5", "-.25", "+3.7e-2", "123456789.")):
             text = f" {number}{' ' if name == '1/s' else ''}{name} "
-            assert parse(text, unit) == float(registry.Quantity(text).to(unit).magnitude)
+            assert parse_quantity(text, unit) == float(registry.Quantity(text).to(unit).magnitude)
 
 
 LENGTH, SHARE = Quantity("m", "5 mm"), Quantity("1", "10 %")

@@ -12,7 +12,7 @@ from armcontour.core.render import plain
 from armcontour.files import parse_job
 from armcontour.files.cell import drawing_text
 from armcontour.files.job_edits import change_data
-from armcontour.files.patch import key_of, resolve
+from armcontour.files.patch import key_of, resolve_patch
 from armcontour.jobs import advise
 from armcontour.jobs.advice import advised, is_small
 
@@ -63,7 +63,7 @@ def run_of(data, folder):
 def changed(data, edits, run="one"):
     """A job with edits, as the Studio and options make them."""
     for key, value in edits:
-        data = change_data(data, resolve(data, {key_of(key): value}, run))
+        data = change_data(data, resolve_patch(data, {key_of(key): value}, run))
     return data
 
 

@@ -277,9 +277,9 @@ def test_a_sample_drawing_runs_to_a_report(name, cell, path):
     assert result.evaluation.contour_error.max < 1e-4
     # The ports of the gasket are slower than assigned from where they begin, and the arcs of the
     # pocket have three decimals. Without the extra, distances of the links are not checked.
-    known = ("handle 38", "Mended ", "armcontour[dynamics]")
+    known = ("handle 38", "Repaired ", "armcontour[dynamics]")
     assert all(any(part in x for part in known) for x in result.warnings)
-    assert any("Mended " in x for x in result.warnings) == (name == "pocket.ngc")
+    assert any("Repaired " in x for x in result.warnings) == (name == "pocket.ngc")
 
 
 def test_the_sample_drawings_are_what_their_script_writes(tmp_path):

@@ -14,8 +14,8 @@ from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.cell import cell_names, cell_text
 from armcontour.files.job_edits import change_data, change_text, value_at
-from armcontour.files.patch import key_of, place
-from armcontour.files.units import parse
+from armcontour.files.patch import key_of, locate_key
+from armcontour.files.units import parse_quantity
 from armcontour.studio.edits import EDITS, EditState, changes_of
 from armcontour.studio.edits.runs import remove_run
 from armcontour.studio.edits.tilt import tilt_of
@@ -412,10 +412,10 @@ def test_every_field_can_be_set_and_then_has_that_value(text, run):
             assert "joint_jerk" in str(error) or "jerk" in str(error)
             continue
         assert found["value"] == pytest.approx(wanted, rel=3e-15)
-        given = value_at(new, place(key_of(key), new, run))
+        given = value_at(new, locate_key(key_of(key), new, run))
         assert given is not None
         if x["unit"] not in ("", "%") and isinstance(given, str):
-            assert parse(given, unit_in_si(key)) == pytest.approx(wanted)
+            assert parse_quantity(given, unit_in_si(key)) == pytest.approx(wanted)
 
 
 def unit_in_si(key):

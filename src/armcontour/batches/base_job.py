@@ -19,9 +19,9 @@ from armcontour.core.text import show
 from armcontour.files.cell import cell_data
 from armcontour.files.job_arm import ARM_FILES
 from armcontour.files.job_edits import Keys
-from armcontour.files.job_file import job_on, job_text, model_of, parts_of, read_data
+from armcontour.files.job_file import assemble_job, job_text, model_of, parts_of, read_data
 from armcontour.files.job_model import JobModel
-from armcontour.files.patch import apply
+from armcontour.files.patch import apply_patch
 from armcontour.files.si_data import in_si
 from armcontour.geometry import Path
 from armcontour.jobs import Job
@@ -69,7 +69,9 @@ class BaseJob:
             InvalidInput: A key inside a value that has no keys.
         """
         with error_context(self.source):
-            data: dict[str, Any] = apply(self.data, dict(zip(keys, values, strict=True)), self.run)
+            data: dict[str, Any] = apply_patch(
+                self.data, dict(zip(keys, values, strict=True)), self.run
+            )
         return data
 
     def model(self, data: Mapping[str, Any]) -> JobModel:
@@ -93,7 +95,7 @@ class BaseJob:
         model = self.model(data)
         with error_context(self.source):
             text = _text([data.get(x) for x in WITH_FILES])
-            return job_on(
+            return assemble_job(
                 model, *_cached_parts(text, _PartFactory(model, self.folder, trust_xacro))
             )
 

@@ -18,7 +18,7 @@ from armcontour.files.job_edits import Change, Keys, change_data, value_at
 from armcontour.files.job_model import JobModel
 from armcontour.files.patch import full_key, key_of
 from armcontour.files.si_data import in_si, quantity_of
-from armcontour.files.units import parse, read_quantity
+from armcontour.files.units import parse_quantity, read_quantity
 
 RANGE = ("from", "to", "steps", "scale")
 SCALES = ("linear", "log")
@@ -143,7 +143,7 @@ def _read_range(
 def _read_end(location: str, value: Any, quantity: Quantity | None) -> float:
     """End of a range in SI units."""
     try:
-        return parse(value, "1") if quantity is None else read_quantity(value, quantity)
+        return parse_quantity(value, "1") if quantity is None else read_quantity(value, quantity)
     except ValueError as error:
         raise InvalidInput(f"{location}: {str(error).rstrip('.')}.") from None
 

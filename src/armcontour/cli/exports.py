@@ -418,7 +418,7 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     from armcontour.core.render import figure
     from armcontour.core.text import capitalise
     from armcontour.files.cell import read_cell_arm
-    from armcontour.files.exports.formats import put
+    from armcontour.files.exports.formats import write_destination
     from armcontour.files.trajectory_file import read_run
     from armcontour.verification.evaluation import duration_row
 
@@ -449,7 +449,9 @@ def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions
     )
     exports = Exports(targets=(target,))
     _refuse_outputs(exports, {event.name for event in table.events}, f"the run {run.name}")
-    put(file, partial(exports.write, target, table), folder=target.format.kind == "mcap")
+    write_destination(
+        file, partial(exports.write, target, table), folder=target.format.kind == "mcap"
+    )
     for sentence in exports.warn_of_events(target, table):
         Console().print(f"Warning: {capitalise(sentence)}")
     label = REFERENCE if options.reference else SET_POINTS

@@ -141,20 +141,19 @@ def _read(
 ) -> tuple[SetPoints, Log | Recording, tuple[FloatArray, FloatArray] | None]:
     """Executed set-points, log, and measured tool positions if there are any."""
     from armcontour.files.log_file import read_run_log, read_tool_positions
-    from armcontour.files.set_point_file import read_taught
+    from armcontour.files.set_point_file import read_set_points
 
     assert options.log is not None
     progress(Step(("reading the log",)))
     set_points = (
         plan.set_points
         if options.set_points is None
-        else read_taught(options.set_points, job, plan)
+        else read_set_points(options.set_points, job, plan)
     )
     log = read_run_log(
         options.log,
         job.arm.joint_names,
-        start=window[0],
-        end=window[1],
+        window=window,
         unwrap=options.unwrap,
         columns=options.columns,
         topic=options.topic,

@@ -172,18 +172,18 @@ def write_motions(
         plans: Plans by the names of their runs.
         prefix: Prefix of all file names, such as `plate/`.
     """
-    from armcontour.files import write_planned, write_taught, write_torque
+    from armcontour.files import write_planned, write_set_points, write_torque
 
     names = job.arm.joint_names
     for name, result in plans.items():
         # Sampled once for both files, because the evaluation of thousands of laws is slow.
         planned = result.trajectory.sample(result.run.cycle)
-        set_points = partial(write_taught, set_points=result.set_points, joint_names=names)
+        set_points = partial(write_set_points, set_points=result.set_points, joint_names=names)
         folder.place(f"{prefix}{name}/set_points.csv", set_points)
-        plan = partial(write_planned, x=planned, joint_names=names)
+        plan = partial(write_planned, samples=planned, joint_names=names)
         folder.place(f"{prefix}{name}/planned.csv", plan)
         if job.arm.has_bodies:
-            torque = partial(write_torque, x=planned, arm=job.arm)
+            torque = partial(write_torque, samples=planned, arm=job.arm)
             folder.place(f"{prefix}{name}/torque.csv", torque)
 
 

@@ -3,7 +3,7 @@
 from armcontour.core.lazy import lazy_names
 
 _HOME = {
-    "exports.table": "write_planned write_taught write_torque",
+    "exports.table": "write_planned write_set_points write_torque",
     "job_file": "json_schema parse_job read_job",
     "robot_file": "read_limits",
     "mesh_file": "read_mesh",

@@ -1,5 +1,5 @@
 from armcontour.files.exports.table import write_planned as write_planned
-from armcontour.files.exports.table import write_taught as write_taught
+from armcontour.files.exports.table import write_set_points as write_set_points
 from armcontour.files.exports.table import write_torque as write_torque
 from armcontour.files.job_file import json_schema as json_schema
 from armcontour.files.job_file import parse_job as parse_job

@@ -19,7 +19,7 @@ from armcontour.files.job_edits import REMOVE, move_files
 from armcontour.files.job_file import job_of, job_text, model_of, read_data
 from armcontour.files.job_model import CellModel, PathModel
 from armcontour.files.job_path import part_of, read_drawing
-from armcontour.files.patch import Patch, apply, write
+from armcontour.files.patch import Patch, apply_patch, write_patch
 from armcontour.files.scene_file import scene_of
 from armcontour.jobs import Job
 from armcontour.jobs.job import LONGEST_TITLE
@@ -38,11 +38,7 @@ def cell_names() -> tuple[str, ...]:
 
 
 def cell_text(name: str) -> str:
-    """The text of a built-in cell: a job file without a path, with comments.
-
-    Raises:
-        InvalidInput: No such cell.
-    """
+    """The text of a built-in cell: a job file without a path, with comments."""
     names = cell_names()
     if name not in names:
         raise InvalidInput(
@@ -71,9 +67,6 @@ def read_cell(
         patch: Values by keys that replace the cell's own, as in `read_job`.
         reading: Called with the progress of reading the drawing, as in `read_path`.
         trust_xacro: As in `read_job`.
-
-    Raises:
-        InvalidInput: No such cell, or an error of `read_job` or `read_path`.
     """
     values: Patch = {("path", key): value for key, value in (path or {}).items()}
     data, source, folder = cell_data(cell, drawing, {**values, **(patch or {})})
@@ -85,11 +78,7 @@ def read_cell(
 
 
 def read_cell_arm(cell: str | FilePath, *, trust_xacro: bool = False) -> Arm:
-    """Read the arm of a cell, or of a job file, with its tool, work frame and payload.
-
-    Raises:
-        InvalidInput: No such cell or file, or an invalid key.
-    """
+    """Read the arm of a cell, or of a job file, with its tool, work frame and payload."""
     text, source, folder = _text(str(cell))
     with error_context(source):
         model = model_of(CellModel, read_data(text, source), source)
@@ -101,9 +90,6 @@ def read_cell_scene(cell: str | FilePath, *, trust_xacro: bool = False) -> tuple
 
     Returns:
         The arm, or None if the file has none; and the scene, empty without the key `scene`.
-
-    Raises:
-        InvalidInput: No such cell or file, or an invalid key.
     """
     text, source, folder = _text(str(cell))
     specified = read_keys(SpecifiedKeys(CellModel), load(text, source), source)
@@ -124,28 +110,21 @@ def cell_data(
 
     Returns:
         The data, the name of the cell for messages, and the folder of its relative files.
-
-    Raises:
-        InvalidInput: No such cell, not YAML, or a key that the cell cannot have.
     """
     text, source, folder = _text(str(cell))
     data, location = read_data(text, source), FilePath(drawing)
     drawn = _drawn(data, location, str(location.absolute()))
     with error_context(source):
-        return apply(data, {**drawn, **(patch or {})}), source, folder
+        return apply_patch(data, {**drawn, **(patch or {})}), source, folder
 
 
 def drawing_text(cell: str | FilePath, drawing: str | FilePath, to: FilePath) -> str:
-    """A cell and a drawing as the text of a job file, with the comments of the cell.
-
-    Raises:
-        InvalidInput: As `cell_data`.
-    """
+    """A cell and a drawing as the text of a job file, with the comments of the cell."""
     text, source, folder = _text(str(cell))
     location = FilePath(drawing).absolute()
     file = FilePath(os.path.relpath(location, to)).as_posix()
     drawn = _drawn(read_data(text, source), location, file)
-    return write(move_files(text, folder, to), drawn, source)
+    return write_patch(move_files(text, folder, to), drawn, source)
 
 
 def _drawn(cell: Mapping[str, Any], drawing: FilePath, file: str) -> Patch:

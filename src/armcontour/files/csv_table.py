@@ -14,7 +14,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import LONGEST, list_some, parse_number, show
-from armcontour.files.units import parse
+from armcontour.files.units import parse_quantity
 
 Key = TypeVar("Key", bound=Hashable)
 NUMBER = re.compile(
@@ -150,11 +150,7 @@ class CsvTable(Generic[Key]):
     comments: list[str]
 
     def need(self, *keys: Key) -> None:
-        """Refuse a table without some columns.
-
-        Raises:
-            InvalidInput: A column is missing.
-        """
+        """Refuse a table without some columns."""
         missing = next((x for x in keys if x not in self.columns), None)
         if missing is None:
             return
@@ -177,11 +173,7 @@ class CsvTable(Generic[Key]):
         return f"{location}, column {show(titles)}" if keys else location
 
     def cells(self, row: int) -> list[str]:
-        """All cells of a row.
-
-        Raises:
-            InvalidInput: There are too few or too many, or a quote is wrong.
-        """
+        """All cells of a row."""
         try:
             cells = _split(self.lines[row], self.separator)
         except csv.Error as error:
@@ -210,9 +202,6 @@ class CsvTable(Generic[Key]):
         """The numbers of some columns in SI units, (rows, columns), and their printed digits.
 
         Empty cells are NaN.
-
-        Raises:
-            InvalidInput: There are no rows, or a cell is not a finite decimal number.
         """
         if not self.lines:
             raise InvalidInput(f"{self.source} has column names, but no rows with numbers.")
@@ -244,11 +233,7 @@ class CsvTable(Generic[Key]):
         return numbers
 
     def raise_cell_error(self, row: int, key: Key) -> NoReturn:
-        """Refuse a cell that is no number.
-
-        Raises:
-            InvalidInput: Always.
-        """
+        """Refuse a cell that is no number."""
         raise InvalidInput(
             f"{self.place(row, key)}: {show(self.cell(row, key))} is not a finite number: correct "
             "it, or remove the line.",
@@ -282,10 +267,6 @@ def read_table(
             lines before the first one with a number; or new names of some columns, as `rename`
             takes them.
         option: The option with these, for messages; empty without one.
-
-    Raises:
-        InvalidInput: There is no line of titles, `columns` names more or fewer columns than there
-            are, two columns hold the same quantity, or a unit is wrong.
     """
     # Not `splitlines`, which also splits at characters that are allowed in a cell.
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
@@ -389,9 +370,6 @@ def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
         pairs: `NEW=NAME`, separated by commas. A # matches a number and a * any text;
             NEW repeats the matched text, as in `q# [deg]=joint_#`.
         source: Name of the file, for messages.
-
-    Raises:
-        InvalidInput: A pair is incomplete, or no name matches it.
     """
     renamed = list(names)
     for pair in pairs.split(","):
@@ -419,7 +397,7 @@ def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
 def _read_titles(
     titles: Sequence[str],
     title_of: Callable[[str, bool], Title[Key] | None],
-    where: str,
+    location: str,
     example: str,
     option: str,
 ) -> tuple[dict[Key, CsvColumn], tuple[str, ...]]:
@@ -427,7 +405,7 @@ def _read_titles(
     if all(map(NUMBER.fullmatch, titles)):
         fix = f"; without such a line, name them with {option}" if option else ""
         raise InvalidInput(
-            f"{where}: the first line must name the columns, such as {example}{fix}."
+            f"{location}: the first line must name the columns, such as {example}{fix}."
         )
     recognised: dict[Key, CsvColumn] = {}
     unknown: list[str] = []
@@ -439,9 +417,9 @@ def _read_titles(
             unknown += [title] * (title != SKIPPED)
             continue
         if unit is not None and content.unit is not None:
-            raise InvalidInput(f"{where}: the column {show(title)} has two units: leave one out.")
+            raise InvalidInput(f"{location}: the column {show(title)} has two units: remove one.")
         unit = content.unit if unit is None else unit
-        factor = 1.0 if unit is None else _factor(unit, content.si, title, where)
+        factor = 1.0 if unit is None else _factor(unit, content.si, title, location)
         column, other = (
             CsvColumn(index, title, unit, factor, content.rank),
             recognised.get(content.key),
@@ -450,7 +428,7 @@ def _read_titles(
             same = f"the columns {show(other.title)} and {show(title)} hold the same"
             twice = f"there are two columns {show(title)}" if other.title == title else same
             fix = f", such as with {option} '{SKIPPED}={title}'" if option else ""
-            raise InvalidInput(f"{where}: {twice}: leave one out{fix}.")
+            raise InvalidInput(f"{location}: {twice}: remove one{fix}.")
         if other is None or column.rank < other.rank:
             recognised[content.key] = column
         if other is not None:
@@ -458,16 +436,16 @@ def _read_titles(
     return recognised, tuple(unknown)
 
 
-def _factor(unit: str, si: str | None, title: str, where: str) -> float:
+def _factor(unit: str, si: str | None, title: str, location: str) -> float:
     """Factor from a unit in a title to an SI unit."""
     plain = unit.strip().replace("²", "^2").replace("°", "deg")
     try:
-        factor = 0.0 if si is None else parse(f"1 {plain}", si)
+        factor = 0.0 if si is None else parse_quantity(f"1 {plain}", si)
     except ValueError:
         factor = 0.0
     if factor <= 0 or (si is not None and "rad" in si and not _ANGLE.search(plain)):
         expected = f"one that converts to {si}" if si else "wanted: the column has none"
         raise InvalidInput(
-            f"{where}: the unit {show(unit)} of the column {show(title)} is not {expected}."
+            f"{location}: the unit {show(unit)} of the column {show(title)} is not {expected}."
         )
     return factor

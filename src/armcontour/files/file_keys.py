@@ -184,11 +184,7 @@ class Methods(KeyMark):
 
 
 def read_keys(mark: KeyMark, data: Any, source: str) -> Any:
-    """Check the data of a file and make the value of its dataclass.
-
-    Raises:
-        InvalidInput: An unknown key, or an invalid value; one sentence that names the key.
-    """
+    """Check the data of a file and make the value of its dataclass."""
     with suppress(ValidationError):
         return _adapter(mark).validate_python(data)
     # Messages need the schema of the whole file.
@@ -253,15 +249,15 @@ def _keys(owner: type, *, specified: bool = False, null: bool = False) -> dict[s
     fields: dict[str, Any] = {}
     own_names = inspect.get_annotations(owner)
     # Keys of the class come before those of the options that it extends.
-    for x in sorted(dataclasses.fields(owner), key=lambda x: x.name not in own_names):
-        if x.name in form.omit or not x.init:
+    for field in sorted(dataclasses.fields(owner), key=lambda x: x.name not in own_names):
+        if field.name in form.omit or not field.init:
             continue
-        kind = _type_of(hints[x.name])
-        if null or (_is_made(x) and x.default_factory not in (dict, list)):
+        kind = _type_of(hints[field.name])
+        if null or (_is_made(field) and field.default_factory not in (dict, list)):
             kind = kind | None
-        default = None if specified else form.defaults.get(x.name, _default(owner, x))
-        key = form.names.get(x.name, x.name)
-        text = described.get(x.name)
+        default = None if specified else form.defaults.get(field.name, _default(owner, field))
+        key = form.names.get(field.name, field.name)
+        text = described.get(field.name)
         if isinstance(default, Options):
             same: Any = partial(dataclasses.replace, default)
             fields[key] = (kind, Field(default_factory=same, description=text))
@@ -270,13 +266,13 @@ def _keys(owner: type, *, specified: bool = False, null: bool = False) -> dict[s
     return fields
 
 
-def _default(owner: type, x: dataclasses.Field[Any]) -> Any:
+def _default(owner: type, field: dataclasses.Field[Any]) -> Any:
     """The default of a field's key; null for a default factory that does not make it empty."""
-    if x.default_factory in (dict, list):
-        return x.default_factory()
-    if _is_made(x):
+    if field.default_factory in (dict, list):
+        return field.default_factory()
+    if _is_made(field):
         return None
-    default = _parameters(owner)[x.name].default
+    default = _parameters(owner)[field.name].default
     return ... if default is inspect.Parameter.empty else default
 
 
@@ -285,8 +281,8 @@ def _parameters(owner: type) -> Mapping[str, inspect.Parameter]:
     return inspect.signature(owner).parameters
 
 
-def _is_made(x: dataclasses.Field[Any]) -> bool:
-    return x.default_factory is not dataclasses.MISSING
+def _is_made(field: dataclasses.Field[Any]) -> bool:
+    return field.default_factory is not dataclasses.MISSING
 
 
 @cache

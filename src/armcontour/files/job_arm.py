@@ -29,11 +29,7 @@ ARM_FILES = (".yaml", ".yml", *DESCRIPTIONS, *MJCF)
 
 
 def arm_of(model: str | ArmModel, folder: FilePath, *, trust_xacro: bool = False) -> Arm:
-    """Load the arm of a job, with its tool, work frame and payload.
-
-    Raises:
-        InvalidInput: No such arm, or keys that do not go together.
-    """
+    """Load the arm of a job, with its tool, work frame and payload."""
     if isinstance(model, str):
         location = folder / model if model.lower().endswith(ARM_FILES) else model
         return load_arm(location, trust_xacro=trust_xacro)
@@ -75,11 +71,7 @@ def _bare_arm(model: ArmModel, folder: FilePath, *, trust_xacro: bool) -> Arm:
 
 
 def frame_of(key: str, model: FrameModel) -> Frame:
-    """The frame of a model.
-
-    Raises:
-        InvalidInput: Both rpy and quaternion, or a quaternion whose length is not 1.
-    """
+    """The frame of a model."""
     turned = rotation_of(key, model)
     return Frame(
         position=np.array(model.position or [0.0, 0.0, 0.0]),
@@ -87,18 +79,14 @@ def frame_of(key: str, model: FrameModel) -> Frame:
     )
 
 
-def equipped(model: JobModel, drawn: Path | Program) -> str | ArmModel:
-    """The key `arm` of a job, with the tool of its tool table that its contours use.
-
-    Raises:
-        InvalidInput: A tool that the table does not have, or several different tools.
-    """
+def arm_with_tool(model: JobModel, drawn: Path | Program) -> str | ArmModel:
+    """The key `arm` of a job, with the tool of its tool table that its contours use."""
     table = {
         name: x if isinstance(x, TableToolModel) else TableToolModel(position=x)
         for name, x in (model.tools or {}).items()
     }
-    for name, x in table.items():
-        frame_of(f"tools.{name}", x)
+    for name, entry in table.items():
+        frame_of(f"tools.{name}", entry)
     if not table:
         return model.arm
     from armcontour.program.tools import tools_of_contours

@@ -16,8 +16,8 @@ import yaml
 from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import Loader, load_with_node
 from armcontour.files.job_arm import ARM_FILES
-from armcontour.files.problems import place
-from armcontour.files.yaml_text import Shared, Splice, YamlText, flow_text, same
+from armcontour.files.problems import key_text
+from armcontour.files.yaml_text import Shared, Splice, YamlText, equal_data, flow_text
 
 Key: TypeAlias = str | int
 Keys: TypeAlias = tuple[Key, ...]
@@ -52,12 +52,7 @@ class Change:
 
 
 def change_text(text: str, changes: Sequence[Change], source: str = "job") -> str:
-    """A YAML text with some keys changed; all other lines stay as they were written.
-
-    Raises:
-        InvalidInput: Not YAML, a position that its list does not have, or a key that cannot be
-            changed separately, because an alias repeats it or refers to it.
-    """
+    """A YAML text with some keys changed; all other lines stay as they were written."""
     data, root = _parsed(text, source)
     for group in _together(data, changes):
         written = YamlText(text, root)
@@ -66,7 +61,7 @@ def change_text(text: str, changes: Sequence[Change], source: str = "job") -> st
             changed = change_data(data, group)
             # If the text is no YAML any more, the change removed an anchor that is still used.
             data, root = _parsed(text, source)
-            if not same(data, changed):
+            if not equal_data(data, changed):
                 raise Shared
         except (Shared, InvalidInput):
             raise _shared(source, group[-1]) from None
@@ -74,13 +69,9 @@ def change_text(text: str, changes: Sequence[Change], source: str = "job") -> st
 
 
 def change_data(data: Any, changes: Sequence[Change]) -> Any:
-    """The data of a job file with some keys changed; the given data stay as they are.
-
-    Raises:
-        InvalidInput: A position that its list does not have.
-    """
-    for x in changes:
-        data = _changed(data, x.keys, x)
+    """The data of a job file with some keys changed; the given data stay as they are."""
+    for change in changes:
+        data = _changed(data, change.keys, change)
     return data
 
 
@@ -89,19 +80,15 @@ def move_files(text: str, folder: FilePath, to: FilePath) -> str:
     root = yaml.compose(text, Loader=Loader)
     edits = []
     for node in _file_names(root):
-        there = folder / node.value
-        if not FilePath(node.value).is_absolute() and there.exists():
-            name = FilePath(os.path.relpath(there.resolve(), to.resolve())).as_posix()
+        location = folder / node.value
+        if not FilePath(node.value).is_absolute() and location.exists():
+            name = FilePath(os.path.relpath(location.resolve(), to.resolve())).as_posix()
             edits.append(Splice(node.start_mark.index, node.end_mark.index, flow_text(name)))
     return _spliced(text, edits)
 
 
 def file_names(text: str, source: str = "job") -> list[str]:
-    """The files and folders that a job file names.
-
-    Raises:
-        InvalidInput: Not YAML.
-    """
+    """The files and folders that a job file names."""
     return [x.value for x in _file_names(_parsed(text, source)[1])]
 
 
@@ -113,11 +100,13 @@ def _file_names(root: yaml.Node | None) -> Iterator[yaml.ScalarNode]:
         values = value.value if isinstance(value, yaml.SequenceNode) else [value]
         if key.value == "packages" and isinstance(value, yaml.MappingNode):
             values = [x for _, x in value.value]
-        for x in values:
-            if not isinstance(x, yaml.ScalarNode):
-                yield from _file_names(x)
-            elif key.value in FILES or (key.value == "arm" and x.value.lower().endswith(ARM_FILES)):
-                yield x
+        for node in values:
+            if not isinstance(node, yaml.ScalarNode):
+                yield from _file_names(node)
+            elif key.value in FILES or (
+                key.value == "arm" and node.value.lower().endswith(ARM_FILES)
+            ):
+                yield node
 
 
 @lru_cache(maxsize=1)
@@ -149,7 +138,7 @@ def _changed_list(data: list[Any], index: int, inner: Keys, change: Change) -> l
     adding = change.insert and not inner
     if not 0 <= index < len(data) + adding:
         raise InvalidInput(
-            f"{place(change.keys)} cannot be changed: the list there has {len(data)} "
+            f"{key_text(change.keys)} cannot be changed: the list there has {len(data)} "
             f"item{'' if len(data) == 1 else 's'}."
         )
     if adding:
@@ -163,20 +152,22 @@ def _changed_list(data: list[Any], index: int, inner: Keys, change: Change) -> l
 def _position(key: Key, change: Change) -> int:
     """The position in a list that a key names."""
     if not isinstance(key, int):
-        raise InvalidInput(f"{place(change.keys)} is no position in a list.")
+        raise InvalidInput(f"{key_text(change.keys)} is no position in a list.")
     return key
 
 
 def _together(data: Any, changes: Sequence[Change]) -> Iterator[list[Change]]:
     """The changes in groups whose locations in the text are independent."""
     group: list[Change] = []
-    for x in changes:
-        alone = x.insert or x.value is REMOVE or value_at(data, x.keys, REMOVE) is REMOVE
-        if group and (alone or any(meet(x.keys, y.keys) for y in group)):
+    for change in changes:
+        alone = (
+            change.insert or change.value is REMOVE or value_at(data, change.keys, REMOVE) is REMOVE
+        )
+        if group and (alone or any(overlap(change.keys, y.keys) for y in group)):
             yield group
             group = []
-        data = change_data(data, [x])
-        group.append(x)
+        data = change_data(data, [change])
+        group.append(change)
         if alone:
             yield group
             group = []
@@ -215,7 +206,7 @@ def value_at(data: Any, keys: Keys, default: Any = None) -> Any:
     return data
 
 
-def meet(one: Keys, other: Keys) -> bool:
+def overlap(one: Keys, other: Keys) -> bool:
     """True if one of two locations in data is inside the other, or they are the same."""
     shared = min(len(one), len(other))
     return one[:shared] == other[:shared]
@@ -248,14 +239,14 @@ def _splices(text: YamlText, data: Any, change: Change) -> list[Splice]:
 
 def _spliced(text: str, splices: Sequence[Splice]) -> str:
     """A text with parts replaced."""
-    for x in sorted(splices, key=lambda x: (x.begin, x.end), reverse=True):
-        text = text[: x.begin] + x.text + text[x.end :]
+    for splice in sorted(splices, key=lambda x: (x.begin, x.end), reverse=True):
+        text = text[: splice.begin] + splice.text + text[splice.end :]
     return text
 
 
 def _shared(source: str, change: Change) -> InvalidInput:
     """The error for a change that would also change other keys."""
-    name = place(change.keys)
+    name = key_text(change.keys)
     by_hand = f"write {name}: {flow_text(change.value)}"
     if change.value is REMOVE:
         by_hand = f"remove {name}"

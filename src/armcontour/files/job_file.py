@@ -20,7 +20,7 @@ from armcontour.core.progress import Progress
 from armcontour.core.text import show
 from armcontour.core.yaml_loader import load
 from armcontour.files.file_keys import MappingKeys, read_keys, schema_of
-from armcontour.files.job_arm import arm_of, equipped
+from armcontour.files.job_arm import arm_of, arm_with_tool
 from armcontour.files.job_model import (
     ExperimentModel,
     JobModel,
@@ -109,9 +109,9 @@ def parse_job(
     data = read_data(text, source)
     with error_context(source):
         if patch:
-            from armcontour.files.patch import apply
+            from armcontour.files.patch import apply_patch
 
-            data = apply(data, patch)
+            data = apply_patch(data, patch)
     model = model_of(JobModel, data, source)
     with error_context(source):
         return job_of(model, folder or FilePath(), reading, trust_xacro)
@@ -162,7 +162,7 @@ def job_of(
         InvalidInput: Values that do not make a job.
     """
     parts = parts_of(model, folder, reading, trust_xacro=trust_xacro, drawing=drawing)
-    return job_on(model, *parts)
+    return assemble_job(model, *parts)
 
 
 def parts_of(
@@ -180,7 +180,7 @@ def parts_of(
     """
     arm = arm_of(model.arm, folder, trust_xacro=trust_xacro)
     drawn = path_of(model.path, folder, arm.dimension, reading, drawing)
-    used = equipped(model, drawn)
+    used = arm_with_tool(model, drawn)
     if used is not model.arm:
         arm = arm_of(used, folder, trust_xacro=trust_xacro)
     scene = None if model.scene is None else scene_of(model.scene, folder, part_of(model.path))
@@ -199,7 +199,7 @@ def _seed(seed: list[float] | dict[str, float], arm: Arm) -> FloatArray:
     return np.array([seed[x] for x in arm.joint_names])
 
 
-def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
+def assemble_job(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None) -> Job:
     """Make the job of a job file from its keys and its arm, path and scene.
 
     Raises:
@@ -208,11 +208,11 @@ def job_on(model: JobModel, arm: Arm, drawn: Path | Program, scene: Scene | None
     path, process = add_process(drawn, model.process, model.path)
     servo = _servo("servo", model.servo, arm)
     if model.experiment is not None:
-        _refuse_unknown("experiment.runs", model.experiment.runs or [], model)
+        _check_run_names("experiment.runs", model.experiment.runs or [], model)
     if model.certificate is not None and model.certificate.run is not None:
-        _refuse_unknown("certificate.run", [model.certificate.run], model)
+        _check_run_names("certificate.run", [model.certificate.run], model)
     if model.placement is not None and model.placement.run is not None:
-        _refuse_unknown("placement.run", [model.placement.run], model)
+        _check_run_names("placement.run", [model.placement.run], model)
     return Job(
         name=model.name,
         title=model.title or model.name,
@@ -271,7 +271,7 @@ def _run(name: str, model: RunModel, job: JobModel, arm: Arm) -> Run:
         with error_context(f"Run {name}") if model.corners is None else nullcontext():
             corners.check(model.timing.method, key)
         if corners.tolerance is None:
-            _refuse_no_speed(key, corners, limits)
+            _check_corner_speed(key, corners, limits)
     cycle = model.cycle or job.cycle or DEFAULT_CYCLE
     compensation = dataclasses.replace(model.compensation, command_limits=command_limits)
     if isinstance(compensation, InverseDynamics) and compensation.gravity_feedforward is None:
@@ -298,15 +298,15 @@ def _timing(model: RunModel, cycle: float) -> PlanOptions:
         return dataclasses.replace(model.timing, duration=model.duration)
     if model.duration is not None:
         raise InvalidInput(
-            f"duration goes with the method optimal, not {model.timing.method}: leave it out."
+            f"duration goes with the method optimal, not {model.timing.method}: remove it."
         )
     if isinstance(model.timing, Paper):
         return dataclasses.replace(model.timing, cycle=cycle)
     return model.timing
 
 
-def _refuse_no_speed(key: str, corners: Rounding, limits: Limits) -> None:
-    """Refuse rounding without a tolerance, and without a speed and an acceleration."""
+def _check_corner_speed(key: str, corners: Rounding, limits: Limits) -> None:
+    """Check that rounding without a tolerance has a speed and an acceleration."""
     if corners.speed is None or limits.centripetal_acceleration is None:
         raise InvalidInput(
             f"{key} needs tolerance, the largest corner error, or speed and acceleration."
@@ -322,8 +322,8 @@ def _experiment(run: str, model: ExperimentModel | None, arm: Arm) -> Experiment
         return Experiment(**options).for_joints(arm.dof)
 
 
-def _refuse_unknown(key: str, names: Sequence[str], job: JobModel) -> None:
-    """Refuse names of runs that the job does not have."""
+def _check_run_names(key: str, names: Sequence[str], job: JobModel) -> None:
+    """Check that the job has the named runs."""
     for name in names:
         if name not in job.runs:
             raise InvalidInput(f"{key} names the run {name}, which the job does not have.")
@@ -376,19 +376,19 @@ def _without_effect(process: Process, program: Program) -> list[str]:
 def _switched(program: Program, process: Process) -> set[str]:
     """Names of the outputs that a program or its process switches."""
     names = {x.name for x in program.moves if isinstance(x, Event)}
-    for x in program.contours:
-        layer_process = process.of_layer(x.layer)
-        names |= {y.name for y in (*x.events, *layer_process.events)}
+    for contour in program.contours:
+        layer_process = process.of_layer(contour.layer)
+        names |= {y.name for y in (*contour.events, *layer_process.events)}
         names |= set() if layer_process.switch is None else {layer_process.switch.name}
     return names
 
 
-def _on_drawing(process: Process, drawing: PathModel, there: Collection[str]) -> Process:
+def _on_drawing(process: Process, drawing: PathModel, existing: Collection[str]) -> Process:
     """A process with the vertical direction and the speeds of layers from a job's path."""
     layers = drawing.layers if isinstance(drawing.layers, dict) else {}
     # The reader has noted layers that are missing in the file.
-    layer_limits = {name: x for name, x in layers.items() if name in there}
-    by_layer = {name: x for name, x in process.by_layer.items() if name in there}
+    layer_limits = {name: x for name, x in layers.items() if name in existing}
+    by_layer = {name: x for name, x in process.by_layer.items() if name in existing}
     return dataclasses.replace(
         process, up=part_of(drawing).rotation[:, 2], layers=layer_limits, by_layer=by_layer
     )

@@ -42,13 +42,13 @@ def settings(
     """Keys of a file that options or sliders set, with annotation and description."""
     form, texts = FORMS.get(kind_of_file, Form()), describe_fields(kind_of_file)
     hints = get_type_hints(kind_of_file, include_extras=True)
-    for x in dataclasses.fields(kind_of_file):
-        if x.name in form.omit:
+    for field in dataclasses.fields(kind_of_file):
+        if field.name in form.omit:
             continue
-        keys, hint = (*outer, form.names.get(x.name, x.name)), hints[x.name]
+        keys, hint = (*outer, form.names.get(field.name, field.name)), hints[field.name]
         for about in getattr(hint, "__metadata__", ()):
             if isinstance(about, About):
-                yield keys, about, hint, texts[x.name]
+                yield keys, about, hint, texts[field.name]
         for kind in alternatives(hint):
             if dataclasses.is_dataclass(kind) and isinstance(kind, type):
                 yield from settings(kind, keys)
@@ -187,12 +187,12 @@ def _depth(key: str) -> int:
     return key.count(".")
 
 
-def _ranged(x: Field, key: str, ranges: Mapping[str, tuple[float, float]]) -> Field:
+def _ranged(field: Field, key: str, ranges: Mapping[str, tuple[float, float]]) -> Field:
     """A field with the usual ranges of quantities."""
     if key in ranges:
-        return {**x, "usual": ranges[key]}
-    inner = [_ranged(y, f"{key}.{y['name']}", ranges) for y in x.get("fields", ())]
-    return {**x, "fields": inner} if inner else x
+        return {**field, "usual": ranges[key]}
+    inner = [_ranged(y, f"{key}.{y['name']}", ranges) for y in field.get("fields", ())]
+    return {**field, "fields": inner} if inner else field
 
 
 def _take(tree: list[Field], keys: list[str]) -> Field:
@@ -236,13 +236,13 @@ def _field(name: str, schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Fie
         "tick": types == {"boolean"} or None,
         "plain": (bool(types & {"number", "integer"}) and "string" not in types) or None,
     }
-    for x in parts:
-        items = list(_parts(x["items"], defs)) if "items" in x else []
+    for part in parts:
+        items = list(_parts(part["items"], defs)) if "items" in part else []
         mapping = next((y for y in items if "properties" in y), None)
-        if "properties" in x:
-            field["fields"] = _fields(x, defs)
-        elif isinstance(x.get("additionalProperties"), dict):
-            field["each"] = _field("", x["additionalProperties"], defs)
+        if "properties" in part:
+            field["fields"] = _fields(part, defs)
+        elif isinstance(part.get("additionalProperties"), dict):
+            field["each"] = _field("", part["additionalProperties"], defs)
         elif mapping is not None:
             field["items"] = _fields(mapping, defs)
         elif items:

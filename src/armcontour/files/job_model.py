@@ -28,7 +28,7 @@ from armcontour.files.file_keys import Methods, SpecifiedKeys
 from armcontour.files.forms import FORMS, Form, Place, Point
 from armcontour.files.robots.options import ArmOptions
 from armcontour.files.scene_file import BodiesModel, Direction, RotationModel, SceneModel
-from armcontour.files.units import parse
+from armcontour.files.units import parse_quantity
 from armcontour.geometry import SegmentLimits
 from armcontour.jobs import CertificateGoal, Experiment, PlaceSearch, Rounding
 from armcontour.planning import METHODS, PlanOptions, Shaped
@@ -47,11 +47,11 @@ def _joint_position(value: Any) -> Any:
     """Refuse a joint position that is neither an angle nor a length; return it as written."""
     if isinstance(value, str):
         try:
-            parse(value, "m")
+            parse_quantity(value, "m")
             return value
         except ValueError:
             pass
-    parse(value, "rad")
+    parse_quantity(value, "rad")
     return value
 
 
@@ -68,7 +68,7 @@ def _method(value: Any) -> Any:
 Timing = Annotated[
     PlanOptions,
     Methods(
-        "How the path is timed.",
+        "Timing of the path.",
         "The fastest timing (optimal), the paper's (paper), or uniform speed (conventional).",
         tuple(METHODS.values()),
         (BeforeValidator(_method),),
@@ -77,7 +77,7 @@ Timing = Annotated[
 Compensation = Annotated[
     CompensationOptions,
     Methods(
-        "How the servo's delay is compensated.",
+        "Compensation of the servo's delay.",
         "The servo's exact inverse, pole placement (servo of order second only), the inverse of "
         "drives that move the arm's bodies (arm with masses, servo of order second), or none.",
         tuple(compensator.METHODS.values()),
@@ -135,7 +135,7 @@ class ToolModel(FrameModel):
     """The tool frame relative to the tip, and the shapes of the tool.
 
     Args:
-        shapes: Shapes of the tool, and of a part that it holds, in the frame of the tip.
+        shapes: Shapes of the tool, and of a part in the gripper, in the frame of the tip.
     """
 
     shapes: BodiesModel | None = None
@@ -337,12 +337,12 @@ class CommandLimitsModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharedModel:
-    """Keys of a job that a run may have in their place.
+    """Keys of a job that a run can override.
 
     Args:
         limits: Limits in place of the arm's own; inf lifts one.
         command_limits: Limits of the set-points themselves, as the controller checks them.
-        corners: How corners are rounded; `sharp`, the default, keeps sharp corners.
+        corners: Rounding of corners; `sharp`, the default, keeps sharp corners.
         cycle: Time between set-points [s]; by default 4 ms.
     """
 
@@ -356,11 +356,11 @@ class SharedModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunModel(SharedModel):
-    """A run; keys that are omitted have the values of the job.
+    """A run; missing keys have the values of the job.
 
     Args:
-        timing: How the path is timed.
-        compensation: How the servo's delay is compensated.
+        timing: Timing of the path.
+        compensation: Compensation of the servo's delay.
         end_time: End of the time over which errors are evaluated [s]; by default when all joints
             rest.
         duration: Time of the motion from start to end [s]; by default the shortest.
@@ -390,17 +390,16 @@ class JobModel(SharedModel):
             G-code, in place of `arm.tool`. A run has one tool frame: choose it with `path.tool`.
         path: The objective path.
         process: Leads, overlaps and events that are added to contours.
-        accuracy: Largest distance of the tool from the drawing with which a run counts as kept
-            [m]. By default corners may take their tolerances, and the contour error a tenth of the
-            smallest one.
+        accuracy: Largest allowed distance of the tool from the drawing [m]. By default corners may
+            take their tolerances, and the contour error a tenth of the smallest one.
         servo: The nominal servo.
         plant: Parameters of the real servo that differ from the nominal servo.
         experiment: Runs that are simulated on the arm's rigid bodies, too.
         runs: The runs to compare, by name.
         certificate: Requirements for `armcontour certify`.
-        placement: The question for `armcontour place`.
-        scene: Obstacles in the cell, and how near the arm may come to them and to itself.
-        ignore_collisions: Whether runs go on where the arm comes too near to itself or to its cell.
+        placement: Candidate positions and requirements for `armcontour place`.
+        scene: Obstacles in the cell, and minimum distances of the arm to them and to itself.
+        ignore_collisions: Whether to continue runs if the arm comes too near to itself or its cell.
     """
 
     name: str
@@ -424,7 +423,7 @@ class JobModel(SharedModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellModel(JobModel):
-    """A job file that is combined with a drawing: name and path may be omitted."""
+    """A job file that is combined with a drawing: name and path are optional."""
 
     name: str = ""
     path: PathModel = field(default_factory=PathModel)

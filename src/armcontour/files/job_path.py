@@ -20,7 +20,7 @@ from armcontour.files.job_model import (
     RepeatModel,
     SegmentModel,
 )
-from armcontour.files.problems import place
+from armcontour.files.problems import key_text
 from armcontour.files.scene_file import rotation_of
 from armcontour.geometry import Arc, Line, Path, SegmentLimits
 from armcontour.program import Contour, Program, contour_called
@@ -42,11 +42,7 @@ def path_of(
     progress: Progress | None = None,
     drawing: Program | None = None,
 ) -> Path | Program:
-    """The objective path of a job, or its program, with the tool orientation if the job gives one.
-
-    Raises:
-        InvalidInput: Keys that do not go together, or values that make no path.
-    """
+    """The objective path or program of a job, with the tool orientation if the job gives one."""
     unplaced = unplaced_path(model, folder, dimension, progress, drawing)
     return placed_path(model, unplaced, dimension)
 
@@ -58,11 +54,7 @@ def unplaced_path(
     progress: Progress | None = None,
     drawing: Program | None = None,
 ) -> Path | Program:
-    """The path or program before its frame places it; unchanged if only the part moves.
-
-    Raises:
-        InvalidInput: As of `path_of`.
-    """
+    """The path or program before its frame places it; unchanged if only the part moves."""
     if model.file is not None:
         if any(x is not None for x in (model.points, model.start, model.segments, model.spline)):
             raise InvalidInput(
@@ -72,21 +64,17 @@ def unplaced_path(
         return _drawn(model, read, dimension)
     written = any(x is not None for x in (model.points, model.segments, model.spline))
     options = READING if written else (*READING, "frame")
-    for x in dataclasses.fields(model):
-        if x.name in options and getattr(model, x.name) != x.default:
+    for field in dataclasses.fields(model):
+        if field.name in options and getattr(model, field.name) != field.default:
             raise InvalidInput(
-                f"path.{x.name} is an option for reading a file and needs path.file; if this job "
-                "is a cell, give a drawing (armcontour run DRAWING --cell CELL)."
+                f"path.{field.name} is an option for reading a file and needs path.file; if this "
+                "job is a cell, give a drawing (armcontour run DRAWING --cell CELL)."
             )
     return _oriented(model)
 
 
 def placed_path(model: PathModel, path: Path | Program, dimension: int) -> Path | Program:
-    """The path or program of `unplaced_path` in its frame.
-
-    Raises:
-        InvalidInput: A frame out of the plane in which the arm moves its tool.
-    """
+    """The path or program of `unplaced_path` in its frame."""
     frame = part_of(model)
     if dimension == 2 and path.dimension == 2 and not frame.is_planar_transform:
         raise InvalidInput(LIFTED)
@@ -109,7 +97,7 @@ def _oriented(model: PathModel) -> Path:
     return _orient_waypoints(path, model.orientation)
 
 
-def _refuse_space(model: PathModel, program: Program) -> None:
+def _check_planar(model: PathModel, program: Program) -> None:
     """Check that a planar arm can follow a drawing: no z and no orientation."""
     if program.dimension == 3:
         raise InvalidInput(
@@ -124,11 +112,7 @@ def _refuse_space(model: PathModel, program: Program) -> None:
 def read_drawing(
     model: PathModel, file: str, folder: FilePath, progress: Progress | None = None
 ) -> Program:
-    """The program of a file, by the keys of a job's path that are options for reading it.
-
-    Raises:
-        InvalidInput: The file cannot be read; the sentence names it.
-    """
+    """The program of a file, by the keys of a job's path that are options for reading it."""
     from armcontour.files.drawings.read import read_path
 
     # With copies, the names may be theirs.
@@ -145,12 +129,12 @@ def _drawn(model: PathModel, program: Program, dimension: int) -> Program:
     if model.repeat is not None:
         program = _repeat(program, model.repeat, model.names)
     if dimension == 2:
-        _refuse_space(model, program)
+        _check_planar(model, program)
         return program
     program = program.mapped(Path.lifted)
     if model.orientation is not None:
-        how = model.orientation
-        if not isinstance(how, OrientationModel):
+        orientation = model.orientation
+        if not isinstance(orientation, OrientationModel):
             raise InvalidInput(
                 "path.orientation: a file takes one orientation for all contours, not a list."
             )
@@ -158,7 +142,7 @@ def _drawn(model: PathModel, program: Program, dimension: int) -> Program:
             note = f"the tool orientation comes from {program.source}, not from path.orientation."
             program = dataclasses.replace(program, notes=(*program.notes, note))
         else:
-            program = _orient_contours(program, how)
+            program = _orient_contours(program, orientation)
     return program
 
 
@@ -167,14 +151,14 @@ def part_of(model: PathModel) -> Frame:
     return Frame() if model.frame is None else frame_of("path.frame", model.frame)
 
 
-def _repeat(program: Program, how: RepeatModel, names: Sequence[str] | None) -> Program:
+def _repeat(program: Program, grid: RepeatModel, names: Sequence[str] | None) -> Program:
     """Copies of a program; with `names` only these copies, or all copies of these contours."""
     with error_context("path.repeat"):
-        copies = program.repeated(**dataclasses.asdict(how))
+        copies = program.repeated(**dataclasses.asdict(grid))
     if names is None:
         return copies
     drawn = {x.name for x in program.contours}
-    cells = [(row, column) for row in range(how.rows) for column in range(how.columns)]
+    cells = [(row, column) for row in range(grid.rows) for column in range(grid.columns)]
     chosen = [
         [name_copy(name, row, column) for row, column in cells] if name in drawn else [name]
         for name in names
@@ -182,14 +166,14 @@ def _repeat(program: Program, how: RepeatModel, names: Sequence[str] | None) -> 
     return copies.selected(names=[x for of in chosen for x in of])
 
 
-def _orient_contours(program: Program, how: OrientationModel) -> Program:
+def _orient_contours(program: Program, orientation: OrientationModel) -> Program:
     """Give every contour of a program the same tool orientation."""
     moves, number = list(program.moves), 0
-    for i, x in enumerate(moves):
-        if not isinstance(x, Contour):
+    for i, move in enumerate(moves):
+        if not isinstance(move, Contour):
             continue
-        where = f"path.orientation, {contour_called(x, number)}"
-        moves[i] = dataclasses.replace(x, path=_orient(x.path, how, where))
+        location = f"path.orientation, {contour_called(move, number)}"
+        moves[i] = dataclasses.replace(move, path=_orient(move.path, orientation, location))
         number += 1
     return dataclasses.replace(program, moves=tuple(moves))
 
@@ -204,10 +188,10 @@ def _positions(model: PathModel) -> Path:
         with error_context("path.points"):
             return Path.polyline(points)
     if model.spline is not None:
-        x = model.spline
-        points = _points("path.spline", x.points)
+        spline = model.spline
+        points = _points("path.spline", spline.points)
         with error_context("path.spline"):
-            return Path.spline(points, tolerance=x.tolerance, closed=x.closed)
+            return Path.spline(points, tolerance=spline.tolerance, closed=spline.closed)
     assert model.start is not None and model.segments is not None
     return _chain(model.start, model.segments)
 
@@ -218,12 +202,12 @@ def _points(key: str, points: list[list[float]]) -> FloatArray:
         raise InvalidInput(f"the points of {key} are empty: a path needs at least two.")
     if len({len(x) for x in points}) > 1:
         raise InvalidInput(f"the points of {key} must all have 2 or all have 3 coordinates.")
-    for i, x in enumerate(points):
-        _refuse_far(place((*key.split("."), "points", i)), x)
+    for i, point in enumerate(points):
+        _check_range(key_text((*key.split("."), "points", i)), point)
     return np.array(points).reshape(len(points), -1)
 
 
-def _refuse_far(key: str, point: Sequence[float]) -> None:
+def _check_range(key: str, point: Sequence[float]) -> None:
     """Check that coordinates are small enough for floating-point numbers."""
     far = max(map(abs, point), default=0.0)
     if far > FARTHEST:
@@ -238,12 +222,12 @@ def _chain(start: list[float], models: list[SegmentModel]) -> Path:
         raise InvalidInput("path.segments is empty: a path needs at least one.")
     segments: list[Line | Arc] = []
     point = list(start)
-    _refuse_far("path.start", point)
-    for i, x in enumerate(models):
+    _check_range("path.start", point)
+    for i, segment in enumerate(models):
         for name in ("to", "via", "center"):
-            _refuse_far(place(("path", "segments", i, name)), getattr(x, name) or ())
-        segments.append(_segment(point, x, place(("path", "segments", i))))
-        point = list(x.to) if x.to is not None else _end(segments)
+            _check_range(key_text(("path", "segments", i, name)), getattr(segment, name) or ())
+        segments.append(_segment(point, segment, key_text(("path", "segments", i))))
+        point = list(segment.to) if segment.to is not None else _end(segments)
     with error_context("path.segments"):
         return Path.from_segments(segments)
 
@@ -259,23 +243,28 @@ def _end(segments: list[Line | Arc]) -> list[float]:
     return list(end)
 
 
-def _segment(start: list[float], x: SegmentModel, key: str) -> Line | Arc:
+def _segment(start: list[float], segment: SegmentModel, key: str) -> Line | Arc:
     """The line or arc of a model, from the end of the segment before."""
     segment_limits = SegmentLimits(
-        **{y.name: getattr(x, y.name) for y in dataclasses.fields(SegmentLimits)}
+        **{y.name: getattr(segment, y.name) for y in dataclasses.fields(SegmentLimits)}
     )
-    around = (x.center, x.angle, x.normal)
-    if x.to is not None and all(y is None for y in around):
-        if x.via is None:
-            return Line(start=start, end=x.to, segment_limits=segment_limits)
+    around = (segment.center, segment.angle, segment.normal)
+    if segment.to is not None and all(y is None for y in around):
+        if segment.via is None:
+            return Line(start=start, end=segment.to, segment_limits=segment_limits)
         with error_context(key):
-            return Arc.through(start, x.via, x.to, segment_limits=segment_limits)
-    if x.to is None and x.via is None and x.center is not None and x.angle is not None:
+            return Arc.through(start, segment.via, segment.to, segment_limits=segment_limits)
+    if (
+        segment.to is None
+        and segment.via is None
+        and segment.center is not None
+        and segment.angle is not None
+    ):
         return Arc(
             start=start,
-            center=x.center,
-            angle=x.angle,
-            normal=x.normal,
+            center=segment.center,
+            angle=segment.angle,
+            normal=segment.normal,
             segment_limits=segment_limits,
         )
     raise InvalidInput(
@@ -284,26 +273,26 @@ def _segment(start: list[float], x: SegmentModel, key: str) -> Line | Arc:
     )
 
 
-def _orient(path: Path, x: OrientationModel, where: str) -> Path:
-    """Give a path one tool orientation for its whole length; `where` is for messages."""
-    _refuse_unclear("path.orientation", x)
-    follow = x.follow_tangent
+def _orient(path: Path, orientation: OrientationModel, location: str) -> Path:
+    """Give a path one tool orientation for its whole length; `location` is for messages."""
+    _check_single_rotation("path.orientation", orientation)
+    follow = orientation.follow_tangent
     key = "path.orientation" if follow is None else "path.orientation.follow_tangent"
-    rotation = rotation_of(key, x if follow is None else follow)
-    with error_context(where):
-        if x.axis is not None:
-            return path.pointing(x.axis)
+    rotation = rotation_of(key, orientation if follow is None else follow)
+    with error_context(location):
+        if orientation.axis is not None:
+            return path.pointing(orientation.axis)
         if follow is not None:
-            return path.following_tangent(follow.up, tool=rotation, axis_only=x.axis_only)
-        return path.oriented(rotation, axis_only=x.axis_only)
+            return path.following_tangent(follow.up, tool=rotation, axis_only=orientation.axis_only)
+        return path.oriented(rotation, axis_only=orientation.axis_only)
 
 
 def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
     """Give a path one tool orientation per waypoint."""
-    for i, x in enumerate(models):
-        key = place(("path", "orientation", i))
-        _refuse_unclear(key, x)
-        if x.follow_tangent is not None:
+    for i, orientation in enumerate(models):
+        key = key_text(("path", "orientation", i))
+        _check_single_rotation(key, orientation)
+        if orientation.follow_tangent is not None:
             raise InvalidInput(
                 f"{key}: follow_tangent is for the whole path: give it alone, not in a list."
             )
@@ -318,14 +307,14 @@ def _orient_waypoints(path: Path, models: list[OrientationModel]) -> Path:
             "path.orientation: either all waypoints or none give axis, and all or none are "
             "axis_only."
         )
-    turned = [rotation_of(place(("path", "orientation", i)), x) for i, x in enumerate(models)]
+    turned = [rotation_of(key_text(("path", "orientation", i)), x) for i, x in enumerate(models)]
     with error_context("path.orientation"):
         return path.oriented(np.array(turned), axis_only=models[0].axis_only)
 
 
-def _refuse_unclear(key: str, x: OrientationModel) -> None:
+def _check_single_rotation(key: str, orientation: OrientationModel) -> None:
     """Check that an orientation has exactly one key."""
-    names = [name for name in ORIENTATIONS if getattr(x, name) is not None]
+    names = [name for name in ORIENTATIONS if getattr(orientation, name) is not None]
     if len(names) != 1:
         raise InvalidInput(
             f"{key} takes one of {', '.join(ORIENTATIONS)}, not {' and '.join(names) or 'none'}."

@@ -185,9 +185,9 @@ def _time(words: Sequence[_Word], unit: str | None) -> Title[Key] | None:
     """The title of a time, or of the nanoseconds or microseconds of a time in two columns."""
     if not {x.meaning for x in words} <= {"t", "fraction", "topic", "q", "measured"}:
         return None
-    for x in words:
-        if x.meaning == "fraction":
-            unit = "ns" if x.text.lower().startswith("n") else "us"
+    for word in words:
+        if word.meaning == "fraction":
+            unit = "ns" if word.text.lower().startswith("n") else "us"
             return Title(FRACTION, "s", unit, len(words))
     return Title(TIME, "s", unit, len(words) - 1)
 
@@ -299,14 +299,10 @@ class TableSamples:
 
 
 def read_csv_text(file: str | FilePath, kind: str, topic: str | None = None) -> str:
-    """The text of a file of some kind, which has no topics.
-
-    Raises:
-        InvalidInput: There is no such file, or a topic is given.
-    """
+    """The text of a file of some kind, which has no topics."""
     if topic is not None:
         name = FilePath(file).name
-        raise InvalidInput(f"{name} is CSV, which has no topics: leave --topic out.")
+        raise InvalidInput(f"{name} is CSV, which has no topics: remove --topic.")
     return read_text(file, kind, maximum=LARGE, latin=True)
 
 
@@ -333,10 +329,6 @@ def read_samples(
         keys: The columns, at least one.
         start: First time that is needed [s].
         end: Last time that is needed [s].
-
-    Raises:
-        InvalidInput: There is no time, a cell is no number, a column without a unit seems to have
-            another unit than SI, or needed times do not increase or values are too large.
     """
     times = [x for x in (TIME, FRACTION) if x in table.columns]
     if not times:
@@ -346,7 +338,7 @@ def read_samples(
     values, notes = values[rows], list[str]()
     if len(rows) < len(table.lines):
         left_out = count_noun(len(table.lines) - len(rows), "row")
-        notes.append(f"{left_out} of {table.source} without positions: left out.")
+        notes.append(f"{left_out} of {table.source} without positions: skipped.")
     clock, t, part = times[0], values[:, 0], values[:, len(times) - 1]
     if len(times) == 2 and ((part >= 0) & (part < 1)).all():
         # Nanoseconds since 1970 have more digits than a float: times begin in second 0.
@@ -413,7 +405,7 @@ def tidy_times(
         count = int(again.sum())
         notes.append(
             f"{count_noun(count, 'row')} of {source} {'repeats' if count == 1 else 'repeat'} the "
-            "one before: left out."
+            "one before: skipped."
         )
         t = t[rows]
     steps = np.diff(t)

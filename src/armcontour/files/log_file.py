@@ -76,15 +76,14 @@ def read_log(
         InvalidInput: A file of another form, or samples that `Log` refuses; names file and line.
     """
     location = checks.read_place("read_log", file)
-    return _read(location, (), start, end, unwrap, columns, topic, commanded=True)[0]
+    return _read(location, (), (start, end), unwrap, columns, topic, commanded=True)[0]
 
 
 def read_run_log(
     file: str | FilePath,
     joint_names: Sequence[str],
     *,
-    start: float = -math.inf,
-    end: float = math.inf,
+    window: tuple[float, float] = (-math.inf, math.inf),
     unwrap: bool = False,
     columns: str | None = None,
     topic: str | None = None,
@@ -98,8 +97,7 @@ def read_run_log(
     Args:
         file: As in `read_log`.
         joint_names: Names of the arm's joints.
-        start: First time to use [s].
-        end: Last time to use [s].
+        window: First and last time to use [s].
         unwrap: Whether to undo jumps of whole turns.
         columns: As in `read_log`.
         topic: As in `read_log`.
@@ -111,7 +109,7 @@ def read_run_log(
     from armcontour.control.learning import Recording
 
     log, has_commands = _read(
-        FilePath(file), joint_names, start, end, unwrap, columns, topic, commanded=commanded
+        FilePath(file), joint_names, window, unwrap, columns, topic, commanded=commanded
     )
     log = arrange_joints(log, joint_names)
     if has_commands:
@@ -122,8 +120,7 @@ def read_run_log(
 def _read(
     file: FilePath,
     joint_names: Sequence[str],
-    start: float,
-    end: float,
+    window: tuple[float, float],
     unwrap: bool,
     columns: str | None,
     topic: str | None,
@@ -145,14 +142,13 @@ def _read(
             columns=columns,
             option="--columns",
         )
-        motion = _joint_motion(table, start, end, positions=not commanded)
+        motion = _joint_motion(table, *window, positions=not commanded)
         interpolation = _find_interpolation(table.comments)
     log = cut_log(
         motion.t,
         motion.q if motion.command is None else motion.command,
         motion.q,
-        start,
-        end,
+        *window,
         [f"joint {x}" if x.isdigit() else x for x in motion.joints],
         interpolation=interpolation,
         source=motion.source,
@@ -212,7 +208,7 @@ def _pair(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[list[str]
         if titles:
             notes.append(
                 f"{list_some(titles, MOST_NAMED)} of {table.source} "
-                f"{'has' if len(titles) == 1 else 'have'} no {other} column: left out."
+                f"{'has' if len(titles) == 1 else 'have'} no {other} column: skipped."
             )
     return pairs, notes
 

@@ -13,7 +13,7 @@ from armcontour.core import file_access
 from armcontour.core.checks import FloatArray, IntArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import plain_number, show
-from armcontour.files.units import parse
+from armcontour.files.units import parse_quantity
 from armcontour.robot.scene import LARGEST, SMALLEST, Mesh
 
 MESHES = (".stl", ".obj")
@@ -60,7 +60,7 @@ def read_mesh(
     points, triangles = (_read_stl if kind == ".stl" else _read_obj)(content, str(location))
     points = points * factor * (1.0 if scale is None else np.asarray(scale))
     if unit is None and scale is None:
-        _refuse_size(points, location)
+        _check_size(points, location)
     first, second, third = points[triangles.T]
     flat = ~np.cross(second - first, third - first).any(axis=1)
     if flat.all():
@@ -71,19 +71,19 @@ def read_mesh(
 def _factor(unit: str, location: FilePath) -> float:
     """A unit of length in metres."""
     try:
-        return parse(f"1 {unit}", "m")
+        return parse_quantity(f"1 {unit}", "m")
     except ValueError:
         raise InvalidInput(
             f"The mesh {location} has the unit {show(unit)}, which is no unit of length such as mm."
         ) from None
 
 
-def _refuse_size(points: FloatArray, location: FilePath) -> None:
+def _check_size(points: FloatArray, location: FilePath) -> None:
     """Check that the size is likely in metres; the error names a unit that fits."""
     size = float(np.ptp(points, axis=0).max())
     if SMALLEST <= size <= LARGEST:
         return
-    factors = {x: parse(f"1 {x}", "m") for x in USUAL}
+    factors = {x: parse_quantity(f"1 {x}", "m") for x in USUAL}
     hint = "its unit or a scale"
     for unit, factor in factors.items():
         if LIKELY[0] <= size * factor <= LIKELY[1]:
@@ -95,46 +95,48 @@ def _refuse_size(points: FloatArray, location: FilePath) -> None:
             break
     raise InvalidInput(
         f"The mesh {location} would be {size:.4g} m large if its lengths were metres, and bodies "
-        f"in a cell are {SMALLEST:g} to {LARGEST:g} m: say {hint}."
+        f"in a cell are {SMALLEST:g} to {LARGEST:g} m: give {hint}."
     )
 
 
-def _read_stl(content: bytes, where: str) -> tuple[FloatArray, IntArray]:
+def _read_stl(content: bytes, source: str) -> tuple[FloatArray, IntArray]:
     """Points and triangles of an STL file, binary or ASCII."""
     if content[:5].lower() == b"solid" and b"vertex" in content[:4096]:
-        corners = _ascii_corners(content, where)
+        corners = _ascii_corners(content, source)
     else:
-        corners = _binary_corners(content, where)
+        corners = _binary_corners(content, source)
     points, index = _merge(corners)
     return points, index.reshape(-1, 3)
 
 
-def _binary_corners(content: bytes, where: str) -> FloatArray:
+def _binary_corners(content: bytes, source: str) -> FloatArray:
     """Corners of the triangles of a binary STL file, (3 n, 3)."""
     count = int.from_bytes(content[80:HEADER], "little")
     if len(content) < HEADER + RECORD * count:
         raise InvalidInput(
-            f"The mesh {where} ends early, or is no STL file: {count} triangles take "
+            f"The mesh {source} ends early, or is no STL file: {count} triangles take "
             f"{HEADER + RECORD * count} bytes, and it has {len(content)}."
         )
-    _refuse_count(count, where)
+    _check_triangle_count(count, source)
     rows = np.frombuffer(content, np.uint8, RECORD * count, HEADER).reshape(-1, RECORD)
     corners = rows[:, 12:48].copy().view("<f4").reshape(-1, 3).astype(np.float64)
     wrong = ~np.isfinite(corners).all(axis=1)
     if wrong.any():
         raise InvalidInput(
-            f"Triangle {int(np.argmax(wrong)) // 3 + 1} of the mesh {where} has a corner that is "
+            f"Triangle {int(np.argmax(wrong)) // 3 + 1} of the mesh {source} has a corner that is "
             "no finite number: export it again."
         )
     return corners
 
 
-def _ascii_corners(content: bytes, where: str) -> FloatArray:
+def _ascii_corners(content: bytes, source: str) -> FloatArray:
     """Corners of the triangles of an ASCII STL file, (3 n, 3)."""
     words = [x.split() for x in VERTEX.findall(content)]
-    _refuse_count(len(words) // 3, where)
+    _check_triangle_count(len(words) // 3, source)
     if len(words) % 3:
-        raise InvalidInput(f"The mesh {where} ends within a triangle: it has {len(words)} corners.")
+        raise InvalidInput(
+            f"The mesh {source} ends within a triangle: it has {len(words)} corners."
+        )
     try:
         corners = np.array(words, dtype=np.float64)
         good = corners.shape[1:] == (3,) and bool(np.isfinite(corners).all())
@@ -143,24 +145,24 @@ def _ascii_corners(content: bytes, where: str) -> FloatArray:
     if not good:
         for match in VERTEX.finditer(content):
             line = content.count(b"\n", 0, match.start(1)) + 1
-            _three(match[1].decode("utf-8", "replace").split(), where, line)
+            _three(match[1].decode("utf-8", "replace").split(), source, line)
     return corners
 
 
-def _read_obj(content: bytes, where: str) -> tuple[FloatArray, IntArray]:
+def _read_obj(content: bytes, source: str) -> tuple[FloatArray, IntArray]:
     """Points and triangles of an OBJ file; faces of more corners are cut into triangles."""
     points: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
     for number, words in _obj_lines(content):
         if words[0] == "v":
-            points.append(_three(words[1:4], where, number))
+            points.append(_three(words[1:4], source, number))
         elif words[0] == "f":
-            corners = [_corner(x, len(points), where, number) for x in words[1:]]
+            corners = [_corner(x, len(points), source, number) for x in words[1:]]
             if len(corners) < 3:
-                raise InvalidInput(f"{where}, line {number}: a face has at least 3 corners.")
+                raise InvalidInput(f"{source}, line {number}: a face has at least 3 corners.")
             triangles += [(corners[0], *x) for x in zip(corners[1:-1], corners[2:], strict=True)]
-            _refuse_count(len(triangles), where)
-    _refuse_count(len(triangles), where)
+            _check_triangle_count(len(triangles), source)
+    _check_triangle_count(len(triangles), source)
     return np.array(points), np.array(triangles)
 
 
@@ -171,7 +173,7 @@ def _obj_lines(content: bytes) -> Iterator[tuple[int, list[str]]]:
             yield number, line.split(b"#")[0].decode("utf-8", "replace").split()
 
 
-def _corner(word: str, count: int, where: str, line: int) -> int:
+def _corner(word: str, count: int, source: str, line: int) -> int:
     """The index of a corner of a face, such as 7, 7/1/3 or -2."""
     text = word.split("/")[0]
     try:
@@ -182,29 +184,30 @@ def _corner(word: str, count: int, where: str, line: int) -> int:
     position = index - 1 if index > 0 else count + index
     if index == 0 or not 0 <= position < count:
         raise InvalidInput(
-            f"{where}, line {line}: the face names the vertex {show(text)}, and there are "
+            f"{source}, line {line}: the face names the vertex {show(text)}, and there are "
             f"{count} before it."
         )
     return position
 
 
-def _three(words: list[str], where: str, line: int) -> list[float]:
+def _three(words: list[str], source: str, line: int) -> list[float]:
     """Three finite numbers of a line."""
     numbers = [plain_number(x) for x in words]
     if len(numbers) != 3 or None in numbers:
         raise InvalidInput(
-            f"{where}, line {line}: a vertex has three finite numbers, not {show(' '.join(words))}."
+            f"{source}, line {line}: a vertex has three finite numbers, not "
+            f"{show(' '.join(words))}."
         )
     return [float(x) for x in numbers if x is not None]
 
 
-def _refuse_count(count: int, where: str) -> None:
-    """Refuse a mesh without triangles, or with too many."""
+def _check_triangle_count(count: int, source: str) -> None:
+    """Check the number of triangles of a mesh."""
     if count == 0:
-        raise InvalidInput(f"The mesh {where} has no triangles: export it again.")
+        raise InvalidInput(f"The mesh {source} has no triangles: export it again.")
     if count > MOST_TRIANGLES:
         raise InvalidInput(
-            f"The mesh {where} has {count:,} triangles, more than the {MOST_TRIANGLES:,} that are "
+            f"The mesh {source} has {count:,} triangles, more than the {MOST_TRIANGLES:,} that are "
             "read: export it coarser."
         )
 

@@ -57,11 +57,7 @@ def parse_set(text: str) -> Patch:
 
 
 def key_of(key: Any) -> Keys:
-    """The keys of a text such as `limits.speed`, or of a list of them.
-
-    Raises:
-        InvalidInput: Neither of them.
-    """
+    """The keys of a text such as `limits.speed`, or of a list of them."""
     parts = key.split(".") if isinstance(key, str) else key
     listed = isinstance(parts, list | tuple) and all(type(part) in (str, int) for part in parts)
     if not listed or not parts or "" in parts:
@@ -74,16 +70,13 @@ def full_key(keys: Keys) -> Keys:
     return ("runs", "", *keys) if keys[0] in IN_RUN - IN_JOB else keys
 
 
-def place(keys: Keys, data: Any, run: str | None = None) -> Keys:
+def locate_key(keys: Keys, data: Any, run: str | None = None) -> Keys:
     """The keys at which a value is set: in the run if it has the value, else in the job.
 
     Args:
         keys: The keys, such as ("limits", "speed"); numbers may be texts.
         data: The data of the job file.
         run: Name of the run that sees the value; by default the value is the job's.
-
-    Raises:
-        InvalidInput: The keys name a run that the job does not have.
     """
     runs = value_at(data, ("runs",))
     if keys[0] == "runs" and isinstance(runs, Mapping) and (len(keys) < 2 or keys[1] not in runs):
@@ -106,31 +99,19 @@ def place(keys: Keys, data: Any, run: str | None = None) -> Keys:
     return tuple(numbered)
 
 
-def resolve(data: Any, patch: Patch, run: str | None = None) -> list[Change]:
-    """The changes of a job file that a patch makes.
-
-    Raises:
-        InvalidInput: A key that the data cannot have, or that no run takes.
-    """
+def resolve_patch(data: Any, patch: Patch, run: str | None = None) -> list[Change]:
+    """The changes of a job file that a patch makes."""
     return _resolved(data, patch, run)[1]
 
 
-def apply(data: Any, patch: Patch, run: str | None = None) -> Any:
-    """The data of a job file with the values of a patch; the given data stay as they are.
-
-    Raises:
-        InvalidInput: As `resolve`.
-    """
+def apply_patch(data: Any, patch: Patch, run: str | None = None) -> Any:
+    """The data of a job file with the values of a patch; the given data stay as they are."""
     return _resolved(data, patch, run)[0]
 
 
-def write(text: str, patch: Patch, source: str = "job") -> str:
-    """A job file with the values of a patch; its comments stay.
-
-    Raises:
-        InvalidInput: As `resolve` and `change_text`.
-    """
-    return change_text(text, resolve(load(text, source), patch), source)
+def write_patch(text: str, patch: Patch, source: str = "job") -> str:
+    """A job file with the values of a patch; its comments stay."""
+    return change_text(text, resolve_patch(load(text, source), patch), source)
 
 
 def arm_keys(arm: str) -> dict[str, str]:
@@ -159,14 +140,14 @@ def _changes(keys: Keys, value: Any, data: Any, run: str | None) -> Iterator[Cha
     """The changes that one value makes."""
     runs = value_at(data, ("runs",))
     if run is not None or keys[0] not in IN_RUN or not isinstance(runs, Mapping):
-        yield from _set(place(keys, data, run), value, data)
+        yield from _set(locate_key(keys, data, run), value, data)
     elif keys[0] == "corners" and (keys[1:] == ("shape",) or keys[1:] and keys[1] in SHAPE_OPTIONS):
         yield from _rounded(keys, value, data, runs)
     else:
         if keys[0] in IN_JOB:
-            yield from _set(place(keys, data), value, data)
+            yield from _set(locate_key(keys, data), value, data)
         for name in runs:
-            keys_of_run = place(keys, data, name)
+            keys_of_run = locate_key(keys, data, name)
             replaces = keys_of_run[0] == "runs" and value_at(data, keys_of_run) is not None
             if replaces or keys[0] not in IN_JOB:
                 yield from _set(keys_of_run, value, data)
@@ -176,7 +157,7 @@ def _rounded(keys: Keys, value: Any, data: Any, runs: Mapping[str, Any]) -> Iter
     """The changes that a shape of the corners makes, in all runs that can have it."""
     refused = True
     for name in runs:
-        inherited = place(("corners",), data, name)
+        inherited = locate_key(("corners",), data, name)
         corners = value_at(data, inherited)
         method = value_at(data, ("runs", name, "timing", "method"), Method.OPTIMAL)
         if not isinstance(corners, Mapping) or method != Method.OPTIMAL:

@@ -37,7 +37,7 @@ EXPECTED = {
 OF_VALUES = ("value_error", "too_short", "too_long", "greater_than_equal", "less_than_equal")
 # Keys of older files, and their replacements.
 GONE = {
-    "ignore_jerk": "plans keep limits of jerk, so leave it out; write limits: {joint_jerk: inf} "
+    "ignore_jerk": "plans keep limits of jerk, so remove it; write limits: {joint_jerk: inf} "
     "to lift the arm's own",
 }
 NAME = "must be letters, digits, - and _, 64 at most, with a letter or digit first"
@@ -52,13 +52,13 @@ def first_problem(error: ValidationError, schema: Mapping[str, Any]) -> str:
     first = max(problems, key=_rank)
     keys = _keys(first)
     if first["type"] == "extra_forbidden":
-        sentence = f"unknown key {place(keys)}: {_instead(keys, schema)}"
+        sentence = f"unknown key {key_text(keys)}: {_instead(keys, schema)}"
     elif first["type"] == "missing":
-        sentence = f"the key {place(keys)} is missing"
+        sentence = f"the key {key_text(keys)} is missing"
     else:
         alike = [x for x in problems if _keys(x) == keys]
-        sentence = f"{place(keys) or 'the file'}: {_words(first, alike)}"
-    sentence = sentence.replace(place(keys), place(_named(keys, schema)), 1)
+        sentence = f"{key_text(keys) or 'the file'}: {_words(first, alike)}"
+    sentence = sentence.replace(key_text(keys), key_text(_named(keys, schema)), 1)
     others = {_keys(x) for x in problems}
     others_count = sum(not _within(x, keys) and not _within(keys, x) for x in others)
     closing = "" if sentence.endswith("?") else "."
@@ -83,7 +83,7 @@ def _named(keys: Sequence[int | str], schema: Mapping[str, Any]) -> tuple[int | 
     return tuple(named)
 
 
-def place(keys: Sequence[int | str]) -> str:
+def key_text(keys: Sequence[int | str]) -> str:
     """The location of a value for messages: keys, and items of lists counted from 1."""
     text = ""
     for i, key in enumerate(keys):
@@ -151,7 +151,7 @@ def _instead(keys: tuple[Any, ...], schema: Mapping[str, Any]) -> str:
     names = [x for kind in kinds for x in kind.get("properties", ())]
     if len(outer) == 2 and outer[0] == "runs" and name in schema.get("properties", ()):
         return (
-            f"{name} is of the whole job, so write it beside runs; several values of it are "
+            f"{name} belongs to the whole job, so write it next to runs; several values of it are "
             "compared by `armcontour batch`, or by pins in the Studio"
         )
     if str(name)[:1].isdigit():

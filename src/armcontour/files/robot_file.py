@@ -252,8 +252,8 @@ def _joint_ranges(joint: JointIdentification) -> str:
     return "effective " * joint.effective + "; ".join(_range(x) for x in joint.estimates)
 
 
-def _range(x: Estimate) -> str:
+def _range(estimate: Estimate) -> str:
     """An estimate with its range, for a comment."""
-    if not x.determined:
-        return f"{x.label} not determined"
-    return f"{x.label} {figure(x.row)} {x.row.note}".rstrip()
+    if not estimate.determined:
+        return f"{estimate.label} not determined"
+    return f"{estimate.label} {figure(estimate.row)} {estimate.row.note}".rstrip()

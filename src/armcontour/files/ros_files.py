@@ -80,7 +80,7 @@ def read_ros_motion(
     called = _renaming(file.name, names)
     if file.suffix.lower() in YAMLS and not file.is_dir():
         if topic is not None:
-            raise InvalidInput(f"{file.name} is YAML, which has no topics: leave --topic out.")
+            raise InvalidInput(f"{file.name} is YAML, which has no topics: remove --topic.")
         return _read_yaml(file, joint_names, called)
     kind, messages = _read_bag(file, (TRAJECTORY, *AROUND, CONTROLLER, STATE), topic)
     if kind in (TRAJECTORY, *AROUND):
@@ -191,8 +191,8 @@ def _trajectory_in(source: str, data: Any) -> Any:
     if isinstance(data, list):
         if len(data) > 1:
             raise InvalidInput(
-                f"{source} holds {len(data)} trajectories, but one is judged at a time: write them "
-                "to files of their own."
+                f"{source} holds {len(data)} trajectories, but a check takes one: write them "
+                "to separate files."
             )
         return _trajectory_in(source, data[0]) if data else data
     for name in LEADING:
@@ -215,10 +215,10 @@ class _Point:
     """
 
     def __init__(self, source: str, number: int, data: Any) -> None:
-        where = f"{source}, point {number}"
+        location = f"{source}, point {number}"
         if not isinstance(data, dict):
             raise InvalidInput(
-                f"{where}: it must have positions and time_from_start, not {show(data)}."
+                f"{location}: it must have positions and time_from_start, not {show(data)}."
             )
         for name in ARRAYS.values():
             values = data.get(name) or ()
@@ -227,15 +227,15 @@ class _Point:
             )
             if None in numbers:
                 raise InvalidInput(
-                    f"{where}: {name} must be a list of numbers, not {show(values)}."
+                    f"{location}: {name} must be a list of numbers, not {show(values)}."
                 )
             setattr(self, name, numbers)
         start = data.get("time_from_start")
         self.nanoseconds = _nanoseconds(start)
         if abs(self.nanoseconds) >= 2**63:
             raise InvalidInput(
-                f"{where}: time_from_start must be a number of seconds, or sec and nanosec (secs "
-                f"and nsecs in ROS 1), within 292 years, not {show(start)}."
+                f"{location}: time_from_start must be a number of seconds, or sec and nanosec "
+                f"(secs and nsecs in ROS 1), within 292 years, not {show(start)}."
             )
 
 
@@ -341,7 +341,7 @@ def _read_bag(
         raise InvalidInput(
             "Bags of ROS need the library rosbags: pip install 'armcontour[ros]'."
         ) from None
-    _refuse_size(file)
+    _check_size(file)
     unpacker, read = _Unpacker(file.name), _Unpacker(file.name)
     try:
         # Bags of before 2023 have no message definitions.
@@ -435,7 +435,7 @@ class _Unpacker:
                 mcap.lz4_decompress = unpack_lz4
 
 
-def _refuse_size(file: FilePath) -> None:
+def _check_size(file: FilePath) -> None:
     """Check that a bag exists and is not too large."""
     if not file.exists():
         raise InvalidInput(f"There is no trajectory file or log {file}.")
@@ -479,10 +479,10 @@ def _names_of(kind: str, message: Any) -> Sequence[str]:
 
 def _measured_part(kind: str, message: Any) -> Any:
     """The part of a message with measured positions, as a point."""
-    return _State(message) if kind == STATE else _point(message, MEASUREMENTS)
+    return _JointState(message) if kind == STATE else _point(message, MEASUREMENTS)
 
 
-class _State:
+class _JointState:
     """A JointState with the attributes of a point; it has no accelerations.
 
     Args:

@@ -71,11 +71,11 @@ def read_scene_file(
     tree = read_tree(str(location), file_access.read_bytes(location, "description of a cell"))
     obstacles: list[Obstacle] = []
     for link, (_, frame) in Description(tree, (), (), {}, tree.root).carried().items():
-        for k, x in enumerate(collisions(tree, link)):
+        for k, element in enumerate(collisions(tree, link)):
             with error_context(location.name):
-                shape = shape_of(tree, x, packages, unit)
+                shape = shape_of(tree, element, packages, unit)
                 name = link if k == 0 else f"{link} {k + 1}"
-                obstacles.append(Obstacle(name=name, shape=shape, place=frame @ x.place))
+                obstacles.append(Obstacle(name=name, shape=shape, place=frame @ element.place))
     if not obstacles:
         raise InvalidInput(f"{location} has no collision elements, so it describes no obstacles.")
     return tuple(obstacles)
@@ -89,19 +89,15 @@ Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
 
 
 def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
-    """The scene of a job.
-
-    Raises:
-        InvalidInput: Values that make no body, or a file that is missing or invalid.
-    """
+    """The scene of a job."""
     obstacles = []
-    for where, x in _bodies(model, "scene", OF_LINKS, "shapes of links"):
-        with error_context(where):
-            obstacle = Obstacle(name=x.name, shape=_shape(x, folder), place=_place(x))
-        obstacles.append(_stand(obstacle, x, part))
+    for key, body in _bodies(model, "scene", OF_LINKS, "shapes of links"):
+        with error_context(key):
+            obstacle = Obstacle(name=body.name, shape=_shape(body, folder), place=_place(body))
+        obstacles.append(_stand(obstacle, body, part))
     for entry in model.files:
         file = SceneFileModel(file=entry) if isinstance(entry, str) else entry
-        _refuse_keys(f"scene.files: {file.file}", file, OF_LINKS, "shapes of links")
+        _check_keys(f"scene.files: {file.file}", file, OF_LINKS, "shapes of links")
         with error_context("scene.files"):
             for obstacle in read_scene_file(folder / file.file, unit=file.unit):
                 moved = dataclasses.replace(obstacle, place=_place(file) @ obstacle.place)
@@ -110,11 +106,7 @@ def scene_of(model: SceneModel, folder: FilePath, part: Frame) -> Scene:
 
 
 def tool_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
-    """The shapes of a tool, which are in the frame of the tip.
-
-    Raises:
-        InvalidInput: As in `scene_of`.
-    """
+    """The shapes of a tool, which are in the frame of the tip."""
     chain = arm.chain
     if chain is None:
         raise InvalidInput(f"The arm {arm.name} has no chain of links that a tool could hang on.")
@@ -139,14 +131,14 @@ def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
     length = reach - 2 * ASSUMED_RADIUS - ASSUMED_GAP
     if length <= 0:
         return ()
-    out = (point - flange) / reach
-    middle = flange + (ASSUMED_RADIUS + length / 2) * out
+    direction = (point - flange) / reach
+    middle = flange + (ASSUMED_RADIUS + length / 2) * direction
     return (
         LinkShape(
             name=TOOL,
             link=len(chain),
             shape=Capsule(radius=ASSUMED_RADIUS, length=length),
-            place=Frame(position=middle, rotation=upright(out)),
+            place=Frame(position=middle, rotation=upright(direction)),
             tool=True,
             assumed=True,
         ),
@@ -154,30 +146,22 @@ def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
 
 
 def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkShape, ...]:
-    """Shapes that a job adds to links of its arm, in the frames of the links.
-
-    Raises:
-        InvalidInput: As in `scene_of`, or there is no such link.
-    """
+    """Shapes that a job adds to links of its arm, in the frames of the links."""
     links = {x.name: x.link for x in (() if arm.shapes is None else arm.shapes.shapes)}
     links |= {BASE: 0} | {name: k for k, name in enumerate(arm.joint_names, start=1)}
     shapes = []
-    for where, x in _bodies(model, "arm.shapes", OF_OBSTACLES, "obstacles"):
-        if x.link not in links:
+    for key, body in _bodies(model, "arm.shapes", OF_OBSTACLES, "obstacles"):
+        if body.link not in links:
             raise InvalidInput(
-                f"{where}: link must be one of {list_some(list(links), MOST_NAMED)}, "
-                f"{'but is missing' if x.link is None else f'not {x.link!r}'}."
+                f"{key}: link must be one of {list_some(list(links), MOST_NAMED)}, "
+                f"{'but is missing' if body.link is None else f'not {body.link!r}'}."
             )
-        shapes.append(_link_shape(where, x, folder, links[x.link]))
+        shapes.append(_link_shape(key, body, folder, links[body.link]))
     return tuple(shapes)
 
 
 def rotation_of(key: str, model: RotationModel) -> FloatArray | None:
-    """The rotation matrix of a model, (3, 3); None if the model gives no rotation.
-
-    Raises:
-        InvalidInput: Both rpy and quaternion, or a quaternion whose length is not 1.
-    """
+    """The rotation matrix of a model, (3, 3); None if the model gives no rotation."""
     if model.rpy is not None and model.quaternion is not None:
         raise InvalidInput(f"{key or 'It'} takes either rpy or quaternion, not both.")
     if model.quaternion is not None:
@@ -189,18 +173,18 @@ def _bodies(
     model: BodiesModel, key: str, keys: tuple[str, ...], whose: str
 ) -> Iterator[tuple[str, BodyModel]]:
     """All bodies under a key, with their locations in the job; the keys `keys` are refused."""
-    for x in dataclasses.fields(BodiesModel):
-        for body in getattr(model, x.name):
-            where = f"{key}.{x.name}: {body.name}"
-            _refuse_keys(where, body, keys, whose)
-            yield where, body
+    for entry in dataclasses.fields(BodiesModel):
+        for body in getattr(model, entry.name):
+            location = f"{key}.{entry.name}: {body.name}"
+            _check_keys(location, body, keys, whose)
+            yield location, body
 
 
 def _link_shape(
-    where: str, model: BodyModel, folder: FilePath, link: int, *, tip: Frame | None = None
+    key: str, model: BodyModel, folder: FilePath, link: int, *, tip: Frame | None = None
 ) -> LinkShape:
     """A shape of a link, or with `tip` of the tool, whose frame that is in the last link."""
-    with error_context(where):
+    with error_context(key):
         shape, frame = _shape(model, folder), _place(model)
         if tip is not None:
             frame = tip @ frame
@@ -237,11 +221,11 @@ def _normal(model: HalfSpaceModel) -> FloatArray | None:
         return turned
     if turned is not None:
         raise InvalidInput("A half-space takes either normal, or rpy or quaternion, not both.")
-    out = checks.check_numbers("normal", model.normal)
-    length = float(np.linalg.norm(out))
+    normal = checks.check_numbers("normal", model.normal)
+    length = float(np.linalg.norm(normal))
     if length == 0:
         raise InvalidInput("The normal of a half-space has the length 0: give it a direction.")
-    return upright(out / length)
+    return upright(normal / length)
 
 
 def upright(z: FloatArray) -> FloatArray:
@@ -275,11 +259,11 @@ def _shape(model: BodyModel, folder: FilePath) -> Shape:
     return HalfSpace()
 
 
-def _refuse_keys(where: str, model: PlacedModel, keys: tuple[str, ...], whose: str) -> None:
+def _check_keys(location: str, model: PlacedModel, keys: tuple[str, ...], whose: str) -> None:
     """Check that a body has no keys of other uses."""
     for key in keys:
         if getattr(model, key) is not None:
-            raise InvalidInput(f"{where}: {key} is a key of {whose}: leave it out here.")
+            raise InvalidInput(f"{location}: {key} is a key of {whose}: remove it here.")
 
 
 def three_numbers(value: Any) -> Any:
@@ -315,9 +299,9 @@ class PlacedModel(RotationModel):
     Args:
         at: The position of its origin [m]: the middle of boxes, cylinders, spheres and capsules, a
             point of the plane of a half-space, the origin of a mesh or of a file.
-        fixed_to: For obstacles, what they stand on: the `base` of the arm, whose frame places them,
-            or the `part`, with the frame of the path.
-        margin: For obstacles, how near links and tool may come [m]; by default as `margins` says.
+        fixed_to: For obstacles, their reference frame: the `base` of the arm, or the `part`, with
+            the frame of the path.
+        margin: For obstacles, minimum distance of links and tool [m]; by default that of `margins`.
         allow: For obstacles, links that may touch; `tool` is the tool.
         link: For shapes of links, the link: a joint, for the link after this joint, another shape's
             name, or `base`.
@@ -378,11 +362,11 @@ class CylinderModel(BodyModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CapsuleModel(BodyModel):
-    """All points near a stretch of its z axis.
+    """All points near a line segment on its z axis.
 
     Args:
-        radius: Distance of the surface from the stretch [m].
-        length: Length of the stretch, without the round ends [m].
+        radius: Distance of the surface from the segment [m].
+        length: Length of the segment, without the round ends [m].
     """
 
     radius: Distance
@@ -440,7 +424,7 @@ class SceneFileModel(PlacedModel):
     """A file of obstacles.
 
     Args:
-        file: A description (.urdf) whose `<collision>` elements stand still; its name is relative
+        file: A description (.urdf) whose `<collision>` elements are fixed; its name is relative
             to the job file.
         unit: Unit of the lengths of meshes that the file names without a scale; metres by default.
     """
@@ -451,12 +435,12 @@ class SceneFileModel(PlacedModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneModel(BodiesModel):
-    """Obstacles in the cell, and how near the arm may come to them and to itself.
+    """Obstacles in the cell, and minimum distances of the arm to them and to itself.
 
     Args:
-        margins: How near bodies may come, by the kinds of pairs.
+        margins: Minimum distances of bodies, by the kinds of pairs.
         files: Files of more obstacles, with or without their place and margin.
-        floor: Height of the floor in the frame of the arm's base, an obstacle; "none" where nothing
+        floor: Height of the floor in the frame of the arm's base, an obstacle; "none" if nothing
             is below the base, as on a pedestal or a wall. By default a link below the base is a
             warning.
     """

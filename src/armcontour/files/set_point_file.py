@@ -60,11 +60,7 @@ def write_lesson(file: FilePath, lesson: LearningResult) -> None:
 
 
 def read_lesson(file: FilePath, plan: Trajectory) -> LearningResult:
-    """Read a lesson that `write_lesson` wrote.
-
-    Raises:
-        InvalidInput: The file is none of these, of another version, or damaged.
-    """
+    """Read a lesson that `write_lesson` wrote."""
     content = read_bytes(file, "file of learning")
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as source:
@@ -121,15 +117,12 @@ LESSON = "lesson.npz"
 SAME = 1e-9
 
 
-def read_taught(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
+def read_set_points(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
     """The set-points in a file of set-points, with the learning history.
 
     The set-points are those that the job makes, or those of the lesson in the same folder, exact to
     the last bit. The file is compared with them, within its printed digits. Set-points of a result
     folder with the plan of the job are valid also if the servo of the job has changed since.
-
-    Raises:
-        InvalidInput: No such file, or one with other set-points.
     """
     name = plan.run.name
     file = verify_file(location, f"{name}/set_points.csv") if location.is_dir() else location
@@ -140,13 +133,13 @@ def read_taught(location: FilePath, job: Job, plan: RunResult) -> SetPoints:
             return recorded
         again = f"the job {job.name} makes for its run {name}"
         mend = "give the job that made this file, with the same options"
-        _refuse_other(file, job, plan.set_points, again, mend)
+        _check_same_set_points(file, job, plan.set_points, again, mend)
         return plan.set_points
     lesson = read_lesson(history, plan.trajectory)
     if not same_plan:
-        _refuse_other_job(history, lesson, job, plan)
-    _refuse_other(
-        file, job, lesson, f"{history.name} beside it has", "give both as learn wrote them"
+        _check_same_job(history, lesson, job, plan)
+    _check_same_set_points(
+        file, job, lesson, f"{history.name} next to it has", "give both as learn wrote them"
     )
     return replace(lesson, command_limits=plan.set_points.command_limits)
 
@@ -181,7 +174,9 @@ def _recorded(file: FilePath, job: Job, plan: RunResult) -> SetPoints | None:
     )
 
 
-def _refuse_other(file: FilePath, job: Job, set_points: SetPoints, has: str, mend: str) -> None:
+def _check_same_set_points(
+    file: FilePath, job: Job, set_points: SetPoints, has: str, mend: str
+) -> None:
     """Check that a file has the given set-points."""
     stored = read_trajectory(file, job.arm.joint_names)
     problem = ""
@@ -213,11 +208,11 @@ def _near(stored: TrajectoryFile) -> float:
     return stored.resolution["t"] + SAME
 
 
-def _refuse_other_job(history: FilePath, lesson: LearningResult, job: Job, plan: RunResult) -> None:
+def _check_same_job(history: FilePath, lesson: LearningResult, job: Job, plan: RunResult) -> None:
     """Check that a learning history began with the set-points of the job."""
-    first, now = lesson.runs[0].q, plan.set_points.q
-    same = first.shape == now.shape and lesson.cycle == plan.set_points.cycle
-    if not same or np.abs(first - now).max() > SAME:
+    first, current = lesson.runs[0].q, plan.set_points.q
+    same = first.shape == current.shape and lesson.cycle == plan.set_points.cycle
+    if not same or np.abs(first - current).max() > SAME:
         raise InvalidInput(
             f"{history} was learned with other set-points at its beginning than the job "
             f"{job.name} makes for its run {plan.run.name}: give the job as it was, with the same "

@@ -96,7 +96,7 @@ def alternatives(hint: Any) -> Iterator[Kind]:
         else:
             yield from alternatives(parts[0])
     elif origin in (Union, types.UnionType):
-        for x in parts:
-            yield from alternatives(x)
+        for part in parts:
+            yield from alternatives(part)
     elif origin is not None or dataclasses.is_dataclass(hint):
         yield hint

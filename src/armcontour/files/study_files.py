@@ -16,7 +16,7 @@ from armcontour.files.job_arm import frame_of
 from armcontour.files.job_edits import REMOVE, move_files
 from armcontour.files.job_file import model_of, read_data
 from armcontour.files.job_model import CellModel
-from armcontour.files.patch import Patch, write
+from armcontour.files.patch import Patch, write_patch
 from armcontour.files.result_folder import data_json, to_json
 from armcontour.robot import SerialArm
 from armcontour.robot.scene import BASE, PART
@@ -107,8 +107,8 @@ def placed_job_text(
         InvalidInput: Obstacles would move, too.
     """
     values = {keys: x for keys, x in (patch or {}).items() if keys[0] != "placement"}
-    text = write(move_files(text, folder, to), {**values, ("placement",): REMOVE})
-    return write(text, _placed(placement, text))
+    text = write_patch(move_files(text, folder, to), {**values, ("placement",): REMOVE})
+    return write_patch(text, _placed(placement, text))
 
 
 def _placed(placement: Placement, text: str) -> Patch:

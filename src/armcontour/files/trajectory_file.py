@@ -19,9 +19,9 @@ from armcontour.core.text import count_noun, list_some, show
 from armcontour.files.csv_table import MOST_NAMED, CsvTable, last_digit, read_table
 from armcontour.files.exports.table import (
     SetPointTable,
-    are_places,
     check_export_cycle,
     differentiate,
+    equals_plan,
     regular_times,
     tabulate,
 )
@@ -134,13 +134,13 @@ def _keys(table: CsvTable[Key], joint_names: Sequence[str]) -> tuple[list[Key], 
         if joints and not joints[0].isdigit():
             if joint_names:
                 title = table.columns[Key("q", role, joints[0])].title
-                _refuse_other_joints(table.heading, joints, joint_names, title)
+                _raise_other_joints(table.heading, joints, joint_names, title)
         else:
             joints = _numbers(table, role)
     if len(roles) > 1:
         notes.append(
             f"{table.source} has commands and measured positions: the measured ones are read. To "
-            "read the commands, leave the others out with --columns, such as "
+            "read the commands, skip the others with --columns, such as "
             f"'-={title_pattern(table.columns[Key('q', role, joints[0])].title)}'."
         )
     keys = [Key("q", role, x) for x in joints]
@@ -170,8 +170,8 @@ def _numbers(table: CsvTable[Key], role: str) -> list[str]:
     return joints
 
 
-def _refuse_other_joints(
-    where: str, joints: Sequence[str], joint_names: Sequence[str], title: str
+def _raise_other_joints(
+    heading: str, joints: Sequence[str], joint_names: Sequence[str], title: str
 ) -> None:
     """Raise the error for joints with names that the arm does not have."""
     have, arm = (list_some([show(x) for x in y], MOST_NAMED) for y in (joints, joint_names))
@@ -182,8 +182,8 @@ def _refuse_other_joints(
             f"'{joint_names[0]}={title}' or 'q#=NAME_#', or give its arm with --arm"
         )
     raise InvalidInput(
-        f"{where}: the file has positions of {count_noun(len(joints), 'joint')} ({have}), but the "
-        f"arm has {len(joint_names)} ({arm}): {fix}.",
+        f"{heading}: the file has positions of {count_noun(len(joints), 'joint')} ({have}), but "
+        f"the arm has {len(joint_names)} ({arm}): {fix}.",
         needed=len(joints),
         allowed=len(joint_names),
     )
@@ -279,7 +279,7 @@ class StoredRun:
         if not self.plain or derivatives < 2:
             return differentiate(set_points.q, self.cycle)
         plan = self._read("planned.csv")
-        if plan.dq is None or plan.ddq is None or not are_places(set_points.q, plan.q):
+        if plan.dq is None or plan.ddq is None or not equals_plan(set_points.q, plan.q):
             return differentiate(set_points.q, self.cycle)
         dq, ddq = plan.dq.copy(), plan.ddq.copy()
         if abs(plan.t[-1] - set_points.t[-1]) > SAME_TIME * self.cycle:
@@ -322,15 +322,15 @@ def read_run(folder: str | FilePath, name: str | None = None) -> StoredRun:
         ) from None
 
 
-def _event(x: Mapping[str, Any]) -> TimedEvent:
+def _event(data: Mapping[str, Any]) -> TimedEvent:
     """An event of a summary."""
     return TimedEvent(
-        name=x["name"],
-        value=x["value"],
-        t=x["t"],
-        due=x["due"],
-        s=x["s"],
-        point=tuple(x["point"]),
+        name=data["name"],
+        value=data["value"],
+        t=data["t"],
+        due=data["due"],
+        s=data["s"],
+        point=tuple(data["point"]),
     )
 
 

@@ -63,7 +63,7 @@ def _registry() -> Any:
     return registry
 
 
-def parse(value: Any, unit: str) -> float:
+def parse_quantity(value: Any, unit: str) -> float:
     """Convert a quantity to a number in `unit`.
 
     Raises:
@@ -124,7 +124,7 @@ def _finite(value: float) -> float:
     return number
 
 
-def share(value: Any) -> float:
+def parse_share(value: Any) -> float:
     """Convert a share, given as a plain number or as text such as "10 %", to a number.
 
     Raises:
@@ -136,8 +136,8 @@ def share(value: Any) -> float:
             raise ValueError(
                 f"must be a plain number or a percentage such as '10 %', not {show(value)}"
             )
-        return parse(float(match[1]), "%") / 100
-    return parse(value, "1")
+        return parse_quantity(float(match[1]), "%") / 100
+    return parse_quantity(value, "1")
 
 
 def read_quantity(value: Any, kind: Quantity) -> float:
@@ -213,7 +213,7 @@ def read_plain(value: Any, kind: Quantity) -> float:
     Raises:
         ValueError: As in `read_quantity`.
     """
-    return share(value) if kind.unit == "1" else parse(value, kind.unit)
+    return parse_share(value) if kind.unit == "1" else parse_quantity(value, kind.unit)
 
 
 def _shortest(number: float, value: float, read: Callable[[str], float], within: float) -> str:

@@ -57,7 +57,7 @@ def flow_text(value: Any, style: str | None = None) -> str:
     return str(text).strip().removeprefix("[").removesuffix("]")
 
 
-def behind(value: Any, column: int, eol: str, *, in_list: bool) -> str:
+def entry_text(value: Any, column: int, eol: str, *, in_list: bool) -> str:
     """A value behind a key or a dash in a column: on its line if it fits, else below."""
     line = flow_text(value)
     if not (isinstance(value, dict | list) and value and column + len(line) > WIDTH):
@@ -71,10 +71,11 @@ def block_text(value: dict[Any, Any] | list[Any], column: int, eol: str) -> str:
     """A mapping or list in separate lines, of which the first is not indented."""
     if isinstance(value, dict):
         lines = [
-            flow_text(key) + ":" + behind(x, column, eol, in_list=False) for key, x in value.items()
+            flow_text(key) + ":" + entry_text(x, column, eol, in_list=False)
+            for key, x in value.items()
         ]
     else:
-        lines = ["-" + behind(x, column, eol, in_list=True) for x in value]
+        lines = ["-" + entry_text(x, column, eol, in_list=True) for x in value]
     return (eol + " " * column).join(lines)
 
 
@@ -98,12 +99,14 @@ class Splice(NamedTuple):
     text: str
 
 
-def same(one: Any, other: Any) -> bool:
+def equal_data(one: Any, other: Any) -> bool:
     """True if data are equal; NaN equals NaN."""
     if isinstance(one, dict) and isinstance(other, dict):
-        return one.keys() == other.keys() and all(same(x, other[key]) for key, x in one.items())
+        return one.keys() == other.keys() and all(
+            equal_data(x, other[key]) for key, x in one.items()
+        )
     if isinstance(one, list) and isinstance(other, list):
-        return len(one) == len(other) and all(map(same, one, other))
+        return len(one) == len(other) and all(map(equal_data, one, other))
     if isinstance(one, bool) != isinstance(other, bool):
         return False
     return bool(one == other or (one != one and other != other))
@@ -203,11 +206,7 @@ class YamlPart:
         return _items(self, self.node) if isinstance(self.node, yaml.SequenceNode) else []
 
     def holds(self, key: Any) -> bool:
-        """True if the value is a list for a position, or a mapping for another key.
-
-        Raises:
-            Shared: The value is an alias.
-        """
+        """True if the value is a list for a position, or a mapping for another key."""
         if self.node is None and self.outer is not None:
             raise Shared
         if isinstance(self.node, yaml.SequenceNode):
@@ -221,12 +220,8 @@ class YamlPart:
         return next((x for x in self.parts if type(x.key) is type(key) and x.key == key), None)
 
     def replace(self, old: Any, new: Any) -> list[Splice]:
-        """Replace the value; lists of the same length and mappings of the same keys keep theirs.
-
-        Raises:
-            Shared: The value is an alias.
-        """
-        if same(old, new):
+        """Replace the value; lists of the same length and mappings of the same keys keep theirs."""
+        if equal_data(old, new):
             return []
         if self.node is None and self.outer is not None:
             raise Shared
@@ -353,7 +348,7 @@ class YamlPart:
 
     def child(self, value: Any, column: int) -> str:
         """A value after a key or a dash in a column."""
-        return behind(
+        return entry_text(
             value, column, self.document.eol, in_list=isinstance(self.node, yaml.SequenceNode)
         )
 

@@ -9,7 +9,7 @@ from typing import Any
 from armcontour.core.errors import InvalidInput
 from armcontour.files.cell import OWN_PATH
 from armcontour.files.job_edits import line_of, value_at
-from armcontour.files.patch import place
+from armcontour.files.patch import locate_key
 from armcontour.files.units import unit_of
 from armcontour.jobs import Job
 from armcontour.planning import Optimal
@@ -145,7 +145,7 @@ def _path(data: Mapping[str, Any], handles: Handles | None, seen: Seen, run: str
         why = "" if seen.error is None else str(seen.error)
         return {"editable": False, "convertible": False, "why_not": why, "notes": []}
     notes = [] if seen.job is None else list(seen.job.program.notes)
-    tolerance = place(("corners", "tolerance"), data, run)
+    tolerance = locate_key(("corners", "tolerance"), data, run)
     coordinates = handles.waypoints[0].written if handles.waypoints else (None,)
     return {
         "axes": handles.axes,

@@ -12,7 +12,7 @@ import numpy as np
 from armcontour.files.job_edits import Keys, value_at
 from armcontour.files.job_form import usual_ranges
 from armcontour.files.job_model import JobModel
-from armcontour.files.patch import full_key, place
+from armcontour.files.patch import full_key, locate_key
 from armcontour.files.si_data import quantity_of
 from armcontour.files.units import unit_of
 from armcontour.jobs import Job
@@ -50,7 +50,10 @@ def _quantity(
     asked: Keys, data: Mapping[str, Any], job: Job, run: str
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """The row of a quantity, or those of all joints, where they have different values."""
-    written, value = value_at(data, place(asked, data, run)), value_of(asked, job, run_of(job, run))
+    written, value = (
+        value_at(data, locate_key(asked, data, run)),
+        value_of(asked, job, run_of(job, run)),
+    )
     key = ".".join(map(str, asked))
     if not isinstance(value, np.ndarray):
         yield key, _row(asked, value, written)

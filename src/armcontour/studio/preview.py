@@ -17,8 +17,8 @@ from typing import Any
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, Unreachable, error_context
 from armcontour.core.progress import Progress
-from armcontour.files.job_arm import arm_of, equipped
-from armcontour.files.job_file import job_on, model_of
+from armcontour.files.job_arm import arm_of, arm_with_tool
+from armcontour.files.job_file import assemble_job, model_of
 from armcontour.files.job_model import JobModel
 from armcontour.files.job_path import part_of, placed_path, unplaced_path
 from armcontour.files.scene_file import scene_of
@@ -277,7 +277,7 @@ class CoarsePlanner:
             given, part = model.scene, part_of(model.path)
             made_of = data["scene"], _part(data)
             scene = self._reuse.get("scene", made_of, lambda: scene_of(given, self.folder, part))
-        return job_on(model, arm, path, scene)
+        return assemble_job(model, arm, path, scene)
 
     def _model(self, data: Mapping[str, Any]) -> JobModel:
         return self._reuse.get("keys", data, lambda: _model_of(data))
@@ -298,7 +298,7 @@ class CoarsePlanner:
         path = self._reuse.get(
             "path", (drawn, _part(data)), lambda: placed_path(model.path, drawn, arm.dimension)
         )
-        used = equipped(model, path)
+        used = arm_with_tool(model, path)
         if used is not model.arm:
             arm = self._reuse.get(
                 "equipped",

@@ -471,7 +471,7 @@ def test_the_end_of_a_file_that_was_cut_off_is_missed(refuses):
     refuses(lambda: read(half), ac.InvalidInput, "cut off")
     damaged = re.sub(rb" +0\nENDSEC\n( +0\nSECTION\n +2\nENTITIES)", rb"\1", data)
     program = read(damaged)
-    assert len(program.contours) == 10 and "mended in 1 place;" in program.notes[0]
+    assert len(program.contours) == 10 and "repaired in 1 place;" in program.notes[0]
 
 
 def test_colors_choose_by_number_name_layer_and_block():

@@ -115,7 +115,7 @@ def test_printed_curves_have_no_corners(read, shape):
             end = mended.path(mended.path.length, 1, side="left")
             assert np.linalg.norm(end - mended.path(0.0, 1)) <= 1e-9, decimals
         (note,) = mended.notes
-        assert note.startswith((f"Mended {bent}", f"Mended {bent + 1}"))
+        assert note.startswith((f"Repaired {bent}", f"Repaired {bent + 1}"))
         s = np.linspace(0, mended.path.length, 999)
         assert printed.path.project(mended.path(s)).distance.max() <= min(most, 1e-5), decimals
 
@@ -158,7 +158,7 @@ def test_tolerances_of_the_file_and_of_the_layer_bound_it(read, refuses):
 def test_corners_that_printing_cannot_have_made_stay(read):
     text = "G21 G90 F600\nG0 X0 Y0\nG1 X30.01 Y10.003\nG1 X60.02 Y20.007\nG1 X60.02 Y50\nM2\n"
     mended = read(text)
-    assert "Mended 1 vertex" in mended.notes[0] and kinks(mended) == 1
+    assert "Repaired 1 vertex" in mended.notes[0] and kinks(mended) == 1
     np.testing.assert_array_equal(mended.path.vertices[-2:] * 1e3, [(60.02, 20.007), (60.02, 50)])
     # 0.1° over 30 mm is a twentieth of a millimetre, 100 times the last of three decimals.
     y = 30 * np.tan(np.radians(0.1))
@@ -186,7 +186,7 @@ def test_bulges_of_dxf_are_mended(tmp_path):
     document.saveas(tmp_path / "a.dxf")
     assert kinks(ac.read_path(tmp_path / "a.dxf", ac.ReadOptions(mend_vertices=0.0))) >= 5
     mended = ac.read_path(tmp_path / "a.dxf")
-    assert kinks(mended) == 0 and "Mended" in mended.notes[-1]
+    assert kinks(mended) == 0 and "Repaired" in mended.notes[-1]
 
 
 def jumps(path):

@@ -273,7 +273,7 @@ viewBox="0 0 1" => viewBox='0 0 1'
 viewBox="0 0 0 1" => the last two above zero
 viewBox="0 0 1 1" preserveAspectRatio="middle" => preserveAspectRatio='middle'
 {MM} transform="scale(2)" => a transform of the outermost svg
-height="9" => where nothing says of what
+height="9" => because the reference of the percentage is unknown
 """
 
 
@@ -292,7 +292,7 @@ def test_what_is_wrong_is_refused_with_its_element():
         assert words in program.notes[0] and "kept" in {x.name for x in program.contours}, body
     for body in NO_SIZE:
         (note,) = read(body + kept).notes
-        assert note.startswith("Left out because of no size: ") and note.endswith(" in line 1.")
+        assert note.startswith("Skipped because of no size: ") and note.endswith(" in line 1.")
     left_out = ("text", "image", "foreignObject")
     marked = ('<path d="M0 5h9" marker-end="url(#m)"/>', "markers of: path")
     for body, name in (*((f"<{x}/>", x) for x in left_out), marked):

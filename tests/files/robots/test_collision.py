@@ -103,17 +103,17 @@ def test_meshes_are_found_by_path_and_by_package(tmp_path):
     assert arm.notes == loaded(described(tmp_path)).notes and arm.shapes is not None
     # A mesh that is not there is a note until clearance is asked for.
     arm = loaded(described(tmp_path, MESH.format("no.stl")))
-    assert any("meshes are not there" in x and "no.stl" in x for x in arm.notes)
+    assert any("meshes are missing" in x and "no.stl" in x for x in arm.notes)
     assert not arm.knows_shapes and arm.tool_position([[0.1, 0.2]]).shape == (1, 3)
-    refusals(lambda x: x.shapes, [(arm, "link beam  ... 'no.stl', which is not there")])
+    refusals(lambda x: x.shapes, [(arm, "link beam  ... 'no.stl', which does not exist")])
 
 
 BAD = r"""
 <box size="1 1"/> => link beam ... three numbers as its size
 <torus/> => link beam ... 'torus' ... only boxes
 => link beam ... one geometry
-<mesh filename="http://example.org/a.stl"/> => http://example.org/a.stl ... not there
-<mesh filename="package://[/a.stl"/> => package://[/a.stl ... not there
+<mesh filename="http://example.org/a.stl"/> => http://example.org/a.stl ... does not exist
+<mesh filename="package://[/a.stl"/> => package://[/a.stl ... does not exist
 <mesh filename="small.dae"/> => small.dae ... give it as .stl or .obj
 <mesh filename="small.obj" scale="1 x 1"/> => three numbers as its scale
 <mesh filename="large.obj"/> => large.obj would be 200 m large ... unit: mm

@@ -143,7 +143,7 @@ def test_a_package_that_is_not_found_is_named_where_it_is_read(tmp_path):
     # Only named, as by controllers of a simulator, it does no harm.
     file = write(tmp_path, f"<gazebo><p>$(find far)/c.yaml</p></gazebo>{ARM}")
     assert load(file).dof == 1
-    none = [({"far": tmp_path / "none"}, "The folder of the package far, ... is not there")]
+    none = [({"far": tmp_path / "none"}, "The folder of the package far, ... does not exist")]
     refusals(lambda x: ac.load_arm(file, ac.ArmOptions(packages=x), trust_xacro=True), none)
 
 

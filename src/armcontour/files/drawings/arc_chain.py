@@ -163,9 +163,6 @@ class ArcChain:
 
         Returns:
             The segments; None if the chain has no length.
-
-        Raises:
-            InvalidInput: An arc is too large for the tolerance.
         """
         chain = self._without_points()
         if not len(chain.angles):
@@ -223,14 +220,14 @@ class ArcChain:
 
     def _at(self, share: float | FloatArray, order: int = 0) -> FloatArray:
         """Points of the lines and arcs, which pass exactly through their end points."""
-        x = np.broadcast_to(share, self.angles.shape)[:, None]
+        fraction = np.broadcast_to(share, self.angles.shape)[:, None]
         a = self.angles[:, None]
-        c, s = np.cos(a * x), np.sin(a * x)
+        c, s = np.cos(a * fraction), np.sin(a * fraction)
         missed = self.ends - self.starts
         missed = missed - (np.cos(a) - 1) * self.cosines - np.sin(a) * self.sines
         if order:
             return np.asarray(a * (c * self.sines - s * self.cosines) + missed)
-        return np.asarray(self.starts + (c - 1) * self.cosines + s * self.sines + x * missed)
+        return np.asarray(self.starts + (c - 1) * self.cosines + s * self.sines + fraction * missed)
 
     def _fitted(self, tolerance: float) -> Segments:
         """Segments of a chain of elliptical arcs: tangent arcs within the tolerance [m]."""

@@ -24,10 +24,10 @@ from armcontour.files.drawings.dxf_entities import (
     NO_CONTOUR,
     SHAPES,
     Unreadable,
-    check_found,
+    check_required,
     clip_of,
-    grid,
-    insertions,
+    insert_grid,
+    insert_transforms,
 )
 from armcontour.files.drawings.outlines import Outline
 from armcontour.files.drawings.read_options import SKIP, ReadOptions, hex_of
@@ -72,12 +72,12 @@ EXPLODE = "explode it into lines and arcs in the CAD program"
 MOST_COPIES = 200_000
 OFF, FROZEN = "off", "frozen"
 # Reasons for omitted entities.
-HIDDEN = "Left out, on layers that are off or frozen"
-INVISIBLE = "Left out, because they are invisible"
-NOT_READ = "Left out, because it is no line, arc or curve"
-TEXT = "Left out, unless its letters are contours (path.texts or --texts: contours)"
+HIDDEN = "Skipped on layers that are off or frozen"
+INVISIBLE = "Skipped because they are invisible"
+NOT_READ = "Skipped because it is no line, arc or curve"
+TEXT = "Skipped, unless its letters are contours (path.texts or --texts: contours)"
 THROUGH_FONT = "Drawn through a font of this machine, which may differ from the drawing's"
-BROKEN = "Left out, because it cannot be read"
+BROKEN = "Skipped because it cannot be read"
 # Numbers of AutoCAD's colours that mean the colour of the block, of the layer, and black or white.
 BY_BLOCK, BY_LAYER, ACI_WHITE = 0, 256, 7
 WHITE = frozenset({"7", "#ffffff", "#000000"})
@@ -110,10 +110,6 @@ def read_dxf(
     Lines and arcs are kept; ellipses and splines become arcs within the chord tolerance. If all
     points have z = 0, the program is in the plane, otherwise in space. A contour is named after
     the handle of its first entity; in a block, the handle of the INSERT comes before.
-
-    Raises:
-        InvalidInput: The file is not readable as DXF, the unit is not known, an entity is unknown
-            and unknown entities are refused, or there is no contour.
     """
     with silence_log(), np.errstate(all="ignore"):
         document, notes = open_document(data, source, skip=options.skips)
@@ -130,8 +126,10 @@ def _unit(code: Any, source: str, options: ReadOptions) -> float:
         return options.unit
     if code in UNITS:
         return UNITS[code]
-    why = "does not say its unit" if code == 0 else f"has the unit {code!r}, which is not known"
-    raise InvalidInput(f"{source} {why} ($INSUNITS): give it, such as `units: mm` or --units mm.")
+    reason = "does not say its unit" if code == 0 else f"has the unit {code!r}, which is not known"
+    raise InvalidInput(
+        f"{source} {reason} ($INSUNITS): give it, such as `units: mm` or --units mm."
+    )
 
 
 def _flattened(entities: list[EntityOutlines], source: str) -> list[EntityOutlines]:
@@ -141,11 +139,11 @@ def _flattened(entities: list[EntityOutlines], source: str) -> list[EntityOutlin
         return bool(np.abs(points[:, 2]).max() <= REPEATED_POINT)
 
     flat = all(is_flat(y.reach) for x in entities for y in x.outlines)
-    for x in entities:
-        if x.clips and not (flat and all(is_flat(clip.corners) for clip in x.clips)):
+    for entity in entities:
+        if entity.clips and not (flat and all(is_flat(clip.corners) for clip in entity.clips)):
             raise InvalidInput(
-                f"{source}: {x.where} is in a block that is clipped in space, which is not read: "
-                "clip drawings at z = 0 only."
+                f"{source}: {entity.where} is in a block that is clipped in space, which is not "
+                "read: clip drawings at z = 0 only."
             )
     if not flat:
         return entities
@@ -193,17 +191,14 @@ class DxfWalk(Walk):
         if not self.elsewhere:
             return ""
         requested = ", ".join(repr(x) for x in sorted(self.requested_layers or ()))
-        there = list_some([repr(x) for x in sorted(self.elsewhere)], 12)
-        return f"has no contour on the layer {requested}: it has entities on {there}"
+        layers = list_some([repr(x) for x in sorted(self.elsewhere)], 12)
+        return f"has no contour on the layer {requested}: it has entities on {layers}"
 
     def shapes(self, unit: float) -> Iterator[EntityOutlines]:
         """Yield the shapes of all entities of the model space, in the order of the document.
 
         Args:
             unit: Length of the drawing's unit [m].
-
-        Raises:
-            InvalidInput: An entity cannot be read, or is unknown and unknown entities are refused.
         """
         try:
             for layer in self.document.layers:
@@ -212,7 +207,7 @@ class DxfWalk(Walk):
                 self._layer_colors[_key(layer.dxf.name)] = _color_names(layer, abs(layer.color))
             entities = self.document.modelspace()
         except Exception as error:
-            raise InvalidInput(f"{self.source} is damaged: {said(error)}.") from None
+            raise InvalidInput(f"{self.source} is damaged: {error_line(error)}.") from None
         world = Affine(unit * np.eye(3), np.zeros(3))
         drawing = Inherited(to=world, layer="0", color=WHITE)
         for k, entity in enumerate(entities):
@@ -247,7 +242,7 @@ class DxfWalk(Walk):
                 raise
             except Exception as error:
                 # A broken entity makes ezdxf raise exceptions of any class.
-                self._leave(kind, name, layer, f"is damaged: {said(error)}", handle)
+                self._leave(kind, name, layer, f"is damaged: {error_line(error)}", handle)
 
     def _drawn(
         self, entity: Any, kind: str, name: str, layer: str, block: Inherited
@@ -275,7 +270,7 @@ class DxfWalk(Walk):
         """Yield the shape of an entity, if it has a length and one of the chosen colours."""
         if not self.wants_color(self._color(entity, layer, block)):
             return
-        check_found(entity)
+        check_required(entity)
         shape = SHAPES[entity.dxftype()](entity)
         outlines = []
         if shape is not None:
@@ -315,7 +310,7 @@ class DxfWalk(Walk):
         if self.wants_layer(layer):
             for _ in getattr(entity, "attribs", ()):
                 self.leave_out(NOT_READ, "ATTRIB")
-        check_found(entity)
+        check_required(entity)
         called = str(_attribute(entity, "name", ""))
         content = self.document.blocks.get(called)
         if content is None:
@@ -327,8 +322,8 @@ class DxfWalk(Walk):
             if self._copies > MOST_COPIES:
                 raise Unreadable(f"raises the number of copies of entities above {MOST_COPIES}")
         base = np.array(tuple(content.block.dxf.base_point), dtype=np.float64)
-        affine, offsets = insertions(entity, base)
-        columns = grid(entity)[1]
+        affine, offsets = insert_transforms(entity, base)
+        columns = insert_grid(entity)[1]
         clip = clip_of(entity)
         color = self._color(entity, layer, block)
         for k, offset in enumerate(offsets):
@@ -354,36 +349,32 @@ class DxfWalk(Walk):
             inner = [x for x in content or () if x.dxftype() == "INSERT"]
             count = 1 + (len(content) if content is not None else 0)
             self._sizes[name] = count + sum(self._copies_of(x) for x in inner)
-        rows, columns = grid(entity)
+        rows, columns = insert_grid(entity)
         return rows * columns * self._sizes[name]
 
-    def _leave(self, kind: str, name: str, layer: str, why: str, handle: str) -> None:
+    def _leave(self, kind: str, name: str, layer: str, reason: str, handle: str) -> None:
         """Leave out an entity that cannot be read, or refuse it."""
         if kind != "INSERT" and not self.wants_layer(layer):
             return
         # The search for a line reads the whole file, so only the first entities get their lines.
         line = self.line_of(handle) if len(self.left_out.get(BROKEN, ())) < NAMED else ""
-        defect = f"{kind} {name}{line} on layer {layer!r} {why}"
+        defect = f"{kind} {name}{line} on layer {layer!r} {reason}"
         if not self.skip:
             raise InvalidInput(
-                f"{self.source}: {defect}. Mend it in the drawing, choose the layers to follow "
+                f"{self.source}: {defect}. Fix it in the drawing, choose the layers to follow "
                 f"(layers, or --layer), or {SKIP}."
             )
         self.leave_out(BROKEN, defect)
 
 
 def letters_of(entity: Any) -> list[Any]:
-    """The outlines of the letters of a TEXT, as splines and polylines.
-
-    Raises:
-        Unreadable: The text cannot be drawn.
-    """
+    """The outlines of the letters of a TEXT, as splines and polylines."""
     from ezdxf.addons import text2path
 
     try:
         return list(text2path.virtual_entities(entity, kind=text2path.Kind.SPLINES))
     except Exception as error:
-        raise Unreadable(f"cannot be drawn through a font: {said(error)}") from None
+        raise Unreadable(f"cannot be drawn through a font: {error_line(error)}") from None
 
 
 def _attribute(entity: Any, name: str, default: Any) -> Any:
@@ -424,9 +415,6 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
 
     Returns:
         ezdxf's document, and a sentence on the damage if the file had to be repaired.
-
-    Raises:
-        InvalidInput: ezdxf is not installed, or the data are not a DXF file.
     """
     try:
         import ezdxf  # noqa: F401
@@ -450,9 +438,9 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
         if notes and not changes:
             # The remaining part of a truncated file is intact.
             return document, notes
-        mended = f" and was mended in {count_noun(changes, 'place')}" if changes else ""
-        why = ADDRESS.sub("", said(first))
-        damage = f"The file is damaged ({why}){mended}; damaged parts may be missing."
+        mended = f" and was repaired in {count_noun(changes, 'place')}" if changes else ""
+        reason = ADDRESS.sub("", error_line(first))
+        damage = f"The file is damaged ({reason}){mended}; damaged parts may be missing."
         return document, [*notes, damage]
     except Exception:
         intact, broken = (b"", []) if data.startswith(BINARY) else _without_broken(data)
@@ -467,7 +455,9 @@ def open_document(data: bytes, source: str, *, skip: bool) -> tuple[Any, list[st
     try:
         document = _read(intact)
     except Exception as error:
-        raise InvalidInput(f"{source} is no DXF file that can be read: {said(error)}.") from None
+        raise InvalidInput(
+            f"{source} is no DXF file that can be read: {error_line(error)}."
+        ) from None
     return document, [
         *notes,
         f"{BROKEN}: {list_some(broken, NAMED)}.",
@@ -498,7 +488,7 @@ def _reason(error: Exception) -> str:
     from ezdxf.lldxf.const import DXFError
 
     if isinstance(error, DXFError):
-        return f"{ADDRESS.sub('', said(error))}."
+        return f"{ADDRESS.sub('', error_line(error))}."
     return "its structure is damaged. Open it in a CAD program, and save it again."
 
 
@@ -533,7 +523,7 @@ def _without_broken(data: bytes) -> tuple[bytes, list[str]]:
             if kind not in STRUCTURE:
                 factory.load(ExtendedTags.from_text("\n".join(part) + "\n"), None)
         except Exception as error:
-            broken.append(f"{kind} in line {i + 2} ({ADDRESS.sub('', said(error))})")
+            broken.append(f"{kind} in line {i + 2} ({ADDRESS.sub('', error_line(error))})")
         else:
             intact += part
     if marked:
@@ -573,7 +563,7 @@ def line_of_handle(data: bytes, handle: str) -> str:
     return f" in line {data.count(bytes([10]), 0, match.start()) + 2}" if match else ""
 
 
-def said(error: Exception) -> str:
+def error_line(error: Exception) -> str:
     """The first line of an exception's message, shortened to 120 characters."""
     lines = str(error).strip().splitlines() or [type(error).__name__]
     text = lines[0].strip().rstrip(".")

@@ -143,18 +143,14 @@ def _bulge_polyline(points: FloatArray, bulges: FloatArray, axes: FloatArray) ->
 
 
 def spline(entity: Any) -> Shape | None:
-    """Shape of a SPLINE, from its control points or else through its fit points.
-
-    Raises:
-        Unreadable: Degree, knots, weights or points do not define a continuous curve.
-    """
+    """Shape of a SPLINE, from its control points or else through its fit points."""
     if entity.control_point_count() == 0:
         return _fit_spline(entity)
     points = _numbers("control points", [tuple(x) for x in entity.control_points])
     n, degree = len(points), int(entity.dxf.degree)
     if not 1 <= degree <= HIGHEST_DEGREE:
         raise Unreadable(f"has degree {degree}, which must be from 1 to {HIGHEST_DEGREE}")
-    _refuse_many_points(n)
+    _check_point_count(n)
     knots = _numbers("knots", list(entity.knots))
     if n <= degree or len(knots) != n + degree + 1:
         raise Unreadable(
@@ -179,7 +175,7 @@ def _fit_spline(entity: Any) -> Shape | None:
     from scipy.interpolate import make_interp_spline
 
     points = _numbers("fit points", [tuple(x) for x in entity.fit_points]).reshape(-1, 3)
-    _refuse_many_points(len(points))
+    _check_point_count(len(points))
     closed = bool(entity.dxf.flags & CLOSED_SPLINE)
     if closed and len(points):
         points = np.concatenate([points, points[:1]])
@@ -209,8 +205,8 @@ def _scale_ends(ends: Any, by: float) -> Any:
     return ends if isinstance(ends, str) else tuple([(1, by * x[0][1])] for x in ends)
 
 
-def _refuse_many_points(n: int) -> None:
-    """Refuse a spline of more than `MOST_POINTS` points."""
+def _check_point_count(n: int) -> None:
+    """Check that a spline has at most `MOST_POINTS` points."""
     if n > MOST_POINTS:
         raise Unreadable(f"has {n} points, more than the {MOST_POINTS} that are read")
 
@@ -260,25 +256,21 @@ NO_CONTOUR = frozenset(
 )
 
 
-def check_found(entity: Any) -> None:
-    """Check that an entity has its required attributes.
-
-    Raises:
-        Unreadable: An attribute of `NEEDED` is missing.
-    """
+def check_required(entity: Any) -> None:
+    """Check that an entity has its required attributes."""
     for name in NEEDED.get(entity.dxftype(), ()):
         if not entity.dxf.hasattr(name):
             raise Unreadable(f"has no {name.replace('_', ' ')}")
 
 
-def grid(entity: Any) -> tuple[int, int]:
+def insert_grid(entity: Any) -> tuple[int, int]:
     """Numbers of rows and columns of an INSERT's copies; without spacing the number is 1."""
     dxf = entity.dxf
     rows, columns = (max(int(x), 1) for x in (dxf.row_count, dxf.column_count))
     return rows if dxf.row_spacing else 1, columns if dxf.column_spacing else 1
 
 
-def insertions(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
+def insert_transforms(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
     """The affine map by which an INSERT places a block, and the offsets of its copies.
 
     Args:
@@ -287,9 +279,6 @@ def insertions(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
 
     Returns:
         The map of the first copy, and the offsets of all copies from the first, (n, 3).
-
-    Raises:
-        Unreadable: An attribute is not a finite number.
     """
     dxf = entity.dxf
     axes = plane_axes(dxf.extrusion)
@@ -298,7 +287,7 @@ def insertions(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
     rotation = axes @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     linear = rotation * _numbers("scale", [dxf.xscale, dxf.yscale, dxf.zscale])
     insertion = axes @ _numbers("insertion point", tuple(dxf.insert))
-    rows, columns = grid(entity)
+    rows, columns = insert_grid(entity)
     step = _numbers("spacing", [dxf.column_spacing, dxf.row_spacing])
     k = np.arange(rows * columns)
     offsets = np.column_stack([k % columns * step[0], k // columns * step[1], np.zeros(len(k))])
@@ -306,11 +295,7 @@ def insertions(entity: Any, base: FloatArray) -> tuple[Affine, FloatArray]:
 
 
 def clip_of(entity: Any) -> Clip | None:
-    """The clip of an INSERT in the coordinates of its block; None if it is drawn whole.
-
-    Raises:
-        Unreadable: The clip is no polygon, or lies in space.
-    """
+    """The clip of an INSERT in the coordinates of its block; None if it is drawn whole."""
     from ezdxf.xclip import XClip
 
     clip = XClip(entity)
@@ -331,11 +316,7 @@ def clip_of(entity: Any) -> Clip | None:
 
 
 def plane_axes(extrusion: Any) -> FloatArray:
-    """Axes of an entity's plane as columns, by DXF's arbitrary axis algorithm.
-
-    Raises:
-        Unreadable: The extrusion is not a vector with a direction.
-    """
+    """Axes of an entity's plane as columns, by DXF's arbitrary axis algorithm."""
     normal = _numbers("extrusion", tuple(extrusion))
     size = np.linalg.norm(normal)
     if normal.shape != (3,) or not 0 < size < np.inf:

@@ -152,8 +152,8 @@ def _find_repeated(
 def _same(a: Path, b: Path) -> bool:
     """True if two paths are the same within `SAME_PIECE`, in the same or opposite direction."""
     # One may be cut into more segments than the other.
-    share = np.linspace(0, 1, 2 * max(len(a), len(b)) + 5)
-    one, other = a(share * a.length), b(share * b.length)
+    fractions = np.linspace(0, 1, 2 * max(len(a), len(b)) + 5)
+    one, other = a(fractions * a.length), b(fractions * b.length)
     return any(float(np.abs(one - x).max(initial=0.0)) <= SAME_PIECE for x in (other, other[::-1]))
 
 
@@ -164,10 +164,10 @@ def _notes(
     notes = []
     if repeated.any():
         names = [pieces[i].name for i in np.flatnonzero(repeated).tolist()]
-        notes.append(f"Left out because they lie exactly on others: {list_some(names, 6)}.")
+        notes.append(f"Skipped because they coincide with others: {list_some(names, 6)}.")
     if short:
         notes.append(
-            f"Left out because their ends are one point within {tolerance:g} m: "
+            f"Skipped because their ends are one point within {tolerance:g} m: "
             f"{list_some(short, 6)}."
         )
     return notes

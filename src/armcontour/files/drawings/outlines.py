@@ -122,8 +122,8 @@ def _bezier_points(points: FloatArray, knots: FloatArray, degree: int) -> FloatA
             i = k[:, None] + np.arange(r - degree, 1)
             low, high = knots[i], knots[i + degree + 1 - r]
             x = (b if r <= j else a)[:, None]
-            share = ((x - low) / (high - low))[..., None]
-            p = (1 - share) * p[:, :-1] + share * p[:, 1:]
+            fraction = ((x - low) / (high - low))[..., None]
+            p = (1 - fraction) * p[:, :-1] + fraction * p[:, 1:]
         controls[:, j] = p[:, 0]
     return controls
 
@@ -136,13 +136,10 @@ def fit_splines(
     Args:
         splines: Splines that have a length.
         tolerance: Largest distance between a spline and its arcs [m].
-
-    Raises:
-        InvalidInput: A spline is too large for the tolerance; with its index.
     """
     alike: dict[tuple[int, bool, int], list[int]] = defaultdict(list)
-    for i, x in enumerate(splines):
-        alike[x.degree, x.weights is None, x.points.shape[1]].append(i)
+    for i, spline in enumerate(splines):
+        alike[spline.degree, spline.weights is None, spline.points.shape[1]].append(i)
     for (degree, *_), numbers in alike.items():
         if degree == 1:
             # Straight between the points, whatever the weights.
@@ -194,16 +191,16 @@ class _Table:
     def __call__(self, row: IntArray, t: FloatArray, order: int) -> FloatArray:
         """Points (order 0) or derivatives (order 1) of the splines `row` at `t`."""
         k = np.minimum(t.astype(np.intp), self._counts[row] - 1)
-        share = (t - k)[:, None]
+        fraction = (t - k)[:, None]
         first = self._first[row] + k * self.degree
         control = [self._points.take(first + j, axis=0) for j in range(self.degree + 1)]
         if self.plain:
-            return _blend(_slopes(control) if order else control, share)
-        value = _blend(control, share)
+            return _blend(_slopes(control) if order else control, fraction)
+        value = _blend(control, fraction)
         w, p = value[:, -1:], value[:, :-1] / value[:, -1:]
         if order == 0:
             return np.asarray(p)
-        change = _blend(_slopes(control), share)
+        change = _blend(_slopes(control), fraction)
         return np.asarray((change[:, :-1] - p * change[:, -1:]) / w)
 
 
@@ -213,11 +210,11 @@ def _slopes(control: list[FloatArray]) -> list[FloatArray]:
     return [degree * (b - a) for a, b in itertools.pairwise(control)]
 
 
-def _blend(control: list[FloatArray], share: FloatArray) -> FloatArray:
+def _blend(control: list[FloatArray], fraction: FloatArray) -> FloatArray:
     """Points of Bézier curves by de Casteljau's algorithm."""
-    complement = 1 - share
+    complement = 1 - fraction
     while len(control) > 1:
-        control = [complement * a + share * b for a, b in itertools.pairwise(control)]
+        control = [complement * a + fraction * b for a, b in itertools.pairwise(control)]
     return control[0]
 
 
@@ -255,19 +252,20 @@ class Outline:
         Args:
             tolerance: As in `paths_of` [m].
             join: As in `paths_of` [m].
-
-        Raises:
-            InvalidInput: An arc is too large for the tolerance.
         """
         parts: list[Segments | BezierSpline] = []
         for shape in self.closed_up(join):
-            x = shape
+            moved = shape
             if parts:
                 before = parts[-1]
                 end = before.points[-1] if isinstance(before, BezierSpline) else before[-1:].ends[0]
-                x = x.start_at(end)
+                moved = moved.start_at(end)
             part = (
-                x.to_segments(tolerance) if isinstance(x, ArcChain) else x if x.has_length else None
+                moved.to_segments(tolerance)
+                if isinstance(moved, ArcChain)
+                else moved
+                if moved.has_length
+                else None
             )
             if part is not None:
                 parts.append(part)
@@ -306,9 +304,6 @@ def paths_of(
         tolerance: Largest distance between a curve and its arcs [m].
         join: Largest gap of a closed outline that is closed by moving its end [m].
         tell: Called from time to time with the fraction that is done.
-
-    Raises:
-        InvalidInput: A curve is too large for the tolerance; with the index of its outline.
     """
     plain = _draw_plain(outlines, tolerance, join)
     parts: list[list[Segments | BezierSpline]] = []

@@ -65,7 +65,7 @@ def read_path(
     for option, (modules, purpose) in ONLY.items():
         checks.raise_if(
             bool(getattr(options, option)) and module not in modules,
-            f"{purpose}, and {location.name} is none: leave it out.",
+            f"{purpose}, and {location.name} is none: remove it.",
         )
     read = getattr(importlib.import_module(f"armcontour.files.drawings.{module}"), name)
     if module in WITH_PROGRESS:
@@ -96,7 +96,7 @@ def read_path(
     if frame is None and factor == 1.0:
         return program
     program = program.placed(Frame() if frame is None else frame, scale=factor)
-    _refuse_odd_size(program, factor)
+    _check_scaled_size(program, factor)
     return program
 
 
@@ -117,7 +117,7 @@ def _farthest(program: Program) -> float:
     return max(float(np.abs(x.path.vertices).max()) for x in program.contours)
 
 
-def _refuse_odd_size(program: Program, factor: float) -> None:
+def _check_scaled_size(program: Program, factor: float) -> None:
     """Check that a scale leaves coordinates and contours within the limits of the readers."""
     far = _farthest(program)
     short = min(x.path.length for x in program.contours)

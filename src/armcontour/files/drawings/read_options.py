@@ -26,7 +26,7 @@ from armcontour.core.quantities import (
     Tolerance,
 )
 from armcontour.core.text import digits, make_printable, show
-from armcontour.files.units import parse
+from armcontour.files.units import parse_quantity
 from armcontour.geometry import SegmentLimits
 from armcontour.geometry.rounded_path import Continuity
 from armcontour.geometry.tangent_repair import RepairedPath, repair_tangents
@@ -38,7 +38,7 @@ LARGEST = SMALL
 # Length of a name that is cut [characters]; a number is appended if two cut names are equal.
 KEPT = LONGEST_NAME - 12
 # Advice in messages to choose "skip".
-SKIP = "have it left out (unknown: skip, or --skip-unknown)"
+SKIP = "skip it (unknown: skip, or --skip-unknown)"
 # Names of CSS that drawings for lasers and plotters use; other names are used as written.
 NAMED = {
     "black": "#000000",
@@ -67,15 +67,15 @@ _RGB = re.compile(r"rgb\(\s*([\d.]+)(%?)[\s,]+([\d.]+)%?[\s,]+([\d.]+)%?\s*\)")
 Tell = Callable[[float], None]
 
 
-def tell_share(progress: Progress | None, source: str) -> Tell:
+def fraction_reporter(progress: Progress | None, source: str) -> Tell:
     """A function that reports the fraction of a file that is read, in whole percents."""
     if progress is None:
         return lambda share: None
     say, shown = subprogress(progress, source), -1
 
-    def tell(share: float) -> None:
+    def tell(fraction: float) -> None:
         nonlocal shown
-        percent = int(100 * min(share, 1.0))
+        percent = int(100 * min(fraction, 1.0))
         if percent > shown:
             shown = percent
             say(Step((), percent / 100))
@@ -155,35 +155,35 @@ WORD = re.compile(r"[GM]\d{1,4}(\.\d)?|[ABCDEHLPQSTUVW]")
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadOptions(Checked):
-    """How a drawing, G-code or a table of waypoints is read.
+    """Options for reading a drawing, G-code or a table of waypoints.
 
     Args:
         units: Unit of the file's lengths, such as "mm", or its length in metres; replaces the unit
-            that a drawing gives. None takes that unit. A column of a table with a unit of its own
-            keeps that unit.
+            that a drawing gives. None takes that unit. A table column with its own
+            unit keeps it.
         scale: Factor of the file's lengths; tools keep their diameters.
         layers: Layers to read. Or a mapping from layers to speed and tolerance of their contours,
-            for segments without values of their own; a drawing need not have all these layers.
+            for segments without their own values; missing layers are ignored.
         names: Names of contours to read: ids of elements (SVG), handles of entities (DXF), "line
             12" (G-code).
         colors: Colours of DXF entities, or of strokes in SVG, to read: names, "#rrggbb", and for
             DXF also AutoCAD's numbers.
-        flat: Whether to leave out z, and the tool orientation that the file gives.
+        flat: Whether to remove z and the tool orientation of the file.
         chord_tolerance: Largest distance between a curve and the arcs that replace it [m].
         join_tolerance: Distance below which two ends are one point [m].
-        repair_tangents: Distance by which rounded coordinates can be wrong [m]: vertices whose turn
-            this explains are made tangent within it, with a note. The default suits three decimals
-            of a millimetre and four of an inch; 0 leaves all vertices as they are.
-        smooth_axes: For tables of waypoints with tool axes, the largest angle by which these are
-            turned so that they turn smoothly [rad], as measured ones do not; 0 leaves them.
+        mend_vertices: Largest rounding error of coordinates [m]: vertices whose turn such an error
+            can explain are made tangent within it, with a note. The default suits three decimals
+            of a millimetre and four of an inch; 0 changes no vertex.
+        smooth_axes: For tables of waypoints with tool axes, the largest correction that makes noisy
+            measured axes turn smoothly [rad]; 0 leaves the axes unchanged.
         columns: For waypoints in CSV, names of the columns in place of the first line, or of a line
-            that is missing, such as "x [mm],y [mm],-"; "-" leaves a column out.
+            that is missing, such as "x [mm],y [mm],-"; "-" skips a column.
         unknown: Whether to refuse elements that the reader does not know, or skip them with a note;
-            for G-code, `{skip: [T, M6]}` leaves out these words.
+            for G-code, `{skip: [T, M6]}` skips these words.
         texts: For DXF, "contours" draws the letters of TEXT through a font of this machine, with a
-            note; "leave_out" leaves texts out with a note.
+            note; "leave_out" skips texts with a note.
         tools: For G41 and G42 of G-code, diameters of tools [m] by their numbers, such as
-            `{1: 0.003}`; a negative one puts the tool on the other side.
+            `{1: 0.003}`; a negative diameter offsets the tool to the other side.
         continuity: "curvature" puts transitions where the curvature jumps without a corner, for
             motions with a limit of jerk (`smooth_curvature`): curves then become arcs within half
             of the chord tolerance, and transitions leave lines and arcs by the other half at most.
@@ -201,13 +201,13 @@ class ReadOptions(Checked):
     flat: Annotated[bool, About("--flat")] = False
     chord_tolerance: Tolerance = 1e-5
     join_tolerance: Tolerance = 1e-5
-    repair_tangents: Distance = 2e-6
+    mend_vertices: Distance = 2e-6
     smooth_axes: AngularDistance = 0.0
     columns: Annotated[str | None, About("--waypoint-columns")] = None
     unknown: Annotated[
         Annotated[str, Choice(UNKNOWN)] | Mapping[Literal["skip"], Sequence[str]],
         About("--skip-unknown", help="Skip unknown elements.", read="to_skip"),
-        About("--skip", "G-code", "Words of G-code to leave out: 'T,M6'.", "to_words"),
+        About("--skip", "G-code", "Words of G-code to skip: 'T,M6'.", "to_words"),
     ] = "refuse"
     texts: Annotated[str, Choice(TEXTS), About("--texts")] = "leave_out"
     tools: Annotated[
@@ -225,7 +225,7 @@ class ReadOptions(Checked):
         """Length of the unit of the file [m]; None takes that of the file."""
         if isinstance(self.units, str):
             try:
-                return parse(f"1 {self.units}", "m")
+                return parse_quantity(f"1 {self.units}", "m")
             except ValueError:
                 raise InvalidInput(
                     f"units must be a unit of length such as mm, not {self.units!r}."
@@ -235,8 +235,8 @@ class ReadOptions(Checked):
     @property
     def fit_tolerance(self) -> float:
         """Largest distance between a curve and its arcs [m]; transitions may add the rest."""
-        share = 1.0 if self.continuity == "tangent" else FIT_SHARE
-        return share * self.chord_tolerance
+        fraction = 1.0 if self.continuity == "tangent" else FIT_SHARE
+        return fraction * self.chord_tolerance
 
     @property
     def skips(self) -> bool:
@@ -251,14 +251,14 @@ class ReadOptions(Checked):
         if list(self.unknown) != ["skip"]:
             raise InvalidInput(
                 'unknown must be "refuse", "skip", or {"skip": [...]} with the words of G-code to '
-                f"leave out, such as M6 or T, not {show(self.unknown)}."
+                f"skip, such as M6 or T, not {show(self.unknown)}."
             )
         words = checks.check_sequence("unknown: skip", self.unknown["skip"], str, "words of G-code")
         plain = {x.strip().upper() for x in words}
         wrong = next((x for x in sorted(plain) if WORD.fullmatch(x) is None), None)
         if wrong is not None:
             raise InvalidInput(
-                f"unknown: {{skip: ...}} names {wrong!r}, which cannot be left out: it takes codes "
+                f"unknown: {{skip: ...}} names {wrong!r}, which cannot be skipped: it takes codes "
                 "such as G43 or M6, and letters other than X, Y, Z, I, J, K, R, F, N and O."
             )
         return frozenset(re.sub(r"(?<=[GM])0+(?=\d)", "", x) for x in plain)
@@ -296,22 +296,22 @@ class ReadOptions(Checked):
         }
 
 
-def repair(program: Program, options: ReadOptions) -> Program:
+def repair_vertices(program: Program, options: ReadOptions) -> Program:
     """The program with vertices made tangent that rounded coordinates can have bent.
 
     Contours with a tool orientation stay.
     """
     moves: list[Move] = list(program.moves)
     tolerances, changed = options.layer_tolerances, []
-    for i, x in enumerate(moves):
-        if not isinstance(x, Contour) or x.path.orientation is not None:
+    for i, move in enumerate(moves):
+        if not isinstance(move, Contour) or move.path.orientation is not None:
             continue
-        tolerance = tolerances.get(x.layer, math.inf)
-        mended = repair_tangents(x.path, options.repair_tangents, tolerance)
+        tolerance = tolerances.get(move.layer, math.inf)
+        mended = repair_tangents(move.path, options.mend_vertices, tolerance)
         if mended is not None:
             changed.append(mended)
-            events = tuple(dataclasses.replace(y, s=float(mended.place(y.s))) for y in x.events)
-            moves[i] = dataclasses.replace(x, path=mended.path, events=events)
+            events = tuple(dataclasses.replace(y, s=float(mended.place(y.s))) for y in move.events)
+            moves[i] = dataclasses.replace(move, path=mended.path, events=events)
     if not changed:
         return program
     notes = (*program.notes, _note(changed))
@@ -322,10 +322,10 @@ def _note(done: list[RepairedPath]) -> str:
     """A note on the repaired vertices."""
     count = sum(x.count for x in done)
     kink, deviation = (max(getattr(x, y) for x in done) for y in ("kink", "deviation"))
-    vertices = f"{count} vertices, at which" if count > 1 else "1 vertex, at which"
+    vertices = f"{count} vertices" if count > 1 else "1 vertex"
     return (
-        f"RepairedPath {vertices} rounded coordinates can explain the turn of at most "
-        f"{digits(math.degrees(kink), 2)}°: the path is tangent there, at most "
-        f"{digits(deviation * 1e3, 2)} mm from the file's (path.repair_tangents: 0 mm keeps such "
+        f"Repaired {vertices} whose turn of at most {digits(math.degrees(kink), 2)}° can be "
+        "explained by rounded coordinates: the path is tangent there, at most "
+        f"{digits(deviation * 1e3, 2)} mm from the file's (path.mend_vertices: 0 mm keeps such "
         "turns, at which the tool stops)."
     )

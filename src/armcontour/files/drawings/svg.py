@@ -76,14 +76,14 @@ MARKERS = ("marker", "marker-start", "marker-mid", "marker-end")
 # Style sheets are not evaluated, so declarations of these properties are refused, except for the
 # harmless values.
 _SHEET = re.compile(r"(?<![\w-])(display|visibility|transform|clip-path|mask)\s*:\s*(\w+)")
-MARKED = "Left out: the markers of"
-NOT_READ = "Left out because it is no outline"
+MARKED = "Skipped: the markers of"
+NOT_READ = "Skipped because it is no outline"
 HARMLESS = ("none", "inline", "block", "visible", "inherit")
 _STROKE = re.compile(r"(?<![\w-])stroke\s*:")
 # Values of properties that change nothing.
 NOTHING = ("", "none", "inherit", "initial", "unset")
 _URL = re.compile(r"url\(\s*['\"]?#([^'\")]+)['\"]?\s*\)")
-HIDDEN = "Left out because hidden"
+HIDDEN = "Skipped because hidden"
 # Largest number of segments, a curve counted as one; no drawing of contours has more.
 MOST_SEGMENTS = 500_000
 # Largest number of elements drawn by reference; a file with more is malicious.
@@ -108,10 +108,6 @@ def read_svg(
 
     Lines are kept, and so are arcs that are still circular after all transforms; other curves
     become tangent arcs within `options.fit_tolerance`.
-
-    Raises:
-        InvalidInput: The file is not SVG, or has content that is not read; the message names the
-            element and its line.
     """
     root = tree_of(data, source)
     page, view, notes = _page(root, options, data)
@@ -161,7 +157,7 @@ def _page(
         return _up(high, unit) @ inner, box, notes
     if height is None:
         notes.append(
-            f"{root.source} says no height of its page: y is 0 at its upper edge and negative "
+            f"{root.source} gives no height of its page: y is 0 at its upper edge and negative "
             "below."
         )
         return _up(0.0, unit), None, notes
@@ -227,11 +223,7 @@ class SvgWalk(Walk):
         return "is a font, whose glyphs are no drawing: give one whose text is converted to paths"
 
     def shapes(self, to: Affine, view: ViewBox | None) -> Iterator[EntityOutlines]:
-        """Yield the shapes in the order in which they are drawn.
-
-        Raises:
-            InvalidInput: An element is unknown or invalid, or references have no end.
-        """
+        """Yield the shapes in the order in which they are drawn."""
         counts = dict.fromkeys(SHAPES, 0)
         color = frozenset({color_of(self.root.style("stroke") or "none")})
         inherited = _SvgInherited(to=to, view=view, color=color, font=font_size(self.root, FONT))
@@ -442,9 +434,9 @@ def _extent(element: Element, user: Element | None, key: str, whole: float | Non
     The value is taken from the use element, else from the element, else it is that of the outer
     viewport.
     """
-    for x in (user, element):
-        if x is not None and x.get(key) not in ("", "auto"):
-            return length_of(x, key)
+    for source in (user, element):
+        if source is not None and source.get(key) not in ("", "auto"):
+            return length_of(source, key)
     return whole
 
 

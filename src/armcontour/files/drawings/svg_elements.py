@@ -74,11 +74,7 @@ class Element:
         return ""
 
     def refuse(self, defect: str) -> NoReturn:
-        """Refuse the element with a description of its defect.
-
-        Raises:
-            InvalidInput: Always.
-        """
+        """Refuse the element with a description of its defect."""
         raise InvalidInput(f"{self.source}: {self.name}: {defect}.")
 
 
@@ -87,10 +83,6 @@ def tree_of(data: bytes, source: str) -> Element:
 
     Entities must be plain text in the file, and together add at most `MOST_EXPANDED` characters, as
     a short file could expand to any size. Other files are never loaded.
-
-    Raises:
-        InvalidInput: The file is not XML, defines other entities or has too many elements, or its
-            outermost element is not svg.
     """
     from xml.parsers import expat
 
@@ -155,17 +147,18 @@ class _Builder:
 
     def _check_entity(self, name: str, value: str | None, line: int) -> None:
         """Refuse an entity that is not plain text in the file, or expands to too much."""
-        where = f"{self.source}, line {line}: the entity {name[:60]!r}"
+        location = f"{self.source}, line {line}: the entity {name[:60]!r}"
         if value is None or "&" in value or "%" in value or "<" in value:
             raise InvalidInput(
-                f"{where} is not plain text in the file, which is not read: save it as plain SVG."
+                f"{location} is not plain text in the file, which is not read: save it as plain "
+                "SVG."
             )
         # Counted before the parser expands it; the file's encoding must contain ASCII.
         self._expanded += len(value) * self._data.count(f"&{name};".encode())
         if self._expanded > MOST_EXPANDED or b"<!ENTITY" not in self._data:
             raise InvalidInput(
-                f"{where} would make the file longer by more than {MOST_EXPANDED} characters, or "
-                "nobody can tell: save it as plain SVG."
+                f"{location} would make the file longer by more than {MOST_EXPANDED} characters, "
+                "or by an unknown number: save it as plain SVG."
             )
 
     def _start(self, name: str, attributes: dict[str, str], line: int) -> None:
@@ -259,11 +252,7 @@ def is_flat(transform: Affine) -> bool:
 
 
 def numbers_of(element: Element, key: str, text: str) -> list[float]:
-    """The numbers in a text, separated by blanks or commas; `key` is for messages.
-
-    Raises:
-        InvalidInput: The text is not a list of numbers.
-    """
+    """The numbers in a text, separated by blanks or commas; `key` is for messages."""
     if not NUMBERS.fullmatch(text):
         bad = NUMBERS.match(text)
         position = bad.end() if bad else 0
@@ -279,11 +268,7 @@ def limit_matches(matches: Iterable[re.Match[str]]) -> Iterable[re.Match[str]]:
 
 
 def check_numbers(element: Element, key: str, values: list[float]) -> list[float]:
-    """Return the numbers of a list if they are finite and not too many; `key` is for messages.
-
-    Raises:
-        InvalidInput: A number is too large, or there are more than `MOST_NUMBERS`.
-    """
+    """Return the numbers of a list if they are finite and not too many; `key` is for messages."""
     if len(values) > MOST_NUMBERS:
         element.refuse(f"{key} has more than {MOST_NUMBERS} numbers: split it")
     if not all(map(math.isfinite, values)):
@@ -292,21 +277,21 @@ def check_numbers(element: Element, key: str, values: list[float]) -> list[float
 
 
 def length_of(element: Element, key: str, *, default: float | None = 0.0) -> float | None:
-    """An attribute that is a length, in user units; `default` if it is missing or auto.
-
-    Raises:
-        InvalidInput: The attribute is not a length, or has a relative unit such as % or em.
-    """
+    """An attribute that is a length, in user units; `default` if it is missing or auto."""
     text = element.get(key)
     if text in ("", "auto"):
         return default
     match = _LENGTH.fullmatch(text)
     factor = PIXELS.get(match[2].lower()) if match else None
     if match is None or factor is None:
-        why = " here, where nothing says of what" if match and match[2] == "%" else ""
+        reason = (
+            " because the reference of the percentage is unknown"
+            if match and match[2] == "%"
+            else ""
+        )
         element.refuse(
-            f"{key}={text[:40]!r} is not a length that is read{why}: write a number, or one in px, "
-            "mm, cm, in, pt or pc"
+            f"{key}={text[:40]!r} is not a length that is read{reason}: write a number, or one in "
+            "px, mm, cm, in, pt or pc"
         )
     value = float(match[1]) * factor
     if not math.isfinite(value):
@@ -315,11 +300,7 @@ def length_of(element: Element, key: str, *, default: float | None = 0.0) -> flo
 
 
 def number_of(element: Element, key: str) -> float:
-    """An attribute that is a length, in user units; 0 if it is missing or auto.
-
-    Raises:
-        InvalidInput: The attribute is not a length, or has a relative unit such as % or em.
-    """
+    """An attribute that is a length, in user units; 0 if it is missing or auto."""
     return length_of(element, key) or 0.0
 
 
@@ -358,11 +339,7 @@ def font_size(element: Element, inherited: float) -> float:
 
 
 def transform_of(element: Element) -> Affine:
-    """The affine map of an element's attribute transform.
-
-    Raises:
-        InvalidInput: The attribute is not a list of transforms.
-    """
+    """The affine map of an element's attribute transform."""
     text = element.get("transform")
     if text in ("", "none"):
         return IDENTITY
@@ -389,23 +366,23 @@ def transform_of(element: Element) -> Affine:
 
 def _single_transform(kind: str, values: list[float]) -> Affine:
     """The affine map of one transform, such as rotate, with its arguments."""
-    x = values[0]
+    first = values[0]
     if kind == "matrix":
         return affine(*values)
     if kind == "translate":
-        return affine(1, 0, 0, 1, x, values[1] if len(values) > 1 else 0)
+        return affine(1, 0, 0, 1, first, values[1] if len(values) > 1 else 0)
     if kind == "scale":
-        return affine(x, 0, 0, values[1] if len(values) > 1 else x, 0, 0)
+        return affine(first, 0, 0, values[1] if len(values) > 1 else first, 0, 0)
     if kind == "skewX":
-        return affine(1, 0, math.tan(math.radians(x)), 1, 0, 0)
+        return affine(1, 0, math.tan(math.radians(first)), 1, 0, 0)
     if kind == "skewY":
-        return affine(1, math.tan(math.radians(x)), 0, 1, 0, 0)
-    c, s = _cos_sin(x)
+        return affine(1, math.tan(math.radians(first)), 0, 1, 0, 0)
+    c, s = _cos_sin(first)
     turned = affine(c, s, -s, c, 0, 0)
     if len(values) == 1:
         return turned
-    there, back = affine(1, 0, 0, 1, *values[1:]), affine(1, 0, 0, 1, -values[1], -values[2])
-    return there @ turned @ back
+    forward, back = affine(1, 0, 0, 1, *values[1:]), affine(1, 0, 0, 1, -values[1], -values[2])
+    return forward @ turned @ back
 
 
 def _cos_sin(degrees: float) -> tuple[float, float]:
@@ -428,11 +405,7 @@ class ViewBox:
 
 
 def view_box(element: Element) -> ViewBox | None:
-    """The viewBox of an element; None if it has none.
-
-    Raises:
-        InvalidInput: The attribute is not four numbers, or the box has no area.
-    """
+    """The viewBox of an element; None if it has none."""
     text = element.get("viewBox")
     if not text or text == "none":
         return None
@@ -445,11 +418,7 @@ def view_box(element: Element) -> ViewBox | None:
 
 
 def viewbox_transform(element: Element, inner: ViewBox, outer: ViewBox) -> Affine:
-    """The map from the viewBox of an element into its viewport, by its preserveAspectRatio.
-
-    Raises:
-        InvalidInput: The value of preserveAspectRatio is not known.
-    """
+    """The map from the viewBox of an element into its viewport, by its preserveAspectRatio."""
     text = element.get("preserveAspectRatio") or "xMidYMid"
     match = _ALIGN.fullmatch(text)
     if match is None:

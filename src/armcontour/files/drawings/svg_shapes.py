@@ -42,11 +42,7 @@ Command = tuple[str, list[float]]
 
 
 def outlines_of(element: Element, spend: Callable[[int], None]) -> list[Outline]:
-    """The outlines of a path, one per subpath.
-
-    Raises:
-        InvalidInput: The path data do not follow SVG's grammar.
-    """
+    """The outlines of a path, one per subpath."""
     pen = Pen(element)
     for letter, numbers in _commands(element, spend):
         pen.obey(letter, numbers)
@@ -267,11 +263,7 @@ Spend = Callable[[int], None]
 
 
 def shape_of(element: Element, spend: Spend) -> list[Outline]:
-    """The outlines of an element with a tag of `SHAPES`; empty if it has no size.
-
-    Raises:
-        InvalidInput: The attributes do not define the shape.
-    """
+    """The outlines of an element with a tag of `SHAPES`; empty if it has no size."""
     return SHAPES[element.tag](element, spend)
 
 

@@ -16,7 +16,13 @@ from armcontour.core.text import list_some
 from armcontour.files.drawings.arc_chain import Affine
 from armcontour.files.drawings.entity_chains import DrawnEntity, chain_pieces
 from armcontour.files.drawings.outlines import Outline, paths_of
-from armcontour.files.drawings.read_options import FARTHEST, Labels, ReadOptions, repair, tell_share
+from armcontour.files.drawings.read_options import (
+    FARTHEST,
+    Labels,
+    ReadOptions,
+    fraction_reporter,
+    repair_vertices,
+)
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT, Segments
 from armcontour.program import Program
@@ -87,8 +93,8 @@ def _cut_at_edges(table: Segments, polygon: FloatArray) -> tuple[IntArray, Float
             # Crossings at the ends of a segment or outside of the edge do not cut.
             good = (u > REPEATED_POINT) & (u < table.lengths - REPEATED_POINT)
             i = np.flatnonzero(good)
-            x = (table.evaluate(i, u[i]) - a) @ along
-            i = i[(x >= -REPEATED_POINT) & (x <= size + REPEATED_POINT)]
+            coordinate = (table.evaluate(i, u[i]) - a) @ along
+            i = i[(coordinate >= -REPEATED_POINT) & (coordinate <= size + REPEATED_POINT)]
             rows.append(i)
             distances.append(u[i])
     row, begin = np.concatenate(rows), np.concatenate(distances)
@@ -124,8 +130,8 @@ def _kept(points: FloatArray, clip: Clip) -> BoolArray:
         down = (a[1] > points[:, 1]) & (b[1] <= points[:, 1])
         winding += (up & (side > 0)).astype(np.intp) - (down & (side < 0))
         size = float(edge @ edge)
-        share = np.clip(v @ edge / size, 0.0, 1.0) if size else np.zeros(len(v))
-        near |= np.linalg.norm(v - share[:, None] * edge, axis=1) <= REPEATED_POINT
+        fraction = np.clip(v @ edge / size, 0.0, 1.0) if size else np.zeros(len(v))
+        near |= np.linalg.norm(v - fraction[:, None] * edge, axis=1) <= REPEATED_POINT
     return np.asarray(((winding != 0) != clip.outside) | near)
 
 
@@ -133,7 +139,7 @@ def _kept(points: FloatArray, clip: Clip) -> BoolArray:
 WALKED = 0.4
 # Largest number of entities that a note names.
 NAMED = 9
-NO_SIZE = "Left out because of no size"
+NO_SIZE = "Skipped because of no size"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -193,7 +199,7 @@ class Walk:
     def __init__(self, source: str, options: ReadOptions, progress: Progress | None) -> None:
         self.source, self.options, self.skip = source, options, options.skips
         self.requested_layers, self.colors = options.layer_set, options.color_set
-        self.tell = tell_share(progress, source)
+        self.tell = fraction_reporter(progress, source)
         self.labels = Labels()
         # Names of omitted items by the reasons; entities on other layers and of other colours.
         self.left_out: dict[str, Counter[str]] = {}
@@ -226,20 +232,16 @@ class Walk:
         return ""
 
     def program(self, entities: Iterable[EntityOutlines], notes: Sequence[str]) -> Program:
-        """The program of all contours.
-
-        Raises:
-            InvalidInput: An entity makes no path, or there is no contour.
-        """
+        """The program of all contours."""
         pieces = self._pieces(list(entities))
         contours, chaining_notes = chain_pieces(pieces, self.options.join_tolerance)
         notes = [*notes, *self.notes, *chaining_notes]
         if not contours:
             if self.others:
                 notes.append(f"Of other colours than chosen: {list_counted(self.others)}.")
-            why = f" ({' '.join(notes).rstrip('.')})" if notes else ""
-            why = self.explain_empty() or f"has no contour to follow{self.part}{why}"
-            raise InvalidInput(f"{self.source} {why}.")
+            reason = f" ({' '.join(notes).rstrip('.')})" if notes else ""
+            reason = self.explain_empty() or f"has no contour to follow{self.part}{reason}"
+            raise InvalidInput(f"{self.source} {reason}.")
         program = Program(
             moves=tuple(contours),
             source=self.source,
@@ -247,7 +249,7 @@ class Walk:
             remarks=describe_not_run(self.elsewhere),
             other_layers=tuple(self.elsewhere),
         )
-        return repair(program, self.options)
+        return repair_vertices(program, self.options)
 
     def _pieces(self, entities: Sequence[EntityOutlines]) -> list[DrawnEntity]:
         """The paths of all outlines, clipped."""
@@ -262,21 +264,21 @@ class Walk:
                 )
         except InvalidInput as error:
             assert error.index is not None
-            where = [x.where for x in entities for _ in x.outlines][error.index]
-            raise InvalidInput(f"{self.source}: {where}: {error}") from None
+            names = [x.where for x in entities for _ in x.outlines][error.index]
+            raise InvalidInput(f"{self.source}: {names}: {error}") from None
         pieces: list[DrawnEntity] = []
         drawn = iter(paths)
-        for x in entities:
-            whole = [path for path in islice(drawn, len(x.outlines)) if path is not None]
+        for entity in entities:
+            whole = [path for path in islice(drawn, len(entity.outlines)) if path is not None]
             if not whole:
-                self.leave_out(NO_SIZE, x.where)
-            parts = [part for path in whole for part in clip_path(path, *x.clips)]
+                self.leave_out(NO_SIZE, entity.where)
+            parts = [part for path in whole for part in clip_path(path, *entity.clips)]
             first = len(pieces) + 1
             for k, path in enumerate(parts):
                 is_split = len(parts) > 1
-                name = f"{x.name}[{k + 1}]" if is_split and not self.apart else x.name
+                name = f"{entity.name}[{k + 1}]" if is_split and not self.apart else entity.name
                 apart = first + k if is_split and self.apart else 0
-                pieces.append(DrawnEntity(path=path, name=name, layer=x.layer, apart=apart))
+                pieces.append(DrawnEntity(path=path, name=name, layer=entity.layer, apart=apart))
         return pieces
 
 

@@ -15,7 +15,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import QUATERNION_TOLERANCE, angle_between, from_rpy
 from armcontour.core.text import plain_number, show
 from armcontour.files.csv_table import CsvTable, Title, read_table
-from armcontour.files.drawings.read_options import FARTHEST, ReadOptions, repair
+from armcontour.files.drawings.read_options import FARTHEST, ReadOptions, repair_vertices
 from armcontour.geometry import Path
 from armcontour.geometry.segments import REPEATED_POINT
 from armcontour.geometry.smooth_axes import smooth_axes
@@ -74,7 +74,7 @@ def read_waypoints(data: bytes, *, source: str, options: ReadOptions) -> Program
     program = Program(
         moves=tuple(contours), source=source, notes=tuple(notes), remarks=tuple(remarks)
     )
-    return repair(program, options)
+    return repair_vertices(program, options)
 
 
 def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str], list[str]]:
@@ -94,13 +94,13 @@ def _read(data: bytes, source: str, options: ReadOptions) -> tuple[CsvTable[str]
     if table.unknown and not options.skips:
         raise InvalidInput(
             f"{table.heading}: unknown column {show(table.unknown[0])}: the columns are "
-            f"{', '.join(KNOWN)}, with a unit in brackets; with unknown: skip others are left out."
+            f"{', '.join(KNOWN)}, with a unit in brackets; unknown: skip ignores others."
         )
     for group in (POINT[:2], QUATERNION, ANGLES, AXIS):
         if group[0] in POINT or not table.columns.keys().isdisjoint(group):
             table.need(*group)
     return table, [
-        f"The column {show(x)} of {source} is not known: left out." for x in table.unknown
+        f"The column {show(x)} of {source} is unknown and is skipped." for x in table.unknown
     ]
 
 
@@ -160,7 +160,7 @@ def _orientation(
     if len(kinds) > 1:
         raise InvalidInput(
             f"{table.source} gives the tool orientation twice, by {kinds[0][0]} and by "
-            f"{kinds[1][0]}: leave one out."
+            f"{kinds[1][0]}: remove one."
         )
     keys = kinds[0]
     if "z" not in values:
@@ -210,7 +210,7 @@ def _path(table: CsvTable[str], values: Mapping[str, FloatArray], rows: slice) -
     if (np.linalg.norm(points - points[0], axis=1) <= REPEATED_POINT).all():
         raise InvalidInput(
             f"{table.source}: the contour that starts in line {first} has no two different "
-            "points: give it more, or leave it out."
+            "points: give it more, or remove it."
         )
     path = Path.polyline(points)
     ends = np.delete(np.arange(len(points)), path.merged)[1:]
@@ -264,7 +264,7 @@ def _smooth(
     if orientation is None or orientation[0] != AXIS:
         raise InvalidInput(
             f"{table.source}: smooth_axes (path.smooth_axes) is for tool axes in the columns "
-            f"{', '.join(AXIS)}, which are not there: leave it out."
+            f"{', '.join(AXIS)}, which are missing: remove it."
         )
     if path.orientation is None:
         return path, []

@@ -49,8 +49,9 @@ class ExportFormat(Checked):
     def write(self, table: SetPointTable, file: FilePath) -> None:
         """Write a table directly to a path, without a temporary file.
 
-        Raises:
-            InvalidInput: The format cannot hold the table.
+        Args:
+            table: The table.
+            file: The path; for a bag a folder that does not exist yet.
         """
         raise NotImplementedError
 
@@ -187,22 +188,14 @@ WITH_OUTPUTS = (URScriptFormat, TemplateFormat)
 
 
 def format_named(name: str) -> type[ExportFormat]:
-    """The format of a name.
-
-    Raises:
-        InvalidInput: There is no such format.
-    """
+    """The format of a name."""
     if name not in FORMATS:
         raise InvalidInput(f"There is no format {name!r}: the formats are {LISTED}.")
     return FORMATS[name]
 
 
 def format_of(file: FilePath) -> type[ExportFormat]:
-    """The format of a file, by its extension.
-
-    Raises:
-        InvalidInput: No format has this extension.
-    """
+    """The format of a file, by its extension."""
     by_ending = {x.ending: x for x in FORMATS.values() if x.ending}
     if file.suffix.lower() in by_ending:
         return by_ending[file.suffix.lower()]
@@ -275,7 +268,7 @@ def export(
     ):
         kind = "Template" if isinstance(chosen, TemplateFormat) else "Format"
         warnings.warn(f"{kind} {chosen.label}: {sentence}", stacklevel=3)
-    put(
+    write_destination(
         destination,
         lambda path: chosen.write(table, path),
         folder=isinstance(chosen, McapFormat),
@@ -285,11 +278,7 @@ def export(
 def check_outputs(
     outputs: Mapping[str, int | str], events: Iterable[str], *, option: str, owner: str
 ) -> None:
-    """Check that outputs belong to existing events.
-
-    Raises:
-        InvalidInput: An output is for an unknown event.
-    """
+    """Check that outputs belong to existing events."""
     names = sorted(set(events))
     for name in outputs:
         if name not in names:
@@ -297,22 +286,21 @@ def check_outputs(
             raise InvalidInput(f"{option} names {name!r}, which {owner} does not switch: {has}.")
 
 
-def put(file: FilePath, write: Callable[[FilePath], None], *, folder: bool = False) -> None:
+def write_destination(
+    file: FilePath, write: Callable[[FilePath], None], *, folder: bool = False
+) -> None:
     """Write a file or folder to a temporary path, then move it to the destination.
 
     If writing fails, an earlier file at the destination stays.
-
-    Raises:
-        InvalidInput: The destination cannot be written.
     """
     try:
-        _refuse_destination(file, folder)
+        _check_destination(file, folder)
         staging.write_atomically(file, write)
     except OSError as error:
         raise staging.unwritable(file, error) from None
 
 
-def _refuse_destination(file: FilePath, folder: bool) -> None:
+def _check_destination(file: FilePath, folder: bool) -> None:
     """Check that writing to a destination would not destroy other files."""
     if not file.name or "\0" in str(file):
         raise InvalidInput(f"Cannot write {str(file)!r}: it is not the name of a file.")

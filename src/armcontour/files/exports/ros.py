@@ -12,7 +12,13 @@ import numpy as np
 
 from armcontour.core.checks import IntArray
 from armcontour.core.errors import InvalidInput
-from armcontour.files.exports.table import FIXED, SetPointTable, event_data, filled, write_pieces
+from armcontour.files.exports.table import (
+    FIXED,
+    SetPointTable,
+    event_data,
+    format_rows,
+    write_pieces,
+)
 
 TOPIC = "/joint_trajectory_controller/joint_trajectory"
 EVENTS_TOPIC = "/armcontour/events"
@@ -46,7 +52,7 @@ def write_ros_yaml(table: SetPointTable, file: FilePath) -> None:
         "header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: ''\n"
         f"joint_names:\n{names}points:\n"
     )
-    write_pieces(file, chain([head], filled(point, values)))
+    write_pieces(file, chain([head], format_rows(point, values)))
 
 
 def write_mcap(table: SetPointTable, file: FilePath) -> None:
@@ -55,9 +61,6 @@ def write_mcap(table: SetPointTable, file: FilePath) -> None:
     The trajectory message is at time 0 of the bag. Each event is a std_msgs/msg/String of JSON on
     the topic /armcontour/events at its own time, so playing the bag publishes the events in step
     with the motion.
-
-    Raises:
-        InvalidInput: rosbags is not installed.
     """
     try:
         from rosbags.rosbag2 import StoragePlugin, Writer

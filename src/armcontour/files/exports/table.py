@@ -184,10 +184,6 @@ def make_table(
         tool_motion: Whether the table has orientation and speed of the tool too.
         analog: Analog outputs by their names: functions from times of the plan [s], (n,), to
             values, as `armcontour.jobs.analog_outputs` gives them.
-
-    Raises:
-        InvalidInput: The cycle differs from that of set-points; the number of joints or names is
-            wrong; the motion of the tool needs an arm; or as for `SetPointTable`.
     """
     if not isinstance(data, SetPoints | Trajectory):
         raise InvalidInput(
@@ -227,11 +223,7 @@ def tabulate(
     tool_motion: bool = False,
     **about: Any,
 ) -> SetPointTable:
-    """The table of samples; `about` are further fields of `SetPointTable`.
-
-    Raises:
-        InvalidInput: As in `make_table`.
-    """
+    """The table of samples; `about` are further fields of `SetPointTable`."""
     name, dof = about["name"], samples.q.shape[1]
     checks.check_int("derivatives", derivatives, 0, 2)
     tool: dict[str, Any] = {}
@@ -286,9 +278,6 @@ def check_export_cycle(cycle: float, duration: float, name: str) -> None:
         cycle: The cycle [s].
         duration: The duration of the motion [s].
         name: Name of the program, for the message.
-
-    Raises:
-        InvalidInput: The cycle is longer than the motion, and than `LONGEST_CLOCK`.
     """
     # A cycle may be longer than a tiny motion.
     if cycle > max(duration, LONGEST_CLOCK):
@@ -325,7 +314,7 @@ def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) ->
             allowed=set_points.cycle,
         )
     plan, t = set_points.trajectory, set_points.t
-    if derivatives > 1 and are_places(set_points.q, plan.with_rests(t)):
+    if derivatives > 1 and equals_plan(set_points.q, plan.with_rests(t)):
         dq, ddq = plan.with_rests(t, 1), plan.with_rests(t, 2)
         for values in (dq, ddq):
             values.setflags(write=False)
@@ -333,7 +322,7 @@ def _set_points(set_points: SetPoints, cycle: float | None, derivatives: int) ->
     return differentiate(set_points.q, set_points.cycle)
 
 
-def are_places(q: FloatArray, plan: FloatArray) -> bool:
+def equals_plan(q: FloatArray, plan: FloatArray) -> bool:
     """True if set-points equal their plan at the same times, (n, dof) each."""
     return q.shape == plan.shape and bool((np.abs(q - plan) <= SAME_PLACE).all())
 
@@ -357,14 +346,14 @@ def differentiate(q: FloatArray, cycle: float) -> Samples:
     # The velocities v of a cubic spline with equal intervals h solve
     # v[i-1] + 4 v[i] + v[i+1] = 3 (q[i+1] - q[i-1]) / h, with zero at both ends.
     for j in range(q.shape[1]):
-        x, v = np.ascontiguousarray(q[:, j]), dq[:, j]
+        positions, velocities = np.ascontiguousarray(q[:, j]), dq[:, j]
         if len(q) > 2:
-            right = (3 / cycle * (x[2:] - x[:-2]))[:, None]
+            right = (3 / cycle * (positions[2:] - positions[:-2]))[:, None]
             solve_banded(np.tile([4.0, 1.0], (len(right), 1)), right)
-            v[1:-1] = right[:, 0]
-        slope = np.diff(x) / cycle
-        ddq[:-1, j] = (6 * slope - 4 * v[:-1] - 2 * v[1:]) / cycle
-        ddq[-1, j] = (2 * v[-2] + 4 * v[-1] - 6 * slope[-1]) / cycle
+            velocities[1:-1] = right[:, 0]
+        slope = np.diff(positions) / cycle
+        ddq[:-1, j] = (6 * slope - 4 * velocities[:-1] - 2 * velocities[1:]) / cycle
+        ddq[-1, j] = (2 * velocities[-2] + 4 * velocities[-1] - 6 * slope[-1]) / cycle
     for values in (dq, ddq):
         # No copies: a long motion has gigabytes of set-points.
         values.setflags(write=False)
@@ -426,7 +415,7 @@ def csv_pieces(
     yield _csv_line(header)
     row = ",".join([FIXED] * sum(1 if x.ndim == 1 else x.shape[1] for x in columns))
     lines = {k: row + _csv_line(["", x]).replace("%", "%%") for k, x in (cells or {}).items()}
-    yield from filled(row + ("\n" if cells is None else ",\n"), *columns, lines=lines)
+    yield from format_rows(row + ("\n" if cells is None else ",\n"), *columns, lines=lines)
 
 
 def _csv_line(cells: Sequence[str]) -> str:
@@ -436,7 +425,9 @@ def _csv_line(cells: Sequence[str]) -> str:
     return line.getvalue()
 
 
-def filled(row: str, *columns: FloatArray, lines: Mapping[int, str] | None = None) -> Iterator[str]:
+def format_rows(
+    row: str, *columns: FloatArray, lines: Mapping[int, str] | None = None
+) -> Iterator[str]:
     """Yield all rows as text, in blocks of rows.
 
     Args:
@@ -555,35 +546,38 @@ def _event_cells(table: SetPointTable) -> dict[int, str]:
     return cells
 
 
-def write_taught(file: FilePath, set_points: SetPoints, joint_names: Sequence[str]) -> None:
+def write_set_points(file: FilePath, set_points: SetPoints, joint_names: Sequence[str]) -> None:
     """Write set-points as CSV: t, then q of every joint."""
-    write_pieces(file, taught_pieces(set_points, joint_names))
+    write_pieces(file, set_point_pieces(set_points, joint_names))
 
 
-def taught_pieces(set_points: SetPoints, joint_names: Sequence[str]) -> Iterator[str]:
-    """The pieces of text that `write_taught` writes."""
+def set_point_pieces(set_points: SetPoints, joint_names: Sequence[str]) -> Iterator[str]:
+    """The pieces of text that `write_set_points` writes."""
     return csv_pieces(*joint_columns(set_points.t, joint_names, q=set_points.q))
 
 
-def write_planned(file: FilePath, x: Samples, joint_names: Sequence[str] = ()) -> None:
+def write_planned(file: FilePath, samples: Samples, joint_names: Sequence[str] = ()) -> None:
     """Write the realizable trajectory as CSV: t, then q, dq and ddq of every joint.
 
     Args:
         file: The file.
-        x: Samples of the trajectory; the last row is the end.
+        samples: Samples of the trajectory; the last row is the end.
         joint_names: Names of the joints; numbers by default.
     """
-    names = joint_names or [f"joint {j + 1}" for j in range(x.q.shape[1])]
-    write_pieces(file, csv_pieces(*joint_columns(x.t, names, q=x.q, dq=x.dq, ddq=x.ddq)))
+    names = joint_names or [f"joint {j + 1}" for j in range(samples.q.shape[1])]
+    write_pieces(
+        file,
+        csv_pieces(*joint_columns(samples.t, names, q=samples.q, dq=samples.dq, ddq=samples.ddq)),
+    )
 
 
-def write_torque(file: FilePath, x: Samples, arm: Arm) -> None:
+def write_torque(file: FilePath, samples: Samples, arm: Arm) -> None:
     """Write torques of the realizable trajectory as CSV: t, then the torque of every drive.
 
     Args:
         file: The file.
-        x: Samples of the trajectory; the last row is the end.
+        samples: Samples of the trajectory; the last row is the end.
         arm: The arm, with bodies.
     """
-    torque = arm.torque(x.q, x.dq, x.ddq)
-    write_pieces(file, csv_pieces(*joint_columns(x.t, arm.joint_names, torque=torque)))
+    torque = arm.torque(samples.q, samples.dq, samples.ddq)
+    write_pieces(file, csv_pieces(*joint_columns(samples.t, arm.joint_names, torque=torque)))

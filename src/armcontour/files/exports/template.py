@@ -103,12 +103,7 @@ def template_of(
     *,
     file: str,
 ) -> str:
-    """The program that a template makes of a table.
-
-    Raises:
-        InvalidInput: The template does not exist, has an error, or refuses the table; the message
-            names the template and the line.
-    """
+    """The program that a template makes of a table."""
     source, text, folder = _read(template)
     environment = _environment(folder)
     variables = _variables(table, outputs or {}, file)
@@ -267,16 +262,16 @@ def _variables(table: SetPointTable, outputs: Mapping[str, int | str], file: str
 def _points(table: SetPointTable) -> tuple[Point, ...]:
     """The rows of a table, each with its events."""
     switches: dict[int, list[OutputSwitch]] = {}
-    for x, i in zip(table.events, table.point_of_events, strict=True):
+    for event, i in zip(table.events, table.point_of_events, strict=True):
         switches.setdefault(i, []).append(
             OutputSwitch(
-                name=x.name,
-                value=x.value,
-                t=x.t,
-                due=x.due,
-                s=x.s,
-                point=x.point,
-                text=format_event(x),
+                name=event.name,
+                value=event.value,
+                t=event.t,
+                due=event.due,
+                s=event.s,
+                point=event.point,
+                text=format_event(event),
             )
         )
     count = len(table.t)
@@ -311,14 +306,14 @@ def _tuples(values: Any, count: int) -> list[tuple[float, ...] | None]:
     return [None] * count if values is None else [tuple(x) for x in values.tolist()]
 
 
-def _each(function: Any, x: Any) -> Any:
+def _each(function: Any, value: Any) -> Any:
     """The function of a number, or the list of the function of each number."""
-    return function(x) if isinstance(x, int | float) else [function(y) for y in x]
+    return function(value) if isinstance(value, int | float) else [function(y) for y in value]
 
 
-def _fixed(x: float | Sequence[float], decimals: int = DECIMALS) -> str:
+def _fixed(value: float | Sequence[float], decimals: int = DECIMALS) -> str:
     """A number, or several with commas between them, with a fixed number of decimals."""
-    text = _each(lambda y: f"{y:.{decimals}f}", x)
+    text = _each(lambda y: f"{y:.{decimals}f}", value)
     return text if isinstance(text, str) else ", ".join(text)
 
 
@@ -338,7 +333,7 @@ def _sentence(error: Exception) -> str:
     from jinja2 import TemplateNotFound
 
     if isinstance(error, TemplateNotFound):
-        return f"there is no template {error.name!r} beside it"
+        return f"there is no template {error.name!r} next to it"
     message = " ".join(str(error).split()).rstrip(".")
     return message or type(error).__name__
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
-from armcontour.files.exports.table import SetPointTable, filled, format_event, write_pieces
+from armcontour.files.exports.table import SetPointTable, format_event, format_rows, write_pieces
 from armcontour.motion import TimedEvent
 
 JOINTS = 6
@@ -60,11 +60,6 @@ def write_urscript(
     before it, even if its own time is earlier. An event with a digital output switches the output
     on or off; any other event writes a message by `textmsg`. An analog output with a number is set
     at every set-point at which its level changes. Comments name the contours.
-
-    Raises:
-        InvalidInput: The number of joints is not six, the interval is not a multiple of 2 ms, an
-            output does not exist, an analog value is not from 0 to 1, or an event cannot be
-            written.
     """
     _check(table)
     named_outputs = outputs or {}
@@ -103,12 +98,12 @@ def _commands(
         # A servoj lasts for one interval, so the line after it is executed at the time of the next
         # set-point.
         before = round(position)
-        yield from filled(point, table.q[done : min(before, count)])
+        yield from format_rows(point, table.q[done : min(before, count)])
         if before > max(done, count):
             yield _repeat_last(last, (before - max(done, count)) * table.cycle)
         yield command
         done = max(done, before)
-    yield from filled(point, table.q[done:])
+    yield from format_rows(point, table.q[done:])
     yield _repeat_last(last, HOLD)
 
 
@@ -199,6 +194,6 @@ def _digital_outputs(table: SetPointTable, outputs: Mapping[str, int | str]) -> 
         if event.name in numbers and not isinstance(event.value, bool | str):
             raise InvalidInput(
                 f"The event {event.name} switches to {json.dumps(event.value)}, but a digital "
-                "output is only on or off: leave its output out."
+                "output is only on or off: remove its output."
             )
     return numbers

@@ -1,22 +1,81 @@
-"""Shapes of links in a robot description (URDF): its `<collision>` elements."""
+"""Collision elements of robot descriptions (URDF), and pairs of links without checks (SRDF)."""
 
 from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path as FilePath
 
-from armcontour.core.checks import FloatArray
+from armcontour.core import file_access
+from armcontour.core.checks import LONGEST_NAME, FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame, from_rpy
-from armcontour.core.text import list_some, show
+from armcontour.core.text import list_some, make_printable, shorten, show
 from armcontour.files.mesh_file import MESHES, read_mesh
 from armcontour.files.robots.description import attribute, origin_of, three
-from armcontour.files.robots.packages import find_near
-from armcontour.files.robots.tree import Tree
-from armcontour.robot.scene import Box, Capsule, Cylinder, LinkShape, Shape, Sphere
+from armcontour.files.robots.tree import MOST_NAMED, Tree, parse_xml
+from armcontour.files.robots.xacro_file import find_near
+from armcontour.robot.scene import Box, Capsule, Cylinder, LeftOut, LinkShape, Shape, Sphere
+
+
+def read_left_out(file: str | FilePath, links: Collection[str]) -> tuple[LeftOut, ...]:
+    """Read the pairs of links without distance checks from an SRDF file, with the file's reasons.
+
+    Typical reasons are that a pair never touched in random configurations ("Never") or always
+    touched ("Default").
+    """
+    location = FilePath(file)
+    robot = parse_xml(str(location), file_access.read_bytes(location, "SRDF file"))
+    if robot.tag != "robot":
+        raise InvalidInput(
+            f"{location} is not a file of pairs that may touch (SRDF): it holds "
+            f"<{robot.tag}>, not <robot>."
+        )
+    disabled = [_pair(x, location) for x in robot.findall("disable_collisions")]
+    alone = {x.get("link", "") for x in robot.findall("disable_default_collisions")}
+    every = {name for x in disabled for name in (x.first, x.second)} | alone
+    if every and not every & set(links):
+        raise InvalidInput(
+            f"{location} names no link of the arm that has a shape: it is for "
+            f"{list_some(sorted(every), MOST_NAMED)}, and the arm has "
+            f"{list_some(sorted(set(links)), MOST_NAMED)}."
+        )
+    enabled = {frozenset(_names(x, location)) for x in robot.findall("enable_collisions")}
+    by_default = _with_others(alone, links, f"{location.name}: disable_default_collisions")
+    pairs = {frozenset((x.first, x.second)): x for x in (*by_default, *disabled)}
+    return tuple(x for pair, x in pairs.items() if pair <= set(links) and pair not in enabled)
+
+
+def _pair(element: ET.Element, location: FilePath) -> LeftOut:
+    """A pair of links, with the reason that the file gives."""
+    first, second = _names(element, location)
+    reason = shorten(make_printable(element.get("reason", "").strip()), LONGEST_NAME)
+    reason = reason or "no reason given"
+    return LeftOut(first=first, second=second, reason=f"{location.name}: {reason}")
+
+
+def _names(element: ET.Element, location: FilePath) -> tuple[str, str]:
+    """The two links of an element."""
+    first, second = (element.get(key, "").strip() for key in ("link1", "link2"))
+    if not first or not second or first == second:
+        raise InvalidInput(
+            f"{location}: {element.tag} needs two links, link1 and link2, not {show(first)} and "
+            f"{show(second)}."
+        )
+    return first, second
+
+
+def _with_others(alone: Collection[str], links: Iterable[str], reason: str) -> tuple[LeftOut, ...]:
+    """All pairs with some links."""
+    return tuple(
+        LeftOut(first=first, second=second, reason=reason)
+        for first, second in combinations(dict.fromkeys(links), 2)
+        if first in alone or second in alone
+    )
+
 
 # Largest number of files in a note.
 MOST_FILES = 4
@@ -26,12 +85,12 @@ Packages = Mapping[str, str | FilePath]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Collision:
+class CollisionElement:
     """A collision element of a link.
 
     Args:
-        where: The element, for messages.
-        geometry: What its `geometry` holds.
+        where: Name of the element, for messages.
+        geometry: The element in its `geometry`.
         place: Its frame in the frame of the link.
     """
 
@@ -46,90 +105,67 @@ def link_shapes(
     packages: Packages | None = None,
     last: str = "",
 ) -> tuple[LinkShape, ...]:
-    """Shapes of links, with the names of the links.
-
-    Args:
-        tree: The description.
-        carried: By the names of links: the link of the chain that carries it, and its frame there.
-        packages: Folders of ROS packages; others are looked for near the file.
-        last: The link after the last moving joint: what hangs on it is the tool's.
-
-    Raises:
-        InvalidInput: A mesh file is missing, or a geometry tag is unknown.
-    """
-    found = []
+    """Shapes of links, with the names of the links."""
+    shapes = []
     for name, (link, frame) in carried.items():
         tool = last in carried and link == carried[last][0] and name != last
         for x in collisions(tree, name):
             shape = shape_of(tree, x, packages)
             body = LinkShape(name=name, link=link, shape=shape, place=frame @ x.place, tool=tool)
-            found.append(body.with_hull())
-    return tuple(found)
+            shapes.append(body.with_hull())
+    return tuple(shapes)
 
 
-def collisions(tree: Tree, link: str) -> Iterator[Collision]:
+def collisions(tree: Tree, link: str) -> Iterator[CollisionElement]:
     """The collision elements of a link."""
     for element in tree.links[link].findall("collision"):
-        where = f"A collision of the link {link} of {tree.file}"
+        location = f"A collision of the link {link} of {tree.file}"
         geometry = element.find("geometry")
         if geometry is None or len(geometry) != 1:
-            raise InvalidInput(f"{where} needs one geometry: a box, cylinder, sphere or mesh.")
-        xyz, rpy = origin_of(element, where)
-        yield Collision(
-            where=where, geometry=geometry[0], place=Frame(position=xyz, rotation=from_rpy(rpy))
+            raise InvalidInput(f"{location} needs one geometry: a box, cylinder, sphere or mesh.")
+        xyz, rpy = origin_of(element, location)
+        yield CollisionElement(
+            where=location, geometry=geometry[0], place=Frame(position=xyz, rotation=from_rpy(rpy))
         )
 
 
 def shape_of(
-    tree: Tree, found: Collision, packages: Packages | None = None, unit: str | None = None
+    tree: Tree,
+    collision: CollisionElement,
+    packages: Packages | None = None,
+    unit: str | None = None,
 ) -> Shape:
-    """The shape of a collision element.
-
-    Args:
-        tree: The description.
-        found: The element.
-        packages: As in `link_shapes`.
-        unit: Unit of a mesh without a scale; metres by default.
-
-    Raises:
-        InvalidInput: An unknown geometry, a number that is none, or a mesh that is not there.
-    """
-    kind, element, where = found.geometry.tag, found.geometry, found.where
+    """The shape of a collision element."""
+    kind, element, location = collision.geometry.tag, collision.geometry, collision.where
     if kind == "box":
-        return Box(size=three(where, "size", element.get("size", "")))
+        return Box(size=three(location, "size", element.get("size", "")))
     if kind == "sphere":
-        return Sphere(radius=attribute(where, element, kind, "radius"))
+        return Sphere(radius=attribute(location, element, kind, "radius"))
     if kind in ("cylinder", "capsule"):
-        radius, length = (attribute(where, element, kind, x) for x in ("radius", "length"))
+        radius, length = (attribute(location, element, kind, x) for x in ("radius", "length"))
         return (Cylinder if kind == "cylinder" else Capsule)(radius=radius, length=length)
     if kind != "mesh":
         raise InvalidInput(
-            f"{where} is a {show(str(kind))}: only boxes, cylinders, capsules, spheres and meshes "
-            "are known."
+            f"{location} is a {show(str(kind))}: only boxes, cylinders, capsules, spheres and "
+            "meshes are known."
         )
     scale: FloatArray | None = None
     if "scale" in element.attrib:
-        scale = three(where, "scale", element.get("scale", ""))
-        # Many programs write factors of 1, which say nothing of the unit.
+        scale = three(location, "scale", element.get("scale", ""))
+        # Many programs write factors of 1, which do not identify the unit.
         scale = None if (scale == 1).all() else scale
     name = element.get("filename", "")
-    place = find_mesh(tree, name, packages)
-    if place is None or not place.is_file():
+    file = find_mesh(tree, name, packages)
+    if file is None or not file.is_file():
         raise InvalidInput(
-            f"{where} names the mesh {show(name)}, which is not there"
-            f"{'' if place is None else f' ({place})'}: {_mend(name)}."
+            f"{location} names the mesh {show(name)}, which does not exist"
+            f"{'' if file is None else f' ({file})'}: {_mend(name)}."
         )
-    return read_mesh(place, unit=unit if scale is None else None, scale=scale)
+    return read_mesh(file, unit=unit if scale is None else None, scale=scale)
 
 
 def find_mesh(tree: Tree, name: str, packages: Packages | None) -> FilePath | None:
-    """The file that a description names, by package://, file:// or a path; None without one.
-
-    Args:
-        tree: The description; relative paths are relative to its folder.
-        name: The name of the file in the description.
-        packages: As in `link_shapes`.
-    """
+    """The file that a description names, by package://, file:// or a path; None without one."""
     folder = FilePath(tree.file).absolute().parent
     scheme, _, path = name.rpartition("://")
     if not path or scheme not in ("", "package", "file"):
@@ -137,45 +173,46 @@ def find_mesh(tree: Tree, name: str, packages: Packages | None) -> FilePath | No
     if scheme != "package":
         return folder / path
     package, _, path = path.partition("/")
-    given = (packages or {}).get(package)
-    root = find_near(folder, package) if given is None else FilePath(given)
+    specified = (packages or {}).get(package)
+    root = find_near(folder, package) if specified is None else FilePath(specified)
     return None if root is None else root / path
 
 
 def missing_meshes(tree: Tree, packages: Packages | None) -> str:
-    """A note of the meshes of collision elements that are not there; empty if all are."""
+    """A note on missing meshes of collision elements; empty if all exist."""
     names = [
         mesh.get("filename", "")
         for link in tree.links.values()
         for mesh in link.iterfind("collision/geometry/mesh")
     ]
     lacking = []
-    # Packages are looked for once: the first mesh of each folder tells of the others.
+    # Each folder is searched once, by its first mesh.
     roots: dict[str, FilePath | None] = {}
     for name in dict.fromkeys(names):
         folder = os.path.dirname(name)
         if folder not in roots:
-            place = find_mesh(tree, name, packages)
-            roots[folder] = None if place is None else place.parent
+            file = find_mesh(tree, name, packages)
+            roots[folder] = None if file is None else file.parent
         root = roots[folder]
-        there = root is not None and (root / os.path.basename(name)).is_file()
-        if not there or not name.lower().endswith(MESHES):
+        exists = root is not None and (root / os.path.basename(name)).is_file()
+        if not exists or not name.lower().endswith(MESHES):
             lacking.append(name)
     if not lacking:
         return ""
     return (
-        f"meshes are not there, or of no known format, so nothing can be said of clearance: "
+        f"meshes are missing or have an unknown format, so clearance is unknown: "
         f"{list_some([show(x) for x in lacking], MOST_FILES)}; {_mend(lacking[0])}"
     )
 
 
 def _mend(name: str) -> str:
-    """What would help with a mesh that is not there, or not read."""
+    """Advice for a mesh that is missing or not readable."""
     if not name.lower().endswith(MESHES):
         return f"give it as {' or '.join(MESHES)}"
     if name.startswith("package://"):
         package = name.split("/")[2]
         return (
-            f"say where its package is, packages={{{package!r}: FOLDER}} (in a job, arm.packages)"
+            f"give the folder of its package, packages={{{package!r}: FOLDER}} (in a job, "
+            "arm.packages)"
         )
     return "put it there, relative to the description"

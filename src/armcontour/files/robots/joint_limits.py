@@ -14,11 +14,10 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.text import plain_number, show
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, UNITS, Limits, or_unlimited
 
-# Values of each limit, one per joint, or lower and upper bounds; None where a joint has no such
-# limit.
+# Values of each limit, one per joint, or lower and upper bounds; None if a joint has no such limit.
 Table = dict[str, list[Any]]
 
-# Kinds of limits that a file switches on and off; keys of the file and names of the limits.
+# Kinds of limits that a file enables and disables; keys of the file and names of the limits.
 KINDS = {
     "position": {"min_position": "joint_lower", "max_position": "joint_upper"},
     "velocity": {"max_velocity": "joint_velocity"},
@@ -44,11 +43,11 @@ NAMES = (*JOINT_LIMITS, *JOINT_RANGE)
 
 def table_of(limits: Limits, dof: int) -> Table:
     """Limits as a table with one value per joint."""
-    found: Table = {}
+    table: Table = {}
     for name in NAMES:
         values = getattr(limits, name)
-        found[name] = [None] * dof if values is None else or_unlimited(values, dof).tolist()
-    return found
+        table[name] = [None] * dof if values is None else or_unlimited(values, dof).tolist()
+    return table
 
 
 def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
@@ -57,11 +56,8 @@ def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
     A kind of limit that is switched off (`has_velocity_limits: false`) is lifted; a kind that is
     not in the file stays. Soft limits narrow the range. `max_deceleration` may be positive or, as
     in MoveIt, negative. The smaller of `max_deceleration` and `max_acceleration` becomes the
-    acceleration limit in both directions, so that both are kept. The default scaling factors are
-    not applied: they are defaults of requests to MoveIt, not limits.
-
-    Raises:
-        InvalidInput: No such file, a file for other joints, or a value that is no limit.
+    acceleration limit in both directions, which satisfies both. The default scaling factors are not
+    applied, because they are defaults of requests to MoveIt, not limits.
     """
     content = file_access.read_bytes(file, "file of joint limits")
     data = yaml_loader.load(content, str(file), yaml_loader.AngleLoader)
@@ -84,38 +80,29 @@ def override(table: Table, joints: Sequence[str], file: FilePath) -> None:
             _override_joint(table, k, f"{file}, joint {joint}", entries[joint])
 
 
-def limits_of(table: Table, joints: Sequence[str], where: str) -> Limits:
-    """Make `Limits` from a table.
-
-    Args:
-        table: The table.
-        joints: Names of the joints.
-        where: File or arm, for messages.
-
-    Raises:
-        InvalidInput: A limit that only some joints have, or a value that is no limit.
-    """
-    found: dict[str, Any] = {}
+def limits_of(table: Table, joints: Sequence[str], source: str) -> Limits:
+    """Make `Limits` from a table."""
+    limits: dict[str, Any] = {}
     for name in JOINT_LIMITS:
         if any(x is not None for x in table[name]):
-            found[name] = _of_all_joints(name, table[name], joints, where)
+            limits[name] = _of_all_joints(name, table[name], joints, source)
     for name, none in zip(JOINT_RANGE, (-np.inf, np.inf), strict=True):
         ends = [none if value is None else value for value in table[name]]
         if np.isfinite(ends).any():
-            found[name] = ends
-    lower, upper = (found.get(name) for name in JOINT_RANGE)
+            limits[name] = ends
+    lower, upper = (limits.get(name) for name in JOINT_RANGE)
     if lower is not None and upper is not None:
         for joint, low, high in zip(joints, lower, upper, strict=True):
             if low >= high:
                 raise InvalidInput(
-                    f"{where}: the range of joint {joint} is empty, from {low:g} to {high:g} rad: "
+                    f"{source}: the range of joint {joint} is empty, from {low:g} to {high:g} rad: "
                     "its lower end must lie below its upper end."
                 )
-    return Limits(**found)
+    return Limits(**limits)
 
 
 def _of_all_joints(
-    name: str, values: Sequence[Any], joints: Sequence[str], where: str
+    name: str, values: Sequence[Any], joints: Sequence[str], source: str
 ) -> Sequence[Any]:
     """The values of a limit that joints have, or lower and upper bounds of all joints."""
     # Unlike other limits, jerk may be limited for some joints only.
@@ -123,13 +110,13 @@ def _of_all_joints(
     for joint, value in zip(joints, values, strict=True):
         if value is None and not some:
             raise InvalidInput(
-                f"{where}: joint {joint} has no {name}, but other joints have: give it to every "
+                f"{source}: joint {joint} has no {name}, but other joints have: give it to every "
                 "joint or to none, in the file or with joint_limits."
             )
         endless = some and value == math.inf
         if isinstance(value, int | float) and not (0 < value < math.inf or endless):
             raise InvalidInput(
-                f"{where}: the {name} of joint {joint} must be above zero and finite, not "
+                f"{source}: the {name} of joint {joint} must be above zero and finite, not "
                 f"{value:g} {UNITS[name]}: give its true value in the file or with "
                 "joint_limits.",
                 limit=name,
@@ -139,26 +126,26 @@ def _of_all_joints(
     return [math.inf if x is None else x for x in values]
 
 
-def _override_joint(table: Table, k: int, where: str, entry: Any) -> None:
+def _override_joint(table: Table, k: int, location: str, entry: Any) -> None:
     """Replace the limits of joint k by an entry of the file."""
     if not isinstance(entry, Mapping):
-        raise InvalidInput(f"{where} must be named limits, such as max_velocity, not {entry!r}.")
+        raise InvalidInput(f"{location} must be named limits, such as max_velocity, not {entry!r}.")
     for key in entry:
         if key not in KNOWN | IGNORED:
             raise InvalidInput(
-                f"{where} has the unknown key {key!r}: the known ones are "
+                f"{location} has the unknown key {key!r}: the known ones are "
                 f"{', '.join(sorted(KNOWN))}."
             )
     for kind, values in KINDS.items():
         for key, name in values.items():
-            if _switch(where, entry, kind) is False:
+            if _switch(location, entry, kind) is False:
                 table[name][k] = None
             else:
-                value = _given(where, entry, kind, key)
+                value = _given(location, entry, kind, key)
                 table[name][k] = table[name][k] if value is None else value
-    _override_acceleration(table, k, where, entry)
-    if _switch(where, entry, "soft") is not False:
-        low, high = (_given(where, entry, "soft", key) for key in SOFT)
+    _override_acceleration(table, k, location, entry)
+    if _switch(location, entry, "soft") is not False:
+        low, high = (_given(location, entry, "soft", key) for key in SOFT)
         if low is not None and high is not None:
             narrow(table, k, low, high)
 
@@ -166,42 +153,44 @@ def _override_joint(table: Table, k: int, where: str, entry: Any) -> None:
 def narrow(table: Table, k: int, low: float, high: float) -> None:
     """Narrow the range of joint k [rad] to soft limits."""
     for name, value, inner in zip(JOINT_RANGE, (low, high), (max, min), strict=True):
-        own = table[name][k]
-        table[name][k] = value if own is None else inner(own, value)
+        current = table[name][k]
+        table[name][k] = value if current is None else inner(current, value)
 
 
-def _override_acceleration(table: Table, k: int, where: str, entry: Mapping[Any, Any]) -> None:
+def _override_acceleration(table: Table, k: int, location: str, entry: Mapping[Any, Any]) -> None:
     """Set one acceleration limit for both directions from acceleration and deceleration."""
     if not ACCELERATING & set(entry):
         return
     slowing = None
-    if _switch(where, entry, "deceleration") is not False:
-        slowing = _given(where, entry, "deceleration", "max_deceleration")
+    if _switch(location, entry, "deceleration") is not False:
+        slowing = _given(location, entry, "deceleration", "max_deceleration")
     if slowing is not None:
         speeding = table["joint_acceleration"][k]
         if speeding is None:
-            raise InvalidInput(f"{where} has a max_deceleration but no max_acceleration: add it.")
+            raise InvalidInput(
+                f"{location} has a max_deceleration but no max_acceleration: add it."
+            )
         table["joint_acceleration"][k] = float(np.abs([slowing, *np.atleast_1d(speeding)]).min())
 
 
-def _switch(where: str, entry: Mapping[Any, Any], kind: str) -> bool | None:
-    """Whether a kind of limit is switched on; None if the file does not say."""
+def _switch(location: str, entry: Mapping[Any, Any], kind: str) -> bool | None:
+    """State of a kind of limit: True if enabled, False if disabled, None if not specified."""
     switch = entry.get(f"has_{kind}_limits")
     if switch is None or isinstance(switch, bool):
         return switch
-    raise InvalidInput(f"{where}: has_{kind}_limits must be true or false, not {switch!r}.")
+    raise InvalidInput(f"{location}: has_{kind}_limits must be true or false, not {switch!r}.")
 
 
-def _given(where: str, entry: Mapping[Any, Any], kind: str, key: str) -> float | None:
+def _given(location: str, entry: Mapping[Any, Any], kind: str, key: str) -> float | None:
     """The value of a limit in the file; None without one."""
     if key in entry:
         value = plain_number(entry[key])
         if value is None:
             raise InvalidInput(
-                f"{where}: {key} must be a number, not {show(entry[key])}; expressions are not "
+                f"{location}: {key} must be a number, not {show(entry[key])}; expressions are not "
                 "worked out, but an angle may be written as !degrees 90."
             )
         return value
-    if _switch(where, entry, kind):
-        raise InvalidInput(f"{where} has has_{kind}_limits but no {key}: add it.")
+    if _switch(location, entry, kind):
+        raise InvalidInput(f"{location} has has_{kind}_limits but no {key}: add it.")
     return None

@@ -37,7 +37,7 @@ from armcontour.robot.planar import PlanarTwoLink, Tube
 from armcontour.robot.scene import ArmShapes, LinkShape, Mesh
 from armcontour.robot.serial import SerialArm
 
-# Arm files that name an arm file that names an arm file: more of them name themselves.
+# Largest depth of derived arm files; a deeper chain refers to itself.
 MOST_DERIVED = 16
 UNITS = {
     "base": "m",
@@ -95,9 +95,9 @@ def load_arm(
 
     Args:
         name: Built-in name, arm file (.yaml), robot description (.urdf, .xacro), MJCF file (.xml,
-            read by MuJoCo, without shapes) or `pinocchio.Model`. Of a built-in name, upper case
-            and hyphens do not count.
-        options: How it is loaded, such as ArmOptions(tip="tool0") for a robot description.
+            read by MuJoCo, without shapes) or `pinocchio.Model`. Case and hyphens of
+            built-in names are ignored.
+        options: Options, such as ArmOptions(tip="tool0") for a robot description.
         tool: The tool frame relative to the tip: a Frame, a 4 by 4 transform, a pinocchio.SE3 or a
             position [m].
         work: The frame of tool points relative to the base, in the same forms.
@@ -119,15 +119,7 @@ def load_arm(
 def _load(
     name: Any, options: ArmOptions, payload: Payload | None, trust_xacro: bool, depth: int = 0
 ) -> Arm:
-    """Load an arm without its equipment.
-
-    Args:
-        name: As in `load_arm`.
-        options: As in `load_arm`.
-        payload: As in `arm_of`.
-        trust_xacro: As in `load_arm`.
-        depth: Number of arm files that were derived from each other before.
-    """
+    """Load an arm without its equipment."""
     file = FilePath("") if is_model(name) else FilePath(name)
     if is_description(file):
         from armcontour.files.robots.urdf import arm_of_tree, read_description
@@ -149,8 +141,8 @@ def _load(
     table = table_of(arm.limits, arm.dof)
     override(table, arm.joint_names, options.limits_file)
     # The file has joint limits only; the arm keeps its other limits.
-    own = limits_of(table, arm.joint_names, str(options.limits_file))
-    values = {key: getattr(own, key) for key in table}
+    replaced = limits_of(table, arm.joint_names, str(options.limits_file))
+    values = {key: getattr(replaced, key) for key in table}
     lifted: dict[str, Any] = {key: np.inf for key, x in values.items() if x is None}
     return arm.with_limits(Limits().replace(**values | lifted))
 
@@ -170,11 +162,7 @@ def _read(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -
 
 
 def _equip(arm: Arm, tool: Pose | None, work: Pose | None, payload: Payload | None) -> Arm:
-    """The arm with a tool, a work frame and a payload; None keeps what the arm has.
-
-    Raises:
-        InvalidInput: A tool or a work frame for a planar arm.
-    """
+    """The arm with a tool, a work frame and a payload; None keeps those of the arm."""
     if isinstance(arm, SerialArm):
         if tool is not None or payload is not None:
             arm = arm.with_tool(arm.chain.tool if tool is None else tool, payload)
@@ -198,16 +186,13 @@ PAYLOAD = ("payload_mass", "payload_center", "payload_inertia")
 PER_JOINT = ("armature", "viscous", "coulomb")
 DERIVED = {"name", "kind", "source", "arm", *PAYLOAD, *PER_JOINT}
 KINDS = {"planar_two_link": PLANAR, "serial": SERIAL, "derived": DERIVED}
-# Keys of the arm that another is derived from: a built-in name or a file, and options.
+# Keys of the original arm of a derived one: a built-in name or a file, and options.
 OF_ARM = ("name", "file", "tip", "base", "joint_limits")
 
 
 @cache
 def _built_in(name: str) -> Any:
-    """The data of a built-in arm, whose text takes twenty times as long to parse as to make an arm.
-
-    Jobs are read by thousands in batches and searches, and nothing changes the data.
-    """
+    """The data of a built-in arm, read-only; cached, because parsing takes most of the time."""
     file = f"{name}.yaml"
     content = (resources.files("armcontour.files.robots") / "library" / file).read_bytes()
     return yaml_loader.load(content, file, yaml_loader.AngleLoader)
@@ -219,28 +204,18 @@ def arm_of(
     payload: Payload | None = None,
     load: Callable[..., Arm] | None = None,
 ) -> Arm:
-    """The arm of an arm file's data.
-
-    Args:
-        file: Name of the file, for messages.
-        data: The data.
-        payload: Payload of a planar arm; an arm in space gets its payload by `_equip`.
-        load: Loads the arm that a derived one names; None where too many name each other.
-
-    Raises:
-        InvalidInput: They describe no arm.
-    """
+    """The arm of an arm file's data."""
     kind = data.get("kind") if isinstance(data, Mapping) else None
-    known = KINDS.get(kind) if isinstance(kind, str) else None
-    if known is None:
+    keys = KINDS.get(kind) if isinstance(kind, str) else None
+    if keys is None:
         raise InvalidInput(
             f"{file} does not describe an arm: it takes keys such as name and source, and its kind "
             f"must be {' or '.join(KINDS)}."
         )
-    if not set(data) <= known:
+    if not set(data) <= keys:
         raise InvalidInput(
             f"{file} does not describe an arm of the kind {kind}: it takes the keys "
-            f"{', '.join(sorted(known))}, not {', '.join(str(x) for x in set(data) - known)}."
+            f"{', '.join(sorted(keys))}, not {', '.join(str(x) for x in set(data) - keys)}."
         )
     if kind == "derived":
         if load is None:
@@ -312,26 +287,17 @@ def _derived(
     data: Mapping[str, Any],
     load: Callable[..., Arm],
 ) -> Arm:
-    """The arm of a file that names another one.
-
-    Args:
-        file: Name of the file, for messages.
-        data: Its keys.
-        load: Loads the other arm, as `load_arm` does.
-
-    Raises:
-        InvalidInput: The file names no arm, or gives a part of a payload.
-    """
+    """The arm of a file that is derived from another arm."""
 
     def values(key: str, shape: tuple[int, ...]) -> FloatArray:
         return _array(file, key, data, shape)
 
     arm = load(*_origin(file, data))
-    given = [x for x in PAYLOAD if x in data]
+    payload_keys = [x for x in PAYLOAD if x in data]
     changes: dict[str, Any] = {x: values(x, (arm.dof,)) for x in PER_JOINT if x in data}
-    if given:
+    if payload_keys:
         if "payload_mass" not in data:
-            raise InvalidInput(f"{file}: {given[0]} needs the payload_mass too.")
+            raise InvalidInput(f"{file}: {payload_keys[0]} needs the payload_mass too.")
         inertia = np.zeros((3, 3))
         if "payload_inertia" in data:
             inertia = values("payload_inertia", (6,))[[0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(3, 3)
@@ -349,39 +315,37 @@ def _derived(
 
 
 def _origin(file: str, data: Mapping[str, Any]) -> tuple[str | FilePath, ArmOptions]:
-    """The name or file, and the options, of the arm that another one is derived from.
-
-    Raises:
-        InvalidInput: It is not named, or by unknown keys.
-    """
-    given = data.get("arm")
-    if isinstance(given, str):
-        return given, ArmOptions()
-    if not isinstance(given, Mapping) or not set(given) <= set(OF_ARM):
+    """The name or file, and the options, of the arm from which another arm is derived."""
+    origin = data.get("arm")
+    if isinstance(origin, str):
+        return origin, ArmOptions()
+    if not isinstance(origin, Mapping) or not set(origin) <= set(OF_ARM):
         raise InvalidInput(
             f"{file}: arm must be the name of a built-in arm, or a mapping with the keys "
-            f"{', '.join(OF_ARM)}, not {show(given)}."
+            f"{', '.join(OF_ARM)}, not {show(origin)}."
         )
-    if ("name" in given) == ("file" in given) or not all(
-        isinstance(x, str) for x in given.values()
+    if ("name" in origin) == ("file" in origin) or not all(
+        isinstance(x, str) for x in origin.values()
     ):
         raise InvalidInput(f"{file}: arm takes either name, a built-in arm, or file, as texts.")
-    folder, limits = FilePath(file).parent, given.get("joint_limits")
+    folder, limits = FilePath(file).parent, origin.get("joint_limits")
     options = ArmOptions(
-        tip=given.get("tip"),
-        base=given.get("base"),
+        tip=origin.get("tip"),
+        base=origin.get("base"),
         joint_limits=None if limits is None else folder / limits,
     )
-    return folder / given["file"] if "file" in given else given["name"], options
+    return folder / origin["file"] if "file" in origin else origin["name"], options
 
 
 def _bodies(file: str, data: Mapping[str, Any], n: int) -> dict[str, Any]:
     """Masses, centres of mass and inertias of n bodies; empty if the file gives none."""
-    given = [key for key in BODIES if key in data]
-    if not given:
+    body_keys = [key for key in BODIES if key in data]
+    if not body_keys:
         return {}
-    if len(given) < len(BODIES):
-        raise InvalidInput(f"{file}: bodies need all of {', '.join(BODIES)}, not {given[0]} alone.")
+    if len(body_keys) < len(BODIES):
+        raise InvalidInput(
+            f"{file}: bodies need all of {', '.join(BODIES)}, not {body_keys[0]} alone."
+        )
     tensors = _array(file, "inertias", data, (n, 6))[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]]
     angles = np.zeros((n, 3))
     if "inertia_angles" in data:
@@ -440,32 +404,23 @@ def _value(file: str, key: str, data: Mapping[str, Any]) -> Any:
     return _numbers(f"{key} in {file}", quantity["value"], UNITS[key])
 
 
-def _numbers(where: str, value: Any, unit: str) -> Any:
+def _numbers(location: str, value: Any, unit: str) -> Any:
     """A number of a file, or a nested list of numbers."""
     if isinstance(value, list):
-        return [_numbers(where, x, unit) for x in value]
-    found = plain_number(value)
-    if found is None:
-        raise InvalidInput(f"{where} must be finite numbers in {unit}, not {show(value)}.")
-    return found
+        return [_numbers(location, x, unit) for x in value]
+    number = plain_number(value)
+    if number is None:
+        raise InvalidInput(f"{location} must be finite numbers in {unit}, not {show(value)}.")
+    return number
 
 
 def with_hulls(arm: Arm, name: str) -> Arm:
-    """A built-in arm with the hulls of its links, if there are any.
-
-    Args:
-        arm: The arm.
-        name: Its built-in name.
-    """
+    """A built-in arm with the hulls of its links, if there are any."""
     return arm.with_shapes(partial(read_hulls, name)) if _file(name).is_file() else arm
 
 
 def read_hulls(name: str) -> ArmShapes:
-    """Read the hulls of a built-in arm: convex bodies that hold its links.
-
-    Args:
-        name: Its built-in name.
-    """
+    """Read the hulls of a built-in arm: convex bodies that contain its links."""
     data = json.loads(_file(name).read_bytes())
     return ArmShapes(
         shapes=tuple(
@@ -481,20 +436,14 @@ def read_hulls(name: str) -> ArmShapes:
 
 
 def _file(name: str) -> Traversable:
-    """The file of the hulls of a built-in arm, which need not be there."""
+    """The file of the hulls of a built-in arm, which may not exist."""
     return resources.files("armcontour.files.robots") / "library" / "hulls" / f"{name}.json"
 
 
 def with_more_shapes(
     arm: Arm, shapes: tuple[LinkShape, ...] = (), srdf: FilePath | None = None
 ) -> Arm:
-    """An arm with more shapes, or with pairs that a file of MoveIt leaves out.
-
-    Args:
-        arm: The arm.
-        shapes: The shapes.
-        srdf: The .srdf file.
-    """
+    """An arm with more shapes, or with pairs that an SRDF file excludes from checks."""
     if not shapes and srdf is None:
         return arm
     return arm.with_shapes(partial(_add, arm, shapes, srdf))
@@ -502,16 +451,16 @@ def with_more_shapes(
 
 def _add(arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None) -> ArmShapes:
     """The shapes of an arm and more of them."""
-    # Loaded with the compiled code of motions, which an arm alone does not need.
+    # Imported here, because it loads the compiled code of motions.
     from armcontour.verification.clearance.touching import exclude_touching
 
-    known = arm.shapes or ArmShapes(shapes=())
-    every = (*known.shapes, *shapes)
-    left_out = known.left_out
+    existing = arm.shapes or ArmShapes(shapes=())
+    every = (*existing.shapes, *shapes)
+    left_out = existing.left_out
     if srdf is not None:
-        from armcontour.files.robots.srdf import read_left_out
+        from armcontour.files.robots.collision import read_left_out
 
         names = list(dict.fromkeys(x.name for x in every))
         left_out = (*left_out, *read_left_out(srdf, names))
-    found = ArmShapes(shapes=every, left_out=left_out, source=known.source)
-    return exclude_touching(arm.with_shapes(found)) if every else found
+    combined = ArmShapes(shapes=every, left_out=left_out, source=existing.source)
+    return exclude_touching(arm.with_shapes(combined)) if every else combined

@@ -1,4 +1,4 @@
-"""`ArmOptions`: how an arm is loaded from a file or a model."""
+"""`ArmOptions`: options for loading an arm from a file or a model."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ DESCRIPTION = (*MODEL, "base", "packages", "arguments")
 @checks.explain_calls
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmOptions(Checked):
-    """How an arm is loaded from a file or a model.
+    """Options for loading an arm from a file or a model.
 
     Args:
         tip: Link at the end of the arm, for a robot description (.urdf, .xacro); by default the end
@@ -37,13 +37,13 @@ class ArmOptions(Checked):
         joint_limits: A joint_limits.yaml of MoveIt, which replaces limits of the arm's own file.
             Its default scaling factors are not applied.
         locked: Positions of locked joints by name, for a description or a model [rad or m], or
-            texts such as "90 deg"; by default joints beside the arm stand at 0, or at the end of
+            texts such as "90 deg"; by default joints outside of the arm are at 0, or at the end of
             their range that is nearest to 0.
         packages: Folders of ROS packages by name, for a robot description. Other packages are
-            looked for by their `package.xml` near the file; those of a .xacro file first in a
+            searched by their `package.xml` near the file; those of a .xacro file first in a
             sourced ROS.
         arguments: Values of the arguments of a .xacro file, by name.
-        srdf: A file of MoveIt (.srdf) that says which links may touch each other.
+        srdf: A file of MoveIt (.srdf) with the pairs of links that may touch each other.
 
     Raises:
         InvalidInput: A value of another class.
@@ -64,11 +64,7 @@ class ArmOptions(Checked):
 
 
 def locked_position(options: ArmOptions, name: str, *, slides: bool) -> float:
-    """The position of a locked joint [rad], or [m] of one that slides.
-
-    Raises:
-        InvalidInput: No number and no quantity of this unit.
-    """
+    """The position of a locked joint [rad], or [m] of one that slides."""
     value, unit = (options.locked or {})[name], "m" if slides else "rad"
     if not isinstance(value, str):
         return checks.check_number(f"arm.locked.{name}", value, unit)
@@ -80,28 +76,19 @@ def locked_position(options: ArmOptions, name: str, *, slides: bool) -> float:
         raise InvalidInput(f"arm.locked.{name} {error}.") from None
 
 
-def check_options(options: ArmOptions, known: tuple[str, ...], arm: str) -> None:
-    """Refuse options that an arm does not have.
-
-    Args:
-        options: The options.
-        known: Names of the options of its kind.
-        arm: The arm, for the message.
-
-    Raises:
-        InvalidInput: There is such an option.
-    """
+def check_options(options: ArmOptions, names: tuple[str, ...], arm: str) -> None:
+    """Refuse options that an arm does not have."""
     for x in fields(ArmOptions):
-        if x.name not in known and getattr(options, x.name):
+        if x.name not in names and getattr(options, x.name):
             files = ".urdf, .xacro and MJCF files" if x.name in MODEL else ".urdf and .xacro"
-            raise InvalidInput(f"{arm} has no option {x.name}, which is of {files}.")
+            raise InvalidInput(f"{arm} has no option {x.name}, which is for {files}.")
 
 
 def is_model(value: Any) -> bool:
-    """Whether a value is a `pinocchio.Model`, without loading pinocchio."""
+    """True if a value is a `pinocchio.Model`, without loading pinocchio."""
     return type(value).__name__ == "Model" and type(value).__module__.startswith("pinocchio")
 
 
 def is_description(file: str | FilePath) -> bool:
-    """Whether a file is a robot description, by its ending."""
+    """True if the extension of a file is that of a robot description."""
     return FilePath(file).suffix.lower() in DESCRIPTIONS

@@ -1,4 +1,4 @@
-"""Choose the tip of an arm that a description does not name."""
+"""Choice of the tip of an arm that a description does not name."""
 
 from __future__ import annotations
 
@@ -10,26 +10,18 @@ from armcontour.files.robots.tree import MOST_NAMED, TURNING, Joint, Tree
 
 # Ends of the names of the frames of REP 199 that tools hang on, the preferred one first.
 TOOL_FRAMES = ("tool0", "flange")
-# By the name of a joint, or None for the base: the moving joints that come next.
+# The next moving joints, by the name of a joint, or None for the base.
 Next = dict[str | None, list[Joint]]
 
 
 def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str]:
     """The tip of an arm: its only end, or the end of its only chain of moving joints.
 
-    The joints of a gripper do not count: branches at the end of a chain that are equally long and
+    The joints of a gripper are ignored: branches at the end of a chain that are equally long and
     shorter than the chain, and a last joint that another joint mimics.
-
-    Args:
-        tree: The description.
-        base: Fixed link at the start of the arm.
-        locked: Names of locked joints.
 
     Returns:
         The link, and a note of the choice; empty if there was none.
-
-    Raises:
-        InvalidInput: More than one link could be the tip.
     """
     parents = {joint.parent for joint in tree.joints.values()}
     ends = [x.child for x in tree.below(base) if x.child not in parents]
@@ -40,7 +32,7 @@ def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str
         ends.sort(key=lambda link: -_turning_joints(tree, base, link))
         example = ends[0] if ends else "LINK"
         raise InvalidInput(
-            f"{tree.file} has {len(ends) or 'no'} links that could be the tip: say which with "
+            f"{tree.file} has {len(ends) or 'no'} links that could be the tip: choose one with "
             f"tip= (in a job, arm: {{tip: {example}}}; for check, --tip {example}), one of "
             f"{list_some(ends or list(tree.links), MOST_NAMED)}."
         )
@@ -52,42 +44,42 @@ def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str
 
 
 def _next_joints(tree: Tree, base: str, locked: Collection[str]) -> Next:
-    """The joints that move by themselves, by the joint of that kind which carries them."""
-    found: Next = {None: []}
+    """The independently moving joints, by the independent joint that carries them."""
+    following: Next = {None: []}
     carrier: dict[str, str] = {}
     for joint in tree.below(base):
         above = carrier.get(joint.parent)
         if joint.kind != "fixed" and joint.master is None and joint.name not in locked:
-            found[above].append(joint)
-            found[joint.name] = []
+            following[above].append(joint)
+            following[joint.name] = []
             above = joint.name
         if above is not None:
             carrier[joint.child] = above
-    return found
+    return following
 
 
 def _only_chain(tree: Tree, following: Next) -> list[Joint]:
     """The only chain of moving joints, without a gripper's; empty if there are more."""
     mimicked = {joint.master for joint in tree.joints.values()}
     chain: list[Joint] = []
-    at: str | None = None
-    while following[at]:
-        branches = _without_fingers(following, following[at], len(chain))
+    carrier: str | None = None
+    while following[carrier]:
+        branches = _without_fingers(following, following[carrier], len(chain))
         if len(branches) > 1:
             return []
         if not branches:
             break
-        at = branches[0].name
+        carrier = branches[0].name
         chain.append(branches[0])
     if len(chain) > 1 and chain[-1].name in mimicked:
         chain.pop()
     return chain
 
 
-def _without_fingers(following: Next, branches: Sequence[Joint], way: int) -> list[Joint]:
-    """The branches at a fork without those that are equally long and shorter than the way there."""
+def _without_fingers(following: Next, branches: Sequence[Joint], depth: int) -> list[Joint]:
+    """The branches at a fork without fingers: equally long, and shorter than the chain before."""
     lengths = [_length(following, x) for x in branches]
-    fingers = [length < way and lengths.count(length) > 1 for length in lengths]
+    fingers = [length < depth and lengths.count(length) > 1 for length in lengths]
     return [x for x, finger in zip(branches, fingers, strict=True) if not finger]
 
 
@@ -102,7 +94,7 @@ def _length(following: Next, joint: Joint) -> int:
 
 
 def _end_of(tree: Tree, last: str) -> str:
-    """The link that stands for the end of an arm, among those that are fixed to its last link."""
+    """The end of an arm, among the links that are fixed to its last link."""
     fixed = [last]
     # The list grows while it is read.
     for link in fixed:

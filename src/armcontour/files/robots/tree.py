@@ -42,19 +42,19 @@ class Joint:
 
     @property
     def master(self) -> str | None:
-        """Name of the joint that this joint mimics; None if it moves by itself."""
-        found = self.element.find("mimic")
-        return None if found is None else found.get("joint", "")
+        """Name of the joint that this joint mimics; None if it moves independently."""
+        element = self.element.find("mimic")
+        return None if element is None else element.get("joint", "")
 
-    def number(self, tag: str, key: str, where: str) -> float | None:
+    def number(self, tag: str, key: str, source: str) -> float | None:
         """The number in attribute `key` of the joint's element `tag`; None without one."""
-        found = self.element.find(tag)
-        given = None if found is None else found.get(key)
-        value = plain_number(given)
-        if given is not None and value is None:
+        element = self.element.find(tag)
+        text = None if element is None else element.get(key)
+        value = plain_number(text)
+        if text is not None and value is None:
             raise InvalidInput(
-                f"{where}: {key} of the {tag} of joint {self.name} must be one finite number, not "
-                f"{show(given)}."
+                f"{source}: {key} of the {tag} of joint {self.name} must be one finite number, not "
+                f"{show(text)}."
             )
         return value
 
@@ -88,27 +88,23 @@ class Tree:
         return next(link for link in self.links if link not in self.above)
 
     def from_link(self, link: str) -> list[Joint]:
-        """The joints that hang on a link."""
+        """The joints attached to a link."""
         return self._carried.get(link, [])
 
     def below(self, link: str) -> list[Joint]:
         """All joints below a link, parents before children."""
-        found: list[Joint] = []
+        joints: list[Joint] = []
         waiting = [link]
         while waiting:
             nearest = self.from_link(waiting.pop())
-            found += nearest
+            joints += nearest
             waiting += [joint.child for joint in nearest]
-        return found
+        return joints
 
     def between(self, base: str, tip: str) -> list[Joint]:
-        """The joints from the link `base` to the link `tip`.
-
-        Raises:
-            InvalidInput: No such link, or no chain of joints from base to tip.
-        """
+        """The joints from the link `base` to the link `tip`."""
         link, start = self.link("tip", tip), self.link("base", base)
-        found: list[Joint] = []
+        joints: list[Joint] = []
         # From the tip up to the base; reversed at the end.
         while link != start:
             if link not in self.above:
@@ -116,38 +112,22 @@ class Tree:
                     f"The base {start} does not carry the tip {tip} in {self.file}: choose a "
                     f"base above it, such as {self.root}."
                 )
-            found.append(self.above[link])
-            link = found[-1].parent
-        return found[::-1]
+            joints.append(self.above[link])
+            link = joints[-1].parent
+        return joints[::-1]
 
-    def link(self, what: str, name: str) -> str:
-        """The name of a link, which must exist.
-
-        Args:
-            what: What the link is, for messages.
-            name: The name.
-
-        Raises:
-            InvalidInput: There is no such link.
-        """
+    def link(self, role: str, name: str) -> str:
+        """The name of a link, which must exist."""
         if name not in self.links:
             raise InvalidInput(
-                f"{self.file} has no link {name!r} to be the {what}: its links are "
+                f"{self.file} has no link {name!r} to be the {role}: its links are "
                 f"{list_some(list(self.links), MOST_NAMED)}."
             )
         return name
 
 
 def read_tree(file: str, content: bytes | str) -> Tree:
-    """Read and check the tree of links and joints in a robot description.
-
-    Args:
-        file: Name of the file, for messages.
-        content: Content of the file.
-
-    Raises:
-        InvalidInput: Not XML, not a robot, or links and joints that form no tree.
-    """
+    """Read and check the tree of links and joints in a robot description."""
     robot = parse_xml(file, content)
     if robot.tag != "robot":
         raise InvalidInput(
@@ -199,11 +179,7 @@ def _joints(
 
 
 def parse_xml(file: str, content: bytes | str) -> ET.Element:
-    """Parse an XML document and return its outermost element.
-
-    Raises:
-        InvalidInput: Not XML, an unknown encoding, or a document that is too deep or too large.
-    """
+    """Parse an XML document and return its outermost element."""
     data = content.encode() if isinstance(content, str) else content
     # Text is encoded as UTF-8 above, even if its first line names another encoding.
     parser = ET.XMLParser(encoding="utf-8" if isinstance(content, str) else None)
@@ -215,7 +191,7 @@ def parse_xml(file: str, content: bytes | str) -> ET.Element:
             root = element if root is None else root
             depth += 1 if event == "start" else -1
             links += event == "start" and depth == 2 and element.tag == "link"
-            _refuse_flood(file, depth, links, count // 2)
+            _check_document_size(file, depth, links, count // 2)
     except (ET.ParseError, ValueError, LookupError) as error:
         if isinstance(error, InvalidInput):
             raise
@@ -225,14 +201,17 @@ def parse_xml(file: str, content: bytes | str) -> ET.Element:
     return root
 
 
-def _refuse_flood(file: str, depth: int, links: int, elements: int) -> None:
-    """Refuse a document that is deeper or larger than any robot description."""
+def _check_document_size(file: str, depth: int, links: int, elements: int) -> None:
+    """Check that a document is not deeper or larger than a robot description."""
     if depth > DEEPEST:
         raise InvalidInput(f"{file} has elements nested more than {DEEPEST} deep.")
-    for count, most, what in ((links, MOST_LINKS, "links"), (elements, MOST_ELEMENTS, "elements")):
-        if count > most:
+    for count, maximum, kind in (
+        (links, MOST_LINKS, "links"),
+        (elements, MOST_ELEMENTS, "elements"),
+    ):
+        if count > maximum:
             raise InvalidInput(
-                f"{file} has more than the {most} {what} that are read: take out what does not "
+                f"{file} has more than the {maximum} {kind} that are read: take out what does not "
                 "belong to the arm."
             )
 
@@ -255,8 +234,8 @@ def _joint(file: str, element: ET.Element, links: Mapping[str, ET.Element]) -> J
         )
     ends = []
     for tag in ("parent", "child"):
-        found = element.find(tag)
-        link = None if found is None else found.get("link")
+        end = element.find(tag)
+        link = None if end is None else end.get("link")
         if link not in links:
             raise InvalidInput(f"In {file} joint {name} has no {tag} that is a link, but {link!r}.")
         ends.append(str(link))

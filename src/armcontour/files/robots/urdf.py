@@ -31,11 +31,11 @@ HINT = (
 # Limits that a description gives in its limit elements; attribute of the element and kind in
 # joint_limits.yaml.
 GIVEN = {"joint_velocity": "velocity", "joint_torque": "effort"}
-# Ranges above these [rad] are asked about: usual arms have at most 2.5 turns. Those below these
-# [degrees] may be in degrees.
+# Ranges above the first limit [rad] are refused, because usual arms have at most 2.5 turns; below
+# the second one [degrees] they may be in degrees.
 MOST_RADIANS = 16.0
 MOST_DEGREES = 3601.0
-# Time from rest to the largest speed of a joint where no accelerations are given [s]. Universal
+# Time from rest to the largest speed of a joint if no accelerations are given [s]. Universal
 # Robots' joint_limits.yaml has 180 deg/s and 180 deg/s², "for planning".
 RISE = 1.0
 ASSUMED = (
@@ -45,15 +45,7 @@ ASSUMED = (
 
 
 def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
-    """Make a serial arm from a robot description.
-
-    Args:
-        tree: The description, from `read_description`.
-        options: Tip, base, limits, locked joints and packages of meshes.
-
-    Raises:
-        InvalidInput: A description that gives no serial arm.
-    """
+    """Make a serial arm from a robot description."""
     from armcontour.files.robots.collision import missing_meshes
     from armcontour.files.robots.description import Description
     from armcontour.files.robots.tip import choose_tip
@@ -73,7 +65,7 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
         end, chosen = choose_tip(tree, start, positions)
     route = tree.between(start, end)
     moving = [x for x in route if x.kind != "fixed" and x.name not in positions]
-    _refuse_joints(tree, moving)
+    _check_moving_joints(tree, moving)
     description = Description(tree, route, moving, positions, start)
     chain = description.chain()
     limits, lacking = _limits(tree, moving, options.limits_file, heavy=chain.masses is not None)
@@ -93,14 +85,14 @@ def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
 
 
 def _shapes(arm: SerialArm, description: Description, packages: Packages | None) -> ArmShapes:
-    """The shapes of the links of a description; what hangs on its last link is the tool's."""
-    # Loaded with the compiled code of motions, which an arm alone does not need.
+    """The shapes of the links of a description; links below its last link belong to the tool."""
+    # Imported here, because it loads the compiled code of motions.
     from armcontour.files.robots.collision import link_shapes
     from armcontour.files.robots.description import Description
     from armcontour.verification.clearance.touching import exclude_touching
 
     tree, carried = description.tree, description.carried()
-    # Links that the base does not carry stand still, with all joints locked.
+    # Links that the base does not carry are fixed, with all joints locked.
     others = Description(tree, (), (), description.locked, tree.root).carried()
     back = others[description.base][1].inverse
     still = {name: (0, back @ place) for name, (_, place) in others.items() if name not in carried}
@@ -111,16 +103,7 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
 
 
 def read_description(file: FilePath, options: ArmOptions, *, trust_xacro: bool) -> Tree:
-    """Read the links and joints of a robot description.
-
-    Args:
-        file: A .urdf file, or a .xacro file, which the package xacro expands.
-        options: Packages and arguments of a .xacro file.
-        trust_xacro: Whether a .xacro file may be expanded: such a file is a program.
-
-    Raises:
-        InvalidInput: No such file, a .xacro file that is not trusted, or no description.
-    """
+    """Read the links and joints of a robot description."""
     content: bytes | str = file_access.read_bytes(file, "robot description")
     if is_xacro(file):
         if not trust_xacro:
@@ -143,12 +126,12 @@ def read_description(file: FilePath, options: ArmOptions, *, trust_xacro: bool) 
 
 
 def is_xacro(file: str | FilePath) -> bool:
-    """Whether a file is a xacro program, by its ending."""
+    """True if the extension of a file is that of xacro."""
     return FilePath(file).suffix.lower() == ".xacro"
 
 
-def _refuse_joints(tree: Tree, moving: list[Joint]) -> None:
-    """Refuse moving joints that do not turn, or that mimic another joint."""
+def _check_moving_joints(tree: Tree, moving: list[Joint]) -> None:
+    """Check that moving joints turn and are independent."""
     if not moving:
         raise InvalidInput(f"No joint turns between base and tip in {tree.file}: choose others.")
     for joint in moving:
@@ -165,7 +148,7 @@ def _refuse_joints(tree: Tree, moving: list[Joint]) -> None:
 
 
 def _or_lock(joint: Joint) -> str:
-    """The end of a message: that a joint may be locked; empty if it has no single position."""
+    """The advice to lock a joint, as the end of a message; empty if it has no single position."""
     if joint.kind in ("planar", "floating"):
         return ""
     return f", or lock it with locked={{{joint.name!r}: ...}} (in a job, arm.locked)"
@@ -174,32 +157,24 @@ def _or_lock(joint: Joint) -> str:
 def _limits(
     tree: Tree, moving: list[Joint], file: FilePath | None, *, heavy: bool
 ) -> tuple[Limits, str]:
-    """Limits of the moving joints, and a note of those that are not given.
-
-    Args:
-        tree: The description.
-        moving: The joints.
-        file: MoveIt file whose values replace those of the description.
-        heavy: Whether the links have masses. Without masses no torque can be computed, and limits
-            of torque are left out.
-    """
+    """Limits of the moving joints, and a note of those that are not given."""
     names = [joint.name for joint in moving]
     table = _table(tree, moving)
     soft = _soften(table, moving, tree.file)
     stated: Table = {**table, **{name: [None] * len(moving) for name in JOINT_RANGE}}
     stated = {name: list(values) for name, values in stated.items()}
-    own = {name: list(table[name]) for name in GIVEN}
+    described = {name: list(table[name]) for name in GIVEN}
     if file is not None:
         override(table, names, file)
         override(stated, names, file)
-    _refuse_degrees(table, stated, moving, tree.file)
+    _check_radians(table, stated, moving, tree.file)
     lacking = {}
     for name, key in GIVEN.items():
-        of = [x for x, value in zip(names, table[name], strict=True) if value is None]
-        # What a file of joint limits gives to some joints only is refused by `limits_of`.
-        if of and table[name] == own[name]:
+        lacking_joints = [x for x, value in zip(names, table[name], strict=True) if value is None]
+        # `limits_of` refuses limits that a file gives to some joints only.
+        if lacking_joints and table[name] == described[name]:
             table[name] = [None] * len(moving)
-            lacking[key] = f"no {key} of {list_some(of, MOST_NAMED)}"
+            lacking[key] = f"no {key} of {list_some(lacking_joints, MOST_NAMED)}"
     if not heavy:
         table["joint_torque"] = [None] * len(moving)
         lacking.pop("effort", None)
@@ -216,7 +191,7 @@ def assume_accelerations(limits: Limits, note: str) -> tuple[Limits, str]:
 
 
 def _hint(limits: Limits, *, heavy: bool) -> str:
-    """What the user can do to limit accelerations; empty if they are limited."""
+    """Advice for limiting accelerations; empty if they are limited."""
     if limits.joint_acceleration is not None:
         return ""
     if not heavy or limits.joint_torque is not None:
@@ -254,27 +229,17 @@ def _soften(table: Table, moving: list[Joint], file: str) -> str:
                 narrowed.append(joint.name)
     if not narrowed:
         return ""
-    return f"it has soft limits of {list_some(narrowed, MOST_NAMED)}, which are kept"
+    return f"it has soft limits of {list_some(narrowed, MOST_NAMED)}, which are applied"
 
 
-def _refuse_degrees(table: Table, stated: Table, moving: list[Joint], file: str) -> None:
-    """Refuse ranges that no joint has in radians, but joints have in degrees.
-
-    Args:
-        table: The limits.
-        stated: Those of a file of joint limits, which are believed.
-        moving: The joints.
-        file: The description.
-
-    Raises:
-        InvalidInput: There is one.
-    """
+def _check_radians(table: Table, stated: Table, moving: list[Joint], file: str) -> None:
+    """Check that ranges are not likely to be in degrees."""
     for k, joint in enumerate(moving):
         low, high = (table[name][k] or 0.0 for name in JOINT_RANGE)
         # Descriptions without ranges have symmetrical powers of ten.
         endless = low == -high and math.log10(high or 1.0).is_integer()
-        known = any(stated[name][k] is not None for name in JOINT_RANGE)
-        if MOST_RADIANS < max(-low, high) < MOST_DEGREES and not (endless or known):
+        is_stated = any(stated[name][k] is not None for name in JOINT_RANGE)
+        if MOST_RADIANS < max(-low, high) < MOST_DEGREES and not (endless or is_stated):
             raise InvalidInput(
                 f"{file}: the range of joint {joint.name} from {low:g} to {high:g} rad is "
                 f"{(high - low) / (2 * math.pi):.0f} turns: if these are degrees, write radians, "

@@ -1,7 +1,7 @@
-"""Expand xacro files with the library xacro, in a child process with limits of time and memory.
+"""Xacro files, expanded by the library xacro in a child process, and folders of ROS packages.
 
-A xacro file is a program: it can run any code with the rights of the user. The limits end a file
-that never ends; they are no protection. Only files that the user trusts are expanded.
+A xacro file is a program: it can run any code with the rights of the user. The limits of time and
+memory end a file that does not terminate; they are no protection. Only trusted files are expanded.
 """
 
 from __future__ import annotations
@@ -9,9 +9,10 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import re
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path as FilePath
 from typing import Any
@@ -21,12 +22,68 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.text import make_printable
 from armcontour.files.robots.options import Value
 
+MARK = "package.xml"
+# Largest number of parent folders in which the package of a description is searched.
+MOST_UP = 4
+# Largest number of folders in the search for one package.
+MOST_FOLDERS = 2000
+COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
+NAME = re.compile(rb"<name>\s*([^<>]*?)\s*</name>")
+
+
+def find_near(folder: FilePath, name: str) -> FilePath | None:
+    """The nearest folder whose `package.xml` has a given name; None if there is none.
+
+    The search order is the package of the description, its sibling folders, the siblings of its
+    parent folder, and one level below them, as packages are located in a workspace of ROS.
+    """
+    for count, candidate in enumerate(_places(folder)):
+        if count >= MOST_FOLDERS:
+            break
+        if _name(candidate / MARK) == name:
+            return candidate
+    return None
+
+
+def _places(folder: FilePath) -> Iterator[FilePath]:
+    """The folders that may be a package, nearest first."""
+    near = (folder, *folder.parents[:MOST_UP])
+    package = next((x for x in near if (x / MARK).is_file()), folder)
+    yield package
+    yield from _subfolders(package)
+    yield from _subfolders(package.parent)
+    for sibling in _subfolders(package.parent.parent):
+        yield sibling
+        yield from _subfolders(sibling)
+
+
+def _subfolders(folder: FilePath) -> list[FilePath]:
+    """The folders in a folder, in alphabetical order; none if it cannot be listed."""
+    try:
+        with os.scandir(folder) as entries:
+            names = [x.name for x in entries if not x.name.startswith(".") and x.is_dir()]
+    except OSError:
+        return []
+    return [folder / x for x in sorted(names)]
+
+
+def _name(file: FilePath) -> str | None:
+    """The name of the package of a `package.xml`; None if the file names none."""
+    if not file.is_file():
+        return None
+    try:
+        match = NAME.search(COMMENT.sub(b"", file_access.read_bytes(file, "package file")))
+    except InvalidInput:
+        return None
+    return None if match is None else match[1].decode("utf-8", "replace")
+
+
 # Time limit [s]; the largest public descriptions take about 2 s.
 SECONDS = 10.0
 # Memory limit of the process [MB]; the largest public descriptions need a tenth of it.
 MEGABYTES = 1000
-# Folder of packages that are not found. A description may name them, but not read their files:
-# many descriptions name packages of simulators.
+# Folder of missing packages. A description may name them, but not read their files: many
+# descriptions name packages of simulators.
 NOWHERE = os.path.join(os.sep, "package-not-found", "")
 
 
@@ -36,18 +93,7 @@ def expand_xacro(
     packages: Mapping[str, str | FilePath] | None = None,
     arguments: Mapping[str, Value] | None = None,
 ) -> str:
-    """Expand a trusted xacro file to the text of a robot description.
-
-    Args:
-        file: The xacro file.
-        packages: Folders of ROS packages by name. Other packages are looked for in a sourced ROS,
-            then by their `package.xml` near the file.
-        arguments: Values of the file's arguments by name.
-
-    Raises:
-        InvalidInput: xacro is not installed, a package or an argument is lacking or unknown, or
-            xacro cannot expand the file within the limits.
-    """
+    """Expand a trusted xacro file to the text of a robot description."""
     if importlib.util.find_spec("xacro") is None:
         raise InvalidInput(
             f"{file} needs the package xacro, which is not installed: pip install "
@@ -55,17 +101,17 @@ def expand_xacro(
         )
     from armcontour.core.process import import_path
 
-    place = os.path.abspath(file)
+    path = os.path.abspath(file)
     wishes = {"packages": _folders(packages or {}), "arguments": _texts(arguments or {})}
     try:
         done = subprocess.run(
             [sys.executable, "-P", "-X", "utf8", "-c", f"from {__name__} import main; main()"],
-            input=json.dumps({"file": place, **wishes}).encode(),
+            input=json.dumps({"file": path, **wishes}).encode(),
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            cwd=os.path.dirname(place),
+            cwd=os.path.dirname(path),
             # Modules next to the file, such as xacro.py, do not replace libraries.
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(import_path(os.path.dirname(place)))},
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(import_path(os.path.dirname(path)))},
             timeout=SECONDS,
             creationflags=getattr(subprocess, "CREATE_NO_WINDOW", 0),
         )
@@ -85,23 +131,15 @@ def expand_xacro(
 
 
 def _folders(packages: Mapping[str, str | FilePath]) -> dict[str, str]:
-    """The absolute folders of packages.
-
-    Raises:
-        InvalidInput: There is no such folder.
-    """
+    """The absolute folders of packages."""
     for name, folder in packages.items():
         if not os.path.isdir(folder):
-            raise InvalidInput(f"The folder of the package {name}, {folder}, is not there.")
+            raise InvalidInput(f"The folder of the package {name}, {folder}, does not exist.")
     return {str(name): os.path.abspath(folder) for name, folder in packages.items()}
 
 
 def _texts(arguments: Mapping[str, Value]) -> dict[str, str]:
-    """The values of arguments as xacro reads them.
-
-    Raises:
-        InvalidInput: A value that is neither text, a number, nor true or false.
-    """
+    """The values of arguments as xacro reads them."""
     for name, value in arguments.items():
         if not isinstance(value, Value):
             raise InvalidInput(
@@ -121,8 +159,8 @@ class _Lacking(BaseException):
 class _Arguments(dict[str, str]):
     """Values of arguments by name; remembers the names that the file declares or reads."""
 
-    def __init__(self, given: Mapping[str, str]) -> None:
-        super().__init__(given)
+    def __init__(self, values: Mapping[str, str]) -> None:
+        super().__init__(values)
         self.known: dict[str, None] = {}
 
     def __contains__(self, name: object) -> bool:
@@ -151,24 +189,18 @@ def main() -> None:
 
 
 def _expand(file: str, packages: dict[str, str], arguments: dict[str, str]) -> str:
-    """The expanded text of a description.
-
-    Raises:
-        _Lacking: A package or an argument is lacking, or the file has no such argument.
-    """
+    """The expanded text of a description."""
     import xacro
     from xacro import substitution_args as substitution
-
-    from armcontour.files.robots.packages import find_near
 
     in_ros, absolute = substitution._eval_find, xacro.abs_filename_spec
 
     def find(name: str) -> str:
         if name not in packages:
-            found = None
+            folder = None
             with suppress(ImportError, LookupError):
-                found = in_ros(name)
-            packages[name] = str(found or find_near(FilePath(file).parent, name) or NOWHERE + name)
+                folder = in_ros(name)
+            packages[name] = str(folder or find_near(FilePath(file).parent, name) or NOWHERE + name)
         return packages[name]
 
     def checked(name: str) -> str:
@@ -196,12 +228,12 @@ def _limit() -> None:
     with suppress(ImportError):
         import resource
 
-        for kind, most in (
+        for kind, maximum in (
             (resource.RLIMIT_AS, MEGABYTES * 1_000_000),
             (resource.RLIMIT_CPU, int(SECONDS) + 2),
         ):
             with suppress(ValueError, OSError):
-                resource.setrlimit(kind, (most, most))
+                resource.setrlimit(kind, (maximum, maximum))
 
 
 def _message(error: BaseException) -> str:

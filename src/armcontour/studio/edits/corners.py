@@ -8,7 +8,7 @@ from typing import Any
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.files.job_edits import Change, Keys, value_at
-from armcontour.files.patch import place
+from armcontour.files.patch import locate_key
 from armcontour.studio.edits.keys import written
 from armcontour.studio.edits.state import EditState
 
@@ -24,7 +24,7 @@ def corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
             "tolerance of its own: set that of all corners."
         )
     index = checks.check_int("number of the waypoint", edit["index"], 0, MOST_POINTS)
-    keys = place(("corners", "at"), state.data, state.run)
+    keys = locate_key(("corners", "at"), state.data, state.run)
     key: Keys = (*keys, index + 1)
     given = value_at(state.data, keys)
     if edit["value"] is None:

@@ -16,7 +16,7 @@ from armcontour.core.quantities import Quantity
 from armcontour.core.text import plain_number, show
 from armcontour.files.job_edits import REMOVE, Change, Keys, change_data, value_at
 from armcontour.files.job_model import JobModel
-from armcontour.files.patch import IN_RUN, MERGED, Name, arm_keys, key_of, place, resolve
+from armcontour.files.patch import IN_RUN, MERGED, Name, arm_keys, key_of, locate_key, resolve_patch
 from armcontour.files.si_data import quantity_of
 from armcontour.files.units import unit_of, write_like
 from armcontour.jobs import Job, Run
@@ -67,7 +67,7 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
         keys, value = tuple(outer), _for_joints(keys, value, values, state)
     else:
         value = written(value, now, keys)
-    return resolve(state.data, {keys: value}, state.run)
+    return resolve_patch(state.data, {keys: value}, state.run)
 
 
 def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
@@ -88,7 +88,7 @@ def _place(edit: Mapping[str, Any], state: EditState) -> Keys:
     given = key_of(edit["key"])
     if not isinstance(edit["key"], str):
         given = tuple(Name(x) if isinstance(x, str) else x for x in given)
-    return place(given, state.data, state.run)
+    return locate_key(given, state.data, state.run)
 
 
 def _plain(keys: Keys) -> Keys:

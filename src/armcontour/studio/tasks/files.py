@@ -74,7 +74,7 @@ def export(x: Request) -> Frame:
     Options: `format`, a name of a format; for "template" its `template`; `of`, "set_points",
     "planned", or "learned" from `logs`; `cycle` of a plan [s].
     """
-    from armcontour.files.exports.formats import TemplateFormat, format_named, put
+    from armcontour.files.exports.formats import TemplateFormat, format_named, write_destination
     from armcontour.files.exports.table import make_table
     from armcontour.files.exports.template import SHIPPED, describe_program, ending_of
     from armcontour.jobs import analog_outputs
@@ -116,7 +116,9 @@ def export(x: Request) -> Frame:
             None,
             lambda event, output: f"--output {event}={output} of armcontour export",
         )
-        put(file, lambda path: format.write(table, path), folder=format.kind == "mcap")
+        write_destination(
+            file, lambda path: format.write(table, path), folder=format.kind == "mcap"
+        )
         name, content = _content_of(file)
     called = f"{'Format' if template is None else 'Template'} {format.label}"
     header = {

@@ -52,10 +52,10 @@ def identify(x: Request) -> Frame:
 
 def learn(x: Request) -> Frame:
     """The set-points of the next run, as `armcontour learn` writes them."""
-    from armcontour.files.exports.table import taught_pieces
+    from armcontour.files.exports.table import set_point_pieces
 
     study = learned(x)
-    content = "".join(taught_pieces(study.lesson, study.job.arm.joint_names)).encode()
+    content = "".join(set_point_pieces(study.lesson, study.job.arm.joint_names)).encode()
     name = f"{study.job.name}-{study.plan.run.name}-set_points.csv"
     return Frame.of_file(
         name, content, {"label": "Download next set-points", **_shown(study.result)}

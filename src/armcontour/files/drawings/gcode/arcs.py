@@ -86,7 +86,7 @@ class Circle:
     end_radius: float
 
 
-def around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> Circle:
+def arc_around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> Circle:
     """The arc around a centre; a full circle if start and end are the same point.
 
     Args:
@@ -95,10 +95,6 @@ def around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> 
         center: Programmed centre [m].
         turn: 1 for counter-clockwise, -1 for clockwise.
         dialect: "mm" or "inch", the unit of the program, which decides the tolerances.
-
-    Raises:
-        Fault: The radius is zero, or the distances from the centre to start and end differ too
-            much.
     """
     px, py = start[0] - center[0], start[1] - center[1]
     qx, qy = end[0] - center[0], end[1] - center[1]
@@ -123,12 +119,8 @@ def around(start: Point, end: Point, center: Point, turn: int, dialect: str) -> 
     return Circle(center, start, end, turn, sweep, radius, end_radius)
 
 
-def with_radius(start: Point, end: Point, radius: float, turn: int) -> Circle:
-    """The arc of a given radius: at most half a circle, or at least that for a negative radius.
-
-    Raises:
-        Fault: Start and end are the same point, or the radius is too short to reach the end.
-    """
+def arc_with_radius(start: Point, end: Point, radius: float, turn: int) -> Circle:
+    """The arc of a given radius: at most half a circle, or at least that for a negative radius."""
     chord = math.dist(start, end)
     if chord <= REPEATED_POINT:
         raise Fault(
@@ -150,26 +142,22 @@ def with_radius(start: Point, end: Point, radius: float, turn: int) -> Circle:
 
 
 def pieces_of(circle: Circle, turns: int) -> list[ArcPart]:
-    """The arcs that draw a programmed arc: `turns` - 1 full circles, then the last turn.
-
-    Raises:
-        Fault: The radius is so large that rounding would make an arc miss its end.
-    """
-    x = circle
-    if x.start == x.end:
-        last = [_arc_around(x, 2 * math.pi)]
-    elif x.sweep > NEARLY_FULL and _distance_to_bisector(x) > REPEATED_POINT:
-        last = _two_arcs(x)
+    """The arcs that draw a programmed arc: `turns` - 1 full circles, then the last turn."""
+    arc = circle
+    if arc.start == arc.end:
+        last = [_arc_around(arc, 2 * math.pi)]
+    elif arc.sweep > NEARLY_FULL and _distance_to_bisector(arc) > REPEATED_POINT:
+        last = _two_arcs(arc)
     else:
-        last = [_arc_between(x.start, x.end, x.center, x.turn)]
-    return [last[0].circle(x.start)] * (turns - 1) + last
+        last = [_arc_between(arc.start, arc.end, arc.center, arc.turn)]
+    return [last[0].circle(arc.start)] * (turns - 1) + last
 
 
 def _distance_to_bisector(circle: Circle) -> float:
     """Distance from the centre to the perpendicular bisector of start and end [m]."""
-    x = circle
-    square_difference = (x.radius - x.end_radius) * (x.radius + x.end_radius)
-    return abs(square_difference) / (2 * math.dist(x.start, x.end))
+    arc = circle
+    square_difference = (arc.radius - arc.end_radius) * (arc.radius + arc.end_radius)
+    return abs(square_difference) / (2 * math.dist(arc.start, arc.end))
 
 
 def _arc_between(start: Point, end: Point, center: Point, turn: int) -> ArcPart:
@@ -183,44 +171,49 @@ def _arc_between(start: Point, end: Point, center: Point, turn: int) -> ArcPart:
     tangent = (ux * c + turn * uy * s, uy * c - turn * ux * s)
     normal = (-turn * tangent[1], turn * tangent[0])
     piece = ArcPart(tangent, normal, 1 / radius, 2 * half * radius, end)
-    _refuse_a_miss(start, piece)
+    _check_end(start, piece)
     return piece
 
 
 def _arc_around(circle: Circle, sweep: float) -> ArcPart:
     """The arc around the programmed centre from its start over an angle `sweep` [rad]."""
-    x = circle
-    normal = ((x.center[0] - x.start[0]) / x.radius, (x.center[1] - x.start[1]) / x.radius)
-    tangent = (x.turn * normal[1], -x.turn * normal[0])
+    arc = circle
+    normal = (
+        (arc.center[0] - arc.start[0]) / arc.radius,
+        (arc.center[1] - arc.start[1]) / arc.radius,
+    )
+    tangent = (arc.turn * normal[1], -arc.turn * normal[0])
     c, s = math.cos(sweep), math.sin(sweep)
     end = (
-        x.center[0] + x.radius * (s * tangent[0] - c * normal[0]),
-        x.center[1] + x.radius * (s * tangent[1] - c * normal[1]),
+        arc.center[0] + arc.radius * (s * tangent[0] - c * normal[0]),
+        arc.center[1] + arc.radius * (s * tangent[1] - c * normal[1]),
     )
     if sweep == 2 * math.pi:
-        end = x.start
-    piece = ArcPart(tangent, normal, 1 / x.radius, sweep * x.radius, end)
-    _refuse_a_miss(x.start, piece)
+        end = arc.start
+    piece = ArcPart(tangent, normal, 1 / arc.radius, sweep * arc.radius, end)
+    _check_end(arc.start, piece)
     return piece
 
 
 def _two_arcs(circle: Circle) -> list[ArcPart]:
     """An arc around the programmed centre over half the angle, and a tangent arc to the end."""
-    x = circle
-    first = _arc_around(x, x.sweep / 2)
-    ex = (first.end[0] - x.center[0]) / x.radius
-    ey = (first.end[1] - x.center[1]) / x.radius
-    along = (x.end[0] - x.center[0]) * ex + (x.end[1] - x.center[1]) * ey
+    arc = circle
+    first = _arc_around(arc, arc.sweep / 2)
+    ex = (first.end[0] - arc.center[0]) / arc.radius
+    ey = (first.end[1] - arc.center[1]) / arc.radius
+    along = (arc.end[0] - arc.center[0]) * ex + (arc.end[1] - arc.center[1]) * ey
     # The second centre lies on the radius at the first arc's end, at a distance k from the first
     # centre. Its distances to both ends of the second arc are equal:
     # r2² - 2 k along + k² = (r1 - k)².
-    shift = (x.end_radius - x.radius) * (x.end_radius + x.radius) / (2 * (along - x.radius))
-    center = (x.center[0] + shift * ex, x.center[1] + shift * ey)
-    return [first, _arc_between(first.end, x.end, center, x.turn)]
+    shift = (
+        (arc.end_radius - arc.radius) * (arc.end_radius + arc.radius) / (2 * (along - arc.radius))
+    )
+    center = (arc.center[0] + shift * ex, arc.center[1] + shift * ey)
+    return [first, _arc_between(first.end, arc.end, center, arc.turn)]
 
 
-def _refuse_a_miss(start: Point, piece: ArcPart) -> None:
-    """Refuse an arc that misses its end by more than `MISS`."""
+def _check_end(start: Point, piece: ArcPart) -> None:
+    """Check that an arc ends within `MISS` of its end point."""
     turn = piece.curvature * piece.length
     along = math.sin(turn) / piece.curvature
     across = 2 * math.sin(turn / 2) ** 2 / piece.curvature
@@ -253,19 +246,22 @@ def helix_points(
         tolerance: Largest distance between chord and helix [m].
         spend: Called with the number of chords before they are made; may refuse them.
     """
-    x, largest = circle, max(circle.radius, circle.end_radius)
+    arc, largest = circle, max(circle.radius, circle.end_radius)
     step = 2 * math.asin(math.sqrt(min(tolerance / (2 * largest), 0.5))) * 2
     # A chord spans at most a quarter of a turn, also with a wide tolerance.
     step = min(step, math.pi / 2)
-    total = x.sweep + 2 * math.pi * (turns - 1)
+    total = arc.sweep + 2 * math.pi * (turns - 1)
     n = max(1, math.ceil(total / step))
     spend(n)
-    px, py = (x.start[0] - x.center[0]) / x.radius, (x.start[1] - x.center[1]) / x.radius
+    px, py = (
+        (arc.start[0] - arc.center[0]) / arc.radius,
+        (arc.start[1] - arc.center[1]) / arc.radius,
+    )
     points = []
     for i in range(1, n):
-        angle, radius = x.turn * i / n * total, x.radius + i / n * (x.end_radius - x.radius)
+        angle, radius = arc.turn * i / n * total, arc.radius + i / n * (arc.end_radius - arc.radius)
         c, s = math.cos(angle), math.sin(angle)
         points.append(
-            (x.center[0] + radius * (c * px - s * py), x.center[1] + radius * (s * px + c * py))
+            (arc.center[0] + radius * (c * px - s * py), arc.center[1] + radius * (s * px + c * py))
         )
-    return [*points, x.end]
+    return [*points, arc.end]

@@ -126,11 +126,7 @@ class Compensation:
             )
 
     def start_of_arc(self) -> Point:
-        """Start point of the next arc.
-
-        Raises:
-            Fault: The next move leaves a compensated contour, so it must be straight.
-        """
+        """Start point of the next arc."""
         if self.leaves:
             raise Fault(
                 "an arc as the first move after G40, which has to be straight: the tool's centre "
@@ -176,7 +172,7 @@ class Compensation:
                 radius, 2 * abs(self.offset), 2 * radius,
             )  # fmt: skip
         if not self.moves:
-            self._refuse_short_entry(math.dist(self.draft.last[:2], piece.end))
+            self._check_entry_length(math.dist(self.draft.last[:2], piece.end))
         row = (*self.position[:2], tx, ty, curvature, piece.length)
         self._follow(_Move(row, piece.end, self.position[2] + rise, feed[2], feed))
 
@@ -215,7 +211,7 @@ class Compensation:
         """Collects a straight move."""
         (x, y), length = self.position[:2], math.dist(self.position[:2], end)
         if not self.moves:
-            self._refuse_short_entry(length)
+            self._check_entry_length(length)
         row = (x, y, (end[0] - x) / length, (end[1] - y) / length, 0.0, length)
         self._follow(_Move(row, end, z, line, feed))
 
@@ -223,7 +219,7 @@ class Compensation:
         self.moves.append(move)
         self.position, self.leaves = (*move.end, move.z), False
 
-    def _refuse_short_entry(self, length: float) -> None:
+    def _check_entry_length(self, length: float) -> None:
         if length <= abs(self.offset):
             raise Fault(
                 f"the first move under {codes.g_name(self.code)}, which is {{}} long and leads the "

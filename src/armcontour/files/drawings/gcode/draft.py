@@ -92,11 +92,7 @@ class ProgramDraft:
         self.across = self.across or 2 in (a, b)
 
     def room_for(self, segments: int) -> None:
-        """Count segments of helices and of further turns.
-
-        Raises:
-            Fault: More than `MOST_SEGMENTS`.
-        """
+        """Count segments of helices and of further turns."""
         self.segments += segments
         if self.segments > MOST_SEGMENTS:
             raise Fault(
@@ -141,11 +137,7 @@ class ProgramDraft:
             self.moves.append(Dwell(duration=duration))
 
     def program(self, source: str, notes: tuple[str, ...]) -> Program:
-        """The drafted program.
-
-        Raises:
-            InvalidInput: No contour, or one that makes no path.
-        """
+        """The drafted program."""
         self.rest()
         if not self.begun:
             raise InvalidInput(
@@ -155,14 +147,14 @@ class ProgramDraft:
         dimension = 3 if self.across or self._leaves_the_plane() else 2
         counts: Counter[int] = Counter()
         moves: list[Move] = []
-        for x in self.moves:
-            if isinstance(x, FeedChain):
-                counts[x.line] += 1
-                moves.append(_contour(x, dimension, counts[x.line], source))
-            elif isinstance(x, array):
-                moves.append(Rapid(path=_path(x, dimension)))
+        for move in self.moves:
+            if isinstance(move, FeedChain):
+                counts[move.line] += 1
+                moves.append(_contour(move, dimension, counts[move.line], source))
+            elif isinstance(move, array):
+                moves.append(Rapid(path=_path(move, dimension)))
             else:
-                moves.append(x)
+                moves.append(move)
         return Program(moves=tuple(moves), source=source, notes=notes)
 
     def _extend(self, feed: Feed, end: Point) -> FeedChain:
@@ -193,9 +185,9 @@ class ProgramDraft:
             self.rapid = None
 
     def _leaves_the_plane(self) -> bool:
-        for x in self.moves:
-            if isinstance(x, FeedChain | array):
-                points = np.frombuffer(x.points if isinstance(x, FeedChain) else x)
+        for move in self.moves:
+            if isinstance(move, FeedChain | array):
+                points = np.frombuffer(move.points if isinstance(move, FeedChain) else move)
                 if (np.abs(points[2::3]) > FLAT).any():
                     return True
         return False

@@ -10,7 +10,7 @@ from armcontour.files.drawings.gcode.codes import AXES, PLANES
 from armcontour.files.drawings.gcode.cutter_compensation import Compensation
 from armcontour.files.drawings.gcode.draft import ProgramDraft
 from armcontour.files.drawings.gcode.modes import Extruder, Modes, Offsets, Switches, unit_of
-from armcontour.files.drawings.gcode.motions import Cycles, ToolMotion
+from armcontour.files.drawings.gcode.motions import Cycles, ProgrammedTool
 from armcontour.files.drawings.gcode.words import (
     LASER,
     MILLIMETRE,
@@ -18,7 +18,7 @@ from armcontour.files.drawings.gcode.words import (
     Dialect,
     Fault,
     Notes,
-    whole,
+    whole_number,
 )
 from armcontour.files.drawings.read_options import ReadOptions
 
@@ -46,11 +46,7 @@ class Unknown:
         self.notes, self.skipped, self.lenient = notes, frozenset(skip), lenient
 
     def screen(self, block: Block) -> None:
-        """Remove from a line the codes and words that are not executed.
-
-        Raises:
-            Fault: A code that cannot be skipped, because it displaces the rest of the program.
-        """
+        """Remove from a line the codes and words that are not executed."""
         words = block.words.keys()
         if "I" in words and math.isnan(block.words["I"]) and not LASER.isdisjoint(block.m):
             block.drop("I")
@@ -103,12 +99,12 @@ class Unknown:
         if moves:
             raise Fault(
                 f"{name} with coordinates, which this reader does not know: write G0, G1, G2 and "
-                f"G3, or have it left out with its words (unknown: {{skip: [{name}]}}, or --skip "
+                f"G3, or skip it with its words (unknown: {{skip: [{name}]}}, or --skip "
                 f"{name})"
             )
         if code not in codes.HARMLESS_G and not self.lenient:
             raise Fault(
-                f"{name}, which this reader does not know: remove it, or have it left out "
+                f"{name}, which this reader does not know: remove it, or skip it "
                 f"(unknown: {{skip: [{name}]}}, or --skip {name})"
             )
         block.g.remove(code)
@@ -122,7 +118,7 @@ class Unknown:
         for code in [x for x in block.g if codes.g_name(x) in self.skipped]:
             name = codes.g_name(code)
             if code in codes.NEVER_SKIPPED_G or codes.G_GROUP.get(code) == codes.MOTION:
-                raise Fault(f"{name}, a motion, which cannot be left out: write it otherwise")
+                raise Fault(f"{name}, a motion, which cannot be skipped: write it otherwise")
             block.g.remove(code)
             self.notes.count(name)
             strange = code not in codes.UNDERSTOOD_G and block.motion is None
@@ -141,18 +137,14 @@ class Unknown:
             if abs(value) > TURNED:
                 raise Fault(
                     f"{letter}{value:g}, a move of the axis {letter}, which this reader does not "
-                    "have: it reads X, Y and Z (to have the word left out all the same: unknown: "
+                    "have: it reads X, Y and Z (to skip the word: unknown: "
                     f"{{skip: [{letter}]}}, or --skip {letter})"
                 )
             if not math.isnan(value):
                 self.notes.count(f"the word {letter} of zero")
 
     def leave_idle(self, block: Block) -> None:
-        """Remove the remaining words of a line that cause no motion.
-
-        Raises:
-            Fault: Words of a motion on a line without that motion.
-        """
+        """Remove the remaining words of a line that cause no motion."""
         for letter in list(block.words):
             if letter in "PQ" and not self._has_modes(block):
                 with_what = {"P": "G4, G64, G2, G3", "Q": "G64"}[letter]
@@ -197,7 +189,7 @@ class Machine:
         self.compensation = Compensation(self.draft, options.fit_tolerance)
         self.tools = options.unscaled_tools
         self.notes = Notes()
-        self.tool = ToolMotion(
+        self.tool = ProgrammedTool(
             self.compensation, self.notes, self.modes, self.offsets, options.fit_tolerance
         )
         self.unknown = Unknown(self.notes, options.words, options.skips)
@@ -247,9 +239,6 @@ class Machine:
 
         Returns:
             Whether it ends the program.
-
-        Raises:
-            Fault: A code or a word that cannot be executed.
         """
         if not block.m and self._is_simple(block):
             if "F" in block.words:
@@ -261,7 +250,7 @@ class Machine:
                 self.unknown.leave_idle(block)
             return False
         self.unknown.screen(block)
-        self._refuse_two_users(block)
+        self._check_single_p(block)
         self.modes.set_feed(block)
         dwell = self._dwell(block) if codes.DWELL in block.g else None
         self.switches.apply(block)
@@ -288,8 +277,8 @@ class Machine:
             and not self.unknown.skipped
         )
 
-    def _refuse_two_users(self, block: Block) -> None:
-        """Refuse a word P that may belong to two codes of its line."""
+    def _check_single_p(self, block: Block) -> None:
+        """Check that a word P belongs to one code of its line."""
         users = [codes.g_name(x) for x in (codes.DWELL, codes.BLEND) if x in block.g]
         if self._turns_on(block):
             users.append("the arc")
@@ -385,7 +374,7 @@ class Machine:
                 f"a tool, and {_explain_tool(1)}"
             )
         # D0 is the tool in the spindle, as in LinuxCNC.
-        number = whole(word or 0.0, f"{name} with a tool D") or in_spindle
+        number = whole_number(word or 0.0, f"{name} with a tool D") or in_spindle
         if number not in self.tools:
             raise Fault(
                 f"{name}, cutter radius compensation by the tool {number}, whose diameter is in "
@@ -446,7 +435,7 @@ class Machine:
         if not words.keys().isdisjoint("LXYZ"):
             raise Fault(
                 "G10, which sets offsets or tools of the controller, is not read: let the CAM "
-                "system write the program without it, or, if it changes nothing, leave it out "
+                "system write the program without it, or, if it changes nothing, skip it "
                 "(unknown: {skip: [G10]}, or --skip G10)"
             )
         block.drop("PRS")
@@ -460,7 +449,7 @@ class Machine:
             self.extruder.position = fed
         values = {i: words.pop(x) * unit for i, x in enumerate(AXES) if x in words}
         if not values and fed is None:
-            raise Fault("G92 without coordinates: say which axes it sets, such as G92 X0 Y0 Z0")
+            raise Fault("G92 without coordinates: name the axes that it sets, such as G92 X0 Y0 Z0")
         self.tool.set_position(values)
 
     def _set_motion(self, block: Block) -> None:

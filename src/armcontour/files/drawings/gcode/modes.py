@@ -15,7 +15,7 @@ from armcontour.files.drawings.gcode.words import (
     Dialect,
     Fault,
     Notes,
-    whole,
+    whole_number,
 )
 from armcontour.program.moves import Value
 
@@ -41,11 +41,7 @@ class Offsets:
         return self.system == self.used and all(self.placed) and None not in self.shift
 
     def to_drawing(self, coordinates: dict[int, float], position: list[float]) -> list[float]:
-        """A point of the drawing from absolute coordinates of the program.
-
-        Raises:
-            Fault: A second coordinate system, or a shift that is not known.
-        """
+        """A point of the drawing from absolute coordinates of the program."""
         point = list(position)
         for i, value in coordinates.items():
             shift = self.shift[i]
@@ -91,7 +87,7 @@ class Offsets:
             raise Fault(
                 f"a coordinate {AXES[min(axes)]} in {second} after others in {first}: only one "
                 "coordinate system is read, because their offsets are in the controller; let the "
-                f"CAM system write one, or, if both offsets are equal, leave out {second} "
+                f"CAM system write one, or, if both offsets are equal, skip {second} "
                 f"(unknown: {{skip: [{second}]}}, or --skip {second})"
             )
         for i in axes:
@@ -140,11 +136,7 @@ class Modes:
         return self.unit == INCH
 
     def set_feed(self, block: Block) -> None:
-        """Take feed mode and F from a line.
-
-        Raises:
-            Fault: F below zero or too large.
-        """
+        """Take feed mode and F from a line."""
         for code, inverse_time in ((codes.INVERSE_TIME, True), (codes.PER_MINUTE, False)):
             if code in block.g and self.inverse_time != inverse_time:
                 self.inverse_time, self.feed = inverse_time, None
@@ -167,9 +159,6 @@ class Modes:
 
         Args:
             length: Length of the move [m].
-
-        Raises:
-            Fault: No feed rate.
         """
         feed = self.feed
         if self.inverse_time:
@@ -201,7 +190,7 @@ class Modes:
             return unit
         raise Fault(
             "F on the line that changes the unit of length, which some machines read in the old "
-            "unit and some in the new: write F on a line of its own"
+            "unit and some in the new: write F on a separate line"
         )
 
 
@@ -246,11 +235,7 @@ class Switches:
         self.tool = 0
 
     def apply(self, block: Block) -> None:
-        """Switch outputs by a line, in the order of the manual; removes its words from the line.
-
-        Raises:
-            Fault: A speed below zero, a tool or an output that has no number.
-        """
+        """Switch outputs by a line, in the order of the manual; removes its words from the line."""
         speed = block.words.pop("S", None)
         if speed is not None:
             if speed < 0:
@@ -270,13 +255,13 @@ class Switches:
                 self.set("spindle", SPINDLE[code])
         for code in block.m:
             if code in COOLANT:
-                value, now = COOLANT[code], self.states.get("coolant")
-                self.set("coolant", BOTH if value and now and now != value else value)
+                value, current = COOLANT[code], self.states.get("coolant")
+                self.set("coolant", BOTH if value and current and current != value else value)
 
     def _select_tool(self, block: Block) -> None:
         if "T" not in block.words:
             return
-        self.selected = whole(block.words.pop("T"), "a tool T")
+        self.selected = whole_number(block.words.pop("T"), "a tool T")
         if not self.dialect.changes_tools:
             self._change_tool()
 
@@ -370,4 +355,4 @@ class Extruder:
 def _number(block: Block, letter: str, code: float) -> int:
     if letter not in block.words:
         raise Fault(f"M{code:g} without {letter}, the number of its output")
-    return whole(block.words.pop(letter), f"an output {letter}")
+    return whole_number(block.words.pop(letter), f"an output {letter}")

@@ -7,18 +7,18 @@ import math
 from armcontour.files.drawings.gcode import codes
 from armcontour.files.drawings.gcode.arcs import (
     Circle,
-    around,
+    arc_around,
+    arc_with_radius,
     helix_length,
     helix_points,
     pieces_of,
-    with_radius,
 )
 from armcontour.files.drawings.gcode.arcs import Point as InPlane
 from armcontour.files.drawings.gcode.codes import AXES, OFFSETS, PLANES
 from armcontour.files.drawings.gcode.cutter_compensation import Compensation
 from armcontour.files.drawings.gcode.draft import Feed
 from armcontour.files.drawings.gcode.modes import Modes, Offsets
-from armcontour.files.drawings.gcode.words import WHOLE, Block, Fault, Notes, whole
+from armcontour.files.drawings.gcode.words import WHOLE, Block, Fault, Notes, whole_number
 
 # Largest coordinate [m]: beyond it a double does not resolve a nanometre.
 FARTHEST = 1e6
@@ -32,7 +32,7 @@ UNKNOWN = (
 )
 
 
-class ToolMotion:
+class ProgrammedTool:
     """Position of the tool in the drawing, and its moves.
 
     Args:
@@ -60,11 +60,7 @@ class ToolMotion:
         self.away = False
 
     def target(self, block: Block) -> list[float]:
-        """Target of the coordinates of a line, in the drawing [m].
-
-        Raises:
-            Fault: A coordinate is too large, or its coordinate system has an unknown position.
-        """
+        """Target of the coordinates of a line, in the drawing [m]."""
         words, unit = block.words, self.modes.unit
         coordinates = {i: words[x] * unit for i, x in enumerate(AXES) if x in words}
         for i, value in coordinates.items():
@@ -78,10 +74,10 @@ class ToolMotion:
             point = self.offsets.to_drawing(coordinates, self.position)
         else:
             point = [self.position[i] + coordinates.get(i, 0.0) for i in (0, 1, 2)]
-        self._refuse_far(point)
+        self._check_range(point)
         return point
 
-    def _refuse_far(self, point: list[float]) -> None:
+    def _check_range(self, point: list[float]) -> None:
         if max(point) <= FARTHEST and min(point) >= -FARTHEST:
             return
         for i, x in enumerate(point):
@@ -161,7 +157,7 @@ class ToolMotion:
 
     def feed(self, target: list[float]) -> None:
         """A straight feed move."""
-        self._refuse_lost()
+        self._check_position_known()
         self.offsets.place()
         x, y, z = target
         self.draft.feed(x, y, z, self.feed_of(math.dist(self.position, target)))
@@ -177,7 +173,7 @@ class ToolMotion:
             )
         return speed, self.modes.tolerance, self.notes.line
 
-    def _refuse_lost(self) -> None:
+    def _check_position_known(self) -> None:
         if self.away:
             names = ", ".join(AXES[i] for i in sorted(self.lost)) or "X, Y and Z"
             raise Fault(
@@ -187,7 +183,7 @@ class ToolMotion:
 
     def arc(self, block: Block, target: list[float]) -> None:
         """Add an arc or a helix in the active plane; removes its words from the line."""
-        self._refuse_lost()
+        self._check_position_known()
         self.offsets.place()
         modes = self.modes
         a, b, c = axes = PLANES[modes.plane]
@@ -198,10 +194,10 @@ class ToolMotion:
         if abs(rise) > CLOSE and not self.draft.offset:
             feed = self.feed_of(helix_length(circle, turns, rise))
             points = helix_points(circle, turns, self.chord_tolerance, self.draft.room_for)
-            x = list(last)
+            point = list(last)
             for i, (u, v) in enumerate(points, 1):
-                x[a], x[b], x[c] = u, v, last[c] + i / len(points) * rise
-                self.draft.feed(x[0], x[1], x[2], feed)
+                point[a], point[b], point[c] = u, v, last[c] + i / len(points) * rise
+                self.draft.feed(point[0], point[1], point[2], feed)
         else:
             self.draft.room_for(turns - 1)
             pieces = pieces_of(circle, turns)
@@ -217,7 +213,7 @@ class ToolMotion:
         dialect = "inch" if modes.inch else "mm"
         if by_radius(block, modes.plane):
             radius = self._length("R", block.words.pop("R"))
-            return with_radius(start, end, radius, turn)
+            return arc_with_radius(start, end, radius, turn)
         letters = center_letters(block, modes.plane, modes.arc_absolute)
         a, b, _ = PLANES[modes.plane]
         u, v = (self._length(x, block.words.get(x, 0.0)) for x in letters)
@@ -227,7 +223,7 @@ class ToolMotion:
             center = (point[a], point[b])
         else:
             center = (start[0] + u, start[1] + v)
-        return around(start, end, center, turn, dialect)
+        return arc_around(start, end, center, turn, dialect)
 
     def _length(self, letter: str, value: float) -> float:
         length = value * self.modes.unit
@@ -239,11 +235,7 @@ class ToolMotion:
 
 
 def turns_of(block: Block) -> int:
-    """P, the number of turns begun; removes it from the line.
-
-    Raises:
-        Fault: Not a whole number from 1.
-    """
+    """P, the number of turns begun; removes it from the line."""
     word = block.words.pop("P", 1.0)
     turns = round(word)
     if abs(word - turns) > WHOLE or turns < 1:
@@ -252,11 +244,7 @@ def turns_of(block: Block) -> int:
 
 
 def by_radius(block: Block, plane: int) -> bool:
-    """True if the arc is given by its radius.
-
-    Raises:
-        Fault: The arc also has a centre, or has no end.
-    """
+    """True if the arc is given by its radius."""
     words = block.words
     if "R" not in words:
         return False
@@ -270,11 +258,7 @@ def by_radius(block: Block, plane: int) -> bool:
 
 
 def center_letters(block: Block, plane: int, absolute: bool) -> tuple[str, str]:
-    """The letters of the centre's coordinates, in the order of the plane's axes.
-
-    Raises:
-        Fault: No centre, half of an absolute one, or a coordinate across the plane.
-    """
+    """The letters of the centre's coordinates, in the order of the plane's axes."""
     words = block.words
     a, b, c = PLANES[plane]
     both = f"{OFFSETS[min(a, b)]} and {OFFSETS[max(a, b)]}"
@@ -311,7 +295,7 @@ class Cycles:
         modes: The modal state.
     """
 
-    def __init__(self, tool: ToolMotion, modes: Modes) -> None:
+    def __init__(self, tool: ProgrammedTool, modes: Modes) -> None:
         self.tool, self.modes = tool, modes
         self.code: int | None = None
         self.sticky: dict[str, float] = {}
@@ -333,7 +317,7 @@ class Cycles:
         assert code is not None
         a, b, c = PLANES[self.modes.plane]
         self._take_sticky_words(block, code, AXES[c])
-        repeats = whole(block.words.pop("L", 1.0), "a number L of repeats")
+        repeats = whole_number(block.words.pop("L", 1.0), "a number L of repeats")
         if repeats < 1:
             raise Fault(f"L{repeats} repeats of a cycle, which must be from 1")
         if self.level is None or self.level[0] != c:

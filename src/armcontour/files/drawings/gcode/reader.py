@@ -9,7 +9,12 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Progress
 from armcontour.files.drawings.gcode.machine import Machine
 from armcontour.files.drawings.gcode.words import LONGEST_LINE, Fault, dialect_of, parse
-from armcontour.files.drawings.read_options import ReadOptions, Tell, repair, tell_share
+from armcontour.files.drawings.read_options import (
+    ReadOptions,
+    Tell,
+    fraction_reporter,
+    repair_vertices,
+)
 from armcontour.program import Program
 
 # A line with only coordinates and feed, as nearly all lines of long programs. Other lines are
@@ -47,16 +52,13 @@ def read_gcode(
     line; every segment has the speed F and the tolerance G64 P, or 0 under G61. Rapids keep their
     points. Spindle, coolant, tool, outputs and extruder are events. See docs/guides/gcode.md for
     every word.
-
-    Raises:
-        InvalidInput: A line cannot be read or executed; `index` is the index of the line, from 0.
     """
     lines = _lines(data, source)
     machine = Machine(options, dialect_of(lines))
-    tell = tell_share(progress, source)
+    tell = fraction_reporter(progress, source)
     _Runner(lines, source, machine).run(tell)
     program = machine.draft.program(source, tuple(machine.notes.sentences()))
-    program = repair(program, options)
+    program = repair_vertices(program, options)
     tell(1.0)
     return program
 
@@ -139,7 +141,7 @@ class _Runner:
                 machine.notes.count("what follows % on its line")
             self.ended, self.framed = self.framed or self.has_words, True
         elif text.startswith("/"):
-            machine.notes.count("lines with a slash (block delete)", "Left out: {}.")
+            machine.notes.count("lines with a slash (block delete)", "Skipped: {}.")
         elif text and PROGRAM_NUMBER.fullmatch(text) is None and not self._is_text(line):
             if ";" in line and (match := SLICER.match(line)) is not None:
                 machine.compensation.set_layer(match[1], match[2])

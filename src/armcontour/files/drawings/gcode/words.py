@@ -19,7 +19,7 @@ from armcontour.files.drawings.gcode.codes import (
 )
 
 MILLIMETRE, INCH = 1e-3, 0.0254
-IDLE = "Left out, because it moves nothing: {}."
+IDLE = "Skipped because it causes no motion: {}."
 # Largest number of kinds that a note names.
 MOST_KINDS = 12
 
@@ -147,15 +147,11 @@ class Block:
 
 
 def parse(line: str) -> Block:
-    """The words of a line.
-
-    Raises:
-        Fault: Text that is no word or comment, or words that exclude each other.
-    """
+    """The words of a line."""
     text = line.translate(COMPACT)
     block = Block()
     if "O" in text and O_WORD.match(text) is not None:
-        _refuse_flow(line)
+        _check_program_number(line)
         return block
     position = 0
     while position < len(text):
@@ -176,8 +172,8 @@ def parse(line: str) -> Block:
     return block
 
 
-def _refuse_flow(line: str) -> None:
-    """Refuse an O word that is not the number of a program."""
+def _check_program_number(line: str) -> None:
+    """Check that an O word is the number of a program."""
     text = COMMENTS.sub("", line)
     if PROGRAM_NUMBER.fullmatch(text.translate(COMPACT)) is None:
         shown = " ".join(text.split())[:SHOWN]
@@ -197,7 +193,7 @@ def _read_other(block: Block, text: str, position: int) -> int:
     if bare and BARE.match(text, position):
         _add_word(block, text[position], math.nan)
         return position + 1
-    raise Fault(_explain_syntax(text, position))
+    raise Fault(_explain_syntax_error(text, position))
 
 
 def _add(block: Block, letter: str, number: str, position: int) -> None:
@@ -241,7 +237,7 @@ def _add_g(block: Block, value: float, text: str) -> None:
                 codes.remove(other)
                 code = min(other, code)
                 break
-            _refuse_two(g_name(other), g_name(code), group)
+            _raise_conflict(g_name(other), g_name(code), group)
     codes.append(code)
     if group == MOTION:
         block.motion = code
@@ -255,11 +251,11 @@ def _add_m(codes: list[float], value: float, text: str) -> None:
     group = M_GROUP.get(code)
     for other in codes:
         if other == code or (group is not None and M_GROUP.get(other) == group):
-            _refuse_two(f"M{other:g}", f"M{code:g}", group)
+            _raise_conflict(f"M{other:g}", f"M{code:g}", group)
     codes.append(code)
 
 
-def _refuse_two(first: str, second: str, group: str | None) -> None:
+def _raise_conflict(first: str, second: str, group: str | None) -> None:
     group_name = f" of the group for {group}" if group else ""
     raise Fault(
         f"{first} and {second}, two codes{group_name} of which a line takes only one: "
@@ -267,18 +263,14 @@ def _refuse_two(first: str, second: str, group: str | None) -> None:
     )
 
 
-def whole(value: float, word: str) -> int:
-    """Convert a value that must be a whole number.
-
-    Raises:
-        Fault: It is not.
-    """
+def whole_number(value: float, word: str) -> int:
+    """Convert a value that must be a whole number."""
     if not math.isfinite(value) or abs(value - round(value)) > WHOLE:
         raise Fault(f"{word} of {value:g}, which must be a whole number")
     return round(value)
 
 
-def _explain_syntax(text: str, position: int) -> str:
+def _explain_syntax_error(text: str, position: int) -> str:
     """The reason why no word or comment starts at a position."""
     character = text[position]
     if FANUC_FLOW.match(text, position) is not None:
@@ -295,7 +287,7 @@ def _explain_syntax(text: str, position: int) -> str:
         close = text.find(")", position + 1)
         if close < 0 or inner < 0:
             return "a comment that begins with ( and does not end: close it with )"
-        return "a comment ( ) within a comment: leave out the inner parentheses"
+        return "a comment ( ) within a comment: remove the inner parentheses"
     if text.startswith(("//", "/*"), position):
         return (
             f"a comment {text[position : position + 2]}, which G-code does not have: write ( ) or ;"
@@ -305,7 +297,7 @@ def _explain_syntax(text: str, position: int) -> str:
     if character in "@^":
         return "polar coordinates (@ or ^), which this reader does not have: write X and Y"
     if character == "$":
-        return "$, which belongs to a sender or a controller and is no G-code: leave the line out"
+        return "$, which belongs to a sender or a controller and is no G-code: remove the line"
     if text.startswith(("->", "<-", "<~")):
         return "the record of a sender (->, <-), which is no G-code: give the file of the program"
     return f"{ascii(character)}, which begins no word"
