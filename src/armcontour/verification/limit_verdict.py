@@ -83,7 +83,11 @@ class Occurrence:
     certain: float
 
     def rows(self, unit: str) -> tuple[Row, ...]:
-        """Result rows; joints are numbered from 1."""
+        """Result rows; joints are numbered from 1.
+
+        Args:
+            unit: Unit of the limit.
+        """
         joint = None if self.joint is None else self.joint + 1
         return (
             Row("ratio", self.ratio, "1", "share"),
