@@ -33,7 +33,7 @@ define suite_with
 endef
 
 # The files of compiled functions, and the list of what they are called with.
-COMPILED := $(shell grep -rl --include='*.py' '^@compiled(' src/armcontour) src/armcontour/core/kernels.txt
+COMPILED := $(shell grep -rl --include='*.py' '^@compiled' src/armcontour) src/armcontour/core/kernels.txt
 
 # Where the site is built.
 SITE := docs/_build/html

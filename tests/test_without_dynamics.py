@@ -69,8 +69,8 @@ def results(name, folder):
     # Little more than gravity needs.
     most = 1.2 * np.abs(arm.dynamics.gravity(q)) + 1.0
     arm = arm.with_limits(loose)
-    plan = ac.plan(path, arm, loose.replace(joint_torque=most), ac.Optimal(start=q))
-    assert plan.duration > ac.plan(path, arm, loose, ac.Optimal(start=q)).duration
+    plan = ac.plan(path, arm, loose.replace(joint_torque=most), ac.Optimal(seed=q))
+    assert plan.duration > ac.plan(path, arm, loose, ac.Optimal(seed=q)).duration
     torque = arm.torque(*plan.motion(np.linspace(0, plan.duration, 500)))
     assert (np.abs(torque) <= most * (1 + 1e-6)).all()
     commands = ac.compensate(plan, servo, ac.InverseDynamics(), arm=arm)
@@ -84,7 +84,7 @@ def print_results(folder):
     """Print what three arms do, and the payload that is identified of one, as JSON."""
     found = {name: results(name, Path(folder)) for name in READY}
     nominal = nominal_arm()
-    log = record(true_arm(nominal), nominal_servo(), set_points(0, 4.0), known=nominal)
+    log = record(true_arm(nominal), nominal_servo(), set_points(0, 4.0), controller=nominal)
     identified = ac.identify_bodies(log, nominal, nominal_servo(), NOMINAL)
     found["payload"] = identified.arm.chain.payload.mass
     print(json.dumps(found))

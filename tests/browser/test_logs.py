@@ -60,7 +60,7 @@ def test_j40_a_dropped_log_is_compared_with_the_plan(shown, robot, log):
     expect(result).to_have_attribute("data-state", "done")
     logged = read_run_log(log, robot.job.arm.joint_names)
     study = judge_log(robot.job, robot.plan, robot.plan.set_points, logged)
-    true = ac.evaluate(robot.simulate(), robot.plan.path).contour_error
+    true = ac.evaluate(robot.execute(), robot.plan.path).contour_error
     run = study.judged.runs[0]
     for name, value in (("RMS", run.contour_rms), ("largest", run.contour_max)):
         expect(cell(result, f"contour error, {name}")).to_have_text(number(value, "m"))
@@ -130,7 +130,7 @@ def test_j42_the_next_set_points_are_those_of_learn(shown, robot, log, monkeypat
 def test_j43_what_is_wrong_with_a_log_is_said_as_text(shown, robot):
     markup = "<img src=x onerror=alert(1)>"
     bad = write_table(
-        robot.folder / f"{markup}.csv", robot.table(robot.simulate())[:, :4], HEAD[:-17]
+        robot.folder / f"{markup}.csv", robot.table(robot.execute())[:, :4], HEAD[:-17]
     )
     result = drop(shown, bad)
     expect(result).to_have_attribute("data-state", "failed")

@@ -270,7 +270,7 @@ def test_degrees_in_columns_of_radians_are_asked_about(tmp_path, check):
         write(tmp_path / "log.csv", titles, t, q)
         done = check(tmp_path, "log.csv", "--arm", "ur5e")
         assert done.code == code, done.out + done.errors
-        asked = done.errors.count("degrees: are they?")
+        asked = done.errors.count("in degrees. If they are")
         assert asked == (unit == "rad") and ("q3 [rad] is 80 rad" in done.errors) == asked
     # Radians that are only a little out of range are a violation.
     write(tmp_path / "log.csv", titles.replace("deg", "rad"), t, q / 12)

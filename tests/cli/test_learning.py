@@ -105,7 +105,7 @@ def test_two_runs_of_a_robot(command, shop, tmp_path, refused, done):
         run = json.loads(shown)["judged"]
         assert code == 0 and (run["set_points_off"] > 1e-4) is off
         assert off or run["set_points_off"] < 1e-5
-        assert any("give these as --set-points" in x for x in run["notes"]) is off
+        assert any("give those as --set-points" in x for x in run["notes"]) is off
 
 
 def test_recorded_set_points_stay_valid_with_another_servo(shop, tmp_path, refused, done):

@@ -211,7 +211,7 @@ _LOCKED = {"file": "robot.urdf", "tip": "tcp", "locked": {"lift": 0.1}}
 _LATE = {"dead_time": 0.01}
 _CERTIFIED = {
     "tolerance": 2e-3,
-    "servo": 1e-4,
+    "servo_error": 1e-4,
     "rms": 1e-4,
     "box": {"gains": 0.01, "dead_time": 1e-4, "payload": 0.0, "jitter": 1e-5},
     "samples": 20,
@@ -220,7 +220,7 @@ _CERTIFIED = {
 }
 _ON_BODIES = {
     "plant": "rigid_body",
-    "servo": 2e-3,
+    "servo_error": 2e-3,
     "samples": 20,
     "bodies": 2,
     "corners": 2,

@@ -94,7 +94,7 @@ def test_at_rest_the_picture_is_that_of_a_full_run(opened, run):
 
 
 def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests(opened):
-    _, tab, _ = opened(PAPER.replace("interval: 0.2 ms", "interval: 4 ms"))
+    _, tab, _ = opened(PAPER.replace("cycle: 0.2 ms", "cycle: 4 ms"))
     fine = figure(tab.last("picture"), "duration")
     same = {"do": "set", "key": "servo.kp", "value": "25 1/s"}
     heard = tab.edit(same, final=False)

@@ -27,7 +27,7 @@ path: {{points: [{points}]}}
 limits: {{speed: 0.15 m/s, joint_acceleration: 0.72 rad/s^2, centripetal_acceleration: 0.09 m/s^2}}
 corners: {{tolerance: {tolerance}}}
 servo: {{kp: 25 1/s, kv: 150 1/s{servo}}}
-cycle: {period}
+cycle: {cycle}
 runs:
   certified: {{compensation: {{method: {method}}}}}
 {more}
@@ -316,7 +316,7 @@ def test_the_summary_repeats_it(certified):
         again, servo, METHODS[repeat["compensation"]](), cycle=repeat["cycle"]
     )
     np.testing.assert_array_equal(set_points.q, certified.set_points.q)
-    assert data["goal"]["servo"] == 2e-6 and "kp 25 1/s, kv 150 1/s" in data["model"]
+    assert data["goal"]["servo_error"] == 2e-6 and "kp 25 1/s, kv 150 1/s" in data["model"]
     assert data["duration"] == certified.duration == again.duration
 
 

@@ -90,7 +90,7 @@ def test_the_executed_corners_are_the_worst_of_the_box(certified):
 
 def test_a_nominal_robot_alone():
     job = parse_job(JOB)
-    found = ac.certify(job, goal=replace(job.certificate, box=None, servo=0.1e-3))
+    found = ac.certify(job, goal=replace(job.certificate, box=None, servo_error=0.1e-3))
     assert found.corners is None and found.spread is None
     assert found.evaluation.contour_error.max <= 0.1e-3
 

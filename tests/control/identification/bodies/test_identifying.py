@@ -169,7 +169,7 @@ def test_logs_that_do_not_fit_the_arm_are_refused(log, nominal):
         (
             changed(log, measured=np.degrees(log.measured), command=np.degrees(log.command)),
             nominal,
-            "degrees: are they",
+            "in degrees. If they are",
         ),
         (
             changed(log, measured=log.measured[:, [1, 0, 2, 3, 4, 5]]),
