@@ -53,7 +53,10 @@ def executed(arm, set_points, **options):
 
 @pytest.mark.parametrize("controller", ["true load", "nominal load", "no feed-forward"])
 def test_motion_with_friction_is_that_of_the_plant(arm, known, set_points, controller):
-    options = {"nominal load": {"controller": known}, "no feed-forward": {"gravity_feedforward": False}}
+    options = {
+        "nominal load": {"controller": known},
+        "no feed-forward": {"gravity_feedforward": False},
+    }
     options = options.get(controller, {})
     done = executed(arm, set_points, **options)
     drives = Drives(arm=arm, servo=SERVO, **options)
