@@ -34,7 +34,7 @@ KINDS = (
     "gallery/index",
     "concepts/compensation",
     "reference/job_keys",
-    "reference/pages/api/timing",
+    "reference/pages/api/planning",
     "reference/pages/commands/run",
     "search",
 )
