@@ -127,8 +127,8 @@ class Evaluation(Result, Checked):
         if self.model_error is not None:
             along, across = self.model_error
             model_error = (
-                Row("unexplained.along", along, "m"),
-                Row("unexplained.across", across, "m", "at most more across, unexplained"),
+                Row("model_error.along", along, "m"),
+                Row("model_error.across", across, "m", "at most more across, unexplained"),
             )
         turned = self.orientation_error
         return (

@@ -54,7 +54,7 @@ class Budget(Result):
         model_error: Bound of the part across the path that the servo model does not explain, to
             first order; 0 if `model_error` of the servo is not known.
         allowed: Tolerance for the sum of all parts; None without one.
-        servo_allowed: Largest sum of servo, sampling, box and unexplained.
+        servo_allowed: Largest sum of servo, sampling, box and model error.
     """
 
     rounding: float
