@@ -13,7 +13,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ExecutionError, InvalidInput
 from armcontour.motion import SetPoints
-from armcontour.robot.chain import Chain
+from armcontour.robot.chain import Chain, join_bodies
 from armcontour.simulation.drive_loop import Functions
 
 # MuJoCo models friction as a stiff constraint, so a joint that sticks still creeps. With the
@@ -226,11 +226,7 @@ def _link(chain: Chain, k: int) -> tuple[float, FloatArray, FloatArray]:
         return mass, center, inertia
     load_center = chain.tip.position + chain.tip.rotation @ load.center
     turned = chain.tip.rotation @ load.inertia @ chain.tip.rotation.T
-    total = mass + load.mass
-    apart = load_center - center
-    # Parallel axis theorem for two bodies about their common centre of mass.
-    between = mass * load.mass / total * (apart @ apart * np.eye(3) - np.outer(apart, apart))
-    return total, center + load.mass / total * apart, inertia + turned + between
+    return join_bodies([(mass, center, inertia), (load.mass, load_center, turned)])
 
 
 def _quaternion(mujoco: Any, rotation: FloatArray) -> FloatArray:
