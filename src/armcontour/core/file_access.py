@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path as FilePath
 
 from armcontour.core.errors import InvalidInput
+from armcontour.core.progress import registered
 
 MEGABYTE = 1_000_000
 # Size limit of jobs, arms and limits, which are written by hand or by small tools [bytes].
@@ -49,18 +50,16 @@ _allowed: list[_Allowed] = []
 _listeners: list[Callable[[FilePath, bytes], None]] = []
 
 
-@contextmanager
-def listen_to_reading(listener: Callable[[FilePath, bytes], None]) -> Iterator[None]:
+def listen_to_reading(
+    listener: Callable[[FilePath, bytes], None],
+) -> AbstractContextManager[None]:
     """Context in which `listener` is called with path and content of each file that is read."""
-    _listeners.append(listener)
-    try:
-        yield
-    finally:
-        _listeners.remove(listener)
+    return registered(_listeners, listener)
 
 
-@contextmanager
-def reading_below(folders: Iterable[FilePath], files: Iterable[FilePath] = ()) -> Iterator[None]:
+def reading_below(
+    folders: Iterable[FilePath], files: Iterable[FilePath] = ()
+) -> AbstractContextManager[None]:
     """Context in which files may be read only in some folders, in all threads.
 
     Links that lead out of the folders are refused.
@@ -70,11 +69,7 @@ def reading_below(folders: Iterable[FilePath], files: Iterable[FilePath] = ()) -
         files: Further files that may be read.
     """
     allowed = _Allowed(tuple(x.resolve() for x in folders), frozenset(x.resolve() for x in files))
-    _allowed.append(allowed)
-    try:
-        yield
-    finally:
-        _allowed.remove(allowed)
+    return registered(_allowed, allowed)
 
 
 def read_bytes(file: str | FilePath, noun: str, *, maximum: int = SMALL) -> bytes:

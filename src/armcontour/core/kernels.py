@@ -10,8 +10,8 @@ import functools
 import logging
 import re
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -144,18 +144,13 @@ def _refuse_calls(kernel: Any, name: str) -> None:
     kernel._insert = lambda *args: None
 
 
-@contextmanager
-def waiting(wait: Callable[[Any], None]) -> Iterator[None]:
+def waiting(wait: Callable[[Any], None]) -> AbstractContextManager[None]:
     """Context in which `wait` is called before a compiled function is loaded or compiled.
 
     Args:
         wait: Called with the function; returns when no other process is compiling it.
     """
-    _waiting.append(wait)
-    try:
-        yield
-    finally:
-        _waiting.remove(wait)
+    return progress.registered(_waiting, wait)
 
 
 class _Listener(event.Listener):

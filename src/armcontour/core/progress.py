@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from typing import TypeVar
+
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,13 +51,18 @@ _listeners: list[Callable[[str], None]] = []
 
 
 @contextmanager
-def listen_to_compilation(listener: Callable[[str], None]) -> Iterator[None]:
-    """Context in which `listener` is called with the name of each function that is compiled."""
-    _listeners.append(listener)
+def registered(items: list[Item], item: Item) -> Iterator[None]:
+    """Context in which a list has one item more."""
+    items.append(item)
     try:
         yield
     finally:
-        _listeners.remove(listener)
+        items.remove(item)
+
+
+def listen_to_compilation(listener: Callable[[str], None]) -> AbstractContextManager[None]:
+    """Context in which `listener` is called with the name of each function that is compiled."""
+    return registered(_listeners, listener)
 
 
 def report_compiling(name: str) -> bool:
