@@ -105,11 +105,9 @@ def _learn(
     progress: Progress,
 ) -> LearningStudy:
     """Read the job, plan its run, and learn from the log of a robot."""
-    from armcontour.jobs.run_learning import LearningStudy, learn_run, plan_run
+    from armcontour.jobs.run_learning import LearningStudy, learn_run
 
-    job = open_job(file, job_options, subprogress(progress, "reading"))
-    plan = plan_run(job, options.run_name, progress=progress)
-    set_points, log, tool = _read(job, plan, options, window, progress)
+    job, plan, set_points, log, tool = _read(file, job_options, options, window, progress)
     progress(Step(("learning from the log",)))
     result = learn_run(job, plan, set_points, log, tool=tool)
     return LearningStudy(job=job, plan=plan, lesson=result)
@@ -123,26 +121,27 @@ def _judge(
     progress: Progress,
 ) -> JudgedStudy:
     """Read the job, plan its run, and evaluate the log of a robot."""
-    from armcontour.jobs.run_learning import judge_log, plan_run
+    from armcontour.jobs.run_learning import judge_log
 
-    job = open_job(file, job_options, subprogress(progress, "reading"))
-    plan = plan_run(job, options.run_name, progress=progress)
-    set_points, log, tool = _read(job, plan, options, window, progress)
+    job, plan, set_points, log, tool = _read(file, job_options, options, window, progress)
     progress(Step(("judging the log",)))
     return judge_log(job, plan, set_points, log, tool=tool)
 
 
 def _read(
-    job: Job,
-    plan: RunResult,
+    file: FilePath,
+    job_options: JobOptions,
     options: LearnOptions,
     window: tuple[float, float],
     progress: Progress,
-) -> tuple[SetPoints, Log | Recording, tuple[FloatArray, FloatArray] | None]:
-    """Executed set-points, log, and measured tool positions if there are any."""
+) -> tuple[Job, RunResult, SetPoints, Log | Recording, tuple[FloatArray, FloatArray] | None]:
+    """Job, its plan, executed set-points, log, and measured tool positions if there are any."""
     from armcontour.files.log_file import read_run_log, read_tool_positions
     from armcontour.files.set_point_file import read_set_points
+    from armcontour.jobs.run_learning import plan_run
 
+    job = open_job(file, job_options, subprogress(progress, "reading"))
+    plan = plan_run(job, options.run_name, progress=progress)
     assert options.log is not None
     progress(Step(("reading the log",)))
     set_points = (
@@ -162,7 +161,7 @@ def _read(
     tool = None
     if options.tool_positions is not None:
         tool = read_tool_positions(options.tool_positions, job.program.dimension)
-    return set_points, log, tool
+    return job, plan, set_points, log, tool
 
 
 def _write(study: LearningStudy, folder: ResultFolder) -> None:

@@ -117,11 +117,6 @@ class Rounding(Checked):
         return None if self.tolerance is None else min([self.tolerance, *single])
 
     @property
-    def without_continuity(self) -> Rounding:
-        """The same rounding without options of arcs."""
-        return replace(self, continuity=None, transition_tolerance=None)
-
-    @property
     def shaping_options(self) -> dict[str, float | None]:
         """The specified tolerances and iterations of the shape free, by name."""
         names = {x.name for x in fields(self)} & {x.name for x in fields(Shaped)}
