@@ -38,7 +38,7 @@ OPTIONS = {
     # Words of G-code, and the units of figures in JSON, have the same name.
     "path.units": (
         "units",
-        ".*gcode|files/study_files|jobs/results|studies/placement",
+        ".*gcode|files/study_files|jobs/job_result|studies/placement",
     ),
     "path.join_tolerance": ("join_tolerance", ""),
     # The fit of a spline; the distance that a contour was shaped with, a figure; `Shaped`, the
@@ -47,7 +47,7 @@ OPTIONS = {
         "tolerance",
         "geometry|files/(drawings|study_files)|verification|studies"
         "|.*/tracing|program|.*/jerk|.*shaping/(curves|nodes|search|starts)|control"
-        "|jobs/(goal|single_corners|programs|planning)|cli/(certify_command|check_command)|files/job_(path|model)"
+        "|jobs/(goal|single_corners|automatic_leads|run_plan)|cli/(certify_command|check_command)|files/job_(path|model)"
         "|report/sections/shaping|.*shaping/shaper|planning/options"
         "|studio/(converting|tasks|static/taskforms)",
     ),
@@ -58,18 +58,18 @@ OPTIONS = {
         "|robot/drives|report|batches|.*constraints|.*/(jerk|topp)|core/text|verification"
         "|planning/(law_checks|paper|end_sp|expl|program|planner)"
         "|studio/(line|picture)|robot/limit_use"
-        "|jobs/(analog|programs|planning|warnings|results|run_data|job)|studio/(converting|static)",
+        "|jobs/(analog|automatic_leads|run_plan|run_warnings|job_result|run_data|job)|studio/(converting|static)",
     ),
     # Exports have an interval of their own, and so has `Paper`, the arguments of a function; a
     # preview chooses a longer one.
     "cycle": (
-        "cycle|period",
-        "files/(exports|trajectory_file)|cli/(exporting|options)|planning/options"
+        "cycle",
+        "files/(exports|trajectory_file)|cli/(exports|options)|planning/options"
         "|studio/preview|control/(compensation|learning)"
         "|studies/certification|simulation|robot|report|motion|jobs/study|studio/tasks",
     ),
     # `with_reserve` subtracts it.
-    "timing.reserve": ("reserve", "studies/certification|motion|jobs/planning|planning/law_checks"),
+    "timing.reserve": ("reserve", "studies/certification|motion|jobs/run_plan|planning/law_checks"),
 }
 # Attributes that hold each quantity, and files that do not count.
 SCRIPTS = "|studio/static/(arm3d|layers|motion|notes|playback|trail|view2d)"
@@ -103,7 +103,7 @@ MECHANISMS = {
     "Studio": ("def place_of(", "studio/edits/keys.py"),
     "batches": ("def _put(", "batches/base_job.py"),
     "sweep": ("changes_of(", "studio/tasks/searching.py"),
-    "patch": ("def apply(", "*/patch.py"),
+    "patch": ("def apply_patch(", "*/patch.py"),
 }
 FUNCTIONS = (ac.plan, ac.read_path, ac.shape, ac.place, ac.export, ac.load_arm)
 PAPER = (
