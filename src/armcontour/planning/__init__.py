@@ -10,5 +10,6 @@ _HOME = {
     "program_timing": "check_jerk_support",
     "program_tracing": "Tracing trace_fastest trace_program turn_along",
     "shaping": "shape",
+    "stopping": "stop",
 }
 __getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -20,3 +20,4 @@ from armcontour.planning.program_tracing import trace_fastest as trace_fastest
 from armcontour.planning.program_tracing import trace_program as trace_program
 from armcontour.planning.program_tracing import turn_along as turn_along
 from armcontour.planning.shaping import shape as shape
+from armcontour.planning.stopping import stop as stop

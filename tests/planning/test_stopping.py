@@ -1,0 +1,76 @@
+"""Stops on the path: limits, path and plan before the stop are kept, and the arm ends at rest."""
+
+import numpy as np
+import pytest
+
+import armcontour as ac
+from armcontour.planning import stop
+
+POINTS = np.array([(0.350, 0.100), (0.410, 0.150), (0.280, 0.300), (0.350, 0.350)])
+TIMES = np.linspace(0.02, 0.98, 17)
+# The paper's method may exceed a limit by 1e-5 itself.
+ROUNDING = 1e-5
+
+
+def _plan(method: str) -> ac.Trajectory:
+    arm = ac.load_arm("pmk3s")
+    limits = arm.limits.replace(speed=0.15, centripetal_acceleration=0.09)
+    continuity = "curvature" if method == "jerk" else "tangent"
+    path = ac.round_corners(ac.Path.polyline(POINTS), tolerance=5e-3, continuity=continuity)
+    if method == "jerk":
+        limits = limits.replace(joint_jerk=40.0)
+    if method == "tool":
+        limits = limits.replace(tool_acceleration=0.3)
+    options = (
+        ac.Paper(knots=600, reserve=0.05) if method == "paper" else ac.Optimal(reserve=0.05)
+    )
+    return ac.plan(path, arm, limits, options)
+
+
+@pytest.mark.parametrize("method", ["optimal", "tool", "jerk", "paper"])
+def test_a_stop_keeps_path_and_limits_and_ends_at_rest(method: str) -> None:
+    """At 17 times of the plan, by `check`, which shares no code with the planner."""
+    plan = _plan(method)
+    assert plan.arm is not None and plan.limits is not None and plan.path is not None
+    for t in TIMES * plan.duration:
+        stopped = stop(plan, float(t))
+        assert t <= stopped.duration <= plan.duration + 1e-9
+        before = np.linspace(0, t, 50, endpoint=False)
+        np.testing.assert_array_equal(stopped(before, 0), plan(before, 0))
+        result = ac.check(stopped, plan.arm, plan.limits, plan.path)
+        assert max(x.ratio for x in result.uses) < 1 + ROUNDING, (t, result)
+        assert result.end_speeds[1] < 1e-9
+        own = ac.check(plan, plan.arm, plan.limits, plan.path)
+        assert result.path_deviation is not None and own.path_deviation is not None
+        assert result.path_deviation.distance < own.path_deviation.distance + 1e-8
+
+
+def test_the_stop_is_the_fastest_one() -> None:
+    """On a straight line at uniform speed, one joint brakes with its limit less the reserve."""
+    plan = _plan("optimal")
+    line = ac.JointPath.spline([[0.0, 0.0], [1.0, 0.5], [2.0, 1.0]], [0.0, 1.0, 2.0])
+    limits = ac.Limits(joint_velocity=1.0, joint_acceleration=2.0)
+    motion = ac.plan(line, plan.arm, limits, ac.Optimal(reserve=0.01))
+    stopped = stop(motion, motion.duration / 2)
+    assert stopped.duration - motion.duration / 2 == pytest.approx(0.5, rel=0.01)
+
+
+def test_rests_and_ends_of_a_program() -> None:
+    """Rapids and dwells stop like contours; a stop at rest is no motion."""
+    arm = ac.load_arm("pmk3s")
+    contours = [
+        ac.Contour(path=ac.Path.polyline([(0.30, 0.20), (0.35, 0.20)])),
+        ac.Rapid(),
+        ac.Contour(path=ac.Path.polyline([(0.35, 0.25), (0.30, 0.25)])),
+    ]
+    program = ac.Program(moves=contours)
+    limits = arm.limits.replace(speed=0.15)
+    plan = ac.plan(program, arm, limits, ac.Optimal(reserve=0.05))
+    rapid = next(x for x in plan.spans if x.kind == "rapid")
+    inside = sum(rapid.t) / 2
+    stopped = stop(plan, inside)
+    assert inside < stopped.duration < rapid.t[1]
+    result = ac.check(stopped, arm, limits)
+    assert not result.violated and result.end_speeds[1] < 1e-9
+    assert stop(plan, rapid.t[0]).duration == pytest.approx(rapid.t[0])
+    assert stop(plan, plan.duration).duration == plan.duration
