@@ -7,10 +7,13 @@ ArmContourError
 ├── NotRealizable                      no timing of this method satisfies the limits
 ├── CompensationError                  the servo's delay cannot be compensated by this method
 ├── ExecutionError                     the simulated servo did not complete the motion
-└── Collision                          a distance to the arm itself or to the cell is too small
+├── Collision                          a distance to the arm itself or to the cell is too small
+├── ControllerRefused                  a robot controller differs from the plan; nothing moved
+└── ControllerLost                     a robot controller failed during a motion
 ```
 
-The exit codes of the command line are 2 to 6 in this order, and 8 for a collision. 0 and 1 are
+The exit codes of the command line are 2 to 6 in this order, 8 for a collision, and 10 and 11 for
+controllers. 0 and 1 are
 results (`check`: all limits satisfied, a limit violated; `identify`: all joints have a model, or
 not); 7 is the result of `check` if the samples do not decide.
 
@@ -130,3 +133,20 @@ class Collision(ArmContourError):
     """A distance of the arm to itself or to an obstacle is below the required clearance."""
 
     exit_code = 8
+
+
+class ControllerRefused(ArmContourError):
+    """A robot controller cannot be reached or differs from the plan; nothing was moved."""
+
+    exit_code = 10
+
+
+class ControllerLost(ArmContourError):
+    """A robot controller or the connection to it failed during a motion.
+
+    Attributes:
+        record: What was recorded until then, a `PlayedMotion`; None if nothing.
+    """
+
+    exit_code = 11
+    record: object | None = None

@@ -1,0 +1,10 @@
+"""Robot controllers: adapters that play set-points and record what the robot does."""
+
+from armcontour.core.lazy import lazy_names
+
+_HOME = {
+    "controller": "Controller Motion PlayedMotion Stop",
+    "linuxcnc": "LinuxCNC",
+    "player": "Played play",
+}
+__getattr__, __all__ = lazy_names(__name__, _HOME)

@@ -1,0 +1,106 @@
+"""Set-points at the cycles of a controller, and the set-points of stops."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from armcontour.control.compensation import CompensationOptions
+from armcontour.control.compensation.compensator import teach
+from armcontour.controllers.controller import Stop
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import NotRealizable
+from armcontour.motion import SetPoints, Trajectory
+from armcontour.planning import stop
+from armcontour.robot import Arm
+from armcontour.robot.servo import ServoModel
+from armcontour.robot.servo.simulation import command_weights
+
+# Rest after a motion, in which joints settle and the last samples arrive [s].
+REST = 1.0
+# Set-points of a stop equal those of the plan before it within this [rad].
+SAME = 1e-7
+# Cycles of set-points by which a set-point depends on the later plan, first guess; doubled while
+# this is not enough.
+FORESIGHT, LONGEST_FORESIGHT = 16, 256
+# Time in which a learned correction fades out in a stop [s].
+FADING = 0.2
+
+
+def commands_at(set_points: SetPoints, cycle: float, interpolation: str) -> FloatArray:
+    """Set-points at the cycles of a controller, with a rest at their end [rad], (n, dof).
+
+    Args:
+        set_points: The set-points.
+        cycle: Cycle of the controller [s].
+        interpolation: Interpolation between set-points, as in `ServoModel`.
+    """
+    q = set_points.q
+    rest = np.repeat(q[-1:], round(REST / cycle), axis=0)
+    if abs(set_points.cycle - cycle) < 1e-12:
+        return np.concatenate([q, rest])
+    t = np.arange(0.0, (len(q) - 1) * set_points.cycle + cycle / 2, cycle)
+    index, weight = command_weights(len(q), set_points.cycle, interpolation, t)
+    return np.concatenate([np.einsum("nk,nkj->nj", weight, q[index]), rest])
+
+
+class Stopper:
+    """Computes the set-points of stops on the path of a plan.
+
+    Args:
+        set_points: The set-points that are played; learned ones keep their corrections, which fade
+            out in a stop.
+        servo: The servo model of the compensation.
+        options: Options of the compensation.
+        arm: The arm.
+        cycle: Cycle of the controller [s].
+    """
+
+    def __init__(
+        self,
+        set_points: SetPoints,
+        servo: ServoModel,
+        options: CompensationOptions,
+        arm: Arm,
+        cycle: float,
+    ) -> None:
+        self.set_points, self.servo, self.options = set_points, servo, options
+        self.arm, self.cycle = arm, cycle
+        self.q = commands_at(set_points, cycle, servo.interpolation)
+        self._planned = self._commands(set_points.trajectory)
+
+    def __call__(self, k: int) -> Stop:
+        """The stop that replaces the set-points from cycle k on.
+
+        Raises:
+            NotRealizable: The set-points before k would have to be others, too.
+        """
+        plan, foresight = self.set_points.trajectory, FORESIGHT
+        while foresight <= LONGEST_FORESIGHT:
+            t = k * self.cycle + self.set_points.start_time
+            t += float(np.max(self.servo.dead_time)) + foresight * self.set_points.cycle
+            if t >= plan.duration:
+                return Stop(k=k, q=self.q[min(k, len(self.q) - 1) :])
+            q = self._commands(stop(plan, max(t, 0.0)))
+            if np.abs(q[:k] - self._planned[:k]).max(initial=0.0) < SAME:
+                return Stop(k=k, q=q[k:] + self._correction(k, len(q) - k))
+            foresight *= 2
+        raise NotRealizable(
+            f"Set-points before cycle {k} depend on a stop after it: their limits or the poles of "
+            "the compensation look too far ahead."
+        )
+
+    def _commands(self, trajectory: Trajectory) -> FloatArray:
+        """Set-points of a trajectory at the controller's cycles, compensated as the plan is."""
+        cycle = self.set_points.cycle
+        set_points = teach(trajectory, self.servo, self.options, cycle=cycle, arm=self.arm)
+        if abs(set_points.start_time - self.set_points.start_time) > SAME * cycle:
+            raise NotRealizable("The set-points of a stop start at another time than the plan's.")
+        return commands_at(set_points, self.cycle, self.servo.interpolation)
+
+    def _correction(self, k: int, count: int) -> FloatArray:
+        """The learned change of the set-points from cycle k on, which fades out (count, dof)."""
+        learned = self.q[k : k + count] - self._planned[k : k + count]
+        number = np.arange(count)
+        x = np.clip(number * self.cycle / FADING, 0.0, 1.0)
+        faded = 1 - x**3 * (10 - x * (15 - 6 * x))
+        return learned[np.minimum(number, len(learned) - 1)] * faded[:, None]

@@ -1,0 +1,442 @@
+"""Controllers of robots: a base class that plays motions through a feeder process."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path as FilePath
+from typing import Annotated, ClassVar, NamedTuple, Self
+
+import numpy as np
+
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import (
+    ArmContourError,
+    ControllerLost,
+    ControllerRefused,
+    InvalidInput,
+)
+from armcontour.core.fields import Checked
+from armcontour.core.quantities import AtLeast, Axes, Quantity
+from armcontour.core.render import number
+from armcontour.core.result import Row
+from armcontour.core.text import count_noun
+from armcontour.robot import Arm, Limits
+
+# Longest times for connecting, and for the end of a stop and of the process [s].
+CONNECTING, CLOSING = 20.0, 60.0
+# Time between two looks at the samples [s].
+PAUSE = 5e-3
+# First guess of the time that a stop needs to be computed and sent [s].
+LEAD = 0.15
+# Largest distance of a joint from the first set-point [rad].
+START = 1e-3
+# Set-points, and the commands that the controller recorded, are equal within this [rad].
+SAME = 1e-9
+# Largest number of characters of an error message of a feeder.
+SHOWN = 600
+
+Positions = Annotated[FloatArray, Quantity("rad"), Axes("n", "joints")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stop(Checked):
+    """Set-points that replace those of a motion from a cycle on, and end at rest on its path.
+
+    Args:
+        k: The first cycle that they replace, counted from 0.
+        q: Joint positions at the controller's cycles from k on [rad], (n, dof).
+    """
+
+    k: Annotated[int, AtLeast(0)]
+    q: Positions
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Motion(Checked):
+    """Set-points at the cycles of a controller, with its stops.
+
+    Args:
+        q: Joint positions [rad], (n, dof), from rest to rest.
+        next_stop: Computes the stop from a cycle on, or from a later one; None if the motion is so
+            short that it is not stopped. Called by another thread while the motion is played.
+        predicted: Measured positions that are expected at these cycles [rad], (n, dof).
+        band: Largest difference of a joint from `predicted` before the motion is stopped [rad].
+    """
+
+    q: Positions
+    next_stop: Callable[[int], Stop] | None = None
+    predicted: Positions | None = None
+    band: float = np.inf
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlayedMotion(Checked):
+    """What a controller recorded of a motion.
+
+    Args:
+        t: Times by the controller's clock, 0 at the first set-point [s], (n,).
+        command: Set-points that the controller used [rad], (n, dof).
+        measured: Measured positions [rad], (n, dof).
+        stopped: Cycle from which on a stop replaced the motion; None if it was played to its end.
+        faithful: Whether the controller used the set-points as they were sent, each in its cycle.
+        notes: Sentences on what differs from the ideal: late rows, lost samples, following errors.
+    """
+
+    t: Annotated[FloatArray, Quantity("s"), Axes("n")]
+    command: Positions
+    measured: Positions
+    stopped: int | None = None
+    faithful: bool = True
+    notes: tuple[str, ...] = ()
+
+
+class Command(NamedTuple):
+    """Command of a feeder process, and variables of its environment."""
+
+    words: Sequence[str]
+    environment: Mapping[str, str] = {}
+
+
+class _Channel:
+    """A feeder process, and what it has sent."""
+
+    def __init__(self, command: Command, folder: FilePath) -> None:
+        self.folder = folder
+        with open(folder / "stderr.txt", "w") as errors:
+            self.process = subprocess.Popen(
+                command.words,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                env={**os.environ, **command.environment},
+                text=True,
+                start_new_session=True,
+            )
+        self.samples: list[tuple[float, ...]] = []
+        self.events: list[list[str]] = []
+        self.positions: list[float] = []
+        self.failure = ""
+        self.alive = True
+        self._lock = threading.Lock()
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def _listen(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            kind, *words = line.split()
+            if kind == "s":
+                self.samples.append(tuple(map(float, words)))
+            elif kind == "R":
+                self.positions = [float(x) for x in words]
+            elif kind == "F":
+                self.failure = " ".join(words)
+            else:
+                self.events.append([kind, *words])
+        self.alive = False
+
+    def send(self, lines: Iterable[str]) -> None:
+        """Send lines; a process that has ended is noticed by `alive`."""
+        assert self.process.stdin is not None
+        text = "".join(f"{x}\n" for x in lines)
+        with self._lock:
+            try:
+                self.process.stdin.write(text)
+                self.process.stdin.flush()
+            except (OSError, ValueError):
+                self.alive = False
+
+    def event(self, kind: str) -> list[str] | None:
+        """The last event of a kind since the begin of the motion."""
+        return next((x for x in reversed(self.events) if x[0] == kind), None)
+
+    def describe_failure(self) -> str:
+        """Why the process has ended, as far as it is known."""
+        if self.failure:
+            return self.failure
+        errors = (self.folder / "stderr.txt").read_text(errors="replace").split()
+        return " ".join(errors)[-SHOWN:] or "its process has ended"
+
+    def close(self) -> None:
+        """End the process, which ends a motion on the path before."""
+        self.send(["Q"])
+        assert self.process.stdin is not None
+        with suppress(OSError):
+            self.process.stdin.close()
+        try:
+            self.process.wait(CLOSING)
+        except subprocess.TimeoutExpired:
+            os.killpg(self.process.pid, signal.SIGTERM)
+            self.process.wait()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+class _StopSender(threading.Thread):
+    """Sends the stop that comes next, from before a motion until its end."""
+
+    def __init__(self, channel: _Channel, motion: Motion, ahead: int, cycle: float) -> None:
+        super().__init__(daemon=True)
+        self.channel, self.motion, self.ahead, self.cycle = channel, motion, ahead, cycle
+        self.played = 0
+        self.sent: dict[int, FloatArray] = {}
+        self.error: ArmContourError | None = None
+        self.lead = LEAD
+        self._ended = threading.Event()
+
+    def send_next(self) -> int:
+        """Compute and send the next stop, and return its cycle."""
+        assert self.motion.next_stop is not None
+        begun = time.monotonic()
+        stop = self.motion.next_stop(self.played + self.ahead + round(self.lead / self.cycle))
+        self.lead = max(self.lead, 2 * (time.monotonic() - begun) + PAUSE)
+        self.sent[stop.k] = stop.q
+        self.channel.send([f"T {stop.k}", *rows_as_lines(stop.q), "E"])
+        return stop.k
+
+    def run(self) -> None:
+        """Send stops until the motion has ended."""
+        try:
+            while not self._ended.is_set():
+                k = self.send_next()
+                while self.played + self.ahead + round(self.lead / self.cycle) < k:
+                    if self._ended.wait(PAUSE):
+                        return
+                if k >= len(self.motion.q):
+                    return
+                self._ended.wait(PAUSE)
+        except ArmContourError as error:
+            self.error = error
+
+    def end(self) -> None:
+        """Send no more stops."""
+        self._ended.set()
+        if self.is_alive():
+            self.join()
+
+
+class Controller(ABC):
+    """A robot controller that takes joint positions in every cycle.
+
+    Attributes:
+        name: Name of the controller.
+        cycle: Its cycle [s].
+        ahead: Number of rows that are sent before they are due, and can no longer be replaced.
+        observes: Whether a connection only reads until a motion starts, as for a dry run.
+    """
+
+    name: ClassVar[str]
+    cycle: float = 1e-3
+    ahead: int = 0
+    observes: bool = True
+
+    def __init__(self) -> None:
+        self._channel: _Channel | None = None
+
+    @abstractmethod
+    def _command(self, arm: Arm, start: FloatArray, folder: FilePath) -> Command:
+        """The command of the feeder process; `folder` is for its files."""
+
+    def check(self, arm: Arm, limits: Limits, q: FloatArray) -> list[Row]:
+        """Compare arm, limits and set-points with those of the controller.
+
+        Args:
+            arm: The arm of the plan.
+            limits: Limits of the plan.
+            q: Set-points at the controller's cycles [rad], (n, dof).
+
+        Returns:
+            Rows with what was compared, for a table.
+
+        Raises:
+            ControllerRefused: Something differs.
+        """
+        return []
+
+    def connect(self, arm: Arm, start: FloatArray) -> None:
+        """Connect to the controller and hold the position.
+
+        Args:
+            arm: The arm of the plan.
+            start: Joint positions at which a simulated robot is set up [rad], (dof,).
+
+        Raises:
+            ControllerRefused: The controller cannot be reached, or has other joints.
+        """
+        folder = FilePath(tempfile.mkdtemp(prefix="armcontour-play-"))
+        channel = self._channel = _Channel(self._command(arm, start, folder), folder)
+        end = time.monotonic() + CONNECTING
+        while not channel.positions and channel.alive and time.monotonic() < end:
+            time.sleep(PAUSE)
+        if not channel.positions:
+            reason = "it does not answer" if channel.alive else channel.describe_failure()
+            self.close()
+            raise ControllerRefused(f"{self.name} cannot be reached: {reason}")
+        if len(channel.positions) != arm.dof:
+            self.close()
+            raise ControllerRefused(
+                f"{self.name} has {count_noun(len(channel.positions), 'joint')}, but the arm "
+                f"{arm.name} has {arm.dof}."
+            )
+
+    def position(self) -> FloatArray:
+        """The commanded joint positions [rad], (dof,)."""
+        channel = self._connected()
+        if not channel.samples:
+            return np.array(channel.positions)
+        row = channel.samples[-1]
+        return np.array(row[2 : 2 + len(channel.positions)])
+
+    def stream(self, motion: Motion, wanted: Callable[[], bool] = lambda: False) -> PlayedMotion:
+        """Play a motion and record it.
+
+        Args:
+            motion: The motion, which begins at the commanded position.
+            wanted: Called often; True stops the motion on its path.
+
+        Raises:
+            ControllerRefused: The motion begins elsewhere; nothing moves.
+            ControllerLost: The controller failed, or its process ended; with the record until then.
+        """
+        channel = self._connected()
+        self._check_start(motion)
+        channel.events.clear()
+        begin = len(channel.samples)
+        channel.send(["M", *rows_as_lines(motion.q), "E"])
+        stops = _StopSender(channel, motion, self.ahead, self.cycle)
+        if motion.next_stop is not None:
+            # Nothing moves before there is a stop.
+            stops.send_next()
+            stops.start()
+        channel.send(["G"])
+        notes: list[str] = []
+        looked, stopping = begin, False
+        try:
+            while channel.event("D") is None:
+                if not channel.alive:
+                    reason = channel.describe_failure()
+                    record = self._record(begin, motion, stops.sent, notes)
+                    raise _lost(f"{self.name} was lost: {reason}", record)
+                # A line is a sign of life.
+                channel.send([""])
+                rows = channel.samples[looked:]
+                looked += len(rows)
+                if rows:
+                    stops.played = max(stops.played, int(rows[-1][1]))
+                reason = _following_error(rows, motion)
+                if not reason and stops.error is not None:
+                    reason = f"No further stop can be computed: {stops.error}"
+                if not stopping and (reason or wanted()):
+                    channel.send(["S"])
+                    stopping = True
+                    notes += [reason] if reason else []
+                time.sleep(PAUSE)
+        finally:
+            stops.end()
+        return self._record(begin, motion, stops.sent, notes)
+
+    def close(self) -> None:
+        """Disconnect."""
+        if self._channel is not None:
+            self._channel.close()
+            self._channel = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _connected(self) -> _Channel:
+        if self._channel is None:
+            raise InvalidInput(f"{self.name} is not connected: call connect first.")
+        return self._channel
+
+    def _check_start(self, motion: Motion) -> None:
+        """Refuse a motion that does not begin where the controller holds the robot."""
+        distance = np.abs(motion.q[0] - self.position())
+        j = int(distance.argmax())
+        if distance[j] > START:
+            raise ControllerRefused(
+                f"Joint {j + 1} is commanded to {number(self.position()[j], 'rad')}, "
+                f"{number(distance[j], 'rad')} from the first set-point: move it there before.",
+                joint=j,
+                needed=float(distance[j]),
+                allowed=START,
+            )
+
+    def _record(
+        self, begin: int, motion: Motion, stops: Mapping[int, FloatArray], notes: list[str]
+    ) -> PlayedMotion:
+        """What the samples from number `begin` on show of a motion."""
+        channel, dof = self._connected(), motion.q.shape[1]
+        table = np.array(channel.samples[begin:], dtype=float).reshape(-1, 2 + 2 * dof)
+        # Before the first row the controller may still hold the last one of another motion.
+        table = table[int(np.argmax(table[:, 1] == 0)) if (table[:, 1] == 0).any() else len(table) :]
+        table = table[table[:, 1] >= 0]
+        clock, k = table[:, 0], table[:, 1].astype(int)
+        event = channel.event("X")
+        stopped, q = None if event is None else int(event[1]), motion.q
+        if stopped is not None:
+            q = np.concatenate([q[:stopped], stops[stopped]])
+        missing = int((np.diff(clock) - 1).sum()) if len(clock) else 0
+        # Rests end a motion, and the last row is held.
+        late = int((np.diff(k[k < len(q) - 1]) == 0).sum())
+        command = table[:, 2 : 2 + dof]
+        deviation = float(np.abs(command - q[np.minimum(k, len(q) - 1)]).max(initial=0.0))
+        if channel.event("W") is not None:
+            notes = [*notes, "The feeder had no sign of life from this process and stopped."]
+        if missing:
+            notes = [*notes, f"{count_noun(missing, 'sample')} of the record are missing."]
+        if late:
+            notes = [*notes, f"{count_noun(late, 'set-point')} came late."]
+        if deviation > SAME:
+            notes = [
+                *notes,
+                f"The controller used other set-points than those sent, by up to "
+                f"{number(deviation, 'rad')}.",
+            ]
+        return PlayedMotion(
+            t=(clock - (clock[0] if len(clock) else 0.0)) * self.cycle,
+            command=command,
+            measured=table[:, 2 + dof :],
+            stopped=stopped,
+            faithful=not (late or missing) and deviation <= SAME,
+            notes=tuple(notes),
+        )
+
+
+def rows_as_lines(q: FloatArray) -> list[str]:
+    """Joint positions as lines to a feeder, without loss of digits."""
+    return ["P " + " ".join(map(repr, row)) for row in q.tolist()]
+
+
+def _following_error(rows: Sequence[Sequence[float]], motion: Motion) -> str:
+    """A sentence if a joint is farther from its predicted position than allowed; else empty."""
+    if not rows or motion.predicted is None or not np.isfinite(motion.band):
+        return ""
+    table = np.array(rows)
+    table = table[table[:, 1] >= 0]
+    k = np.minimum(table[:, 1].astype(int), len(motion.predicted) - 1)
+    errors = np.abs(table[:, 2 + motion.q.shape[1] :] - motion.predicted[k])
+    if not errors.size or errors.max() <= motion.band:
+        return ""
+    i, j = np.unravel_index(int(errors.argmax()), errors.shape)
+    return (
+        f"Joint {j + 1} was {number(errors[i, j], 'rad')} from its predicted position in cycle "
+        f"{k[i]}, above the allowed {number(motion.band, 'rad')}."
+    )
+
+
+def _lost(message: str, record: PlayedMotion) -> ControllerLost:
+    error = ControllerLost(message)
+    error.record = record
+    return error

@@ -1,0 +1,1 @@
+"""Programs that feed a controller: processes of their own, which need only its client library."""

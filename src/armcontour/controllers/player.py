@@ -1,0 +1,258 @@
+"""`play`: move a robot along the plan of a job, and record it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+
+from armcontour.control.compensation import NoCompensation
+from armcontour.controllers.commands import Stopper
+from armcontour.controllers.controller import START, Controller, Motion, PlayedMotion
+from armcontour.core.checks import FloatArray
+from armcontour.core.errors import ControllerRefused, InvalidInput
+from armcontour.core.fields import checked
+from armcontour.core.progress import Progress, Step, subprogress
+from armcontour.core.quantities import AngularDistance, AtLeast
+from armcontour.core.render import Result, number
+from armcontour.core.result import FIRST, VERDICT, Data, Row
+from armcontour.jobs.job import Job, Run, choose_run
+from armcontour.jobs.job_result import RunResult
+from armcontour.jobs.study import run
+from armcontour.motion import JointPath, Log, SetPoints
+from armcontour.planning import plan
+from armcontour.planning.options import Optimal
+from armcontour.robot import Limits, resolve_limits
+from armcontour.robot.servo import ServoModel
+
+# Share of the planned speed by default.
+SLOW = 0.1
+# Smallest reserve of a plan that moves a robot: without one, a servo that differs slightly from its
+# model saturates, and a stop may be impossible where a limit is active.
+RESERVE = 0.02
+# Powers of a speed factor by which limits change; torques and ranges do not.
+POWERS = {
+    "speed": 1, "joint_velocity": 1, "angular_speed": 1,
+    "joint_acceleration": 2, "tool_acceleration": 2, "centripetal_acceleration": 2,
+    "angular_acceleration": 2, "joint_jerk": 3, "tool_jerk": 3, "path_jerk": 3,
+}  # fmt: skip
+# Samples of a check of the way to the start.
+SpeedFactor = Annotated[float, AtLeast(1e-3, 1.0)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Played(Result):
+    """A motion of a robot, or of a dry run what would move.
+
+    Args:
+        job: The job with the run as it is played.
+        plan: Plan, set-points and simulation of this run.
+        controller: Name of the controller.
+        speed_factor: Share of the job's speed.
+        checks: What was compared with the controller.
+        distance: Largest distance of a joint from the first set-point before the motion [rad];
+            None if it is unknown.
+        record: What the controller recorded; None in a dry run.
+    """
+
+    job: Job
+    plan: RunResult
+    controller: str
+    speed_factor: float
+    checks: tuple[Row, ...]
+    distance: float | None
+    record: PlayedMotion | None = None
+
+    @property
+    def log(self) -> Log:
+        """The record as a log, for `identify` and `learn`.
+
+        Raises:
+            InvalidInput: A dry run, or a controller that used other set-points than those sent.
+        """
+        record = self.record
+        if record is None:
+            raise InvalidInput("A dry run has no log: play with execute=True.")
+        if not record.faithful:
+            raise InvalidInput(
+                f"This motion is no log of its set-points: {' '.join(record.notes)} Play it again."
+            )
+        return Log(
+            t=record.t,
+            command=record.command,
+            measured=record.measured,
+            joint_names=self.job.arm.joint_names,
+            interpolation="linear",
+            source=self.controller,
+            notes=record.notes,
+        )
+
+    def to_data(self) -> Data:
+        """What moved or would move."""
+        record = self.record
+        moved = None if record is None else record.stopped is None
+        rows = [
+            Row("executed", record is not None, "", "executed", level=VERDICT),
+            Row("controller", self.controller, "", "controller", level=FIRST),
+            Row("run", self.plan.run.name, "", "run", level=FIRST),
+            Row("speed_factor", self.speed_factor, "1", "share of the speed", level=FIRST),
+            Row("duration", self.plan.trajectory.duration, "s", "duration", level=FIRST),
+            Row("distance", self.distance, "rad", "distance from the start", level=FIRST),
+            *self.checks,
+            Row("completed", moved, "", "played to its end", level=FIRST),
+        ]
+        notes = () if record is None else record.notes
+        return Data(f"Run {self.plan.run.name} on {self.controller}", tuple(rows), notes=notes)
+
+
+@checked
+def play(
+    job: Job,
+    on: Controller,
+    *,
+    run_name: str | None = None,
+    execute: bool = False,
+    speed_factor: SpeedFactor = SLOW,
+    band: AngularDistance | None = None,
+    set_points: SetPoints | None = None,
+    wanted: Callable[[], bool] = lambda: False,
+    progress: Progress | None = None,
+) -> Played:
+    """Play the set-points of a run on a robot, and record its joints.
+
+    The run is planned again at a share of its speed and with a reserve of 2 % at least, then
+    compensated; set-points are never stretched. The robot moves to the start in joint space, slowly.
+    A stop ends on the path, within the limits.
+
+    Args:
+        job: The job.
+        on: The controller, not connected.
+        run_name: The run; by default the only one.
+        execute: Whether the robot moves; otherwise arm, limits, set-points and position are
+            compared only.
+        speed_factor: Share of the speed; accelerations change by its square, jerks by its cube.
+        band: Largest difference of a joint from its simulated position before the motion is stopped
+            [rad]; by default unlimited.
+        set_points: Set-points of `learn` for this run, instead of those of the compensation; only
+            with a speed_factor of 1.
+        wanted: Called often during the motion; True stops it on its path.
+        progress: Called with the steps.
+
+    Raises:
+        ControllerRefused: The controller cannot be reached, or differs from the plan; nothing moves.
+        ControllerLost: The controller failed during the motion.
+        ArmContourError: The run cannot be planned.
+    """
+    chosen = choose_run(job, run_name, "played")
+    played_job = replace(job, runs=(at_speed(chosen, job, speed_factor),))
+    planned = run(played_job, progress=progress).runs[chosen.name]
+    if set_points is not None:
+        _check_same_plan(set_points, planned, speed_factor)
+    else:
+        set_points = planned.set_points
+    servo, options, arm = job.servo, planned.run.compensation, job.arm
+    stopper = Stopper(set_points, servo, options, arm, on.cycle)
+    limits = resolve_limits("play", arm, planned.run.limits)
+    checks = tuple(on.check(arm, limits, stopper.q))
+    if planned.kept is False:
+        raise ControllerRefused(
+            f"The simulation of run {chosen.name} is not within its limits or accuracy: see "
+            "armcontour run."
+        )
+    motion = Motion(
+        q=stopper.q,
+        next_stop=stopper,
+        predicted=None if band is None else _predicted(planned, stopper.q, on.cycle),
+        band=np.inf if band is None else band,
+    )
+    played = Played(
+        job=played_job,
+        plan=planned,
+        controller=on.name,
+        speed_factor=speed_factor,
+        checks=checks,
+        distance=None,
+    )
+    if not execute and not on.observes:
+        return played
+    tell = subprogress(progress, chosen.name)
+    with on:
+        tell(Step(("connecting",)))
+        on.connect(arm, motion.q[0])
+        distance = float(np.abs(on.position() - motion.q[0]).max())
+        played = replace(played, distance=distance)
+        if not execute:
+            return played
+        if distance > START:
+            tell(Step(("moving to the start",)))
+            approach = approach_of(played_job, limits, on.position(), motion.q[0], on.cycle)
+            on.stream(approach, wanted)
+            if wanted():
+                return played
+        tell(Step(("playing",)))
+        return replace(played, record=on.stream(motion, wanted))
+
+
+def at_speed(chosen: Run, job: Job, factor: float) -> Run:
+    """The run at a share of its speed, with a reserve."""
+    limits = resolve_limits("play", job.arm, chosen.limits)
+    scaled = {
+        name: np.multiply(getattr(limits, name), factor**power)
+        for name, power in POWERS.items()
+        if getattr(limits, name) is not None
+    }
+    timing = replace(chosen.timing, reserve=max(chosen.timing.reserve, RESERVE))
+    return replace(chosen, limits=chosen.limits.replace(**scaled), timing=timing)
+
+
+def approach_of(
+    job: Job, limits: Limits, position: FloatArray, start: FloatArray, cycle: float
+) -> Motion:
+    """A straight motion of the joints to the first set-point, clear of arm and cell.
+
+    Raises:
+        Collision: The arm would collide.
+    """
+    line = JointPath.spline(np.stack([position, start]), [0.0, 1.0])
+    _check_clear(job, line)
+    trajectory = plan(line, job.arm, limits.of_joints, Optimal(reserve=RESERVE))
+    q = trajectory.sample(cycle).q
+    set_points = SetPoints(cycle=cycle, q=q, trajectory=trajectory, method="none")
+    servo = ServoModel(kp=1.0)
+    stopper = Stopper(set_points, servo, NoCompensation(), job.arm, cycle)
+    return Motion(q=stopper.q, next_stop=stopper)
+
+
+def _check_clear(job: Job, line: JointPath) -> None:
+    """Refuse a motion to the start that comes too near to the arm or its cell."""
+    from armcontour.verification.clearance import check_clearance
+
+    if job.scene is None:
+        return
+    clearance = check_clearance(line, job.arm, job.scene)
+    if not clearance.satisfied:
+        raise ControllerRefused(
+            f"On a straight way of the joints to the start: {clearance.sentence} Move the robot "
+            "to the start yourself."
+        )
+
+
+def _check_same_plan(set_points: SetPoints, planned: RunResult, factor: float) -> None:
+    """Refuse learned set-points of another plan."""
+    if factor != 1.0:
+        raise InvalidInput("Learned set-points are for the full speed: give speed_factor=1.")
+    before, now = set_points.trajectory, planned.trajectory
+    if abs(before.duration - now.duration) > 1e-9 or np.abs(
+        before(before.duration / 2) - now(before.duration / 2)
+    ).max() > 1e-9:
+        raise InvalidInput("The set-points are of another plan than that of the job.")
+
+
+def _predicted(planned: RunResult, q: FloatArray, cycle: float) -> FloatArray:
+    """Simulated joint positions at the cycles of a motion [rad], (n, dof)."""
+    executed = planned.execution
+    assert executed is not None
+    t = planned.set_points.start_time + np.arange(len(q)) * cycle
+    return np.column_stack([np.interp(t, executed.t, x) for x in executed.q.T])
