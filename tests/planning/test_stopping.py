@@ -21,9 +21,7 @@ def _plan(method: str) -> ac.Trajectory:
         limits = limits.replace(joint_jerk=40.0)
     if method == "tool":
         limits = limits.replace(tool_acceleration=0.3)
-    options = (
-        ac.Paper(knots=600, reserve=0.05) if method == "paper" else ac.Optimal(reserve=0.05)
-    )
+    options = ac.Paper(knots=600, reserve=0.05) if method == "paper" else ac.Optimal(reserve=0.05)
     return ac.plan(path, arm, limits, options)
 
 

@@ -103,4 +103,4 @@ class Stopper:
         number = np.arange(count)
         x = np.clip(number * self.cycle / FADING, 0.0, 1.0)
         faded = 1 - x**3 * (10 - x * (15 - 6 * x))
-        return learned[np.minimum(number, len(learned) - 1)] * faded[:, None]
+        return np.asarray(learned[np.minimum(number, len(learned) - 1)] * faded[:, None])

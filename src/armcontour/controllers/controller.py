@@ -380,7 +380,9 @@ class Controller(ABC):
         channel, dof = self._connected(), motion.q.shape[1]
         table = np.array(channel.samples[begin:], dtype=float).reshape(-1, 2 + 2 * dof)
         # Before the first row the controller may still hold the last one of another motion.
-        table = table[int(np.argmax(table[:, 1] == 0)) if (table[:, 1] == 0).any() else len(table) :]
+        table = table[
+            int(np.argmax(table[:, 1] == 0)) if (table[:, 1] == 0).any() else len(table) :
+        ]
         table = table[table[:, 1] >= 0]
         clock, k = table[:, 0], table[:, 1].astype(int)
         event = channel.event("X")

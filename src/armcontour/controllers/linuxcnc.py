@@ -99,7 +99,11 @@ class LinuxCNC(Controller):
 
 
 def simulated_drives(
-    servo: ServoModel, start: FloatArray, accelerations: float | FloatArray, late: bool, cycle: float
+    servo: ServoModel,
+    start: FloatArray,
+    accelerations: float | FloatArray,
+    late: bool,
+    cycle: float,
 ) -> Iterator[str]:
     """Lines of a HAL file with a servo and a double integrator per joint."""
     if servo.kv is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 import numpy as np
 
@@ -15,8 +14,8 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import ControllerRefused, InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
-from armcontour.core.quantities import AngularDistance, AtLeast
-from armcontour.core.render import Result, number
+from armcontour.core.quantities import AngularDistance, Factor
+from armcontour.core.render import Result
 from armcontour.core.result import FIRST, VERDICT, Data, Row
 from armcontour.jobs.job import Job, Run, choose_run
 from armcontour.jobs.job_result import RunResult
@@ -38,8 +37,6 @@ POWERS = {
     "joint_acceleration": 2, "tool_acceleration": 2, "centripetal_acceleration": 2,
     "angular_acceleration": 2, "joint_jerk": 3, "tool_jerk": 3, "path_jerk": 3,
 }  # fmt: skip
-# Samples of a check of the way to the start.
-SpeedFactor = Annotated[float, AtLeast(1e-3, 1.0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -114,7 +111,7 @@ def play(
     *,
     run_name: str | None = None,
     execute: bool = False,
-    speed_factor: SpeedFactor = SLOW,
+    speed_factor: Factor = SLOW,
     band: AngularDistance | None = None,
     set_points: SetPoints | None = None,
     wanted: Callable[[], bool] = lambda: False,
@@ -123,8 +120,8 @@ def play(
     """Play the set-points of a run on a robot, and record its joints.
 
     The run is planned again at a share of its speed and with a reserve of 2 % at least, then
-    compensated; set-points are never stretched. The robot moves to the start in joint space, slowly.
-    A stop ends on the path, within the limits.
+    compensated; set-points are never stretched. The robot moves to the start in joint space, at
+    this share of its speed. A stop ends on the path, within the limits.
 
     Args:
         job: The job.
@@ -141,10 +138,12 @@ def play(
         progress: Called with the steps.
 
     Raises:
-        ControllerRefused: The controller cannot be reached, or differs from the plan; nothing moves.
+        ControllerRefused: The controller cannot be reached or differs from the plan; nothing moves.
         ControllerLost: The controller failed during the motion.
         ArmContourError: The run cannot be planned.
     """
+    if speed_factor > 1:
+        raise InvalidInput(f"speed_factor is at most 1, but {speed_factor:g}.")
     chosen = choose_run(job, run_name, "played")
     played_job = replace(job, runs=(at_speed(chosen, job, speed_factor),))
     planned = run(played_job, progress=progress).runs[chosen.name]
@@ -244,9 +243,10 @@ def _check_same_plan(set_points: SetPoints, planned: RunResult, factor: float) -
     if factor != 1.0:
         raise InvalidInput("Learned set-points are for the full speed: give speed_factor=1.")
     before, now = set_points.trajectory, planned.trajectory
-    if abs(before.duration - now.duration) > 1e-9 or np.abs(
-        before(before.duration / 2) - now(before.duration / 2)
-    ).max() > 1e-9:
+    if (
+        abs(before.duration - now.duration) > 1e-9
+        or np.abs(before(before.duration / 2) - now(before.duration / 2)).max() > 1e-9
+    ):
         raise InvalidInput("The set-points are of another plan than that of the job.")
 
 

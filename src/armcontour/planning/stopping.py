@@ -135,7 +135,9 @@ def _path_over_time(trajectory: Trajectory, begin: float, end: float) -> JointPa
     before = np.stack(trajectory.motion(times[1:], side="left"))
     # Velocities of the paper's method jump slightly at knots, where a joint path would rest.
     after[1, 1:] = before[1, :-1] = (after[1, 1:] + before[1, :-1]) / 2
-    return JointPath.hermite(times - begin, after, before)
+    return JointPath.hermite(
+        times - begin, (after[0], after[1], after[2]), (before[0], before[1], before[2])
+    )
 
 
 class _PlanSpeed(Constraint):

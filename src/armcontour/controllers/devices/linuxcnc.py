@@ -9,7 +9,7 @@ import subprocess
 import sys
 from collections.abc import Iterable
 
-import hal
+import hal  # type: ignore[import-not-found]
 
 from armcontour.controllers.devices.feeder import DeviceError, Row, Sample, main
 
@@ -83,17 +83,10 @@ class LinuxCNC:
             self.__dict__.pop(name, None)
         if hasattr(self, "component"):
             self.component.exit()
-        for words in (("stop",), ("unload", "all")):
-            subprocess.run(["halcmd", *words], **SILENT)
-        subprocess.run([PROGRAM, "exit"], **SILENT)
-
-
-SILENT = {
-    "stdin": subprocess.DEVNULL,
-    "stdout": subprocess.DEVNULL,
-    "stderr": subprocess.DEVNULL,
-    "check": False,
-}
+        for words in (("halcmd", "stop"), ("halcmd", "unload", "all"), (PROGRAM, "exit")):
+            subprocess.run(
+                words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT
+            )
 
 
 def _halcmd(*words: str) -> None:
