@@ -109,10 +109,8 @@ def _find_jumps(path: Path, tolerance: float) -> tuple[IntArray, FloatArray, Flo
 def _draw_within_tolerance(
     path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray, FloatArray]:
-    """Transitions within the tolerance, their vertices and sides, and the lengths used [m], (n,).
-
-    Connections outside the tolerance are shortened and drawn again; length 0 means no transition.
-    """
+    """Transitions within the tolerance, their vertices and sides, and their lengths [m], (n,)."""
+    # Connections outside the tolerance are shortened and drawn again; length 0 means no transition.
     w = np.where(w < SHORTEST, 0.0, w)
     done = [np.zeros(0, dtype=np.intp)]
     drawn = [path.segments[:0]]
@@ -140,10 +138,8 @@ def _draw_within_tolerance(
 def _draw_transitions(
     path: Path, vertex: IntArray, w: FloatArray, allowed: FloatArray
 ) -> tuple[Segments, IntArray, BoolArray, FloatArray]:
-    """Transitions of given lengths, their vertices and sides, and bounds of the deviations [m].
-
-    The deviation is infinite if a connection has a loop or a cusp.
-    """
+    """Transitions of given lengths, their vertices and sides, and bounds of the deviations [m]."""
+    # The deviation is infinite if a connection has a loop or a cusp.
     rows = path.segments
     connections = connect(rows[vertex], rows[vertex + 1], w)
     sound = connections.sound

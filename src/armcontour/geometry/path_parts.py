@@ -14,13 +14,9 @@ from armcontour.geometry.segments import REPEATED_POINT
 
 
 def cut_path(path: Path, begin: float, end: float) -> Path:
-    """The part of a path between two arc lengths, with speeds, tolerances and orientation.
-
-    Args:
-        path: The path.
-        begin: Arc length at which the part starts [m].
-        end: Arc length at which the part ends [m].
-    """
+    """The part of a path between two arc lengths, with speeds, tolerances and orientation."""
+    # `begin`: arc length at which the part starts [m]; `end`: arc length at which the part ends
+    # [m].
     for name, s in (("begin", begin), ("end", end)):
         value = checks.check_number(name, s, "m")
         if not -REPEATED_POINT <= value <= path.length + REPEATED_POINT:

@@ -113,22 +113,14 @@ def orient_shaped(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Runs:
-    """The k longest parts of an objective with a constant angular rate.
+    """The k longest parts of an objective with a constant angular rate."""
 
-    Args:
-        objective_s: Arc lengths of their ends on the objective [m], (k + 1,).
-        s: Arc lengths of their ends on the path [m], (k + 1,).
-        segment: First segments on the objective, (k,).
-        starts: Rotation matrices at their starts, (k, 3, 3).
-        rates: Angular rates over the arc length of the objective [rad/m], (k, 3).
-        speeds: Angular speeds of the tool, or of its axis if only that is prescribed [rad/m], (k,).
-    """
-
-    objective_s: FloatArray
-    s: FloatArray
-    segment: IntArray
-    starts: FloatArray
-    rates: FloatArray
+    objective_s: FloatArray  # Arc lengths of their ends on the objective [m], (k + 1,)
+    s: FloatArray  # Arc lengths of their ends on the path [m], (k + 1,)
+    segment: IntArray  # First segments on the objective, (k,)
+    starts: FloatArray  # Rotation matrices at their starts, (k, 3, 3)
+    rates: FloatArray  # Angular rates over the arc length of the objective [rad/m], (k, 3)
+    # Angular speeds of the tool, or of its axis if only that is prescribed [rad/m], (k,)
     speeds: FloatArray
 
     @classmethod
@@ -206,10 +198,8 @@ def _smooth_places(runs: _Runs, pairs: FloatArray, near: float) -> PchipInterpol
 def _blend_lengths(
     path: Path, objective: Path, runs: _Runs, pairs: FloatArray, allowed: float
 ) -> FloatArray:
-    """Lengths of the path that blends take on either side of the vertices between runs [m], (k,).
-
-    The length is 0 where the rate does not jump, or where the tool stops anyway.
-    """
+    """Lengths of the path that blends take on either side of vertices between runs [m], (k,)."""
+    # The length is 0 where the rate does not jump, or where the tool stops anyway.
     orientation = objective.orientation
     assert orientation is not None
     vertex = runs.segment[1:] - 1
@@ -308,11 +298,9 @@ def _follow_tangent(
 def _apply_twist(
     path: Path, carried: Orientation, s: FloatArray, twist: FloatArray
 ) -> tuple[Orientation, float]:
-    """The orientation turned about the path's tangent by a twist, and its largest error [rad].
-
-    The twist is linear between arc lengths. Each piece gets the constant rate from its start to its
-    end; long arcs become several pieces.
-    """
+    """The orientation turned about the path's tangent by a twist, and its largest error [rad]."""
+    # The twist is linear between arc lengths. Each piece gets the constant rate from its start to
+    # its end; long arcs become several pieces.
     deviations = np.abs(s - path.breaks[np.stack([path.locate(s), path.locate(s) + 1])]).min(axis=0)
     cuts = np.union1d(path.breaks, s[deviations > REPEATED_POINT])
     whole = path.locate((cuts[:-1] + cuts[1:]) / 2)

@@ -180,11 +180,11 @@ class Log(Checked):
 
 
 def cut_log(
-    t: FloatArray,
-    command: FloatArray,
-    measured: FloatArray,
-    start: float,
-    end: float,
+    t: FloatArray,  # Times [s]
+    command: FloatArray,  # Set-points [rad]
+    measured: FloatArray,  # Measured positions [rad]
+    start: float,  # First time to use [s]
+    end: float,  # Last time to use [s]
     joint_names: Sequence[str] = (),
     *,
     interpolation: str | None = None,
@@ -192,23 +192,7 @@ def cut_log(
     unwrap: bool = False,
     notes: Sequence[str] = (),
 ) -> Log:
-    """The log from `start` to `end` [s], from arrays that need not be a valid log as a whole.
-
-    Args:
-        t: Times [s].
-        command: Set-points [rad].
-        measured: Measured positions [rad].
-        start: First time to use [s].
-        end: Last time to use [s].
-        joint_names: As in `Log`.
-        interpolation: As in `Log`.
-        source: As in `Log`.
-        unwrap: Undo jumps of whole turns.
-        notes: As in `Log`.
-
-    Raises:
-        InvalidInput: As `Log` does.
-    """
+    """The log from `start` to `end` [s], from arrays that need not be a valid log as a whole."""
     used = _time_mask(t, start, end, source)
     command, measured = np.asarray(command)[used], np.asarray(measured)[used]
     if unwrap:

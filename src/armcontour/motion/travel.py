@@ -20,19 +20,14 @@ ROUNDING = 1e-12
 
 
 def joint_travel(motion: Trajectory | Execution | JointPath) -> tuple[FloatArray, FloatArray]:
-    """Upper bound of each joint's travel since the start; back and forth counts twice.
-
-    Between the times the bound grows linearly and is valid there, too: between any two times a
-    joint moves no farther than the bound grows.
-
-    Args:
-        motion: A planned or an executed motion, or a joint path, for which arc length replaces
-            time. Between its samples, the accelerations of an executed motion are assumed to be at
-            most the largest demand.
-
-    Returns:
-        Times from the start to the end [s], (n,), and the bounds at these times [rad], (n, dof).
-    """
+    """Upper bound of each joint's travel since the start; back and forth counts twice."""
+    # Between the times the bound grows linearly and is valid there, too: between any two times a
+    # joint moves no farther than the bound grows.
+    # `motion`: A planned or an executed motion, or a joint path, for which arc length replaces
+    # time. Between its samples, the accelerations of an executed motion are assumed to be at most
+    # the largest demand.
+    # Returns times from the start to the end [s], (n,), and the bounds at these times [rad], (n,
+    # dof).
     parts: Iterable[FloatArray]
     if isinstance(motion, Execution):
         t, dof, parts = motion.t, motion.q.shape[1], [_fastest_executed(motion)]

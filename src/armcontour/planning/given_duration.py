@@ -36,19 +36,10 @@ MOST_PLANS = 20
 def slow_down(
     fastest: Trajectory, duration: float, traced: Tracing | JointPath, timing: Timing
 ) -> Trajectory:
-    """Slow the fastest motion down to a given duration.
-
-    All contours are slowed down by one factor. Rapids and dwells keep their durations.
-
-    Args:
-        fastest: The fastest motion.
-        duration: Duration from start to end [s].
-        traced: The tracing or joint path of the motion.
-        timing: The timing of the fastest motion with the method "optimal".
-
-    Raises:
-        NotRealizable: The fastest motion takes longer.
-    """
+    """Slow the fastest motion down to a given duration."""
+    # All contours are slowed down by one factor. Rapids and dwells keep their durations.
+    # `duration`: duration from start to end [s]; `traced`: the tracing or joint path of the motion;
+    # `timing`: the timing of the fastest motion with the method "optimal".
     if isinstance(traced, JointPath):
         factor = _factor(duration, fastest.duration, 0.0)
         return _slow_down(fastest, factor, timing)

@@ -71,19 +71,11 @@ MOST_REFINED, LEAST_GROWTH = 300_000, 1.1
 def plan_optimal(
     joint_path: JointPath, arm: Arm, limits: Limits, options: Optimal = FASTEST
 ) -> Trajectory:
-    """Plan the fastest motion along a path, without a given duration.
-
-    Args:
-        joint_path: A traced path, or a joint path without a tool path (then without tool limits).
-        arm: The arm.
-        limits: The limits. Joint ranges are ignored; the speed of each path segment applies too.
-        options: Grid, speeds at the ends, and additional constraints. If a joint path needs another
-            parameter than s, grid points keep their relative positions in the pieces.
-
-    Raises:
-        NotRealizable: The limits do not allow the start or end speed, or no motion at some point.
-        InvalidInput: The acceleration is not limited, or tool limits without a tool path.
-    """
+    """Plan the fastest motion along a path, without a given duration."""
+    # `joint_path`: A traced path, or a joint path without a tool path (then without tool limits);
+    # `limits`: the limits. Joint ranges are ignored; the speed of each path segment applies too;
+    # `options`: grid, speeds at the ends, and additional constraints. If a joint path needs another
+    # parameter than s, grid points keep their relative positions in the pieces.
     points, intervals, constraints = options.grid, options.intervals, options.constraints
     if points is not None:
         points = checks.kernel_array(points)
@@ -134,12 +126,7 @@ def plan_optimal(
 
 
 def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Constraint]:
-    """Make the constraints of the planner from the limits of an arm and a path.
-
-    Raises:
-        InvalidInput: Tool limits without a tool path, limits of angular motion for a tool without
-            orientation, or torque limits for an arm without masses.
-    """
+    """Make the constraints of the planner from the limits of an arm and a path."""
     active: list[Constraint] = []
     # Rows with viscous friction must come first.
     if limits.joint_torque is not None:
@@ -169,11 +156,7 @@ def constraints_of(joint_path: JointPath, arm: Arm, limits: Limits) -> list[Cons
 
 
 def assigned_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
-    """Assigned velocity on each piece of a joint path [m/s], infinite if none, (pieces,).
-
-    Raises:
-        InvalidInput: Tool limits without a tool path.
-    """
+    """Assigned velocity on each piece of a joint path [m/s], infinite if none, (pieces,)."""
     path, breaks = joint_path.tool_path, joint_path.breaks
     if path is None:
         tool = [x for x in TOOL_LIMITS if x != "path_jerk" and getattr(limits, x) is not None]
@@ -194,24 +177,11 @@ def time_optimal(
     grid: Grid,
     active: Sequence[Constraint],
     arm: Arm,
-    start_speed: float,
-    end_speed: float,
-    largest_loss: float = math.inf,
+    start_speed: float,  # ds at the start [m/s]
+    end_speed: float,  # ds at the end [m/s]
+    largest_loss: float = math.inf,  # Share of the duration that the grid may lose
 ) -> PathLaw:
-    """Plan on a grid and refine it where margins or the estimated loss of time are too large.
-
-    Args:
-        grid: The grid.
-        active: The constraints.
-        arm: The arm, for messages.
-        start_speed: ds at the start [m/s].
-        end_speed: ds at the end [m/s].
-        largest_loss: Share of the duration that the grid may lose.
-
-    Raises:
-        InvalidInput: The acceleration is not limited.
-        NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
-    """
+    """Plan on a grid and refine it where margins or the estimated loss of time are too large."""
     # Where dq_ds vanishes, the joints rest at any ds.
     stands = rests_at_breaks(grid.joint_path)
     start = np.inf if start_speed == 0 and stands[0] else start_speed**2

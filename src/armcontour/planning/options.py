@@ -213,17 +213,11 @@ METHODS: dict[str, type[PlanOptions]] = {x.method.value: x for x in (Optimal, Pa
 
 @dataclass(frozen=True, slots=True)
 class JerkLimits:
-    """Limits of jerk; infinite if not limited.
+    """Limits of jerk; infinite if not limited."""
 
-    Args:
-        joint: Joint jerk [rad/s³], (dof,).
-        path: Third time derivative of the arc length [m/s³].
-        tool: Tool jerk [m/s³].
-    """
-
-    joint: FloatArray
-    path: float
-    tool: float
+    joint: FloatArray  # Joint jerk [rad/s³], (dof,)
+    path: float  # Third time derivative of the arc length [m/s³]
+    tool: float  # Tool jerk [m/s³]
 
     @classmethod
     def from_limits(cls, limits: Limits, dof: int) -> JerkLimits | None:
@@ -239,21 +233,13 @@ class JerkLimits:
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """Planning problem with limits of jerk.
-
-    Args:
-        arm: The arm.
-        active: The constraints of the planner without jerk.
-        jerk: The limits of jerk.
-        start_speed, end_speed: Path speeds at the start and the end [m/s].
-        cells: Approximate number of cells; None for the default.
-        iterations: Largest number of iterations of each pass. Every iterate satisfies all limits.
-    """
+    """Planning problem with limits of jerk."""
 
     arm: Arm
-    active: tuple[Constraint, ...]
+    active: tuple[Constraint, ...]  # The constraints of the planner without jerk
     jerk: JerkLimits
-    start_speed: float = 0.0
+    start_speed: float = 0.0  # start_speed, end_speed: Path speeds at the start and the end [m/s]
     end_speed: float = 0.0
-    cells: int | None = None
+    cells: int | None = None  # Approximate number of cells; None for the default
+    # Largest number of iterations of each pass. Every iterate satisfies all limits.
     iterations: int = MOST_ITERATIONS

@@ -216,10 +216,8 @@ def check_duration(program: Program, limits: Limits) -> None:
 
 
 def assigned_time(program: Program, limits: Limits) -> float:
-    """Duration of a program at its assigned velocities, if given, plus its dwells [s].
-
-    Rounded corners shorten the motion; limits lengthen it.
-    """
+    """Duration of a program at its assigned velocities, if given, plus its dwells [s]."""
+    # Rounded corners shorten the motion; limits lengthen it.
     dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
     return dwells + sum(_assigned_time(x.path, limits) for x in program.contours)
 
@@ -243,10 +241,8 @@ def _refuse_endless_motion(trajectory: Trajectory) -> None:
 def _refuse_foreign(
     path: JointPath | Tracing, arm: Arm, limits: Limits, options: PlanOptions
 ) -> JointPath | Tracing:
-    """Check that a joint path or tracing fits the arm.
-
-    A joint path with a tool path is returned as a tracing.
-    """
+    """Check that a joint path or tracing fits the arm."""
+    # A joint path with a tool path is returned as a tracing.
     if isinstance(options, Shaped):
         raise InvalidInput(
             "The method shaped changes the tool path, but this path is traced already: give it "

@@ -52,17 +52,11 @@ AHEAD = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TracedMove:
-    """Joint path of a move of a program, or of the rapid from one move to the next.
+    """Joint path of a move of a program, or of the rapid from one move to the next."""
 
-    Args:
-        move: Index of the move; None for a rapid between two moves that do not meet.
-        joint_path: The joint path; None for dwells and events.
-        called: Name of the move in error messages; empty for a single path.
-    """
-
-    move: int | None
-    joint_path: JointPath | None = None
-    called: str = ""
+    move: int | None  # Index of the move; None for a rapid between two moves that do not meet
+    joint_path: JointPath | None = None  # The joint path; None for dwells and events
+    called: str = ""  # Name of the move in error messages; empty for a single path
 
     def named(self) -> AbstractContextManager[None]:
         """Context that prefixes error messages with the name of the move."""
@@ -364,13 +358,10 @@ def trace_by_duration(
     configuration: str | None = None,
     seed: npt.ArrayLike | None = None,
 ) -> Iterator[list[JointPath]]:
-    """Trace a path in all configurations, in the order of the durations of their optimal plans.
-
-    Arguments and errors as in `trace_fastest`.
-
-    Yields:
-        Lists of equally fast joint paths, the shortest first. For a long path only the fastest.
-    """
+    """Trace a path in all configurations; yield equally fast joint paths, the fastest first."""
+    # For a long path only the fastest.
+    # Yields lists of equally fast joint paths, the shortest first. For a long path only the
+    # fastest.
     bounds = resolve_limits("fastest_configurations", arm, limits)
     # Limits of jerk take much time and favour no configuration.
     rough = bounds.without_jerk
@@ -414,19 +405,9 @@ def _by_duration(
 
 
 def find_starts(path: Path, arm: SerialArm, limits: Limits | None = None) -> list[FloatArray]:
-    """Joint positions at the start of a path, one for each configuration [rad], (dof,) each.
-
-    A long path is checked at a few points only, so a configuration may not complete it.
-
-    Args:
-        path: A tool path.
-        arm: The arm.
-        limits: Limits with the joint ranges; by default those of the arm.
-
-    Raises:
-        Unreachable: No configuration completes the path.
-        InvalidInput: The path does not fit the arm.
-    """
+    """Joint positions at the start of a path, one for each configuration [rad], (dof,) each."""
+    # A long path is checked at a few points only, so a configuration may not complete it.
+    # `limits`: limits with the joint ranges; by default those of the arm.
     if len(path) > LONG:
         try:
             return [x[0] for x in sketch_all(path, arm, limits=limits)[1]]
@@ -437,11 +418,9 @@ def find_starts(path: Path, arm: SerialArm, limits: Limits | None = None) -> lis
 
 
 def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
-    """Trace a long path in the fastest configuration; None if none is found.
-
-    Plans of parts of the path select the configurations. Along the whole path these are compared by
-    a lower bound, scaled by the ratio of plan and bound on the parts.
-    """
+    """Trace a long path in the fastest configuration; None if none is found."""
+    # Plans of parts of the path select the configurations. Along the whole path these are compared
+    # by a lower bound, scaled by the ratio of plan and bound on the parts.
     rough = limits.without_jerk
     try:
         s, solutions = sketch_all(path, arm, limits=limits)
@@ -474,12 +453,10 @@ def _trace_long(path: Path, arm: SerialArm, limits: Limits) -> JointPath | None:
 def _compare(
     path: Path, arm: SerialArm, limits: Limits, s: FloatArray, solutions: list[FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Bounds and durations of parts of a long path in each configuration, (solutions,) each [s].
-
-    A configuration without a plan has its bound as its duration. A configuration that does not
-    complete the parts has an infinite duration. `solutions` are joint positions at the arc lengths
-    `s` [m], (n, dof) each.
-    """
+    """Bounds and durations of parts of a long path in each configuration, (solutions,) each [s]."""
+    # A configuration without a plan has its bound as its duration. A configuration that does not
+    # complete the parts has an infinite duration. `solutions` are joint positions at the arc
+    # lengths `s` [m], (n, dof) each.
     rough = limits.without_jerk
     parts = min(max(len(path) // PART_EVERY, 1), MOST_PARTS)
     length = path.length * min(PART_SEGMENTS / len(path), 1.0)

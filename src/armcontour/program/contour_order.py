@@ -69,12 +69,10 @@ def direct_contours(program: Program, process: Process) -> Program:
 
 
 def order_contours(program: Program, process: Process) -> Program:
-    """The program with its contours in the order of the process.
-
-    Contours that start elsewhere or run backwards for a shorter tour are changed accordingly, and
-    keep this start. A note reports the length of the links between contours, and a contour that is
-    cut before one inside it.
-    """
+    """The program with its contours in the order of the process."""
+    # Contours that start elsewhere or run backwards for a shorter tour are changed accordingly, and
+    # keep this start. A note reports the length of the links between contours, and a contour that
+    # is cut before one inside it.
     order = process.order
     if order == "auto":
         drawing = all(isinstance(x, Contour) for x in program.moves)
@@ -148,19 +146,12 @@ def _inside_first(parents: IntArray) -> list[int]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Choices:
-    """Options for start and end of each contour.
+    """Options for start and end of each contour."""
 
-    Args:
-        contours: The contours as they are drawn.
-        made: Functions that make the contour of each option.
-        ends: First and last points of the options [m], (m, 2, 3).
-        first: Index of the first option of every contour, and m, (n + 1,).
-    """
-
-    contours: tuple[Contour, ...]
-    made: list[Callable[[], Contour]]
-    ends: FloatArray
-    first: IntArray
+    contours: tuple[Contour, ...]  # The contours as they are drawn
+    made: list[Callable[[], Contour]]  # Functions that make the contour of each option
+    ends: FloatArray  # First and last points of the options [m], (m, 2, 3)
+    first: IntArray  # Index of the first option of every contour, and m, (n + 1,)
 
     @classmethod
     def from_contours(
@@ -315,10 +306,8 @@ def _reverse_contour(contour: Contour) -> Contour:
 
 
 def begin_places(path: Path, count: int) -> FloatArray:
-    """Arc lengths at which a closed path may start [m], away from its corners.
-
-    Between two corners they lie in the middle half, so both corners can be rounded.
-    """
+    """Arc lengths at which a closed path may start [m], away from its corners."""
+    # Between two corners they lie in the middle half, so both corners can be rounded.
     length = path.length
     closing = np.linalg.norm(path(0.0, 1) - path(length, 1, side="left")) > TANGENT_TOLERANCE
     corners = path.breaks[1:-1][path.turns > TANGENT_TOLERANCE]
@@ -336,16 +325,11 @@ def begin_places(path: Path, count: int) -> FloatArray:
 
 
 def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
-    """A closed contour with the start point, the laps and the overlap of the process.
-
-    An automatic start keeps the drawn start point if the contour's `keep_start` is true, a rapid,
-    dwell or event leads to the contour, the contour has events, or its end orientations differ.
-
-    Args:
-        contour: The contour, which ends at its start point.
-        process: Start point, passes and overlap.
-        led: Whether a rapid, dwell or event of the program leads to the start of the contour.
-    """
+    """A closed contour with the start point, the laps and the overlap of the process."""
+    # An automatic start keeps the drawn start point if the contour's `keep_start` is true, a rapid,
+    # dwell or event leads to the contour, the contour has events, or its end orientations differ.
+    # `contour`: the contour, which ends at its start point; `led`: true if a rapid, dwell or event
+    # of the program leads to the start of the contour.
     start = find_start(contour, process, led=led)
     lap = contour.path.length
     extra_length = (process.passes - 1) * lap + process.overlap

@@ -73,12 +73,8 @@ def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, flo
 
 
 def apply_kerf(program: Program, process: Process) -> Program:
-    """The program with its contours offset by half the kerf.
-
-    Args:
-        program: The program as it is drawn.
-        process: Kerf, its side, and the upward direction.
-    """
+    """The program with its contours offset by half the kerf."""
+    # `program`: the program as it is drawn; `process`: kerf, its side, and the upward direction.
     contours = program.contours
     kerfs = [process.of_layer(x.layer).kerf or 0.0 for x in contours]
     if not any(kerfs):
@@ -227,10 +223,8 @@ def _called_on_layer(contours: Sequence[Contour], number: int) -> str:
 def _contours_of(
     contour: Contour, number: int, parts: Sequence[OffsetPart], up: FloatArray
 ) -> list[Contour]:
-    """The contours from the parts of an offset, the part nearest to the start first.
-
-    Without parts it is the original contour.
-    """
+    """The contours from the parts of an offset, the part nearest to the start first."""
+    # Without parts it is the original contour.
     if not parts:
         return [contour]
     source = contour.path
@@ -329,15 +323,11 @@ def cut_contours(contours: Sequence[Contour], process: Process) -> BoolArray:
 
 
 def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
-    """The scrap side of every contour in its direction of travel, "left" or "right".
-
-    Closed contours inside an odd number of other contours that are cut are holes, on any layer. The
-    scrap side of open contours is "left".
-
-    Args:
-        contours: The contours in their direction of travel.
-        process: Kerfs of the layers, and the direction from which the contours are viewed.
-    """
+    """The scrap side of every contour in its direction of travel, "left" or "right"."""
+    # Closed contours inside an odd number of other contours that are cut are holes, on any layer.
+    # The scrap side of open contours is "left".
+    # `contours`: the contours in their direction of travel; `process`: kerfs of the layers, and the
+    # direction from which the contours are viewed.
     nesting = find_nesting(contours, process.up)
     depths = nesting.holds[cut_contours(contours, process)].sum(axis=0)
     on_left = ((depths % 2 == 1) == (nesting.areas > 0)) | (nesting.areas == 0)
@@ -345,14 +335,10 @@ def waste_sides(contours: Sequence[Contour], process: Process) -> list[str]:
 
 
 class LeadPlacement:
-    """Leads of the contours of a program, in the scrap and clear of all cut contours.
-
-    Args:
-        contours: The contours before they get overlaps and leads.
-        process: The process.
-    """
+    """Leads of the contours of a program, in the scrap and clear of all cut contours."""
 
     def __init__(self, contours: Sequence[Contour], process: Process) -> None:
+        # `contours`: the contours before they get overlaps and leads.
         self._contours, self._process = contours, process
         needed = any(x.side == WASTE for x in process.leads)
         self._sides = waste_sides(contours, process) if needed else ["left"] * len(contours)
@@ -362,15 +348,9 @@ class LeadPlacement:
         self._shortened: list[tuple[float, str]] = []
 
     def lay(self, number: int, path: Path, lead: Lead, length: float, *, after: bool) -> Path:
-        """The lead-in or the lead-out of contour `number`.
-
-        Args:
-            number: The contour.
-            path: Its path, with overlap.
-            lead: Shape and side.
-            length: Length of the lead [m]; one of automatic length is shortened to what fits.
-            after: True for the lead-out.
-        """
+        """The lead-in or the lead-out of contour `number`."""
+        # `length`: length of the lead [m]; one of automatic length is shortened to what fits;
+        # `after`: true for the lead-out.
         contour = self._contours[number]
         side = self._sides[number] if lead.side == WASTE else lead.side
         beyond = self._beyond(contour, path, after)

@@ -164,11 +164,8 @@ class Contour(Checked):
 
 
 def describe_not_run(layers: Counter[str]) -> tuple[str, ...]:
-    """A sentence with the layers that are not run and their counts; empty without such layers.
-
-    Args:
-        layers: Numbers of contours, or of entities of a drawing, by layer.
-    """
+    """A sentence with the layers that are not run and their counts; empty without such layers."""
+    # `layers`: numbers of contours, or of entities of a drawing, by layer.
     listed = list_some(
         [f"{name or 'no layer'} ({n})" for name, n in sorted(layers.items()) if n], 12
     )
@@ -577,10 +574,8 @@ def _check_move(move: Move) -> None:
 
 
 def has_intended_start(moves: Sequence[Move], i: int) -> bool:
-    """Whether the start of contour i is deliberate, because a rapid, dwell or event leads to it.
-
-    Without a rapid, a dwell or event must come between the contour and the previous contour.
-    """
+    """Whether the start of contour i is deliberate, because a rapid, dwell or event leads to it."""
+    # Without a rapid, a dwell or event must come between the contour and the previous contour.
     for k in range(i - 1, -1, -1):
         if isinstance(moves[k], Rapid):
             return True
@@ -590,12 +585,8 @@ def has_intended_start(moves: Sequence[Move], i: int) -> bool:
 
 
 def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
-    """Index of the first rapid in an order, if it has a path and no contour comes first.
-
-    Args:
-        moves: The moves of a program.
-        order: Indices of moves to search, in order.
-    """
+    """Index of the first rapid in an order, if it has a path and no contour comes first."""
+    # `order`: indices of moves to search, in order.
     for k in order:
         x = moves[k]
         if isinstance(x, Rapid):
@@ -628,15 +619,10 @@ def last_end(moves: Sequence[Move]) -> FloatArray | None:
 def reroute(
     rapid: Move, *, start: FloatArray | None = None, end: FloatArray | None = None
 ) -> Rapid:
-    """A rapid with new end points, because leads and overlaps move the ends of contours.
-
-    A rapid whose points all coincide becomes a joint motion without a path.
-
-    Args:
-        rapid: The rapid.
-        start: New start point [m]; by default the old one.
-        end: New end point [m]; by default the old one.
-    """
+    """A rapid with new end points, because leads and overlaps move the ends of contours."""
+    # A rapid whose points all coincide becomes a joint motion without a path.
+    # `start`: new start point [m]; by default the old one; `end`: new end point [m]; by default the
+    # old one.
     assert isinstance(rapid, Rapid)
     if rapid.path is None:
         return rapid

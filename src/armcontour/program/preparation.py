@@ -377,20 +377,13 @@ def _axial_line(
 def resume_program(
     program: Program, resume_at: float, *, keeps_lead: Callable[[Contour, Event], bool]
 ) -> tuple[Program, Contour | None]:
-    """The remaining program, and the part of the resumed contour before the arc length.
-
-    Outputs that are switched before the arc length are switched again: at the arc length if they
-    are switched on the same contour, else before the first move.
-
-    Args:
-        program: The program.
-        resume_at: Arc length at which to resume, over all contours [m].
-        keeps_lead: Whether an event of a contour keeps its time advance when it is switched again.
-
-    Returns:
-        The rest of the program, and the part of its first contour before the arc length; None if
-        the program resumes at the start of a contour.
-    """
+    """The remaining program, and the part of the resumed contour before the arc length."""
+    # Outputs that are switched before the arc length are switched again: at the arc length if they
+    # are switched on the same contour, else before the first move.
+    # `resume_at`: arc length at which to resume, over all contours [m]; `keeps_lead`: true if an
+    # event of a contour keeps its time advance when it is switched again.
+    # Returns the rest of the program, and the part of its first contour before the arc length; None
+    # if the program resumes at the start of a contour.
     if resume_at == 0:
         return program, None
     if resume_at >= program.length - REPEATED_POINT:
@@ -445,12 +438,7 @@ def _cut_after(contour: Contour, s: float, keeps_lead: Callable[[Contour, Event]
 
 
 class Switching:
-    """States of the outputs of `switch` and `off_between`, from contour to contour.
-
-    Args:
-        moves: The moves of the program.
-        process: Requirements of the process.
-    """
+    """States of the outputs of `switch` and `off_between`, from contour to contour."""
 
     def __init__(self, moves: Sequence[Move], process: Process) -> None:
         switches = (x.switch.name for x in process.variants if x.switch is not None)
@@ -477,12 +465,9 @@ class Switching:
         return event.name in self.names
 
     def confine(self, contour: Contour, events: Sequence[Event]) -> Contour:
-        """A contour with events of the process, whose outputs are off at both of its ends.
-
-        Args:
-            contour: The contour from its start point, with laps and overlap.
-            events: Events of the process on the contour.
-        """
+        """A contour with events of the process, whose outputs are off at both of its ends."""
+        # `contour`: the contour from its start point, with laps and overlap; `events`: events of
+        # the process on the contour.
         merged = sorted((*contour.events, *events), key=lambda x: x.s)
         layer = self.process.of_layer(contour.layer).switch
         confined: list[Event] = []
@@ -523,13 +508,9 @@ def _confine_output(
 
 
 def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
-    """A closed contour whose process is switched off at tabs, at the same positions in every lap.
-
-    Args:
-        contour: The contour from its start point, with laps and overlap.
-        process: Tabs and switch; a process without tabs leaves the contour as it is.
-        lap: Length of one lap [m].
-    """
+    """Switch the process off at tabs of a closed contour, at the same positions in every lap."""
+    # `contour`: the contour from its start point, with laps and overlap; `process`: tabs and
+    # switch; a process without tabs leaves the contour as it is; `lap`: length of one lap [m].
     if process.tabs is None:
         return contour
     assert process.switch is not None
@@ -552,11 +533,9 @@ def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
 
 
 def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
-    """Arc lengths of the middles of tabs on the first lap [m], (tabs,).
-
-    Tabs are evenly spaced. Tabs that would lie on a corner or on the start point are moved next to
-    it.
-    """
+    """Arc lengths of the middles of tabs on the first lap [m], (tabs,)."""
+    # Tabs are evenly spaced. Tabs that would lie on a corner or on the start point are moved next
+    # to it.
     width = tabs.width
     count = tabs.count or _count(contour, tabs.spacing or lap, lap)
     even = (np.arange(count) + 0.5) * lap / count

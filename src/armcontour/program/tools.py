@@ -25,14 +25,9 @@ def tools_of_contours(program: Program) -> list[str]:
 
 
 def part_of_tool(program: Program, name: str) -> Program:
-    """The moves of a program from the changes to a tool until the next tool change.
-
-    Outputs keep the values from the moves before.
-
-    Args:
-        program: The program.
-        name: Name of the tool, such as T2.
-    """
+    """The moves of a program from the changes to a tool until the next tool change."""
+    # Outputs keep the values from the moves before.
+    # `name`: name of the tool, such as T2.
     names = tools_of_contours(program)
     if name not in names:
         available = ", ".join(dict.fromkeys(x for x in names if x)) or "no tool"

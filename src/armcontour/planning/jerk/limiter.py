@@ -77,11 +77,7 @@ WEIGHTS = (0.0, 1.0, 10.0, 100.0)
 
 
 def limit_jerk(law: PathLaw, task: Task) -> PathLaw:
-    """Plan the fastest motion with limits of jerk.
-
-    Raises:
-        NotRealizable: The limits do not allow the start or end speed, or no motion at a point.
-    """
+    """Plan the fastest motion with limits of jerk."""
     section_ends, at_rest = find_sections(law, task)
     ends = find_ends(law, task, section_ends, at_rest)
     cells = _default_cells(law, ends) if task.cells is None else task.cells
@@ -129,10 +125,8 @@ def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
 
 
 def _with_slow_ramps(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
-    """Reduce bounds on cells of uniform jerk whose margins are too large.
-
-    Such cells are not split; the bounds limit the plan, and margins decrease with them.
-    """
+    """Reduce bounds on cells of uniform jerk whose margins are too large."""
+    # Such cells are not split; the bounds limit the plan, and margins decrease with them.
     for _ in range(MOST_SPLITS):
         bounds, mesh = rows.bounds, rows.mesh
         tight = (rows.lost > MOST_AT_RAMPS) & (mesh.ramps[mesh.cell] != 0)
@@ -205,11 +199,9 @@ def _bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> Motion
 
 
 def _gain(rows: MeshRows, bounds: MotionBounds, law: PathLaw) -> float:
-    """Share of the duration that wider bounds of a plan may save.
-
-    At the end of the search the product of each slack and its multiplier is the same share of the
-    duration, and the multiplier times the bound is the gain of a bound that is twice as wide.
-    """
+    """Share of the duration that wider bounds of a plan may save."""
+    # At the end of the search the product of each slack and its multiplier is the same share of the
+    # duration, and the multiplier times the bound is the gain of a bound that is twice as wide.
     inner = rows.mesh.ramps[rows.mesh.cell] == 0
     square, (_, dds, slope, _) = law.speeds**2, law.rates
     low = np.minimum(square[:-1], square[1:])
@@ -258,13 +250,11 @@ def _start(
     targets: FloatArray,
     steep: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """Control points of ds² of one section that satisfy every row, with its ends.
-
-    The start is the plan `near`, scaled by its factor and reduced where it violates rows. `ds^1.5`
-    of a motion of uniform jerk from a rest is a line, so its allowed slope bounds the rise of a
-    start. `steep` are the slopes of ds^1.5 and of ds² on every cell, (n,) each; `targets` are ds²
-    at both ends.
-    """
+    """Control points of ds² of one section that satisfy every row, with its ends."""
+    # The start is the plan `near`, scaled by its factor and reduced where it violates rows.
+    # `ds^1.5` of a motion of uniform jerk from a rest is a line, so its allowed slope bounds the
+    # rise of a start. `steep` are the slopes of ds^1.5 and of ds² on every cell, (n,) each;
+    # `targets` are ds² at both ends.
     law, share = near
     inner = s[int(at_rest[0]) : len(s) - int(at_rest[1])]
     middle = (inner[:-1] + inner[1:]) / 2

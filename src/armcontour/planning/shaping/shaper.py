@@ -147,11 +147,9 @@ class Shaping:
     def _faster(
         self, program: Program, arcs: Tracing, shaped: Program, first: FloatArray
     ) -> Program:
-        """Shaped program at the faster start, or the program with arcs if that is faster still.
-
-        Shapes are compared close to the start `first` [rad], (dof,). A redundant arm is slightly
-        slower there than at a free start, which it has along arcs.
-        """
+        """Shaped program at the faster start, or the program with arcs if that is faster still."""
+        # Shapes are compared close to the start `first` [rad], (dof,). A redundant arm is slightly
+        # slower there than at a free start, which it has along arcs.
         seed = tuple(first.tolist())
         plans: list[tuple[Program, tuple[float, ...] | None, Trajectory]] = []
         with suppress(ArmContourError):
@@ -195,12 +193,9 @@ class Shaping:
         return trace_program(program, self.arm, self.limits, configuration=configuration, seed=seed)
 
     def _trace(self, program: Program) -> tuple[Tracing | None, Tracing]:
-        """Trace the program with arcs at its corners, and with sharp corners if that is faster.
-
-        Returns:
-            The program with arcs and its joint paths, None if the arm cannot follow it; and the
-            tracing whose configurations are used for all starts and shapes.
-        """
+        """Trace the program with arcs at its corners, and with sharp corners if that is faster."""
+        # Returns the program with arcs and its joint paths, None if the arm cannot follow it; and
+        # the tracing whose configurations are used for all starts and shapes.
         seed = self.options.seed
         try:
             arcs = self._follow(self._with_arcs(program), seed)
@@ -238,10 +233,8 @@ class Shaping:
         return dataclasses.replace(program, moves=tuple(moves))
 
     def _timer(self, joint_path: JointPath, seed: FloatArray | None = None) -> Timer:
-        """Timer in the configuration of a joint path, with the seed if that is its start.
-
-        The knots of a redundant arm depend on the rounding of the start.
-        """
+        """Timer in the configuration of a joint path, with the seed if that is its start."""
+        # The knots of a redundant arm depend on the rounding of the start.
         start, intervals = ends_of(joint_path)[0], self.options.intervals
         limits = with_reserve(self.limits, self.options.reserve)
         if isinstance(self.arm, PlanarTwoLink):
@@ -252,10 +245,8 @@ class Shaping:
 
 
 def _cap(path: Path, tolerance: float) -> Path:
-    """Limit the tolerances of a path to half of its stretches between two sharp corners.
-
-    A line that is drawn twice, a micrometre apart, leaves a stretch that allows no more.
-    """
+    """Limit the tolerances of a path to half of its stretches between two sharp corners."""
+    # A line that is drawn twice, a micrometre apart, leaves a stretch that allows no more.
     sharp = np.flatnonzero(path.turns > SHARP) + 1
     ends = np.concatenate([[0], sharp, [len(path)]])
     half = np.repeat(np.diff(path.breaks[ends]) / 2, np.diff(ends))
@@ -287,10 +278,8 @@ class _Task:
 
 
 def _shape_all(tasks: list[_Task], progress: Progress | None) -> Callable[[int], ShapedPath]:
-    """Function that returns the shaped path of a contour; other processes shape many contours.
-
-    It raises the error of the contour.
-    """
+    """Function that returns the shaped path of a contour; other processes shape many contours."""
+    # It raises the error of the contour.
     count = len(tasks)
 
     def report(done: float) -> None:

@@ -74,35 +74,23 @@ BISECTIONS = 30
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solution:
-    """Joint positions along a path in one configuration.
+    """Joint positions along a path in one configuration."""
 
-    Args:
-        q: Joint positions at the start of every knot interval and the end of the last [rad],
-            (n + 1, dof).
-        cost: Length of the joint path; ranks the solutions before they are timed.
-    """
-
+    # Joint positions at the start of every knot interval and the end of the last [rad], (n + 1,
+    # dof)
     q: FloatArray
-    cost: float
+    cost: float  # Length of the joint path; ranks the solutions before they are timed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Failure:
-    """Knot at which a solution ends, and the joint that leaves its range there, if any.
+    """Knot at which a solution ends, and the joint that leaves its range there, if any."""
 
-    Args:
-        reached: Index of the first knot that is not reached.
-        q: Joint positions at the previous knot, or at the knot out of range [rad], (dof,).
-        joint: Index of the joint that leaves its range; -1 if the pose has no solution.
-        value: Position of that joint [rad].
-        limit: End of its range [rad].
-    """
-
-    reached: int
-    q: FloatArray
-    joint: int = -1
-    value: float = 0.0
-    limit: float = 0.0
+    reached: int  # Index of the first knot that is not reached
+    q: FloatArray  # Joint positions at the previous knot, or at the knot out of range [rad], (dof,)
+    joint: int = -1  # Index of the joint that leaves its range; -1 if the pose has no solution
+    value: float = 0.0  # Position of that joint [rad]
+    limit: float = 0.0  # End of its range [rad]
 
 
 def find_solutions(
@@ -113,20 +101,10 @@ def find_solutions(
     task: int,
     seed: FloatArray | None,
 ) -> list[Solution]:
-    """Solutions that complete the path inside the joint ranges, the shortest first.
-
-    Args:
-        path: The path.
-        arm: The arm.
-        knots: Knot intervals of the path.
-        knot_poses: Poses of the tool at their starts and at the end of the last, (n + 1, 3, 4).
-        task: Task dimension.
-        seed: Joint positions near those at the start of the path [rad], (dof,); None for all
-            configurations.
-
-    Raises:
-        Unreachable: No solution exists; the reason is that of the solution with the longest reach.
-    """
+    """Solutions that complete the path inside the joint ranges, the shortest first."""
+    # `knot_poses`: poses of the tool at their starts and at the end of the last, (n + 1, 3, 4);
+    # `seed`: joint positions near those at the start of the path [rad], (dof,); None for all
+    # configurations.
     fine, knot_index = subdivide(path, knots, knot_poses)
     poses = knot_poses if len(fine) == len(knots) else row_of_poses(path, fine)
     starts = configurations(arm, poses[0], task, seed)
@@ -190,24 +168,15 @@ def _follow(
 
 def follow_branches(
     arm: SerialArm,
-    poses: FloatArray,
+    poses: FloatArray,  # Rotations and positions of the tool, (n, 3, 4)
     task: int,
-    starts: FloatArray,
+    starts: FloatArray,  # Joint positions at the first pose [rad], (starts, dof)
     max_correction: float = EXACTLY,
 ) -> tuple[FloatArray, IntArray]:
-    """Follow poses from several starts in parallel.
-
-    Args:
-        arm: The arm.
-        poses: Rotations and positions of the tool, (n, 3, 4).
-        task: Task dimension.
-        starts: Joint positions at the first pose [rad], (starts, dof).
-        max_correction: A pose is reached if the correction of every joint is below this [rad].
-
-    Returns:
-        Joint positions at the reached poses [rad], (starts, n, dof), and the number of reached
-        poses, including the first, (starts,).
-    """
+    """Follow poses from several starts in parallel."""
+    # `max_correction`: A pose is reached if the correction of every joint is below this [rad].
+    # Returns joint positions at the reached poses [rad], (starts, n, dof), and the number of
+    # reached poses, including the first, (starts,).
     q, reached = np.empty((len(starts), len(poses), arm.dof)), np.empty(len(starts), np.intp)
     q[:, 0] = starts
 
@@ -231,10 +200,8 @@ def _rank(
     followed: list[FloatArray],
     seed: FloatArray | None,
 ) -> list[FloatArray]:
-    """Sort solutions by their cost after a few iterations of smoothing on some knots.
-
-    Solutions that repeat an earlier one come last.
-    """
+    """Sort solutions by their cost after a few iterations of smoothing on some knots."""
+    # Solutions that repeat an earlier one come last.
     if len(followed) == 1 and len(s) > ROUGH_KNOTS:
         return [shift_by_turns(arm, followed[0])[0]]
     few = np.unique(np.linspace(0, len(s) - 1, min(len(s), ROUGH_KNOTS)).astype(np.intp))
@@ -273,15 +240,10 @@ def _smooth(
 
 
 class _Different:
-    """Solutions whose differences exceed null-space motion.
-
-    Args:
-        arm: The arm.
-        poses: Rotations and positions of the tool, (n, 3, 4).
-        task: Task dimension.
-    """
+    """Solutions whose differences exceed null-space motion."""
 
     def __init__(self, arm: SerialArm, poses: FloatArray, task: int) -> None:
+        # `poses`: rotations and positions of the tool, (n, 3, 4).
         self.arm, self.poses, self.task = arm, poses, task
         self._known: list[FloatArray] = []
         # Null spaces of known solutions at some knots, and at all knots for close comparisons.
@@ -318,26 +280,18 @@ class _Different:
 
 
 def _outside(w: FloatArray, difference: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Largest component outside null spaces of joint differences, and their largest value.
-
-    `w` are bases of the null spaces, (..., n, free, dof); `difference` is modulo whole turns [rad].
-    """
+    """Largest component outside null spaces of joint differences, and their largest value."""
+    # `w` are bases of the null spaces, (..., n, free, dof); `difference` is modulo whole turns
+    # [rad].
     wrapped = np.pi - np.mod(np.pi - difference, 2 * np.pi)
     outside = wrapped - (np.swapaxes(w, -1, -2) @ (w @ wrapped[..., None]))[..., 0]
     return np.abs(outside).max(axis=(-1, -2)), np.abs(wrapped).max(axis=(-1, -2))
 
 
 def subdivide(path: Path, knots: Knots, poses: FloatArray) -> tuple[Knots, IntArray]:
-    """Subintervals whose chords are close to the path.
-
-    Args:
-        path: The path.
-        knots: Knot intervals.
-        poses: Poses of the tool at their starts and at the end of the last, (n + 1, 3, 4).
-
-    Returns:
-        The subintervals, and the indices of the given knots among their starts and last end.
-    """
+    """Subintervals whose chords are close to the path."""
+    # `poses`: poses of the tool at their starts and at the end of the last, (n + 1, 3, 4).
+    # Returns the subintervals, and the indices of the given knots among their starts and last end.
     width = knots.u1 - knots.u0
     turn = width * path.curvatures[knots.segment]
     if path.orientation is not None and not path.orientation.constant:
