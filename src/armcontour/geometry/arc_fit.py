@@ -35,9 +35,9 @@ PLACES = np.linspace(0, 1, 17)
 # larger.
 SHARE = 0.9
 # Largest number of parts into which an interval out of tolerance is split at once.
-MOST_PARTS = 8
+MAX_PARTS = 8
 # Largest number of intervals; more raise an error because the tolerance is too small for the curve.
-MOST_INTERVALS = 500_000
+MAX_INTERVALS = 500_000
 # Default distance between transitions and the arcs that replace them [m].
 DRAWN = 1e-7
 # An interval out of tolerance that is shorter than this fraction of the tolerance becomes a corner.
@@ -337,9 +337,9 @@ def _split(curves: Curves, todo: _Intervals, tolerance: float, *, lines: bool) -
         pending = ~ready
         todo = _divide(curves, todo.select(pending), distances[pending] / (SHARE * tolerance))
         count += int(ready.sum())
-        if count + len(todo.begin) > MOST_INTERVALS:
+        if count + len(todo.begin) > MAX_INTERVALS:
             raise InvalidInput(
-                f"A curve would need more than {2 * MOST_INTERVALS} arcs to be within "
+                f"A curve would need more than {2 * MAX_INTERVALS} arcs to be within "
                 f"{tolerance:g} m: give it a larger tolerance."
             )
     names = _Intervals.__slots__
@@ -382,7 +382,7 @@ def _divide(curves: Curves, intervals: _Intervals, excess: FloatArray) -> _Inter
     """Divide intervals into equal parts until the distance fits."""
     # The distance between curve and biarc falls with the cube of the interval's length.
     parts = np.where(np.isfinite(excess), np.ceil(np.cbrt(excess)), 2)
-    parts = np.clip(parts, 2, MOST_PARTS).astype(np.intp)
+    parts = np.clip(parts, 2, MAX_PARTS).astype(np.intp)
     i, k = number_parts(parts)
     old = intervals.select(i)
     first, last = k == 0, k == parts[i] - 1

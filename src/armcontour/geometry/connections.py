@@ -39,7 +39,7 @@ ROUNDS = 3
 STEPS = 8
 # Largest number of quintics in each half of a connection, and the fractions of each quintic at
 # which its speed is checked.
-MOST_PARTS = 64
+MAX_PARTS = 64
 LOOKS = np.linspace(0.1, 0.9, 5)
 # Parameters at which the shape of a connection is checked.
 MANY = np.linspace(0.0, 1.0, 33)
@@ -161,14 +161,14 @@ def draw_connections(
         speeds = [length(drawn.evaluate(EVERY, share * drawn.lengths, 1)) for share in LOOKS]
         uneven = np.abs(np.stack(speeds) - 1).max(axis=0)
         rough = np.unique(owners[uneven > UNEVEN / 2])
-        rough = rough[parts[rough] < MOST_PARTS]
+        rough = rough[parts[rough] < MAX_PARTS]
         if not len(rough):
             return drawn, owners, first
         worst = np.zeros(len(connections))
         np.maximum.at(worst, owners, uneven)
         # The unevenness falls with about the fifth power of the lengths.
         count = np.ceil(parts[rough] * (worst[rough] / (UNEVEN / 2)) ** 0.2)
-        parts[rough] = np.minimum(np.maximum(count, parts[rough] + 1), MOST_PARTS)
+        parts[rough] = np.minimum(np.maximum(count, parts[rough] + 1), MAX_PARTS)
         drawn, owners, first = _draw_halves(connections, vertices, middle, parts)
 
 

@@ -214,7 +214,7 @@ class Orientation(Checked):
 
     @property
     def constant(self) -> bool:
-        """Whether the orientation is the same along the whole path."""
+        """True if the orientation is the same along the whole path."""
         single = len(self.starts) == 1
         return self.fixed and (single or bool((self.starts[1:] == self.starts[:-1]).all()))
 

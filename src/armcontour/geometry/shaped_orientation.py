@@ -51,12 +51,12 @@ if TYPE_CHECKING:
 # Twists below this are rounding errors [rad].
 NO_TWIST = 1e-12
 # Largest turn of an arc along which a twist is corrected by one constant rate [rad].
-MOST_TURN = 0.1
+MAX_TURN = 0.1
 # Fractions of the angular tolerance that the smooth arc lengths and the blends may use. Their
 # errors do not add up: at the vertices, in the middle of blends, the smooth arc lengths are exact.
 PLACES, BLENDS = 0.5, 0.95
 # Smallest and largest angular error of the smooth arc lengths, and that without a tolerance [rad].
-LEAST_ANGLE, MOST_ANGLE, SMALL_ANGLE = 1e-5, 1e-2, 1e-3
+LEAST_ANGLE, MAX_ANGLE, SMALL_ANGLE = 1e-5, 1e-2, 1e-3
 # Factor by which blends outside the tolerance are shortened, and number of trials.
 SHORTER, TRIES = 0.8, 8
 # Largest number of halvings between two knots of the smooth arc lengths.
@@ -157,7 +157,7 @@ def _orient_smoothly(
     source = objective.orientation
     assert source is not None
     runs = _Runs.from_path(path, objective, pairs)
-    near = float(np.clip(PLACES * allowed, LEAST_ANGLE, MOST_ANGLE))
+    near = float(np.clip(PLACES * allowed, LEAST_ANGLE, MAX_ANGLE))
     near = near if np.isfinite(allowed) else SMALL_ANGLE
     mapping = _smooth_places(runs, pairs, near)
     cut = _blend_lengths(path, objective, runs, pairs, BLENDS * allowed)
@@ -307,7 +307,7 @@ def _apply_twist(
     first, last = cuts[:-1] - path.breaks[whole], cuts[1:] - path.breaks[whole]
     # On tiny arcs a difference of arc lengths has too few digits.
     last = np.where(cuts[1:] == path.breaks[whole + 1], path.lengths[whole], last)
-    count = np.ceil(path.curvatures[whole] * (last - first) / MOST_TURN).astype(np.intp).clip(1)
+    count = np.ceil(path.curvatures[whole] * (last - first) / MAX_TURN).astype(np.intp).clip(1)
     part, k = number_parts(count)
     i, step = whole[part], ((last - first) / count)[part]
     u = [first[part] + x * step for x in (k, k + 0.5, k + 1)]

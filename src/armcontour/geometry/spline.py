@@ -20,7 +20,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(4)
 # between these fractions.
 SHARE = 0.9
 # Largest number of pieces; more raise an error because the tolerance is too small for the spline.
-MOST_PIECES = 500_000
+MAX_PIECES = 500_000
 
 
 def fit_spline(
@@ -76,9 +76,9 @@ def _split(cubics: FloatArray, tolerance: float) -> tuple[FloatArray, FloatArray
                 f"The spline turns back on the spot near {point} m: move the points apart, or "
                 "split the spline there."
             )
-        if count > MOST_PIECES:
+        if count > MAX_PIECES:
             raise InvalidInput(
-                f"A spline would need more than {MOST_PIECES} segments to be within "
+                f"A spline would need more than {MAX_PIECES} segments to be within "
                 f"{tolerance:g} m: give it a larger tolerance."
             )
         done.append((cubics[good], lengths[good], begin[good]))

@@ -21,7 +21,7 @@ LARGEST_KINK = 0.05
 SHARES = np.linspace(0.0, 1.0, 9)
 ALL = np.zeros(len(SHARES), dtype=np.intp)
 # Largest number of halvings of these blends before the closing vertex stays unchanged.
-MOST_HALVINGS = 20
+MAX_HALVINGS = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -105,7 +105,7 @@ def _repair_closure(path: Path, largest_turn: float, allowed: float) -> Repaired
     size = np.minimum(
         size, WIDEST / np.maximum(np.maximum(first.curvatures, last.curvatures), 1e-300)
     )
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MAX_HALVINGS):
         begin = last.lengths - size
         leaving = make_biarcs(
             first.starts, middle, first.evaluate(EVERY, size), first.evaluate(EVERY, size, 1)

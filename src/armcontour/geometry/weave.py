@@ -32,7 +32,7 @@ SHAPES = ("sine", "zigzag")
 UP = checks.frozen_array([0.0, 0.0, 1.0])
 # Initial number of points of a sine per pitch, largest number of doublings, and largest number of
 # points.
-SAMPLES, MOST_DOUBLINGS, MOST_POINTS = 64, 6, 2_000_000
+SAMPLES, MAX_DOUBLINGS, MAX_POINTS = 64, 6, 2_000_000
 # Smallest sine of the angle between the tool axis and the tangent; below it a seam has no sides.
 PARALLEL = 1e-6
 # Fractions between two samples at which a sine is compared with its spline.
@@ -49,7 +49,7 @@ TURN = np.radians(10.0)
 # Relative rounding errors of lengths.
 ROUNDING = 1e-12
 # Largest share of the pitch for both dwells of a wave.
-MOST_DWELL = 0.8
+MAX_DWELL = 0.8
 
 
 @dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,10 +105,10 @@ def weave_seam(
         length = np.linalg.norm(up)
         checks.raise_if(length == 0, "up must be a direction in space.")
         direction = np.asarray(up) / length
-    if path.length / pitch * SAMPLES > MOST_POINTS:
+    if path.length / pitch * SAMPLES > MAX_POINTS:
         raise InvalidInput(
             f"A weave with a pitch of {pitch * 1e3:.4g} mm has {path.length / pitch:.3g} waves on "
-            f"a seam of {path.length:.4g} m, more than {MOST_POINTS // SAMPLES}: take a longer "
+            f"a seam of {path.length:.4g} m, more than {MAX_POINTS // SAMPLES}: take a longer "
             "pitch."
         )
     ends = [0.0, *path.breaks[1:-1][_corners(path)].tolist(), path.length]
@@ -171,13 +171,13 @@ def _pitch_and_edge(
         pitch = speed / frequency
     assert pitch is not None
     edge = speed * dwell if dwell else 0.0
-    if 2 * edge > MOST_DWELL * pitch:
+    if 2 * edge > MAX_DWELL * pitch:
         raise InvalidInput(
             f"Two dwells of {dwell:.4g} s take {2e3 * edge:.4g} mm of the weave's pitch of "
-            f"{pitch * 1e3:.4g} mm at {speed * 1e3:.4g} mm/s: at most {MOST_DWELL:.0%} of the "
-            f"pitch is allowed, a dwell of {MOST_DWELL * pitch / speed / 2:.4g} s.",
+            f"{pitch * 1e3:.4g} mm at {speed * 1e3:.4g} mm/s: at most {MAX_DWELL:.0%} of the "
+            f"pitch is allowed, a dwell of {MAX_DWELL * pitch / speed / 2:.4g} s.",
             needed=dwell,
-            allowed=MOST_DWELL * pitch / speed / 2,
+            allowed=MAX_DWELL * pitch / speed / 2,
         )
     return pitch, edge
 
@@ -338,9 +338,9 @@ def _fit_sine(
 
     length = wave.seam.length
     ends = wave.seam([0.0, length], 1, side="left")
-    for doubling in range(MOST_DOUBLINGS + 1):
+    for doubling in range(MAX_DOUBLINGS + 1):
         count = int(np.ceil(SAMPLES * 2**doubling * length / wave.pitch))
-        if count > MOST_POINTS:
+        if count > MAX_POINTS:
             break
         s = np.linspace(0.0, length, count + 1)
         spline = CubicSpline(s, wave.sine(s), bc_type=((1, ends[0]), (1, ends[1])))

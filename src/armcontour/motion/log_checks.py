@@ -17,7 +17,7 @@ from armcontour.motion.log import Log
 from armcontour.robot import Arm
 
 # Largest number of names in one message.
-MOST_NAMED = 8
+MAX_NAMED = 8
 # Shortest log [s] and longest sample interval [s] for identification: between samples farther apart
 # the command is too uncertain.
 SHORTEST = 2.0
@@ -73,7 +73,7 @@ def match_joints(names: Sequence[str], requested: Sequence[str], source: str) ->
 
 
 def _is_prefixed(long: str, short: str) -> bool:
-    """Whether one of two names is the other name with a prefix."""
+    """True if one of two names is the other name with a prefix."""
     if len(long) < len(short):
         long, short = short, long
     return not short.isdigit() and re.fullmatch(rf".*[_\W]{re.escape(short)}", long) is not None
@@ -98,7 +98,7 @@ def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
     numbered = all(re.fullmatch(r"joint \d+", x) for x in names)
     order = match_joints(names, joint_names, source)
     if order is None or (numbered and len(names) != len(joint_names)):
-        log_names, other = (list_some(x, MOST_NAMED) for x in (names, joint_names))
+        log_names, other = (list_some(x, MAX_NAMED) for x in (names, joint_names))
         if len(names) != len(joint_names):
             raise InvalidInput(
                 f"{source} has {count_noun(len(names), 'joint')} ({log_names}), but the arm has "
@@ -115,7 +115,7 @@ def arrange_joints(log: Log, joint_names: Sequence[str]) -> Log:
         return log
     notes = describe_match(names, joint_names, order)
     if spare := [x for i, x in enumerate(names) if i not in order]:
-        left_out = list_some(spare, MOST_NAMED)
+        left_out = list_some(spare, MAX_NAMED)
         notes.append(f"Joints of {source} that the arm does not have are left out: {left_out}.")
     return replace(
         log,

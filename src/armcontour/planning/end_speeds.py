@@ -19,7 +19,7 @@ START, END = "start speed", "end speed"
 # Digits of the reported speed, which is planned with these digits.
 DIGITS = 6
 # Largest number of estimates; each failed one is reduced by at least the share LOWER.
-MOST_ESTIMATES = 8
+MAX_ESTIMATES = 8
 # Relative rounding error of a feasible speed; it counts as feasible, see `PLAY`.
 ROUNDING = 1e-9
 LOWER = 1e-3
@@ -58,7 +58,7 @@ class EndSpeeds:
         # `at_rest` means that the speed at the other end is zero instead of the requested one.
         requested = self.start if name == START else self.end
         speed = requested
-        for _ in range(MOST_ESTIMATES):
+        for _ in range(MAX_ESTIMATES):
             failed = self._failure(name, speed, at_rest)
             if failed is None:
                 return speed

@@ -30,7 +30,7 @@ from armcontour.planning.topp.limit_forms import Ceiling, Form
 SAME_DURATION = 1e-9
 # Largest share of the time of a contour that is spent at rest at its end, if it is planned again.
 LONGEST_WAIT = 1e-3
-MOST_PLANS = 20
+MAX_PLANS = 20
 
 
 def slow_down(
@@ -108,7 +108,7 @@ def _plan_slower(fastest: Trajectory, target: float, timing: Timing) -> Trajecto
     assert isinstance(options, Optimal)
     joint_path = _laws(fastest)[0].joint_path
     share = (fastest.duration / target) ** 2
-    for _ in range(MOST_PLANS):
+    for _ in range(MAX_PLANS):
         slower = (*options.constraints, _Slower(fastest, share))
         trajectory = plan_optimal(
             joint_path, timing.arm, timing.limits, replace(options, constraints=slower)

@@ -51,21 +51,21 @@ from armcontour.robot import Arm, Limits
 from armcontour.robot.limits import TOOL_LIMITS
 
 # The grid is refined while the margin for maxima inside intervals exceeds this share of a limit, at
-# most MOST_REFINEMENTS times. The share grows each time, up to LARGEST_MARGIN_EVER, because a finer
+# most MAX_REFINEMENTS times. The share grows each time, up to LARGEST_MARGIN_EVER, because a finer
 # grid is expensive with thousands of corners. With fewer intervals than COARSE, margins up to
 # FIRST_MARGIN are accepted, to save time.
 LARGEST_MARGIN = 3e-3
 FIRST_MARGIN, COARSE = 1e-2, 500
 MORE_EACH_TIME = 2.0
 LARGEST_MARGIN_EVER = 0.2
-MOST_REFINEMENTS = 12
+MAX_REFINEMENTS = 12
 # The grid is also refined while the estimated loss exceeds this share of the duration. The estimate
 # is within a factor of about three; more intervals than DEFAULT_INTERVALS lose less.
 LARGEST_LOSS = 1e-4
-MOST_PARTS_AT_ONCE = 8
+MAX_PARTS_AT_ONCE = 8
 # Largest number of refined intervals, about 1 GB, unless twice the first grid is more. Close to it,
 # a refinement for loss must add at least the factor LEAST_GROWTH.
-MOST_REFINED, LEAST_GROWTH = 300_000, 1.1
+MAX_REFINED, LEAST_GROWTH = 300_000, 1.1
 
 
 def plan_optimal(
@@ -189,8 +189,8 @@ def time_optimal(
     max_margin = FIRST_MARGIN if len(grid) < COARSE else LARGEST_MARGIN
     rules, s = Rules(float(start), float(end), max_margin), 0.0
     best: tuple[Grid, GridPlan] | None = None
-    shortest, max_intervals = math.inf, max(MOST_REFINED, 2 * len(grid))
-    for k in range(MOST_REFINEMENTS):
+    shortest, max_intervals = math.inf, max(MAX_REFINED, 2 * len(grid))
+    for k in range(MAX_REFINEMENTS):
         path = OnGrid(grid)
         limits = _with_stops(limits_on(path, active), grid)
         grid_plan = plan_on_grid(path.intervals, limits, rules)
@@ -204,7 +204,7 @@ def time_optimal(
             if loss.sum() <= largest_loss * duration or gained < largest_loss / 4 * duration:
                 break
             parts = _parts_by_loss(loss, largest_loss * duration)
-            if parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MOST_REFINED / 2:
+            if parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MAX_REFINED / 2:
                 break
             grid = split(grid, parts, points)
             continue
@@ -214,7 +214,7 @@ def time_optimal(
                 break
             _refuse(grid, grid_plan, arm, rules)
         parts = _whole(np.sqrt(grid_plan.lost / LARGEST_MARGIN), max_intervals)
-        crowded = parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MOST_REFINED / 2
+        crowded = parts.sum() < LEAST_GROWTH * len(grid) and len(grid) > MAX_REFINED / 2
         if crowded and max_margin == LARGEST_MARGIN_EVER:
             break
         grid = split(grid, parts)
@@ -231,8 +231,8 @@ def time_optimal(
 
 def _parts_by_loss(loss: FloatArray, max_loss: float) -> FloatArray:
     """Number of parts of each interval for a total loss of at most `max_loss`."""
-    parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / max_loss, MOST_PARTS_AT_ONCE**2))
-    return _whole(parts, max(MOST_REFINED, len(loss)))
+    parts = np.sqrt(np.minimum(np.nan_to_num(loss) * len(loss) / max_loss, MAX_PARTS_AT_ONCE**2))
+    return _whole(parts, max(MAX_REFINED, len(loss)))
 
 
 def _whole(parts: FloatArray, max_parts: int) -> FloatArray:

@@ -29,7 +29,7 @@ from armcontour.planning.law_checks import (
     segment_speeds,
     tool_path_of,
 )
-from armcontour.planning.options import FEWEST_LAPS, MOST_LAPS, Paper
+from armcontour.planning.options import FEWEST_LAPS, MAX_LAPS, Paper
 from armcontour.planning.paper_line import PaperLine, RulePart, parts_by_rule
 from armcontour.robot import Arm, Limits
 
@@ -119,7 +119,7 @@ def _refuse_limits(limits: Limits) -> None:
 def _usual_knots(length: float, speed: float, cycle: float, number: int) -> int:
     """Number of laps of a line that take one cycle each at the assigned velocity."""
     count = length / (speed * cycle)
-    if not count <= MOST_LAPS:
+    if not count <= MAX_LAPS:
         raise InvalidInput(
             f"Line {number + 1} would have {count:.3g} knots at {speed:g} m/s and a "
             f"cycle of {cycle:g} s: give knots."

@@ -19,7 +19,7 @@ from armcontour.motion.kernels import value_and_slopes
 DEFAULT_INTERVALS = 4000
 FEWEST_PER_PIECE = 2
 # Several GB for an arm with six joints.
-MOST_INTERVALS = 5_000_000
+MAX_INTERVALS = 5_000_000
 # Share of the intervals that is distributed evenly over the length; the others follow the turning
 # of the joint path.
 EVEN_SHARE = 0.5

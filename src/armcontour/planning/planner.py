@@ -35,7 +35,7 @@ from armcontour.robot import Arm, Limits, compare_limits, resolve_limits
 # Options of a single path; a program has several paths with rests between them.
 OF_ONE_PATH = ("grid", "start_speed", "end_speed")
 # With many contours each contour has fewer grid intervals, because it is shorter.
-MOST_BY_DEFAULT = 40_000
+MAX_BY_DEFAULT = 40_000
 FEWEST_INTERVALS = 500
 
 
@@ -193,9 +193,9 @@ def _fit_options(program: Program, options: PlanOptions) -> PlanOptions:
 def intervals_of(program: Program) -> int | None:
     """Grid intervals for each contour of a program; None for the default of a single path."""
     count = len(program.contours)
-    if count <= MOST_BY_DEFAULT // DEFAULT_INTERVALS:
+    if count <= MAX_BY_DEFAULT // DEFAULT_INTERVALS:
         return None
-    return max(FEWEST_INTERVALS, MOST_BY_DEFAULT // count)
+    return max(FEWEST_INTERVALS, MAX_BY_DEFAULT // count)
 
 
 def check_duration(program: Program, limits: Limits) -> None:

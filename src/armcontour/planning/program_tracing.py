@@ -31,12 +31,12 @@ SAME_POSITION = 1e-9
 # Configurations are compared by coarse plans.
 ROUGHLY = Optimal(intervals=400)
 # Planar joint paths of more pieces are compared by lower bounds, because a plan takes seconds.
-MOST_PLANNED = 8_000
+MAX_PLANNED = 8_000
 # Paths of more segments than LONG are compared on parts of about PART_SEGMENTS, one in PART_EVERY
-# segments, and at most MOST_PARTS. Parts resolve durations to some thousandths only, so
+# segments, and at most MAX_PARTS. Parts resolve durations to some thousandths only, so
 # configurations that are slower by at most SLOWER are traced along the whole path.
 LONG = 20_000
-PART_SEGMENTS, PART_EVERY, MOST_PARTS = 200, 2500, 40
+PART_SEGMENTS, PART_EVERY, MAX_PARTS = 200, 2500, 40
 SLOWER = 0.01
 # Configurations that differ on the parts by less than this share differ by a turn of the wrist
 # only, and are equally fast on the whole path.
@@ -384,7 +384,7 @@ def _by_duration(
 ) -> Iterator[list[JointPath]]:
     at_least = [bound_duration(x, rough) for x in joint_paths]
     order = np.argsort(at_least, kind="stable").tolist()
-    if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MOST_PLANNED:
+    if isinstance(arm, PlanarTwoLink) and len(joint_paths[0].breaks) > MAX_PLANNED:
         yield from ([joint_paths[i]] for i in order)
         return
     # Durations of the planned joint paths that are not yet yielded.
@@ -458,7 +458,7 @@ def _compare(
     # complete the parts has an infinite duration. `solutions` are joint positions at the arc
     # lengths `s` [m], (n, dof) each.
     rough = limits.without_jerk
-    parts = min(max(len(path) // PART_EVERY, 1), MOST_PARTS)
+    parts = min(max(len(path) // PART_EVERY, 1), MAX_PARTS)
     length = path.length * min(PART_SEGMENTS / len(path), 1.0)
     first = np.searchsorted(s, np.linspace(0, path.length - length, parts), side="right") - 1
     last = np.append(s[first[:-1]] + length, path.length)

@@ -23,19 +23,19 @@ from armcontour.program.process import AUTO, DRAWN, TOOL_SIDES, Process
 # A function that makes the contour of an option, and its first and last point [m], (2, dimension).
 Option = tuple[Callable[[], Contour], FloatArray]
 
-# Number of start points of a closed contour; fewer if all contours have more than MOST_PLACES.
-PLACES, FEWEST_PLACES, MOST_PLACES = 24, 4, 20_000
+# Number of start points of a closed contour; fewer if all contours have more than MAX_PLACES.
+PLACES, FEWEST_PLACES, MAX_PLACES = 24, 4, 20_000
 # Number of neighbours of a contour that the search tries next to it.
 NEIGHBOURS = 10
 # Exchanges of the search: number per contour, smallest number, and largest product with the number
 # of contours, which bounds the time to a few seconds. Without exchanges, tours of 6 to 100 random
 # contours are 0.6 to 15 % longer on average.
-TRIES, LEAST_TRIES, MOST_WORK = 3, 200, 1_000_000
+TRIES, LEAST_TRIES, MAX_WORK = 3, 200, 1_000_000
 # Orientations at both ends of a contour that differ by less than this count as equal: summed turns
 # have rounding errors [rad].
 SAME_HOLD = 1e-6
 # Largest number of segments of a contour with its overlap, which repeats the contour's segments.
-MOST_SEGMENTS = 1_000_000
+MAX_SEGMENTS = 1_000_000
 
 
 def direct_contours(program: Program, process: Process) -> Program:
@@ -158,7 +158,7 @@ class _Choices:
         cls, contours: tuple[Contour, ...], process: Process, *, free: bool
     ) -> _Choices:
         """The options of contours; `free` contours may start at several points."""
-        count = int(np.clip(MOST_PLACES // len(contours), FEWEST_PLACES, PLACES))
+        count = int(np.clip(MAX_PLACES // len(contours), FEWEST_PLACES, PLACES))
         made: list[Callable[[], Contour]] = []
         ends: list[FloatArray] = []
         first = [0]
@@ -202,7 +202,7 @@ class _Choices:
 
         tour, _ = self.nearest(parents)
         n, option = len(tour), self._best_options(tour)
-        tries = min(max(TRIES * n, LEAST_TRIES), MOST_WORK // n)
+        tries = min(max(TRIES * n, LEAST_TRIES), MAX_WORK // n)
         # A fixed sequence of numbers, so the same program has the same order.
         numbers = (np.random.PCG64(0).random_raw((tries, 4)) >> np.uint64(32)).astype(np.intp)
         shorten_tour(
@@ -345,7 +345,7 @@ def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
 
 
 def keeps_drawn_start(contour: Contour, *, led: bool) -> bool:
-    """Whether an automatic start of a closed contour is the drawn one, as in `close_contour`."""
+    """True if an automatic start of a closed contour is the drawn one, as in `close_contour`."""
     return (
         contour.keep_start
         or led
@@ -398,7 +398,7 @@ def _repeat_events(events: tuple[Event, ...], lap: float, passes: int) -> list[E
 
 
 def _has_equal_end_orientations(path: Path) -> bool:
-    """Whether the tool orientations at both ends of a closed path are equal."""
+    """True if the tool orientations at both ends of a closed path are equal."""
     orientation = path.orientation
     if orientation is None:
         return True
@@ -417,10 +417,10 @@ def _has_equal_end_orientations(path: Path) -> bool:
 def _add_overlap(path: Path, overlap: float) -> Path:
     """A closed path continued past its end by the overlap [m], with several laps if needed."""
     rounds = overlap / path.length
-    if rounds * len(path) > MOST_SEGMENTS:
+    if rounds * len(path) > MAX_SEGMENTS:
         raise InvalidInput(
             f"Overlap and further passes of {overlap:g} m are {rounds:.3g} laps of a contour of "
-            f"{path.length:.4g} m and need more than {MOST_SEGMENTS} segments: take a shorter "
+            f"{path.length:.4g} m and need more than {MAX_SEGMENTS} segments: take a shorter "
             "overlap or fewer passes."
         )
     parts, remaining = [path], overlap

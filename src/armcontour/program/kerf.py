@@ -419,7 +419,7 @@ class LeadPlacement:
         return outline(s or outline.length, 1, side="left")
 
     def _fits(self, lead: Path, after: bool) -> bool:
-        """Whether a lead crosses no contour that is cut, and its free end lies in the scrap."""
+        """True if a lead crosses no contour that is cut, and its free end lies in the scrap."""
         lead, up = lead.reversed() if after else lead, self._process.up
         cut = [x for x, kept in zip(self._contours, self._cut, strict=True) if kept]
         if self._around is None:

@@ -51,8 +51,8 @@ Value = bool | PlainNumber | Name
 # Output whose numbers and texts are tools, as T words in G-code; True and False are on and off.
 TOOL = "tool"
 # Largest numbers of moves and of segments of a repeated program: more take minutes to plan.
-MOST_MOVES = 100_000
-MOST_SEGMENTS = 1_000_000
+MAX_MOVES = 100_000
+MAX_SEGMENTS = 1_000_000
 
 
 @checks.explain_calls
@@ -82,7 +82,7 @@ class Event(Checked):
 
     @property
     def changes_tool(self) -> bool:
-        """Whether the event is a tool change, by a number or a name of the tool."""
+        """True if the event is a tool change, by a number or a name of the tool."""
         return self.name == TOOL and not isinstance(self.value, bool | np.bool_)
 
 
@@ -138,7 +138,7 @@ class Contour(Checked):
 
     @property
     def closed(self) -> bool:
-        """Whether the contour ends at its start point, without leads and overlap."""
+        """True if the contour ends at its start point, without leads and overlap."""
         if self.ring is not None:
             return self.ring
         return bool(np.linalg.norm(self.path.end - self.path.starts[0]) <= REPEATED_POINT)
@@ -448,7 +448,7 @@ class Program(Checked):
                 segments.
         """
         columns, rows = (
-            checks.check_int(name, value, 1, MOST_MOVES)
+            checks.check_int(name, value, 1, MAX_MOVES)
             for name, value in (("columns", columns), ("rows", rows))
         )
         dx = _checked_spacing("column_spacing", column_spacing, columns)
@@ -472,8 +472,8 @@ class Program(Checked):
         paths = [x.path for x in self.moves if isinstance(x, Contour | Rapid)]
         segments = sum(len(x) for x in paths if x is not None)
         for noun, count, maximum in (
-            ("moves", len(self.moves), MOST_MOVES),
-            ("segments", segments, MOST_SEGMENTS),
+            ("moves", len(self.moves), MAX_MOVES),
+            ("segments", segments, MAX_SEGMENTS),
         ):
             if copies * count > maximum:
                 raise InvalidInput(
@@ -574,7 +574,7 @@ def _check_move(move: Move) -> None:
 
 
 def has_intended_start(moves: Sequence[Move], i: int) -> bool:
-    """Whether the start of contour i is deliberate, because a rapid, dwell or event leads to it."""
+    """True if the start of contour i is deliberate, because a rapid, dwell or event leads to it."""
     # Without a rapid, a dwell or event must come between the contour and the previous contour.
     for k in range(i - 1, -1, -1):
         if isinstance(moves[k], Rapid):

@@ -197,7 +197,7 @@ class _Parts:
         )
 
     def _is_thin(self) -> bool:
-        """Whether a closed chain encloses no area."""
+        """True if a closed chain encloses no area."""
         p = self.pieces
         a, b = p[:, :2] - p[0, :2], points_at(p, p[:, LENGTH]) - p[0, :2]
         angle = p[:, CURVATURE] * p[:, LENGTH]

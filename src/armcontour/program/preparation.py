@@ -33,7 +33,7 @@ from armcontour.program.moves import (
     rapids_leading_away,
     reroute,
 )
-from armcontour.program.process import MOST_TABS, Lead, Leads, Process, Switch, Tabs, Weave
+from armcontour.program.process import MAX_TABS, Lead, Leads, Process, Switch, Tabs, Weave
 
 if TYPE_CHECKING:
     from armcontour.program.kerf import LeadPlacement
@@ -172,7 +172,7 @@ def _pass_again(contour: Contour, passes: int) -> list[Contour]:
 
 
 def _keeps_lead(process: Process, contour: Contour, event: Event) -> bool:
-    """Whether an event that is repeated when resuming keeps its time advance."""
+    """True if an event that is repeated when resuming keeps its time advance."""
     layer_process = process.of_layer(contour.layer)
     switched = layer_process.switch is not None and layer_process.switch.name == event.name
     return layer_process.lead_in is not None or (switched and bool(event.value))
@@ -459,7 +459,7 @@ class Switching:
                         self.states[event.name] = dataclasses.replace(event, value=False)
 
     def takes(self, event: Event) -> bool:
-        """Whether an event between contours takes effect at the start of the next contour."""
+        """True if an event between contours takes effect at the start of the next contour."""
         if event.name in self.names:
             self.states[event.name] = event
         return event.name in self.names
@@ -563,12 +563,12 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
 def _count(contour: Contour, spacing: float, lap: float) -> int:
     """The number of tabs of a lap with a spacing [m]."""
     count = max(1, round(lap / spacing))
-    if count > MOST_TABS:
+    if count > MAX_TABS:
         raise InvalidInput(
             f"{_called(contour)} of {lap * 1e3:.4g} mm would have {count:.4g} tabs with a spacing "
-            f"of {spacing * 1e3:.4g} mm, more than {MOST_TABS}: take a larger spacing.",
+            f"of {spacing * 1e3:.4g} mm, more than {MAX_TABS}: take a larger spacing.",
             needed=count,
-            allowed=MOST_TABS,
+            allowed=MAX_TABS,
         )
     return count
 

@@ -20,7 +20,7 @@ NEAREST = 0.995
 # The same for rows with the length of a vector.
 NEAREST_ROUND = 0.9
 # A step that violates a row by rounding is shortened by this factor, at most this many times.
-SHORTER, MOST_SHORTER = 0.5, 30
+SHORTER, MAX_SHORTER = 0.5, 30
 # The barrier is reduced by the factor FALL once Newton's decrement is below the share CENTERED of
 # the gap and the step exceeds the share LONG; faster rules end in tiny steps.
 FALL, CENTERED, LONG = 0.15, 0.1, 0.3
@@ -624,7 +624,7 @@ def improve(
         while not _write_slacks(p, trial, goal, tangents, slack):
             # Rounding errors close to a bound.
             halvings, share, landed = halvings + 1, share * SHORTER, False
-            if halvings > MOST_SHORTER:
+            if halvings > MAX_SHORTER:
                 return iteration
             _take_step(d, right, share, trial)
         d[:] = trial

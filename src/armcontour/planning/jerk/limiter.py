@@ -30,16 +30,16 @@ from armcontour.planning.jerk.mesh import (
     square_at,
 )
 from armcontour.planning.jerk.mesh_rows import MeshRows
-from armcontour.planning.options import MOST_ITERATIONS, Task
+from armcontour.planning.options import MAX_ITERATIONS, Task
 from armcontour.planning.topp.kernels import MotionBounds
 
 # Default number of cells: PER_BUILD_UP while an acceleration builds up, but at least FEWEST_CELLS
 # plus FEWEST_PER_PIECE for each polynomial of the joint path.
 PER_BUILD_UP, FEWEST_CELLS, FEWEST_PER_PIECE = 2.0, 1000, 3
-# If more cells than MOST_CELLS result, jerk is so large that fewer cells resolve its effect:
+# If more cells than MAX_CELLS result, jerk is so large that fewer cells resolve its effect:
 # MANY_CELLS plus MANY_PER_PIECE for each polynomial, and PIECES_OF_SECTION polynomials for each
 # section, because of the cells at its ends.
-MOST_CELLS, MANY_CELLS, MANY_PER_PIECE, PIECES_OF_SECTION = 20_000, 4000, 8, 10
+MAX_CELLS, MANY_CELLS, MANY_PER_PIECE, PIECES_OF_SECTION = 20_000, 4000, 8, 10
 # Share of the largest path acceleration below which motion is even.
 EVEN = 0.01
 # The first pass has 1 / COARSER of the cells, and at least FEWEST.
@@ -48,10 +48,10 @@ COARSER, FEWEST = 5, 60
 ROUGH, EXACT = 1e-2, 1e-4
 # Factor of ds² of the first plan at the start of the second pass.
 INSIDE = 0.9
-# A start is reduced next to violated rows by factors between LESS and MORE, at most MOST_LESS
+# A start is reduced next to violated rows by factors between LESS and MORE, at most MAX_LESS
 # times. Elsewhere its rise is limited to the share ROOM of the slopes that jerk and acceleration
 # allow.
-LESS, MORE, MOST_LESS = 0.5, 0.95, 400
+LESS, MORE, MAX_LESS = 0.5, 0.95, 400
 ROOM = 0.1
 # Smallest relative slack of a start.
 CLEAR = 1e-4
@@ -66,9 +66,9 @@ LEAST_RATE = 0.02
 # rounding errors.
 TOO_NEAR, WIDER, WIDEST, LEAST_GAIN, TINY = 0.02, 2.0, 16.0, 1e-5, 1e-9
 # Cells whose margins take more than this share of a limit are split.
-LARGEST_MARGIN, MOST_PARTS, MOST_SPLITS = 1e-2, 10, 6
+LARGEST_MARGIN, MAX_PARTS, MAX_SPLITS = 1e-2, 10, 6
 # Largest share of a limit that margins may take on cells of uniform jerk.
-MOST_AT_RAMPS = 0.5
+MAX_AT_RAMPS = 0.5
 # A start or end speed equal to its limit is reduced by half of this share, because no row of an
 # interior point is active.
 CLOSE_TO_LIMIT = 1e-7
@@ -102,9 +102,9 @@ def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
         bounds = _bounds(mesh, near, wider, curved)
         rows = _rows(task, mesh, near, bounds)
         narrow = (rows.lost > LARGEST_MARGIN) & (mesh.ramps[mesh.cell] == 0)
-        if splits < MOST_SPLITS and narrow.any() and len(mesh.grid) < MOST_CELLS:
+        if splits < MAX_SPLITS and narrow.any() and len(mesh.grid) < MAX_CELLS:
             parts = np.where(narrow, np.sqrt(rows.lost / LARGEST_MARGIN), 1)
-            mesh, splits = mesh.split(np.clip(parts, 1, MOST_PARTS)), splits + 1
+            mesh, splits = mesh.split(np.clip(parts, 1, MAX_PARTS)), splits + 1
             continue
         rows = _with_slow_ramps(rows, task, near)
         try:
@@ -127,12 +127,12 @@ def _solve_with_margins(mesh: JerkMesh, near: PathLaw, task: Task) -> PathLaw:
 def _with_slow_ramps(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
     """Reduce bounds on cells of uniform jerk whose margins are too large."""
     # Such cells are not split; the bounds limit the plan, and margins decrease with them.
-    for _ in range(MOST_SPLITS):
+    for _ in range(MAX_SPLITS):
         bounds, mesh = rows.bounds, rows.mesh
-        tight = (rows.lost > MOST_AT_RAMPS) & (mesh.ramps[mesh.cell] != 0)
+        tight = (rows.lost > MAX_AT_RAMPS) & (mesh.ramps[mesh.cell] != 0)
         if bounds is None or not tight.any():
             break
-        share = np.where(tight, MOST_AT_RAMPS / np.maximum(rows.lost, 1), 1.0)
+        share = np.where(tight, MAX_AT_RAMPS / np.maximum(rows.lost, 1), 1.0)
         bounds = bounds._replace(x=share * bounds.x, u=share * bounds.u)
         rows = _rows(task, mesh, near, bounds)
     return rows
@@ -154,9 +154,9 @@ def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
         resolved = PER_BUILD_UP * active * np.divide(jerk, acceleration)
     pieces = len(law.joint_path.breaks) - 1
     count = max(np.nan_to_num(resolved), FEWEST_CELLS + FEWEST_PER_PIECE * pieces)
-    if count > MOST_CELLS:
+    if count > MAX_CELLS:
         pieces += PIECES_OF_SECTION * (len(ends) - 1)
-        count = min(MANY_CELLS + MANY_PER_PIECE * pieces, MOST_CELLS)
+        count = min(MANY_CELLS + MANY_PER_PIECE * pieces, MAX_CELLS)
     return int(count)
 
 
@@ -233,7 +233,7 @@ def _solve(rows: MeshRows, near: tuple[PathLaw, float], task: Task, tolerance: f
                 target = min(target, (1 - CLOSE_TO_LIMIT) * allowed)
             for weight in WEIGHTS:
                 if d[end] < target:
-                    improve(p, d, goal, target, weight, ROUGH, MOST_ITERATIONS)
+                    improve(p, d, goal, target, weight, ROUGH, MAX_ITERATIONS)
             if d[end] < target:
                 name = "start" if goal == START else "end"
                 raise_too_fast(name, target, float(d[end]), float(s[end]))
@@ -273,7 +273,7 @@ def _start(
     ratio = ROOM * np.minimum(steep[0] / profile**0.75, steep[1] / profile)
     steps, doubled = np.minimum(ratio[1:], ratio[:-1]) * spacing, np.ones(len(spacing))
     part = np.ones(len(middle))
-    for _ in range(MOST_LESS):
+    for _ in range(MAX_LESS):
         # If ds² more than doubles between cells, the tangent may be negative at any scale.
         height = np.log2(profile * part ** (4 / 3))
         limit_steps(height, doubled)

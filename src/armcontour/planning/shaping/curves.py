@@ -18,11 +18,11 @@ from armcontour.robot import Arm
 
 # Relative change of the joint velocity along a part of a span.
 CHANGE = 0.1
-MOST_PARTS = 8
+MAX_PARTS = 8
 # Largest distance of arcs from the curve, as a share of the tolerance, and at least this distance
 # [m]; spans with larger distances are divided into more parts.
 NEAR, NEAREST = 1e-4, 1e-10
-MOST_ROUNDS = 4
+MAX_ROUNDS = 4
 # Largest turn of a part [rad].
 SHARPEST = 0.35
 # Positions on each quintic at which arcs are compared with the curve.
@@ -56,9 +56,9 @@ def draw(
     if not (factor > 1).any():
         return drawn
     spans = np.arange(len(count))
-    for rounds_left in reversed(range(MOST_ROUNDS - 1)):
+    for rounds_left in reversed(range(MAX_ROUNDS - 1)):
         spans, factor = spans[factor > 1], factor[factor > 1]
-        count[spans] *= np.clip(np.ceil(factor), 2, MOST_PARTS).astype(np.intp)
+        count[spans] *= np.clip(np.ceil(factor), 2, MAX_PARTS).astype(np.intp)
         if not (rounds_left and len(spans)):
             break
         span, share = _parts(spans, count[spans])
@@ -130,7 +130,7 @@ def _count_parts(spline: JointSpline) -> IntArray:
     e = np.linalg.norm(spline.velocities, axis=1)
     change = np.linalg.norm(np.diff(spline.velocities, axis=0), axis=1)
     slow = np.maximum(np.minimum(e[1:], e[:-1]), 0.2 * np.maximum(e[1:], e[:-1]))
-    count = np.clip(np.ceil(change / (CHANGE * slow)), 1, MOST_PARTS).astype(np.intp)
+    count = np.clip(np.ceil(change / (CHANGE * slow)), 1, MAX_PARTS).astype(np.intp)
     # Next to a rest a span is straight in joint space.
     count[spline.rest[1:] | spline.rest[:-1]] = 1
     return np.asarray(count)

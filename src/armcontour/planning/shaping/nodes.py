@@ -35,7 +35,7 @@ FEWEST = 64
 EVEN = 1e-5
 # Largest average number of nodes per stretch. The distance between nodes is proportional to the
 # square root of the tolerance, so small tolerances make iterations slow.
-MOST_NODES = 4000
+MAX_NODES = 4000
 # Samples for the distances between nodes: initially between two marks, then per node.
 SAMPLES, PER_NODE = 32, 8
 # Largest offset in tolerances, and search step as a share of the tolerance.
@@ -285,7 +285,7 @@ def _spread(
         total = np.append(0.0, np.cumsum(mean / step[:-1] * np.diff(samples)))
         min_count = np.where(marks.rest[:-1] | marks.rest[1:], 3, 1)
         count = np.maximum(np.ceil(np.diff(total[k])), min_count).astype(np.intp)
-        if count.sum() > MOST_NODES * len(count):
+        if count.sum() > MAX_NODES * len(count):
             return None
         if not parts:
             break

@@ -19,7 +19,7 @@ from armcontour.core.kernels import FUSED, compiled
 # a row; rows and unknowns are scaled to the order of 1.
 GAP = 1e-8
 VIOLATION = 1e-8
-MOST_ITERATIONS = 60
+MAX_ITERATIONS = 60
 # Largest step, as a share of the step to the boundary.
 WAY = 0.995
 # Smallest initial slack.
@@ -50,7 +50,7 @@ def solve_program(
     matrix = np.empty((n * k, 3 * k))
     step, primal = np.empty(n * k), np.empty(count)
     d_slack, d_dual, complement = np.empty(count), np.empty(count), np.empty(count)
-    for iteration in range(MOST_ITERATIONS):
+    for iteration in range(MAX_ITERATIONS):
         gap, worst = 0.0, 0.0
         for r in range(count):
             primal[r] = _row_product(first, ends, values, x, r) + slack[r] - bound[r]
@@ -92,7 +92,7 @@ def solve_program(
         for r in range(count):
             slack[r] += step_length * d_slack[r]
             dual[r] += step_length * d_dual[r]
-    return x.reshape(n, k), -MOST_ITERATIONS
+    return x.reshape(n, k), -MAX_ITERATIONS
 
 
 @compiled(inner=True, allocates=True, fastmath=FUSED)

@@ -78,17 +78,17 @@ def solve_in_chunks(
 
 # Limit of changes of offsets over the tolerance: initial, largest and smallest value, and factors
 # after rejected, slower and faster iterations.
-FIRST_TRUST, MOST_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
+FIRST_TRUST, MAX_TRUST, LEAST_TRUST = 0.3, 0.5, 1e-5
 SHRINK, EASE, GROW = 1 / 3, 0.7, 1.5
 # The search ends after this many consecutive iterations that gain less than LEAST_GAIN of the
 # duration.
 IDLE, LEAST_GAIN = 4, 1e-5
 # It also ends after this many consecutive iterations that leave the tube.
-MOST_TIGHTENED = 12
+MAX_TIGHTENED = 12
 # Factor of a change for each consecutive rejection.
 LESS = 0.6
 # Corners of a long path revert to the best shape at most this many times in an iteration.
-MOST_MENDED = 4
+MAX_MENDED = 4
 # Weights of the squares of offsets and times, for a positive definite quadratic program.
 WEIGHT = (1e-3, 1e-9)
 # Factor of the missing distance by which offsets are reduced outside the tube.
@@ -142,7 +142,7 @@ class ShapeSearch:
     def run(self) -> Iterator[Candidate]:
         """Yield the best candidate after each iteration, until the gain is negligible."""
         idle = tightened = 0
-        while idle < IDLE and tightened < MOST_TIGHTENED:
+        while idle < IDLE and tightened < MAX_TIGHTENED:
             before = self.state.best.duration
             accepted = self._iterate()
             gained = before - self.state.best.duration
@@ -181,7 +181,7 @@ class ShapeSearch:
             # Neighbours of a corner share its lines.
             wide = slower | np.append(slower[1:], False) | np.append(False, slower[:-1])
             factor = np.where(wide if slower.any() else True, SHRINK, 1.0)
-        state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST, MOST_TRUST)
+        state.trust = np.clip(state.trust * factor[nodes.group], LEAST_TRUST, MAX_TRUST)
         return True
 
     def _keep_near(self, candidate: Candidate, knots: FloatArray) -> None:
@@ -215,7 +215,7 @@ class ShapeSearch:
     ) -> tuple[FloatArray, FloatArray, DrawnPath | None]:
         """Draw a proposal; on a long path, corners outside the tube revert to the best shape."""
         # Returns the offsets and times, and their path; None if it leaves the tube.
-        for _ in range(MOST_MENDED if is_long(self.nodes.group) else 1):
+        for _ in range(MAX_MENDED if is_long(self.nodes.group) else 1):
             before = self.state.inside
             drawn = self._draw(offsets, h)
             if drawn is not None:

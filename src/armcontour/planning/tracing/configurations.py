@@ -47,9 +47,9 @@ SMOOTHED_PARTS = 4
 # square of this times the condition number of the Jacobian.
 EXACTLY, NEARLY = 1e-9, 1e-7
 # Largest number of start configurations to follow.
-MOST_STARTS = 48
+MAX_STARTS = 48
 # Largest number of different solutions of a redundant arm.
-MOST_SOLUTIONS = 8
+MAX_SOLUTIONS = 8
 # Largest difference of equal solutions outside the null space [rad].
 SAME_SOLUTION = 0.05
 # Number of knots at which solutions are compared first.
@@ -59,11 +59,11 @@ FEW_KNOTS = 16
 ROUGH_ROUNDS = 3
 ROUGH_KNOTS = 70
 # Number of the best redundant solutions that are smoothed to the end; more only if none succeeds.
-MOST_SMOOTHED = 16
+MAX_SMOOTHED = 16
 # Largest turn of the path over a chord along which solutions are followed [rad].
 CHORD_TURN = 0.1
 # Largest shift of a joint out of its range, in whole turns.
-MOST_TURNS = 5
+MAX_TURNS = 5
 # Number of poses of the path for the search of poses out of reach, with several seeds and with one
 # seed.
 SOME_POSES = 10
@@ -111,7 +111,7 @@ def find_solutions(
     if len(starts) == 0:
         _refuse_start(path, arm, poses, task, seed)
     max_correction = EXACTLY if seed is None else NEARLY
-    followed, failures = _follow(arm, poses, task, starts[:MOST_STARTS], max_correction)
+    followed, failures = _follow(arm, poses, task, starts[:MAX_STARTS], max_correction)
     followed = [q[knot_index] for q in followed]
     s = np.append(fine.s0, path.length)[knot_index]
     redundant = task < arm.dof
@@ -128,13 +128,13 @@ def find_solutions(
             )
         elif different.add(in_range):
             solutions.append(Solution(q=in_range, cost=cost))
-        if redundant and solutions and count >= MOST_SMOOTHED:
+        if redundant and solutions and count >= MAX_SMOOTHED:
             break
     if not solutions:
         _refuse(path, arm, fine, poses, task, max(failures, key=lambda x: x.reached))
     # Elbow up and down often have equal cost: the one whose joints start closer to 0 comes first.
     solutions.sort(key=lambda x: (float(f"{x.cost:.9e}"), float(np.abs(x.q[0]).sum())))
-    return solutions[:MOST_SOLUTIONS] if redundant else solutions
+    return solutions[:MAX_SOLUTIONS] if redundant else solutions
 
 
 def _with_costs(
@@ -149,7 +149,7 @@ def _with_costs(
     if task == arm.dof:
         yield from ((q, _joint_distance(arm, q)) for q in joint_paths)
         return
-    for group in (joint_paths[:MOST_SMOOTHED], *([q] for q in joint_paths[MOST_SMOOTHED:])):
+    for group in (joint_paths[:MAX_SMOOTHED], *([q] for q in joint_paths[MAX_SMOOTHED:])):
         yield from _smooth(arm, s, poses, task, group, start_stays=seed is not None)
 
 
@@ -323,7 +323,7 @@ def _turn_into_range(
     # For each joint: the shift that stays in range farthest along the path, and among equal ones
     # that with the least excess at the first knot out of range.
     for joint in np.flatnonzero((below | above).any(axis=0)):
-        turns = 2 * np.pi * np.arange(-MOST_TURNS, MOST_TURNS + 1)
+        turns = 2 * np.pi * np.arange(-MAX_TURNS, MAX_TURNS + 1)
         tried = shifted[:, joint, None] + turns
         beyond = np.maximum(lower[joint] - tried, tried - upper[joint])
         first_outside = np.argmax(beyond > 0, axis=0)

@@ -53,7 +53,7 @@ class Numeric(Solver[SerialArm]):
             self._guide = Guide.through(s, solution.q, w, first.stops)
 
     def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
-        """As `Solver.first_ends`; an end that is also a start is computed once."""
+        """Same as `Solver.first_ends`; an end that is also a start is computed once."""
         first, q = self._first, self._solution.q
         alone = first.ends >= len(knots)
         guess = np.concatenate([q[:-1], q[1:][alone]])
@@ -70,7 +70,7 @@ class Numeric(Solver[SerialArm]):
     def _solve(
         self, knots: Knots, u: FloatArray, q: FloatArray, poses: FloatArray, rates: FloatArray
     ) -> Ends:
-        """As `ends`, for tool poses and their derivatives; the guesses q are overwritten."""
+        """Same as `ends`, for tool poses and their derivatives; the guesses q are overwritten."""
         w, g = self._rows(knots, u)
         links = self.arm.link_table
         solved = newton.newton(links, self.task, q, poses, w, g)
@@ -83,7 +83,7 @@ class Numeric(Solver[SerialArm]):
         return q, dq_ds, d2q_ds2
 
     def errors_between(self, knots: Knots, start: Ends, end: Ends) -> tuple[FloatArray, FloatArray]:
-        """As `Solver.errors_between`; poses between the first knots are shared by all solutions."""
+        """Same as `Solver.errors_between`; poses between the first knots are shared by all solutions."""
         if knots is not self._first.knots:
             return super().errors_between(knots, start, end)
         q = quintics_at_places(knots, start, end)

@@ -104,7 +104,7 @@ class Analytic(Solver[PlanarTwoLink]):
         self.configuration, self.tolerance = configuration, tolerance
 
     def first_ends(self, knots: Knots) -> tuple[Ends, Ends]:
-        """As `Solver.first_ends`, in one call."""
+        """Same as `Solver.first_ends`, in one call."""
         n = len(knots)
         both = knots.part(np.tile(np.arange(n), 2))
         q, dq_ds, d2q_ds2 = self.ends(both, np.concatenate([knots.u0, knots.u1]), None)

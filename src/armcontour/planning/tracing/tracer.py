@@ -91,8 +91,8 @@ def trace_all(
 ) -> list[JointPath]:
     """Joint paths of all configurations that complete the path, the shortest first."""
     # An arm in the plane has one per branch, in the order of its branches. An arm in space has one
-    # per configuration. A redundant arm has infinitely many: `configurations.MOST_STARTS` sampled
-    # starts are followed, and at most `configurations.MOST_SOLUTIONS` joint paths are returned.
+    # per configuration. A redundant arm has infinitely many: `configurations.MAX_STARTS` sampled
+    # starts are followed, and at most `configurations.MAX_SOLUTIONS` joint paths are returned.
     if not isinstance(path, Path):
         raise InvalidInput(
             f"trace takes a Path, not a {type(path).__name__}: plan takes programs, and traces "
