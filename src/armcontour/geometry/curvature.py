@@ -7,7 +7,7 @@ The deviation is proven, with both paths passed evenly (`bound_deviation`).
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -164,12 +164,7 @@ def _draw_transitions(
 
 
 def _insert_transitions(
-    path: Path,
-    vertex: IntArray,
-    w: FloatArray,
-    drawn: Segments,
-    after: IntArray,
-    first: BoolArray,
+    path: Path, vertex: IntArray, w: FloatArray, drawn: Segments, after: IntArray, first: BoolArray
 ) -> tuple[Path, FloatArray]:
     """The path with transitions, and corresponding arc lengths on both paths [m], (m, 2)."""
     # Speeds, tolerances and tags stay on their sides of the vertex.
@@ -206,5 +201,5 @@ def _insert_transitions(
     }
     if isinstance(path, RoundedPath):
         moved = {x: np.interp(getattr(path.corners, x), *matched_s.T) for x in ("start", "end")}
-        changed["corners"] = dataclasses.replace(path.corners, **moved)
-    return dataclasses.replace(path, **changed), matched_s
+        changed["corners"] = replace(path.corners, **moved)
+    return replace(path, **changed), matched_s

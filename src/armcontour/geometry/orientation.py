@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Annotated
 
@@ -277,7 +276,7 @@ class Orientation(Checked):
             rows["first"][0] = turned @ rows["first"][0]
             rows["f"][0, 0] = rows["g"][0, 0] = 0.0
         ends = np.concatenate([[0.0], breaks[i[1:]], [length]])
-        return dataclasses.replace(self, breaks=ends, **rows)
+        return replace(self, breaks=ends, **rows)
 
     def reverse(self) -> Orientation:
         """The orientation along the reversed path; each piece starts with its former end."""
@@ -286,7 +285,7 @@ class Orientation(Checked):
         back = exp(at_end[1][:, :1] * self.second)
         # The reversed f is f(end) - f(end - u), about the reversed axis.
         f, g = (-x * [0, -1, 1, -1, 1, -1][: x.shape[1]] for x in at_end)
-        return dataclasses.replace(
+        return replace(
             self,
             breaks=np.concatenate([[0.0], np.cumsum(lengths[::-1])]),
             starts=self.on_piece(np.arange(len(self)), lengths)[::-1],
@@ -304,8 +303,8 @@ class Orientation(Checked):
             scale: Factor of all lengths.
         """
         if self.fixed and scale == 1.0:
-            return dataclasses.replace(self, starts=rotation @ self.starts)
-        return dataclasses.replace(
+            return replace(self, starts=rotation @ self.starts)
+        return replace(
             self,
             breaks=self.breaks * scale,
             starts=rotation @ self.starts,

@@ -14,8 +14,7 @@ tangents. This twist is distributed evenly from segment to segment of the object
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -35,12 +34,7 @@ from armcontour.geometry.orientation import (
 )
 from armcontour.geometry.path import Path
 from armcontour.geometry.prescribed_orientation import carry_frame
-from armcontour.geometry.rounded_orientation import (
-    SLIVER,
-    blend_kinks,
-    find_kinks,
-    largest_cuts,
-)
+from armcontour.geometry.rounded_orientation import SLIVER, blend_kinks, find_kinks, largest_cuts
 from armcontour.geometry.rounded_path import check_angular_tolerance
 from armcontour.geometry.segments import REPEATED_POINT, TANGENT_TOLERANCE
 from armcontour.geometry.shaped_path import check_correspondence
@@ -66,10 +60,7 @@ AnyPath = TypeVar("AnyPath", bound=Path)
 
 
 def orient_shaped(
-    path: AnyPath,
-    objective: Path,
-    places: npt.ArrayLike,
-    angular_tolerance: float | None = None,
+    path: AnyPath, objective: Path, places: npt.ArrayLike, angular_tolerance: float | None = None
 ) -> tuple[AnyPath, float]:
     """A path with the tool orientation of the objective path that it was made from.
 
@@ -108,7 +99,7 @@ def orient_shaped(
         orientation, deviation = _follow_tangent(path, objective, pairs, allowed)
     else:
         orientation, deviation = _orient_smoothly(path, objective, pairs, allowed)
-    return dataclasses.replace(path, orientation=orientation), deviation
+    return replace(path, orientation=orientation), deviation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

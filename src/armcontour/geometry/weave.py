@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -52,7 +52,7 @@ ROUNDING = 1e-12
 MAX_DWELL = 0.8
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Woven:
     """Result of weaving along a seam."""
 
@@ -98,7 +98,7 @@ def weave_seam(
     # seam without orientation.
     if speed is not None:
         same = path.segments.replace(speeds=np.full(len(path), speed))
-        path = dataclasses.replace(path, segments=same)
+        path = replace(path, segments=same)
     pitch, edge = _pitch_and_edge(path, pitch, frequency, dwell)
     direction = None
     if up is not None:
@@ -194,7 +194,7 @@ def _smooth_seam(path: Path, pitch: float, width: float) -> tuple[Path, FloatArr
     """The smooth seam, and corresponding arc lengths of seam and path [m], (n, 2)."""
     from armcontour.geometry.spline import fit_spline
 
-    bare = dataclasses.replace(path, orientation=None)
+    bare = replace(path, orientation=None)
     ends = np.repeat([[0.0], [path.length]], 2, axis=1)
     if not (path.turns > TANGENT_TOLERANCE).any():
         return bare, ends
@@ -224,7 +224,7 @@ def _smooth_seam(path: Path, pitch: float, width: float) -> tuple[Path, FloatArr
     return seam, np.column_stack([table.breaks[vertices], s[mask]])
 
 
-@dataclasses.dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Wave:
     """A weave along a part of a seam without corners."""
 

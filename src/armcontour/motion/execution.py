@@ -14,14 +14,7 @@ from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Axes, Quantity, Time
 from armcontour.core.quintics import evaluate, quintic
 from armcontour.core.render import number
-from armcontour.core.text import (
-    count_noun,
-    draw,
-    format_table,
-    joint_rows,
-    short_repr,
-    to_html,
-)
+from armcontour.core.text import count_noun, draw, format_table, joint_rows, short_repr, to_html
 from armcontour.motion.trajectory import Trajectory, to_columns
 from armcontour.robot import Arm, Limits
 

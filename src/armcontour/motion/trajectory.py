@@ -18,14 +18,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Interval
 from armcontour.core.render import number
-from armcontour.core.text import (
-    count_kinds,
-    count_noun,
-    draw,
-    format_table,
-    short_repr,
-    to_html,
-)
+from armcontour.core.text import count_kinds, count_noun, draw, format_table, short_repr, to_html
 from armcontour.geometry import Path
 from armcontour.motion.kernels import JointMotion, joint_motions, path_motions
 from armcontour.motion.laws import Law, LawAlongPath, PathLaw

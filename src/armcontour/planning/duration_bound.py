@@ -66,13 +66,7 @@ def _ceiling(b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatA
 
 @compiled(inner=True)
 def _largest_u(
-    b: FloatArray,
-    c: FloatArray,
-    i: int,
-    low: FloatArray,
-    high: FloatArray,
-    x: float,
-    sign: float,
+    b: FloatArray, c: FloatArray, i: int, low: FloatArray, high: FloatArray, x: float, sign: float
 ) -> float:
     """Largest u = dds at x = ds² within the joint accelerations; of `-u` with sign -1."""
     largest = math.inf

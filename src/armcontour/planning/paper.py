@@ -14,13 +14,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput, NotRealizable
 from armcontour.geometry import Path
-from armcontour.motion import (
-    JointPath,
-    LawAlongPath,
-    LawPhase,
-    Method,
-    Trajectory,
-)
+from armcontour.motion import JointPath, LawAlongPath, LawPhase, Method, Trajectory
 from armcontour.planning.law_checks import (
     check_kept,
     law_peaks,
@@ -146,18 +140,12 @@ def _join(
             start = stretches[-1].t[1] if stretches else 0.0
             stretches.append(_stretch(part, start, arm, limits))
     return Trajectory(
-        laws=tuple(laws),
-        method=Method.PAPER,
-        path=joint_path.tool_path,
-        stretches=tuple(stretches),
+        laws=tuple(laws), method=Method.PAPER, path=joint_path.tool_path, stretches=tuple(stretches)
     )
 
 
 def _junctions(
-    path: Path,
-    lines: list[int],
-    assigned: FloatArray,
-    limits: Limits,
+    path: Path, lines: list[int], assigned: FloatArray, limits: Limits
 ) -> list[Junction]:
     """Junctions of a path with their largest speeds: before the first line and after each line."""
     # `lines` are the indices of straight segments, `assigned` the velocity of each segment [m/s].

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -256,7 +255,7 @@ class _Tracer:
     def _look_ahead(self, joint_path: JointPath, i: int) -> float:
         """Lower bound of the duration of the moves after move i [s]; infinite if infeasible."""
         done = sum(isinstance(x, Contour) for x in self.moves[: i + 1])
-        trial = dataclasses.replace(self, steps=[], last=joint_path, done=done, looks_ahead=False)
+        trial = replace(self, steps=[], last=joint_path, done=done, looks_ahead=False)
         for k, move in enumerate(self.moves[i + 1 :], i + 1):
             if trial.done == done + AHEAD:
                 break
@@ -318,9 +317,7 @@ def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) 
     turn = shortest(first[:, 2], last[:, 2]) if free else log((last @ first.T)[None])[0]
     rates = np.tile(turn / path.length, (len(path), 1))
     starts = exp(path.breaks[:-1, None] * rates) @ first
-    return dataclasses.replace(
-        path, orientation=Orientation.even(path.lengths, starts, rates, axis_only=free)
-    )
+    return replace(path, orientation=Orientation.even(path.lengths, starts, rates, axis_only=free))
 
 
 def trace_fastest(

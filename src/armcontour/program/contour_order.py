@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -65,7 +64,7 @@ def direct_contours(program: Program, process: Process) -> Program:
             )
         turned[x] = _reverse_contour(x)
     moves = tuple(turned.get(x, x) if isinstance(x, Contour) else x for x in program.moves)
-    return dataclasses.replace(program, moves=moves)
+    return replace(program, moves=moves)
 
 
 def order_contours(program: Program, process: Process) -> Program:
@@ -96,13 +95,13 @@ def order_contours(program: Program, process: Process) -> Program:
     )
     if order == "inside_first":
         moves = [contours[i] for i in _inside_first(parents)]
-        return dataclasses.replace(program, moves=tuple(moves))
+        return replace(program, moves=tuple(moves))
     choices = _Choices.from_contours(contours, process, free=order == "shortest")
     if order == "nearest":
-        return dataclasses.replace(program, moves=choices.taken(*choices.nearest(parents)))
+        return replace(program, moves=choices.taken(*choices.nearest(parents)))
     tour, option = choices.shortest(parents)
     remarks = (*program.remarks, choices.describe(tour, option))
-    return dataclasses.replace(program, moves=choices.taken(tour, option), remarks=remarks)
+    return replace(program, moves=choices.taken(tour, option), remarks=remarks)
 
 
 def _with_warning(program: Program, process: Process) -> Program:
@@ -124,7 +123,7 @@ def _with_warning(program: Program, process: Process) -> Program:
         f"{contour_called(contours[i], i)}, which lies in it and may have dropped out or moved by "
         f"then{suffix}: the order inside_first cuts inner contours first."
     )
-    return dataclasses.replace(program, notes=(*program.notes, note))
+    return replace(program, notes=(*program.notes, note))
 
 
 def _inside_first(parents: IntArray) -> list[int]:
@@ -294,7 +293,7 @@ def _options(contour: Contour, process: Process, count: int) -> list[Option]:
 
 def _start_contour_at(contour: Contour, start: float) -> Contour:
     """A closed contour that starts at an arc length [m], and keeps this start."""
-    return dataclasses.replace(begin_at(contour, start), keep_start=True)
+    return replace(begin_at(contour, start), keep_start=True)
 
 
 def _reverse_contour(contour: Contour) -> Contour:
@@ -302,7 +301,7 @@ def _reverse_contour(contour: Contour) -> Contour:
     work = contour.work
     if work is not None:
         work = contour.path.length - work[1], contour.path.length - work[0]
-    return dataclasses.replace(contour, path=contour.path.reversed(), work=work)
+    return replace(contour, path=contour.path.reversed(), work=work)
 
 
 def begin_places(path: Path, count: int) -> FloatArray:
@@ -341,7 +340,7 @@ def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
         *_move_last_events(contour.events, lap, longer.length),
         *_repeat_events(contour.events, lap, process.passes),
     )
-    return dataclasses.replace(contour, path=longer, events=events, ring=True)
+    return replace(contour, path=longer, events=events, ring=True)
 
 
 def keeps_drawn_start(contour: Contour, *, led: bool) -> bool:
@@ -367,7 +366,7 @@ def begin_at(contour: Contour, start: float) -> Contour:
         return contour
     _check_end_orientations(contour)
     _check_switching(contour, start)
-    return dataclasses.replace(
+    return replace(
         contour,
         path=join_paths([cut_path(path, start, path.length), cut_path(path, 0.0, start)]),
         events=tuple(_move_event(x, start, path.length) for x in contour.events),
@@ -386,15 +385,13 @@ def _check_end_orientations(contour: Contour) -> None:
 
 def _move_last_events(events: tuple[Event, ...], drawn: float, end: float) -> tuple[Event, ...]:
     """Move events at the drawn end of a contour [m] to the end of its overlap [m]."""
-    return tuple(
-        dataclasses.replace(x, s=end) if x.s >= drawn - REPEATED_POINT else x for x in events
-    )
+    return tuple(replace(x, s=end) if x.s >= drawn - REPEATED_POINT else x for x in events)
 
 
 def _repeat_events(events: tuple[Event, ...], lap: float, passes: int) -> list[Event]:
     """Events along the first lap of a contour [m], on the laps after it."""
     along = [x for x in events if REPEATED_POINT < x.s < lap - REPEATED_POINT]
-    return [dataclasses.replace(x, s=x.s + k * lap) for k in range(1, passes) for x in along]
+    return [replace(x, s=x.s + k * lap) for k in range(1, passes) for x in along]
 
 
 def _has_equal_end_orientations(path: Path) -> bool:
@@ -452,8 +449,8 @@ def _check_switching(contour: Contour, start: float) -> None:
 def _move_event(event: Event, start: float, length: float) -> Event:
     """An event after the contour got a new start point; events at the ends stay at the ends."""
     if event.s <= REPEATED_POINT or event.s >= length - REPEATED_POINT:
-        return dataclasses.replace(event, s=0.0 if event.s <= REPEATED_POINT else length)
-    return dataclasses.replace(event, s=(event.s - start) % length)
+        return replace(event, s=0.0 if event.s <= REPEATED_POINT else length)
+    return replace(event, s=(event.s - start) % length)
 
 
 def _find_start(path: Path, begin: str | float | Sequence[float]) -> float:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -94,9 +94,7 @@ def apply_kerf(program: Program, process: Process) -> Program:
     ]
     moves = _replaced(program.moves, made)
     skipped = [contour_called(x, i) for i, x in enumerate(contours) if kerfs[i] and not sides[i]]
-    return dataclasses.replace(
-        program, moves=tuple(moves), notes=(*program.notes, *_notes_on_open(skipped))
-    )
+    return replace(program, moves=tuple(moves), notes=(*program.notes, *_notes_on_open(skipped)))
 
 
 def _kerf_sides(contours: Sequence[Contour], kerfs: Sequence[float], process: Process) -> list[str]:
@@ -234,18 +232,16 @@ def _contours_of(
         event_s = [float(path.project(source(x.s)[None]).s[0]) for x in contour.events]
         events = tuple(
             # On a closed path, the end is projected to the start.
-            dataclasses.replace(x, s=path.length if x.s >= source.length - REPEATED_POINT else s)
+            replace(x, s=path.length if x.s >= source.length - REPEATED_POINT else s)
             for x, s in zip(contour.events, event_s, strict=True)
         )
-        return [dataclasses.replace(contour, path=path, events=events, ring=parts[0].closed)]
+        return [replace(contour, path=path, events=events, ring=parts[0].closed)]
     apart = [float(x.project(source(0.0)[None]).distance[0]) for x in paths]
     order = np.argsort(apart, kind="stable").tolist()
     name = contour.name or f"contour {number + 1}"
     called = [f"/{k + 1}" for k in range(len(paths))]
     return [
-        dataclasses.replace(
-            contour, path=paths[i], ring=True, name=name[: LONGEST_NAME - len(x)] + x
-        )
+        replace(contour, path=paths[i], ring=True, name=name[: LONGEST_NAME - len(x)] + x)
         for i, x in zip(order, called, strict=True)
     ]
 
@@ -266,7 +262,7 @@ def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:
     path = Path(segments=rows)
     if source.orientation is None:
         return path
-    return dataclasses.replace(path, orientation=_orient(path, source, source.orientation, up))
+    return replace(path, orientation=_orient(path, source, source.orientation, up))
 
 
 def _from_start(rows: Segments, start: FloatArray) -> Segments:

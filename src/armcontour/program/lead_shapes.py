@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 
@@ -71,9 +71,7 @@ def lead_path(
     if path.orientation is None:
         return lead
     rotation = path.orientation(s, side=direction)
-    return dataclasses.replace(
-        lead, orientation=_lead_orientation(path.orientation, rotation, lead, after)
-    )
+    return replace(lead, orientation=_lead_orientation(path.orientation, rotation, lead, after))
 
 
 def _side_vector(tangent: FloatArray, side: str, up: FloatArray) -> FloatArray:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -152,12 +151,12 @@ class Contour(Checked):
         """The contour without z; if no length remains, its events as moves of their own."""
         path, work = self.path, self.work
         if not has_length_without_z(path):
-            return tuple(dataclasses.replace(x, s=0.0, lead_distance=0.0) for x in self.events)
+            return tuple(replace(x, s=0.0, lead_distance=0.0) for x in self.events)
         flat_s = partial(arc_length_without_z, path)
-        flat = dataclasses.replace(
+        flat = replace(
             self,
             path=drop_z(path),
-            events=tuple(dataclasses.replace(x, s=flat_s(x.s)) for x in self.events),
+            events=tuple(replace(x, s=flat_s(x.s)) for x in self.events),
             work=None if work is None else (flat_s(work[0]), flat_s(work[1])),
         )
         return (flat,)
@@ -346,19 +345,15 @@ class Program(Checked):
                 path = change(x.path)
                 checks.check_type("Program.mapped", path, Path, role="result")
                 factor = path.length / x.path.length
-                events = tuple(
-                    dataclasses.replace(e, s=min(e.s * factor, path.length)) for e in x.events
-                )
+                events = tuple(replace(e, s=min(e.s * factor, path.length)) for e in x.events)
                 work = None if x.work is None else (x.work[0] * factor, x.work[1] * factor)
-                woven = x.woven and dataclasses.replace(x.woven, seam=change(x.woven.seam))
-                moves.append(
-                    dataclasses.replace(x, path=path, events=events, work=work, woven=woven)
-                )
+                woven = x.woven and replace(x.woven, seam=change(x.woven.seam))
+                moves.append(replace(x, path=path, events=events, work=work, woven=woven))
             elif isinstance(x, Rapid) and x.path is not None:
                 moves.append(Rapid(path=change(x.path)))
             else:
                 moves.append(x)
-        return dataclasses.replace(self, moves=tuple(moves))
+        return replace(self, moves=tuple(moves))
 
     def oriented(self, rotations: Any, *, axis_only: bool = False) -> Program:
         """The program in space with one tool orientation, as by `Path.oriented`.
@@ -460,12 +455,10 @@ class Program(Checked):
             for column in reversed(range(columns)) if back else range(columns):
                 copy = self.placed(Frame(position=np.array([column * dx, row * dy, 0.0])))
                 moves += [
-                    dataclasses.replace(x, name=name_copy(x.name, row, column))
-                    if isinstance(x, Contour)
-                    else x
+                    replace(x, name=name_copy(x.name, row, column)) if isinstance(x, Contour) else x
                     for x in copy.moves
                 ]
-        return dataclasses.replace(self, moves=tuple(moves))
+        return replace(self, moves=tuple(moves))
 
     def _check_size(self, copies: int) -> None:
         """Raise InvalidInput for copies with too many moves or segments together."""
@@ -506,7 +499,7 @@ class Program(Checked):
         notes = self.notes
         if any(x.path.orientation is not None for x in self.contours):
             notes = (*notes, "the tool orientation is removed together with z.")
-        return dataclasses.replace(self, moves=tuple(moves), notes=notes)
+        return replace(self, moves=tuple(moves), notes=notes)
 
     def selected(
         self, *, layers: Collection[str] | None = None, names: Collection[str] | None = None
@@ -543,9 +536,7 @@ class Program(Checked):
         )
         remarks = (*self.remarks, *describe_not_run(others))
         other = (*self.other_layers, *others)
-        return dataclasses.replace(
-            self, moves=contours, notes=notes, remarks=remarks, other_layers=other
-        )
+        return replace(self, moves=contours, notes=notes, remarks=remarks, other_layers=other)
 
     def _chosen(
         self, kind: str, requested: Collection[str] | None, available: Sequence[str]
@@ -646,4 +637,4 @@ def _prolong(path: Path, first: FloatArray, last: FloatArray) -> Rapid:
     before, after = (
         [Path.polyline(x)] if np.linalg.norm(x[1] - x[0]) > REPEATED_POINT else [] for x in gaps
     )
-    return Rapid(path=join_paths([*before, dataclasses.replace(path, orientation=None), *after]))
+    return Rapid(path=join_paths([*before, replace(path, orientation=None), *after]))

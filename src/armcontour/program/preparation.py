@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -80,7 +80,7 @@ def prepare(
             x = _start_contour(
                 x, layer_process, has_intended_start(program.moves, i), called, switching
             )
-            moves += [dataclasses.replace(x, name=y.name) for y in passes]
+            moves += [replace(x, name=y.name) for y in passes]
         elif isinstance(x, Event) and x.changes_tool:
             moves.append(x)
             changes += bool(drawn)
@@ -93,7 +93,7 @@ def prepare(
         from armcontour.program.kerf import LeadPlacement
 
         placement = LeadPlacement(drawn, process)
-    program = dataclasses.replace(program, moves=tuple(moves))
+    program = replace(program, moves=tuple(moves))
     program, run_in = resume_program(
         program, process.resume_at, keeps_lead=partial(_keeps_lead, process)
     )
@@ -117,7 +117,7 @@ def prepare(
     speed = process.rapid_speed
     if speed is not None:
         result = [_limit_speed(x, speed) if isinstance(x, Rapid) else x for x in result]
-    return dataclasses.replace(program, moves=tuple(result), notes=notes, rapid_speed=speed)
+    return replace(program, moves=tuple(result), notes=notes, rapid_speed=speed)
 
 
 def _untimed(changes: int) -> str:
@@ -168,7 +168,7 @@ def _pass_again(contour: Contour, passes: int) -> list[Contour]:
         return [contour]
     suffixes = [f" ({k})" for k in range(2, passes + 1)] if contour.name else [""] * (passes - 1)
     names = [f"{shorten(contour.name, LONGEST_NAME - len(x))}{x}" for x in suffixes]
-    return [contour, *(dataclasses.replace(contour, name=x) for x in names)]
+    return [contour, *(replace(contour, name=x) for x in names)]
 
 
 def _keeps_lead(process: Process, contour: Contour, event: Event) -> bool:
@@ -258,7 +258,7 @@ def _with_limits(path: Path, segment_limits: SegmentLimits) -> Path:
     )
     # `SegmentLimits` have checked its values, so the segments stay checked.
     segments = path.segments.replace(speeds=speeds, tolerances=tolerances, checked=True)
-    return dataclasses.replace(path, segments=segments)
+    return replace(path, segments=segments)
 
 
 def _start_contour(
@@ -268,7 +268,7 @@ def _start_contour(
     segment_limits = process.layers.get(contour.layer)
     if segment_limits is not None:
         path = _with_limits(contour.path, segment_limits)
-        contour = dataclasses.replace(contour, path=path)
+        contour = replace(contour, path=path)
     closed, lap = contour.closed, contour.path.length
     if closed:
         contour = close_contour(contour, process, led=led)
@@ -290,13 +290,13 @@ def _start_contour(
 def _weave(contour: Contour, weave: Weave, up: FloatArray) -> Contour:
     """A contour along which the tool weaves; events keep their fraction of the length."""
     with error_context(f"weave of {contour_called(contour, 0) if contour.name else 'a contour'}"):
-        wishes = dataclasses.asdict(weave)
+        wishes = asdict(weave)
         path, woven = weave_seam(
             contour.path, up=up if wishes.pop("plane") == "frame" else None, **wishes
         )
     factor = path.length / contour.path.length
-    events = tuple(dataclasses.replace(x, s=min(x.s * factor, path.length)) for x in contour.events)
-    return dataclasses.replace(contour, path=path, events=events, ring=contour.closed, woven=woven)
+    events = tuple(replace(x, s=min(x.s * factor, path.length)) for x in contour.events)
+    return replace(contour, path=path, events=events, ring=contour.closed, woven=woven)
 
 
 def _add_leads(
@@ -330,20 +330,20 @@ def _add_leads(
         before += parts[0].length
     whole, work = join_paths(parts), (before, before + path.length)
     events = tuple(_move_to_lead(x, process, work, whole.length) for x in contour.events)
-    return dataclasses.replace(contour, path=whole, events=events, work=work)
+    return replace(contour, path=whole, events=events, work=work)
 
 
 def _move_to_lead(event: Event, process: Process, work: tuple[float, float], end: float) -> Event:
     """An event on a contour with leads; switching at its ends moves to the ends of active leads."""
-    moved = dataclasses.replace(event, s=event.s + work[0])
+    moved = replace(event, s=event.s + work[0])
     if process.switch is None or event.name != process.switch.name:
         return moved
     if event.value and event.s <= REPEATED_POINT:
         wait = 0.0 if process.pierce is None else process.pierce.time
         s = 0.0 if process.begins_on else moved.s
-        return dataclasses.replace(event, s=s, lead_time=event.lead_time + wait)
+        return replace(event, s=s, lead_time=event.lead_time + wait)
     if process.ends_on and not event.value and moved.s >= work[1] - REPEATED_POINT:
-        return dataclasses.replace(moved, s=end)
+        return replace(moved, s=end)
     return moved
 
 
@@ -400,17 +400,17 @@ def resume_program(
     switched: dict[str, Event] = {}
     for i, move in enumerate(program.moves):
         if isinstance(move, Event):
-            switched[move.name] = dataclasses.replace(move, s=0.0, lead_time=0, lead_distance=0)
+            switched[move.name] = replace(move, s=0.0, lead_time=0, lead_distance=0)
         if not isinstance(move, Contour):
             continue
         number += 1
         if number < index:
             for x in move.events:
-                switched[x.name] = dataclasses.replace(x, s=0.0, lead_time=0, lead_distance=0)
+                switched[x.name] = replace(x, s=0.0, lead_time=0, lead_distance=0)
             continue
         remaining = _cut_after(move, s, keeps_lead)
         moves = (*switched.values(), remaining, *program.moves[i + 1 :])
-        resumed = dataclasses.replace(program, moves=moves)
+        resumed = replace(program, moves=moves)
         if s <= REPEATED_POINT:
             return resumed, None
         before = cut_path(move.path, 0.0, s)
@@ -428,9 +428,9 @@ def _cut_after(contour: Contour, s: float, keeps_lead: Callable[[Contour, Event]
             # Outputs keep the order of their last events.
             last.pop(x.name, None)
             lead = x.lead_time if keeps_lead(contour, x) else 0.0
-            last[x.name] = dataclasses.replace(x, s=0.0, lead_time=lead, lead_distance=0.0)
-    later = [dataclasses.replace(x, s=x.s - s) for x in contour.events if x.s > s + REPEATED_POINT]
-    return dataclasses.replace(
+            last[x.name] = replace(x, s=0.0, lead_time=lead, lead_distance=0.0)
+    later = [replace(x, s=x.s - s) for x in contour.events if x.s > s + REPEATED_POINT]
+    return replace(
         contour,
         path=cut_path(contour.path, s, contour.path.length),
         events=(*last.values(), *later),
@@ -456,7 +456,7 @@ class Switching:
                     names.add(event.name)
                     # An output is off before the first event that switches it on.
                     if event.value:
-                        self.states[event.name] = dataclasses.replace(event, value=False)
+                        self.states[event.name] = replace(event, value=False)
 
     def takes(self, event: Event) -> bool:
         """True if an event between contours takes effect at the start of the next contour."""
@@ -483,7 +483,7 @@ class Switching:
                 self.states[name] = last
             confined += _confine_output(output_events, state, switch, name, contour.path.length)
         others = [x for x in merged if x.name not in self.names]
-        return dataclasses.replace(contour, events=(*others, *confined))
+        return replace(contour, events=(*others, *confined))
 
 
 def _confine_output(
@@ -492,15 +492,15 @@ def _confine_output(
     """Events of one output along a contour that starts and ends with the output off."""
     changes: list[Event] = []
     if state is not None and not (events and events[0].s <= REPEATED_POINT):
-        events = [dataclasses.replace(state, s=0.0), *events]
+        events = [replace(state, s=0.0), *events]
     events = [x for x in events if x.s < end - REPEATED_POINT]
     before: object = False
     for x in (*events, Event(name=name, value=False, s=end)):
         if switch is not None:
-            x = dataclasses.replace(x, value=switch.value) if x.value is True else x
+            x = replace(x, value=switch.value) if x.value is True else x
             if not (x.lead_time or x.lead_distance):
                 lead = switch.on_lead if x.value else switch.off_lead
-                x = dataclasses.replace(x, lead_time=lead)
+                x = replace(x, lead_time=lead)
         if (type(x.value), x.value) != (type(before), before):
             changes.append(x)
             before = x.value
@@ -529,7 +529,7 @@ def add_tabs(contour: Contour, process: Process, lap: float) -> Contour:
             if value and position < end:
                 value = value if position == on else False
                 events.append(Event(name=switch.name, value=value, s=position, lead_time=lead))
-    return dataclasses.replace(contour, events=tuple(events))
+    return replace(contour, events=tuple(events))
 
 
 def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:

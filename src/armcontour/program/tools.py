@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 
 from armcontour.core.errors import InvalidInput
 from armcontour.program.moves import Contour, Event, Move, Program, Value
@@ -49,7 +49,6 @@ def part_of_tool(program: Program, name: str) -> Program:
             events = x.events if isinstance(x, Contour) else (x,)
             output_events = (y for y in events if isinstance(y, Event))
             states |= {
-                y.name: dataclasses.replace(y, s=0.0, lead_time=0.0, lead_distance=0.0)
-                for y in output_events
+                y.name: replace(y, s=0.0, lead_time=0.0, lead_distance=0.0) for y in output_events
             }
-    return dataclasses.replace(program, moves=tuple(moves))
+    return replace(program, moves=tuple(moves))

@@ -153,11 +153,7 @@ def place_mesh(
 
 
 def _nodes(
-    share: _Share,
-    cells: int,
-    limits: tuple[float, float],
-    ends: tuple[End, End],
-    per_ramp: float,
+    share: _Share, cells: int, limits: tuple[float, float], ends: tuple[End, End], per_ramp: float
 ) -> FloatArray:
     begin, end = limits
     length = end - begin

@@ -28,12 +28,7 @@ class NearPath:
 
     @classmethod
     def along(
-        cls,
-        q: FloatArray,
-        arm: Arm,
-        configuration: str | None,
-        path: Path,
-        s: FloatArray,
+        cls, q: FloatArray, arm: Arm, configuration: str | None, path: Path, s: FloatArray
     ) -> NearPath:
         """Inverse kinematics near joint positions q [rad], (n, dof), at arc lengths s of a path."""
         if isinstance(arm, PlanarTwoLink):

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import warnings
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import cast, overload
 
@@ -120,7 +119,7 @@ class Shaping:
             ArmContourError: As `shape`.
         """
         drawn = [self._draw(x) if isinstance(x, Contour) else x for x in program.moves]
-        program = dataclasses.replace(program, moves=tuple(drawn))
+        program = replace(program, moves=tuple(drawn))
         seed = self.options.seed
         arcs, traced = self._trace(program)
         moves = list(program.moves)
@@ -134,7 +133,7 @@ class Shaping:
         for done, (i, move, _) in enumerate(tasks):
             with _named(move, done, named):
                 moves[i] = put_on_path(move, shaped_path(done))
-        shaped = dataclasses.replace(program, moves=tuple(moves))
+        shaped = replace(program, moves=tuple(moves))
         if arcs is None or seed is not None or self.arm.dimension == 2:
             return shaped
         return self._faster(program, arcs, shaped, ends_of(traced.joint_paths[0])[0])
@@ -142,7 +141,7 @@ class Shaping:
     def _draw(self, contour: Contour) -> Contour:
         """Contour of lines and arcs, with tolerances limited by its short stretches."""
         contour = draw_with_arcs(contour)
-        return dataclasses.replace(contour, path=_cap(contour.path, self.options.tolerance))
+        return replace(contour, path=_cap(contour.path, self.options.tolerance))
 
     def _faster(
         self, program: Program, arcs: Tracing, shaped: Program, first: FloatArray
@@ -170,7 +169,7 @@ class Shaping:
             if along_arcs is not None and ARCS in durations:
                 durations[ARCS] = cast(Trajectory, along_arcs[i].trajectory).duration
             starts = {name: x for name, x in durations.items() if name != SHAPED}
-            outcome = dataclasses.replace(
+            outcome = replace(
                 outcome,
                 # Among starts with equal rounded durations the simplest one.
                 start=min(starts, key=lambda name: round(starts[name], 9)),
@@ -179,9 +178,9 @@ class Shaping:
                 joints=joints,
             )
             move = moves[span.move]
-            path = dataclasses.replace(_path_of(move), outcome=outcome)
-            moves[span.move] = dataclasses.replace(cast(Contour, move), path=path)
-        return dataclasses.replace(fastest, moves=tuple(moves))
+            path = replace(_path_of(move), outcome=outcome)
+            moves[span.move] = replace(cast(Contour, move), path=path)
+        return replace(fastest, moves=tuple(moves))
 
     def _time(self, traced: Tracing) -> Trajectory:
         limits = with_reserve(self.limits, self.options.reserve)
@@ -230,7 +229,7 @@ class Shaping:
                 moves[i] = put_on_path(
                     move, _shaped_path(move.path, path, matches, self.options, outcome)
                 )
-        return dataclasses.replace(program, moves=tuple(moves))
+        return replace(program, moves=tuple(moves))
 
     def _timer(self, joint_path: JointPath, seed: FloatArray | None = None) -> Timer:
         """Timer in the configuration of a joint path, with the seed if that is its start."""
@@ -253,9 +252,7 @@ def _cap(path: Path, tolerance: float) -> Path:
     if (half >= tolerance).all():
         return path
     tolerances = np.where(half < tolerance, np.fmin(path.tolerances, half), path.tolerances)
-    return dataclasses.replace(
-        path, segments=path.segments.replace(tolerances=tolerances, checked=True)
-    )
+    return replace(path, segments=path.segments.replace(tolerances=tolerances, checked=True))
 
 
 def _path_of(move: Move) -> ShapedPath:

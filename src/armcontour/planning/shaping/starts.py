@@ -140,11 +140,7 @@ def make_starts(
 
 
 def _round_within(
-    objective: Path,
-    tube: Tube,
-    options: Shaped,
-    round_: Callable[..., RoundedPath],
-    share: float,
+    objective: Path, tube: Tube, options: Shaped, round_: Callable[..., RoundedPath], share: float
 ) -> tuple[RoundedPath, FloatArray] | None:
     """Rounded path within the tube, with its matching arc lengths; None if it needs stops."""
     # Corners whose curves would leave their zones are rounded less.

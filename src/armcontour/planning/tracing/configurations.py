@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -123,9 +122,7 @@ def find_solutions(
     for count, (q, cost) in enumerate(candidates, start=1):
         in_range = _turn_into_range(arm, q, seed)
         if isinstance(in_range, _Failure):
-            failures.append(
-                dataclasses.replace(in_range, reached=int(knot_index[in_range.reached]))
-            )
+            failures.append(replace(in_range, reached=int(knot_index[in_range.reached])))
         elif different.add(in_range):
             solutions.append(Solution(q=in_range, cost=cost))
         if redundant and solutions and count >= MAX_SMOOTHED:
@@ -408,12 +405,7 @@ def _largest_reach_gap(
 
 
 def _refuse(
-    path: Path,
-    arm: SerialArm,
-    knots: Knots,
-    poses: FloatArray,
-    task: int,
-    failure: _Failure,
+    path: Path, arm: SerialArm, knots: Knots, poses: FloatArray, task: int, failure: _Failure
 ) -> None:
     """Raise Unreachable with the end of the solution with the longest reach, and its cause."""
     s = np.append(knots.s0, path.length)

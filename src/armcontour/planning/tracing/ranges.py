@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 
@@ -89,7 +89,7 @@ def turn_into_range(joint_path: JointPath, limits: Limits) -> JointPath:
         return joint_path
     coefficients = joint_path.coefficients.copy()
     coefficients[:, 0] += 2 * np.pi * turns
-    return dataclasses.replace(joint_path, coefficients=coefficients)
+    return replace(joint_path, coefficients=coefficients)
 
 
 def _extremum_candidates(coefficients: FloatArray) -> FloatArray:

@@ -11,13 +11,7 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.core.errors import InvalidInput, Unreachable
 from armcontour.geometry import Path
 from armcontour.motion import JointPath, quintic
-from armcontour.planning.tracing.knots import (
-    MIDDLE,
-    PLACES,
-    Knots,
-    turning_too_fast,
-    what_helps,
-)
+from armcontour.planning.tracing.knots import MIDDLE, PLACES, Knots, turning_too_fast, what_helps
 from armcontour.robot import Arm, PlanarTwoLink
 
 # Length below which an interval outside the tolerance indicates a singularity [m].
