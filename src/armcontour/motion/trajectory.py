@@ -401,30 +401,17 @@ class Trajectory(Checked):
         if len(many) >= MANY:
             together = np.zeros(len(self.laws), dtype=bool)
             together[many] = True
-            yield from self._values_together(
-                np.flatnonzero(together[law_index]), law_index, t, side, orders
-            )
+            indices = np.flatnonzero(together[law_index])
+            for begin in range(0, len(indices), AT_ONCE):
+                batch = indices[begin : begin + AT_ONCE]
+                law, joined = self._join(law_index[batch])
+                yield batch, joined.motion(law, t[batch], side, orders)
             separate = np.flatnonzero(~together[law_index])
         for k, indices, i, local in self.locate(t[separate], side):
-            law = self.laws[k]
             if len(orders) == 1:
-                yield separate[indices], (law.on_interval(i, local, orders[0]),)
+                yield separate[indices], (self.laws[k].on_interval(i, local, orders[0]),)
             else:
-                yield separate[indices], law.motion(i, local, orders[-1])
-
-    def _values_together(
-        self,
-        indices: IntArray,
-        law_index: IntArray,
-        t: FloatArray,
-        side: str,
-        orders: tuple[int, ...],
-    ) -> Iterator[tuple[IntArray, tuple[FloatArray, ...]]]:
-        """Values at the times `indices` of laws along joint paths, AT_ONCE times together."""
-        for begin in range(0, len(indices), AT_ONCE):
-            batch = indices[begin : begin + AT_ONCE]
-            law, joined = self._join(law_index[batch])
-            yield batch, joined.motion(law, t[batch], side, orders)
+                yield separate[indices], self.laws[k].motion(i, local, orders[-1])
 
     def _join(self, law_index: IntArray) -> tuple[IntArray, JoinedLaws]:
         """A table of the laws of some times, and the rows of these laws in it, (n,)."""

@@ -207,16 +207,16 @@ class PaperLine:
         else:
             self._refuse_broken(forward, last, reverse, n - first)
             meeting = False
-        pieces = [self._mac(forward, last)] if last > 0 else []
+        pieces = []
+        if last > 0:
+            run = forward.h[:last], forward.dq[:last], forward.ddq[:last]
+            pieces.append(self._piece("MAC", 0, last, *run))
         low, high = max(last, 0), first
         if low < high <= n:
             pieces.append(self._middle(low, high, forward.speed, backward, meeting))
         if first < n:
             pieces.append(self._mdc(reverse, first))
         return pieces
-
-    def _mac(self, run: Pass, last: int) -> LinePhase:
-        return self._piece("MAC", 0, last, run.h[:last], run.dq[:last], run.ddq[:last])
 
     def _mdc(self, run: Pass, first: int) -> LinePhase:
         """Reverse pass from the knot `first` on, in the order of time."""

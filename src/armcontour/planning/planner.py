@@ -219,13 +219,9 @@ def assigned_time(program: Program, limits: Limits) -> float:
     """Duration of a program at its assigned velocities, if given, plus its dwells [s]."""
     # Rounded corners shorten the motion; limits lengthen it.
     dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
-    return dwells + sum(_assigned_time(x.path, limits) for x in program.contours)
-
-
-def _assigned_time(path: Path, limits: Limits) -> float:
-    """Duration of a path at its assigned velocities [s]; segments without one count as zero."""
-    speeds = np.fmin(path.speeds, np.inf if limits.speed is None else limits.speed)
-    return float((path.lengths / speeds).sum())
+    largest = np.inf if limits.speed is None else limits.speed
+    paths = [x.path for x in program.contours]
+    return dwells + sum(float((x.lengths / np.fmin(x.speeds, largest)).sum()) for x in paths)
 
 
 def _refuse_endless_motion(trajectory: Trajectory) -> None:

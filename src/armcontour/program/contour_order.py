@@ -336,10 +336,12 @@ def close_contour(contour: Contour, process: Process, *, led: bool) -> Contour:
         _check_end_orientations(contour)
     contour = begin_at(contour, start)
     longer = _add_overlap(contour.path, extra_length)
-    events = (
-        *_move_last_events(contour.events, lap, longer.length),
-        *_repeat_events(contour.events, lap, process.passes),
-    )
+    # Events at the drawn end move to the end of the overlap; others come in every lap.
+    slack, last = REPEATED_POINT, longer.length
+    moved = [replace(x, s=last) if x.s >= lap - slack else x for x in contour.events]
+    along = [x for x in contour.events if slack < x.s < lap - slack]
+    repeated = [replace(x, s=x.s + k * lap) for k in range(1, process.passes) for x in along]
+    events = (*moved, *repeated)
     return replace(contour, path=longer, events=events, ring=True)
 
 
@@ -381,17 +383,6 @@ def _check_end_orientations(contour: Contour) -> None:
             "start point with another tool orientation, so the tool cannot continue there: give "
             "both ends the same orientation, or remove begin and overlap."
         )
-
-
-def _move_last_events(events: tuple[Event, ...], drawn: float, end: float) -> tuple[Event, ...]:
-    """Move events at the drawn end of a contour [m] to the end of its overlap [m]."""
-    return tuple(replace(x, s=end) if x.s >= drawn - REPEATED_POINT else x for x in events)
-
-
-def _repeat_events(events: tuple[Event, ...], lap: float, passes: int) -> list[Event]:
-    """Events along the first lap of a contour [m], on the laps after it."""
-    along = [x for x in events if REPEATED_POINT < x.s < lap - REPEATED_POINT]
-    return [replace(x, s=x.s + k * lap) for k in range(1, passes) for x in along]
 
 
 def _has_equal_end_orientations(path: Path) -> bool:

@@ -106,15 +106,11 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-def _circles(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Centres and radii of arcs [m], (n, 2) and (n,); not finite for lines."""
-    radius = 1 / pieces[:, CURVATURE]
-    return pieces[:, :2] + radius[:, None] * left_of(pieces[:, TX : TY + 1]), np.abs(radius)
-
-
 def _boxes(pieces: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Lower and upper corners of boxes around pieces, (n, 2) each."""
-    centers, radii = _circles(pieces)
+    radius = 1 / pieces[:, CURVATURE]
+    centers = pieces[:, :2] + radius[:, None] * left_of(pieces[:, TX : TY + 1])
+    radii = np.abs(radius)
     sides = centers[:, None] + radii[:, None, None] * [[1, 0], [-1, 0], [0, 1], [0, -1]]
     on_arc = _places(pieces, sides) <= pieces[:, LENGTH, None]
     on_arc &= pieces[:, CURVATURE, None] != 0

@@ -258,18 +258,14 @@ def _path_of_part(part: OffsetPart, source: Path, up: FloatArray) -> Path:
         columns |= {x: getattr(rows, x) @ axes.T for x in ("tangents", "normals")}
     rows = rows.replace(**columns)
     if part.closed:
-        rows = _from_start(rows, source(0.0))
+        # The first segment is that whose start is nearest to the start of the source.
+        distances = np.linalg.norm(rows.starts - source(0.0), axis=1)
+        order: IntArray = np.roll(np.arange(len(rows)), -int(np.argmin(np.round(distances, 9))))
+        rows = rows[order]
     path = Path(segments=rows)
     if source.orientation is None:
         return path
     return replace(path, orientation=_orient(path, source, source.orientation, up))
-
-
-def _from_start(rows: Segments, start: FloatArray) -> Segments:
-    """A closed table of segments that begins with the one whose start is nearest to a point."""
-    first = int(np.argmin(np.round(np.linalg.norm(rows.starts - start, axis=1), 9)))
-    order: IntArray = np.roll(np.arange(len(rows)), -first)
-    return rows[order]
 
 
 def _orient(path: Path, source: Path, orientation: Orientation, up: FloatArray) -> Orientation:

@@ -258,7 +258,11 @@ class Program(Checked):
             texts = tuple(make_printable(shorten(x)) for x in getattr(self, name))
             object.__setattr__(self, name, texts)
         for x in self.moves:
-            _check_move(x)
+            if isinstance(x, Event) and (x.s or x.lead_distance):
+                raise InvalidInput(
+                    f"The event {x.name} is a separate move, at which the tool is at rest, and can "
+                    "have no s and no lead distance: put it into a contour, or use a lead time."
+                )
         if not self.contours:
             raise InvalidInput(f"{self.source or 'A program'} has no contour to follow.")
         paths = (x.path for x in self.moves if isinstance(x, Contour | Rapid))
@@ -553,15 +557,6 @@ class Program(Checked):
                 f"{list_some([repr(x) for x in sorted(set(available))], 12)}."
             )
         return [x in requested for x in available]
-
-
-def _check_move(move: Move) -> None:
-    """Raise InvalidInput for an event between contours with an arc length or a lead distance."""
-    if isinstance(move, Event) and (move.s or move.lead_distance):
-        raise InvalidInput(
-            f"The event {move.name} is a separate move, at which the tool is at rest, and can "
-            "have no s and no lead distance: put it into a contour, or use a lead time."
-        )
 
 
 def has_intended_start(moves: Sequence[Move], i: int) -> bool:

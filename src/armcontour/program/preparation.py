@@ -113,33 +113,29 @@ def prepare(
     result = _link(program.moves, contours, process, rapids_away)
     notes = (*program.notes, *(() if placement is None else placement.notes))
     if changes and process.tool_change is None:
-        notes = (*notes, _untimed(changes))
+        note = (
+            f"no time is stated for {count_noun(changes, 'tool change')}, so the program "
+            "continues at once: give process.tool_change, such as 5 s."
+        )
+        notes = (*notes, note)
     speed = process.rapid_speed
     if speed is not None:
-        result = [_limit_speed(x, speed) if isinstance(x, Rapid) else x for x in result]
+        limit = SegmentLimits(speed=speed)
+        for i, x in enumerate(result):
+            if isinstance(x, Rapid) and x.path is not None:
+                result[i] = Rapid(path=_with_limits(x.path, limit))
     return replace(program, moves=tuple(result), notes=notes, rapid_speed=speed)
-
-
-def _untimed(changes: int) -> str:
-    """A note on tool changes without a duration."""
-    return (
-        f"no time is stated for {count_noun(changes, 'tool change')}, so the program continues "
-        "at once: give process.tool_change, such as 5 s."
-    )
-
-
-def _limit_speed(rapid: Rapid, speed: float) -> Rapid:
-    """A rapid with a largest speed on its path [m/s], where it has none."""
-    path = rapid.path
-    return rapid if path is None else Rapid(path=_with_limits(path, SegmentLimits(speed=speed)))
 
 
 def check_process(program: Program, process: Process) -> None:
     """Refuse a process that the program as it is drawn cannot have."""
     _check_layers(program, (*process.layers, *process.by_layer))
     pierces = any(x.pierce is not None and x.pierce.height for x in process.variants)
-    if process.approach or process.retract or pierces:
-        _check_in_space(program)
+    if program.dimension == 2 and (process.approach or process.retract or pierces):
+        raise InvalidInput(
+            "approach, retract and the height of a pierce are vertical motions, which a program in "
+            "the plane does not support: remove them, or use an arm in space."
+        )
 
 
 def arrange_contours(program: Program, process: Process) -> Program:
@@ -236,15 +232,6 @@ def _check_layers(program: Program, layers: Sequence[str]) -> None:
                 f"{program.source or 'The program'} has no contour on a layer {name!r}, only on "
                 f"{listed}."
             )
-
-
-def _check_in_space(program: Program) -> None:
-    """Raise InvalidInput for a program in the plane, which has no heights."""
-    if program.dimension == 2:
-        raise InvalidInput(
-            "approach, retract and the height of a pierce are vertical motions, which a program in "
-            "the plane does not support: remove them, or use an arm in space."
-        )
 
 
 def _with_limits(path: Path, segment_limits: SegmentLimits) -> Path:
@@ -539,7 +526,8 @@ def find_tabs(contour: Contour, tabs: Tabs, lap: float) -> FloatArray:
     width = tabs.width
     count = tabs.count or _count(contour, tabs.spacing or lap, lap)
     even = (np.arange(count) + 0.5) * lap / count
-    corners = _corners(contour.path, lap)
+    inner = contour.path.breaks[1:-1][contour.path.turns > CORNER]
+    corners = np.concatenate([[0.0], inner[inner < lap], [lap]])
     margin = (0.5 + CLEAR) * width
     low, high = corners[:-1] + margin, corners[1:] - margin
     free = low <= high
@@ -576,9 +564,3 @@ def _count(contour: Contour, spacing: float, lap: float) -> int:
 def _called(contour: Contour) -> str:
     """Name of a contour for messages."""
     return contour_called(contour, 0) if contour.name else "A contour"
-
-
-def _corners(path: Path, lap: float) -> FloatArray:
-    """Arc lengths of start, corners and end of the first lap of a path [m]."""
-    inner = path.breaks[1:-1][path.turns > CORNER]
-    return np.concatenate([[0.0], inner[inner < lap], [lap]])

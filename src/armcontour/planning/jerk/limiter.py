@@ -141,7 +141,8 @@ def _with_slow_ramps(rows: MeshRows, task: Task, near: PathLaw) -> MeshRows:
 def _rows(
     task: Task, mesh: JerkMesh, near: PathLaw, bounds: MotionBounds | None = None
 ) -> MeshRows:
-    return MeshRows(mesh, task.active, task.jerk, bounds, _squares(near, mesh), task.arm)
+    about = square_at(near, (mesh.grid.s[:-1] + mesh.grid.s[1:]) / 2)
+    return MeshRows(mesh, task.active, task.jerk, bounds, about, task.arm)
 
 
 def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
@@ -158,10 +159,6 @@ def _default_cells(law: PathLaw, ends: list[tuple[End, End]]) -> int:
         pieces += PIECES_OF_SECTION * (len(ends) - 1)
         count = min(MANY_CELLS + MANY_PER_PIECE * pieces, MAX_CELLS)
     return int(count)
-
-
-def _squares(law: PathLaw, mesh: JerkMesh) -> FloatArray:
-    return square_at(law, (mesh.grid.s[:-1] + mesh.grid.s[1:]) / 2)
 
 
 def _bounds(mesh: JerkMesh, near: PathLaw, wider: float, curved: bool) -> MotionBounds:

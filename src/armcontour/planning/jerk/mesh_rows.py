@@ -52,7 +52,8 @@ class MeshRows:
         width = mesh.width[mesh.cell]
         start = (grid.s[:-1] - mesh.nodes[mesh.cell]) / width
         self.basis: Basis = basis(np.clip(start, 0, 1), grid.width / width, width)
-        self.degree = _degree(grid.joint_path.coefficients)
+        used = np.flatnonzero(grid.joint_path.coefficients.any(axis=(0, 2)))
+        self.degree = max(3, int(used[-1]) if len(used) else 3)
         self.tool: ToolMotion | None = None
         if np.isfinite(jerk.tool):
             # The tangents have the degree of the jerk of the tool.
@@ -407,8 +408,3 @@ def control_points(mesh: JerkMesh) -> tuple[FloatArray, FloatArray]:
         rows[near] = 0
         rows[near, 1] = 1 / (1 + 2 * width[near] / (3 * width[ramp]))
     return begin, end
-
-
-def _degree(coefficients: FloatArray) -> int:
-    used = np.flatnonzero(coefficients.any(axis=(0, 2)))
-    return max(3, int(used[-1]) if len(used) else 3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import cast, overload
@@ -118,11 +118,13 @@ class Shaping:
         Raises:
             ArmContourError: As `shape`.
         """
-        drawn = [self._draw(x) if isinstance(x, Contour) else x for x in program.moves]
-        program = replace(program, moves=tuple(drawn))
-        seed = self.options.seed
+        seed, moves = self.options.seed, list(program.moves)
+        for i, x in enumerate(moves):
+            if isinstance(x, Contour):
+                contour = draw_with_arcs(x)
+                moves[i] = replace(contour, path=_cap(contour.path, self.options.tolerance))
+        program = replace(program, moves=tuple(moves))
         arcs, traced = self._trace(program)
-        moves = list(program.moves)
         tasks: list[tuple[int, Contour, _Task]] = []
         for step in traced.steps:
             move = None if step.move is None else moves[step.move]
@@ -131,17 +133,12 @@ class Shaping:
                 tasks.append((step.move, move, task))
         shaped_path = _shape_all([x[2] for x in tasks], progress)
         for done, (i, move, _) in enumerate(tasks):
-            with _named(move, done, named):
+            with error_context(contour_called(move, done)) if named else nullcontext():
                 moves[i] = put_on_path(move, shaped_path(done))
         shaped = replace(program, moves=tuple(moves))
         if arcs is None or seed is not None or self.arm.dimension == 2:
             return shaped
         return self._faster(program, arcs, shaped, ends_of(traced.joint_paths[0])[0])
-
-    def _draw(self, contour: Contour) -> Contour:
-        """Contour of lines and arcs, with tolerances limited by its short stretches."""
-        contour = draw_with_arcs(contour)
-        return replace(contour, path=_cap(contour.path, self.options.tolerance))
 
     def _faster(
         self, program: Program, arcs: Tracing, shaped: Program, first: FloatArray
@@ -258,11 +255,6 @@ def _cap(path: Path, tolerance: float) -> Path:
 def _path_of(move: Move) -> ShapedPath:
     assert isinstance(move, Contour) and isinstance(move.path, ShapedPath)
     return move.path
-
-
-def _named(contour: Contour, number: int, enabled: bool) -> AbstractContextManager[None]:
-    """Context that prefixes error messages with the name of a contour, if enabled."""
-    return error_context(contour_called(contour, number)) if enabled else nullcontext()
 
 
 @dataclass(frozen=True, slots=True)
