@@ -337,9 +337,9 @@ def _candidate_responses(
     step, pairs = float(t[-1] - t[0]) / (len(t) - 1), []
     delays = np.unique(np.round(np.linspace(0.0, longest_delay, DEAD_TIMES) / step).astype(int))
     for lag in LAGS:
-        x = _apply_lag(t, u, lag)
+        response = _apply_lag(t, u, lag)
         for k in delays[delays < len(t) // 2]:
-            a, b = y[k:], x[: len(x) - k]
+            a, b = y[k:], response[: len(response) - k]
             pairs.append((a - a.mean(axis=0), b - b.mean(axis=0)))
     return pairs
 

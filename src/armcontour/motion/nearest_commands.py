@@ -57,13 +57,13 @@ def find_excess(
     for order, (low, high) in enumerate(bounds):
         if not (np.isfinite(low).any() or np.isfinite(high).any()):
             continue
-        x = differences(q, order) / cycle**order if order else q
+        values = differences(q, order) / cycle**order if order else q
         upper, lower = (np.where(np.isfinite(y) & (order > 0), np.abs(y), 1.0) for y in (high, low))
-        beyond = np.maximum((x - high) / upper, (low - x) / lower)
+        beyond = np.maximum((values - high) / upper, (low - values) / lower)
         k, j = (int(i) for i in np.unravel_index(int(np.argmax(beyond)), beyond.shape))
         if beyond[k, j] > worst:
             row = min(k + (order == 0), len(q) - 1)
-            worst, violation = float(beyond[k, j]), (order, row, j, float(x[k, j]))
+            worst, violation = float(beyond[k, j]), (order, row, j, float(values[k, j]))
     return violation
 
 

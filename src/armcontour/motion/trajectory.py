@@ -730,8 +730,8 @@ class JoinedLaws:
         row = np.searchsorted(self.times, t, side=checks.check_side(side)) - 1
         row = np.clip(row, self.rows[law], self.rows[law + 1] - 2)
         local = np.clip(t - self.starts[law], self.breaks[row], self.breaks[row + 1])
-        for x in (row, local):
-            x.setflags(write=False)
+        for array in (row, local):
+            array.setflags(write=False)
         along = path_motions(row, local, self.breaks, self.s, *self.rates)
         dof = self.coefficients.shape[2]
         motion = JointMotion(*(np.empty((len(t) if k in orders else 0, dof)) for k in range(4)))

@@ -48,21 +48,23 @@ def direct_contours(program: Program, process: Process) -> Program:
 
     areas, sides = find_nesting(contours, process.up).areas, waste_sides(contours, process)
     turned: dict[Contour, Contour] = {}
-    for i, (x, direction) in enumerate(zip(contours, directions, strict=True)):
+    for i, (contour, direction) in enumerate(zip(contours, directions, strict=True)):
         if direction in TOOL_SIDES:
             back = sides[i] != TOOL_SIDES[direction]
         else:
             back = direction != DRAWN and (areas[i] > 0) != (direction == "counterclockwise")
         if not back:
             continue
-        inner = [y for y in x.events if REPEATED_POINT < y.s < x.path.length - REPEATED_POINT]
+        inner = [
+            y for y in contour.events if REPEATED_POINT < y.s < contour.path.length - REPEATED_POINT
+        ]
         if inner:
             raise InvalidInput(
-                f"{contour_called(x, i)} cannot run backwards for the direction {direction}, "
+                f"{contour_called(contour, i)} cannot run backwards for the direction {direction}, "
                 f"because it switches {inner[0].name} on its way: give direction drawn, for its "
                 "layer too."
             )
-        turned[x] = _reverse_contour(x)
+        turned[contour] = _reverse_contour(contour)
     moves = tuple(turned.get(x, x) if isinstance(x, Contour) else x for x in program.moves)
     return replace(program, moves=moves)
 
@@ -78,8 +80,8 @@ def order_contours(program: Program, process: Process) -> Program:
         order = "inside_first" if process.cuts and drawing else "drawn"
     if order == "drawn":
         return _with_warning(program, process)
-    for x in program.moves:
-        if not isinstance(x, Contour):
+    for move in program.moves:
+        if not isinstance(move, Contour):
             raise InvalidInput(
                 f"The order {order!r} is for drawings: this program has rapids, dwells or events "
                 "between its contours, whose order has a meaning."
@@ -129,8 +131,8 @@ def _with_warning(program: Program, process: Process) -> Program:
 def _inside_first(parents: IntArray) -> list[int]:
     """The drawn order, but each contour directly after all contours inside it."""
     children: dict[int, list[int]] = {}
-    for i, x in enumerate(parents.tolist()):
-        children.setdefault(x, []).append(i)
+    for i, parent in enumerate(parents.tolist()):
+        children.setdefault(parent, []).append(i)
     order: list[int] = []
     open_ones = list(children.get(-1, ()))[::-1]
     while open_ones:
@@ -161,8 +163,8 @@ class _Choices:
         made: list[Callable[[], Contour]] = []
         ends: list[FloatArray] = []
         first = [0]
-        for x in contours:
-            options = _options(x, process, count if free else 1)
+        for contour in contours:
+            options = _options(contour, process, count if free else 1)
             made += [option[0] for option in options]
             ends += [option[1] for option in options]
             first.append(len(made))

@@ -61,14 +61,16 @@ def cut_parts(program: Program, process: Process) -> list[tuple[Path, float, flo
         process: The process that it was prepared for.
     """
     parts = []
-    for x in program.contours:
-        layer, (begin, end) = process.of_layer(x.layer), x.at_work
+    for contour in program.contours:
+        layer, (begin, end) = process.of_layer(contour.layer), contour.at_work
         if not layer.kerf:
             continue
         if layer.begins_on:
             # The path down from the height of the pierce comes first.
             begin = 0.0 if layer.pierce is None else layer.pierce.height
-        parts.append((x.path, begin, x.path.length if layer.ends_on else end, layer.kerf))
+        parts.append(
+            (contour.path, begin, contour.path.length if layer.ends_on else end, layer.kerf)
+        )
     return parts
 
 
@@ -297,13 +299,15 @@ def _replaced(moves: Sequence[Move], made: Sequence[Sequence[Contour]]) -> list[
     """The moves with other contours; rapids away from a contour start at its new end."""
     away, number = rapids_leading_away(moves), 0
     result: list[Move] = []
-    for x in moves:
-        if isinstance(x, Contour):
+    for move in moves:
+        if isinstance(move, Contour):
             result += made[number]
             number += 1
         else:
             result.append(
-                reroute(x, start=last_end(result)) if isinstance(x, Rapid) and x in away else x
+                reroute(move, start=last_end(result))
+                if isinstance(move, Rapid) and move in away
+                else move
             )
     return result
 

@@ -124,12 +124,12 @@ class Contour(Checked):
                     f"The work on the contour {self.name} goes from {start:g} to {end:g} m, which "
                     f"is not within its length of {self.path.length:g} m."
                 )
-        for x in self.events:
-            if x.s > self.path.length + REPEATED_POINT:
+        for event in self.events:
+            if event.s > self.path.length + REPEATED_POINT:
                 raise InvalidInput(
-                    f"The event {x.name} is at {x.s:g} m of the contour {self.name}, which is only "
-                    f"{self.path.length:g} m long.",
-                    s=x.s,
+                    f"The event {event.name} is at {event.s:g} m of the contour {self.name}, which "
+                    f"is only {self.path.length:g} m long.",
+                    s=event.s,
                     allowed=self.path.length,
                 )
         ordered = tuple(sorted(self.events, key=lambda x: x.s))
@@ -257,11 +257,11 @@ class Program(Checked):
         for name in ("notes", "remarks"):
             texts = tuple(make_printable(shorten(x)) for x in getattr(self, name))
             object.__setattr__(self, name, texts)
-        for x in self.moves:
-            if isinstance(x, Event) and (x.s or x.lead_distance):
+        for move in self.moves:
+            if isinstance(move, Event) and (move.s or move.lead_distance):
                 raise InvalidInput(
-                    f"The event {x.name} is a separate move, at which the tool is at rest, and can "
-                    "have no s and no lead distance: put it into a contour, or use a lead time."
+                    f"The event {move.name} is a separate move, at which the tool is at rest, and "
+                    "can have no s and no lead distance: put it into a contour, or use a lead time."
                 )
         if not self.contours:
             raise InvalidInput(f"{self.source or 'A program'} has no contour to follow.")
@@ -344,19 +344,19 @@ class Program(Checked):
             change: Function from an old path to a new path.
         """
         moves: list[Move] = []
-        for x in self.moves:
-            if isinstance(x, Contour):
-                path = change(x.path)
+        for move in self.moves:
+            if isinstance(move, Contour):
+                path = change(move.path)
                 checks.check_type("Program.mapped", path, Path, role="result")
-                factor = path.length / x.path.length
-                events = tuple(replace(e, s=min(e.s * factor, path.length)) for e in x.events)
-                work = None if x.work is None else (x.work[0] * factor, x.work[1] * factor)
-                woven = x.woven and replace(x.woven, seam=change(x.woven.seam))
-                moves.append(replace(x, path=path, events=events, work=work, woven=woven))
-            elif isinstance(x, Rapid) and x.path is not None:
-                moves.append(Rapid(path=change(x.path)))
+                factor = path.length / move.path.length
+                events = tuple(replace(e, s=min(e.s * factor, path.length)) for e in move.events)
+                work = None if move.work is None else (move.work[0] * factor, move.work[1] * factor)
+                woven = move.woven and replace(move.woven, seam=change(move.woven.seam))
+                moves.append(replace(move, path=path, events=events, work=work, woven=woven))
+            elif isinstance(move, Rapid) and move.path is not None:
+                moves.append(Rapid(path=change(move.path)))
             else:
-                moves.append(x)
+                moves.append(move)
         return replace(self, moves=tuple(moves))
 
     def oriented(self, rotations: Any, *, axis_only: bool = False) -> Program:
@@ -488,18 +488,18 @@ class Program(Checked):
         """
         moves: list[Move] = []
         number = 0
-        for x in self.moves:
-            if isinstance(x, Contour):
-                called, number = contour_called(x, number), number + 1
+        for move in self.moves:
+            if isinstance(move, Contour):
+                called, number = contour_called(move, number), number + 1
                 try:
-                    moves += x.without_z()
+                    moves += move.without_z()
                 except InvalidInput as error:
                     location = f"{self.source}: {called}" if self.source else called
                     raise InvalidInput(f"{location}: {error}") from None
-            elif not isinstance(x, Rapid) or x.path is None:
-                moves.append(x)
-            elif has_length_without_z(x.path):
-                moves.append(Rapid(path=drop_z(x.path)))
+            elif not isinstance(move, Rapid) or move.path is None:
+                moves.append(move)
+            elif has_length_without_z(move.path):
+                moves.append(Rapid(path=drop_z(move.path)))
         notes = self.notes
         if any(x.path.orientation is not None for x in self.contours):
             notes = (*notes, "the tool orientation is removed together with z.")
@@ -574,10 +574,10 @@ def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
     """Index of the first rapid in an order, if it has a path and no contour comes first."""
     # `order`: indices of moves to search, in order.
     for k in order:
-        x = moves[k]
-        if isinstance(x, Rapid):
-            return k if x.path is not None else None
-        if isinstance(x, Contour):
+        move = moves[k]
+        if isinstance(move, Rapid):
+            return k if move.path is not None else None
+        if isinstance(move, Contour):
             return None
     return None
 
@@ -585,13 +585,13 @@ def next_rapid(moves: Sequence[Move], order: Iterable[int]) -> int | None:
 def rapids_leading_away(moves: Sequence[Move]) -> set[Rapid]:
     """Rapids whose path starts at the end of the previous contour."""
     rapids = set()
-    for i, x in enumerate(moves):
-        k = next_rapid(moves, range(i + 1, len(moves))) if isinstance(x, Contour) else None
-        if k is None or not isinstance(x, Contour):
+    for i, move in enumerate(moves):
+        k = next_rapid(moves, range(i + 1, len(moves))) if isinstance(move, Contour) else None
+        if k is None or not isinstance(move, Contour):
             continue
         rapid = moves[k]
         assert isinstance(rapid, Rapid) and rapid.path is not None
-        if np.linalg.norm(rapid.path(0.0) - x.path(x.path.length)) <= REPEATED_POINT:
+        if np.linalg.norm(rapid.path(0.0) - move.path(move.path.length)) <= REPEATED_POINT:
             rapids.add(rapid)
     return rapids
 

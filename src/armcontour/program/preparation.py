@@ -72,22 +72,22 @@ def prepare(
     moves: list[Move] = []
     drawn: list[Contour] = []
     changes = 0
-    for i, x in enumerate(program.moves):
-        if isinstance(x, Contour):
-            layer_process, called = process.of_layer(x.layer), contour_called(x, len(drawn))
-            passes = _pass_again(x, layer_process.passes)
+    for i, move in enumerate(program.moves):
+        if isinstance(move, Contour):
+            layer_process, called = process.of_layer(move.layer), contour_called(move, len(drawn))
+            passes = _pass_again(move, layer_process.passes)
             drawn += passes
-            x = _start_contour(
-                x, layer_process, has_intended_start(program.moves, i), called, switching
+            move = _start_contour(
+                move, layer_process, has_intended_start(program.moves, i), called, switching
             )
-            moves += [replace(x, name=y.name) for y in passes]
-        elif isinstance(x, Event) and x.changes_tool:
-            moves.append(x)
+            moves += [replace(move, name=y.name) for y in passes]
+        elif isinstance(move, Event) and move.changes_tool:
+            moves.append(move)
             changes += bool(drawn)
             if drawn and process.tool_change is not None:
                 moves.append(Dwell(duration=process.tool_change))
-        elif not (isinstance(x, Event) and switching.takes(x)):
-            moves.append(x)
+        elif not (isinstance(move, Event) and switching.takes(move)):
+            moves.append(move)
     placement = None
     if process.leads:
         from armcontour.program.kerf import LeadPlacement
@@ -104,11 +104,11 @@ def prepare(
             f"but got {count}: run a job, which determines them, or give the leads a length."
         )
     contours: list[Contour] = []
-    for k, x in enumerate(program.contours, len(drawn) - len(program.contours)):
-        layer_process = process.of_layer(x.layer)
+    for k, move in enumerate(program.contours, len(drawn) - len(program.contours)):
+        layer_process = process.of_layer(move.layer)
         leads = _lead_lengths(layer_process, lengths, len(contours))
         contours.append(
-            _add_leads(x, layer_process, leads, run_in if not contours else None, placement, k)
+            _add_leads(move, layer_process, leads, run_in if not contours else None, placement, k)
         )
     result = _link(program.moves, contours, process, rapids_away)
     notes = (*program.notes, *(() if placement is None else placement.notes))
@@ -121,9 +121,9 @@ def prepare(
     speed = process.rapid_speed
     if speed is not None:
         limit = SegmentLimits(speed=speed)
-        for i, x in enumerate(result):
-            if isinstance(x, Rapid) and x.path is not None:
-                result[i] = Rapid(path=_with_limits(x.path, limit))
+        for i, move in enumerate(result):
+            if isinstance(move, Rapid) and move.path is not None:
+                result[i] = Rapid(path=_with_limits(move.path, limit))
     return replace(program, moves=tuple(result), notes=notes, rapid_speed=speed)
 
 
@@ -260,12 +260,12 @@ def _start_contour(
     if closed:
         contour = close_contour(contour, process, led=led)
     path = contour.path
-    for x in process.events:
-        if x.s > path.length + REPEATED_POINT:
+    for event in process.events:
+        if event.s > path.length + REPEATED_POINT:
             raise InvalidInput(
-                f"The event {x.name} is to come at {x.s:g} m of every contour, but {called} is "
-                f"{path.length:g} m long.",
-                s=x.s,
+                f"The event {event.name} is to come at {event.s:g} m of every contour, but "
+                f"{called} is {path.length:g} m long.",
+                s=event.s,
                 allowed=path.length,
             )
     contour = switching.confine(contour, process.events)
@@ -392,8 +392,8 @@ def resume_program(
             continue
         number += 1
         if number < index:
-            for x in move.events:
-                switched[x.name] = replace(x, s=0.0, lead_time=0, lead_distance=0)
+            for event in move.events:
+                switched[event.name] = replace(event, s=0.0, lead_time=0, lead_distance=0)
             continue
         remaining = _cut_after(move, s, keeps_lead)
         moves = (*switched.values(), remaining, *program.moves[i + 1 :])
@@ -410,12 +410,12 @@ def _cut_after(contour: Contour, s: float, keeps_lead: Callable[[Contour, Event]
     if s <= REPEATED_POINT:
         return contour
     last: dict[str, Event] = {}
-    for x in contour.events:
-        if x.s <= s + REPEATED_POINT:
+    for event in contour.events:
+        if event.s <= s + REPEATED_POINT:
             # Outputs keep the order of their last events.
-            last.pop(x.name, None)
-            lead = x.lead_time if keeps_lead(contour, x) else 0.0
-            last[x.name] = replace(x, s=0.0, lead_time=lead, lead_distance=0.0)
+            last.pop(event.name, None)
+            lead = event.lead_time if keeps_lead(contour, event) else 0.0
+            last[event.name] = replace(event, s=0.0, lead_time=lead, lead_distance=0.0)
     later = [replace(x, s=x.s - s) for x in contour.events if x.s > s + REPEATED_POINT]
     return replace(
         contour,
@@ -435,10 +435,10 @@ class Switching:
         self.in_order = any(not isinstance(x, Contour) for x in moves)
         self.states: dict[str, Event] = {}
         names: set[str] = set()
-        for x in moves if self.in_order else ():
-            if isinstance(x, Event) and x.changes_tool:
+        for move in moves if self.in_order else ():
+            if isinstance(move, Event) and move.changes_tool:
                 continue
-            for event in x.events if isinstance(x, Contour) else [x]:
+            for event in move.events if isinstance(move, Contour) else [move]:
                 if isinstance(event, Event) and event.name not in names:
                     names.add(event.name)
                     # An output is off before the first event that switches it on.
@@ -482,15 +482,15 @@ def _confine_output(
         events = [replace(state, s=0.0), *events]
     events = [x for x in events if x.s < end - REPEATED_POINT]
     before: object = False
-    for x in (*events, Event(name=name, value=False, s=end)):
+    for event in (*events, Event(name=name, value=False, s=end)):
         if switch is not None:
-            x = replace(x, value=switch.value) if x.value is True else x
-            if not (x.lead_time or x.lead_distance):
-                lead = switch.on_lead if x.value else switch.off_lead
-                x = replace(x, lead_time=lead)
-        if (type(x.value), x.value) != (type(before), before):
-            changes.append(x)
-            before = x.value
+            event = replace(event, value=switch.value) if event.value is True else event
+            if not (event.lead_time or event.lead_distance):
+                lead = switch.on_lead if event.value else switch.off_lead
+                event = replace(event, lead_time=lead)
+        if (type(event.value), event.value) != (type(before), before):
+            changes.append(event)
+            before = event.value
     return changes
 
 

@@ -147,11 +147,11 @@ def smooth_curvature(path: Path | Program, *, tolerance: float) -> Path | Progra
 
     program = Program.from_path(path, "smooth_curvature needs a Path or a Program")
     moves = []
-    for x in program.moves:
-        if isinstance(x, Contour):
-            smoothed, pairs = smooth_path(x.path, tolerance)
-            x = _move_to_path(x, smoothed, partial(_interpolate, pairs))
-        moves.append(x)
+    for move in program.moves:
+        if isinstance(move, Contour):
+            smoothed, pairs = smooth_path(move.path, tolerance)
+            move = _move_to_path(move, smoothed, partial(_interpolate, pairs))
+        moves.append(move)
     smooth = replace(program, moves=tuple(moves))
     return smooth if program is path else smooth.path
 

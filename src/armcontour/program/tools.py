@@ -16,10 +16,10 @@ def tool_name(value: Value) -> str:
 def tools_of_contours(program: Program) -> list[str]:
     """Name of the tool of each contour, in order; "" before the first tool change."""
     tool, names = "", []
-    for x in program.moves:
-        if isinstance(x, Event) and x.changes_tool:
-            tool = tool_name(x.value)
-        elif isinstance(x, Contour):
+    for move in program.moves:
+        if isinstance(move, Event) and move.changes_tool:
+            tool = tool_name(move.value)
+        elif isinstance(move, Contour):
             names.append(tool)
     return names
 
@@ -37,16 +37,16 @@ def part_of_tool(program: Program, name: str) -> Program:
         )
     tool, moves = "", list[Move]()
     states: dict[str, Event] = {}
-    for x in program.moves:
-        if isinstance(x, Event) and x.changes_tool:
-            tool = tool_name(x.value)
+    for move in program.moves:
+        if isinstance(move, Event) and move.changes_tool:
+            tool = tool_name(move.value)
             if tool == name:
-                moves += [*states.values(), x]
+                moves += [*states.values(), move]
                 states = {}
         elif tool == name:
-            moves.append(x)
+            moves.append(move)
         else:
-            events = x.events if isinstance(x, Contour) else (x,)
+            events = move.events if isinstance(move, Contour) else (move,)
             output_events = (y for y in events if isinstance(y, Event))
             states |= {
                 y.name: replace(y, s=0.0, lead_time=0.0, lead_distance=0.0) for y in output_events
