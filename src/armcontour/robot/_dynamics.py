@@ -1,9 +1,8 @@
-"""Compiled inverse dynamics of a chain: joint torques of many states at once.
+"""Compiled inverse dynamics of a chain: joint torques of many states at once."""
 
-The recursive Newton-Euler algorithm (Featherstone, Rigid Body Dynamics Algorithms, 2008, 5.3) in
-the frames of the links, whose z axes are the joint axes. States are computed in blocks, link by
-link.
-"""
+# The recursive Newton-Euler algorithm (Featherstone, Rigid Body Dynamics Algorithms, 2008, 5.3) in
+# the frames of the links, whose z axes are the joint axes. States are computed in blocks, link by
+# link.
 
 from __future__ import annotations
 
@@ -35,14 +34,7 @@ MOTION_ROWS = 15
 
 @compiled(inner=True, fastmath=FUSED)
 def go_outward(links: FloatArray, j: int, motion: FloatArray, own: FloatArray) -> None:
-    """Take the motion of a block from one link to the next, and write the wrenches of that link.
-
-    Args:
-        links: Numbers of the links, as `Dynamics` packs them.
-        j: Index of the link.
-        motion: Motion rows, of the link before; of this link afterwards.
-        own: Rows of the link.
-    """
+    """Take the motion of a block from one link to the next, and write the wrenches of that link."""
     x, r, mass = links[j], rotation_of(links, j), links[j, 12]
     p, h = (x[9], x[10], x[11]), (x[13], x[14], x[15])
     # Columns of the inertia.
@@ -79,14 +71,7 @@ def go_outward(links: FloatArray, j: int, motion: FloatArray, own: FloatArray) -
 
 @compiled(inner=True, fastmath=FUSED)
 def go_inward(links: FloatArray, j: int, own: FloatArray, before: FloatArray) -> None:
-    """Add the wrenches and the first moment of a link to those of the link before.
-
-    Args:
-        links: Numbers of the links.
-        j: Index of the link.
-        own: Rows of the link.
-        before: Rows of the link before.
-    """
+    """Add the wrenches and the first moment of a link to those of the link before."""
     r, carried = rotation_of(links, j), links[j, 22]
     p = links[j, 9], links[j, 10], links[j, 11]
     for i in range(B):
@@ -104,15 +89,8 @@ def go_inward(links: FloatArray, j: int, own: FloatArray, before: FloatArray) ->
 def path_terms(
     links: FloatArray, gravity: FloatArray, q: FloatArray, first: FloatArray, second: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Coefficients a, b, c of the torque `a dds + b ds² + c` of all states, (n, dof) each.
-
-    Args:
-        links: Numbers of the links, as `Dynamics` packs them, (dof, 24).
-        gravity: Acceleration of gravity in the frame of the base [m/s²], (3,).
-        q: Joint positions [rad], (n, dof).
-        first: First derivatives, (n, dof).
-        second: Second derivatives, (n, dof).
-    """
+    """Coefficients a, b, c of the torque `a dds + b ds² + c` of all states, (n, dof) each."""
+    # links (dof, 24), gravity (3,) [m/s²], q (n, dof) [rad], first (n, dof), second (n, dof).
     n, dof = q.shape
     a, b, c = np.empty((n, dof)), np.empty((n, dof)), np.empty((n, dof))
     rows, motion = np.empty((dof, LINK_ROWS * B)), np.empty(MOTION_ROWS * B)

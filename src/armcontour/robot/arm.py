@@ -115,11 +115,7 @@ def compare_limits(limits: Limits, arm: Arm) -> str:
 
 
 def _as_ceilings(name: str, values: npt.ArrayLike, dof: int) -> FloatArray:
-    """Values of a limit as upper bounds, (1, 1), (1, dof), or (2, dof) with negative lower bounds.
-
-    Returns:
-        (1, 1), (1, dof) or (2, dof).
-    """
+    """Upper bounds of a limit, (1, 1) or (1, dof); with negative lower bounds (2, dof)."""
     array = np.asarray(values, dtype=np.float64)
     if name in TOOL_LIMITS:
         return array.reshape(1, 1)
@@ -133,9 +129,9 @@ def _as_ceilings(name: str, values: npt.ArrayLike, dof: int) -> FloatArray:
 class Arm(Immutable, ABC):
     """An arm with its kinematics and limits.
 
-    Arrays have one row per state: (n, dof) for the joints, (n, dimension) for the tool.
-
-    Once made, an arm does not change; `with_limits` and the like give another one.
+    Methods take joint positions q [rad] and their derivatives dq, ddq, dddq by time, (..., dof)
+    each, and return tool vectors, (..., dimension). An arm is immutable; `with_limits` and similar
+    methods return another one.
 
     Attributes:
         name: Name of the arm, for messages and reports.
@@ -223,7 +219,7 @@ class Arm(Immutable, ABC):
 
     @property
     def knows_shapes(self) -> bool:
-        """Whether shapes are known and their files can be read."""
+        """True if shapes are known and their files can be read."""
         try:
             return self.shapes is not None
         except InvalidInput:
@@ -311,10 +307,8 @@ class Arm(Immutable, ABC):
         return other
 
     def _rows(self, *states: npt.ArrayLike) -> tuple[tuple[int, ...], list[FloatArray]]:
-        """Leading shape and rows of the given states, (rows, dof) each.
-
-        The shapes are checked because compiled code would read past the end of a short row.
-        """
+        """Leading shape and rows of the given states, (rows, dof) each."""
+        # The shapes are checked because compiled code would read past the end of a short row.
         arrays = [checks.floats("states of an arm", x) for x in states]
         shape = arrays[0].shape
         if shape[-1:] != (self.dof,) or any(x.shape != shape for x in arrays):
@@ -341,7 +335,7 @@ class Arm(Immutable, ABC):
 
     @property
     def has_bodies(self) -> bool:
-        """Whether the masses of the links are known."""
+        """True if the masses of the links are known."""
         return self.chain is not None and self.chain.masses is not None
 
     @cached_property
@@ -363,56 +357,28 @@ class Arm(Immutable, ABC):
 
     @abstractmethod
     def tool_position(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool points [m] of joint positions [rad].
-
-        Args:
-            q: Joint positions [rad], (..., dof).
-        """
+        """Tool points [m] of joint positions [rad]."""
 
     @abstractmethod
     def tool_jacobian(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool velocity per joint velocity [m/rad], (n, dimension, dof).
-
-        Args:
-            q: Joint positions [rad], (..., dof).
-        """
+        """Tool velocity per joint velocity [m/rad], (n, dimension, dof)."""
 
     @abstractmethod
     def tool_jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Time derivative of `tool_jacobian` at the joint velocities `dq`, (n, dimension, dof).
-
-        Args:
-            q: Joint positions [rad], (..., dof).
-            dq: Joint velocities [rad/s], same shape.
-        """
+        """Time derivative of `tool_jacobian` at the joint velocities `dq`, (n, dimension, dof)."""
 
     @abstractmethod
     def links(self, q: npt.ArrayLike) -> FloatArray:
-        """Points on the arm from the base to the tool, for drawings, (n, points, dimension) [m].
-
-        Args:
-            q: Joint positions [rad], (..., dof).
-        """
+        """Points on the arm from the base to the tool, for drawings, (n, points, dimension) [m]."""
 
     def tool_velocity(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Tool velocity [m/s], eq. (22).
-
-        Args:
-            q: Joint positions [rad], (..., dof).
-            dq: Joint velocities [rad/s], same shape.
-        """
+        """Tool velocity [m/s], eq. (22)."""
         return np.asarray(np.einsum("...ij,...j->...i", self.tool_jacobian(q), np.asarray(dq)))
 
     def tool_acceleration(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> FloatArray:
-        """Tool acceleration [m/s²].
-
-        Args:
-            q: Joint positions [rad], (..., dof).
-            dq: Joint velocities [rad/s], same shape.
-            ddq: Joint accelerations [rad/s²], same shape.
-        """
+        """Tool acceleration [m/s²]."""
         coupling = np.einsum("...ij,...j->...i", self.tool_jacobian_rate(q, dq), np.asarray(dq))
         return np.asarray(self.tool_velocity(q, ddq) + coupling)
 
@@ -424,12 +390,6 @@ class Arm(Immutable, ABC):
         Default for subclasses: `J dddq + 3 dJ/dt ddq` plus the derivative of `dJ/dt dq` along dq by
         fourth-order differences. Their error is about 1e-12 of the reach times the cube of the sum
         of all joint speeds.
-
-        Args:
-            q: Joint positions [rad], (..., dof).
-            dq: Joint velocities [rad/s], same shape.
-            ddq: Joint accelerations [rad/s²], same shape.
-            dddq: Joint jerks [rad/s³], same shape.
         """
         position, rate, second = (checks.floats("states of an arm", x) for x in (q, dq, ddq))
         total = np.abs(rate).sum(axis=-1, keepdims=True)
@@ -446,24 +406,13 @@ class Arm(Immutable, ABC):
     def tool_motion(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
-        """Tool velocity [m/s] and tool acceleration [m/s²].
-
-        Args:
-            q: Joint positions [rad], (..., dof).
-            dq: Joint velocities [rad/s], same shape.
-            ddq: Joint accelerations [rad/s²], same shape.
-        """
+        """Tool velocity [m/s] and tool acceleration [m/s²]."""
         return self.tool_velocity(q, dq), self.tool_acceleration(q, dq, ddq)
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
         """Torque of each joint's drive [N m].
 
         The torque covers the inertia of links, drives and payload, gravity, and friction.
-
-        Args:
-            q: Joint positions [rad], (..., dof).
-            dq: Joint velocities [rad/s], same shape.
-            ddq: Joint accelerations [rad/s²], same shape.
 
         Raises:
             InvalidInput: The masses of the links are not known.

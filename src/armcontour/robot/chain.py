@@ -154,12 +154,8 @@ class Chain(Checked):
 
 
 def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
-    """Frames of the base and of all links in the work frame, (n, dof + 1, 3, 4).
-
-    Args:
-        chain: The chain.
-        q: Joint positions [rad], (n, dof).
-    """
+    """Frames of the base and of all links in the work frame, (n, dof + 1, 3, 4)."""
+    # q (n, dof) [rad].
     from armcontour.robot.kernels import frames_of
 
     joints = frames_of(link_table(chain), checks.kernel_array(np.asarray(q, dtype=np.float64)))
@@ -171,14 +167,9 @@ def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
 
 
 def link_table(chain: Chain) -> FloatArray:
-    """The chain as compiled kinematics take it, (dof + 1, 12).
-
-    Rows have rotation and position of the frames of all joints and of the tool, each in the one
-    before, with z along the joint axis. The first is in the work frame.
-
-    Args:
-        chain: The chain.
-    """
+    """The chain as compiled kinematics take it, (dof + 1, 12)."""
+    # Rows have rotation and position of the frames of all joints and of the tool, each in the one
+    # before, with z along the joint axis. The first is in the work frame.
     found, end = np.empty((len(chain) + 1, 12)), chain.tip @ chain.tool
     turns = [*joint_frames(chain), np.eye(3)]
     rotations = [*chain.rotations, end.rotation]
@@ -205,12 +196,9 @@ def joint_frames(chain: Chain) -> FloatArray:
 def join_bodies(
     bodies: Sequence[tuple[float, FloatArray, FloatArray]],
 ) -> tuple[float, FloatArray, FloatArray]:
-    """Mass [kg], centre of mass [m] and inertia about it [kg m²] of bodies fixed to each other.
-
-    Args:
-        bodies: Mass, centre of mass, (3,), and inertia about it, (3, 3), of each body, in the same
-            frame. The sum of the masses must be above zero.
-    """
+    """Mass [kg], centre of mass [m] and inertia about it [kg m²] of bodies fixed to each other."""
+    # bodies: mass, centre, (3,), and inertia, (3, 3), of each, in one frame; the masses have a
+    # positive sum.
     masses, centers, inertias = (np.array(x) for x in zip(*bodies, strict=True))
     mass = float(masses.sum())
     center = masses @ centers / mass
@@ -222,16 +210,8 @@ def join_bodies(
 
 
 def check_inertia(who: str, inertia: npt.ArrayLike) -> None:
-    """Refuse an inertia matrix that no body can have.
-
-    Args:
-        who: Name of the body, for the message.
-        inertia: Inertia about the centre of mass [kg m²], (3, 3).
-
-    Raises:
-        InvalidInput: The matrix is not symmetric, or its principal moments are negative or break
-            the triangle inequality.
-    """
+    """Refuse an inertia matrix that no body can have."""
+    # inertia (3, 3) [kg m²].
     matrix = np.asarray(inertia, dtype=np.float64)
     size = float(np.abs(matrix).max())
     if np.abs(matrix - matrix.T).max() > 1e-9 * size:

@@ -35,7 +35,7 @@ class Dynamics:
 
     @property
     def numbers(self) -> tuple[FloatArray, FloatArray]:
-        """What compiled dynamics take: numbers of the links, (dof, 24), and gravity, (3,)."""
+        """Input of compiled dynamics: numbers of the links, (dof, 24), and gravity, (3,)."""
         return self._links, self._gravity
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
@@ -145,13 +145,8 @@ class Dynamics:
         return found
 
     def _rows(self, *states: npt.ArrayLike) -> list[FloatArray]:
-        """The given states as rows, (n, dof) each.
-
-        The shapes are checked because compiled code would read past the end of a short row.
-
-        Raises:
-            InvalidInput: The shapes differ, or the number of columns is not that of the joints.
-        """
+        """The given states as rows, (n, dof) each."""
+        # The shapes are checked because compiled code would read past the end of a short row.
         arrays = [checks.floats("states of an arm", x) for x in states]
         shape, dof = arrays[0].shape, len(self.chain)
         if any(x.shape != shape for x in arrays) or shape[-1:] != (dof,):
@@ -164,11 +159,7 @@ class Dynamics:
 
 
 def pinocchio() -> Any:
-    """The module pinocchio, imported at first use.
-
-    Raises:
-        InvalidInput: pinocchio is not installed.
-    """
+    """The module pinocchio, imported at first use."""
     try:
         import pinocchio as module
     except ImportError as error:
@@ -180,12 +171,10 @@ def pinocchio() -> Any:
 
 
 def _numbers(chain: Chain) -> FloatArray:
-    """The links as the compiled dynamics takes them: 24 numbers each, in frames about the joints.
-
-    The numbers are rotation and position of the frame in the one before, in which z is the joint
-    axis; mass, first moment, and inertia about the joint xx, xy, xz, yy, yz, zz; the mass of all
-    that the joint carries; the armature.
-    """
+    """The links for the compiled dynamics: 24 numbers each, in frames about the joints."""
+    # The numbers are rotation and position of the frame in the one before, in which z is the joint
+    # axis; mass, first moment, and inertia about the joint xx, xy, xz, yy, yz, zz; the mass of all
+    # that the joint carries; the armature.
     assert chain.masses is not None and chain.centers is not None and chain.inertias is not None
     found, before = np.zeros((len(chain), 24)), np.eye(3)
     for k, (own, frame) in enumerate(zip(found, joint_frames(chain), strict=True)):
@@ -209,7 +198,7 @@ def _numbers(chain: Chain) -> FloatArray:
 
 
 def pinocchio_model(chain: Chain, limits: Limits) -> Any:
-    """As `ChainArm.pinocchio`."""
+    """See `ChainArm.pinocchio`."""
     pin, dof = pinocchio(), len(chain)
     model = pin.Model()
     model.gravity.linear = np.array(chain.gravity)

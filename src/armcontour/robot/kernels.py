@@ -1,10 +1,9 @@
-"""Compiled forward kinematics of a serial chain: frames, Jacobians, and the motion of the tool.
+"""Compiled forward kinematics of a serial chain: frames, Jacobians, and the motion of the tool."""
 
-A chain is a table of links, (dof + 1, 12): rotation, row by row, and position of the frames of all
-joints and of the tool, each in the frame before, with z along the joint axis. The first frame is in
-the work frame. Many states are computed in blocks, so that the processor uses vector instructions:
-a row holds one number of all states of a block.
-"""
+# A chain is a table of links, (dof + 1, 12): rotation, row by row, and position of the frames of
+# all joints and of the tool, each in the frame before, with z along the joint axis. The first frame
+# is in the work frame. Many states are computed in blocks, so that the processor uses vector
+# instructions: a row holds one number of all states of a block.
 
 from __future__ import annotations
 
@@ -115,13 +114,8 @@ def out_of_link(r: Rotation, c: float, s: float, v: Vector) -> Vector:
 
 @compiled(inner=True)
 def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
-    """Write the frames of all joints and of the tool in the work frame for one state.
-
-    Args:
-        links: Links of the chain, (dof + 1, 12).
-        q: Joint positions [rad], (dof,).
-        frames: Output: rotations and positions, (dof + 1, 3, 4).
-    """
+    """Write the frames of all joints and of the tool in the work frame for one state."""
+    # links (dof + 1, 12), q (dof,) [rad], frames (dof + 1, 3, 4).
     for j in range(len(links)):
         c, s = (math.cos(q[j]), math.sin(q[j])) if j < len(q) else (1.0, 0.0)
         r = rotation_of(links, j)
@@ -138,12 +132,8 @@ def write_frames(links: FloatArray, q: FloatArray, frames: FloatArray) -> None:
 
 @compiled()
 def frames_of(links: FloatArray, q: FloatArray) -> FloatArray:
-    """Frames of all joints and of the tool for many states, (n, dof + 1, 3, 4).
-
-    Args:
-        links: As in `write_frames`.
-        q: Joint positions [rad], (n, dof).
-    """
+    """Frames of all joints and of the tool for many states, (n, dof + 1, 3, 4)."""
+    # q (n, dof) [rad].
     frames = np.empty((len(q), len(links), 3, 4))
     for i in range(len(q)):
         write_frames(links, q[i], frames[i])
@@ -168,11 +158,9 @@ def jacobians(links: FloatArray, q: FloatArray) -> FloatArray:
 
 @compiled(inner=True, fastmath=FUSED)
 def add_motion(order: int, joint: FloatArray, state: FloatArray) -> None:
-    """Propagate velocities, angular velocities and their derivatives to the next frame, per block.
-
-    A vector l of a link has the derivatives `l1 = w x l`, `l2 = e x l + w x l1` and
-    `l3 = f x l + 2 e x l1 + w x l2`. So has the axis of the next joint.
-    """
+    """Propagate velocities, angular velocities and their derivatives to the next frame."""
+    # A vector l of a link has the derivatives `l1 = w x l`, `l2 = e x l + w x l1` and
+    # `l3 = f x l + 2 e x l1 + w x l2`. So has the axis of the next joint.
     # The highest derivative comes first because it depends on the lower ones of the frame before.
     for i in range(B if order > 2 else 0):
         lever, axis, rate = get(state, WAY, i), get(state, AXIS, i), joint[2 * B + i]
@@ -206,20 +194,10 @@ def tool_motion(
     second: FloatArray,
     third: FloatArray,
 ) -> FloatArray:
-    """Poses of the tool, or the derivatives of its motion up to an order, for many states.
-
-    Args:
-        links: Links of the chain, (dof + 1, 12).
-        order: Order of the highest derivative, 0 to 3; order 0 gives poses.
-        q: Joint positions [rad], (n, dof).
-        first: First derivatives, (n, dof); ignored if above the order, as are the next two.
-        second: Second derivatives, (n, dof).
-        third: Third derivatives, (n, dof).
-
-    Returns:
-        For order 0 rotation and position, (3, 4) row by row, (n, 12); else velocity and angular
-        velocity, their derivatives, and their second derivatives, (n, 6 order).
-    """
+    """Poses of the tool, or the derivatives of its motion up to an order, for many states."""
+    # links (dof + 1, 12), q (n, dof) [rad], first (n, dof), second (n, dof), third (n, dof).
+    # Returns for order 0 rotation and position, (3, 4) row by row, (n, 12); else velocity and
+    # angular velocity, their derivatives, and their second derivatives, (n, 6 order).
     n, dof = q.shape
     result = np.empty((n, 6 * order if order else 12))
     joint, state = np.empty(JOINT_ROWS * B), np.empty(ROWS * B)
@@ -264,14 +242,8 @@ def tool_motion(
 
 @compiled(inner=True, fastmath=FUSED)
 def tool_point(links: FloatArray, q: FloatArray, anchors: FloatArray) -> Vector:
-    """Tool point [m] of one state, with few evaluations of sines and cosines.
-
-    Args:
-        links: Links of the chain, (dof + 1, 12).
-        q: Joint positions [rad], (dof,).
-        anchors: For each joint an angle with its sine and cosine, (dof, 3), updated when the joint
-            is far from the angle; 0, 0, 1 before the first call.
-    """
+    """Tool point [m] of one state, with few evaluations of sines and cosines."""
+    # links (dof + 1, 12), q (dof,) [rad], anchors (dof, 3).
     dof = len(q)
     point = links[dof, 9], links[dof, 10], links[dof, 11]
     for j in range(dof - 1, -1, -1):

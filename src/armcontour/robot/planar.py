@@ -29,19 +29,11 @@ SINGULAR_MARGIN = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tube(Checked):
-    """A uniform round tube that replaces a link of unknown mass and inertia.
+    """A uniform round tube that replaces a link of unknown mass and inertia."""
 
-    Args:
-        outer_diameter: Outer diameter [m].
-        wall: Thickness of the wall [m].
-        density: Density of the material [kg/m³].
-
-    Raises:
-        InvalidInput: A value is not above zero, or the wall is thicker than the outer radius.
-    """
-
-    outer_diameter: Size
-    wall: Size
+    outer_diameter: Size  # Outer diameter [m]
+    wall: Size  # Thickness of the wall [m]
+    # Density of the material [kg/m³].
     density: Annotated[float, Quantity("kg/m^3", sign="positive")]
 
     def _check_together(self) -> None:
@@ -155,11 +147,7 @@ class PlanarTwoLink(ChainArm):
         return np.stack([q1, q2], axis=-1)
 
     def configuration_of(self, q: npt.ArrayLike) -> str:
-        """Configuration (one of `branches`) of joint positions.
-
-        Args:
-            q: Joint positions [rad], (2,).
-        """
+        """Configuration (one of `branches`) of joint positions."""
         sine = float(np.sin(checks.shaped("joint positions", q, (2,), "rad")[1]))
         return self.branches[0 if sine >= 0 else 1]
 

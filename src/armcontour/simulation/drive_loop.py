@@ -23,19 +23,14 @@ class Functions(NamedTuple):
 
 
 class Bodies(NamedTuple):
-    """A MuJoCo model and its state, both in MuJoCo's memory.
-
-    Attributes:
-        model, data: Their addresses.
-        q, dq: Positions [rad] and velocities [rad/s] of all degrees of freedom, (n,).
-        torque: Applied torques, or the gravity torques of an arm at rest [N m], (n,).
-    """
+    """A MuJoCo model and its state, both in MuJoCo's memory."""
 
     model: int
     data: int
+    # q, dq: positions [rad] and velocities [rad/s] of all degrees of freedom, (n,).
     q: FloatArray
     dq: FloatArray
-    torque: FloatArray
+    torque: FloatArray  # Applied torques, or the gravity torques of an arm at rest [N m], (n,)
 
     @classmethod
     def from_model(cls, model: Any, data: Any) -> Bodies:
@@ -44,42 +39,29 @@ class Bodies(NamedTuple):
 
 
 class Loops(NamedTuple):
-    """The loops of the drives, as in `RigidBodyPlant`.
+    """The loops of the drives, as in `RigidBodyPlant`."""
 
-    Attributes:
-        kp, kv, ki: Gains [1/s], (dof,).
-        integral: Integrals of the velocity errors [rad], (dof,); updated.
-        step: Time between two computations of the loops [s].
-        inertia: J [kg m²], (dof,).
-        limit: Torque limits [N m], (dof,).
-        holds: Whether gravity is fed forward.
-        on_top: Whether the limits exclude the gravity torque.
-    """
-
+    # kp, kv, ki: gains [1/s], (dof,).
     kp: FloatArray
     kv: FloatArray
     ki: FloatArray
-    integral: FloatArray
-    step: float
-    inertia: FloatArray
-    limit: FloatArray
-    holds: bool
-    on_top: bool
+    integral: FloatArray  # Integrals of the velocity errors [rad], (dof,); updated
+    step: float  # Time between two computations of the loops [s]
+    inertia: FloatArray  # J [kg m²], (dof,)
+    limit: FloatArray  # Torque limits [N m], (dof,)
+    holds: bool  # True if gravity is fed forward
+    on_top: bool  # True if the limits exclude the gravity torque
 
 
 class Rows(NamedTuple):
-    """Output of the loop, one row per step.
+    """Output of the loop, one row per step."""
 
-    Attributes:
-        q, dq: Positions and velocities at the starts of the steps, and after the last one,
-            (steps + 1, n).
-        demand: Demanded accelerations [rad/s²], (steps, dof).
-        wanted, torque: Torques before and after saturation [N m], (steps, dof).
-    """
-
+    # q, dq: positions and velocities at the starts of the steps, and after the last one,
+    # (steps + 1, n).
     q: FloatArray
     dq: FloatArray
-    demand: FloatArray
+    demand: FloatArray  # Demanded accelerations [rad/s²], (steps, dof)
+    # wanted, torque: torques before and after saturation [N m], (steps, dof).
     wanted: FloatArray
     torque: FloatArray
 
@@ -135,26 +117,11 @@ def advance(
     wildest: float,
     rows: Rows,
 ) -> int:
-    """Simulate the steps from `first` to before `end`.
-
-    Args:
-        functions: MuJoCo's functions.
-        bodies: The bodies; encoders and torques are those of the last dof.
-        known: The controller's model of the arm, at rest.
-        loops: The drives.
-        parts: Number of integration steps per step of the drives.
-        commands: Commands in the steps [rad], (steps, dof).
-        integrated: Commands of the integrators, without acceleration feed-forward [rad], (steps,
-            dof).
-        noise: Noise of measured positions in the steps [rad], (steps, dof); (0, dof) without.
-        first: The first step.
-        end: The step before which the loop ends.
-        wildest: Velocity of a joint that runs away [rad/s].
-        rows: Output.
-
-    Returns:
-        `end`, or the step after which a joint runs away.
-    """
+    """Simulate steps `first` to before `end`; return `end`, or the step with a runaway joint."""
+    # `known` is the controller's model of the arm, at rest. Each step of the drives has `parts`
+    # integration steps. commands (steps, dof) [rad]; integrated: those of the integrators, without
+    # acceleration feed-forward; noise of measured positions (steps, dof), or (0, dof). A joint runs
+    # away above the velocity `wildest` [rad/s].
     dof, n = len(loops.kp), len(bodies.q)
     for k in range(first, end):
         for j in range(n):

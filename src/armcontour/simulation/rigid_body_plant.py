@@ -211,7 +211,7 @@ class RigidBodyPlant(LimitedPlant):
         return self.for_plan(set_points)._execute(set_points, resolution)
 
     def _execute(self, set_points: SetPoints, resolution: float) -> Execution:
-        """As `run`, with the limits of this plant."""
+        """Execute set-points with the limits of this plant."""
         steps = int(np.ceil(set_points.cycle / self.step * (1 - 1e-12)))
         span = set_points.cycle / steps
         every = _steps_per_result(steps, span, resolution)
@@ -343,27 +343,18 @@ class RigidBodyPlant(LimitedPlant):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Log:
-    """Results of some steps.
+    """Results of some steps."""
 
-    Args:
-        q, dq: Positions [rad] and velocities [rad/s] at the starts of the steps: of the links, and
-            with springs of the motors too, (n, dof) or (n, 2 dof).
-        ddq: Mean accelerations over the steps [rad/s²], of the same shape.
-        demand: Demanded accelerations [rad/s²], (n, dof).
-        wanted: Demanded torques [N m], (n, dof).
-        torque: Torques after saturation [N m], (n, dof).
-        demand_range: Lowest and highest demand [rad/s²], (2, dof).
-        saturated: Time in saturation [s], (dof,).
-    """
-
+    # q, dq: positions [rad] and velocities [rad/s] at the starts of the steps: of the links, and
+    # with springs of the motors too, (n, dof) or (n, 2 dof).
     q: FloatArray
     dq: FloatArray
-    ddq: FloatArray
-    demand: FloatArray
-    wanted: FloatArray
-    torque: FloatArray
-    demand_range: FloatArray
-    saturated: FloatArray
+    ddq: FloatArray  # Mean accelerations over the steps [rad/s²], of the same shape
+    demand: FloatArray  # Demanded accelerations [rad/s²], (n, dof)
+    wanted: FloatArray  # Demanded torques [N m], (n, dof)
+    torque: FloatArray  # Torques after saturation [N m], (n, dof)
+    demand_range: FloatArray  # Lowest and highest demand [rad/s²], (2, dof)
+    saturated: FloatArray  # Time in saturation [s], (dof,)
 
     @classmethod
     def from_steps(
@@ -481,15 +472,11 @@ class _Robot:
         return _Log.from_steps(*rows, self.step)
 
     def _equilibrium(self, first: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Rest positions with the first set-point as command [rad].
-
-        The integrator, or otherwise the position loop, holds the weight that is not fed forward; a
-        spring holds the whole weight.
-
-        Returns:
-            Positions of the motors and of the links, without springs the same [rad], and torques
-            of the loops [N m], (dof,) each.
-        """
+        """Rest positions with the first set-point as command [rad]."""
+        # The integrator, or otherwise the position loop, holds the weight that is not fed forward;
+        # a spring holds the whole weight.
+        # Returns positions of the motors and of the links, without springs the same [rad], and
+        # torques of the loops [N m], (dof,) each.
         plant, springs = self.plant, self.plant._springs
         gain = plant.nominal_inertia * plant.kv * plant.servo.kp
         gain = np.where(plant.servo.ki > 0, np.inf, gain)
@@ -542,16 +529,12 @@ class _Robot:
 
 
 def can_simulate() -> bool:
-    """Whether MuJoCo, which simulates the bodies, is installed."""
+    """True if MuJoCo, which simulates the bodies, is installed."""
     return importlib.util.find_spec("mujoco") is not None
 
 
 def require_mujoco() -> None:
-    """Check that MuJoCo is installed.
-
-    Raises:
-        InvalidInput: MuJoCo is not installed.
-    """
+    """Check that MuJoCo is installed."""
     mujoco_model.load()
 
 
@@ -563,11 +546,7 @@ def rest_window(servo: ServoModel) -> float:
 
 
 def check_damping(stiffness: npt.ArrayLike | None, damping: npt.ArrayLike | None) -> None:
-    """Check that joint damping comes with joint stiffness.
-
-    Raises:
-        InvalidInput: There is damping without stiffness.
-    """
+    """Check that joint damping comes with joint stiffness."""
     if stiffness is None and damping is not None:
         raise InvalidInput(
             "joint_damping is that of springs between drives and links: give their "
@@ -629,11 +608,9 @@ def _nominal_inertia(chain: Chain, reference: FloatArray) -> FloatArray:
 
 
 def _torque_limits(limits: Limits, arm_limits: Limits, chain: Chain) -> FloatArray:
-    """Torque limits of the drives [N m], (dof,).
-
-    Without torque limits the drives are rated for the acceleration limits of all joints at once,
-    without payload, in each of `RATED_POSES` random poses.
-    """
+    """Torque limits of the drives [N m], (dof,)."""
+    # Without torque limits the drives are rated for the acceleration limits of all joints at once,
+    # without payload, in each of `RATED_POSES` random poses.
     if limits.joint_torque is not None:
         return limits.joint_torque
     dof = len(chain)

@@ -24,33 +24,20 @@ PAIRS = 50_000
 
 
 class ToolMotion(NamedTuple):
-    """Tool points in order, with their path points.
+    """Tool points in order, with their path points."""
 
-    Attributes:
-        points: Tool points in order, padded to space [m], (n, 3) with n > 1.
-        distance: Distances from their path points [m], (n,).
-        s: Arc lengths of their path points [m], (n,).
-        sizes: Lengths of the tool's chords [m], (n - 1,).
-        later: Smallest arc length of this and all later points [m], (n,).
-    """
-
-    points: FloatArray
-    distance: FloatArray
-    s: FloatArray
-    sizes: FloatArray
-    later: FloatArray
+    points: FloatArray  # Tool points in order, padded to space [m], (n, 3) with n > 1
+    distance: FloatArray  # Distances from their path points [m], (n,)
+    s: FloatArray  # Arc lengths of their path points [m], (n,)
+    sizes: FloatArray  # Lengths of the tool's chords [m], (n - 1,)
+    later: FloatArray  # Smallest arc length of this and all later points [m], (n,)
 
 
 class PathIntervals(NamedTuple):
-    """Path intervals in which the tool can be, in order.
+    """Path intervals in which the tool can be, in order."""
 
-    Attributes:
-        ends: First and last arc lengths [m], (MOST_STRETCHES + 1, 2).
-        first: Segments on which they begin, (MOST_STRETCHES + 1,).
-    """
-
-    ends: FloatArray
-    first: IntArray
+    ends: FloatArray  # First and last arc lengths [m], (MOST_STRETCHES + 1, 2)
+    first: IntArray  # Segments on which they begin, (MOST_STRETCHES + 1,)
 
 
 @compiled(inner=True)
@@ -63,11 +50,9 @@ def _reachable_intervals(
     before: float,
     leash2: float,
 ) -> tuple[int, float, float, bool]:
-    """Find the path intervals in which the tool can be at a point, and the nearest path point.
-
-    Returns the number of new intervals, distance and arc length of the tool [m], and whether the
-    path point is at the start of an interval only because arc length must not decrease.
-    """
+    """Find the path intervals in which the tool can be at a point, and the nearest path point."""
+    # Returns the number of new intervals, distance and arc length of the tool [m], and whether the
+    # path point is at the start of an interval only because arc length must not decrease.
     new_count, best, place, held, done = 0, math.inf, 0.0, False, -1.0
     for k in range(count):
         low, high = old.ends[k, 0], old.ends[k, 1]
@@ -118,22 +103,15 @@ def _reachable_intervals(
 def follow(
     points: FloatArray, rows: FloatArray, start: float, leash: float, needed: int
 ) -> tuple[FloatArray, FloatArray, int, bool]:
-    """Nearest places that a tool can be at if it runs over the path without going back.
-
-    At each point the stretches of the path are known that the tool can have reached if it never
-    was further than the leash from its place, and its place never went back.
-
-    Args:
-        points: Tool points in order, padded to space [m], (n, 3).
-        rows: Segments from `geometry.projection.pack`, (segments, 15).
-        start: The first place is at or before this one [m].
-        leash: Largest distance between tool and place [m].
-        needed: So many points must be followed; those after them, as long as they can.
-
-    Returns:
-        Distances [m] and places [m], (n,) each; how many points were followed; and whether the
-        nearest place of any point was held by the rule that places do not go back.
-    """
+    """Distances and arc lengths of the path points of a tool that never moves back on the path."""
+    # At each point, the kernel keeps the intervals of the path that the tool can have reached if
+    # its distance from its path point never exceeded `leash` [m] and its arc length never
+    # decreased.
+    # points (n, 3) [m], rows (segments, 15) from `pack_segments`. `start` [m] is at or after the
+    # first path point. The first `needed` points must be followed, later ones until the tool leaves
+    # the path.
+    # Returns distances and arc lengths [m], (n,) each; the number of followed points; and whether
+    # the path point of any point was restricted because arc length must not decrease.
     n, size = len(points), MOST_STRETCHES + 1
     distance, s = np.empty(n), np.empty(n)
     now = PathIntervals(np.empty((size, 2)), np.empty(size, np.intp))
@@ -156,16 +134,9 @@ def follow(
 def find_places(
     points: FloatArray, rows: FloatArray, reach: FloatArray
 ) -> tuple[IntArray, FloatArray]:
-    """Nearest points on all segments within a distance of points, and segment ends within it.
-
-    Args:
-        points: The points, padded to space [m], (n, 3).
-        rows: Segments from `geometry.projection.pack_segments`, (segments, 15).
-        reach: The distances [m], (n,); an excess by rounding is accepted.
-
-    Returns:
-        Index of the point, and arc length [m], for each result.
-    """
+    """Indices of points, and arc lengths of nearest points and segment ends within `reach` [m]."""
+    # points (n, 3) [m], rows (segments, 15) from `pack_segments`; an excess by rounding is
+    # accepted.
     k, length, within = rows[:, 9], rows[:, 10], reach + EQUAL
     indices, arc_lengths = [np.empty(0, np.intp)], [np.empty(0)]
     for part in np.array_split(np.arange(len(points)), 1 + len(points) * len(rows) // PAIRS):
@@ -198,13 +169,10 @@ def find_places(
 def _tool_distances(
     p: Point, q: Point, way: ToolMotion, i: int, until: float, reach: float
 ) -> tuple[float, float, float]:
-    """Distances of two path points from the tool's motion around its chord i.
-
-    The motion extends by `reach` on both sides of the chord, and until the tool has passed
-    `end_time` for the last time. Returns both distances [m] and a bound for all points on the line
-    between
-    them: the end that is farther from a chord.
-    """
+    """Distances of two path points from the tool's motion around its chord i [m], and a bound."""
+    # The motion extends by `reach` on both sides of the chord, and until the tool has passed
+    # `end_time` for the last time. The bound holds for all points on the line between them: it is
+    # the distance of the end that is farther from a chord.
     a = b = bound = math.inf
     for step in (1, -1):
         j, gone, spare = i, 0.0, 0.0
@@ -246,13 +214,11 @@ def _measure_parts(
     distances: FloatArray,
     distance_s: FloatArray,
 ) -> None:
-    """Largest distance from parts of the path to the tool, for each point that starts a step.
-
-    A part is measured at its ends and halved while a bound exceeds the largest distance so far.
-    `parts` are the step, the segment, and whether the part is the last of its step, (m, 3). Updates
-    `distances` [m], -1 where nothing was measured, and their arc lengths `distance_s`, (n,) each.
-    The largest is at most SURE below that of the whole path.
-    """
+    """Largest distance from parts of the path to the tool, for each point that starts a step."""
+    # A part is measured at its ends and halved while a bound exceeds the largest distance so far.
+    # `parts` are the step, the segment, and whether the part is the last of its step, (m, 3).
+    # Updates `distances` [m], -1 where nothing was measured, and their arc lengths `distance_s`,
+    # (n,) each. The largest is at most SURE below that of the whole path.
     n = len(way.points)
     halves, worst = np.empty((MOST_HALVES, 2)), -1.0
     for m in order:
@@ -289,21 +255,12 @@ def _measure_parts(
 def measure_coverage(
     way: ToolMotion, rows: FloatArray, begin: float, end: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Largest distance from the path to the tool, for the path interval of each tool step.
-
-    Intervals are split at segment ends. The step from the point with the largest distance comes
-    first, because most others then need no measurement.
-
-    Args:
-        way: The way of the tool.
-        rows: Segments from `geometry.projection.pack_segments`, (rows, 15).
-        begin: Start of the evaluated arc length [m].
-        end: End of the evaluated arc length [m].
-
-    Returns:
-        Distances [m], -1 without a measurement, and arc lengths [m], (n,) each. The first row
-        includes the path before the first tool point, the last row the path after the last.
-    """
+    """Largest distance from the path to the tool, for the path interval of each tool step."""
+    # Intervals are split at segment ends. The step from the point with the largest distance comes
+    # first, because most others then need no measurement.
+    # rows (rows, 15).
+    # Returns distances [m], -1 without a measurement, and arc lengths [m], (n,) each. The first row
+    # includes the path before the first tool point, the last row the path after the last.
     reached = np.maximum.accumulate(way.s)
     low = np.append(begin, np.maximum(reached[1:], begin))
     high = np.append(np.minimum(np.maximum(reached[:-1], way.s[1:]), end), end)

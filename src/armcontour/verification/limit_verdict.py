@@ -59,35 +59,21 @@ POSITION_STEP = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Occurrence:
-    """The use of a limit at one time.
+    """The use of a limit at one time."""
 
-    Args:
-        ratio: Value over limit; for joint_lower and joint_upper both relative to the middle of the
-            joint range.
-        value: Value without sign [unit of the limit].
-        limit: The limit there.
-        t: Time [s].
-        joint: Index of the joint, from 0; None for a limit of the tool.
-        s: Arc length of the nearest point on the path [m]; None without a path.
-        slack: Part of `ratio` that rounding may have caused.
-        certain: Smallest ratio that the rounded numbers allow.
-    """
-
+    # Value over limit; for joint_lower and joint_upper both relative to the middle of the joint
+    # range.
     ratio: float
-    value: float
+    value: float  # Value without sign [unit of the limit]
     limit: float
-    t: float
-    joint: int | None
-    s: float | None
-    slack: float
-    certain: float
+    t: float  # Time [s]
+    joint: int | None  # Index of the joint, from 0; None for a limit of the tool
+    s: float | None  # Arc length of the nearest point on the path [m]; None without a path
+    slack: float  # Part of `ratio` that rounding may have caused
+    certain: float  # Smallest ratio that the rounded numbers allow
 
     def rows(self, unit: str) -> tuple[Row, ...]:
-        """Result rows; joints are numbered from 1.
-
-        Args:
-            unit: Unit of the limit.
-        """
+        """Result rows; joints are numbered from 1."""
         joint = None if self.joint is None else self.joint + 1
         return (
             Row("ratio", self.ratio, "1", "share"),
@@ -171,15 +157,10 @@ def merge_uses(first: LimitUse, second: LimitUse) -> LimitUse:
 
 
 class LimitUseAccumulator:
-    """Accumulator of the largest use of every limit.
+    """Accumulator of the largest use of every limit, for limits with one value per joint."""
 
-    Args:
-        arm: The arm.
-        limits: The limits, with one value per joint.
-        path: The path that the tool should follow, or None.
-        deviation: Largest distance from the path [m].
-        orientation_deviation: Largest angle from the required tool orientation [rad].
-    """
+    # deviation: largest distance from the path [m]; orientation_deviation: largest angle from the
+    # required tool orientation [rad].
 
     def __init__(
         self,
@@ -199,16 +180,7 @@ class LimitUseAccumulator:
         self._highest: dict[str, tuple[Occurrence, FloatArray]] = {}
 
     def record(self, use: Use, t: FloatArray, q: FloatArray) -> float:
-        """Record the use of a limit: the largest certain and the highest ratio.
-
-        Args:
-            use: The use at some times.
-            t: These times [s], (n,).
-            q: Joint positions [rad], (n, dof).
-
-        Returns:
-            Largest share of the limit that rounding may have caused.
-        """
+        """Record a use at times and joint positions; return the largest share due to rounding."""
         name, value = use.name, use.value
         if not value.size:
             return 0.0
@@ -312,27 +284,15 @@ class Law(Protocol):
         """Times between which the law is smooth, including start and end [s]."""
 
     def __call__(self, t: npt.ArrayLike, order: int = 0, *, side: str = "right") -> FloatArray:
-        """Joint positions, velocities, accelerations or jerks, (n, dof).
-
-        Jerk is not checked if the law raises an error for order 3.
-        """
+        """Joint positions, velocities, accelerations or jerks, (n, dof)."""
+        # Jerk is not checked if the law raises an error for order 3.
 
 
 def record_law(
     law: Law, tally: LimitUseAccumulator, *, points: int, seed: int, velocity_step: float
 ) -> int:
-    """Record the states of a law; return their number.
-
-    Args:
-        law: The law.
-        tally: Accumulator of the uses.
-        points: Random times per interval.
-        seed: Seed of the random times.
-        velocity_step: Largest jump of a joint's velocity at a break [rad/s].
-
-    Raises:
-        InvalidInput: Breaks that do not increase, or a value that is not finite.
-    """
+    """Record the states of a law at `points` random times per interval; return their number."""
+    # velocity_step: largest jump of a joint's velocity at a break [rad/s].
     breaks = np.asarray(law.breaks, dtype=np.float64)
     if breaks.ndim != 1 or len(breaks) < 2 or not (np.diff(breaks) > 0).all():
         raise InvalidInput("The breaks of a law must be at least two times that increase.")
@@ -367,22 +327,8 @@ def uses_of_law(
     left: FloatArray,
     jerks: Collection[str],
 ) -> tuple[FloatArray, FloatArray, list[Use]]:
-    """Use of limits by a law at some times.
-
-    Args:
-        law: The law.
-        arm: The arm.
-        limits: The limits, with one value per joint.
-        right: Times with values from the right at breaks [s], (n,).
-        left: Times with values from the left at breaks [s], (m,).
-        jerks: The limits of jerk that are checked.
-
-    Returns:
-        Both times, (n + m,), joint positions then, (n + m, dof), and the uses.
-
-    Raises:
-        InvalidInput: A value is not finite, or the law has another number of joints.
-    """
+    """Times (n + m,), joint positions (n + m, dof), and use of limits by a law at these times."""
+    # right (n,) and left (m,): times with values from the right or the left at breaks [s].
     # The third derivative of the joints is evaluated only if jerk of joints or tool is checked.
     order = 3 if set(jerks) - {"path_jerk"} else 2
     t = np.concatenate([right, left])
@@ -437,10 +383,8 @@ def _record_acceleration_steps(
     names: Collection[str],
     ends: tuple[float, float],
 ) -> None:
-    """Record the jumps of accelerations at breaks, which the jerk on both sides does not show.
-
-    Before a motion that starts at rest, and after one that ends at rest, accelerations are zero.
-    """
+    """Record the jumps of accelerations at breaks, which the jerk on both sides does not show."""
+    # Before a motion that starts at rest, and after one that ends at rest, accelerations are zero.
     if not names:
         return
     q = law(t)
@@ -465,13 +409,7 @@ def _accelerations(
 
 
 def find_known_jerks(law: Law, limits: Limits, start: FloatArray) -> tuple[str, ...]:
-    """Limits of jerk that can be checked for a law.
-
-    Args:
-        law: The law.
-        limits: The limits.
-        start: Its first time [s], (1,).
-    """
+    """Limits of jerk that can be checked for a law that begins at `start` [s], (1,)."""
 
     def is_known(along: bool) -> bool:
         # Without a tool path, s of a law is an arbitrary parameter.
@@ -488,13 +426,8 @@ def find_known_jerks(law: Law, limits: Limits, start: FloatArray) -> tuple[str, 
 
 
 def measure_limit_ratios(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
-    """Largest use of every limit: 1 is the limit.
-
-    In a program, limits of the tool apply along contours, limits of the joints in every move.
-
-    Returns:
-        The ratio of every specified limit that can be evaluated.
-    """
+    """Ratio of the largest use to every specified limit that can be evaluated."""
+    # In a program, limits of the tool apply along contours, limits of the joints in every move.
     largest: dict[str, float] = {}
     for motion, bounds in _parts(trajectory, limits):
         for name, ratio in _largest_ratios(motion, arm, bounds).items():

@@ -108,12 +108,9 @@ class Estimate(Result):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimates(Result, Checked):
-    """Base of results with estimates, which are attributes, too, such as `kp`.
+    """Base of results with estimates, which are attributes, too, such as `kp`."""
 
-    Args:
-        parameters: Estimates of the parameters by name.
-    """
-
+    # Estimates of the parameters by name.
     parameters: dict[str, Estimate] = field(default_factory=dict)
 
     def __getattr__(self, name: str) -> Estimate:
@@ -129,11 +126,7 @@ class Estimates(Result, Checked):
         return tuple(self.parameters.values())
 
     def table(self, name: str) -> Table:
-        """The estimates, one a row.
-
-        Args:
-            name: Name of the table.
-        """
+        """The estimates, one a row."""
         return Table.from_rows(name, [x.to_data().rows for x in self.estimates])
 
     __repr__ = short_repr
@@ -141,33 +134,22 @@ class Estimates(Result, Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointEstimates(Estimates):
-    """Base of the results of one joint.
+    """Base of the results of one joint."""
 
-    Args:
-        name: Name of the joint.
-        rms: RMS error of the model on the logs that were fitted [rad].
-        rests: For each log, measured less predicted positions [rad]; nan where they do not count,
-            (n,). Empty if no model was fitted.
-    """
-
-    name: str
-    rms: float = math.nan
+    name: str  # Name of the joint
+    rms: float = math.nan  # RMS error of the model on the logs that were fitted [rad]
+    # For each log, measured less predicted positions [rad]; nan where they do not count, (n,).
+    # Empty if no model was fitted.
     rests: tuple[FloatArray, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class IdentifiedJoints(Estimates):
-    """Base of the results of both identifications.
-
-    Args:
-        logs: The logs.
-        interpolation: Interpolation of set-points that was assumed.
-        joints: The result of each joint.
-    """
+    """Base of the results of both identifications."""
 
     logs: tuple[Log, ...]
-    interpolation: str
-    joints: tuple[JointEstimates, ...] = field(repr=False)
+    interpolation: str  # Interpolation of set-points that was assumed
+    joints: tuple[JointEstimates, ...] = field(repr=False)  # The result of each joint
 
     def __getitem__(self, name: str | int) -> Any:
         """A joint by its name, or by its number from 1."""

@@ -35,9 +35,6 @@ class FitOptions(Options):
         interpolation: Interpolation of set-points in the controller, "linear" or "step"; by default
             that of the log, else linear.
         longest_dead_time: Largest dead time of the search [s].
-
-    Raises:
-        InvalidInput: A value of the wrong type or out of range.
     """
 
     method: ClassVar[str]
@@ -56,9 +53,6 @@ class ServoFit(FitOptions):
             default the loops are continuous.
         kinematics: The arm at whose tool the contour error is computed; by default it is computed
             in joint space.
-
-    Raises:
-        InvalidInput: A value of the wrong type or out of range.
     """
 
     method = "servo"
@@ -77,9 +71,6 @@ class BodyFit(FitOptions):
             with its true load ("loaded"), or "none"; by default the one that the logs support.
         drive_cycle: Time for which the drives keep their torque, up to 2 ms [s]: half of it must be
             small against the time constant of a velocity loop.
-
-    Raises:
-        InvalidInput: A value of the wrong type or out of range.
     """
 
     method = "bodies"
@@ -88,11 +79,7 @@ class BodyFit(FitOptions):
 
 
 def list_logs(logs: Log | Sequence[Log]) -> tuple[Log, ...]:
-    """The logs, each with a sample interval within INTERVALS.
-
-    Raises:
-        InvalidInput: No log, or an interval is too short or too long.
-    """
+    """The logs, each with a sample interval within INTERVALS."""
     every = checks.check_sequence("logs", (logs,) if isinstance(logs, Log) else logs, Log, "Logs")
     checks.raise_if(not every, "There is no log to identify from: give at least one.")
     low, high = INTERVALS
@@ -111,11 +98,7 @@ def list_logs(logs: Log | Sequence[Log]) -> tuple[Log, ...]:
 
 
 def choose_interpolation(logs: Sequence[Log], required: str | None) -> str:
-    """The interpolation of set-points: the required one, else that of the logs, else linear.
-
-    Raises:
-        InvalidInput: The logs differ, or a log states another one.
-    """
+    """The interpolation of set-points: the required one, else that of the logs, else linear."""
     for x in logs:
         checks.raise_if(
             required is not None and x.interpolation not in (None, required),

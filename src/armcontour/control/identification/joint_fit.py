@@ -93,25 +93,15 @@ class Search(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LogSegment:
-    """One joint in one log, or between two gaps of it; arrays are (n,).
+    """One joint in one log, or between two gaps of it; arrays are (n,)."""
 
-    Args:
-        log: Index of the log.
-        start: Index of its first sample in the log.
-        command: Command with times and set-points.
-        y: Measured positions [rad].
-        use: Samples that count.
-        weight: Weight of each sample, by the motion of the command.
-        part: Index of the part (for cross-validation) of each sample.
-    """
-
-    log: int
-    start: int
-    command: LoggedCommand
-    y: FloatArray
+    log: int  # Index of the log
+    start: int  # Index of its first sample in the log
+    command: LoggedCommand  # Command with times and set-points
+    y: FloatArray  # Measured positions [rad]
     use: BoolArray
-    weight: FloatArray
-    part: IntArray
+    weight: FloatArray  # Weight of each sample, by the motion of the command
+    part: IntArray  # Index of the part (for cross-validation) of each sample
 
     def after(self, lag: float) -> LogSegment:
         """The segment, with samples used after SKIPPED and a lag of the joint [s]."""
@@ -141,14 +131,8 @@ class LogSegment:
 def split_logs(
     logs: Sequence[Log], j: int, interpolation: str, lag: float = 0.0
 ) -> list[LogSegment]:
-    """Split logs at long gaps, weigh the samples of joint j by motion, and divide them into parts.
-
-    Args:
-        logs: The logs.
-        j: The joint, from 0.
-        interpolation: Interpolation of set-points.
-        lag: Time at the begin that does not count [s], in addition to SKIPPED.
-    """
+    """Split logs at long gaps, weigh the samples of joint j by motion, divide them into parts."""
+    # The first `lag` + SKIPPED seconds do not count.
     spans = []
     for i, log in enumerate(logs):
         t = log.t
@@ -185,12 +169,11 @@ def split_logs(
 
 
 class Problem:
-    """The least-squares problem of a model and log segments, solved by variable projection.
+    """The least-squares problem of a model and log segments, solved by variable projection."""
 
-    Unknowns are the parameters of the model, and for each segment the offset of the measurement and
-    the initial position, velocity and acceleration that the model has. Linear unknowns are solved
-    for in every step; only the others are searched.
-    """
+    # Unknowns are the parameters of the model, and for each segment the offset of the measurement
+    # and the initial position, velocity and acceleration that the model has. Linear unknowns are
+    # solved for in every step; only the others are searched.
 
     def __init__(self, model: Model, segments: Sequence[LogSegment], search: Search) -> None:
         self.model, self.segments, self.search = model, segments, search
@@ -232,10 +215,8 @@ class Problem:
     def linearize(
         self, x: FloatArray, only: BoolArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Residuals [mrad], and their derivatives by all unknowns or by those of a mask.
-
-        Residuals are simulated less measured positions of the samples that count.
-        """
+        """Residuals [mrad], and their derivatives by all unknowns or by those of a mask."""
+        # Residuals are simulated less measured positions of the samples that count.
         m, b = self.m, self.b
         only = np.full(len(x), True) if only is None else only
         searched, later = np.flatnonzero(only[:m]), np.flatnonzero(only[m + 1 : m + b]) + 1
@@ -267,11 +248,9 @@ class Problem:
         return self.linearize(x, np.full(len(x), False))[0]
 
     def project(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The unknowns with the best linear ones, and their residuals [mrad].
-
-        Returns:
-            Unknowns, residuals, and normalized derivatives by linear ones within their bounds.
-        """
+        """The unknowns with the best linear ones, and their residuals [mrad]."""
+        # Returns unknowns, residuals, and normalized derivatives by linear ones within their
+        # bounds.
         linear = np.flatnonzero(self.linear)
         start, slopes = self.linearize(x, self.linear)
         if np.abs(start).max() >= MOST:  # Diverged: an offset must not hide it.
@@ -407,15 +386,10 @@ def estimate_parameters(
     longest_cycle: float = 0.0,
     rivals: Sequence[JointServo] = (),
 ) -> dict[str, Estimate]:
-    """Estimates of the parameters of a fit, by name; no interval for those at a bound.
-
-    Args:
-        fit: The fit.
-        without: Servos that are fitted without one part of the logs each. Their scatter shows
-            effects that are not modelled, such as other joints.
-        longest_cycle: Longest cycle of the drive, if it is unknown [s].
-        rivals: Servos of other models with equal errors, if no model is complete.
-    """
+    """Estimates of the parameters of a fit, by name; no interval for those at a bound."""
+    # without: servos that are fitted without one part of the logs each. Their scatter shows effects
+    # that are not modelled, such as other joints. rivals: servos of other models with equal errors,
+    # if no model is complete. longest_cycle: longest cycle of the drive, if it is unknown [s].
     p, names, bounds = fit.problem, fit.problem.model.free, set().union(*fit.at_bounds())
     free = np.full(len(fit.x), True)
     free[: p.m] = [x not in bounds for x in names]
@@ -447,10 +421,8 @@ def estimate_parameters(
 
 
 def cycled_servo(servo: JointServo, drive_cycle: float) -> JointServo:
-    """The servo with a cycle [s] that moves as a continuous one, to first order in the cycle.
-
-    Held values and differences over a cycle have a delay of half a cycle.
-    """
+    """The servo with a cycle [s] that moves as a continuous one, to first order in the cycle."""
+    # Held values and differences over a cycle have a delay of half a cycle.
     half = HIGHER * drive_cycle / 2
     kp, ki = servo.kp / (1 + servo.kp * half), servo.ki / (1 + servo.ki * half)
     slow = 1 - (kp + ki) * half

@@ -74,18 +74,10 @@ def judge(
     longest: float,
     arm: Arm | None,
 ) -> tuple[tuple[JointIdentification, ...], Judgement]:
-    """Choose the written model of each joint by the contour error, and judge the result.
-
-    Good models are written. For the other joints, the weak model, the delay or nothing is written,
-    depending on which has the smallest contour error.
-
-    Args:
-        logs: The logs.
-        joints: The identified joints.
-        interpolation: Interpolation of set-points.
-        longest: Longest dead time [s].
-        arm: The arm whose tool follows the contour; None for joint space.
-    """
+    """Choose the written model of each joint by the contour error, and judge the result."""
+    # Good models are written. For the other joints, the weak model, the delay or nothing is
+    # written, depending on which has the smallest contour error. Without an arm the contour is in
+    # joint space.
     delays = _joint_delays(logs, longest)
     motions = [_prepare(logs, i, joints, longest) for i in range(len(logs))]
     every = [np.concatenate([x.rest[y] for x in motions]) for y in ("none", "delay")]
@@ -167,13 +159,8 @@ def _joint_delays(logs: Sequence[Log], longest: float) -> FloatArray:
 def find_delay(
     motions: Sequence[tuple[FloatArray, FloatArray, FloatArray]], low: float, high: float
 ) -> float:
-    """Delay of commands with the smallest sum of squared tracking errors, by Newton's method [s].
-
-    Args:
-        motions: Times [s], commands and positions, (n,), (n, k), (n, k).
-        low: Smallest delay [s].
-        high: Largest delay [s].
-    """
+    """Delay of commands with the smallest sum of squared tracking errors (Newton's method) [s]."""
+    # motions: times (n,) [s], commands (n, k) and positions (n, k).
     delay = 0.0
     for _ in range(STEPS):
         above = below = 0.0
@@ -205,16 +192,9 @@ def count_programs(logs: Sequence[Log]) -> int:
 def find_nearest(
     curve: FloatArray, points: FloatArray, reach: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Squared distances of points to a curve near them in time, and their nearest places on it.
-
-    Args:
-        curve: Points of the curve, (n, m).
-        points: Points at the same times, (n, m).
-        reach: Samples before and after its own within which the place of a point is.
-
-    Returns:
-        Squared distances, and places in samples, (n,) each.
-    """
+    """Squared distances of points to a curve, and nearest positions on it in samples, (n,)."""
+    # curve and points (n, m) are at the same times; the search covers `reach` samples before and
+    # after.
     n = len(curve)
     nearest, positions, rows = np.full(n, np.inf), np.zeros(n), np.arange(n)
     edges = np.diff(curve, axis=0)

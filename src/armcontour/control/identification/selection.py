@@ -75,27 +75,16 @@ STARTS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Selected:
-    """A fitted model and its predictions of parts to which it was not fitted.
+    """A fitted model and its predictions of parts to which it was not fitted."""
 
-    Args:
-        fit: The fit to all samples.
-        segments: The segments of the predictions.
-        unseen: Predicted positions [rad]; each sample by a fit without its part.
-        errors: Mean squared errors of the parts, weighted by motion [rad²], (parts,).
-        motions: Weights of the parts, (parts,).
-        limit: Acceleration limit that is estimated apart from the fit.
-        without: Servos that are fitted without one part each.
-        rivals: Servos of other models whose error is hardly larger.
-    """
-
-    fit: Fit
-    segments: Sequence[LogSegment]
-    unseen: list[FloatArray]
-    errors: FloatArray
-    motions: FloatArray
-    limit: Estimate | None = None
-    without: Sequence[JointServo] = ()
-    rivals: Sequence[JointServo] = ()
+    fit: Fit  # The fit to all samples
+    segments: Sequence[LogSegment]  # The segments of the predictions
+    unseen: list[FloatArray]  # Predicted positions [rad]; each sample by a fit without its part
+    errors: FloatArray  # Mean squared errors of the parts, weighted by motion [rad²], (parts,)
+    motions: FloatArray  # Weights of the parts, (parts,)
+    limit: Estimate | None = None  # Acceleration limit that is estimated apart from the fit
+    without: Sequence[JointServo] = ()  # Servos that are fitted without one part each
+    rivals: Sequence[JointServo] = ()  # Servos of other models whose error is hardly larger
 
     @property
     def servo(self) -> JointServo:

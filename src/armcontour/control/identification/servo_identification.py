@@ -268,16 +268,8 @@ def write_servo(
     drive_cycle: float = 0.0,
     unseen: float = 0.0,
 ) -> JointIdentification:
-    """The joint with a servo that is written, and the errors of this servo on the logs.
-
-    Args:
-        joint: The joint.
-        segments: The joint in the logs.
-        servo: The servo that is written.
-        order: Its order.
-        drive_cycle: Cycle of the drives [s].
-        unseen: Largest error on parts that were not fitted [rad].
-    """
+    """The joint with a servo that is written, and the errors of this servo on the logs."""
+    # unseen: largest error on parts that were not fitted [rad].
     rms, largest = math.nan, math.pi
     if segments:
         errors = np.concatenate(

@@ -130,11 +130,7 @@ def identify(
 def identify_joint(
     logs: Sequence[Log], j: int, interpolation: str, search: Search
 ) -> JointIdentification:
-    """Identify the joint j (from 0) of some logs.
-
-    Raises:
-        InvalidInput: Command and measurement cannot belong together.
-    """
+    """Identify the joint j (from 0) of some logs."""
     name = logs[0].joint_names[j]
     segments = split_logs(logs, j, interpolation)
     lag = find_lag(segments, search.longest)
@@ -230,10 +226,8 @@ def _error(segments: Sequence[LogSegment], selected: Selected) -> float:
 
 
 def _judge(errors: Sequence[FloatArray], segments: Sequence[LogSegment]) -> tuple[float, float]:
-    """Error and tracking error of the log with the largest share, RMS [rad].
-
-    Errors of a single log are weighted by motion, because the joint may rest in parts of it.
-    """
+    """Error and tracking error of the log with the largest share, RMS [rad]."""
+    # Errors of a single log are weighted by motion, because the joint may rest in parts of it.
     logs = sorted({s.log for s in segments if s.weight.any()})
     single, pairs, lags = int(len(logs) == 1), [], _lags(segments)
     for k in logs:

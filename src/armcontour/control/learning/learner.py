@@ -183,11 +183,9 @@ def _evaluate_runs(
 
 
 def _linear(servo: ServoModel, arm: Arm) -> ServoModel:
-    """Linear servo model with values per joint.
-
-    Friction is removed, because it is learned. A pure delay becomes order "first" with velocity
-    feed-forward 1. On rigid bodies, a drive cycle becomes a dead time of half a cycle.
-    """
+    """Linear servo model with values per joint."""
+    # Friction is removed, because it is learned. A pure delay becomes order "first" with velocity
+    # feed-forward 1. On rigid bodies, a drive cycle becomes a dead time of half a cycle.
     servo = servo.replace(friction=0.0).for_joints(arm.dof)
     if servo.drive_cycle and arm.has_bodies and servo.replace(drive_cycle=0.0).is_plain("second"):
         dead_time = np.minimum(servo.dead_time + servo.drive_cycle / 2, LONGEST_DEAD_TIME)
@@ -205,11 +203,9 @@ def _linear(servo: ServoModel, arm: Arm) -> ServoModel:
 def _fit_model(
     set_points: SetPoints, logs: Sequence[Executed], nominal: Nominal
 ) -> tuple[SetPoints, Lifted, tuple[float, float]]:
-    """Fit the servo to the mean of the first logs: set-points, model, and misfits.
-
-    If the robot has more dead time than its model, set-points are shifted by whole cycles: only
-    their times in the plan change.
-    """
+    """Fit the servo to the mean of the first logs: set-points, model, and misfits."""
+    # If the robot has more dead time than its model, set-points are shifted by whole cycles: only
+    # their times in the plan change.
     lifted = Lifted(set_points, nominal)
     errors, noises, interval = [], [], np.inf
     for log in logs:
@@ -358,10 +354,8 @@ def _keep_limits(
     limits: Limits,
     fastest: FloatArray,
 ) -> tuple[FloatArray, str]:
-    """Nearest set-points within the limits, (n, dof), and the most restrictive limit.
-
-    A joint without a solution keeps its set-points of the best run.
-    """
+    """Nearest set-points within the limits, (n, dof), and the most restrictive limit."""
+    # A joint without a solution keeps its set-points of the best run.
     selected = Limits.only(
         joint_velocity=limits.joint_velocity,
         joint_acceleration=fastest,

@@ -81,11 +81,7 @@ class Recording(Checked):
 
 
 def record(executed: Execution | Log | Recording, set_points: SetPoints) -> Recording:
-    """Convert an execution or a log to a recording, with checks.
-
-    Raises:
-        InvalidInput: Wrong type, another number of joints, or other set-points.
-    """
+    """Convert an execution or a log to a recording, with checks."""
     if isinstance(executed, Execution):
         executed_points = executed.set_points
         same = (

@@ -46,25 +46,15 @@ def fit_servo(
     noise: FloatArray,
     interval: float,
 ) -> tuple[ServoModel, tuple[float, float]]:
-    """Servo model that the log of a run supports; that of `lifted` if no other is more probable.
-
-    The deviation from the expected motion is white noise, friction of each joint, and
-    the response to an unknown disturbance, a random walk of the command (`Lifted.surprise`). The
-    penalty, which describes the size of the disturbance, is estimated together with the servo.
-
-    Args:
-        set_points: Set-points of the run.
-        lifted: Response with the nominal servo.
-        error: Measured deviation from the expected motion at these times [rad], (n, dof).
-        variance: Variance of the white noise in them [rad²].
-        noise: Standard deviation of the measurement noise [rad], (dof,). Joints that move less
-            than MOVES times this, or than STILL, keep the nominal servo.
-        interval: Time between two samples of the log [s].
-
-    Returns:
-        The servo, and the RMS deviation of the joints from the motion with the nominal servo and
-        with this one, without friction and offsets [rad]; both 0 if it is the nominal servo.
-    """
+    """Servo model that the log of a run supports; that of `lifted` if no other is more probable."""
+    # The deviation from the expected motion is white noise, friction of each joint, and the
+    # response to an unknown disturbance, a random walk of the command (`Lifted.surprise`). The
+    # penalty, which describes the size of the disturbance, is estimated together with the servo.
+    # error (n, dof) [rad] with white noise of the variance `variance` [rad²]; noise (dof,):
+    # standard deviation of the measurement [rad]. Joints that move less than MOVES times this, or
+    # than STILL, keep the nominal servo. interval: time between samples of the log [s].
+    # Returns the servo, and the RMS deviation of the joints from the motion with the nominal servo
+    # and with this one, without friction and offsets [rad]; both 0 if it is the nominal servo.
     # More than two times per interval of the log give no further information.
     spans = STEP, min(interval / 2, STEP)
     steps = [max(int(x / lifted.step * (1 + 1e-9)), 1) for x in spans]
@@ -106,13 +96,12 @@ def fit_servo(
 
 
 class _ServoProblem:
-    """Residuals of a log, whitened by the nominal response, and their derivatives.
+    """Residuals of a log, whitened by the nominal response, and their derivatives."""
 
-    A joint obeys `q + b dq + c T = u + a du` with b = 1 / K_p, c = 1 / (K_p K_v), a = f / K_p and
-    T, its torque divided by its inertia. Parameters are, per joint, the changes of
-    `K_p b` and `K_p a` with the nominal K_p, friction, and, for order "second", the change of
-    `K_p K_v c`; and one change of all dead times. Offsets are part of the disturbance.
-    """
+    # A joint obeys `q + b dq + c T = u + a du` with b = 1 / K_p, c = 1 / (K_p K_v), a = f / K_p and
+    # T, its torque divided by its inertia. Parameters are, per joint, the changes of `K_p b` and
+    # `K_p a` with the nominal K_p, friction, and, for order "second", the change of `K_p K_v c`;
+    # and one change of all dead times. Offsets are part of the disturbance.
 
     def __init__(
         self,

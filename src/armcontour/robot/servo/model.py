@@ -234,9 +234,6 @@ class ServoModel(Checked):
     def for_joints(self, dof: int) -> ServoModel:
         """Return the servo with one gain, dead time and feed-forward per joint.
 
-        Args:
-            dof: Number of joints.
-
         Raises:
             InvalidInput: The number of gains, dead times or inertias is not 1 or `dof`.
         """
@@ -319,7 +316,7 @@ class ServoModel(Checked):
 
     @property
     def has_feedforward(self) -> bool:
-        """Whether any joint has feed-forward."""
+        """True if any joint has feed-forward."""
         return bool(self.velocity_feedforward.any())
 
     def without_feedforward(self) -> ServoModel:
@@ -372,11 +369,7 @@ class ServoModel(Checked):
         return np.where(loop, lower, -np.inf), np.where(loop, upper, np.inf)
 
     def is_plain(self, *orders: str) -> bool:
-        """Whether all joints are of one of the orders, without friction and drive cycle.
-
-        Args:
-            orders: The accepted orders.
-        """
+        """True if all joints are of one of the orders, without friction and drive cycle."""
         return self.order in orders and not self.friction.any() and not self.drive_cycle
 
     def check_orders(self, who: str, integrator: bool = False) -> None:
@@ -490,10 +483,8 @@ def lead_of(kp: Any, kv: Any, velocity: Any, acceleration: Any) -> tuple[FloatAr
 
 
 def integrator_filter(ki: float, cycle: float, drive_cycle: float) -> tuple[FloatArray, FloatArray]:
-    """Numerator and denominator, in z, of `s / (s + ki)` between means over cycles.
-
-    With a drive cycle, the integral is a sum; the filter is exact if both cycles are equal.
-    """
+    """Numerator and denominator, in z, of `s / (s + ki)` between means over cycles."""
+    # With a drive cycle, the integral is a sum; the filter is exact if both cycles are equal.
     decay = np.log1p(ki * drive_cycle) / drive_cycle if drive_cycle else ki
     mean = -np.expm1(-decay * cycle) / (ki * cycle)
     return mean * np.array([1.0, -1.0]), np.array([1.0, -np.exp(-decay * cycle)])
@@ -502,17 +493,9 @@ def integrator_filter(ki: float, cycle: float, drive_cycle: float) -> tuple[Floa
 def without_integral(
     dq: FloatArray, ddq: FloatArray, servo: ServoModel, cycle: float
 ) -> FloatArray:
-    """Part of mean accelerations that the integrators do not supply [rad/s²], (n, dof).
-
-    The loop output is `K_v (1 + k_i / s)` times the velocity error, from rest, also against
-    friction.
-
-    Args:
-        dq: Means of velocities over intervals [rad/s], (n, dof).
-        ddq: Means of accelerations [rad/s²], (n, dof).
-        servo: Servo model with values per joint.
-        cycle: Length of the intervals [s].
-    """
+    """Part of mean accelerations that the integrators do not supply [rad/s²], (n, dof)."""
+    # The loop output is `K_v (1 + k_i / s)` times the velocity error, from rest, also against
+    # friction. dq and ddq are means over intervals of length `cycle`.
     if not servo.ki.any():
         return ddq
     from scipy.signal import lfilter

@@ -477,17 +477,7 @@ def _search_corners(errors: Callable[[FloatArray], FloatArray], k: int) -> Float
 
 
 def spans_of(box: Uncertainty, servo: ServoModel, arm: Arm, cycle: float) -> FloatArray:
-    """Half widths of the box: kp, kv and dead time of all joints, and payload, (3 dof + 1,).
-
-    Args:
-        box: The box.
-        servo: The nominal servo, with values per joint.
-        arm: The nominal arm.
-        cycle: Cycle [s].
-
-    Raises:
-        InvalidInput: The box does not fit the robot.
-    """
+    """Half widths of the box: kp, kv and dead time of all joints, and payload, (3 dof + 1,)."""
     dof = arm.dof
     if box.of_bodies:
         raise InvalidInput(
@@ -535,12 +525,10 @@ def _robot(arm: Arm, path: Path) -> tuple[FloatArray, float]:
 
 
 def _searched_path(path: Path, set_points: SetPoints, arm: Arm, lag: float) -> SearchedPath:
-    """The path for the compiled code, with the reachable arc lengths at each time.
-
-    The length of the tool's planned motion up to a time is the arc length on the path, up to the
-    difference of the total lengths. The nearest point is searched near this arc length only,
-    because another part of the path may pass close by.
-    """
+    """The path for the compiled code, with the reachable arc lengths at each time."""
+    # The length of the tool's planned motion up to a time is the arc length on the path, up to the
+    # difference of the total lengths. The nearest point is searched near this arc length only,
+    # because another part of the path may pass close by.
     plan = set_points.trajectory
     count = max(FEWEST_PLACES, PLACES_PER_INTERVAL * len(set_points.q))
     t = np.union1d(np.linspace(0, plan.duration, count), plan.breaks)
@@ -559,13 +547,9 @@ def _searched_path(path: Path, set_points: SetPoints, arm: Arm, lag: float) -> S
 
 
 def _inertia(arm: Arm, set_points: SetPoints, box: Uncertainty) -> FloatArray:
-    """Inertia that 1 kg at the tool adds to each joint, relative to the joint's inertia [1/kg].
-
-    A point mass m at the tool adds `m |dx/dq_j|²` to the inertia M_jj of joint j.
-
-    Returns:
-        The ratio at each set-point, (dof, n); zeros, (dof, 1), if the payload does not vary.
-    """
+    """Inertia that 1 kg at the tool adds to each joint, relative to the joint's inertia [1/kg]."""
+    # A point mass m at the tool adds `m |dx/dq_j|²` to the inertia M_jj of joint j.
+    # Returns the ratio at each set-point, (dof, n); zeros, (dof, 1), if the payload does not vary.
     q = np.asarray(set_points.q)
     if not np.any(box.payload):
         return np.zeros((arm.dof, 1))

@@ -25,15 +25,7 @@ MESHES: WeakKeyDictionary[Mesh, Any] = WeakKeyDictionary()
 
 
 class Distances:
-    """Distances of pairs of bodies of a chain.
-
-    Args:
-        chain: The chain.
-        pairs: The pairs.
-
-    Raises:
-        InvalidInput: The library coal is missing, or it finds no convex hull of a mesh.
-    """
+    """Distances of pairs of bodies of a chain."""
 
     def __init__(self, chain: Chain, pairs: Sequence[Pair]) -> None:
         self._coal = _coal()
@@ -70,13 +62,8 @@ class Distances:
         self._still = self._coal.Transform3s()
 
     def measure(self, q: FloatArray, at: IntArray, pair: IntArray) -> FloatArray:
-        """Distances of pairs at joint positions [m], (m,); where they overlap, below zero.
-
-        Args:
-            q: Joint positions [rad], (n, dof).
-            at: Indices of the joint positions, (m,).
-            pair: Indices of the pairs, (m,).
-        """
+        """Distances of pairs at joint positions [m], (m,); where they overlap, below zero."""
+        # q (n, dof) [rad], at (m,), pair (m,).
         turned, moved = self._relative(q, at, pair)
         found, place, result = [], self._coal.Transform3s(), self._coal.DistanceResult()
         for p, turn, move in zip(pair.tolist(), turned, moved, strict=True):
@@ -85,11 +72,8 @@ class Distances:
         return np.array(found)
 
     def points(self, q: FloatArray) -> FloatArray:
-        """The two nearest points of every pair, in the work frame [m], (pairs, 2, 3).
-
-        Args:
-            q: Joint positions for each pair [rad], (pairs, dof).
-        """
+        """The two nearest points of every pair, in the work frame [m], (pairs, 2, 3)."""
+        # q (pairs, dof) [rad].
         every = np.arange(len(self._pairs))
         turned, moved = self._relative(q, every, every)
         # Not kept from call to call: several threads may ask.
@@ -130,10 +114,8 @@ class Distances:
     def _relative(
         self, q: FloatArray, at: IntArray, pair: IntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Rotations and positions of second bodies in the frames of first ones, (m, 3, 3), (m, 3).
-
-        The library takes contiguous arrays in half of the time.
-        """
+        """Rotations (m, 3, 3) and positions (m, 3) of second bodies in the frames of first ones."""
+        # The library takes contiguous arrays in half of the time.
         placed = self._placements(q)
         first, second = placed[at, self._ends[pair, 0]], placed[at, self._ends[pair, 1]]
         back = np.swapaxes(first[:, :, :3], 1, 2)
@@ -143,16 +125,12 @@ class Distances:
 
 
 def can_measure() -> bool:
-    """Whether the library of distances is installed."""
+    """True if the library of distances is installed."""
     return importlib.util.find_spec("coal") is not None
 
 
 def _coal() -> Any:
-    """The library coal, which comes with pinocchio.
-
-    Raises:
-        InvalidInput: It is not installed.
-    """
+    """The library coal, which comes with pinocchio."""
     try:
         import coal
     except ImportError:
@@ -164,7 +142,7 @@ def _coal() -> Any:
 
 
 def _hulls_decide(pair: Pair) -> bool:
-    """Whether the distance of the convex shapes of a pair is that of its bodies."""
+    """True if the distance of the convex shapes of a pair is that of its bodies."""
     bodies = (pair.first, pair.second)
     # Above a plane a body is as near as its convex hull.
     return all(x.exact is None for x in bodies) or any(

@@ -18,14 +18,9 @@ POSTURES = 15
 
 
 def exclude_touching(arm: Arm) -> ArmShapes:
-    """Shapes of an arm, with pairs excluded that touch with all joints at 0 and elsewhere.
-
-    The arm may not be able to take the posture with all joints at 0, so a pair is excluded only if
-    it touches in all other sampled postures, too.
-
-    Raises:
-        InvalidInput: The arm has no shapes, or distances cannot be computed here.
-    """
+    """Shapes of an arm, with pairs excluded that touch with all joints at 0 and elsewhere."""
+    # The arm may not be able to take the posture with all joints at 0, so a pair is excluded only
+    # if it touches in all other sampled postures, too.
     assert arm.shapes is not None
     pairs, _ = pairs_of(arm, Scene())
     if not pairs or not can_measure():

@@ -66,16 +66,11 @@ MOVES = 1e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trial:
-    """The simulated motion of every log, and its difference from the measured motion.
+    """The simulated motion of every log, and its difference from the measured motion."""
 
-    Args:
-        values: Values of the unknowns.
-        motions: The simulated motions.
-        residuals: Measured less simulated positions of every log [rad], (samples, dof) each.
-    """
-
-    values: FloatArray
+    values: FloatArray  # Values of the unknowns
     motions: tuple[NominalMotion, ...]
+    # Measured less simulated positions of every log [rad], (samples, dof) each.
     residuals: tuple[FloatArray, ...]
 
     @property
@@ -91,24 +86,15 @@ class Trial:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OutputError:
-    """Unknowns with the smallest errors.
+    """Unknowns with the smallest errors."""
 
-    Args:
-        trial: The motion with these values.
-        free: Unknowns that were sought; the others are nominal.
-        jacobian: Derivatives of the simulated positions in multiples of `scatter`,
-            (samples, dof, unknowns).
-        residuals: Residuals in multiples of `scatter`, (samples, dof).
-        scatter: Root mean square of the residuals of each joint [rad], (dof,).
-        remaining: The next linear step of the unknowns, (unknowns,).
-    """
-
-    trial: Trial
-    free: BoolArray
+    trial: Trial  # The motion with these values
+    free: BoolArray  # Unknowns that were sought; the others are nominal
+    # Derivatives of the simulated positions in multiples of `scatter`, (samples, dof, unknowns).
     jacobian: FloatArray
-    residuals: FloatArray
-    scatter: FloatArray
-    remaining: FloatArray
+    residuals: FloatArray  # Residuals in multiples of `scatter`, (samples, dof)
+    scatter: FloatArray  # Root mean square of the residuals of each joint [rad], (dof,)
+    remaining: FloatArray  # The next linear step of the unknowns, (unknowns,)
 
     @property
     def precision(self) -> Precision:
@@ -119,11 +105,7 @@ class OutputError:
 def attempt(
     model: Model, grids: list[Gridded], values: FloatArray, before: Trial | None = None
 ) -> Trial:
-    """Simulate all logs with some values of the unknowns.
-
-    Raises:
-        ExecutionError: A joint runs away.
-    """
+    """Simulate all logs with some values of the unknowns."""
     drives, delay = model.drives(values), float(values[-1])
     motions, residuals = [], []
     for k, x in enumerate(grids):
@@ -156,18 +138,8 @@ def derivatives(model: Model, grids: list[Gridded], trial: Trial) -> FloatArray:
 def fit(
     model: Model, grids: list[Gridded], values: FloatArray, free: BoolArray, near: float = NEAR
 ) -> OutputError:
-    """Fit the unknowns by bounded least squares, each joint weighted by its scatter.
-
-    Args:
-        model: The robot.
-        grids: The logs.
-        values: Values from which the search starts.
-        free: Unknowns that are sought, (unknowns,).
-        near: Share of the sum of squares below which a reduction ends the search.
-
-    Raises:
-        ExecutionError: The robot cannot be simulated at the start.
-    """
+    """Fit the free unknowns by bounded least squares, each joint weighted by its scatter."""
+    # A reduction of the sum of squares by less than the share `near` ends the search.
     gains = model.are(*LOGARITHMIC)
     lowest = np.where(model.are(*POSITIVE), 0.0, -np.inf)
     low = np.where(gains, values - np.log(LARGEST_FACTOR), lowest)
@@ -233,20 +205,14 @@ def allowed(model: Model, values: FloatArray) -> FloatArray:
 
 
 def moved(model: Model, grids: list[Gridded]) -> BoolArray:
-    """Unknowns except those of joints that no log moves, (unknowns,).
-
-    A joint that only moves due to others shows that friction holds it, but not how large it is.
-    """
+    """Unknowns except those of joints that no log moves, (unknowns,)."""
+    # A joint that only moves due to others shows that friction holds it, but not how large it is.
     ranges = np.max([np.ptp(x.log.command, axis=0) for x in grids], axis=0)
     return np.asarray((model.joints < 0) | (ranges > MOVES)[model.joints])
 
 
 def seen(model: Model, grids: list[Gridded], values: FloatArray) -> BoolArray:
-    """Unknowns that the logs would determine if there were only the noise of the encoders.
-
-    Raises:
-        ExecutionError: A joint runs away.
-    """
+    """Unknowns that the logs would determine if there were only the noise of the encoders."""
     jacobian = derivatives(model, grids, attempt(model, grids, values))
     scaled = jacobian / noise_of(grids)[:, None]
     precision = Precision.from_jacobian(scaled.reshape(-1, len(values)))
@@ -257,14 +223,8 @@ def seen(model: Model, grids: list[Gridded], values: FloatArray) -> BoolArray:
 
 
 def determined(model: Model, precision: Precision, free: BoolArray, limit: FloatArray) -> BoolArray:
-    """Mask of determined unknowns: the worst ones become nominal until all others are determined.
-
-    Args:
-        model: The robot.
-        precision: The precision of a fit.
-        free: Unknowns that are sought, (unknowns,).
-        limit: Largest standard deviations, (unknowns,).
-    """
+    """Mask of determined unknowns: the worst become nominal until all others are determined."""
+    # free (unknowns,), limit (unknowns,).
     free = free.copy()
     trust = np.where(model.are(*LOGARITHMIC), TRUSTED, 1.0)
     while free.any():
@@ -285,12 +245,10 @@ def with_mass(model: Model, free: BoolArray) -> BoolArray:
 
 
 def doubts(model: Model, grids: list[Gridded], fit: OutputError) -> FloatArray:
-    """Bias of the unknowns, to first order, due to two assumptions of the model, (unknowns,).
-
-    It is the change of the estimates if commands had their corners between the samples instead of
-    at them, or held set-points came one interval earlier, and if the drives' cycle were longer by
-    half. Without this bias, 95 % intervals contained the true value in 60 to 80 % of the cases.
-    """
+    """Bias of the unknowns, to first order, due to two assumptions of the model, (unknowns,)."""
+    # It is the change of the estimates if commands had their corners between the samples instead of
+    # at them, or held set-points came one interval earlier, and if the drives' cycle were longer by
+    # half. Without this bias, 95 % intervals contained the true value in 60 to 80 % of the cases.
     drives = model.drives(fit.trial.values)
     delay = float(fit.trial.values[-1]) + model.lag
     changes = []
@@ -311,11 +269,7 @@ def doubts(model: Model, grids: list[Gridded], fit: OutputError) -> FloatArray:
 
 
 def choose_model(models: list[Model], grids: list[Gridded]) -> tuple[Model, Trial]:
-    """The model whose gravity feed-forward leaves the smallest errors, and its motion.
-
-    Raises:
-        ExecutionError: The robot cannot be simulated with any of them.
-    """
+    """The model whose gravity feed-forward leaves the smallest errors, and its motion."""
     best, failure = None, ExecutionError("it cannot be simulated.")
     for model in models:
         start = np.array(model.nominal)
@@ -337,14 +291,8 @@ def choose_model(models: list[Model], grids: list[Gridded]) -> tuple[Model, Tria
 def fit_determined(
     model: Model, grids: list[Gridded], values: FloatArray
 ) -> tuple[OutputError, BoolArray]:
-    """The fit of the unknowns that the logs determine; the others stay nominal.
-
-    Returns:
-        The fit, and the unknowns in which the search did not converge.
-
-    Raises:
-        ExecutionError: The robot cannot be simulated.
-    """
+    """The fit of the unknowns that the logs determine; the others stay nominal."""
+    # Returns the fit, and the unknowns in which the search did not converge.
     free, restless = seen(model, grids, values), np.zeros(len(values), dtype=bool)
     while True:
         result = fit(model, grids, np.where(free, values, model.nominal), free)
@@ -361,11 +309,7 @@ def fit_determined(
 
 
 def check_fit(grids: list[Gridded], trial: Trial) -> FloatArray:
-    """Share of the mean square lag behind the commands that the model explains, (dof,).
-
-    Raises:
-        InvalidInput: The model does not explain the motion of a joint.
-    """
+    """Share of the mean square lag behind the commands that the model explains, (dof,)."""
     errors = np.zeros(grids[0].log.dof)
     lags, ranges = 0 * errors, 0 * errors
     for x, residuals in zip(grids, trial.residuals, strict=True):

@@ -163,10 +163,8 @@ def _describe(
 
 
 def identified(model: Model, values: FloatArray) -> tuple[Arm, ServoModel]:
-    """The arm and the servo for values of the unknowns.
-
-    Negative viscous friction is moved to K_v, because only the sum of both has an effect.
-    """
+    """The arm and the servo for values of the unknowns."""
+    # Negative viscous friction is moved to K_v, because only the sum of both has an effect.
     drives, viscous = model.drives(values), model.viscous(values)
     lower = np.minimum(viscous, 0.0)
     kv = (drives.damping + lower) / model.inertia
