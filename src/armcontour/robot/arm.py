@@ -357,28 +357,56 @@ class Arm(Immutable, ABC):
 
     @abstractmethod
     def tool_position(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool points [m] of joint positions [rad]."""
+        """Tool points [m] of joint positions [rad].
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+        """
 
     @abstractmethod
     def tool_jacobian(self, q: npt.ArrayLike) -> FloatArray:
-        """Tool velocity per joint velocity [m/rad], (n, dimension, dof)."""
+        """Tool velocity per joint velocity [m/rad], (n, dimension, dof).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+        """
 
     @abstractmethod
     def tool_jacobian_rate(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Time derivative of `tool_jacobian` at the joint velocities `dq`, (n, dimension, dof)."""
+        """Time derivative of `tool_jacobian` at the joint velocities `dq`, (n, dimension, dof).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+        """
 
     @abstractmethod
     def links(self, q: npt.ArrayLike) -> FloatArray:
-        """Points on the arm from the base to the tool, for drawings, (n, points, dimension) [m]."""
+        """Points on the arm from the base to the tool, for drawings, (n, points, dimension) [m].
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+        """
 
     def tool_velocity(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Tool velocity [m/s], eq. (22)."""
+        """Tool velocity [m/s], eq. (22).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+        """
         return np.asarray(np.einsum("...ij,...j->...i", self.tool_jacobian(q), np.asarray(dq)))
 
     def tool_acceleration(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> FloatArray:
-        """Tool acceleration [m/s²]."""
+        """Tool acceleration [m/s²].
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
+        """
         coupling = np.einsum("...ij,...j->...i", self.tool_jacobian_rate(q, dq), np.asarray(dq))
         return np.asarray(self.tool_velocity(q, ddq) + coupling)
 
@@ -390,6 +418,12 @@ class Arm(Immutable, ABC):
         Default for subclasses: `J dddq + 3 dJ/dt ddq` plus the derivative of `dJ/dt dq` along dq by
         fourth-order differences. Their error is about 1e-12 of the reach times the cube of the sum
         of all joint speeds.
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
+            dddq: Joint jerks [rad/s³], same shape.
         """
         position, rate, second = (checks.floats("states of an arm", x) for x in (q, dq, ddq))
         total = np.abs(rate).sum(axis=-1, keepdims=True)
@@ -406,13 +440,24 @@ class Arm(Immutable, ABC):
     def tool_motion(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> tuple[FloatArray, FloatArray]:
-        """Tool velocity [m/s] and tool acceleration [m/s²]."""
+        """Tool velocity [m/s] and tool acceleration [m/s²].
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
+        """
         return self.tool_velocity(q, dq), self.tool_acceleration(q, dq, ddq)
 
     def torque(self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike) -> FloatArray:
         """Torque of each joint's drive [N m].
 
         The torque covers the inertia of links, drives and payload, gravity, and friction.
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
 
         Raises:
             InvalidInput: The masses of the links are not known.

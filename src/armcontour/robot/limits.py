@@ -272,7 +272,12 @@ class Limits(Checked):
         name: Annotated[str, Choice((*DIRECTED, "joint_torque", "joint_jerk"))],
         dof: Annotated[int, AtLeast(1)],
     ) -> tuple[FloatArray, FloatArray]:
-        """Lower (negative) and upper bounds of a joint limit; infinite without a limit."""
+        """Lower (negative) and upper bounds of a joint limit; infinite without a limit.
+
+        Args:
+            name: "joint_velocity", "joint_acceleration", "joint_torque" or "joint_jerk".
+            dof: Number of joints.
+        """
         values = getattr(self, name)
         try:
             if values is not None and values.ndim == 2:

@@ -147,7 +147,11 @@ class PlanarTwoLink(ChainArm):
         return np.stack([q1, q2], axis=-1)
 
     def configuration_of(self, q: npt.ArrayLike) -> str:
-        """Configuration (one of `branches`) of joint positions."""
+        """Configuration (one of `branches`) of joint positions.
+
+        Args:
+            q: Joint positions [rad], (2,).
+        """
         sine = float(np.sin(checks.shaped("joint positions", q, (2,), "rad")[1]))
         return self.branches[0 if sine >= 0 else 1]
 

@@ -78,6 +78,9 @@ class ChainArm(Arm):
             arm = load_arm("ur5e")
             arm.forward(np.zeros(6))[:3, 3]  # the tool point [m]
 
+        Args:
+            q: Joint positions [rad], (..., dof).
+
         Raises:
             InvalidInput: The number of columns is not that of the joints.
         """
@@ -124,6 +127,9 @@ class ChainArm(Arm):
 
             arm = load_arm("ur5e")
             twist = arm.jacobian(q) @ dq
+
+        Args:
+            q: Joint positions [rad], (..., dof).
 
         Raises:
             InvalidInput: The number of columns is not that of the joints.
@@ -197,7 +203,11 @@ class ChainArm(Arm):
         return np.asarray(found.reshape(*leading, found.shape[1]))
 
     def poses(self, q: npt.ArrayLike) -> FloatArray:
-        """Rotations and positions of the tool in the work frame, (..., 3, 4)."""
+        """Rotations and positions of the tool in the work frame, (..., 3, 4).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+        """
         return self._motion(q).reshape(*np.shape(q)[:-1], 3, 4)
 
     def _frames(self, q: npt.ArrayLike) -> FloatArray:
@@ -277,7 +287,11 @@ class SerialArm(ChainArm):
         return self._with(self.chain.replace(base=Frame.from_pose(work).inverse), "closed_form")
 
     def pose(self, q: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Tool points [m], (n, 3), and tool orientations as rotation matrices, (n, 3, 3)."""
+        """Tool points [m], (n, 3), and tool orientations as rotation matrices, (n, 3, 3).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+        """
         found = self.poses(q)
         return found[..., 3].copy(), found[..., :3].copy()
 
@@ -290,17 +304,33 @@ class SerialArm(ChainArm):
         return found
 
     def twist_drift(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Bias acceleration `dJ/dt dq` of the tool: its twist rate at ddq = 0, (n, 6)."""
+        """Bias acceleration `dJ/dt dq` of the tool: its twist rate at ddq = 0, (n, 6).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+        """
         return self.tool_twist_rate(q, dq, np.zeros_like(checks.floats("q", q, "rad")))
 
     def tool_twist(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Twist of the tool: velocity [m/s] and angular velocity [rad/s], (n, 6)."""
+        """Twist of the tool: velocity [m/s] and angular velocity [rad/s], (n, 6).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+        """
         return self._motion(q, dq)
 
     def tool_twist_rate(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike
     ) -> FloatArray:
-        """Acceleration [m/s²] and angular acceleration [rad/s²] of the tool, (n, 6)."""
+        """Acceleration [m/s²] and angular acceleration [rad/s²] of the tool, (n, 6).
+
+        Args:
+            q: Joint positions [rad], (..., dof).
+            dq: Joint velocities [rad/s], same shape.
+            ddq: Joint accelerations [rad/s²], same shape.
+        """
         return self._motion(q, dq, ddq)[..., 6:]
 
     def _with(self, chain: Chain, *kept: str) -> SerialArm:

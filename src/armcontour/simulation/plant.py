@@ -84,7 +84,11 @@ class LimitedPlant(Immutable, Plant):
 
     @checked
     def for_plan(self, set_points: SetPoints) -> Self:
-        """Return the plant with the limits of a plan, unless it has explicit ones."""
+        """Return the plant with the limits of a plan, unless it has explicit ones.
+
+        Args:
+            set_points: Set-points of the plan.
+        """
         planned = set_points.trajectory.limits
         if planned is None:
             return self

@@ -59,21 +59,35 @@ POSITION_STEP = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Occurrence:
-    """The use of a limit at one time."""
+    """The use of a limit at one time.
 
-    # Value over limit; for joint_lower and joint_upper both relative to the middle of the joint
-    # range.
+    Args:
+        ratio: Value over limit; for joint_lower and joint_upper both relative to the middle of the
+            joint range.
+        value: Value without sign [unit of the limit].
+        limit: The limit there.
+        t: Time [s].
+        joint: Index of the joint, from 0; None for a limit of the tool.
+        s: Arc length of the nearest point on the path [m]; None without a path.
+        slack: Part of `ratio` that rounding may have caused.
+        certain: Smallest ratio that the rounded numbers allow.
+    """
+
     ratio: float
-    value: float  # Value without sign [unit of the limit]
+    value: float
     limit: float
-    t: float  # Time [s]
-    joint: int | None  # Index of the joint, from 0; None for a limit of the tool
-    s: float | None  # Arc length of the nearest point on the path [m]; None without a path
-    slack: float  # Part of `ratio` that rounding may have caused
-    certain: float  # Smallest ratio that the rounded numbers allow
+    t: float
+    joint: int | None
+    s: float | None
+    slack: float
+    certain: float
 
     def rows(self, unit: str) -> tuple[Row, ...]:
-        """Result rows; joints are numbered from 1."""
+        """Result rows; joints are numbered from 1.
+
+        Args:
+            unit: Unit of the limit.
+        """
         joint = None if self.joint is None else self.joint + 1
         return (
             Row("ratio", self.ratio, "1", "share"),

@@ -108,9 +108,12 @@ class Estimate(Result):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimates(Result, Checked):
-    """Base of results with estimates, which are attributes, too, such as `kp`."""
+    """Base of results with estimates, which are attributes, too, such as `kp`.
 
-    # Estimates of the parameters by name.
+    Args:
+        parameters: Estimates of the parameters by name.
+    """
+
     parameters: dict[str, Estimate] = field(default_factory=dict)
 
     def __getattr__(self, name: str) -> Estimate:
@@ -126,7 +129,11 @@ class Estimates(Result, Checked):
         return tuple(self.parameters.values())
 
     def table(self, name: str) -> Table:
-        """The estimates, one a row."""
+        """The estimates, one a row.
+
+        Args:
+            name: Name of the table.
+        """
         return Table.from_rows(name, [x.to_data().rows for x in self.estimates])
 
     __repr__ = short_repr
@@ -134,22 +141,33 @@ class Estimates(Result, Checked):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointEstimates(Estimates):
-    """Base of the results of one joint."""
+    """Base of the results of one joint.
 
-    name: str  # Name of the joint
-    rms: float = math.nan  # RMS error of the model on the logs that were fitted [rad]
-    # For each log, measured less predicted positions [rad]; nan where they do not count, (n,).
-    # Empty if no model was fitted.
+    Args:
+        name: Name of the joint.
+        rms: RMS error of the model on the logs that were fitted [rad].
+        rests: For each log, measured less predicted positions [rad]; nan where they do not count,
+            (n,). Empty if no model was fitted.
+    """
+
+    name: str
+    rms: float = math.nan
     rests: tuple[FloatArray, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class IdentifiedJoints(Estimates):
-    """Base of the results of both identifications."""
+    """Base of the results of both identifications.
+
+    Args:
+        logs: The logs.
+        interpolation: Interpolation of set-points that was assumed.
+        joints: The result of each joint.
+    """
 
     logs: tuple[Log, ...]
-    interpolation: str  # Interpolation of set-points that was assumed
-    joints: tuple[JointEstimates, ...] = field(repr=False)  # The result of each joint
+    interpolation: str
+    joints: tuple[JointEstimates, ...] = field(repr=False)
 
     def __getitem__(self, name: str | int) -> Any:
         """A joint by its name, or by its number from 1."""

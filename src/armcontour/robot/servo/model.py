@@ -234,6 +234,9 @@ class ServoModel(Checked):
     def for_joints(self, dof: int) -> ServoModel:
         """Return the servo with one gain, dead time and feed-forward per joint.
 
+        Args:
+            dof: Number of joints.
+
         Raises:
             InvalidInput: The number of gains, dead times or inertias is not 1 or `dof`.
         """
@@ -369,7 +372,11 @@ class ServoModel(Checked):
         return np.where(loop, lower, -np.inf), np.where(loop, upper, np.inf)
 
     def is_plain(self, *orders: str) -> bool:
-        """True if all joints are of one of the orders, without friction and drive cycle."""
+        """Whether all joints are of one of the orders, without friction and drive cycle.
+
+        Args:
+            orders: The accepted orders.
+        """
         return self.order in orders and not self.friction.any() and not self.drive_cycle
 
     def check_orders(self, who: str, integrator: bool = False) -> None:

@@ -344,7 +344,11 @@ class Cell:
 
     @checked
     def stays_above(self, motion: Motion) -> bool:
-        """True if all links stay above the mounting plane of the base; True without one."""
+        """Whether all links stay above the mounting plane of the base; True without one.
+
+        Args:
+            motion: The motion.
+        """
         if self._heights is None:
             return True
         return _Search(motion, self._mounting, self._heights, np.inf).run()
@@ -367,11 +371,19 @@ class Cell:
         }
 
     def fits(self, motion: Motion) -> bool:
-        """True if a motion satisfies all margins and no link goes below the base."""
+        """Whether a motion satisfies all margins and no link goes below the base.
+
+        Args:
+            motion: The motion.
+        """
         return self.stays_above(motion) and self.keeps(motion)
 
     def keeps(self, motion: Motion) -> bool:
-        """True if a motion satisfies all margins; faster than `check`."""
+        """Whether a motion satisfies all margins; faster than `check`.
+
+        Args:
+            motion: The motion.
+        """
         if self._distances is None:
             return True
         return _Search(motion, self.pairs, self._distances, np.inf).run()
