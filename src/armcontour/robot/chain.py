@@ -147,10 +147,10 @@ class Chain(Checked):
         if not FRAMES.issuperset(changes):
             return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
         # Looking at all links anew would take a millisecond.
-        found = copy(self)
+        chain = copy(self)
         for name, value in changes.items():
-            object.__setattr__(found, name, value)
-        return found
+            object.__setattr__(chain, name, value)
+        return chain
 
 
 def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
@@ -159,38 +159,38 @@ def link_poses(chain: Chain, q: npt.ArrayLike) -> FloatArray:
     from armcontour.robot.kernels import frames_of
 
     joints = frames_of(link_table(chain), checks.kernel_array(np.asarray(q, dtype=np.float64)))
-    found = np.empty_like(joints)
-    found[:, 0] = chain.base.matrix
-    found[:, 1:, :, :3] = joints[:, :-1, :, :3] @ np.swapaxes(joint_frames(chain), 1, 2)
-    found[:, 1:, :, 3] = joints[:, :-1, :, 3]
-    return found
+    poses = np.empty_like(joints)
+    poses[:, 0] = chain.base.matrix
+    poses[:, 1:, :, :3] = joints[:, :-1, :, :3] @ np.swapaxes(joint_frames(chain), 1, 2)
+    poses[:, 1:, :, 3] = joints[:, :-1, :, 3]
+    return poses
 
 
 def link_table(chain: Chain) -> FloatArray:
     """The chain as compiled kinematics take it, (dof + 1, 12)."""
     # Rows have rotation and position of the frames of all joints and of the tool, each in the one
     # before, with z along the joint axis. The first is in the work frame.
-    found, end = np.empty((len(chain) + 1, 12)), chain.tip @ chain.tool
+    table, end = np.empty((len(chain) + 1, 12)), chain.tip @ chain.tool
     turns = [*joint_frames(chain), np.eye(3)]
     rotations = [*chain.rotations, end.rotation]
     positions = [*chain.positions, end.position]
-    before, place = chain.base.rotation, chain.base.position
-    for own, rotation, position, turn in zip(found, rotations, positions, turns, strict=True):
-        own[:9] = (before @ rotation @ turn).ravel()
-        own[9:] = place + before @ position
-        before, place = turn.T, np.zeros(3)
-    return checks.frozen_array(found)
+    before, offset = chain.base.rotation, chain.base.position
+    for row, rotation, position, turn in zip(table, rotations, positions, turns, strict=True):
+        row[:9] = (before @ rotation @ turn).ravel()
+        row[9:] = offset + before @ position
+        before, offset = turn.T, np.zeros(3)
+    return checks.frozen_array(table)
 
 
 def joint_frames(chain: Chain) -> FloatArray:
     """Rotations of frames with z along the joint axes, in the frames of the links, (n, 3, 3)."""
-    found = np.tile(np.eye(3), (len(chain), 1, 1))
-    for frame, axis in zip(found, chain.axes, strict=True):
+    frames = np.tile(np.eye(3), (len(chain), 1, 1))
+    for frame, axis in zip(frames, chain.axes, strict=True):
         if axis[2] != 1.0:
             across = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
             frame[:, 0] = across / np.linalg.norm(across)
             frame[:, 1], frame[:, 2] = np.cross(axis, frame[:, 0]), axis
-    return found
+    return frames
 
 
 def join_bodies(

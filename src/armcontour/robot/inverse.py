@@ -24,7 +24,7 @@ SEEDS = 400
 # the reachable point that is nearest to a pose.
 SEARCH_WEIGHT = 0.5
 REACH_WEIGHT = 10.0
-MOST_STEPS = 200
+MAX_STEPS = 200
 # Number of them that are tried to determine the distance of an unreachable pose.
 REACH_SEEDS = 60
 # Number of parts of the search, which run in threads.
@@ -156,7 +156,7 @@ def search(
     target = np.ascontiguousarray(pose)
 
     def approach(part: slice) -> FloatArray:
-        parameters = q[part], SEARCH_WEIGHT, MOST_STEPS
+        parameters = q[part], SEARCH_WEIGHT, MAX_STEPS
         return np.asarray(newton.approach(arm.link_table, task, target, *parameters))
 
     if near is None:
@@ -204,6 +204,6 @@ def _approach(
 ) -> tuple[FloatArray, FloatArray]:
     """Final joint positions of the searches [rad], (k, dof), and their distances to the pose."""
     tried = q.copy()
-    parameters = tried, REACH_WEIGHT, MOST_STEPS
+    parameters = tried, REACH_WEIGHT, MAX_STEPS
     residuals = newton.approach(arm.link_table, task, np.ascontiguousarray(pose), *parameters)
     return tried, np.asarray(residuals[:, 0])

@@ -19,14 +19,14 @@ from armcontour.robot.kernels import Vector, add, cross, write_frames
 # Newton's method ends when its step is below this [rad]: the next step would be the square of this
 # one times the condition number of the Jacobian.
 ARRIVED = 1e-10
-MOST_STEPS = 15
+MAX_STEPS = 15
 # Longest step of a joint [rad]; longer steps are scaled down.
 LONGEST_STEP = 0.5
 # `follow`: longest correction of any joint [rad], and largest number of corrections per step.
 FOLLOW_STEP = 0.15
 FOLLOW_CORRECTIONS = 6
 # `follow` gives up after it has halved the step between two poses this many times.
-MOST_HALVINGS = 12
+MAX_HALVINGS = 12
 # A matrix counts as singular if its smallest pivot over its largest one is below this.
 SINGULAR = 1e-11
 
@@ -150,7 +150,7 @@ def newton(
     equations = PoseEquations(np.empty((dof + 1, 3, 4)), a, b)
     for i in range(n):
         converged[i] = False
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             write_equations(links, task, q[i], targets[i], equations)
             for r in range(task, dof):
                 write_row(w[i, 0, r - task], a[r])
@@ -395,7 +395,7 @@ def follow(
         for i in range(1, n):
             write_row(q[branch, i - 1], current)
             done, fraction = 0.0, 1.0
-            while done < 1.0 and fraction >= 0.5**MOST_HALVINGS:
+            while done < 1.0 and fraction >= 0.5**MAX_HALVINGS:
                 ahead, target = min(done + fraction, 1.0), targets[i]
                 if ahead < 1.0:
                     write_pose_between(targets[i - 1], targets[i], ahead, between)

@@ -60,9 +60,9 @@ class Rows(NamedTuple):
     # (steps + 1, n).
     q: FloatArray
     dq: FloatArray
-    demand: FloatArray  # Demanded accelerations [rad/s²], (steps, dof)
-    # wanted, torque: torques before and after saturation [N m], (steps, dof).
-    wanted: FloatArray
+    commanded_acceleration: FloatArray  # Before saturation [rad/s²], (steps, dof)
+    # commanded_torque, torque: torques before and after saturation [N m], (steps, dof).
+    commanded_torque: FloatArray
     torque: FloatArray
 
 
@@ -106,7 +106,7 @@ def _call_rne(typing: Any, function: Any, model: Any, data: Any, result: Any) ->
 def advance(
     functions: Functions,
     bodies: Bodies,
-    known: Bodies,
+    controller: Bodies,
     loops: Loops,
     parts: int,
     commands: FloatArray,
@@ -127,27 +127,29 @@ def advance(
         for j in range(n):
             rows.q[k, j], rows.dq[k, j] = bodies.q[j], bodies.dq[j]
         for j in range(dof):
-            known.q[j] = bodies.q[n - dof + j]
+            controller.q[j] = bodies.q[n - dof + j]
             if len(noise):
-                known.q[j] += noise[k, j]
+                controller.q[j] += noise[k, j]
         if loops.holds:
-            _call(functions.kinematics, known.model, known.data)
-            _call(functions.com_pos, known.model, known.data)
-            _call_rne(functions.rne, known.model, known.data, known.torque.ctypes.data)
+            _call(functions.kinematics, controller.model, controller.data)
+            _call(functions.com_pos, controller.model, controller.data)
+            _call_rne(
+                functions.rne, controller.model, controller.data, controller.torque.ctypes.data
+            )
         for j in range(dof):
-            error = (integrated[k, j] - known.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
+            error = (integrated[k, j] - controller.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
             loops.integral[j] += loops.step * error
-            demanded = (commands[k, j] - known.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
+            demanded = (commands[k, j] - controller.q[j]) * loops.kp[j] - bodies.dq[n - dof + j]
             demanded = (demanded + loops.ki[j] * loops.integral[j]) * loops.kv[j]
-            gravity = 0.0 if loops.on_top else known.torque[j]
-            fed_forward = known.torque[j] if loops.on_top else 0.0
+            gravity = 0.0 if loops.on_top else controller.torque[j]
+            fed_forward = controller.torque[j] if loops.on_top else 0.0
             required = demanded * loops.inertia[j] + gravity
             applied = max(min(required, loops.limit[j]), -loops.limit[j]) + fed_forward
             # Anti-windup as in `ServoModel`.
             excess = (required + fed_forward - applied) / loops.inertia[j]
             loops.integral[j] -= loops.step * excess / loops.kv[j]
             bodies.torque[n - dof + j] = applied
-            rows.demand[k, j], rows.wanted[k, j], rows.torque[k, j] = (
+            rows.commanded_acceleration[k, j], rows.commanded_torque[k, j], rows.torque[k, j] = (
                 demanded,
                 required + fed_forward,
                 applied,

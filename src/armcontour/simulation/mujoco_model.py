@@ -213,7 +213,7 @@ LOOKS = 50
 # Phase [rad] or decay of the fastest mode of springs and viscous friction per integration step; the
 # method is stable up to 2.8. Largest number of integration steps per step of the drives.
 PHASE = 0.5
-MOST_PARTS = 50
+MAX_PARTS = 50
 
 
 def count_parts(
@@ -239,15 +239,15 @@ def count_parts(
         state = np.eye(2 * n, k=n)
         state[n:] = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
         parts = int(np.ceil(np.abs(np.linalg.eigvals(state)).max() * step / PHASE))
-        if parts > MOST_PARTS:
+        if parts > MAX_PARTS:
             raise ExecutionError(
                 f"Springs or viscous friction of the joints take {parts} integration steps in a "
-                f"step of {step:.3g} s at t = {t:.4g} s, and at most {MOST_PARTS} are made: reduce "
+                f"step of {step:.3g} s at t = {t:.4g} s, and at most {MAX_PARTS} are made: reduce "
                 "joint_stiffness, joint_damping or viscous friction, raise the inertias of drives "
                 "(armature), or shorten the step.",
                 t=t,
                 needed=float(parts),
-                allowed=float(MOST_PARTS),
+                allowed=float(MAX_PARTS),
             )
         largest = max(largest, parts)
         if springs is not None:

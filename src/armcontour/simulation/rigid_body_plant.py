@@ -305,22 +305,13 @@ class RigidBodyPlant(LimitedPlant):
 
     def _execution(self, set_points: SetPoints, logs: list[_Log], span: float) -> Execution:
         """The execution of consecutive logs with the time `span` between results [s]."""
-        q, dq, ddq, demand, torque_demand, torque = (
-            np.concatenate([getattr(x, name) for x in logs])
-            for name in ("q", "dq", "ddq", "demand", "wanted", "torque")
-        )
+        columns = {name: np.concatenate([getattr(x, name) for x in logs]) for name in LOGGED}
         dof = self.arm.dof
         return Execution(
             arm=self.arm,
             set_points=set_points,
-            t=set_points.times(len(q), span),
-            q=q[:, :dof],
-            dq=dq[:, :dof],
-            ddq=ddq[:, :dof],
-            motor_q=None if self._springs is None else q[:, dof:],
-            demand=demand,
-            torque=torque,
-            torque_demand=torque_demand,
+            t=set_points.times(len(columns["q"]), span),
+            motor_q=None if self._springs is None else columns["q"][:, dof:],
             demand_range=np.stack(
                 [
                     np.min([x.demand_range[0] for x in logs], axis=0),
@@ -329,6 +320,7 @@ class RigidBodyPlant(LimitedPlant):
             ),
             saturated_time=np.sum([x.saturated for x in logs], axis=0),
             plant=self,
+            **{name: values[:, :dof] for name, values in columns.items()},
         )
 
     def motion_between(self, executed: Execution, indices: IntArray) -> FineMotion:
@@ -341,6 +333,10 @@ class RigidBodyPlant(LimitedPlant):
         return FineMotion.through(executed.t, executed.q, executed.dq, None, indices)
 
 
+# Fields of a log with one row per step.
+LOGGED = ("q", "dq", "ddq", "demand", "torque", "torque_demand")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Log:
     """Results of some steps."""
@@ -351,7 +347,7 @@ class _Log:
     dq: FloatArray
     ddq: FloatArray  # Mean accelerations over the steps [rad/s²], of the same shape
     demand: FloatArray  # Demanded accelerations [rad/s²], (n, dof)
-    wanted: FloatArray  # Demanded torques [N m], (n, dof)
+    torque_demand: FloatArray  # Torques before saturation [N m], (n, dof)
     torque: FloatArray  # Torques after saturation [N m], (n, dof)
     demand_range: FloatArray  # Lowest and highest demand [rad/s²], (2, dof)
     saturated: FloatArray  # Time in saturation [s], (dof,)
@@ -362,7 +358,7 @@ class _Log:
         q: FloatArray,
         dq: FloatArray,
         demand: FloatArray,
-        wanted: FloatArray,
+        torque_demand: FloatArray,
         torque: FloatArray,
         step: float,
     ) -> _Log:
@@ -372,10 +368,10 @@ class _Log:
             dq=dq[:-1],
             ddq=np.diff(dq, axis=0) / step,
             demand=demand,
-            wanted=wanted,
+            torque_demand=torque_demand,
             torque=torque,
             demand_range=np.stack([demand.min(axis=0), demand.max(axis=0)]),
-            saturated=(wanted != torque).sum(axis=0) * step,
+            saturated=(torque_demand != torque).sum(axis=0) * step,
         )
 
     def moved(self, step: float) -> FloatArray:
@@ -387,10 +383,7 @@ class _Log:
         return _Log(
             demand_range=self.demand_range,
             saturated=self.saturated,
-            **{
-                name: getattr(self, name)[::every].copy()
-                for name in ("q", "dq", "ddq", "demand", "wanted", "torque")
-            },
+            **{name: getattr(self, name)[::every].copy() for name in LOGGED},
         )
 
 

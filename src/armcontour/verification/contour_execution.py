@@ -36,7 +36,7 @@ Errors = tuple[FloatArray, FloatArray]
 # The tool is at rest below this speed [m/s].
 REST_SPEED = 1e-3
 # Largest number of steps of the search for a common delay, and its tolerance [s].
-MOST_DELAYS = 20
+MAX_DELAYS = 20
 SAME_DELAY = 1e-7
 # An arm that does not move has no delay.
 TINY = 1e-300
@@ -58,7 +58,7 @@ class ContourExecution:
     offset: float = 0.0  # Length of the contours before [m], added to arc lengths
     since: float | None = None  # Start of the piece [s]; by default that of its first sample
     # End of the time over which root mean squares are taken [s]; by default `end_time`.
-    rms_until: float | None = None
+    rms_end_time: float | None = None
 
     @cached_property
     def t(self) -> FloatArray:
@@ -192,14 +192,14 @@ class ContourExecution:
         )
 
     def _maximize_nearby(
-        self, which: IntArray, function: Callable[[FloatArray], FloatArray]
+        self, indices: IntArray, function: Callable[[FloatArray], FloatArray]
     ) -> FloatArray:
         """Largest values of smooth functions of tool points, at and next to some samples."""
         # `function` maps tool points, (m, n, dimension), to values, (m, n).
-        m = len(which)
-        best = np.asarray(function(self.tool[which][:, None]))[:, 0]
+        m = len(indices)
+        best = np.asarray(function(self.tool[indices][:, None]))[:, 0]
         # The intervals before and after each sample.
-        i = np.clip(which + np.array([[-1], [0]]), 0, len(self.t) - 2).ravel()
+        i = np.clip(indices + np.array([[-1], [0]]), 0, len(self.t) - 2).ravel()
         fine = self.executed.between(np.unique(i) + self.which.start)
         if fine is None:
             return best
@@ -319,7 +319,7 @@ class ContourExecution:
         if peak is not None:
             peak = peak._replace(s=peak.s + self.offset)
         return ErrorProfile.over_time(
-            self.t, values, s + self.offset, self.end_time, side, peak, self.rms_until
+            self.t, values, s + self.offset, self.end_time, side, peak, self.rms_end_time
         )
 
     def _between(self, i: int, t: FloatArray) -> FloatArray | None:
@@ -357,7 +357,7 @@ def common_delay(executed: Execution) -> float:
     q, dq = (trajectory(np.clip(t, 0.0, trajectory.duration), order) for order in (0, 1))
     planned, velocity = executed.arm.tool_position(q), executed.arm.tool_velocity(q, dq)
     best, delay = (np.inf, 0.0), 0.0
-    for _ in range(MOST_DELAYS):
+    for _ in range(MAX_DELAYS):
         delayed, rate = (
             np.stack([np.interp(t - delay, t, x) for x in columns.T], axis=1)
             for columns in (planned, velocity)
@@ -387,7 +387,7 @@ def pieces_of(
     # A single path is one piece, from the first set-point to `end_time`; None is until all joints
     # are at rest, with root mean squares until the tool is slower than `REST_SPEED`.
     spans = executed.set_points.trajectory.contour_spans
-    last, rms_until = evaluated_times(executed, end_time)
+    last, rms_end_time = evaluated_times(executed, end_time)
     count = len(spans)
     if len(path.contours) != count:
         raise InvalidInput(
@@ -413,7 +413,7 @@ def pieces_of(
             which=which,
             since=begin,
             end_time=end,
-            rms_until=None if path.single_path is None else rms_until,
+            rms_end_time=None if path.single_path is None else rms_end_time,
             beyond=following,
             work=contour.at_work,
             before_work=None if first is None else first.at_work,

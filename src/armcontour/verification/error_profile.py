@@ -23,7 +23,7 @@ from armcontour.geometry.projection import pack_segments
 CLOSE, ROUNDING = 3e-7, 1e-13
 # Number of parts per searched interval, and largest number of subdivisions.
 PARTS = 32
-MOST_CUTS = 12
+MAX_CUTS = 12
 # If the path turns by more than this between two samples [rad], the error may have a peak there
 # that no sample shows.
 SHARP = 0.2
@@ -61,23 +61,23 @@ def error_rows(
     name: str,
     label: str,
     error: ErrorProfile | Coverage | None,
-    rms: int = TABLE,
-    most: int = TABLE,
+    rms_level: int = TABLE,
+    max_level: int = TABLE,
 ) -> tuple[Row, ...]:
-    """Rows of RMS and largest value of an error, at the levels `rms` and `most`."""
+    """Rows of RMS and largest value of an error, at the levels `rms_level` and `max_level`."""
     if error is None:
         return (Row(name, None),)
     key = f"{name}." if name else ""
     location = format_event(error.t_max, error.s_max)
     unit = "rad" if getattr(error, "angular", False) else "m"
     largest = (
-        Row(f"{key}max", error.max, unit, f"{label}, largest", location, most),
+        Row(f"{key}max", error.max, unit, f"{label}, largest", location, max_level),
         Row(f"{key}t_max", error.t_max, "s"),
         Row(f"{key}s_max", error.s_max, "m"),
     )
     if isinstance(error, Coverage):
         return largest
-    return (Row(f"{key}rms", error.rms, unit, f"{label}, RMS", level=rms), *largest)
+    return (Row(f"{key}rms", error.rms, unit, f"{label}, RMS", level=rms_level), *largest)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -124,7 +124,7 @@ class ErrorProfile(Result, Checked):
         end_time: float,
         side: FloatArray | None = None,
         peak: Peak | None = None,
-        rms_until: float | None = None,
+        rms_end_time: float | None = None,
     ) -> ErrorProfile:
         """Make the profile from the first time to `end_time`; the last value is held to the end.
 
@@ -136,9 +136,9 @@ class ErrorProfile(Result, Checked):
             side: 1 to the left of the path, -1 to its right, (n,); None for errors without a side.
             peak: A higher value between the times, which is inserted into the values but not into
                 the RMS; or None.
-            rms_until: End of the time over which the RMS is taken [s]; by default `end_time`.
+            rms_end_time: End of the time over which the RMS is taken [s]; by default `end_time`.
         """
-        times, (weighted,) = _cut_at(t, end_time if rms_until is None else rms_until, values)
+        times, (weighted,) = _cut_at(t, end_time if rms_end_time is None else rms_end_time, values)
         t, (values, s) = _cut_at(t, end_time, values, s)
         span = float(times[-1] - times[0])
         # A profile without duration has one value.
@@ -268,7 +268,7 @@ def _search_interval(
     peak = None
     t, values = np.zeros(0), np.zeros(0)
     times = first + (last - first) * SHARES
-    for _ in range(MOST_CUTS):
+    for _ in range(MAX_CUTS):
         measured = measure(times)
         if measured is None:
             return None

@@ -136,10 +136,13 @@ class Evaluation(Result, Checked):
             Row("end_time", self.end_time, "s"),
             *error_rows("contour_error", "contour error", self.contour_error, FIRST, FIRST),
             *error_rows("coverage_error", "path missed", self.coverage_error),
-            *error_rows("tracking_error", "tracking error", self.tracking_error, most=FILE),
+            *error_rows("tracking_error", "tracking error", self.tracking_error, max_level=FILE),
             Row("common_delay", self.common_delay, "s", "delay of all joints"),
             *error_rows(
-                "error_without_delay", "without this delay", self.error_without_delay, most=FILE
+                "error_without_delay",
+                "without this delay",
+                self.error_without_delay,
+                max_level=FILE,
             ),
             *model_error,
             *error_rows("objective_error", "", self.objective_error, FILE, FILE),

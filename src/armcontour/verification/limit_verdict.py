@@ -24,7 +24,7 @@ from armcontour.verification.error_profile import maximize_smooth, smallest_angl
 # Number of times in each interval of a law, including its ends: smallest and largest number; all
 # intervals together have at least FEWEST, and those with fewer than ENOUGH more than the smallest
 # number.
-LEAST_PLACES, MOST_PLACES = 3, 20
+LEAST_PLACES, MAX_PLACES = 3, 20
 FEWEST, ENOUGH = 4000, 12_000
 # Number of the highest parabolas that are refined.
 PEAKS = 12
@@ -153,8 +153,8 @@ def decide_verdict(certain: float, highest: float, tolerance: float) -> str:
 def shift_use(use: LimitUse, t: float, s: float) -> LimitUse:
     """Shift the times [s] and arc lengths [m] of a use."""
 
-    def shifted(x: Occurrence) -> dict[str, Any]:
-        return {"t": t + x.t, "s": None if x.s is None else s + x.s}
+    def shifted(occurrence: Occurrence) -> dict[str, Any]:
+        return {"t": t + occurrence.t, "s": None if occurrence.s is None else s + occurrence.s}
 
     highest = replace(use.highest, **shifted(use.highest))
     return replace(use, highest=highest, **shifted(use))
@@ -318,14 +318,14 @@ def record_law(
         ends = breaks[first : first + size + 1]
         inner = ends[:-1, None] + random.random((len(ends) - 1, points)) * np.diff(ends)[:, None]
         right = np.concatenate([ends[:-1], inner.ravel()])
-        left = ends[1:]
-        t, q, uses = uses_of_law(law, tally.arm, tally.limits, right, left, jerks)
+        left_times = ends[1:]
+        t, q, uses = uses_of_law(law, tally.arm, tally.limits, right, left_times, jerks)
         count += len(t)
         for use in uses:
             tally.record(use, t, q)
         tally.pose(t, q, np.zeros(tally.arm.dof))
         _record_acceleration_steps(
-            law, ends if first == 0 else left, tally, jerks, (breaks[0], breaks[-1])
+            law, ends if first == 0 else left_times, tally, jerks, (breaks[0], breaks[-1])
         )
         _record_steps(
             law, ends[1:] if first + size < len(breaks) - 1 else ends[1:-1], tally, velocity_step
@@ -337,22 +337,22 @@ def uses_of_law(
     law: Law,
     arm: Arm,
     limits: Limits,
-    right: FloatArray,
-    left: FloatArray,
+    right_times: FloatArray,
+    left_times: FloatArray,
     jerks: Collection[str],
 ) -> tuple[FloatArray, FloatArray, list[Use]]:
     """Times (n + m,), joint positions (n + m, dof), and use of limits by a law at these times."""
     # right (n,) and left (m,): times with values from the right or the left at breaks [s].
     # The third derivative of the joints is evaluated only if jerk of joints or tool is checked.
     order = 3 if set(jerks) - {"path_jerk"} else 2
-    t = np.concatenate([right, left])
+    t = np.concatenate([right_times, left_times])
     if isinstance(law, Trajectory):
         # All derivatives at once.
-        after, before = law.motion(right, order), law.motion(left, order, side="left")
+        after, before = law.motion(right_times, order), law.motion(left_times, order, side="left")
     else:
         after, before = (
             tuple(law(at, k, side=side) for k in range(order + 1))
-            for at, side in ((right, "right"), (left, "left"))
+            for at, side in ((right_times, "right"), (left_times, "left"))
         )
     columns = []
     for name, *sides in zip(ORDERS[: order + 1], after, before, strict=True):
@@ -369,7 +369,7 @@ def uses_of_law(
     uses = list(States(arm, columns).uses(limits))
     if "path_jerk" in jerks:
         along = cast("Any", law)
-        rate = np.concatenate([along.s(right, 3), along.s(left, 3, side="left")])
+        rate = np.concatenate([along.s(right_times, 3), along.s(left_times, 3, side="left")])
         uses.append(use_of("path_jerk", limits, rate))
     return t, columns[0], uses
 
@@ -464,7 +464,7 @@ def _largest_ratios(motion: Trajectory, arm: Arm, limits: Limits) -> dict[str, f
     """Largest use of every limit in a motion."""
     breaks, jerks = motion.smooth_breaks, find_known_jerks(motion, limits, motion.starts[:1])
     few, enough = (-(-x // (len(breaks) - 1)) for x in (FEWEST, ENOUGH))
-    count = max(LEAST_PLACES, few, min(MOST_PLACES, enough))
+    count = max(LEAST_PLACES, few, min(MAX_PLACES, enough))
     part, size = np.linspace(0.0, 1.0, count)[:, None], max(1, CHUNK // count)
     best: dict[str, float] = {}
     for first in range(0, len(breaks) - 1, size):

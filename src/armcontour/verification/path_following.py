@@ -90,10 +90,10 @@ def follow_path(
     begin, end = (0.0, path.length) if work is None else work
     padded, geometry = pad_to_space(points), pack_segments(path.segments)
     some = points[: last : max(1, last // SOME)]
-    off = float(find_nearest(path.segments, some, in_order=True).distance.max())
+    deviation = float(find_nearest(path.segments, some, in_order=True).distance.max())
     # The shortest leash that may suffice for all points.
     leash = SLACK * max(
-        off, float(length(np.diff(points[:last], axis=0)).max(initial=0.0)), SHORTEST
+        deviation, float(length(np.diff(points[:last], axis=0)).max(initial=0.0)), SHORTEST
     )
     farthest = path.length + float(length(points - path.starts[0]).max())
     while True:
@@ -104,8 +104,8 @@ def follow_path(
     followed = slice(0, max(reached, 2))
     chords = length(np.diff(padded[followed], axis=0))
     later = np.minimum.accumulate(s[followed][::-1])[::-1].copy()
-    way = ToolMotion(padded[followed], distance[followed], s[followed], chords, later)
-    coverage_error, coverage_s = measure_coverage(way, geometry, begin, min(end, path.length))
+    motion = ToolMotion(padded[followed], distance[followed], s[followed], chords, later)
+    coverage_error, coverage_s = measure_coverage(motion, geometry, begin, min(end, path.length))
     selected = slice(first, last)
     for index, others in ((first, slice(0, first)), (last - 1, slice(last, None))):
         if len(coverage_error[others]) and coverage_error[others].max() > coverage_error[index]:

@@ -112,9 +112,9 @@ def record_samples(log: Log, tally: LimitUseAccumulator) -> None:
         tally.pose(log.t, log.q, log.errors[0])
         if log.dq is not None:
             # The weights of dq sum to at most a quarter of the interval.
-            off = log.errors[0] + np.diff(log.t).max() / 4 * log.errors[1]
+            position_error = log.errors[0] + np.diff(log.t).max() / 4 * log.errors[1]
             between = (log.t[:-1, None] + np.diff(log.t)[:, None] * BETWEEN).ravel()
-            tally.pose(between, CubicHermiteSpline(log.t, log.q, log.dq)(between), off)
+            tally.pose(between, CubicHermiteSpline(log.t, log.q, log.dq)(between), position_error)
 
 
 def _mean_rows(

@@ -17,7 +17,7 @@ SETTLED = 1e-10
 # Simulated time after truncation, in time constants.
 SETTLING_OF_INTEGRATORS = 3.0
 # Largest number of corrections of the solution for cubics, and the error at which they end [rad].
-MOST_CORRECTIONS = 50
+MAX_CORRECTIONS = 50
 EXACT = 1e-13
 
 
@@ -43,7 +43,7 @@ def for_feedforward(
     start = plain[0]
     set_points = _solved(want - start, cycle, servo) + start
     if servo.interpolation == "cubic":
-        for _ in range(MOST_CORRECTIONS):
+        for _ in range(MAX_CORRECTIONS):
             error = want - _means(set_points, cycle, frictionless)
             set_points += _solved(error, cycle, servo)
             if np.abs(error).max() <= EXACT:

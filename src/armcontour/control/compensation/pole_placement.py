@@ -24,7 +24,7 @@ from armcontour.core.errors import CompensationError, InvalidInput
 from armcontour.core.kernels import compiled
 from armcontour.motion import Trajectory, quintic
 from armcontour.robot.servo import ServoModel
-from armcontour.robot.servo.model import GAINS, MOST_TIME_CONSTANTS
+from armcontour.robot.servo.model import GAINS, MAX_TIME_CONSTANTS
 
 # Largest step of the Taylor series of the filter's state, in shortest time constants of the filter.
 LARGEST_STEP = 0.25
@@ -125,10 +125,10 @@ def pole_placement(
     placed = default_poles(servo) if poles is None else check_poles(poles, trajectory.dof)
     fastest = float(np.abs(placed).max())
     checks.raise_if(
-        fastest * cycle > MOST_TIME_CONSTANTS,
+        fastest * cycle > MAX_TIME_CONSTANTS,
         f"A pole of {fastest:g} 1/s is {fastest * cycle:.3g} time constants in a command "
-        f"interval of {cycle:g} s, but at most {MOST_TIME_CONSTANTS:g} are computed: take poles "
-        f"up to {MOST_TIME_CONSTANTS / cycle:g} 1/s, or a shorter cycle.",
+        f"interval of {cycle:g} s, but at most {MAX_TIME_CONSTANTS:g} are computed: take poles "
+        f"up to {MAX_TIME_CONSTANTS / cycle:g} 1/s, or a shorter cycle.",
     )
     return advance_set_points(
         trajectory,

@@ -83,27 +83,27 @@ def list_logs(logs: Log | Sequence[Log]) -> tuple[Log, ...]:
     every = checks.check_sequence("logs", (logs,) if isinstance(logs, Log) else logs, Log, "Logs")
     checks.raise_if(not every, "There is no log to identify from: give at least one.")
     low, high = INTERVALS
-    for x in every:
+    for log in every:
         # Times are rounded.
-        if not low * (1 - 1e-6) <= x.interval <= high * (1 + 1e-6):
+        if not low * (1 - 1e-6) <= log.interval <= high * (1 + 1e-6):
             raise InvalidInput(
-                f"{x.source} has a sample every {x.interval:.3g} s and lasts "
-                f"{x.t[-1] - x.t[0]:.3g} s, but logs of robots have one every {low:g} s to "
+                f"{log.source} has a sample every {log.interval:.3g} s and lasts "
+                f"{log.t[-1] - log.t[0]:.3g} s, but logs of robots have one every {low:g} s to "
                 f"{high:g} s: give the column of times its unit, such as t [s], or record at "
                 "another rate.",
-                needed=x.interval,
-                allowed=high if x.interval > high else low,
+                needed=log.interval,
+                allowed=high if log.interval > high else low,
             )
     return every
 
 
 def choose_interpolation(logs: Sequence[Log], required: str | None) -> str:
     """The interpolation of set-points: the required one, else that of the logs, else linear."""
-    for x in logs:
+    for log in logs:
         checks.raise_if(
-            required is not None and x.interpolation not in (None, required),
-            f"{x.source} states the interpolation {x.interpolation}, but {required} is required: "
-            "remove one of them.",
+            required is not None and log.interpolation not in (None, required),
+            f"{log.source} states the interpolation {log.interpolation}, but {required} is required"
+            ": remove one of them.",
         )
     kinds = {required or x.interpolation or "linear" for x in logs}
     if len(kinds) > 1:

@@ -94,8 +94,8 @@ def judge(
         return sum((x[0] / max(y[0], TINY)) ** 2 for x, y in pairs)
 
     choice = ["model" if x.written else "none" for x in joints]
-    for j, x in enumerate(joints):
-        if x.note:
+    for j, joint in enumerate(joints):
+        if joint.note:
             others = ("none", "delay") if delayed[j] <= WEAK * lags[j] else ("none",)
             choice = min((choice, *([*choice[:j], y, *choice[j + 1 :]] for y in others)), key=cost)
     done = deviations(choice)
@@ -116,12 +116,12 @@ def judge(
         errors=errors,
     )
     written = []
-    for j, (x, c) in enumerate(zip(joints, choice, strict=True)):
+    for j, (joint, c) in enumerate(zip(joints, choice, strict=True)):
         if c != "model":
             delay = rounded(delays[j] * (c == "delay"))
             servo = JointServo(np.inf, dead_time=delay)
-            x = write_servo(x, split_logs(logs, j, interpolation, delay), servo)
-        written.append(replace(x, contour_ratio=float(max(y[j] for y in shares))))
+            joint = write_servo(joint, split_logs(logs, j, interpolation, delay), servo)
+        written.append(replace(joint, contour_ratio=float(max(y[j] for y in shares))))
     return tuple(written), judgement
 
 
@@ -184,8 +184,8 @@ def count_programs(logs: Sequence[Log]) -> int:
         return bool((np.ptp(difference, axis=0) <= SAME * ranges).all())
 
     programs: list[Log] = []
-    for x in logs:
-        programs += [] if any(is_same(x, y) for y in programs) else [x]
+    for log in logs:
+        programs += [] if any(is_same(log, y) for y in programs) else [log]
     return len(programs)
 
 

@@ -146,11 +146,11 @@ def _explained(residual: FloatArray, columns: FloatArray) -> float:
     return 1.0 - float(remaining @ remaining) / max(float(residual @ residual), 1e-300)
 
 
-def _middle_frequency(x: FloatArray, interval: float) -> float:
+def _middle_frequency(signal: FloatArray, interval: float) -> float:
     """Frequency above which half of the power of a signal is [Hz]."""
-    power = np.cumsum(np.abs(np.fft.rfft(x - x.mean())) ** 2)
+    power = np.cumsum(np.abs(np.fft.rfft(signal - signal.mean())) ** 2)
     k = int(np.searchsorted(power, power[-1] / 2))
-    return float(np.fft.rfftfreq(len(x), interval)[k])
+    return float(np.fft.rfftfreq(len(signal), interval)[k])
 
 
 def is_white(residuals: FloatArray, step: float) -> bool:

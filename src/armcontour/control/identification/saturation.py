@@ -53,7 +53,7 @@ REFINED = (0.98, 1.06, 9)
 # Fewest samples in a row that are fitted: shorter segments only determine their initial state.
 FEWEST_BETWEEN = 20
 # With more segments, their free initial states would explain most of the motion.
-MOST_BETWEEN = 40
+MAX_BETWEEN = 40
 # Above this share of time at a limit, undetermined gains are not accepted as a model.
 HIDDEN = 0.5
 # Margin about clipped samples [s]: drives with a cycle react up to one cycle later.
@@ -97,10 +97,10 @@ def find_saturation(segments: Sequence[LogSegment]) -> Saturation | None:
         k = max(windows)
         values, noise = motion.derive(order, k), motion.noise(order, k)
         limit, plateaus = _find_plateaus(values, noise, motion.interval)
-        demand = motion.demand(k, ~_widen(plateaus, 2 * k))
-        if demand is None:
+        prediction = motion.predict_acceleration(k, ~_widen(plateaus, 2 * k))
+        if prediction is None:
             continue
-        acceleration, (demanded, error) = motion.derive(2, k), demand
+        acceleration, (demanded, error) = motion.derive(2, k), prediction
         excess = np.sign(values) * (demanded - acceleration)
         top = float(np.percentile(np.abs(acceleration), TOP))
         threshold = max(EXCESS * top, ERRORS * error)
@@ -137,7 +137,7 @@ def select_between(
         for i, j in _spans(~clipped)
         if np.sum(s.use[i:j]) >= FEWEST_BETWEEN
     ]
-    if not between or len(between) > MOST_BETWEEN:
+    if not between or len(between) > MAX_BETWEEN:
         return None
     free = select(between, search, limited=False)
     if free is None:
@@ -207,7 +207,7 @@ class _MeasuredMotion:
                 return k
         return 0
 
-    def demand(self, k: int, free: BoolArray) -> tuple[FloatArray, float] | None:
+    def predict_acceleration(self, k: int, free: BoolArray) -> tuple[FloatArray, float] | None:
         """Acceleration that the loop commands [rad/s²], (n,), and its RMS error at free samples."""
         # None if there are too few free samples for the fit.
         if np.sum(free) < FEWEST_FREE:

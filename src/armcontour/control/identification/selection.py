@@ -43,7 +43,7 @@ OPTIONAL = (ACCELERATION, FEED, FRICTION)
 # A richer model is selected if the median over the parts of its error, divided by that of the
 # poorer one, is below GAIN (with an acceleration limit below LIMIT_GAIN), and if its error is
 # smaller on this share of the parts.
-GAIN, LIMIT_GAIN, MOST_PARTS = 0.9, 0.5, 0.6
+GAIN, LIMIT_GAIN, MAX_PARTS = 0.9, 0.5, 0.6
 # A richer model is not better if its error on the fitted data is above this share.
 SAME = 0.97
 # A poorer model is worse if its cost on the fitted data is above this multiple.
@@ -106,7 +106,7 @@ class Selected:
         limited = LIMIT in self.fit.problem.model.free
         ratio = float(np.median(self.errors / np.maximum(other.errors, 1e-300))) ** 0.5
         some = float(np.mean(self.errors < other.errors))
-        return ratio < (LIMIT_GAIN if limited else GAIN) and some >= MOST_PARTS
+        return ratio < (LIMIT_GAIN if limited else GAIN) and some >= MAX_PARTS
 
 
 def find_lag(segments: Sequence[LogSegment], longest: float) -> float:
@@ -193,13 +193,13 @@ class _Trials:
 
     def prune(self) -> None:
         """Remove optional parameters that do not improve the best model."""
-        for x in OPTIONAL:
+        for name in OPTIONAL:
             assert self.best is not None
             best = self.best.fit
             order, free = best.problem.model
-            remaining = tuple(y for y in free if y != x)
+            remaining = tuple(y for y in free if y != name)
             # Acceleration feed-forward needs velocity feed-forward.
-            if remaining == free or (x == FEED and ACCELERATION in free):
+            if remaining == free or (name == FEED and ACCELERATION in free):
                 continue
             problem = Problem(Model(order, remaining), self.segments, self.search)
             result = fit(problem, [problem.guess(best.servo._asdict(), best.servo.dead_time)])

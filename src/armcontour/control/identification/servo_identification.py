@@ -251,11 +251,11 @@ class Identification(IdentifiedJoints):
                 "give a log of the same joints."
             )
         positions, used = log.command.copy(), np.full(log.command.shape, False)
-        for j, x in enumerate(self.joints):
-            delay = float(x.servo.dead_time)
+        for j, joint in enumerate(self.joints):
+            delay = float(joint.servo.dead_time)
             for s in split_logs([log], j, self.interpolation, delay):
                 rows = slice(s.start, s.start + len(s.y))
-                positions[rows, j] = predict(s, x.servo, x.order, self.drive_cycle)
+                positions[rows, j] = predict(s, joint.servo, joint.order, self.drive_cycle)
                 used[rows, j] = s.use
         return Prediction(log=log, positions=positions, used=used)
 

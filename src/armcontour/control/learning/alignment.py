@@ -40,7 +40,7 @@ OTHERS, SHARE, NOISES = 1e-4, 0.05, 10.0
 FAR = 0.05
 # Smallest outlier relative to the noise and to the range of samples between these quantiles, number
 # of passes, and largest share of outliers.
-OUTLIER, SPIKE, RANGE, PASSES, MOST_OUTLIERS = 10.0, 0.1, (0.05, 0.95), 5, 0.02
+OUTLIER, SPIKE, RANGE, PASSES, MAX_OUTLIERS = 10.0, 0.1, (0.05, 0.95), 5, 0.02
 # An encoder has a new offset if the median deviation from the previous run is at least this many
 # standard deviations, and at least this [rad].
 SHIFTED, LEAST_SHIFT = 6.0, 1e-4
@@ -67,7 +67,7 @@ def replace_outliers(values: FloatArray, noise: FloatArray) -> tuple[FloatArray,
             rows = np.arange(len(values))
             good = ~bad[:, j]
             cleaned[:, j] = np.interp(rows, rows[good], values[good, j])
-    if bad.mean() > MOST_OUTLIERS:
+    if bad.mean() > MAX_OUTLIERS:
         return values, 0
     return cleaned, int(bad.any(axis=1).sum())
 

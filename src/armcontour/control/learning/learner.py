@@ -54,14 +54,14 @@ DRIVE_CYCLE = 2.5e-4
 # Position loop gain of a joint whose servo has none [1/s], typical of industrial drives.
 TYPICAL_GAIN = 25.0
 # Learning ends after this many setbacks; each halves the step.
-MOST_SETBACKS = 3
+MAX_SETBACKS = 3
 HALF = 0.5
 # Largest acceleration of set-points relative to that before learning, if it exceeds the limit of
 # the joint. Joints that hardly move count as accelerating by RESTING times the fastest one.
 ROUGHER, RESTING = 2.0, 0.25
-# Learning ends at this setback if the relative error of the response exceeds MOST_OFF. The servo
+# Learning ends at this setback if the relative error of the response exceeds MAX_OFF. The servo
 # model is the cause unless learning has reduced the first error to the share PROVEN.
-SETBACKS_OFF, MOST_OFF, PROVEN = 2, 1.0, 0.5
+SETBACKS_OFF, MAX_OFF, PROVEN = 2, 1.0, 0.5
 # Learning ends if limits of the set-points allow less than this share of the change.
 NO_GAIN = 0.05
 # Median share of the error that remains after the first lesson with a fitted servo.
@@ -330,14 +330,14 @@ def _reason_to_finish(estimate: ErrorEstimate, setbacks: int, is_setback: bool) 
     """The reason why further lessons are not expected to reduce the error, else empty."""
     if estimate.is_noise:
         return "what remains is noise"
-    if is_setback and setbacks >= SETBACKS_OFF and estimate.response_error > MOST_OFF:
+    if is_setback and setbacks >= SETBACKS_OFF and estimate.response_error > MAX_OFF:
         if estimate.runs[estimate.best].rms < PROVEN * estimate.runs[0].rms:
             return "what remains does not repeat"
         return (
             "the last change made the error larger, and its effect differs by "
             f"{estimate.response_error:.0%} from that of the servo model, so identify the servo"
         )
-    if setbacks >= MOST_SETBACKS:
+    if setbacks >= MAX_SETBACKS:
         return f"{setbacks} changes made the error larger"
     return ""
 

@@ -21,11 +21,11 @@ from armcontour.motion import Execution, Log, SetPoints
 from armcontour.robot.servo import ServoModel
 
 # Largest number of runs whose errors are printed.
-MOST_LISTED = 10
+MAX_LISTED = 10
 # Set-points of an execution differ from the exported ones by less than this [rad].
 SAME = 1e-9
 # Largest share of a recording that may be gaps.
-MOST_MISSED = 0.1
+MAX_MISSED = 0.1
 
 
 @checks.explain_calls
@@ -126,7 +126,7 @@ def _check_gaps(recording: Recording) -> None:
     if bursts := describe_bursts(t, source):
         raise InvalidInput(bursts)
     missed = float(steps[steps > GAP * recording.interval].sum())
-    allowed = MOST_MISSED * float(np.ptp(t))
+    allowed = MAX_MISSED * float(np.ptp(t))
     if missed > allowed:
         i = int(np.argmax(steps))
         raise InvalidInput(

@@ -34,7 +34,7 @@ PENALTIES, FIRST = (-8, 6), 1e-3
 # Iterations of the interpolation in gaps of a log, and the relative error of the model there.
 BRIDGES, BRIDGED = 10, 1e-3
 # Size of the cache of factorizations: as many as a search ends with.
-MOST_FACTORS = 3
+MAX_FACTORS = 3
 
 
 class ToolError(NamedTuple):
@@ -252,7 +252,7 @@ class Lifted:
         # `A x = B du`, with `x = -error - A' y` eliminated: [[AA', B], [B', -penalty L'L]]. They
         # are quasi-definite, so no pivoting is needed.
         if penalty not in self._factors:
-            while len(self._factors) >= MOST_FACTORS:
+            while len(self._factors) >= MAX_FACTORS:
                 del self._factors[next(iter(self._factors))]
             conditions, jumps, order = self._conditions
             factors = splu(

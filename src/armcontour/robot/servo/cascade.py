@@ -13,7 +13,7 @@ import numpy as np
 
 from armcontour.core.checks import FloatArray
 from armcontour.core.kernels import FUSED, compiled
-from armcontour.robot.servo.joint_response import MOST_PHASES, MOST_STEPS, ROUNDING, Motion, Servo
+from armcontour.robot.servo.joint_response import MAX_PHASES, MAX_STEPS, ROUNDING, Motion, Servo
 
 # Times [s] that differ by less than this are equal, as in `march`.
 NEAR = 4e-12
@@ -236,13 +236,13 @@ def march_cascade(
     x = (z / kv - kp * (u[0] - q) + w) / ki
     rate = max(kv, math.sqrt(kv * (kp + ki)), (kv * kp * ki) ** (1 / 3))
     longest = LENGTH / rate
-    if not (times[-1] - now) < MOST_STEPS * longest * len(times):
+    if not (times[-1] - now) < MAX_STEPS * longest * len(times):
         return Motion(math.nan, math.nan, z, saturated, lowest, highest)
     for row in range(1, len(times)):
         until, side, phases = times[row], 0.0, 0
         while until - now > NEAR:
             phases += 1
-            if phases > MOST_PHASES:
+            if phases > MAX_PHASES:
                 return Motion(math.nan, math.nan, z, saturated, lowest, highest)
             if piece < last and starts[piece] - now <= NEAR:
                 piece, side = piece + 1, 0.0

@@ -36,9 +36,9 @@ NEAR = 1e-6
 # covers that for steps up to LARGEST_STEP.
 FALL = 0.6
 # Largest number of free motions per time span; no servo is that fast.
-MOST_STEPS = 1e5
+MAX_STEPS = 1e5
 # Largest number of phases (free, or at a bound) per step; with more, their durations round to 0.
-MOST_PHASES = 100_000
+MAX_PHASES = 100_000
 
 
 # Functions of every step are inlined: a call would double their time.
@@ -473,7 +473,7 @@ def next_phase(
 def progresses(kp: float, kv: float, span: float) -> bool:
     """True if steps advance the time in floating point, and their number is acceptable."""
     step = LARGEST_STEP / fastest_rate(kp, kv)
-    return step >= span or (span + step > span and span < MOST_STEPS * step)
+    return step >= span or (span + step > span and span < MAX_STEPS * step)
 
 
 @compiled(inner=True, fastmath=FUSED)
@@ -485,7 +485,7 @@ def _respond_by_events(servo: Servo, step: Step, u: Cubic, m: Motion) -> Motion:
     phases = 0
     while now < span:
         phases += 1
-        if phases > MOST_PHASES:
+        if phases > MAX_PHASES:
             return Motion(math.nan, math.nan, 0.0, saturated, lowest, highest)
         remaining = span - now
         p = next_phase(servo, shift(u, now), q, w, side, remaining, span, step)

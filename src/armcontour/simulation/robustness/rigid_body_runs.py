@@ -37,8 +37,8 @@ class BodyRuns:
 
     def plant(self, errors: FloatArray) -> RigidBodyPlant:
         """A robot of the box with errors (k,) of the unknowns."""
-        arm, known, servo = self.unknowns.robot(errors)
-        return RigidBodyPlant(arm, servo, self.limits, controller=known, **self.options)
+        arm, controller, servo = self.unknowns.robot(errors)
+        return RigidBodyPlant(arm, servo, self.limits, controller=controller, **self.options)
 
     def trace(self, errors: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | str:
         """Execute on one robot, with results over time."""

@@ -242,14 +242,14 @@ class Unknowns:
             coulomb=np.asarray(chain.coulomb) + errors_by_kind["friction"] * self.box.coulomb,
             armature=np.asarray(chain.armature) * (1 + errors_by_kind["armature"]),
         )
-        known = self.arm.with_dynamics(payload=payload) if self.box.payload_known else self.arm
+        controller = self.arm.with_dynamics(payload=payload) if self.box.payload_known else self.arm
         # Negative by rounding only; `dead_time_of` checks the range.
         dead_time = np.maximum(
             servo.dead_time + errors_by_kind["dead time"] * self.dead_time_ratio, 0.0
         )
         return (
             true,
-            known,
+            controller,
             servo.replace(
                 kp=servo.kp * (1 + errors_by_kind["kp"]),
                 kv=servo.kv * (1 + errors_by_kind["kv"]),

@@ -13,7 +13,7 @@ from armcontour.verification.clearance.clearance import Cell
 ROUNDED = (0.9, 0.5, 0.2, 0.0)
 # Search for intermediate postures: growth of a branch per step [rad], margin around both ends for
 # random postures [rad], and largest number of checked lines.
-STEP, AROUND, MOST_PIECES = 0.4, 1.5, 1500
+STEP, AROUND, MAX_PIECES = 0.4, 1.5, 1500
 # Number of attempted shortcuts between two postures of a path.
 SHORTCUTS = 60
 
@@ -99,7 +99,7 @@ class _Lines:
 
     def __init__(self, cell: Cell) -> None:
         self._cell = cell
-        self.left = MOST_PIECES
+        self.left = MAX_PIECES
 
     def clear(self, first: FloatArray, last: FloatArray) -> bool:
         """True if the line between two postures is collision-free; False after the last check."""

@@ -26,7 +26,7 @@ from armcontour.robot.drives.response import NominalMotion, simulate
 # deviations of an unknown with 20,000 residuals.
 NEAR = 1e-7
 # Largest number of simulations of a search, and of searches with new weights of the joints.
-MOST_SIMULATIONS, SEARCHES = 50, 3
+MAX_SIMULATIONS, SEARCHES = 50, 3
 # Weights of the joints are final if the scatter of no joint changes by more than this share.
 SAME_SCATTER = 0.01
 # Gains stay within this factor of where the search starts.
@@ -108,30 +108,30 @@ def attempt(
     """Simulate all logs with some values of the unknowns."""
     drives, delay = model.drives(values), float(values[-1])
     motions, residuals = [], []
-    for k, x in enumerate(grids):
+    for k, grid in enumerate(grids):
         motion = simulate(
             drives,
-            x.command(delay + model.lag),
-            x.t,
-            x.near if before is None else before.motions[k].q,
-            speed=x.speed,
+            grid.command(delay + model.lag),
+            grid.t,
+            grid.near if before is None else before.motions[k].q,
+            speed=grid.speed,
             viscous=model.viscous(values),
             lag=model.lag,
         )
         motions.append(motion)
-        residuals.append(x.measured - x.sampled(motion.q))
+        residuals.append(grid.measured - grid.sampled(motion.q))
     return Trial(values=values, motions=tuple(motions), residuals=tuple(residuals))
 
 
 def derivatives(model: Model, grids: list[Gridded], trial: Trial) -> FloatArray:
     """Derivatives of the positions by the unknowns at all samples, (samples, dof, unknowns)."""
     parts = []
-    for x, motion in zip(grids, trial.motions, strict=True):
+    for grid, motion in zip(grids, trial.motions, strict=True):
         delay = float(trial.values[-1]) + model.lag
-        early, later = (x.command(delay + s * SHIFT) for s in (-1, 1))
+        early, later = (grid.command(delay + s * SHIFT) for s in (-1, 1))
         lead, slope = (early + later) / 2 - motion.q, (early - later) / (2 * SHIFT)
         torque = model.torques(trial.values, motion, lead, slope)
-        parts.append(x.sampled(motion.to_torque(torque)))
+        parts.append(grid.sampled(motion.to_torque(torque)))
     return np.concatenate(parts)
 
 
@@ -147,29 +147,29 @@ def fit(
     trial, ends = attempt(model, grids, values), ~free
     scatter = trial.scatter
 
-    def move(x: FloatArray) -> Trial:
+    def move(unknowns: FloatArray) -> Trial:
         nonlocal trial
-        if (x != trial.values[free]).any():
+        if (unknowns != trial.values[free]).any():
             values = trial.values.copy()
-            values[free] = x
+            values[free] = unknowns
             trial = attempt(model, grids, values, trial)
         return trial
 
-    def residuals(x: FloatArray) -> FloatArray:
+    def residuals(unknowns: FloatArray) -> FloatArray:
         """Residuals; nan if the robot cannot be simulated."""
         try:
-            errors = move(x).residuals
+            errors = move(unknowns).residuals
         except (ExecutionError, InvalidInput):
             return np.array([np.nan])
         return np.asarray(-(np.concatenate(errors) / scatter).ravel())
 
-    def slopes(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        columns = derivatives(model, grids, move(x)) / scatter[:, None]
-        return residuals(x), columns[:, :, free].reshape(-1, len(x))
+    def slopes(unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
+        columns = derivatives(model, grids, move(unknowns)) / scatter[:, None]
+        return residuals(unknowns), columns[:, :, free].reshape(-1, len(unknowns))
 
     for _ in range(SEARCHES if free.any() else 0):
         bounds = low[free], high[free]
-        solution = solve(residuals, slopes, trial.values[free], bounds, MOST_SIMULATIONS, near)
+        solution = solve(residuals, slopes, trial.values[free], bounds, MAX_SIMULATIONS, near)
         before, scatter, ends = scatter, move(solution.x).scatter, ~free
         ends[free] = solution.active_mask != 0
         if (np.abs(scatter / before - 1) < SAME_SCATTER).all():
@@ -252,13 +252,13 @@ def doubts(model: Model, grids: list[Gridded], fit: OutputError) -> FloatArray:
     drives = model.drives(fit.trial.values)
     delay = float(fit.trial.values[-1]) + model.lag
     changes = []
-    for x, motion in zip(grids, fit.trial.motions, strict=True):
-        command = x.command(delay)
-        sooner = x.command(delay - x.log.interval) if x.held else x.bent_command(delay)
-        rate = (x.command(delay - SHIFT) - x.command(delay + SHIFT)) / (2 * SHIFT)
+    for grid, motion in zip(grids, fit.trial.motions, strict=True):
+        command = grid.command(delay)
+        sooner = grid.command(delay - grid.log.interval) if grid.held else grid.bent_command(delay)
+        rate = (grid.command(delay - SHIFT) - grid.command(delay + SHIFT)) / (2 * SHIFT)
         delayed = drives.stiffness * (motion.dq - rate) + drives.damping * motion.ddq
         torque = np.stack([drives.stiffness * (sooner - command), model.lag / 2 * delayed], axis=-1)
-        changes.append(x.sampled(motion.to_torque(torque)))
+        changes.append(grid.sampled(motion.to_torque(torque)))
     change = np.concatenate(changes) / fit.scatter[:, None]
     shift = np.zeros(len(fit.free))
     if fit.free.any():
@@ -312,11 +312,14 @@ def check_fit(grids: list[Gridded], trial: Trial) -> FloatArray:
     """Share of the mean square lag behind the commands that the model explains, (dof,)."""
     errors = np.zeros(grids[0].log.dof)
     lags, ranges = 0 * errors, 0 * errors
-    for x, residuals in zip(grids, trial.residuals, strict=True):
+    for grid, residuals in zip(grids, trial.residuals, strict=True):
         # The model need not explain the noise of the encoders.
-        errors += np.sum(residuals**2, axis=0) - len(residuals) * x.noise**2
-        lags += np.sum((interpolate(x.log.t[x.rows], x.log.t, x.log.command) - x.measured) ** 2, 0)
-        ranges = np.maximum(ranges, np.ptp(x.log.command, axis=0))
+        errors += np.sum(residuals**2, axis=0) - len(residuals) * grid.noise**2
+        lags += np.sum(
+            (interpolate(grid.log.t[grid.rows], grid.log.t, grid.log.command) - grid.measured) ** 2,
+            0,
+        )
+        ranges = np.maximum(ranges, np.ptp(grid.log.command, axis=0))
     explained = np.asarray(1 - np.maximum(errors, 0.0) / np.maximum(lags, 1e-300))
     poor = (ranges > MOVES) & (explained < EXPLAINS)
     if poor.any():
