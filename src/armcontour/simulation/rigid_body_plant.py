@@ -286,11 +286,11 @@ class RigidBodyPlant(LimitedPlant):
 
     def _check_strength(self, log: _Log, last: FloatArray, now: float) -> None:
         """Raise an error if a drive at rest is always at its torque limit."""
-        weak = (log.wanted != log.torque).all(axis=0)
+        weak = (log.torque_demand != log.torque).all(axis=0)
         if not weak.any():
             return
         j = int(np.argmax(weak))
-        needed, allowed = (float(abs(x[-1, j])) for x in (log.wanted, log.torque))
+        needed, allowed = (float(abs(x[-1, j])) for x in (log.torque_demand, log.torque))
         offset = log.q[-1, -self.arm.dof :] - last
         raise ExecutionError(
             f"Joint {j + 1} rests {abs(offset[j]):.3g} rad from its last set-point, "
