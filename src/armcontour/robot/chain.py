@@ -26,7 +26,7 @@ from armcontour.core.quantities import (
     ViscousFrictions,
 )
 
-# What is changed in a chain again and again, and checks itself.
+# Fields that are changed often and have their own checks.
 FRAMES = frozenset(("base", "tip", "tool", "payload"))
 GRAVITY = checks.frozen_array([0.0, 0.0, -9.81])
 LENGTH, INERTIA = Quantity("m"), Quantity("kg m^2")
@@ -86,11 +86,11 @@ class Chain(Checked):
             axis.
         gravity: Acceleration of gravity in the frame of the base [m/s²], (3,).
         payload: Load at the tip.
-        assumed: Which data are assumed, and by which rule; empty if none are.
+        assumed: Assumed data, with the rule for them; empty if none are assumed.
 
     Raises:
-        InvalidInput: Shapes of arrays do not fit, a rotation is none, or no body can have the mass
-            or inertia of a link.
+        InvalidInput: Shapes of arrays do not fit, a matrix is not a rotation, or no body can have
+            the mass or inertia of a link.
     """
 
     joints: Annotated[tuple[Name, ...], Axes("joints")]
@@ -121,7 +121,7 @@ class Chain(Checked):
         for name in ("armature", "viscous", "coulomb"):
             if getattr(self, name) is None:
                 object.__setattr__(self, name, checks.frozen_array(np.zeros(n)))
-        # They are kept as given: only what is no rotation is refused.
+        # Rotations are checked but not made orthonormal again.
         rotations("rotations of a chain", self.rotations)
         if (np.abs(np.linalg.norm(self.axes, axis=1) - 1) > 1e-9).any():
             raise InvalidInput("The axes of a chain must be unit vectors.")
@@ -146,7 +146,7 @@ class Chain(Checked):
         """A copy of the chain with some of its data changed."""
         if not FRAMES.issuperset(changes):
             return dataclasses.replace(self, **changes)  # type: ignore[arg-type]
-        # Looking at all links anew would take a millisecond.
+        # A check of all links would take a millisecond.
         chain = copy(self)
         for name, value in changes.items():
             object.__setattr__(chain, name, value)

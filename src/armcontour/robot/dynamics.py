@@ -69,7 +69,7 @@ class Dynamics:
         """Mass matrix: torque per joint acceleration [kg m²], (n, dof, dof)."""
         (positions,) = self._rows(q)
         n, dof = positions.shape
-        # Its rows are the torques that an acceleration of one joint takes without gravity.
+        # Rows are the torques for a unit acceleration of one joint without gravity.
         one = np.tile(np.eye(dof), (n, 1))
         matrices, _, _ = self.path_terms(np.repeat(positions, dof, axis=0), one, np.zeros_like(one))
         matrices = matrices.reshape(n, dof, dof)
@@ -115,7 +115,7 @@ class Dynamics:
     def last_body_regressor(
         self, q: npt.ArrayLike, dq: npt.ArrayLike, ddq: npt.ArrayLike, *, gravity: bool = True
     ) -> FloatArray:
-        """Joint torques per parameter of the last body, of which they are linear.
+        """Joint torques per inertial parameter of the last body; torques are linear in them.
 
         Args:
             q: Joint positions [rad], (n, dof).
@@ -133,7 +133,7 @@ class Dynamics:
         turn = joint_frames(self.chain)[-1]
         links, regressor = self._links.copy(), np.empty((*np.shape(q), 10))
         for k, unit in enumerate(np.eye(10)):
-            # All links have no mass but the last one, with one parameter of 1.
+            # Only the last link has mass: one of its parameters is 1.
             links[:, 12:] = 0.0
             links[:, 22] = links[-1, 12] = unit[0]
             links[-1, 13:16] = unit[1:4] @ turn

@@ -301,7 +301,7 @@ def propagate_outward(links: FloatArray, j: int, motion: FloatArray, rows: Float
         put(motion, 12, i, g)
         rows[19 * B + i], rows[20 * B + i] = g[0], g[1]
         put(rows, 16, i, h)
-        # Wrenches: mass times acceleration, and what the inertia about the joint takes.
+        # Wrenches: mass times acceleration, and inertia about the joint times angular acceleration.
         u = cross(w, h)
         spin = add(add(add((0.0, 0.0, 0.0), w[0], i0), w[1], i1), w[2], i2)
         put(rows, 4, i, add(u, mass, v))

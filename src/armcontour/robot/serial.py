@@ -37,7 +37,7 @@ class ChainArm(Arm):
     def _describe(
         self, name: str, chain: Chain, limits: Limits, source: str, limits_hint: str
     ) -> None:
-        """Check and keep what every arm of a chain has."""
+        """Check and store the attributes that all arms of a chain have."""
         self.name = checks.check_name("name of an arm", name)
         self.chain = chain
         self.joint_names = chain.joints
@@ -231,7 +231,7 @@ class SerialArm(ChainArm):
         limits: Limits of the arm's joints and tool.
         source: Where the data of the arm come from.
         limits_hint: What the user can do to add the limits that the arm lacks, for messages.
-        notes: Sentences on what was left out or chosen when the arm was read.
+        notes: Sentences on data that were ignored or chosen when the arm was read.
     """
 
     dimension = 3
@@ -303,15 +303,6 @@ class SerialArm(ChainArm):
         points[..., -2, :] = point + rotation @ self.chain.tool.inverse.position
         return points
 
-    def twist_drift(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
-        """Bias acceleration `dJ/dt dq` of the tool: its twist rate at ddq = 0, (n, 6).
-
-        Args:
-            q: Joint positions [rad], (..., dof).
-            dq: Joint velocities [rad/s], same shape.
-        """
-        return self.tool_twist_rate(q, dq, np.zeros_like(checks.floats("q", q, "rad")))
-
     def tool_twist(self, q: npt.ArrayLike, dq: npt.ArrayLike) -> FloatArray:
         """Twist of the tool: velocity [m/s] and angular velocity [rad/s], (n, 6).
 
@@ -334,7 +325,7 @@ class SerialArm(ChainArm):
         return self._motion(q, dq, ddq)[..., 6:]
 
     def _with(self, chain: Chain, *cached: str) -> SerialArm:
-        """A copy of the arm with another chain, which keeps what was computed of some names."""
+        """Copy of the arm with another chain and with the cached values of some attributes."""
         arm = SerialArm(
             name=self.name,
             chain=chain,
@@ -343,7 +334,7 @@ class SerialArm(ChainArm):
             limits_hint=self.limits_hint,
             notes=self.notes,
         )
-        # Shapes are those of this arm, read or not.
+        # The copy shares the shapes, also those that are not read yet.
         cached = ("shapes", "_read_shapes", *cached)
         vars(arm).update({key: x for key, x in vars(self).items() if key in cached})
         return arm

@@ -160,7 +160,7 @@ class Check(Result):
             names = ", ".join(self.not_judged)
             yield f"Not judged, since a limit or the necessary samples are missing: {names}."
         if "path_jerk" in self.not_judged:
-            yield "Jerk along the path is judged of plans only: samples have no arc length."
+            yield "Jerk along the path is checked for plans only: samples have no arc length."
 
     @property
     def worst(self) -> LimitUse | None:
@@ -358,7 +358,7 @@ def _judge_law(
     first, last = law(np.array([start]), 1), law(np.array([end]), 1, side="left")
     return {
         "reconstruction": (
-            f"A continuous law: nothing is reconstructed; judged at {points} random places "
+            f"A continuous law: no reconstruction; checked at {points} random times "
             f"(seed {seed}) between any two breaks and on both sides of every break."
         ),
         "states": count,
@@ -435,7 +435,7 @@ def _reconstruction(log: Log) -> str:
         else "; centripetal acceleration is estimated from neighbouring samples"
     )
     return (
-        f"Samples of {listed}: these are judged as they stand, and between samples the mean "
+        f"Samples of {listed}: their values are checked, and between samples the mean "
         "velocities and accelerations that every motion through them must reach, so peaks between "
         f"samples may be higher{cubic if log.dq is not None else ''}{centripetal}."
     )

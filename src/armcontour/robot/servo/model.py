@@ -313,7 +313,7 @@ class ServoModel(Checked):
         if not excesses:
             return ""
         return (
-            "What the servo model does not explain is bounded for motion as in its logs only, but "
+            "The error bound of the servo model is valid for motion as in its logs only, but "
             f"{', and '.join(excesses)} there: plan slower, or identify from logs of this motion."
         )
 

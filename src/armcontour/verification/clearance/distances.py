@@ -30,12 +30,12 @@ from armcontour.robot.scene import (
 )
 from armcontour.verification.clearance.pairs import Body, Pair, pairs_of
 
-# What distances are uncertain by: the tolerance of the library's iteration [m].
+# Uncertainty of distances: the tolerance of the library's iteration [m].
 UNCERTAINTY = 2e-6
 REASON = "touching with all joints at 0, and in every other posture that was tried"
 # Number of other postures that are tried.
 POSTURES = 15
-# Meshes as the library has them, for as long as they are used: hulls take milliseconds.
+# Library objects of meshes in use, because hulls take milliseconds.
 MESHES: WeakKeyDictionary[Mesh, Any] = WeakKeyDictionary()
 
 
@@ -44,10 +44,10 @@ class Distances:
 
     def __init__(self, chain: Chain, pairs: Sequence[Pair]) -> None:
         self._coal = _coal()
-        # Not `ComputeDistance`, which is faster: what it finds depends on what it was asked before.
+        # `ComputeDistance` is faster, but its result depends on the calls before.
         self._least = self._coal.distance
         self._pairs = pairs
-        # Places in the list of all bodies; bodies are compared by identity.
+        # Indices in the list of all bodies; bodies are compared by identity.
         self._bodies: dict[int, int] = {}
         self._list: list[Body] = []
         made = partial(_geometry, self._coal)
@@ -91,7 +91,7 @@ class Distances:
         # q (pairs, dof) [rad].
         every = np.arange(len(self._pairs))
         turned, moved = self._relative(q, every, every)
-        # Not kept from call to call: several threads may ask.
+        # The result object is new in each call because several threads may call.
         points, result = np.empty((len(every), 2, 3)), self._coal.DistanceResult()
         for k in range(len(every)):
             self._distance(k, self._coal.Transform3s(turned[k], moved[k]), result)
@@ -101,9 +101,9 @@ class Distances:
         return np.asarray(points @ np.swapaxes(first[..., :3], 1, 2) + first[:, None, :, 3])
 
     def _distance(self, pair: int, placement: Any, result: Any) -> float:
-        """Distance of a pair with its second body so placed in the frame of the first one."""
+        """Distance of a pair, with the placement of the second body in the frame of the first."""
         first, second = self._shapes[pair]
-        # As `_between`: this is called by the hundred thousand.
+        # A copy of `_between`, because this function is called 100,000 times.
         result.clear()
         distance: float = self._least(first, self._still, second, placement, self._request, result)
         exact = self._exact[pair]
@@ -121,7 +121,7 @@ class Distances:
     def _placements(self, q: FloatArray) -> FloatArray:
         """Placements of all bodies, (n, bodies, 3, 4)."""
         joints = frames_of(self._links, kernel_array(q))
-        # The base, link 0, takes the place of the tool.
+        # The base (link 0) is stored at the index -1, instead of the tool.
         joints[:, -1] = self._base
         poses = joints[:, self._joints]
         placements: FloatArray = poses[..., :3] @ self._places
@@ -153,7 +153,7 @@ def _coal() -> Any:
     except ImportError:
         raise InvalidInput(
             "Clearance needs the package coal: pip install 'armcontour[dynamics]' (there are no "
-            "wheels for Windows), or take scene out of the job."
+            "wheels for Windows), or remove scene from the job."
         ) from None
     return coal
 
@@ -161,7 +161,7 @@ def _coal() -> Any:
 def _hulls_decide(pair: Pair) -> bool:
     """True if the distance of the convex shapes of a pair is that of its bodies."""
     bodies = (pair.first, pair.second)
-    # Above a plane a body is as near as its convex hull.
+    # A body and its convex hull have the same distance from a plane.
     return all(x.exact is None for x in bodies) or any(
         isinstance(x.shape, HalfSpace) for x in bodies
     )
@@ -185,7 +185,9 @@ def _geometry(coal: Any, shape: Shape) -> Any:
                 make = _hull if shape.triangles is None else _triangles
                 MESHES[shape] = make(coal, shape)
             return MESHES[shape]
-    raise InvalidInput(f"There are no distances of a shape of the kind {type(shape).__name__}.")
+    raise InvalidInput(
+        f"Distances are not available for shapes of the kind {type(shape).__name__}."
+    )
 
 
 def _hull(coal: Any, shape: Mesh) -> Any:
@@ -194,10 +196,10 @@ def _hull(coal: Any, shape: Mesh) -> Any:
     model.beginModel(0, len(shape.points))
     model.addVertices(np.ascontiguousarray(shape.points))
     model.endModel()
-    # Not `buildConvexRepresentation`, which takes the triangles to be convex already.
+    # `buildConvexRepresentation` would assume that the triangles are convex.
     model.buildConvexHull(True, "Qt")
     if model.convex is None:
-        raise InvalidInput(f"There is no convex hull of {shape.source or 'a mesh'}.")
+        raise InvalidInput(f"No convex hull can be computed of {shape.source or 'a mesh'}.")
     return model.convex
 
 
