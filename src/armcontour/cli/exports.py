@@ -35,15 +35,10 @@ Outputs = dict[str, int | str]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """One file of an export.
+    """One file of an export."""
 
-    Args:
-        format: The format, with its outputs of events.
-        ending: Ending of the file name.
-    """
-
-    format: ExportFormat
-    ending: str
+    format: ExportFormat  # The format, with its outputs of events
+    ending: str  # Ending of the file name
 
     @property
     def plans(self) -> bool:
@@ -61,29 +56,18 @@ class Target:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exports:
-    """Formats in which every run is exported.
-
-    Args:
-        targets: The files.
-        cycle: Time between points of the plan [s]; None for the cycle of the run.
-        derivatives: Highest derivative.
-        tool_motion: Whether files have point, orientation and speed of the tool.
-    """
+    """Formats in which every run is exported."""
 
     targets: tuple[Target, ...] = ()
-    cycle: float | None = None
+    cycle: float | None = None  # Time between points of the plan [s]; None for the cycle of the run
     derivatives: int = 2
-    tool_motion: bool = False
+    tool_motion: bool = False  # Whether files have point, orientation and speed of the tool
 
     def __bool__(self) -> bool:
         return bool(self.targets)
 
     def write(self, target: Target, table: SetPointTable, file: FilePath) -> None:
-        """Write a table to a file; analog outputs only if the format supports them.
-
-        Raises:
-            InvalidInput: The format cannot hold the table; names the option of the format.
-        """
+        """Write a table to a file; analog outputs only if the format supports them."""
         from armcontour.core.errors import error_context
         from armcontour.files.exports.formats import WITH_ANALOG
 
@@ -120,14 +104,7 @@ class Exports:
 
 
 def exports_of(x: ExportOptions) -> Exports:
-    """Read the export options of a command line.
-
-    Args:
-        x: The options as text.
-
-    Raises:
-        InvalidInput: An unknown format, or an option that needs a format.
-    """
+    """Read the export options of a command line."""
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import Interval
     from armcontour.files.exports.formats import TemplateFormat, format_named
@@ -219,17 +196,7 @@ def _refuse_same_files(targets: list[Target]) -> None:
 
 
 def rehearse(job: Job, exports: Exports, scratch: FilePath) -> None:
-    """Write a table of two points in each format, to find errors before the run.
-
-    Args:
-        job: The job.
-        exports: The formats.
-        scratch: A folder for the files.
-
-    Raises:
-        InvalidInput: A format that cannot be written, or an output for an event that the job
-            does not have.
-    """
+    """Write a table of two points in each format, to find errors before the run."""
     from armcontour.core.errors import InvalidInput
 
     events = _events_of(job)
@@ -308,10 +275,7 @@ def _title(job: Job, label: str) -> str:
 def write_exports(
     folder: ResultFolder, job: Job, name: str, result: RunResult, exports: Exports
 ) -> tuple[list[str], list[str]]:
-    """Export set-points and plan of one run to the result folder.
-
-    Returns sentences on the files with their sizes, and warnings.
-    """
+    """Export set-points and plan of one run; return sentences on the files, and warnings."""
     from armcontour.files.exports import make_table
     from armcontour.files.exports.formats import FORMATS, WITH_ANALOG
     from armcontour.jobs import analog_outputs
@@ -401,17 +365,7 @@ def _warn_of_jumps(target: Target, table: SetPointTable, limits: Limits, name: s
 
 
 def export_stored(result: FilePath, file: FilePath, options: StoredExportOptions) -> None:
-    """Export a run of an earlier result to a file, and print a summary.
-
-    Args:
-        result: Folder of a result.
-        file: The destination.
-        options: Options of the command.
-
-    Raises:
-        InvalidInput: No result, an unknown format, an option that does not fit, or a destination
-            that exists already.
-    """
+    """Export a run of an earlier result to a file, and print a summary."""
     from armcontour.cli.console import Console
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import Interval

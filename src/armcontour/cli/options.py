@@ -109,12 +109,7 @@ class Keys:
 
 
 def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorate a command so that the fields of its dataclass parameters become options.
-
-    Args:
-        command: Function whose parameters have annotations of typer. Fields of its dataclass
-            parameters may have them, too; by default options have names and texts of fields.
-    """
+    """Decorate a command so that the fields of its dataclass parameters become options."""
     hints = get_type_hints(command, include_extras=True)
     groups = {k: x for k, x in hints.items() if isinstance(x, type) and is_dataclass(x)}
 
@@ -145,11 +140,7 @@ def grouped(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def options_of(group: type) -> dict[str, tuple[Any, Any]]:
-    """Annotations of typer and defaults of the options of a dataclass, by name.
-
-    Args:
-        group: The dataclass.
-    """
+    """Annotations of typer and defaults of the options of a dataclass, by name."""
     texts, defaults = describe_fields(group), inspect.signature(group).parameters
     options: dict[str, tuple[Any, Any]] = {}
     for name, (kind, named, keys) in _fields_of(group).items():

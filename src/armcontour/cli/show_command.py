@@ -17,16 +17,7 @@ if TYPE_CHECKING:
 
 
 def show_file(file: FilePath, drawing: DrawingOptions, as_json: bool) -> None:
-    """Print size, layers and notes of a drawing.
-
-    Args:
-        file: The drawing.
-        drawing: Options for reading it.
-        as_json: Whether to print JSON instead of a table.
-
-    Raises:
-        InvalidInput: The drawing cannot be read.
-    """
+    """Print size, layers and notes of a drawing."""
     from armcontour.cli.progress_bars import search_progress
 
     with search_progress("reading") as progress:

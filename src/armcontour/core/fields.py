@@ -83,11 +83,7 @@ class Options(Checked):
 
 
 def check(value: Any) -> None:
-    """Check the fields of a dataclass by their annotations; convert numbers and lock arrays.
-
-    Raises:
-        InvalidInput: A field violates its annotation.
-    """
+    """Check the fields of a dataclass by their annotations; convert numbers and lock arrays."""
     kind: Any = type(value)
     readers, shapes = _readers(kind)
     try:

@@ -26,11 +26,9 @@ LONGEST = 100
 
 
 def make_printable(text: str) -> str:
-    r"""Escape every character that is not printable, as in `\x1b`.
-
-    Such characters are control characters, ends of line, characters that change the direction of
-    writing, and lone surrogates. Some control the terminal, others make names misleading.
-    """
+    r"""Escape every character that is not printable, as in `\x1b`."""
+    # Such characters are control characters, ends of line, characters that change the direction of
+    # writing, and lone surrogates. Some control the terminal, others make names misleading.
     if text.isprintable():
         return text
     return "".join(x if x.isprintable() else _escape(x) for x in text)
@@ -94,13 +92,8 @@ def _escape(character: str) -> str:
 
 
 def parse_number(text: str) -> float:
-    """Parse a finite decimal number; blanks around the number are ignored.
-
-    `float` also accepts `1_0`, digits of other scripts, `nan` and `inf`; these are refused.
-
-    Raises:
-        ValueError: The text is not a finite decimal number.
-    """
+    """Parse a finite decimal number; blanks around the number are ignored."""
+    # `float` also accepts `1_0`, digits of other scripts, `nan` and `inf`; these are refused.
     if len(text) > LONGEST or not text.isascii() or "_" in text:
         raise ValueError(f"{text[:40]!r} is not a number")
     value = float(text)
@@ -130,18 +123,9 @@ FEW = 6
 def format_table(
     title: str, rows: Iterable[Sequence[str]] = (), *, columns: str = "<", width: int = WIDTH
 ) -> str:
-    """Lay out a title and rows of aligned cells, for `print`.
-
-    Rows whose cells after the first are all empty are omitted. Long lines are wrapped; a long table
-    is truncated, and its last line states the number of omitted lines.
-
-    Args:
-        title: First line.
-        rows: The cells, the name of the row first.
-        columns: Alignment of the columns after the first, "<" or ">"; the last one applies to all
-            columns that follow.
-        width: Longest line.
-    """
+    """Lay out a title and rows of aligned cells, for `print`."""
+    # Rows whose cells after the first are all empty are omitted. Long lines are wrapped; a long
+    # table is truncated, and its last line states the number of omitted lines.
     filled = [[shorten(x[0], WIDEST_NAME), *x[1:]] for x in rows if any(x[1:])]
     widths = [max(map(len, x)) for x in zip(*filled, strict=True)]
     align = "<" + columns.ljust(len(widths), columns[-1])
@@ -226,33 +210,18 @@ def _members(value: Any, depth: int) -> str:
 
 
 def digits(value: float, count: int = 4) -> str:
-    """Format a number with a number of significant digits, without exponent below 10^15.
-
-    Args:
-        value: The number.
-        count: Number of significant digits.
-    """
+    """Format a number with a number of significant digits, without exponent below 10^15."""
     text = f"{value:.{count}g}"
     return f"{value:.0f}" if "e+" in text and abs(value) < 1e15 else text
 
 
 def clock(t: float, count: int = 4) -> str:
-    """Format a time in s with significant digits, to 0.1 ms for large times such as Unix time.
-
-    Args:
-        t: The time [s].
-        count: Number of significant digits of times below 1 s.
-    """
+    """Format a time in s with significant digits, to 0.1 ms for large times such as Unix time."""
     return f"{t:.{count}g}" if abs(t) < 1 else f"{t:.4f}".rstrip("0").rstrip(".")
 
 
 def format_event(t: float, s: float) -> str:
-    """Time and arc length of an extreme value, as text.
-
-    Args:
-        t: The time [s].
-        s: The arc length [m].
-    """
+    """Time [s] and arc length [m] of an extreme value, as text."""
     return f"t = {t:.3f} s, s = {digits(s)} m"
 
 
@@ -262,11 +231,7 @@ def count_noun(count: int, noun: str) -> str:
 
 
 def count_kinds(counts: Mapping[str, int]) -> str:
-    """Non-zero counts with their nouns.
-
-    Args:
-        counts: Counts by their nouns.
-    """
+    """Non-zero counts with their nouns."""
     return ", ".join(count_noun(n, what) for what, n in counts.items() if n)
 
 
@@ -277,12 +242,7 @@ def joint_label(joint: int, names: Sequence[str]) -> str:
 
 
 def joint_rows(q: Any, names: Sequence[str] = ()) -> list[tuple[str, str]]:
-    """Rows with the range of positions of each joint.
-
-    Args:
-        q: Joint positions [rad], (n, dof).
-        names: Names of the joints; by default their numbers from 1.
-    """
+    """Rows with the range of positions of each joint."""
     ends = zip(q.min(axis=0), q.max(axis=0), strict=True)
     return [
         (names[j] if names else f"joint {j + 1}", f"{low:z.4f} to {high:z.4f} rad")

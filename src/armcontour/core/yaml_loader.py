@@ -174,17 +174,7 @@ AngleLoader.add_constructor("!radians", construct_radians)
 
 
 def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> Any:
-    """Load the YAML document in a text, or in bytes of UTF-8.
-
-    Args:
-        content: The text.
-        source: Name of the text, for messages.
-        loader: Loader class, such as one with more tags.
-
-    Raises:
-        InvalidInput: Not YAML, a repeated key, a text that is too long, or aliases that add too
-            many values.
-    """
+    """Load the YAML document in a text, or in bytes of UTF-8."""
     with _reading(content, source):
         text = _decoded(content)
         # These two classes differ only by tags, which PARSED_DIFFERENTLY excludes.
@@ -197,18 +187,8 @@ def load(content: str | bytes, source: str, loader: type[Loader] = Loader) -> An
 
 
 def load_with_node(text: str, source: str) -> tuple[Any, yaml.Node | None]:
-    """Load the YAML document in a text together with its nodes, which have the line numbers.
-
-    Args:
-        text: The text.
-        source: As in `load`.
-
-    Returns:
-        The data, and the root of the nodes, in which merged keys stay where they are written.
-
-    Raises:
-        InvalidInput: As in `load`.
-    """
+    """Load a YAML document and the root of its nodes, which have the line numbers."""
+    # In the nodes, merged keys stay where they are written.
     with _reading(text, source):
         loader = Loader(text)
         node = loader.get_single_node()

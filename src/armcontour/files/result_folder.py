@@ -195,10 +195,8 @@ def _names_in(folder: FilePath) -> set[str]:
 
 
 def _files_below(folder: FilePath, name: str) -> list[str]:
-    """Names, relative to a folder, of a file in it or of all files below a folder in it.
-
-    Links count as files.
-    """
+    """Names, relative to a folder, of a file in it or of all files below a folder in it."""
+    # Links count as files.
     location = folder / name
     if location.is_symlink() or not location.is_dir():
         return [name]
@@ -216,11 +214,7 @@ def _manifest(folder: FilePath) -> dict[str, Any]:
 
 
 def verify_file(folder: FilePath, name: str) -> FilePath:
-    """The path of a file of a result, if armcontour wrote the file and it did not change.
-
-    Raises:
-        InvalidInput: The folder has no result, the result has no such file, or the file changed.
-    """
+    """The path of a file of a result, if armcontour wrote the file and it did not change."""
     written = _manifest(folder).get("files", {})
     if SUMMARY not in written:
         raise InvalidInput(

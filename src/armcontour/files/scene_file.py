@@ -118,11 +118,9 @@ def tool_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[LinkSha
 
 
 def assumed_tool(arm: Arm) -> tuple[LinkShape, ...]:
-    """A capsule from the flange to near the tool point, for a tool whose shapes are not given.
-
-    It ends before the tool point, which touches the work. A tool that is too short for it has no
-    shape.
-    """
+    """A capsule from the flange to near the tool point, for a tool whose shapes are not given."""
+    # It ends before the tool point, which touches the work. A tool that is too short for it has no
+    # shape.
     chain = arm.chain
     if chain is None:
         return ()
@@ -229,11 +227,7 @@ def _normal(model: HalfSpaceModel) -> FloatArray | None:
 
 
 def upright(z: FloatArray) -> FloatArray:
-    """A rotation whose z axis has a given direction, (3, 3).
-
-    Args:
-        z: The direction, of length 1, (3,).
-    """
+    """A rotation whose z axis has a given direction, (3, 3)."""
     axis = np.array([-z[1], z[0], 0.0])
     size = float(np.linalg.norm(axis))
     if size == 0:

@@ -50,20 +50,13 @@ STEP = "changes"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Candidate:
-    """A change that may help.
+    """A change that may help."""
 
-    Args:
-        label: As in `Improvement`, as are `edits` and `condition`.
-        job: The changed job.
-        run: The changed run.
-        worth: Approximate share of the duration that it may save.
-    """
-
-    label: str
+    label: str  # As in `Improvement`, as are `edits` and `condition`
     edits: tuple[tuple[str, Any], ...]
     job: Job
     run: Run
-    worth: float = 0.0
+    worth: float = 0.0  # Approximate share of the duration that it may save
     condition: str = ""
 
 
@@ -82,14 +75,7 @@ def advise(job: Job, result: RunResult, progress: Progress | None = None) -> Adv
 
 
 def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
-    """The steps of `advise`, each of which plans one change.
-
-    Yields:
-        The share that is done.
-
-    Returns:
-        The advice.
-    """
+    """The steps of `advise`, each of which plans one change; yields the share that is done."""
     reuse, helpful = Reuse(2), list[Improvement]()
     repairs = result.kept is False
     if repairs:

@@ -9,11 +9,7 @@ from armcontour.core.result import FIRST, TABLE, Data, Row, Table
 
 
 def differences(one: Data, other: Data, names: tuple[str, str] = ("one", "other")) -> Table:
-    """The figures of two runs that matter first, and the time of each limit, with differences.
-
-    Returns:
-        A row for each figure: label, both values, and the first minus the second value.
-    """
+    """Main figures and times of limits: label, values of two runs, and first minus second."""
     columns = ("figure", *names, "difference")
     rows = [
         (before.label or after.label, figure(before), figure(after), _difference(before, after))

@@ -417,11 +417,7 @@ class Job(Checked):
 
 
 def find_run(job: Job, name: str) -> Run:
-    """The run of a name.
-
-    Raises:
-        InvalidInput: There is no such run.
-    """
+    """The run of a name."""
     for run in job.runs:
         if run.name == name:
             return run
@@ -430,11 +426,7 @@ def find_run(job: Job, name: str) -> Run:
 
 
 def choose_run(job: Job, name: str | None, done: str, among: Sequence[Run] = ()) -> Run:
-    """The run of a name, or the only run.
-
-    Raises:
-        InvalidInput: There is no such run, or there are several.
-    """
+    """The run of a name, or the only run."""
     if name is not None:
         return find_run(job, name)
     able = among or job.runs

@@ -344,10 +344,8 @@ def promoted(rows: Iterable[Row]) -> tuple[Row, ...]:
 
 
 def judging_rows(result: RunResult, rows: Iterable[Row] | None = None) -> tuple[Row, ...]:
-    """Rows of a run, where figures of its evaluation are those that judge it.
-
-    Where rigid bodies judge the run, their figures have the names without "experiment." too.
-    """
+    """Rows of a run, where figures of its evaluation are those that judge it."""
+    # Where rigid bodies judge the run, their figures have the names without "experiment." too.
     if rows is None:
         rows = [*_plan(result, None), *_set_points(result)]
         if result.evaluation is None:

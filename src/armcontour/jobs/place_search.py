@@ -60,11 +60,7 @@ class Axis:
 
 
 def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, ...]:
-    """The axes of a grid, in the order of `AXES`.
-
-    Raises:
-        InvalidInput: No axis, an unknown one, an empty range, or too many places.
-    """
+    """The axes of a grid, in the order of `AXES`."""
     names = AXES if dimension == 3 else IN_PLANE
     if not isinstance(over, Mapping) or not over:
         raise InvalidInput(
@@ -86,11 +82,7 @@ def read_axes(over: Mapping[str, Sequence[Any]], dimension: int) -> tuple[Axis, 
 
 
 def read_uncertainty(deviations: Mapping[str, float], dimension: int) -> dict[str, float]:
-    """Position uncertainty of the part, of some axes [m, rad], without zeros.
-
-    Raises:
-        InvalidInput: An unknown axis, or a value below zero.
-    """
+    """Position uncertainty of the part, of some axes [m, rad], without zeros."""
     names = AXES if dimension == 3 else IN_PLANE
     for name in deviations:
         _check_axis(name, names, "uncertainty")

@@ -22,17 +22,11 @@ CURVATURE_JUMPS = "curvature jumps"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JerkStop:
-    """A full stop inside a contour, at a jump of the curvature.
+    """A full stop inside a contour, at a jump of the curvature."""
 
-    Args:
-        contour: Name of the contour in messages; empty for a single path.
-        s: Arc length from the start of the contour [m].
-        point: Position [m], 2 or 3 coordinates.
-    """
-
-    contour: str
-    s: float
-    point: tuple[float, ...]
+    contour: str  # Name of the contour in messages; empty for a single path
+    s: float  # Arc length from the start of the contour [m]
+    point: tuple[float, ...]  # Position [m], 2 or 3 coordinates
 
 
 def jerk_stops(
@@ -62,22 +56,15 @@ ALLOWED = 0.02
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weaving:
-    """Weave of a contour as planned, where the weave has its full width.
+    """Weave of a contour as planned, where the weave has its full width."""
 
-    Args:
-        contour: Name of the contour in messages.
-        width: Smallest and largest distance between neighbouring crests, across the seam [m].
-        frequency: Smallest and largest number of waves per second [1/s].
-        requested: Requested width [m] and frequency [1/s]; the frequency is NaN without an assigned
-            velocity.
-        left_out: Length of the seam that is not woven, in parts shorter than half a pitch [m].
-    """
-
-    contour: str
+    contour: str  # Name of the contour in messages
+    # Smallest and largest distance between neighbouring crests, across the seam [m].
     width: tuple[float, float]
-    frequency: tuple[float, float]
+    frequency: tuple[float, float]  # Smallest and largest number of waves per second [1/s]
+    # Requested width [m] and frequency [1/s]; the frequency is NaN without an assigned velocity.
     requested: tuple[float, float]
-    left_out: float
+    left_out: float  # Length of the seam that is not woven, in parts shorter than half a pitch [m]
 
     @property
     def differs(self) -> bool:
@@ -143,15 +130,10 @@ SAMPLES = 4000
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Torques(Checked):
-    """Torques of the drives over time.
+    """Torques of the drives over time."""
 
-    Args:
-        t: Times [s], (n,).
-        values: Torques [N m], (n, dof).
-    """
-
-    t: FloatArray
-    values: FloatArray
+    t: FloatArray  # Times [s], (n,)
+    values: FloatArray  # Torques [N m], (n, dof)
 
     @property
     def peak(self) -> FloatArray:
@@ -165,10 +147,8 @@ def assumed_numbers(arm: Arm) -> str:
 
 
 def planned_torques(arm: Arm, plan: Trajectory) -> Torques | None:
-    """Torques of a plan over time; None if the arm has no bodies.
-
-    Every time appears twice, with the torques before and after a jump.
-    """
+    """Torques of a plan over time; None if the arm has no bodies."""
+    # Every time appears twice, with the torques before and after a jump.
     if not arm.has_bodies:
         return None
     t = np.union1d(np.linspace(0, plan.duration, SAMPLES), plan.breaks)

@@ -34,21 +34,13 @@ RESOLUTION = 1e-3
 
 
 class _PathPoints(NamedTuple):
-    """Points along some paths of a program.
+    """Points along some paths of a program."""
 
-    Args:
-        paths: Names of the paths in messages, and the paths.
-        owner: Index of the path of each point, (n,).
-        s: Arc lengths [m], (n,).
-        points: Required positions of the tool [m], (n, dimension).
-        rotations: Its orientation, (n, 3, 3); the unit matrix where none is required.
-    """
-
-    paths: list[tuple[str, Path]]
-    owner: IntArray
-    s: FloatArray
-    points: FloatArray
-    rotations: FloatArray
+    paths: list[tuple[str, Path]]  # Names of the paths in messages, and the paths
+    owner: IntArray  # Index of the path of each point, (n,)
+    s: FloatArray  # Arc lengths [m], (n,)
+    points: FloatArray  # Required positions of the tool [m], (n, dimension)
+    rotations: FloatArray  # Its orientation, (n, 3, 3); the unit matrix where none is required
 
     @classmethod
     def along(cls, paths: list[tuple[str, Path]]) -> _PathPoints:
@@ -73,13 +65,8 @@ class _PathPoints(NamedTuple):
 
 
 def explain(error: Unreachable, job: Job) -> Unreachable:
-    """The refusal by the point of a job that is farthest out of reach, contours before rapids.
-
-    Tracing refuses a program by the move that comes first, which may be a rapid.
-
-    Returns:
-        The refusal; the same error if no point of the job is out of reach.
-    """
+    """The refusal by the point of a job that is farthest out of reach, contours before rapids."""
+    # Tracing refuses a program by the move that comes first, which may be a rapid.
     program = job.program
     if not job.process.automatic:
         program = prepare(program, job.process)
@@ -192,10 +179,8 @@ def _remedy(job: Job, points: _PathPoints, away: FloatArray, rapid: bool) -> str
 
 
 def _way(arm: Arm, points: _PathPoints, away: FloatArray) -> FloatArray | None:
-    """A way of the part that brings all places into reach [m], (3,); None if none is found.
-
-    Parts stay on their table, as far as that helps.
-    """
+    """A way of the part that brings all places into reach [m], (3,); None if none is found."""
+    # Parts stay on their table, as far as that helps.
     worst = np.argsort(-away)[: MOST_MOVED // 4]
     even = np.linspace(0, len(away) - 1, MOST_MOVED).astype(np.intp)
     sample = points.some(np.union1d(worst, even))

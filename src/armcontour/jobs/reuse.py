@@ -16,11 +16,7 @@ LARGE_RESULTS, MOST_SAMPLES = 2, 200_000
 
 
 class Reuse:
-    """A cache of the results of steps: a step with the same inputs is not repeated.
-
-    Args:
-        size: Number of results of each step in the cache.
-    """
+    """A cache of the results of steps: a step with the same inputs is not repeated."""
 
     def __init__(self, size: int = RESULTS) -> None:
         self.size = size

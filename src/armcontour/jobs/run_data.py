@@ -49,14 +49,7 @@ def field_rows(name: str, value: Any) -> Iterator[Row]:
 def torque_rows(
     torques: Torques | None, limit: FloatArray | None, arm: Arm, kind: str
 ) -> Iterator[Row]:
-    """Largest torques, their limits, and assumed parameters of the bodies.
-
-    Args:
-        torques: The torques; None for an arm without bodies.
-        limit: Their limits [N m], (dof,); None without.
-        arm: The arm.
-        kind: "planned" or "applied".
-    """
+    """Largest torques, their limits, and assumed parameters of the bodies."""
     if torques is None:
         return
     peak = torques.peak
@@ -134,14 +127,7 @@ def move_table(
     starts: Sequence[tuple[float, float]],
     errors: Sequence[ErrorProfile],
 ) -> Table:
-    """The moves of a program with their times; columns of contours are null for other moves.
-
-    Args:
-        trajectory: The plan.
-        path: The program.
-        starts: Start and end of every contour, in the arc length of `resume_at` [m].
-        errors: The contour error of every contour; empty without an execution.
-    """
+    """The moves of a program with their times; columns of contours are null for other moves."""
     contours = iter(zip(path.contours, starts, strict=True))
     remaining = iter(errors)
     rows = []

@@ -78,10 +78,8 @@ def _at_corners(path: Path) -> FloatArray:
 
 
 def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool) -> Iterator[str]:
-    """A warning for the contour, or its start or end, that is slowest relative to its speed.
-
-    Contours that are too short for the assigned velocity, and stops of the path, do not count.
-    """
+    """A warning for the contour, or its start or end, that is slowest relative to its speed."""
+    # Contours that are too short for the assigned velocity, and stops of the path, do not count.
     slow: list[tuple[float, str, str]] = []
     for i, (x, span) in enumerate(zip(program.contours, trajectory.contour_spans, strict=True)):
         if span.trajectory is not None:
@@ -116,11 +114,7 @@ def assigned_speed(contour: Contour, s: float, side: str, run: Run) -> float:
 def slow_ends(
     contour: Contour, motion: Trajectory, run: Run
 ) -> Iterator[tuple[str, float, float, float]]:
-    """Ends of the work of a contour that have a lead and are below the assigned velocity.
-
-    Yields:
-        "begins" or "ends", the speed, the assigned velocity [m/s], the length of the lead [m].
-    """
+    """Yield "begins" or "ends", speed, assigned velocity and lead [m] of slow contour ends."""
     if contour.work is None:
         return
     start, end = contour.work
@@ -229,10 +223,8 @@ def unsettled(executed: Execution) -> Iterator[str]:
 
 
 def not_followed(run: Run, executed: Execution, evaluation: Evaluation) -> Iterator[str]:
-    """A warning for the joint that saturates most, or for a servo model that cannot judge the run.
-
-    The method "conventional" does not consider limits of joints.
-    """
+    """Warning for the joint that saturates most, or if the servo model cannot judge the run."""
+    # The method "conventional" does not consider limits of joints.
     error = f"up to {number(evaluation.contour_error.max, 'm')} off"
     joint = int(evaluation.demand_ratio.argmax())
     ratio = float(evaluation.demand_ratio[joint])

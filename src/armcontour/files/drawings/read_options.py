@@ -85,11 +85,10 @@ def fraction_reporter(progress: Progress | None, source: str) -> Tell:
 
 @dataclass(slots=True)
 class Labels:
-    """Converts names of entities and layers to names that contours can have.
+    """Converts names of entities and layers to names that contours can have."""
 
-    A name that is too long is cut, and characters that are not printable become escapes: some CAD
-    programs write such names, and the user cannot change them. Different names stay different.
-    """
+    # A name that is too long is cut, and characters that are not printable become escapes: some CAD
+    # programs write such names, and the user cannot change them. Different names stay different.
 
     _changed: dict[str, str] = field(default_factory=dict)
     _alike: Counter[str] = field(default_factory=Counter)
@@ -297,10 +296,8 @@ class ReadOptions(Checked):
 
 
 def repair_vertices(program: Program, options: ReadOptions) -> Program:
-    """The program with vertices made tangent that rounded coordinates can have bent.
-
-    Contours with a tool orientation stay.
-    """
+    """The program with vertices made tangent that rounded coordinates can have bent."""
+    # Contours with a tool orientation stay.
     moves: list[Move] = list(program.moves)
     tolerances, changed = options.layer_tolerances, []
     for i, move in enumerate(moves):

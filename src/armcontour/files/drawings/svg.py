@@ -180,31 +180,17 @@ def _up(height: float, unit: float) -> Affine:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _SvgInherited(Inherited):
-    """The properties that an element inherits from the elements around it.
+    """The properties that an element inherits from the elements around it."""
 
-    Args:
-        view: Viewport in the element's coordinates; None if it is not known.
-        inkscape: Whether the layer is one of Inkscape.
-        hidden: Whether the element is hidden.
-        used_by: The use element that refers directly to this element.
-        font: Size of the font in user units.
-    """
-
-    view: ViewBox | None
-    inkscape: bool = False
-    hidden: bool = False
-    used_by: Element | None = None
-    font: float = FONT
+    view: ViewBox | None  # Viewport in the element's coordinates; None if it is not known
+    inkscape: bool = False  # Whether the layer is one of Inkscape
+    hidden: bool = False  # Whether the element is hidden
+    used_by: Element | None = None  # The use element that refers directly to this element
+    font: float = FONT  # Size of the font in user units
 
 
 class SvgWalk(Walk):
-    """Traversal of a drawing's elements, which records the elements that it omits.
-
-    Args:
-        root: The outermost element.
-        options: Settings of the reader.
-        progress: Called from time to time with the share of the file that is read.
-    """
+    """Traversal of a drawing's elements, which records the elements that it omits."""
 
     apart = True
 
@@ -429,11 +415,9 @@ class SvgWalk(Walk):
 
 
 def _extent(element: Element, user: Element | None, key: str, whole: float | None) -> float | None:
-    """Width or height of a viewport; None if it is not known.
-
-    The value is taken from the use element, else from the element, else it is that of the outer
-    viewport.
-    """
+    """Width or height of a viewport; None if it is not known."""
+    # The value is taken from the use element, else from the element, else it is that of the outer
+    # viewport.
     for source in (user, element):
         if source is not None and source.get(key) not in ("", "auto"):
             return length_of(source, key)
@@ -441,10 +425,8 @@ def _extent(element: Element, user: Element | None, key: str, whole: float | Non
 
 
 def _layer(element: Element, around: _SvgInherited) -> _SvgInherited:
-    """The inherited properties with the layer of a group.
-
-    A layer is a layer of Inkscape, or else the innermost group with a name.
-    """
+    """The inherited properties with the layer of a group."""
+    # A layer is a layer of Inkscape, or else the innermost group with a name.
     if element.tag != "g":
         return around
     name = element.get("inkscape:label") or element.get("id")

@@ -31,22 +31,15 @@ MOST_EXPANDED = 1_000_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Element:
-    """An element of an SVG file.
+    """An element of an SVG file."""
 
-    Args:
-        tag: Name of the element without a namespace; "" if it belongs to another namespace.
-        attributes: Attributes by name, those of the namespaces in `PREFIXES` with their prefix.
-        source: Name of the file.
-        line: Line of the file in which the element starts.
-        children: Elements in this element.
-        text: Parts of the element's text; stored for style sheets only.
-    """
-
-    tag: str
+    tag: str  # Name of the element without a namespace; "" if it belongs to another namespace
+    # Attributes by name, those of the namespaces in `PREFIXES` with their prefix.
     attributes: Mapping[str, str]
     source: str
-    line: int
+    line: int  # Line of the file in which the element starts
     children: list[Element] = field(default_factory=list)
+    # Parts of the element's text; stored for style sheets only.
     text: list[str] = field(default_factory=list)
 
     @property
@@ -79,11 +72,9 @@ class Element:
 
 
 def tree_of(data: bytes, source: str) -> Element:
-    """The outermost element of an SVG file, with all elements in it.
-
-    Entities must be plain text in the file, and together add at most `MOST_EXPANDED` characters, as
-    a short file could expand to any size. Other files are never loaded.
-    """
+    """The outermost element of an SVG file, with all elements in it."""
+    # Entities must be plain text in the file, and together add at most `MOST_EXPANDED` characters,
+    # as a short file could expand to any size. Other files are never loaded.
     from xml.parsers import expat
 
     if data[:2] == b"\x1f\x8b":

@@ -54,31 +54,21 @@ class OutputSwitch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Point:
-    """A row of the table in templates.
+    """A row of the table in templates."""
 
-    Args:
-        number: Number of the point, from 1.
-        t: Time from the first point [s].
-        q, q_deg: Joint positions [rad], [deg].
-        dq, ddq: Joint velocities [rad/s] and accelerations [rad/s²]; None if the table has none.
-        tool: Tool point [m]; None without an arm.
-        tool_rotation: Tool orientation as a quaternion x, y, z, w; None unless exported.
-        tool_speed: Speed of the tool point [m/s]; None unless exported.
-        analog: Values of analog outputs by their names.
-        events: Events from this point to the next one.
-    """
-
-    number: int
-    t: float
-    q: tuple[float, ...]
+    number: int  # Number of the point, from 1
+    t: float  # Time from the first point [s]
+    q: tuple[float, ...]  # Joint positions [rad], [deg]
     q_deg: tuple[float, ...]
+    # Joint velocities [rad/s] and accelerations [rad/s²]; None if the table has none.
     dq: tuple[float, ...] | None
     ddq: tuple[float, ...] | None
-    tool: tuple[float, ...] | None
+    tool: tuple[float, ...] | None  # Tool point [m]; None without an arm
+    # Tool orientation as a quaternion x, y, z, w; None unless exported.
     tool_rotation: tuple[float, ...] | None
-    tool_speed: float | None
-    analog: Mapping[str, float]
-    events: tuple[OutputSwitch, ...]
+    tool_speed: float | None  # Speed of the tool point [m/s]; None unless exported
+    analog: Mapping[str, float]  # Values of analog outputs by their names
+    events: tuple[OutputSwitch, ...]  # Events from this point to the next one
 
 
 class _Refused(Exception):
@@ -121,10 +111,7 @@ def describe_program(
     outputs: Mapping[str, int | str] | None,
     name_output: Callable[[str, int | str], str],
 ) -> list[str]:
-    """Sentences on programs of urscript and of the package's templates: outputs not set, and size.
-
-    The templates of users may switch events without outputs.
-    """
+    """Sentences on a program of urscript or a template: outputs not set, and size."""
     sentences, named_outputs = _describe_rounding(table, name), outputs or {}
     if name in FEWER and len(table.t) > MOST_POINTS:
         sentences.append(

@@ -22,11 +22,9 @@ from armcontour.robot.scene import Box, Capsule, Cylinder, LeftOut, LinkShape, S
 
 
 def read_left_out(file: str | FilePath, links: Collection[str]) -> tuple[LeftOut, ...]:
-    """Read the pairs of links without distance checks from an SRDF file, with the file's reasons.
-
-    Typical reasons are that a pair never touched in random configurations ("Never") or always
-    touched ("Default").
-    """
+    """Pairs of links without distance checks in an SRDF file, with its reasons."""
+    # Typical reasons are that a pair never touched in random configurations ("Never") or always
+    # touched ("Default").
     location = FilePath(file)
     robot = parse_xml(str(location), file_access.read_bytes(location, "SRDF file"))
     if robot.tag != "robot":
@@ -86,17 +84,11 @@ Packages = Mapping[str, str | FilePath]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CollisionElement:
-    """A collision element of a link.
+    """A collision element of a link."""
 
-    Args:
-        where: Name of the element, for messages.
-        geometry: The element in its `geometry`.
-        place: Its frame in the frame of the link.
-    """
-
-    where: str
-    geometry: ET.Element
-    place: Frame
+    where: str  # Name of the element, for messages
+    geometry: ET.Element  # The element in its `geometry`
+    place: Frame  # Its frame in the frame of the link
 
 
 def link_shapes(

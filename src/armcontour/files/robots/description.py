@@ -26,18 +26,7 @@ TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 class Description:
-    """The part of a robot description that belongs to an arm.
-
-    Args:
-        tree: The robot description.
-        route: The joints from base to tip.
-        moving: The joints of the route that move.
-        locked: Positions of locked joints [rad or m].
-        base: Fixed link at the start of the arm.
-
-    Attributes:
-        notes: What is left out of the chain or held still beside it; filled by `chain`.
-    """
+    """The part of a robot description that belongs to an arm."""
 
     def __init__(
         self,
@@ -57,11 +46,7 @@ class Description:
         self._names = {joint.name for joint in moving}
 
     def chain(self) -> Chain:
-        """The chain of the moving joints, with the bodies that move with each joint.
-
-        Raises:
-            InvalidInput: A number that is none, or a joint that cannot be locked.
-        """
+        """The chain of the moving joints, with the bodies that move with each joint."""
         carried = self.carried()
         heavy = self._has_bodies(carried)
         self._note_held_joints()
@@ -119,12 +104,7 @@ class Description:
         return place @ Frame(rotation=exp(along))
 
     def _locked_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
-        """Position of a locked joint: as given, as the mimicked joint requires, or nearest to 0.
-
-        Args:
-            joint: The joint.
-            mimics: Names of the joints that mimic this joint, directly or through others.
-        """
+        """Position of a locked joint: as given, as the mimicked joint requires, or nearest to 0."""
         file, given = self.tree.file, self.locked.get(joint.name)
         if joint.kind in ("fixed", "planar", "floating"):
             if given is not None:

@@ -30,17 +30,7 @@ Body: TypeAlias = tuple[float, FloatArray, FloatArray]
 
 
 def arm_of_model(model: Any, options: ArmOptions) -> SerialArm:
-    """Make a serial arm from a `pinocchio.Model`: the joints between its universe and a frame.
-
-    Args:
-        model: The model.
-        options: Tip, limits and locked joints; other joints that do not move the tip are locked at
-            0.
-
-    Raises:
-        InvalidInput: pinocchio is not installed, there is no such frame or joint, or a joint of the
-            arm does not turn.
-    """
+    """Make a serial arm from a `pinocchio.Model`: the joints between its universe and a frame."""
     from armcontour.robot.dynamics import pinocchio
 
     pin, source, names = pinocchio(), "the model", list(model.names)
@@ -94,16 +84,7 @@ def arm_of_model(model: Any, options: ArmOptions) -> SerialArm:
 
 
 def arm_of_mjcf(file: FilePath, options: ArmOptions) -> SerialArm:
-    """Make a serial arm from an MJCF file: the joints between its world and a body or a site.
-
-    Args:
-        file: The file.
-        options: As in `arm_of_model`.
-
-    Raises:
-        InvalidInput: MuJoCo is not installed, the file is none of its models, there is no such body
-            or joint, or a joint of the arm does not turn.
-    """
+    """Make a serial arm from an MJCF file: the joints between its world and a body or a site."""
     mujoco, model = _read_mjcf(file)
     data, source = mujoco.MjData(model), str(file)
     names = [model.joint(j).name or f"joint {j + 1}" for j in range(model.njnt)]
@@ -195,14 +176,7 @@ def _largest_torque(model: Any, j: int) -> float:
 
 
 def _find_tip(names: list[str], others: list[str], source: str, options: ArmOptions) -> int:
-    """Index of the frame at the tip.
-
-    Args:
-        names: Names of all frames.
-        others: Names that a message does not list.
-        source: Where the model comes from.
-        options: The options.
-    """
+    """Index of the frame at the tip."""
     from armcontour.files.robots.tip import TOOL_FRAMES
 
     tip = options.tip
@@ -248,18 +222,7 @@ def _arm(
     end: Frame,
     **others: Any,
 ) -> SerialArm:
-    """The arm of a model.
-
-    Args:
-        name: Name of the model.
-        source: Where it comes from.
-        options: The options.
-        values: Limits of the joints.
-        places: Frames of the joints at position 0 in the frame of the base.
-        links: Bodies that each joint carries, in the frame of the base.
-        end: Frame of the tip in the frame of the base.
-        others: More data of the chain.
-    """
+    """The arm of a model."""
     if not places:
         raise InvalidInput(f"No joint of {source} moves its tip: choose another tip.")
     inside = [x.inverse @ y for x, y in pairwise([Frame(), *places, end])]

@@ -15,14 +15,9 @@ Next = dict[str | None, list[Joint]]
 
 
 def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str]:
-    """The tip of an arm: its only end, or the end of its only chain of moving joints.
-
-    The joints of a gripper are ignored: branches at the end of a chain that are equally long and
-    shorter than the chain, and a last joint that another joint mimics.
-
-    Returns:
-        The link, and a note of the choice; empty if there was none.
-    """
+    """The only end of an arm or of its only chain of moving joints, and a note of the choice."""
+    # The joints of a gripper are ignored: branches at the end of a chain that are equally long and
+    # shorter than the chain, and a last joint that another joint mimics.
     parents = {joint.parent for joint in tree.joints.values()}
     ends = [x.child for x in tree.below(base) if x.child not in parents]
     if len(ends) == 1:

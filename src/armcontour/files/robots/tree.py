@@ -27,12 +27,7 @@ MOST_NAMED = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Joint:
-    """A joint of a robot description.
-
-    Args:
-        name, kind, parent, child: Its name, type and links, as in the file.
-        element: Its XML element.
-    """
+    """A joint of a robot description."""
 
     name: str
     kind: str
@@ -61,20 +56,13 @@ class Joint:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tree:
-    """Links and joints of a robot description.
+    """Links and joints of a robot description."""
 
-    Args:
-        file: Name of the file, for messages.
-        name: Name of the robot.
-        links: XML elements of the links, by name.
-        joints: Joints by name, in the order of the file.
-        above: The joint that carries each link except the root.
-    """
-
-    file: str
+    file: str  # Name of the file, for messages
     name: str
-    links: Mapping[str, ET.Element]
-    joints: Mapping[str, Joint]
+    links: Mapping[str, ET.Element]  # XML elements of the links, by name
+    joints: Mapping[str, Joint]  # Joints by name, in the order of the file
+    # The joint that carries each link except the root.
     above: Mapping[str, Joint] = field(default_factory=dict)
     _carried: dict[str, list[Joint]] = field(init=False, default_factory=dict)
 

@@ -32,11 +32,9 @@ NAME = re.compile(rb"<name>\s*([^<>]*?)\s*</name>")
 
 
 def find_near(folder: FilePath, name: str) -> FilePath | None:
-    """The nearest folder whose `package.xml` has a given name; None if there is none.
-
-    The search order is the package of the description, its sibling folders, the siblings of its
-    parent folder, and one level below them, as packages are located in a workspace of ROS.
-    """
+    """The nearest folder whose `package.xml` has a given name; None if there is none."""
+    # The search order is the package of the description, its sibling folders, the siblings of its
+    # parent folder, and one level below them, as packages are located in a workspace of ROS.
     for count, candidate in enumerate(_places(folder)):
         if count >= MOST_FOLDERS:
             break

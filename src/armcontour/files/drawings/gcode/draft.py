@@ -56,10 +56,8 @@ class ProgramDraft:
         self.layer, self.layers, self.typed = "", 0, False
 
     def set_layer(self, number: str | None, kind: str | None) -> None:
-        """Start a layer or a type by a slicer's comment, and with it another contour.
-
-        Contours are on the layers of their types; in a file without types, of their layers.
-        """
+        """Start a layer or a type by a slicer's comment, and with it another contour."""
+        # Contours are on the layers of their types; in a file without types, of their layers.
         name = self.layer
         if kind is not None:
             name, self.typed = "".join(filter(str.isprintable, kind)).strip(), True

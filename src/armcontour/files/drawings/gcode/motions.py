@@ -33,15 +33,7 @@ UNKNOWN = (
 
 
 class ProgrammedTool:
-    """Position of the tool in the drawing, and its moves.
-
-    Args:
-        draft: Receives the moves.
-        notes: Receives notes, and has the line.
-        modes: The modal state.
-        offsets: From the program to the drawing.
-        chord_tolerance: Largest distance between a helix and its chords [m].
-    """
+    """Position of the tool in the drawing, and its moves."""
 
     def __init__(
         self,
@@ -108,11 +100,9 @@ class ProgrammedTool:
             self.draft.resume_at(self.position)
 
     def lose(self, name: str, axes: set[int]) -> None:
-        """Move some axes to a position that the file does not define, after a stop.
-
-        The program continues at the next point that the file defines. Before the first contour the
-        tool is at zero of the program.
-        """
+        """Move some axes to a position that the file does not define, after a stop."""
+        # The program continues at the next point that the file defines. Before the first contour
+        # the tool is at zero of the program.
         self.notes.count(name, UNKNOWN)
         self.draft.rest()
         if self.draft.begun:
@@ -124,10 +114,8 @@ class ProgrammedTool:
         self.draft.resume_at(self.position)
 
     def go_to_reference(self, block: Block, code: int) -> None:
-        """G28, G30: move through the point of the line to the reference position.
-
-        Without coordinates all axes move there, otherwise the axes of the line.
-        """
+        """G28, G30: move through the point of the line to the reference position."""
+        # Without coordinates all axes move there, otherwise the axes of the line.
         words = block.words
         words.pop("P", None)
         named = {i for i, x in enumerate(AXES) if x in words} or {0, 1, 2}
@@ -288,12 +276,7 @@ STICKY = "RQP"
 
 
 class Cycles:
-    """The active drilling cycle, its words and its moves.
-
-    Args:
-        tool: The tool.
-        modes: The modal state.
-    """
+    """The active drilling cycle, its words and its moves."""
 
     def __init__(self, tool: ProgrammedTool, modes: Modes) -> None:
         self.tool, self.modes = tool, modes
@@ -308,11 +291,7 @@ class Cycles:
         self.code = self.level = None
 
     def run(self, block: Block) -> None:
-        """Run the active cycle at the positions of a line; removes its words from the line.
-
-        Raises:
-            Fault: Words are missing or invalid.
-        """
+        """Run the active cycle at the positions of a line; removes its words from the line."""
         code = self.modes.motion
         assert code is not None
         a, b, c = PLANES[self.modes.plane]

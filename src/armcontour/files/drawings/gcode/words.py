@@ -25,13 +25,7 @@ MOST_KINDS = 12
 
 
 class Fault(Exception):
-    """An error in a line; the text completes a sentence that names the line.
-
-    Args:
-        text: The words, with `{}` in place of each length.
-        lengths: The lengths [m], which are written in the unit of the program.
-        line: The line, if it is not the current one.
-    """
+    """An error in a line; the text completes a sentence that names the line."""
 
     def __init__(self, text: str, *lengths: float, line: int = 0) -> None:
         super().__init__(text)
@@ -121,15 +115,7 @@ PRINTER = re.compile(r"[mM](?:8[23]|1[04][49]|140|190)(?![0-9.])")
 
 
 class Block:
-    """The words of a line.
-
-    Attributes:
-        g: G codes in tenths.
-        m: M codes.
-        motion: The code of the group for motion.
-        words: Values of all other letters, in their order; NaN of those without a value.
-        before_m: Number of words before the first M code.
-    """
+    """The words of a line."""
 
     __slots__ = ("before_m", "g", "m", "motion", "words")
 
@@ -305,17 +291,11 @@ def _explain_syntax_error(text: str, position: int) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """Properties of a whole program.
+    """Properties of a whole program."""
 
-    Attributes:
-        changes_tools: Whether it has M6; otherwise T alone changes the tool.
-        extrudes: Whether some move feeds material.
-        printer: Whether it is a printer's, in which G4 P is in milliseconds.
-    """
-
-    changes_tools: bool
-    extrudes: bool
-    printer: bool
+    changes_tools: bool  # Whether it has M6; otherwise T alone changes the tool
+    extrudes: bool  # Whether some move feeds material
+    printer: bool  # Whether it is a printer's, in which G4 P is in milliseconds
 
 
 def dialect_of(lines: list[str]) -> Dialect:
