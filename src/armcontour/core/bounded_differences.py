@@ -10,7 +10,7 @@ import numpy as np
 from armcontour.core.checks import FloatArray
 
 # Largest number of steps; 12 to 30 are usual.
-MOST_STEPS = 80
+MAX_STEPS = 80
 # Tolerances of a solution: violation relative to the bounds, and duality gap relative to the
 # objective; a gap of ROUNDED is accepted if rounding errors end the search.
 EXACT, OPTIMAL, ROUNDED = 1e-10, 1e-9, 1e-5
@@ -76,7 +76,7 @@ def nearest_within(values: FloatArray, bounds: Sequence[tuple[float, float]]) ->
 
     slacks = np.maximum(room, max(excess, 1.0))
     multipliers = FIRST_PRODUCT * min(excess, 1.0) ** 2 / slacks
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         outside = side * forward(change) + slacks - room
         gradient = change + adjoint(multipliers)
         products = slacks * multipliers

@@ -39,12 +39,12 @@ LARGEST = 1e12
 # the tenth are finite.
 SMALLEST = 1e-30
 # Largest number of joints, more than any arm has.
-MOST_JOINTS = 1000
+MAX_JOINTS = 1000
 # Largest number of values that are sampled, such as set-points times joints: with all that is
 # computed from them, some GB.
-MOST_VALUES = 5e7
+MAX_VALUES = 5e7
 # Largest whole number; seeds have no smaller limit.
-MOST_WHOLE = 2**63 - 1
+MAX_WHOLE = 2**63 - 1
 IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 # Attributes of a copied object by their names, and the names of those that are locked.
@@ -340,14 +340,14 @@ def check_number(name: str, value: Any, unit: str = "") -> float:
 
 
 def check_count(work: str, values: float, fix: str) -> None:
-    """Check that work stays within MOST_VALUES, before its values are computed."""
-    if not values <= MOST_VALUES:
+    """Check that work stays within MAX_VALUES, before its values are computed."""
+    if not values <= MAX_VALUES:
         raise InvalidInput(
-            f"{work} would have {values:.3g} values, more than the limit of {MOST_VALUES:.3g}: "
+            f"{work} would have {values:.3g} values, more than the limit of {MAX_VALUES:.3g}: "
             f"{fix}.",
             limit="values",
             needed=values,
-            allowed=MOST_VALUES,
+            allowed=MAX_VALUES,
         )
 
 
@@ -386,7 +386,7 @@ def not_negative(name: str, value: Any, unit: str = "") -> float:
 
 def check_int(name: str, value: Any, low: int | None = None, high: int | None = None) -> int:
     """Return `value` as an int from `low` to `high`; None is no bound."""
-    minimum, maximum = (-LARGEST if low is None else low), (MOST_WHOLE if high is None else high)
+    minimum, maximum = (-LARGEST if low is None else low), (MAX_WHOLE if high is None else high)
     if type(value) is int and minimum <= value <= maximum:
         return value
     checked = check_number(name, value)

@@ -40,13 +40,13 @@ from armcontour.core.process import (
 T = TypeVar("T")
 R = TypeVar("R")
 # Largest number of threads for compiled work; combining their results is serial.
-MOST_THREADS = 8
+MAX_THREADS = 8
 # Fewest items for other processes: starting one takes as long as several items.
 FEWEST = 12
 # Approximate time to start a process [s]. Work is shared if each process saves twice as much.
 START = 1.0
 # Largest number of processes that plan moves; each needs about as much memory as this one.
-MOST_PROCESSES = 8
+MAX_PROCESSES = 8
 # Smallest number of chunks for an executor; each chunk carries the pickled work.
 PARTS = 32
 # Timeout for the answer of a scheduler.
@@ -61,7 +61,7 @@ LOST_NAMES = ("KilledWorker", "FutureCancelledError", "CommClosedError", "Future
 def map_in_threads(work: Callable[[T], R], items: Sequence[T]) -> list[R]:
     """Apply a compiled function to all items in threads; kernels release the interpreter's lock."""
     # A call should take 1 ms or more, because the Python code between calls is serial.
-    count = 1 if is_child() else min(processors(), MOST_THREADS, len(items))
+    count = 1 if is_child() else min(processors(), MAX_THREADS, len(items))
     if count < 2:
         return [work(x) for x in items]
     with ThreadPoolExecutor(count) as pool:
@@ -395,4 +395,4 @@ def _worth(spent: float, fraction: float) -> int:
     """Number of processes that save more time than their start costs; 0 for none."""
     if spent < START / 4 or is_child() or not can_start():
         return 0
-    return min(processors(), MOST_PROCESSES, int(spent * (1 / fraction - 1) / (2 * START)))
+    return min(processors(), MAX_PROCESSES, int(spent * (1 / fraction - 1) / (2 * START)))

@@ -31,7 +31,7 @@ FINE = 1e-3
 WIDEST_FIGURE = 16
 WIDEST_TABLE = 118
 # Longest list in a JSON file.
-MOST_LISTED = 10_000
+MAX_LISTED = 10_000
 
 
 def split(value: Any, unit: str = "") -> tuple[str, str]:
@@ -141,8 +141,8 @@ def plain(data: Data) -> dict[str, Any]:
     # Lists are truncated after 10,000 entries; `left_out` has the number of omitted entries.
     figures = nest((x.name, x.value) for x in data.rows)
     for table in data.tables:
-        figures[table.name] = table.as_dicts(MOST_LISTED)
-    cut = {x.name: len(x.rows) - MOST_LISTED for x in data.tables if len(x.rows) > MOST_LISTED}
+        figures[table.name] = table.as_dicts(MAX_LISTED)
+    cut = {x.name: len(x.rows) - MAX_LISTED for x in data.tables if len(x.rows) > MAX_LISTED}
     if cut:
         figures["left_out"] = cut
     page = figures | {key: plain(part) for key, part in data.parts.items()}

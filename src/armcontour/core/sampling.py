@@ -24,7 +24,7 @@ JOINT_UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²"}
 # Length of a gap relative to the usual interval; the command in a gap is unknown.
 GAP = 3.0
 # Fraction of gaps above which the times come in bursts.
-MOST_GAPS = 0.05
+MAX_GAPS = 0.05
 # Standard deviation of normally distributed values, relative to the median of their magnitudes.
 DEVIATION_PER_MEDIAN = 1.4826
 
@@ -94,7 +94,7 @@ def _shortest_step(t: FloatArray) -> FloatArray:
 def describe_bursts(t: FloatArray, source: str) -> str:
     """Sentence on times in bursts, such as arrival times of messages; empty for regular times."""
     steps = np.diff(t)
-    if len(steps) < 10 or np.mean(steps > GAP * np.median(steps)) < MOST_GAPS:
+    if len(steps) < 10 or np.mean(steps > GAP * np.median(steps)) < MAX_GAPS:
         return ""
     return (
         f"The times of {source} come in bursts, usually {np.median(steps):.3g} s apart, but with "

@@ -15,12 +15,12 @@ from importlib import import_module
 from typing import Any
 
 # Largest number of characters of a value that a message repeats.
-MOST_SHOWN = 40
+MAX_SHOWN = 40
 # Longest message; a longer one would repeat the content of a file.
 LONGEST_SENTENCE = 2000
 
 _short = reprlib.Repr()
-_short.maxstring = _short.maxother = _short.maxlong = 4 * MOST_SHOWN
+_short.maxstring = _short.maxother = _short.maxlong = 4 * MAX_SHOWN
 # Longest text of a number; no program prints more digits.
 LONGEST = 100
 
@@ -54,9 +54,9 @@ def shorten(text: str, maximum: int = LONGEST_SENTENCE) -> str:
 
 def show(value: Any) -> str:
     """The first characters of the `repr` of a value, for messages."""
-    text = _short.repr(value) if not isinstance(value, str) else repr(value[: MOST_SHOWN + 1])
-    long = len(value) > MOST_SHOWN if isinstance(value, str) else len(text) > MOST_SHOWN
-    return f"{text[:MOST_SHOWN]}..." if long else text
+    text = _short.repr(value) if not isinstance(value, str) else repr(value[: MAX_SHOWN + 1])
+    long = len(value) > MAX_SHOWN if isinstance(value, str) else len(text) > MAX_SHOWN
+    return f"{text[:MAX_SHOWN]}..." if long else text
 
 
 def list_some(names: Sequence[str], maximum: int) -> str:
@@ -114,7 +114,7 @@ def plain_number(value: Any) -> float | None:
 
 
 # Widest line and widest name of a row [characters], and most lines.
-WIDTH, WIDEST_NAME, MOST_LINES = 98, 60, 60
+WIDTH, WIDEST_NAME, MAX_LINES = 98, 60, 60
 GAP = "  "
 # Largest number of values of an array, or members of a list, that `repr` shows.
 FEW = 6
@@ -135,9 +135,9 @@ def format_table(
         cells = [f"{x:{a}{w}}" for x, a, w in zip(row, align, widths, strict=False)]
         line = make_printable(GAP + GAP.join(cells)).rstrip()
         lines += textwrap.wrap(line, width, subsequent_indent=margin[: width // 2])
-    if len(lines) >= MOST_LINES:
-        others = len(lines) + 2 - MOST_LINES
-        lines[MOST_LINES - 2 :] = [f"{GAP}... and {others} more lines"]
+    if len(lines) >= MAX_LINES:
+        others = len(lines) + 2 - MAX_LINES
+        lines[MAX_LINES - 2 :] = [f"{GAP}... and {others} more lines"]
     return "\n".join([shorten(make_printable(title), WIDTH), *lines])
 
 

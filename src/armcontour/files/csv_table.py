@@ -37,8 +37,8 @@ SKIPPED = "-"
 # Wildcards of `rename`.
 WILD = {"#": r"(\d+)", "*": "(.*)"}
 # Lines that are searched for the names of columns, and names that one message lists.
-MOST_TRIED = 1000
-MOST_NAMED = 8
+MAX_TRIED = 1000
+MAX_NAMED = 8
 # Rows per conversion: larger blocks take more memory and save no time.
 CHUNK = 1 << 14
 
@@ -119,7 +119,7 @@ class CsvTable(Generic[Key]):
         if missing is None:
             return
         also = f", also with {self.rename(str(missing), 'NAME')}" if self.option else ""
-        unknown = list_some([show(x) for x in self.unknown], MOST_NAMED)
+        unknown = list_some([show(x) for x in self.unknown], MAX_NAMED)
         other = f" The columns {unknown} are not known." if unknown else ""
         raise InvalidInput(
             f"{self.heading}: the column {missing} is missing: name the columns, such as "
@@ -270,7 +270,7 @@ def _first_line(numbered: Sequence[tuple[int, str]], count: int | None) -> int:
         of_count = (len(x) == count and any(map(NUMBER.fullmatch, x)) for x in every)
         return next((k for k, sample in enumerate(of_count) if sample), 0)
     # The titles are as many as the cells of the first sample.
-    for k, line in enumerate(lines[:MOST_TRIED]):
+    for k, line in enumerate(lines[:MAX_TRIED]):
         separator = next((x for x in ";\t," if x in line), None)
         cells = _cells(line, separator)
         if len(cells) > 1 and all(NUMBER.fullmatch(x.replace(",", ".")) for x in cells[:2]):
@@ -329,7 +329,7 @@ def rename(names: Sequence[str], pairs: str, source: str) -> tuple[str, ...]:
         if not matches:
             raise InvalidInput(
                 f"{source} has no column or joint {show(old)} to rename: it has "
-                f"{list_some([show(x) for x in names], MOST_NAMED)}."
+                f"{list_some([show(x) for x in names], MAX_NAMED)}."
             )
         for i, match in matches.items():
             parts = iter(match.groups())

@@ -67,7 +67,7 @@ AXES = ("x", "y", "z")
 TOOL_WORDS = ("tool", "tcp", "actual", "measured", "position", "pos")
 LENGTHS = ("m", "mm", "um", "cm")
 # Longest number of a joint.
-MOST_DIGITS = 9
+MAX_DIGITS = 9
 # SI units of the kinds of columns.
 SI = {"t": "s", "fraction": "s", "q": "rad", "dq": "rad/s", "ddq": "rad/s^2"}
 
@@ -135,7 +135,7 @@ def read_joint_title(
     if not joint and kind == "q":
         return Title(Key("q", roles[-1] if roles else "measured", "1"), "rad", unit, 2)
     of_tool = not (kind or named) and joint.lower() in TOOL_ANGLES
-    if not joint or of_tool or (joint.isdigit() and len(joint) > MOST_DIGITS):
+    if not joint or of_tool or (joint.isdigit() and len(joint) > MAX_DIGITS):
         return None
     # Motors are no joints, and the state of a drive is preferred to the copy of a command.
     rank = (roles.count("command") > 1) + any(x.text.lower() == "theta" for x in words)

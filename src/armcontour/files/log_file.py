@@ -16,7 +16,7 @@ from armcontour.core.checks import FloatArray
 from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.text import list_some, show
-from armcontour.files.csv_table import MOST_NAMED, CsvTable, read_table
+from armcontour.files.csv_table import MAX_NAMED, CsvTable, read_table
 from armcontour.files.joint_table import (
     AXES,
     Key,
@@ -191,7 +191,7 @@ def _pair(table: CsvTable[Key], joints: dict[str, list[str]]) -> tuple[list[str]
         titles = [show(table.columns[x].title) for x in single if x.role == role]
         if titles:
             notes.append(
-                f"{list_some(titles, MOST_NAMED)} of {table.source} "
+                f"{list_some(titles, MAX_NAMED)} of {table.source} "
                 f"{'has' if len(titles) == 1 else 'have'} no {other} column: skipped."
             )
     return pairs, notes

@@ -36,7 +36,7 @@ SUMMARY = "summary.json"
 # Names and checksums of the written files: --force removes only files with these checksums.
 MANIFEST = ".armcontour.json"
 # Largest number of files in a message.
-MOST_NAMED = 3
+MAX_NAMED = 3
 
 
 class ResultFolder:
@@ -148,7 +148,7 @@ class ResultFolder:
         changed = [x for x in files if not _is_unchanged(self._target / x, written.get(x))]
         if changed:
             raise InvalidInput(
-                f"In the folder {self.folder}, {list_some(sorted(changed), MOST_NAMED)} changed "
+                f"In the folder {self.folder}, {list_some(sorted(changed), MAX_NAMED)} changed "
                 "since armcontour wrote the result, or are not of it: move them elsewhere, or "
                 "choose another --out."
             )

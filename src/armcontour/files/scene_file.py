@@ -83,7 +83,7 @@ def read_scene_file(
 
 # Keys of bodies that only obstacles have, and only shapes of links.
 OF_OBSTACLES, OF_LINKS = ("fixed_to", "margin", "allow"), ("link",)
-MOST_NAMED = 40
+MAX_NAMED = 40
 Angles = Annotated[list[Turn], Field(min_length=3, max_length=3)]
 Quaternion = Annotated[list[Number], Field(min_length=4, max_length=4)]
 
@@ -151,7 +151,7 @@ def more_link_shapes(model: BodiesModel, folder: FilePath, arm: Arm) -> tuple[Li
     for key, body in _bodies(model, "arm.shapes", OF_OBSTACLES, "obstacles"):
         if body.link not in links:
             raise InvalidInput(
-                f"{key}: link must be one of {list_some(list(links), MOST_NAMED)}, "
+                f"{key}: link must be one of {list_some(list(links), MAX_NAMED)}, "
                 f"{'but is missing' if body.link is None else f'not {body.link!r}'}."
             )
         shapes.append(_link_shape(key, body, folder, links[body.link]))

@@ -16,7 +16,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.file_access import read_text
 from armcontour.core.text import count_noun, list_some, show
-from armcontour.files.csv_table import MOST_NAMED, CsvTable, last_digit, read_table
+from armcontour.files.csv_table import MAX_NAMED, CsvTable, last_digit, read_table
 from armcontour.files.exports.table import (
     SetPointTable,
     check_export_cycle,
@@ -174,7 +174,7 @@ def _raise_other_joints(
     heading: str, joints: Sequence[str], joint_names: Sequence[str], title: str
 ) -> None:
     """Raise the error for joints with names that the arm does not have."""
-    have, arm = (list_some([show(x) for x in y], MOST_NAMED) for y in (joints, joint_names))
+    have, arm = (list_some([show(x) for x in y], MAX_NAMED) for y in (joints, joint_names))
     fix = "give the arm of the file with --arm"
     if len(joints) >= len(joint_names):
         fix = (

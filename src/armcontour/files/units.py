@@ -22,7 +22,7 @@ ENDLESS = {
     -math.inf: -math.inf,
 }
 # Longest text of a quantity.
-MOST_CHARACTERS = 100
+MAX_CHARACTERS = 100
 # Possessive quantifiers prevent backtracking, so that the time is linear in the length of the text.
 NUMBER = r"[-+]?(?:[0-9]++(?:\.[0-9]*+)?+|\.[0-9]++)(?:[eE][-+]?[0-9]{1,3}+)?+"
 # A name, and at most one power of one digit: pint would compute powers of powers.
@@ -72,9 +72,9 @@ def parse_quantity(value: Any, unit: str) -> float:
 
 def _parse_text(text: str, unit: str) -> float:
     """Convert text such as "5 mm" to a number in `unit`."""
-    if len(text) > MOST_CHARACTERS:
+    if len(text) > MAX_CHARACTERS:
         raise ValueError(
-            f"{show(text)} has {len(text)} characters, more than the {MOST_CHARACTERS} of a "
+            f"{show(text)} has {len(text)} characters, more than the {MAX_CHARACTERS} of a "
             f"quantity in {unit}: write a number and a unit"
         )
     if plain_number(text) is not None:
@@ -122,8 +122,8 @@ def _finite(value: float) -> float:
 def parse_share(value: Any) -> float:
     """Convert a share, a plain number or text such as "10 %"; ValueError if impossible."""
     if isinstance(value, str):
-        match = PERCENT.fullmatch(value[: MOST_CHARACTERS + 1])
-        if match is None or len(value) > MOST_CHARACTERS:
+        match = PERCENT.fullmatch(value[: MAX_CHARACTERS + 1])
+        if match is None or len(value) > MAX_CHARACTERS:
             raise ValueError(
                 f"must be a plain number or a percentage such as '10 %', not {show(value)}"
             )

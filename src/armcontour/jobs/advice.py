@@ -29,7 +29,7 @@ from armcontour.robot.limits import UNITS
 from armcontour.verification import evaluate
 
 # Changes that are listed, and changes that are planned to find them.
-MOST_LISTED, MOST_PLANNED = 3, 6
+MAX_LISTED, MAX_PLANNED = 3, 6
 # Factor for limits, and factor for corner tolerances.
 RAISED, WIDER = 1.2, 2.0
 # Changes that save a smaller share of the duration are not listed.
@@ -82,7 +82,7 @@ def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
         groups = list(_repairs(job, result))
         none = "No single change of tolerance, compensation, reserve and speed makes the run kept."
     else:
-        likely = sorted(_savings(job, result), key=lambda x: -x[0].worth)[:MOST_PLANNED]
+        likely = sorted(_savings(job, result), key=lambda x: -x[0].worth)[:MAX_PLANNED]
         groups = list(map(iter, likely))
         none = "No single change of a limit, the corners or the order makes the motion faster."
     smallest = -inf if repairs else LEAST * result.trajectory.duration
@@ -93,7 +93,7 @@ def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
             if tried is not None and tried.saved > smallest and tried.kept is not False:
                 helpful.append(tried)
                 break
-    suggestions = tuple(sorted(helpful, key=lambda x: -x.saved))[:MOST_LISTED]
+    suggestions = tuple(sorted(helpful, key=lambda x: -x.saved))[:MAX_LISTED]
     return Advice(improvements=suggestions, note="" if suggestions else none)
 
 

@@ -20,15 +20,15 @@ from armcontour.robot import Arm, PlanarTwoLink, SerialArm
 from armcontour.robot.arm import FAR_OUT, unit_hint
 
 # Number of points on each path, and on all paths; each takes a few milliseconds.
-MOST_ALONG = 60
-MOST_PLACES = 400
+MAX_ALONG = 60
+MAX_PLACES = 400
 # Number of initial configurations, and number of the worst points with more of them.
 FEW_SEEDS = 12
 WORST = 6
 # Search for a shift that brings all points into reach: number of steps and of points; margin inside
 # the reach [m], because arms are singular at its edge; resolution of the reported shift [m].
-MOST_STEPS = 40
-MOST_MOVED = 80
+MAX_STEPS = 40
+MAX_MOVED = 80
 INSIDE = 5e-3
 RESOLUTION = 1e-3
 
@@ -45,7 +45,7 @@ class _PathPoints(NamedTuple):
     @classmethod
     def along(cls, paths: list[tuple[str, Path]]) -> _PathPoints:
         """Points along paths: ends of segments and points between them, or a subset."""
-        maximum, rows = int(np.clip(MOST_PLACES // len(paths), 2, MOST_ALONG)), []
+        maximum, rows = int(np.clip(MAX_PLACES // len(paths), 2, MAX_ALONG)), []
         for k, (_, x) in enumerate(paths):
             s = np.union1d(np.linspace(0, x.length, maximum), x.breaks)
             if len(s) > 2 * maximum:
@@ -99,12 +99,12 @@ def _paths_of(program: Program, rapid: bool) -> Iterator[tuple[str, Path]]:
 
 def _extremes(arm: Arm, points: _PathPoints) -> _PathPoints:
     """Subset of very many points: those farthest from the base of the arm, and nearest to it."""
-    if len(points.s) <= 2 * MOST_PLACES:
+    if len(points.s) <= 2 * MAX_PLACES:
         return points
     assert isinstance(arm, PlanarTwoLink | SerialArm)
     base = [arm.base, 0.0] if isinstance(arm, PlanarTwoLink) else arm.chain.base.position
     ranks = np.argsort(np.linalg.norm(points.points - base, axis=1))
-    return points.some(np.sort(np.append(ranks[: MOST_PLACES // 4], ranks[-MOST_PLACES:])))
+    return points.some(np.sort(np.append(ranks[: MAX_PLACES // 4], ranks[-MAX_PLACES:])))
 
 
 def _reached(
@@ -181,8 +181,8 @@ def _remedy(job: Job, points: _PathPoints, away: FloatArray, rapid: bool) -> str
 def _way(arm: Arm, points: _PathPoints, away: FloatArray) -> FloatArray | None:
     """A way of the part that brings all places into reach [m], (3,); None if none is found."""
     # Parts stay on their table, as far as that helps.
-    worst = np.argsort(-away)[: MOST_MOVED // 4]
-    even = np.linspace(0, len(away) - 1, MOST_MOVED).astype(np.intp)
+    worst = np.argsort(-away)[: MAX_MOVED // 4]
+    even = np.linspace(0, len(away) - 1, MAX_MOVED).astype(np.intp)
     sample = points.some(np.union1d(worst, even))
     shift = np.zeros(sample.points.shape[1])
     starts = None
@@ -190,7 +190,7 @@ def _way(arm: Arm, points: _PathPoints, away: FloatArray) -> FloatArray | None:
         from armcontour.robot.inverse import seeds
 
         starts = np.tile(seeds(arm)[0], (len(sample.s), 1))
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         moved = sample._replace(points=sample.points + shift)
         missing = _reached(arm, moved, WORST, starts) - moved.points
         gaps = np.linalg.norm(missing, axis=1)

@@ -25,7 +25,7 @@ from armcontour.verification.clearance import Clearance
 from armcontour.verification.evaluation import duration_row
 
 # Number of contours that one sentence names.
-MOST_NAMES = 4
+MAX_NAMES = 4
 # Relative difference below which two values are equal.
 SAME = 1e-9
 # A joint whose demand exceeds this multiple of its acceleration limit saturates for long.
@@ -64,7 +64,7 @@ def capped(program: Program, run: Run) -> Iterator[str]:
         if above and cap is not None:
             requested = max(largest[x] for x in above)
             yield (
-                f"the {label} of up to {number(requested, unit)} of {list_some(above, MOST_NAMES)} "
+                f"the {label} of up to {number(requested, unit)} of {list_some(above, MAX_NAMES)} "
                 f"is capped at {number(cap, unit)} by {key}: raise {key} to have it."
             )
 

@@ -69,7 +69,7 @@ UNITS = {
 # malicious.
 DEEPEST = 50
 EXPLODE = "explode it into lines and arcs in the CAD program"
-MOST_COPIES = 200_000
+MAX_COPIES = 200_000
 OFF, FROZEN = "off", "frozen"
 # Reasons for omitted entities.
 HIDDEN = "Skipped on layers that are off or frozen"
@@ -305,8 +305,8 @@ class DxfWalk(Walk):
             raise Unreadable(f"places the block {called!r} in itself")
         if not block.inside:
             self._copies += self._copies_of(entity)
-            if self._copies > MOST_COPIES:
-                raise Unreadable(f"raises the number of copies of entities above {MOST_COPIES}")
+            if self._copies > MAX_COPIES:
+                raise Unreadable(f"raises the number of copies of entities above {MAX_COPIES}")
         base = np.array(tuple(content.block.dxf.base_point), dtype=np.float64)
         affine, offsets = insert_transforms(entity, base)
         columns = insert_grid(entity)[1]

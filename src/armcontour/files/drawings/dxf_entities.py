@@ -15,7 +15,7 @@ from armcontour.files.drawings.walk import Clip
 # An arc with a smaller swept angle [rad] is a full circle with rounded angles.
 NO_SWEEP = 1e-8
 HIGHEST_DEGREE = 25
-MOST_POINTS = 100_000
+MAX_POINTS = 100_000
 # Flag of a polyline's vertex that is not drawn: a control point of a spline's frame.
 FRAME_POINT = 16
 # Flag of a closed spline.
@@ -204,9 +204,9 @@ def _scale_ends(ends: Any, by: float) -> Any:
 
 
 def _check_point_count(n: int) -> None:
-    """Check that a spline has at most `MOST_POINTS` points."""
-    if n > MOST_POINTS:
-        raise Unreadable(f"has {n} points, more than the {MOST_POINTS} that are read")
+    """Check that a spline has at most `MAX_POINTS` points."""
+    if n > MAX_POINTS:
+        raise Unreadable(f"has {n} points, more than the {MAX_POINTS} that are read")
 
 
 # Attributes that the DXF format requires, and for which ezdxf has default values.

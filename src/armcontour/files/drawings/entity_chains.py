@@ -24,7 +24,7 @@ NO_GAP = 0.5 * REPEATED_POINT
 # Ends closer than this fraction of the tolerance touch.
 TOUCHING = 0.01
 # Number of candidates for joining to an end: those with the smallest turns, or the nearest ones.
-MOST_CANDIDATES = 8
+MAX_CANDIDATES = 8
 # Turns that differ by less than this [rad] are equal: then the order of the pieces decides.
 SAME_TURN = 1e-6
 # Added distance between ends on different layers [m], larger than any tolerance.
@@ -387,14 +387,14 @@ def _smallest_turns(vertex: IntArray, inwards: FloatArray) -> tuple[IntArray, In
     # Tangents differ by at most 2 and the coordinates of two vertices by at least 4, so a
     # neighbour within 3 is at the same vertex.
     points, opposite = (np.column_stack([4.0 * vertex, x]) for x in (inwards, -inwards))
-    count = min(MOST_CANDIDATES + 1, len(vertex))
+    count = min(MAX_CANDIDATES + 1, len(vertex))
     return _drop_missing(nearest_points(opposite, points, count, 3.0), len(vertex))
 
 
 def _near(ends: EntityEnds, free: IntArray, near: float) -> IntArray:
     """Pairs of ends that are close to each other, the nearest ones of each end, (m, 2)."""
     points = np.column_stack([ends.layers[free] * LAYERS_APART, ends.points[free]])
-    count = min(MOST_CANDIDATES + 1, len(free))
+    count = min(MAX_CANDIDATES + 1, len(free))
     return _pairs(free, *_drop_missing(nearest_points(points, points, count, near), len(free)))
 
 

@@ -142,7 +142,7 @@ def hex_of(red: int, green: int, blue: int) -> str:
 # two points. Such a drawing has a wrong unit.
 FARTHEST = 1e6
 # Largest number of a tool: tables have some hundred, and G-code eight digits at most.
-MOST_TOOLS = 99_999_999
+MAX_TOOLS = 99_999_999
 UNKNOWN = ("refuse", "skip")
 TEXTS = ("leave_out", "contours")
 # Share of the chord tolerance that arcs take where transitions between them take the rest.
@@ -290,7 +290,7 @@ class ReadOptions(Checked):
     def unscaled_tools(self) -> dict[int, float]:
         """Diameters of tools by their numbers, in metres of the file before it is scaled."""
         return {
-            checks.check_int("number of a tool", number, 0, MOST_TOOLS): diameter / self.scale
+            checks.check_int("number of a tool", number, 0, MAX_TOOLS): diameter / self.scale
             for number, diameter in (self.tools or {}).items()
         }
 

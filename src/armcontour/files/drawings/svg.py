@@ -85,9 +85,9 @@ NOTHING = ("", "none", "inherit", "initial", "unset")
 _URL = re.compile(r"url\(\s*['\"]?#([^'\")]+)['\"]?\s*\)")
 HIDDEN = "Skipped because hidden"
 # Largest number of segments, a curve counted as one; no drawing of contours has more.
-MOST_SEGMENTS = 500_000
+MAX_SEGMENTS = 500_000
 # Largest number of elements drawn by reference; a file with more is malicious.
-MOST_REPEATED = 100_000
+MAX_REPEATED = 100_000
 # Largest depth of references in references.
 DEEPEST_USE = 50
 
@@ -220,8 +220,8 @@ class SvgWalk(Walk):
             visited += 1
             self.tell(WALKED * min(visited / len(self._all), 1.0))
             self._repeated += bool(around.inside)
-            if self._repeated > MOST_REPEATED:
-                element.refuse(f"use repeats more than {MOST_REPEATED} elements by here")
+            if self._repeated > MAX_REPEATED:
+                element.refuse(f"use repeats more than {MAX_REPEATED} elements by here")
             if element.tag in SHAPES:
                 counts[element.tag] += 1
             inner = self._enter(element, around)
@@ -240,9 +240,9 @@ class SvgWalk(Walk):
 
         def spend(segments: int) -> None:
             self._segments += segments
-            if self._segments > MOST_SEGMENTS:
+            if self._segments > MAX_SEGMENTS:
                 element.refuse(
-                    f"the drawing has more than {MOST_SEGMENTS} segments by here: split it"
+                    f"the drawing has more than {MAX_SEGMENTS} segments by here: split it"
                 )
 
         outlines = []

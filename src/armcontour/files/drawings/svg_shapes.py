@@ -14,7 +14,7 @@ from armcontour.files.drawings.arc_chain import WELL_KNOWN, ArcChain
 from armcontour.files.drawings.outlines import BezierSpline, Outline, Shape
 from armcontour.files.drawings.svg_elements import (
     EACH_NUMBER,
-    MOST_NUMBERS,
+    MAX_NUMBERS,
     NUMBER,
     NUMBERS,
     Element,
@@ -95,7 +95,7 @@ def _arcs(element: Element, chunk: str, position: int) -> list[float]:
     """The arguments of a command A, whose text `chunk` starts at character `position` (from 0)."""
     values: list[float] = []
     end = 0
-    while (match := _ARC.match(chunk, end)) and len(values) <= MOST_NUMBERS:
+    while (match := _ARC.match(chunk, end)) and len(values) <= MAX_NUMBERS:
         values += [float(x) for x in match.groups()]
         end = match.end()
     if match is None and chunk[end:].strip(" \t\r\n,"):

@@ -37,7 +37,7 @@ ON_THE_POINT = 1e-9
 # Set-points this near to their plan are equal to it [rad]: results have 12 decimals.
 SAME_PLACE = 2e-12
 # Largest number of samples of a trajectory: more do not fit in memory together with the export.
-MOST_SAMPLES = 20_000_000
+MAX_SAMPLES = 20_000_000
 # Decimals of a number; the rounding error is at most half of the last digit.
 DECIMALS = 12
 FIXED = f"%.{DECIMALS}f"
@@ -285,12 +285,12 @@ def _sampling_cycle(trajectory: Trajectory, name: str, cycle: float | None) -> f
     """The cycle at which a trajectory is sampled [s]."""
     step = DEFAULT_CYCLE if cycle is None else checks.positive("cycle", cycle, "s")
     check_export_cycle(step, trajectory.duration, name)
-    if trajectory.duration > MOST_SAMPLES * step:
+    if trajectory.duration > MAX_SAMPLES * step:
         raise InvalidInput(
             f"{name!r} takes {trajectory.duration:.6g} s, which every {step:g} s are more than the "
-            f"{MOST_SAMPLES} samples that are written: give a longer cycle.",
+            f"{MAX_SAMPLES} samples that are written: give a longer cycle.",
             needed=trajectory.duration / step,
-            allowed=float(MOST_SAMPLES),
+            allowed=float(MAX_SAMPLES),
         )
     return step
 

@@ -16,7 +16,7 @@ from armcontour.core.frames import Frame, from_rpy
 from armcontour.core.text import list_some, make_printable, shorten, show
 from armcontour.files.mesh_file import MESHES, read_mesh
 from armcontour.files.robots.description import attribute, origin_of, three
-from armcontour.files.robots.tree import MOST_NAMED, Tree, parse_xml
+from armcontour.files.robots.tree import MAX_NAMED, Tree, parse_xml
 from armcontour.files.robots.xacro_file import find_near
 from armcontour.robot.scene import Box, Capsule, Cylinder, LeftOut, LinkShape, Shape, Sphere
 
@@ -38,8 +38,8 @@ def read_left_out(file: str | FilePath, links: Collection[str]) -> tuple[LeftOut
     if every and not every & set(links):
         raise InvalidInput(
             f"{location} names no link of the arm that has a shape: it is for "
-            f"{list_some(sorted(every), MOST_NAMED)}, and the arm has "
-            f"{list_some(sorted(set(links)), MOST_NAMED)}."
+            f"{list_some(sorted(every), MAX_NAMED)}, and the arm has "
+            f"{list_some(sorted(set(links)), MAX_NAMED)}."
         )
     enabled = {frozenset(_names(x, location)) for x in robot.findall("enable_collisions")}
     by_default = _with_others(alone, links, f"{location.name}: disable_default_collisions")
@@ -76,7 +76,7 @@ def _with_others(alone: Collection[str], links: Iterable[str], reason: str) -> t
 
 
 # Largest number of files in a note.
-MOST_FILES = 4
+MAX_FILES = 4
 
 # Folders of ROS packages, by name.
 Packages = Mapping[str, str | FilePath]
@@ -193,7 +193,7 @@ def missing_meshes(tree: Tree, packages: Packages | None) -> str:
         return ""
     return (
         f"meshes are missing or have an unknown format, so clearance is unknown: "
-        f"{list_some([show(x) for x in lacking], MOST_FILES)}; {_mend(lacking[0])}"
+        f"{list_some([show(x) for x in lacking], MAX_FILES)}; {_mend(lacking[0])}"
     )
 
 

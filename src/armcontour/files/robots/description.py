@@ -17,9 +17,9 @@ from armcontour.files.robots.tree import Joint, Tree
 from armcontour.robot.chain import Chain, check_inertia, join_bodies
 
 # Longest sequence of joints of which each mimics the next; grippers have about 3.
-MOST_MIMICS = 50
+MAX_MIMICS = 50
 # Largest number of held joints in a note.
-MOST_HELD = 8
+MAX_HELD = 8
 # Largest position, axis component, mass or inertia [SI]: products of larger numbers may overflow.
 LARGEST = 1e9
 TENSOR = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
@@ -131,7 +131,7 @@ class Description:
     def _mimicking_position(self, joint: Joint, mimics: tuple[str, ...]) -> float:
         """Position of a joint that mimics another joint; joints of the arm count as being at 0."""
         master = self.tree.joints.get(joint.master or "")
-        if master is None or master.name in mimics or len(mimics) > MOST_MIMICS:
+        if master is None or master.name in mimics or len(mimics) > MAX_MIMICS:
             raise InvalidInput(
                 f"Joint {joint.name} of {self.tree.file} mimics no joint that could move it."
             )
@@ -154,13 +154,13 @@ class Description:
         ]
         if held:
             self.notes.append(
-                f"joints beside the arm are held still, {list_some(held, MOST_HELD)}: other "
+                f"joints beside the arm are held still, {list_some(held, MAX_HELD)}: other "
                 "positions are given with locked= (in a job, arm.locked)"
             )
 
     def _follows_arm(self, joint: Joint) -> bool:
         """Whether a joint mimics a joint of the arm, directly or through other joints."""
-        for _ in range(MOST_MIMICS):
+        for _ in range(MAX_MIMICS):
             master = None if joint.name in self.locked else self.tree.joints.get(joint.master or "")
             if master is None:
                 return False

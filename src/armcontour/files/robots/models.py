@@ -16,7 +16,7 @@ from armcontour.core.frames import Frame
 from armcontour.core.text import list_some
 from armcontour.files.robots.joint_limits import Table, limits_of, override
 from armcontour.files.robots.options import ArmOptions, locked_position
-from armcontour.files.robots.tree import MOST_NAMED
+from armcontour.files.robots.tree import MAX_NAMED
 from armcontour.files.robots.urdf import HINT, assume_accelerations
 from armcontour.robot.chain import Chain, join_bodies
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE
@@ -184,7 +184,7 @@ def _find_tip(names: list[str], others: list[str], source: str, options: ArmOpti
         tip = next((x for x in TOOL_FRAMES if x in names), None)
     if tip in names:
         return names.index(tip)
-    known = list_some([x for x in names if x not in others], MOST_NAMED)
+    known = list_some([x for x in names if x not in others], MAX_NAMED)
     raise InvalidInput(
         f"{source} has no frame {tip!r}: say which one is the tip with tip=, one of {known}."
         if tip is not None
@@ -198,7 +198,7 @@ def _locked(names: list[str], source: str, options: ArmOptions) -> list[int]:
         if name not in names:
             raise InvalidInput(
                 f"{source} has no joint {name!r} to be locked: its joints are "
-                f"{list_some(names, MOST_NAMED)}."
+                f"{list_some(names, MAX_NAMED)}."
             )
     return [names.index(x) for x in options.locked or ()]
 

@@ -17,7 +17,7 @@ Value = str | int | float | bool
 # Endings of robot descriptions and of MJCF files.
 DESCRIPTIONS, MJCF = (".urdf", ".xacro"), (".xml", ".mjcf")
 # Longest name; some packages add prefixes to the names of joints and links.
-MOST_CHARACTERS = 1000
+MAX_CHARACTERS = 1000
 # Options that each kind of arm has.
 ANY = ("joint_limits", "srdf")
 MODEL = (*ANY, "tip", "locked")

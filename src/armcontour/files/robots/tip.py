@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some
-from armcontour.files.robots.tree import MOST_NAMED, TURNING, Joint, Tree
+from armcontour.files.robots.tree import MAX_NAMED, TURNING, Joint, Tree
 
 # Ends of the names of the frames of REP 199 that tools hang on, the preferred one first.
 TOOL_FRAMES = ("tool0", "flange")
@@ -29,7 +29,7 @@ def choose_tip(tree: Tree, base: str, locked: Collection[str]) -> tuple[str, str
         raise InvalidInput(
             f"{tree.file} has {len(ends) or 'no'} links that could be the tip: choose one with "
             f"tip= (in a job, arm: {{tip: {example}}}; for check, --tip {example}), one of "
-            f"{list_some(ends or list(tree.links), MOST_NAMED)}."
+            f"{list_some(ends or list(tree.links), MAX_NAMED)}."
         )
     tip = _end_of(tree, chain[-1].child)
     return tip, (

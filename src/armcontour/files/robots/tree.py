@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from armcontour.core.checks import check_name
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some, plain_number, show
-from armcontour.files.robots.options import MOST_CHARACTERS
+from armcontour.files.robots.options import MAX_CHARACTERS
 
 # Kinds of joints whose position is one angle.
 TURNING = ("revolute", "continuous")
@@ -18,11 +18,11 @@ KINDS = (*TURNING, "fixed", "prismatic", "planar", "floating")
 # Deepest nesting of elements; the format needs 6.
 DEEPEST = 100
 # Robots have about 100 links.
-MOST_LINKS = 1000
+MAX_LINKS = 1000
 # Elements of all kinds: visuals, transmissions, plugins of simulators.
-MOST_ELEMENTS = 200_000
+MAX_ELEMENTS = 200_000
 # Largest number of names in a message.
-MOST_NAMED = 40
+MAX_NAMED = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -109,7 +109,7 @@ class Tree:
         if name not in self.links:
             raise InvalidInput(
                 f"{self.file} has no link {name!r} to be the {role}: its links are "
-                f"{list_some(list(self.links), MOST_NAMED)}."
+                f"{list_some(list(self.links), MAX_NAMED)}."
             )
         return name
 
@@ -121,7 +121,7 @@ def read_tree(file: str, content: bytes | str) -> Tree:
         raise InvalidInput(
             f"{file} is not a robot description: it holds <{robot.tag}>, not <robot>."
         )
-    check_name(f"name of the robot of {file}", robot.get("name", ""), longest=MOST_CHARACTERS)
+    check_name(f"name of the robot of {file}", robot.get("name", ""), longest=MAX_CHARACTERS)
     if any(str(element.tag).startswith("{") and "xacro" in str(element.tag) for element in robot):
         raise InvalidInput(
             f"{file} holds xacro that is not expanded: name it .xacro, and say "
@@ -139,7 +139,7 @@ def read_tree(file: str, content: bytes | str) -> Tree:
         raise InvalidInput(f"{file} is a robot description without links.")
     if len(roots) > 1:
         raise InvalidInput(
-            f"{file} is in parts: the links {list_some(roots, MOST_NAMED)} hang on nothing."
+            f"{file} is in parts: the links {list_some(roots, MAX_NAMED)} hang on nothing."
         )
     tree = Tree(file=file, name=robot.get("name") or file, links=links, joints=joints, above=above)
     if not roots or len(tree.below(roots[0])) < len(joints):
@@ -194,8 +194,8 @@ def _check_document_size(file: str, depth: int, links: int, elements: int) -> No
     if depth > DEEPEST:
         raise InvalidInput(f"{file} has elements nested more than {DEEPEST} deep.")
     for count, maximum, kind in (
-        (links, MOST_LINKS, "links"),
-        (elements, MOST_ELEMENTS, "elements"),
+        (links, MAX_LINKS, "links"),
+        (elements, MAX_ELEMENTS, "elements"),
     ):
         if count > maximum:
             raise InvalidInput(
@@ -209,7 +209,7 @@ def _required_name(file: str, element: ET.Element) -> str:
     name = element.get("name")
     if not name:
         raise InvalidInput(f"{file} has a {element.tag} without a name.")
-    check_name(f"name of a {element.tag} of {file}", name, longest=MOST_CHARACTERS)
+    check_name(f"name of a {element.tag} of {file}", name, longest=MAX_CHARACTERS)
     return name
 
 

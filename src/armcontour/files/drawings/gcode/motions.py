@@ -270,7 +270,7 @@ def center_letters(block: Block, plane: int, absolute: bool) -> tuple[str, str]:
 # Clearance above the last depth at which a rapid of a peck cycle stops [m] (0.010 inch).
 CLEARANCE = 0.254e-3
 # One line can request any number of holes and pecks; this many contours take half a gigabyte.
-MOST_PECKS = 100_000
+MAX_PECKS = 100_000
 # Words that stay valid while the same cycle is active.
 STICKY = "RQP"
 
@@ -311,9 +311,9 @@ class Cycles:
                 "by G0 before"
             )
         self.made += math.ceil(repeats * max((retract - bottom) / step, 1.0))
-        if self.made > MOST_PECKS:
+        if self.made > MAX_PECKS:
             raise Fault(
-                f"cycles of more than {MOST_PECKS} holes and pecks together: give fewer repeats L, "
+                f"cycles of more than {MAX_PECKS} holes and pecks together: give fewer repeats L, "
                 "or a larger Q"
             )
         if self.tool.position[c] < retract:

@@ -21,7 +21,7 @@ from armcontour.files.drawings.gcode.codes import (
 MILLIMETRE, INCH = 1e-3, 0.0254
 IDLE = "Skipped because it causes no motion: {}."
 # Largest number of kinds that a note names.
-MOST_KINDS = 12
+MAX_KINDS = 12
 
 
 class Fault(Exception):
@@ -65,7 +65,7 @@ class Notes:
                     f"{x} ({count_noun(n, 'time')}, first in line {i})"
                     for x, (n, i) in kinds.items()
                 ],
-                MOST_KINDS,
+                MAX_KINDS,
             )
             for sentence, kinds in self.counts.items()
         }
@@ -74,7 +74,7 @@ class Notes:
 
 
 # Seventeen digits distinguish all doubles; longer numbers are not meaningful.
-MOST_CHARACTERS = 34
+MAX_CHARACTERS = 34
 # Largest value of any word; coordinates have a separate limit.
 LARGEST_VALUE = 1e9
 # A program has lines of some ten characters, and comments of some hundred.
@@ -183,10 +183,10 @@ def _read_other(block: Block, text: str, position: int) -> int:
 
 
 def _add(block: Block, letter: str, number: str, position: int) -> None:
-    if len(number) > MOST_CHARACTERS:
+    if len(number) > MAX_CHARACTERS:
         raise Fault(
             f"the number after {letter} has {len(number)} characters, but at most "
-            f"{MOST_CHARACTERS} are read: round it"
+            f"{MAX_CHARACTERS} are read: round it"
         )
     if letter == "N":
         if position or number[0] in "+-":
