@@ -143,19 +143,19 @@ def _arm(options: CheckOptions, default: Arm | None) -> Arm:
     return default
 
 
-def named_arm(name: str, x: ArmOptions) -> Arm:
+def named_arm(name: str, command: ArmOptions) -> Arm:
     """Load the arm of a name or file with the options for robot descriptions."""
     from armcontour.files.robots import options
     from armcontour.files.robots.loading import load_arm
 
     arm_options = options.ArmOptions(
-        tip=x.tip,
-        base=x.base,
-        joint_limits=x.joint_limits,
-        packages=_pairs("--package", x.package),
-        arguments=_pairs("--xacro-arg", x.xacro_arg),
+        tip=command.tip,
+        base=command.base,
+        joint_limits=command.joint_limits,
+        packages=_pairs("--package", command.package),
+        arguments=_pairs("--xacro-arg", command.xacro_arg),
     )
-    return load_arm(name, arm_options, trust_xacro=x.trust_xacro)
+    return load_arm(name, arm_options, trust_xacro=command.trust_xacro)
 
 
 def _pairs(option: str, texts: list[str] | None) -> dict[str, str]:

@@ -103,38 +103,38 @@ class Exports:
         }
 
 
-def exports_of(x: ExportOptions) -> Exports:
+def exports_of(command: ExportOptions) -> Exports:
     """Read the export options of a command line."""
     from armcontour.core.errors import InvalidInput
     from armcontour.core.quantities import Interval
     from armcontour.files.exports.formats import TemplateFormat, format_named
     from armcontour.files.exports.template import ending_of
 
-    kinds = [format_named(name) for name in x.export or ()]
+    kinds = [format_named(name) for name in command.export or ()]
     if TemplateFormat in kinds:
         raise InvalidInput("--export template needs its template: give it with --template.")
     targets = [Target(format=of(), ending=of.ending) for of in kinds]
     targets += [
         Target(format=TemplateFormat(template=name), ending=ending_of(name))
-        for name in x.template or ()
+        for name in command.template or ()
     ]
-    cycle = read_option("--cycle", x.cycle, Interval)
+    cycle = read_option("--cycle", command.cycle, Interval)
     if not targets:
         options = {
             "--cycle": cycle is not None,
-            "--derivatives": x.derivatives != 2,
-            "--tool-motion": x.tool_motion,
-            "--call": x.call,
+            "--derivatives": command.derivatives != 2,
+            "--tool-motion": command.tool_motion,
+            "--call": command.call,
         }
         for option, is_set in options.items():
             if is_set:
                 raise InvalidInput(f"{option} goes with --export or --template.")
     _refuse_same_files(targets)
     return Exports(
-        targets=tuple(_with_outputs(targets, x.output or [], x.call)),
+        targets=tuple(_with_outputs(targets, command.output or [], command.call)),
         cycle=cycle,
-        derivatives=x.derivatives,
-        tool_motion=x.tool_motion,
+        derivatives=command.derivatives,
+        tool_motion=command.tool_motion,
     )
 
 
@@ -167,14 +167,14 @@ def _with_outputs(targets: Sequence[Target], texts: Sequence[str], call: bool) -
             raise InvalidInput(f"--output gives the event {event!r} two outputs: give it one.")
         events[event] = int(number) if number.isdecimal() else number
     complete = []
-    for x in targets:
-        format = x.format
+    for target in targets:
+        format = target.format
         if isinstance(format, WITH_OUTPUTS):
             merged = outputs.get("", {}) | outputs.get(format.label, {})
             format = dataclasses.replace(format, outputs=merged)
         if isinstance(format, URScriptFormat):
             format = dataclasses.replace(format, call=call)
-        complete.append(Target(format=format, ending=x.ending))
+        complete.append(Target(format=format, ending=target.ending))
     return complete
 
 
@@ -183,16 +183,16 @@ def _refuse_same_files(targets: list[Target]) -> None:
     from armcontour.core.errors import InvalidInput
 
     taken: dict[str, str] = {}
-    for x in targets:
-        if taken.get(x.ending) == x.option:
-            raise InvalidInput(f"{x.option} is given twice: give it once.")
-        if x.ending in taken:
+    for target in targets:
+        if taken.get(target.ending) == target.option:
+            raise InvalidInput(f"{target.option} is given twice: give it once.")
+        if target.ending in taken:
             raise InvalidInput(
-                f"{taken[x.ending]} and {x.option} would both be written to "
-                f"{SET_POINTS}{x.ending}: remove one of them, or give a template "
+                f"{taken[target.ending]} and {target.option} would both be written to "
+                f"{SET_POINTS}{target.ending}: remove one of them, or give a template "
                 "another ending, such as cell.txt.j2."
             )
-        taken[x.ending] = x.option
+        taken[target.ending] = target.option
 
 
 def rehearse(job: Job, exports: Exports, scratch: FilePath) -> None:

@@ -176,8 +176,8 @@ def _print_results(study: JobResult, notes: Sequence[str]) -> None:
         console.show_table(header, rows, title=title)
         for data in runs.values():
             console.print(verdict(data))
-            for x in (y for y in data.tables if y.level == VERDICT):
-                for line in lay_out("", cells(x)).splitlines()[1:]:
+            for table in (y for y in data.tables if y.level == VERDICT):
+                for line in lay_out("", cells(table)).splitlines()[1:]:
                     console.print(line)
     lines = [x for result in study.runs.values() for x in result.remarks]
     lines += [*(f"Warning: {x}" for x in warnings_of(study.runs.values())), *notes]

@@ -61,11 +61,11 @@ def _describe(program: Program) -> dict[str, Any]:
     """Size, layers and notes of a drawing for JSON, in SI units."""
     extents = np.array([x.path.segments.extent for x in program.contours])
     layers: dict[str, dict[str, Any]] = {}
-    for x in program.contours:
-        layer = layers.setdefault(x.layer, {"contours": 0, "closed": 0, "length": 0.0})
+    for contour in program.contours:
+        layer = layers.setdefault(contour.layer, {"contours": 0, "closed": 0, "length": 0.0})
         layer["contours"] += 1
-        layer["closed"] += x.closed
-        layer["length"] += x.path.length
+        layer["closed"] += contour.closed
+        layer["length"] += contour.path.length
     return {
         "dimension": program.dimension,
         "length": program.length,

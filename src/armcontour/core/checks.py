@@ -149,27 +149,27 @@ def pack_state(values: Mapping[str, Any]) -> State:
     return dict(values), tuple(name for name, x in values.items() if _is_locked_value(x))
 
 
-def _is_locked_value(x: Any) -> bool:
+def _is_locked_value(value: Any) -> bool:
     """True if a value is a read-only array, or a tuple of such arrays."""
-    if type(x) is np.ndarray:
-        return not x.flags.writeable
-    if not isinstance(x, tuple) or not x or type(x[0]) is not np.ndarray:
+    if type(value) is np.ndarray:
+        return not value.flags.writeable
+    if not isinstance(value, tuple) or not value or type(value[0]) is not np.ndarray:
         return False
-    return all(type(y) is np.ndarray and not y.flags.writeable for y in x)
+    return all(type(y) is np.ndarray and not y.flags.writeable for y in value)
 
 
-def _refuse_old(x: object, state: Any, count: int) -> None:
+def _refuse_old(instance: object, state: Any, count: int) -> None:
     """Reject a pickled state of another version, which is no tuple of `count` parts."""
     if not (isinstance(state, tuple) and len(state) == count):
         raise InvalidInput(
-            f"This pickled {type(x).__name__} was made by another version of armcontour: make it "
-            "anew."
+            f"This pickled {type(instance).__name__} was made by another version of armcontour: "
+            "make it anew."
         )
 
 
-def _lock_value(x: Any) -> None:
+def _lock_value(value: Any) -> None:
     """Lock an array, or a tuple of arrays."""
-    for array in x if isinstance(x, tuple) else (x,):
+    for array in value if isinstance(value, tuple) else (value,):
         array.setflags(write=False)
 
 
@@ -279,10 +279,10 @@ def floats(name: str, values: npt.ArrayLike, unit: str = "") -> FloatArray:
             )
         if array.dtype.kind == "O":
             # numpy would convert these objects to numbers, None to NaN.
-            for x in array.flat:
-                if x is None or isinstance(x, str | bytes | bool):
+            for item in array.flat:
+                if item is None or isinstance(item, str | bytes | bool):
                     raise InvalidInput(
-                        f"{name} must be numbers{in_unit(unit)}, but one of them is {show(x)}."
+                        f"{name} must be numbers{in_unit(unit)}, but one of them is {show(item)}."
                     )
         return np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
@@ -520,9 +520,9 @@ def explain_calls(constructed: type[C]) -> type[C]:
     """Decorate a public dataclass: its constructors raise InvalidInput for wrong arguments."""
     cls: Any = constructed
     cls.__init__ = explained(cls.__init__)
-    for name, x in list(vars(cls).items()):
-        if isinstance(x, classmethod) and not name.startswith("_"):
-            setattr(cls, name, classmethod(explained(x.__func__)))
+    for name, member in list(vars(cls).items()):
+        if isinstance(member, classmethod) and not name.startswith("_"):
+            setattr(cls, name, classmethod(explained(member.__func__)))
     return constructed
 
 

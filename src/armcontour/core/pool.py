@@ -247,8 +247,8 @@ class TaskQueue(Generic[T, R]):
         return self
 
     def __exit__(self, *error: object) -> None:
-        for x in self._pending:
-            x.cancel()
+        for future in self._pending:
+            future.cancel()
 
     def __len__(self) -> int:
         """Number of items that were given and not taken."""
@@ -277,8 +277,8 @@ class TaskQueue(Generic[T, R]):
         while self._pending and not self._done:
             wait_for(self._pending, timeout=PULSE, return_when=FIRST_COMPLETED)
             # `wait_for` ignores futures that the executor cancelled; `done` includes them.
-            for x in [x for x in self._pending if x.done()]:
-                self._done.append((self._pending.pop(x), self._result(x)))
+            for future in [x for x in self._pending if x.done()]:
+                self._done.append((self._pending.pop(future), self._result(future)))
         results, self._done = self._done, []
         return results
 

@@ -99,9 +99,9 @@ def lay_out(title: str, rows: Sequence[Sequence[str]]) -> str:
 def verdict(data: Data) -> str:
     """Verdict on a result in one sentence."""
     parts = []
-    for x in data.shown(VERDICT):
-        words = figure(x) if x.unit == JUDGED else f"{x.label} {figure(x)}"
-        parts.append(f"{words} ({x.note})" if x.note else words)
+    for row in data.shown(VERDICT):
+        words = figure(row) if row.unit == JUDGED else f"{row.label} {figure(row)}"
+        parts.append(f"{words} ({row.note})" if row.note else words)
     return f"{data.title}: {'; '.join(parts)}."
 
 
@@ -176,17 +176,17 @@ def units(results: Iterable[Data]) -> dict[str, str]:
 def frame(data: Data, level: int = TABLE) -> list[dict[str, Any]]:
     """Figures of a result for the page of the Studio."""
     figures = []
-    for x in data.shown(level):
-        digits_shown, unit = split(x.figure, x.unit)
+    for row in data.shown(level):
+        digits_shown, unit = split(row.figure, row.unit)
         figures.append(
             {
-                "name": x.name,
-                "label": x.label,
-                "value": x.figure,
+                "name": row.name,
+                "label": row.label,
+                "value": row.figure,
                 "text": digits_shown,
                 "unit": unit,
             }
-            | ({"note": x.note} if x.note else {})
+            | ({"note": row.note} if row.note else {})
         )
     return figures
 

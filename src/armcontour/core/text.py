@@ -153,12 +153,12 @@ def to_html(value: Any) -> str:
     """The printed text of a result as an HTML table, for `_repr_html_` in notebooks."""
     title, *lines = str(value).splitlines()
     rows: list[list[str]] = []
-    for x in lines:
-        if rows and x.startswith(GAP * 3):
+    for line in lines:
+        if rows and line.startswith(GAP * 3):
             # Continuation of a wrapped line.
-            rows[-1][-1] += f" {x.strip()}"
+            rows[-1][-1] += f" {line.strip()}"
         else:
-            rows.append(re.split(f"{GAP}+", x.strip()))
+            rows.append(re.split(f"{GAP}+", line.strip()))
     cells = ("".join(f"<td>{escape(x)}</td>" for x in row) for row in rows)
     body = "".join(f"<tr>{x}</tr>" for x in cells)
     if not rows:

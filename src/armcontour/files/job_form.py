@@ -268,7 +268,7 @@ def _parts(schema: Mapping[str, Any], defs: Mapping[str, Any]) -> Iterator[Mappi
     if "anyOf" in schema:
         if "examples" in schema:
             yield {"examples": schema["examples"]}
-        for x in schema["anyOf"]:
-            yield from _parts(x, defs)
+        for part in schema["anyOf"]:
+            yield from _parts(part, defs)
     elif schema.get("type") != "null":
         yield schema

@@ -180,8 +180,8 @@ def _alternatives(schema: Mapping[str, Any], kind: Any) -> Iterator[Any]:
     """All alternatives of a part of a schema."""
     if "$ref" in kind:
         kind = schema["$defs"][kind["$ref"].rpartition("/")[2]]
-    for x in kind.get("anyOf", ()):
-        yield from _alternatives(schema, x)
+    for alternative in kind.get("anyOf", ()):
+        yield from _alternatives(schema, alternative)
     yield kind
 
 

@@ -87,9 +87,9 @@ def advising(job: Job, result: RunResult) -> Generator[float, None, Advice]:
         none = "No single change of a limit, the corners or the order makes the motion faster."
     smallest = -inf if repairs else LEAST * result.trajectory.duration
     for k, group in enumerate(groups):
-        for x in group:
+        for candidate in group:
             yield k / len(groups)
-            tried = _try(x, result, reuse)
+            tried = _try(candidate, result, reuse)
             if tried is not None and tried.saved > smallest and tried.kept is not False:
                 helpful.append(tried)
                 break
@@ -112,22 +112,22 @@ def is_small(job: Job, maximum: int = SMALL) -> bool:
     return segments * len(job.runs) <= maximum and not any(x.is_shaped for x in job.runs)
 
 
-def _try(x: _Candidate, result: RunResult, reuse: Reuse) -> Improvement | None:
+def _try(candidate: _Candidate, result: RunResult, reuse: Reuse) -> Improvement | None:
     """Plan and simulate a change; None if it is not possible."""
     try:
-        planned = plan_one(x.job, x.run, reuse)
-        errors = _contour_errors(x.job, planned)
+        planned = plan_one(candidate.job, candidate.run, reuse)
+        errors = _contour_errors(candidate.job, planned)
     except ArmContourError:
         return None
     duration = planned.trajectory.duration
     return Improvement(
-        label=x.label,
-        edits=x.edits,
+        label=candidate.label,
+        edits=candidate.edits,
         saved=result.trajectory.duration - duration,
         duration=duration,
         off_drawing=sum(filter(None, farthest(planned, errors))),
         kept=judge(planned, errors)[0],
-        condition=x.condition,
+        condition=candidate.condition,
     )
 
 
@@ -154,8 +154,10 @@ def _savings(job: Job, result: RunResult) -> Iterator[list[_Candidate]]:
     if why is None or run.duration is not None:
         return
     kinds, joints = why.kinds, {x.name: x.joint for x in why.bindings}
-    for x in why.shares:
-        yield from ([y] for y in _raised_limit(job, run, x.kind, joints.get(x.name), x.of_time))
+    for part in why.shares:
+        yield from (
+            [y] for y in _raised_limit(job, run, part.kind, joints.get(part.name), part.of_time)
+        )
     yield from ([x] for x in _faster_weave(job, result, kinds.get(NAMES["speed"], 0.0)))
     free = [NAMES["speed"], RAPIDS, DWELLS]
     cornering = 1 - sum(kinds.get(x, 0.0) for x in free)

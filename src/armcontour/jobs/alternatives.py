@@ -148,30 +148,30 @@ def check_collision(job: Job, program: Program, trajectory: Trajectory) -> None:
     contours = iter(enumerate(program.contours))
     moves: list[tuple[str, Span]] = []
     called = contour_called(program.contours[0], 0)
-    for x in trajectory.spans:
-        if x.kind == "contour":
+    for span in trajectory.spans:
+        if span.kind == "contour":
             number, contour = next(contours)
             called = contour_called(contour, number)
-        moves.append((called if x.kind == "contour" else f"{x.kind} after {called}", x))
-    for name, x in sorted(moves, key=lambda move: move[1].kind != "contour"):
-        clearance = None if x.trajectory is None else job.cell.check(x.trajectory)
+        moves.append((called if span.kind == "contour" else f"{span.kind} after {called}", span))
+    for name, span in sorted(moves, key=lambda move: move[1].kind != "contour"):
+        clearance = None if span.trajectory is None else job.cell.check(span.trajectory)
         if clearance is not None and not clearance.satisfied:
             with error_context(name):
-                clearance.later(x.t[0]).refuse()
+                clearance.later(span.t[0]).refuse()
     job.cell.check(trajectory).refuse()
 
 
 def _rapids_around(job: Job, run: Run, traced: Tracing, cell: Cell, progress: Progress) -> Tracing:
     """Joint paths with detours for rapids that have a collision, if detours are found."""
     steps = []
-    for k, x in enumerate(traced.steps):
+    for k, step in enumerate(traced.steps):
         progress(Step(("clearance",), k / len(traced.steps)))
-        path = x.joint_path
-        if path is not None and not traced.is_contour(x) and not cell.keeps(path):
+        path = step.joint_path
+        if path is not None and not traced.is_contour(step) and not cell.keeps(path):
             detour = _rapid_around(job.arm, run, cell, path)
             if detour is not None:
-                x = dataclasses.replace(x, joint_path=detour)
-        steps.append(x)
+                step = dataclasses.replace(step, joint_path=detour)
+        steps.append(step)
     return dataclasses.replace(traced, steps=tuple(steps))
 
 

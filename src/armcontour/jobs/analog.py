@@ -136,8 +136,8 @@ class _States:
 
     def __init__(self, trajectory: Trajectory, process: Process) -> None:
         events: dict[str, list[TimedEvent]] = {}
-        for x in sorted(trajectory.events, key=lambda x: x.due):
-            events.setdefault(x.name, []).append(x)
+        for event in sorted(trajectory.events, key=lambda x: x.due):
+            events.setdefault(event.name, []).append(event)
         # Times of the events of each output, and whether it is on before, between and after them;
         # before its first event, an output has the opposite value.
         self.outputs = {

@@ -60,18 +60,18 @@ def automatic_leads(job: Job, run: Run, plan: PlanOne) -> list[Leads]:
         job = dataclasses.replace(
             job, configuration=job.arm.configuration_of(first.trajectory(0.0))
         )
-    for x in contours:
-        contour = dataclasses.replace(x, events=(), work=None)
-        process_of_layer = process.of_layer(x.layer)
+    for contour in contours:
+        bare = dataclasses.replace(contour, events=(), work=None)
+        process_of_layer = process.of_layer(contour.layer)
         lengths = []
         for lead, s, side, name in (
             (process_of_layer.lead_in, 0.0, "right", "before"),
-            (process_of_layer.lead_out, x.path.length, "left", "after"),
+            (process_of_layer.lead_out, contour.path.length, "left", "after"),
         ):
             automatic = lead is not None and lead.length is None
-            speeds = partial(_lead_speeds, plan, job, run, contour, name)
+            speeds = partial(_lead_speeds, plan, job, run, bare, name)
             with error_context("leads"):
-                assigned = assigned_speed(x, s, side, run)
+                assigned = assigned_speed(contour, s, side, run)
                 lengths.append(_shortest_lead(speeds, assigned, gain) if automatic else 0.0)
         leads.append(Leads(before=lengths[0], after=lengths[1]))
     return leads

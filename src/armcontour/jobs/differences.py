@@ -21,9 +21,9 @@ def differences(one: Data, other: Data, names: tuple[str, str] = ("one", "other"
 def _pairs(one: Data, other: Data) -> Iterator[tuple[Row, Row]]:
     """Pairs of rows with the same name, and pairs of times with the same cause."""
     others = {x.name: x for x in other.shown(FIRST)}
-    for x in one.shown(FIRST):
-        if x.name in others:
-            yield x, others[x.name]
+    for row in one.shown(FIRST):
+        if row.name in others:
+            yield row, others[row.name]
     times = [
         {y["name"]: y["time"] for x in data.tables if x.name == "time" for y in x.as_dicts()}
         for data in (one, other)

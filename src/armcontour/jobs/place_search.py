@@ -207,8 +207,8 @@ class PlaceSearch(Checked):
         about = checks.check_numbers("about", self.about, "m")
         if about.shape != (SPACE,):
             raise InvalidInput(f"about is a point of 3 coordinates in m, not {about.size}.")
-        for x in about:
-            checks.check_range("about", x, -FARTHEST["m"], FARTHEST["m"], "m")
+        for axis in about:
+            checks.check_range("about", axis, -FARTHEST["m"], FARTHEST["m"], "m")
 
     def check(self, dimension: int) -> None:
         """Check that an arm has these axes.

@@ -37,12 +37,14 @@ def jerk_stops(
         return ()
     paths = {x.move: x.joint_path for x in traced.steps}
     stops = []
-    for i, (x, span) in enumerate(zip(program.contours, trajectory.contour_spans, strict=True)):
+    for i, (contour, span) in enumerate(
+        zip(program.contours, trajectory.contour_spans, strict=True)
+    ):
         joint_path = paths.get(span.move)
         if joint_path is not None and span.trajectory is not None:
-            name = "" if program.single_path is not None else contour_called(x, i)
+            name = "" if program.single_path is not None else contour_called(contour, i)
             stops += [
-                JerkStop(contour=name, s=s, point=tuple(x.path(s).tolist()))
+                JerkStop(contour=name, s=s, point=tuple(contour.path(s).tolist()))
                 for s in find_jerk_stops(joint_path, span.trajectory).tolist()
             ]
     return tuple(stops)
@@ -94,15 +96,17 @@ class Weaving:
 
 def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
     """The weaves of a program as planned, of contours with waves of full width."""
-    for i, (x, span) in enumerate(zip(program.contours, trajectory.contour_spans, strict=True)):
-        woven, plan = x.woven, span.trajectory
+    for i, (contour, span) in enumerate(
+        zip(program.contours, trajectory.contour_spans, strict=True)
+    ):
+        woven, plan = contour.woven, span.trajectory
         if woven is None or plan is None or len(woven.crests) < 3:
             continue
         begin, end = (0.0, plan.duration) if span.work is None else span.work
         offset = 0.0 if span.work is None else span.t[0]
         count = int(PER_WAVE * woven.seam.length / woven.pitch) + 2
         t = np.linspace(begin - offset, end - offset, count).clip(0.0, plan.duration)
-        near = woven.seam.project(x.path(plan.s(t).clip(0.0, x.path.length)))
+        near = woven.seam.project(contour.path(plan.s(t).clip(0.0, contour.path.length)))
         # The tool may stop or turn, but it only moves forward along the seam.
         s = np.maximum.accumulate(near.s)
         first, last = (np.searchsorted(s, woven.crests + y * woven.pitch / 4) for y in (-1, 1))
@@ -116,7 +120,7 @@ def weavings(program: Program, trajectory: Trajectory) -> Iterator[Weaving]:
         widths, times = widths[same], times[same[:-1] & same[1:]]
         if len(times):
             yield Weaving(
-                contour=contour_called(x, i),
+                contour=contour_called(contour, i),
                 width=(float(widths.min()), float(widths.max())),
                 frequency=(float(1 / times.max()), float(1 / times.min())),
                 requested=(woven.width, woven.frequency),

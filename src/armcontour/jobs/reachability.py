@@ -46,14 +46,14 @@ class _PathPoints(NamedTuple):
     def along(cls, paths: list[tuple[str, Path]]) -> _PathPoints:
         """Points along paths: ends of segments and points between them, or a subset."""
         maximum, rows = int(np.clip(MAX_PLACES // len(paths), 2, MAX_ALONG)), []
-        for k, (_, x) in enumerate(paths):
-            s = np.union1d(np.linspace(0, x.length, maximum), x.breaks)
+        for k, (_, path) in enumerate(paths):
+            s = np.union1d(np.linspace(0, path.length, maximum), path.breaks)
             if len(s) > 2 * maximum:
                 s = s[np.unique(np.linspace(0, len(s) - 1, 2 * maximum).astype(np.intp))]
             turned = np.tile(np.eye(3), (len(s), 1, 1))
-            if x.orientation is not None:
-                turned = x.orientation(s)
-            rows.append((np.full(len(s), k), s, x(s), turned))
+            if path.orientation is not None:
+                turned = path.orientation(s)
+            rows.append((np.full(len(s), k), s, path(s), turned))
         return cls(paths, *map(np.concatenate, zip(*rows, strict=True)))
 
     def some(self, selection: IntArray) -> _PathPoints:
@@ -84,17 +84,17 @@ def explain(error: Unreachable, job: Job) -> Unreachable:
 def _paths_of(program: Program, rapid: bool) -> Iterator[tuple[str, Path]]:
     """Names and paths of all contours, or of all rapids that have a path."""
     contours, done = program.contours, 0
-    for x in program.moves:
-        if isinstance(x, Contour):
+    for move in program.moves:
+        if isinstance(move, Contour):
             if not rapid:
-                alone = program.single_path is not None and not x.name
-                yield "the path" if alone else contour_called(x, done), x.path
+                alone = program.single_path is not None and not move.name
+                yield "the path" if alone else contour_called(move, done), move.path
             done += 1
-        elif rapid and isinstance(x, Rapid) and x.path is not None:
+        elif rapid and isinstance(move, Rapid) and move.path is not None:
             before, after = contours[max(done - 1, 0) : done], contours[done : done + 1]
             to, (other,) = ("to", after) if after else ("away from", before)
             called = contour_called(other, done if after else done - 1)
-            yield f"rapid {to} {called}", turn_along(x.path, before, after)
+            yield f"rapid {to} {called}", turn_along(move.path, before, after)
 
 
 def _extremes(arm: Arm, points: _PathPoints) -> _PathPoints:

@@ -81,9 +81,11 @@ def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool)
     """A warning for the contour, or its start or end, that is slowest relative to its speed."""
     # Contours that are too short for the assigned velocity, and stops of the path, do not count.
     slow: list[tuple[float, str, str]] = []
-    for i, (x, span) in enumerate(zip(program.contours, trajectory.contour_spans, strict=True)):
+    for i, (contour, span) in enumerate(
+        zip(program.contours, trajectory.contour_spans, strict=True)
+    ):
         if span.trajectory is not None:
-            name = contour_called(x, i)
+            name = contour_called(contour, i)
             slow += (
                 (
                     speed / assigned,
@@ -92,10 +94,10 @@ def slow(program: Program, trajectory: Trajectory, run: Run, *, ends_only: bool)
                     "a longer lead, with an arc of a larger radius if it has one, helps unless the "
                     "contour itself is too tight or too short; else ",
                 )
-                for word, speed, assigned, lead in slow_ends(x, span.trajectory, run)
+                for word, speed, assigned, lead in slow_ends(contour, span.trajectory, run)
             )
             if not ends_only and not isinstance(run.timing, Conventional):
-                slow += _missed_speed(name, x.path, span.trajectory, run)
+                slow += _missed_speed(name, contour.path, span.trajectory, run)
     if slow:
         _, label, advice = min(slow)
         others = f" (the slowest of {len(slow)} places)" if len(slow) > 1 else ""

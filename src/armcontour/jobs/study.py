@@ -70,13 +70,15 @@ def _plants(job: Job, simulate: bool) -> dict[str, RigidBodyPlant]:
     """The simulated robots of the experiments, by the names of the runs."""
     # Invalid combinations are rejected before planning, which can take minutes.
     plants = {}
-    for x in job.runs:
-        with error_context(f"Run {x.name}"):
-            check_jerk_support(Method.SHAPED if x.is_shaped else x.timing.method, x.limits)
-            if simulate and x.experiment is not None:
+    for run in job.runs:
+        with error_context(f"Run {run.name}"):
+            check_jerk_support(Method.SHAPED if run.is_shaped else run.timing.method, run.limits)
+            if simulate and run.experiment is not None:
                 with error_context(EXPERIMENT):
                     require_mujoco()
-                    plants[x.name] = build_plant(x.experiment, job.arm, job.plant_servo, x.limits)
+                    plants[run.name] = build_plant(
+                        run.experiment, job.arm, job.plant_servo, run.limits
+                    )
     return plants
 
 

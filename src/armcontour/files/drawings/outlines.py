@@ -110,8 +110,8 @@ def _bezier_points(points: FloatArray, knots: FloatArray, degree: int) -> FloatA
         for r in range(1, degree + 1):
             i = k[:, None] + np.arange(r - degree, 1)
             low, high = knots[i], knots[i + degree + 1 - r]
-            x = (b if r <= j else a)[:, None]
-            fraction = ((x - low) / (high - low))[..., None]
+            parameter = (b if r <= j else a)[:, None]
+            fraction = ((parameter - low) / (high - low))[..., None]
             p = (1 - fraction) * p[:, :-1] + fraction * p[:, 1:]
         controls[:, j] = p[:, 0]
     return controls

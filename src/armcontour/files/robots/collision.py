@@ -101,9 +101,11 @@ def link_shapes(
     shapes = []
     for name, (link, frame) in carried.items():
         tool = last in carried and link == carried[last][0] and name != last
-        for x in collisions(tree, name):
-            shape = shape_of(tree, x, packages)
-            body = LinkShape(name=name, link=link, shape=shape, place=frame @ x.place, tool=tool)
+        for element in collisions(tree, name):
+            shape = shape_of(tree, element, packages)
+            body = LinkShape(
+                name=name, link=link, shape=shape, place=frame @ element.place, tool=tool
+            )
             shapes.append(body.with_hull())
     return tuple(shapes)
 

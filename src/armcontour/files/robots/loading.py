@@ -21,9 +21,9 @@ from armcontour.core.text import plain_number, show
 from armcontour.files.robots.options import (
     ANY,
     DESCRIPTION,
+    MAX_CHARACTERS,
     MJCF,
     MODEL,
-    MAX_CHARACTERS,
     ArmOptions,
     check_options,
     is_description,

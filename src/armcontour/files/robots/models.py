@@ -167,12 +167,14 @@ def _read_mjcf(file: FilePath) -> tuple[Any, Any]:
 
 def _largest_torque(model: Any, j: int) -> float:
     """Largest torque of joint j of a model of MuJoCo [N m]."""
-    most = float(np.abs(model.jnt_actfrcrange[j]).min()) if model.jnt_actfrclimited[j] else np.inf
+    largest = (
+        float(np.abs(model.jnt_actfrcrange[j]).min()) if model.jnt_actfrclimited[j] else np.inf
+    )
     driven = (model.actuator_trntype == 0) & (model.actuator_trnid[:, 0] == j)
     for a in np.flatnonzero(driven & (model.actuator_forcelimited > 0)):
         force = np.abs(model.actuator_forcerange[a] * model.actuator_gear[a, 0]).min()
-        most = min(most, float(force))
-    return most
+        largest = min(largest, float(force))
+    return largest
 
 
 def _find_tip(names: list[str], others: list[str], source: str, options: ArmOptions) -> int:
@@ -243,8 +245,8 @@ def _arm(
     )
     table: Table = {x: [None] * len(chain) for x in (*JOINT_LIMITS, *JOINT_RANGE)}
     lacking = []
-    for key, given in values.items():
-        known = [float(x) if abs(x) < LARGEST else None for x in given]
+    for key, limit in values.items():
+        known = [float(x) if abs(x) < LARGEST else None for x in limit]
         if key in JOINT_RANGE:
             table[key] = known
         elif not all(known):

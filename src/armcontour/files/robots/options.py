@@ -78,10 +78,10 @@ def locked_position(options: ArmOptions, name: str, *, slides: bool) -> float:
 
 def check_options(options: ArmOptions, names: tuple[str, ...], arm: str) -> None:
     """Refuse options that an arm does not have."""
-    for x in fields(ArmOptions):
-        if x.name not in names and getattr(options, x.name):
-            files = ".urdf, .xacro and MJCF files" if x.name in MODEL else ".urdf and .xacro"
-            raise InvalidInput(f"{arm} has no option {x.name}, which is for {files}.")
+    for option in fields(ArmOptions):
+        if option.name not in names and getattr(options, option.name):
+            files = ".urdf, .xacro and MJCF files" if option.name in MODEL else ".urdf and .xacro"
+            raise InvalidInput(f"{arm} has no option {option.name}, which is for {files}.")
 
 
 def is_model(value: Any) -> bool:

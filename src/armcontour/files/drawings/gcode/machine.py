@@ -117,8 +117,8 @@ class Unknown:
             strange = code not in codes.UNDERSTOOD_G and block.motion is None
             owns_line = strange or code in codes.OWN_THE_LINE
             block.drop(OTHER_AXES + "XYZIJKR" + OF_M if owns_line else "DHL")
-        for found in [x for x in block.m if f"M{x:g}" in self.skipped]:
-            self._leave_m(block, [found])
+        for number in [x for x in block.m if f"M{x:g}" in self.skipped]:
+            self._leave_m(block, [number])
         for letter in [x for x in block.words if x in self.skipped]:
             del block.words[letter]
             self.notes.count(f"the word {letter}")

@@ -72,10 +72,11 @@ class ProgrammedTool:
     def _check_range(self, point: list[float]) -> None:
         if max(point) <= FARTHEST and min(point) >= -FARTHEST:
             return
-        for i, x in enumerate(point):
-            if not abs(x) <= FARTHEST:
+        for i, coordinate in enumerate(point):
+            if not abs(coordinate) <= FARTHEST:
                 raise Fault(
-                    f"a move to {AXES[i]} = {x:g} m, beyond the {FARTHEST:g} m that are read"
+                    f"a move to {AXES[i]} = {coordinate:g} m, beyond the {FARTHEST:g} m that are "
+                    "read"
                 )
 
     def go(self, target: list[float]) -> None:
