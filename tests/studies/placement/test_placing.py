@@ -27,10 +27,9 @@ from armcontour.core.render import number
 from armcontour.files import parse_job, placement_csv
 from armcontour.robot.scene import ArmShapes, Box, LinkShape, Obstacle, Scene, Sphere
 from armcontour.studies.placement import UNITS, Moves
-from armcontour.studies.placement.judging import Trail, Verdict
-from armcontour.studies.placement.reach import beyond_links, longest_reach
-from armcontour.studies.placement.screening import Screened
-from armcontour.studies.placement.searching import best_of, search_grid
+from armcontour.studies.placement.grid_search import best_of, search_grid
+from armcontour.studies.placement.place_evaluation import CutoffVerdicts, Verdict
+from armcontour.studies.placement.screen import PlaceBounds, beyond_links, longest_reach
 
 GRID = {"x": (-0.35, 0.45, 5), "y": (-0.25, 0.25, 3)}
 CORNER = """\
@@ -359,9 +358,9 @@ class Known:
 
     def look_all(self, places):
         return [
-            Screened(refusal="reach")
+            PlaceBounds(refusal="reach")
             if np.isinf(self.durations[int(x["x"])])
-            else Screened(duration=self.bounds[int(x["x"])])
+            else PlaceBounds(duration=self.bounds[int(x["x"])])
             for x in places
         ]
 
@@ -374,8 +373,8 @@ class Known:
         steps = [(self.bounds[k], bound), (self.bounds[k] + 0.5, Verdict(bound=bound.bound + 0.5))]
         for i, x in enumerate(steps):
             if x[0] > cutoff:
-                return Trail(tuple(steps[: i + 1]))
-        return Trail((*steps, (np.inf, Verdict(duration=self.durations[k]))))
+                return CutoffVerdicts(tuple(steps[: i + 1]))
+        return CutoffVerdicts((*steps, (np.inf, Verdict(duration=self.durations[k]))))
 
 
 places = st.lists(

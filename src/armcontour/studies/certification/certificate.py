@@ -26,8 +26,7 @@ from armcontour.planning import Tracing, explain
 from armcontour.program import Program
 from armcontour.simulation.rigid_body_plant import can_simulate
 from armcontour.simulation.robustness.monte_carlo import MonteCarloResult
-from armcontour.studies.certification._derating import Derating
-from armcontour.studies.certification.lowering import DeratedInterval
+from armcontour.studies.certification.derating import DeratedInterval, Derating
 from armcontour.verification import Check, Evaluation
 from armcontour.verification.clearance import Clearance
 from armcontour.verification.error_profile import Coverage, ErrorProfile, error_rows
@@ -544,11 +543,7 @@ class Certificate(Result):
 
     @property
     def _only(self) -> ContourCertificate:
-        """The only contour.
-
-        Raises:
-            InvalidInput: There is more than one contour.
-        """
+        """The only contour."""
         if len(self.contours) != 1:
             raise InvalidInput(
                 f"The certificate of the job {self.job.name} has {len(self.contours)} contours: "

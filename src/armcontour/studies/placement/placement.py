@@ -20,8 +20,8 @@ from armcontour.core.text import short_repr
 from armcontour.jobs.job import Job, Run
 from armcontour.jobs.place_search import DURATION, UNITS, Axis
 from armcontour.robot.scene import PART
-from armcontour.studies.placement.judging import COMPARED, Verdict
-from armcontour.studies.placement.moving import Moves, place_job
+from armcontour.studies.placement.place_evaluation import COMPARED, Verdict
+from armcontour.studies.placement.placed_job import Moves, place_job
 
 # Values of a place that `Placement.values` gives.
 FIGURES = ("duration", "bound", "singular", "clearance", "torque_margin")

@@ -19,12 +19,13 @@ from armcontour.program import Dwell
 from armcontour.robot.limit_use import use_of
 from armcontour.robot.limits import UNITS
 from armcontour.simulation.robustness.monte_carlo import MonteCarloResult
-from armcontour.studies.certification._case import Case
-from armcontour.studies.certification._derating import Derating, plan_derated
-from armcontour.studies.certification._proving import KEPT, largest_uses
-from armcontour.studies.certification._uses import (
+from armcontour.studies.certification.certification_case import Case
+from armcontour.studies.certification.derating import Derating, plan_derated
+from armcontour.studies.certification.limit_margins import (
+    KEPT,
     OUTSIDE,
     LimitMargins,
+    largest_uses,
     peak_demand,
     response_time,
     run,
@@ -62,77 +63,70 @@ MOST_RAPIDS = 12
 ENTRY = 0.25
 
 
-class Steps(NamedTuple):
-    """Size of the steps by which a contour is derated from one trial to the next.
+class StepSizes(NamedTuple):
+    """Size of the steps by which a contour is derated from one trial to the next."""
 
-    Attributes:
-        power: Power of the excess by which an error is derated.
-        share: Smallest share of speed and acceleration that is left after one step.
-        together: Whether what all cells need for acceleration is derated at once.
-    """
-
+    # Power of the excess by which an error is derated
     power: float
+    # Smallest share of speed and acceleration that is left after one step
     share: float
+    # Whether what all cells need for acceleration is derated at once
     together: bool
 
 
 @dataclass(slots=True, eq=False)
-class Move:
-    """A contour or a rapid in the search.
+class MoveSearch:
+    """A contour or a rapid in the search."""
 
-    Args:
-        step: The traced move.
-        number: Index of the contour; None for a rapid.
-        derating: Derating of a contour by place.
-        plan: Its plan; times from 0 [s].
-        factors: Shares that are left of other limits along the whole move, by their names.
-        rise: Rise time of a rapid's accelerations in cycles.
-        pause: Standstill before the move [s].
-
-    Attributes:
-        fastest, nothing: The plan with nothing derated, and the derating of it.
-        best: Derating, factors and plan of the fastest plan that is within all its uses.
-        done: Whether the search of this contour has ended.
-        proving: Whether its first plan was outside in the whole program.
-        attempt: Index of the steps that are tried.
-        tries: Trials with these steps.
-        trials: All trials.
-        share: Share of all accelerations that is tried where saturation is allowed.
-        bracket: Largest share that was within, and smallest that was outside.
-        aims: Shares of what is allowed at which attempts aim first, by causes.
-        tightness: The same for the next trial.
-        binds: What the last trial used most, and how much of it.
-        reached: Smallest contour error of any trial, over the box if there is one [m].
-        outside: Smallest contour error of a robot of the box that was outside [m].
-        parts: Parts of the error of the worst robot of the box, by kinds of unknowns [m].
-        corners: Executions in the corners of the box.
-        spread: Executions on robots drawn from the box.
-    """
-
+    # The traced move
     step: TracedMove
+    # Index of the contour; None for a rapid
     number: int | None
+    # Derating of a contour by place
     derating: Derating
+    # Its plan; times from 0 [s]
     plan: Trajectory
+    # Shares that are left of other limits along the whole move, by their names
     factors: dict[str, float] = field(default_factory=dict)
+    # Rise time of a rapid's accelerations in cycles
     rise: float = 0.0
+    # Standstill before the move [s]
     pause: float = 0.0
+    # The plan with nothing derated, and the derating of it
     fastest: Trajectory = field(init=False)
+    # The plan with nothing derated, and the derating of it
     nothing: Derating = field(init=False)
+    # Derating, factors and plan of the fastest plan that is within all its uses
     best: tuple[Derating, dict[str, float], Trajectory] | None = None
+    # Whether the search of this contour has ended
     done: bool = False
+    # Whether its first plan was outside in the whole program
     proving: bool = False
+    # Index of the steps that are tried
     attempt: int = 0
+    # Trials with these steps
     tries: int = 0
+    # All trials
     trials: int = 1
+    # Share of all accelerations that is tried where saturation is allowed
     share: float = 1.0
+    # Largest share that was within, and smallest that was outside
     bracket: tuple[float, float] = (0.0, 1.0)
+    # Shares of what is allowed at which attempts aim first, by causes
     aims: dict[str, float] = field(default_factory=GOALS.copy)
+    # The same for the next trial
     tightness: dict[str, float] = field(default_factory=GOALS.copy)
+    # What the last trial used most, and how much of it
     binds: tuple[str, float] = ("", 0.0)
+    # Smallest contour error of any trial, over the box if there is one [m]
     reached: float = np.inf
+    # Smallest contour error of a robot of the box that was outside [m]
     outside: float = np.inf
+    # Parts of the error of the worst robot of the box, by kinds of unknowns [m]
     parts: dict[str, float] = field(default_factory=dict)
+    # Executions in the corners of the box
     corners: MonteCarloResult | None = None
+    # Executions on robots drawn from the box
     spread: MonteCarloResult | None = None
 
     def __post_init__(self) -> None:
@@ -150,13 +144,12 @@ class Move:
         return squares_of(self.fastest, self.derating.cells)
 
 
-def moves_of(case: Case) -> list[Move]:
-    """All moves of a program: contours with nothing derated, rapids that are within their limits.
+def moves_of(case: Case) -> list[MoveSearch]:
+    """Moves of a program: contours without derating, and rapids whose execution is within limits.
 
-    Raises:
-        NotRealizable: A contour has no plan, or no rapid is within its limits when executed.
+    Raises NotRealizable if a move has none.
     """
-    moves: list[Move] = []
+    moves: list[MoveSearch] = []
     count, stood = 0, 0.0
     for step in case.traced.steps:
         if step.joint_path is None:
@@ -169,7 +162,7 @@ def moves_of(case: Case) -> list[Move]:
                 plan = plan_contour(case, step.joint_path, derating, {})
                 settling = _settling_time(case, moves) if moves and not case.bodies else 0.0
                 pause = max(settling - stood, 0.0)
-                moves.append(Move(step, count, derating, plan, pause=pause))
+                moves.append(MoveSearch(step, count, derating, plan, pause=pause))
                 count += 1
             else:
                 moves.append(_fastest_rapid(case, step))
@@ -197,15 +190,8 @@ def plan_rapid(
     return time_rapid(joint_path, case.arm, case.limits.replace(**left), case.program.rapid_speed)
 
 
-def _fastest_rapid(case: Case, step: TracedMove) -> Move:
-    """The fastest rapid from rest that keeps all joint limits on every robot of the box.
-
-    A joint that saturates in a rapid would be late at the start of the contour. So no rapid
-    saturates a joint by itself, even if contours may.
-
-    Raises:
-        NotRealizable: No rapid was found that keeps its limits.
-    """
+def _fastest_rapid(case: Case, step: TracedMove) -> MoveSearch:
+    """The fastest rapid from rest that keeps all joint limits on every robot of the box."""
     path = step.joint_path
     assert path is not None
     # Demands are measured without saturation, because a saturated plant hides the excess.
@@ -219,7 +205,7 @@ def _fastest_rapid(case: Case, step: TracedMove) -> Move:
             set_points = case.teach(plan)
             over = lower_rapid(case, factors, plan, set_points, _runs(ideal, set_points), None)
             if over is None:
-                found = Move(step, None, Derating.nothing(path, 1), plan, factors, rise)
+                found = MoveSearch(step, None, Derating.nothing(path, 1), plan, factors, rise)
                 candidates.append(found)
                 break
             factors = over
@@ -241,19 +227,10 @@ def lower_rapid(
     runs: Sequence[Execution],
     span: tuple[float, float] | None,
 ) -> dict[str, float] | None:
-    """Smaller shares of the limits that a rapid exceeds; None if it keeps all of them.
-
-    Args:
-        case: The case.
-        factors: Shares that are left so far.
-        plan: The plan of the rapid.
-        set_points: Set-points with those of the rapid.
-        runs: Their executions, without saturation.
-        span: Start and end time of the rapid among them [s]; None is all of them.
-    """
+    """Smaller shares of the limits that a rapid exceeds; None if it keeps all of them."""
     free, dof = case.limits.of_joints, case.arm.dof
     uses = largest_uses(plan, case.arm, free)
-    # Steps at breaks, and the path's own speeds, are no limits of a rapid.
+    # StepSizes at breaks, and the path's own speeds, are no limits of a rapid.
     uses = {name: x for name, x in uses.items() if getattr(free, name, None) is not None}
     if "joint_acceleration" in uses:
         demands = (float(peak_demand(case, x, span).max()) for x in runs)
@@ -276,11 +253,8 @@ def lower_rapid(
     return factors | less
 
 
-def _settling_time(case: Case, moves: Sequence[Move]) -> float:
-    """Time after the last moves until the tool stays near their end point [s].
-
-    With a box, its slowest corner counts.
-    """
+def _settling_time(case: Case, moves: Sequence[MoveSearch]) -> float:
+    """Time after the last moves until the tool stays near their end point [s]."""
     last = len(moves) - 1
     while last > 0 and moves[last].number is None:
         last -= 1
@@ -298,11 +272,8 @@ def _runs(case: Case, set_points: SetPoints) -> list[Execution]:
     return [run(case, set_points), *(x for _, runs in run_on_box(case, set_points) for x in runs)]
 
 
-def exceeded(case: Case, x: Move) -> bool:
-    """Whether a plan exceeds a limit at any time; then trials aim lower.
-
-    The plan is checked between its samples, and bounded there.
-    """
+def exceeded(case: Case, x: MoveSearch) -> bool:
+    """Whether a plan exceeds a limit at any time; then trials aim lower."""
     shares = largest_uses(x.plan, case.arm, case.limits)
     over = {name: ratio * (1 + KEPT) for name, ratio in shares.items() if ratio > 1 + KEPT}
     for name, ratio in over.items():
@@ -314,15 +285,8 @@ def exceeded(case: Case, x: Move) -> bool:
     return bool(over)
 
 
-def tighten(case: Case, x: Move, uses: LimitMargins, steps: Steps) -> Derating:
-    """The next derating of a contour: more, wherever a limit is exceeded or nearly so.
-
-    Args:
-        case: The case.
-        x: The contour.
-        uses: Uses of its last plan.
-        steps: Size of the steps.
-    """
+def tighten(case: Case, x: MoveSearch, uses: LimitMargins, steps: StepSizes) -> Derating:
+    """The next derating of a contour: more, wherever a limit is exceeded or nearly so."""
     derating, tight = x.derating, x.tightness
     # With which power of their excess accelerations are derated.
     power = 1 + x.tries // PATIENCE
@@ -369,19 +333,9 @@ def tighten(case: Case, x: Move, uses: LimitMargins, steps: Steps) -> Derating:
 
 
 def _largest_in_cells(
-    x: Move, uses: LimitMargins, around: float
+    x: MoveSearch, uses: LimitMargins, around: float
 ) -> Callable[[FloatArray, float], FloatArray]:
-    """A function that finds the largest of some values in each cell of a contour.
-
-    Args:
-        x: The contour.
-        uses: Times and places of its plan.
-        around: Time before and after a cell in which values belong to it, too [s].
-
-    Returns:
-        A function of values, (n,), and of the time before a value from which on cells have to do
-        with it, if that is longer [s].
-    """
+    """A function that finds the largest of some values in each cell of a contour."""
     from scipy.ndimage import maximum_filter1d
 
     t, step = uses.t, float(uses.t[1] - uses.t[0])

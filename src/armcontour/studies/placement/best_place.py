@@ -33,12 +33,11 @@ from armcontour.planning import Optimal
 from armcontour.program import Process, Program
 from armcontour.robot import SerialArm
 from armcontour.robot.scene import BASE
-from armcontour.studies.placement.judging import Judge, Verdict
-from armcontour.studies.placement.moving import Moves, check_upright_base
+from armcontour.studies.placement.grid_search import best_of, refine, search_grid
+from armcontour.studies.placement.place_evaluation import PlaceEvaluator, Verdict
+from armcontour.studies.placement.placed_job import Moves, check_upright_base
 from armcontour.studies.placement.placement import Place, Placement, all_places
-from armcontour.studies.placement.refining import refine
-from armcontour.studies.placement.screening import RANGE, REACH, SINGULAR_ARM
-from armcontour.studies.placement.searching import best_of, search_grid
+from armcontour.studies.placement.screen import RANGE, REACH, SINGULAR_ARM
 from armcontour.verification.clearance.distances import can_measure
 
 # Places of each contour at which the extent of a path is looked at.
@@ -92,7 +91,7 @@ def place(
         program = prepare_and_round(job, this)[1]
     # The corners of this program are rounded.
     plain = dataclasses.replace(this, rounding=None)
-    judge = Judge(
+    judge = PlaceEvaluator(
         job=dataclasses.replace(job, path=program, process=Process(), runs=(plain,)),
         moves=_moves(job, program, axes, asked),
         what=asked.what,
@@ -161,11 +160,7 @@ def _ends_of(axis: Axis) -> tuple[float, ...]:
 
 
 def _run_of(job: Job, name: str | None, objective: str) -> tuple[Run, list[str]]:
-    """The run of a name, with arcs in the place of corners of the shape free, and notes.
-
-    Raises:
-        InvalidInput: No such run, or one of a given duration.
-    """
+    """The run of a name, with arcs in the place of corners of the shape free, and notes."""
     able = [x for x in job.runs if isinstance(x.timing, Optimal)]
     this = choose_run(job, name, "placed", able)
     if this.duration is not None and objective == DURATION:
@@ -179,12 +174,8 @@ def _run_of(job: Job, name: str | None, objective: str) -> tuple[Run, list[str]]
     return arcs, ["Places are compared with arcs in place of corners of the shape free."]
 
 
-def _refuse_objective(judge: Judge) -> None:
-    """Refuse an objective that the job has no figures for, and a scene that is not one.
-
-    Raises:
-        InvalidInput: No shapes for the clearance, or no masses or limits for torques.
-    """
+def _refuse_objective(judge: PlaceEvaluator) -> None:
+    """Refuse an objective that the job has no figures for, and a scene that is not one."""
     arm, scene = judge.job.arm, judge.job.scene
     measured = judge.objective == CLEARANCE or can_measure()
     if scene is not None or (arm.shapes is not None and measured):
@@ -204,11 +195,7 @@ def _refuse_objective(judge: Judge) -> None:
 
 
 def _moves(job: Job, program: Program, axes: Sequence[Axis], asked: PlaceSearch) -> Moves:
-    """What coordinates of a place mean.
-
-    Raises:
-        InvalidInput: A point is given for a base.
-    """
+    """What coordinates of a place mean."""
     about = asked.about
     if asked.what == BASE:
         if not (isinstance(about, str) and about == MIDDLE):
@@ -243,14 +230,9 @@ def _own_place(moves: Moves, axes: Sequence[Axis]) -> dict[str, float]:
 
 
 def _refuse_all(
-    judge: Judge, places: Sequence[Mapping[str, float]], verdicts: Sequence[Verdict]
+    judge: PlaceEvaluator, places: Sequence[Mapping[str, float]], verdicts: Sequence[Verdict]
 ) -> NoReturn:
-    """Raise an error for a grid in which every place is refused, with what is nearest to one.
-
-    Raises:
-        Unreachable: Most places are out of reach, or cannot be traced in one configuration.
-        NotRealizable: Most places have no plan, or none that keeps its margins.
-    """
+    """Raise an error for a grid in which every place is refused, with what is nearest to one."""
     counts = Counter(x.refusal for x in verdicts)
     # Others than those out of reach are nearer to a feasible place.
     kind = next((x for x, _ in counts.most_common() if x != REACH), REACH)

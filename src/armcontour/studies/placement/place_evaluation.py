@@ -26,9 +26,15 @@ from armcontour.program import Contour, Dwell
 from armcontour.robot import Arm, SerialArm
 from armcontour.robot.limit_use import use_of
 from armcontour.robot.scene import PART, Scene
-from armcontour.studies.placement.manipulability import least_singular_value
-from armcontour.studies.placement.moving import Moves, place_arm, place_bases, place_job
-from armcontour.studies.placement.screening import RANGE, REACH, SINGULAR_ARM, Screen, Screened
+from armcontour.studies.placement.placed_job import Moves, place_arm, place_bases, place_job
+from armcontour.studies.placement.screen import (
+    RANGE,
+    REACH,
+    SINGULAR_ARM,
+    PlaceBounds,
+    Screen,
+    least_singular_value,
+)
 from armcontour.verification.clearance import Clearance
 from armcontour.verification.evaluation import duration_row
 
@@ -115,14 +121,11 @@ class Verdict(Result):
 
 
 @dataclass(frozen=True, slots=True)
-class Trail:
-    """Verdicts on a place for all scores that it may have to beat, up to the one it was judged for.
+class CutoffVerdicts:
+    """Verdicts on a place for all cutoffs up to that of its evaluation."""
 
-    Args:
-        steps: Verdicts, each with a bound on the score; the first bound that is above a score ends
-            the judgement for it.
-    """
-
+    # Verdicts, each with a bound on the score; the first bound that is above a score ends the
+    # judgement for it
     steps: tuple[tuple[float, Verdict], ...]
 
     @property
@@ -131,32 +134,25 @@ class Trail:
         return self.steps[-1][1]
 
     def at(self, cutoff: float) -> Verdict | None:
-        """The verdict for a score; None if the place was judged for a smaller one, and left.
-
-        Args:
-            cutoff: The score.
-        """
+        """The verdict for a score; None if the place was judged for a smaller one, and left."""
         ends = (x for bound, x in self.steps if bound > cutoff or bound == np.inf)
         return next(ends, None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Judge:
-    """Judges places of a job.
+class PlaceEvaluator:
+    """Judges places of a job."""
 
-    Args:
-        job: The job in its own place: its path is the program that the tool follows, with rounded
-            corners, so that its only run rounds none.
-        moves: What coordinates of a place mean.
-        what: What they move, "part" or "base".
-        objective: One of `OBJECTIVES`.
-        uncertainty: Position error of the part [m, rad].
-    """
-
+    # The job in its own place: its path is the program that the tool follows, with rounded corners,
+    # so that its only run rounds none
     job: Job
+    # What coordinates of a place mean
     moves: Moves
+    # What they move, "part" or "base"
     what: str = PART
+    # One of `OBJECTIVES`
     objective: str = DURATION
+    # Position error of the part [m, rad]
     uncertainty: Mapping[str, float] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, object]:
@@ -188,31 +184,23 @@ class Judge:
         """The arm with the joint ranges of the run, as tracing has it."""
         return self.job.arm.with_limits(self.run.limits)
 
-    def look(self, place: Mapping[str, float]) -> Screened:
-        """What is known of a place without a plan, and without its uncertainty.
-
-        Args:
-            place: Values of the axes [m, rad].
-        """
+    def look(self, place: Mapping[str, float]) -> PlaceBounds:
+        """What is known of a place without a plan, and without its uncertainty."""
         return self.look_all([place])[0]
 
-    def look_all(self, places: Sequence[Mapping[str, float]]) -> list[Screened]:
-        """What is known of places without plans, and without their uncertainty.
-
-        Args:
-            places: Values of the axes [m, rad] of each.
-        """
+    def look_all(self, places: Sequence[Mapping[str, float]]) -> list[PlaceBounds]:
+        """What is known of places without plans, and without their uncertainty."""
         if self.screen is None:
-            return [Screened() for _ in places]
+            return [PlaceBounds() for _ in places]
         assert isinstance(self._limited, SerialArm)
         bases = place_bases(self._limited.chain.base.matrix, self.moves.frames(places), self.what)
         beyond = self.screen.refuses(bases)
         return [
-            Screened(refusal=REACH) if far else self._traced(x)
+            PlaceBounds(refusal=REACH) if far else self._traced(x)
             for x, far in zip(places, beyond.tolist(), strict=True)
         ]
 
-    def _traced(self, place: Mapping[str, float]) -> Screened:
+    def _traced(self, place: Mapping[str, float]) -> PlaceBounds:
         """What the screen knows of a place that may be within reach."""
         assert self.screen is not None
         arm = place_arm(self._limited, self.moves.frame(place), self.what)
@@ -220,7 +208,7 @@ class Judge:
         found = self.screen.look(arm)
         return found if self.bounded else dataclasses.replace(found, duration=0.0)
 
-    def least_score(self, seen: Screened) -> float:
+    def least_score(self, seen: PlaceBounds) -> float:
         """No place of which this is known has a smaller score."""
         if self.objective == DURATION:
             return SURE * seen.duration
@@ -228,21 +216,11 @@ class Judge:
         return -seen.singular if known else -np.inf
 
     def judge(self, place: Mapping[str, float], cutoff: float = np.inf) -> Verdict:
-        """What a place is like; with an uncertainty the worst of place and corners counts.
-
-        Args:
-            place: Values of the axes [m, rad].
-            cutoff: A score; a place that cannot have it is not planned.
-        """
+        """What a place is like; with an uncertainty the worst of place and corners counts."""
         return self.weigh(place, cutoff).last
 
-    def weigh(self, place: Mapping[str, float], cutoff: float = np.inf) -> Trail:
-        """The same as `judge`, with the verdicts for smaller scores than the cutoff.
-
-        Args:
-            place: As in `judge`.
-            cutoff: As in `judge`.
-        """
+    def weigh(self, place: Mapping[str, float], cutoff: float = np.inf) -> CutoffVerdicts:
+        """The same as `judge`, with the verdicts for smaller scores than the cutoff."""
         corners = corners_of(self.uncertainty)
         around = [place, *({**place, **_shifted(place, x)} for x in corners)]
         steps: list[tuple[float, Verdict]] = []
@@ -253,28 +231,23 @@ class Judge:
             verdict = Verdict(bound=bound, singular=seen.singular, refusal=seen.refusal)
             steps.append((np.inf if seen.refusal else self.least_score(seen), verdict))
             if steps[-1][0] > cutoff or seen.refusal:
-                return Trail(tuple(steps))
+                return CutoffVerdicts(tuple(steps))
         worst: Verdict | None = None
         for x in around:
             found = self.plan(x, cutoff)
             if self.objective == DURATION:
                 steps.append((found.bound, Verdict(bound=found.bound)))
                 if found.bound > cutoff:
-                    return Trail(tuple(steps))
+                    return CutoffVerdicts(tuple(steps))
             if not found.planned:
                 worst = found
                 break
             worst = found if worst is None else worst.worse(found)
         assert worst is not None
-        return Trail((*steps, (np.inf, worst)))
+        return CutoffVerdicts((*steps, (np.inf, worst)))
 
     def plan(self, place: Mapping[str, float], cutoff: float = np.inf) -> Verdict:
-        """Plan the job at a place, without its uncertainty, unless a bound is above the cutoff.
-
-        Args:
-            place: Values of the axes [m, rad].
-            cutoff: As in `judge`.
-        """
+        """Plan the job at a place, without its uncertainty, unless a bound is above the cutoff."""
         here, run, bound = place_job(self.job, self.moves.frame(place), self.what), self.run, 0.0
         try:
             reuse, program = Reuse(), here.program

@@ -18,26 +18,18 @@ from armcontour.simulation.robustness.rigid_body_runs import (
     trace_on_bodies,
 )
 from armcontour.simulation.robustness.uncertainty import Uncertainty, Unknowns
-from armcontour.studies.certification._case import Case
-from armcontour.studies.certification._uses import normals
+from armcontour.studies.certification.certification_case import Case
+from armcontour.studies.certification.limit_margins import normals
 
 # Trials execute so many corners of the box: those that are the worst for the first plan. A proof
 # adds so many of the robots that are outside.
-FIRST, MORE = 2, 4
+FIRST_CORNERS, ADDED_ROBOTS = 2, 4
 # Number of unknowns up to which all corners may be executed.
 ALL_CORNERS = 14
 
 
 def worst_corners(case: Case, set_points: SetPoints) -> tuple[FloatArray, dict[str, float]]:
-    """Corners of the box, the worst first, and the parts of the error of the worst one.
-
-    One robot per unknown is executed. Their deviations, added up to first order, tell the corner
-    that is the worst at each time and to each side of the path.
-
-    Returns:
-        Errors of the unknowns in these corners, (m, k), and parts by kinds of unknowns and of
-        "sampling", which the nominal robot has [m].
-    """
+    """Corners of the box, the worst first, and the parts of the error of the worst one."""
     runs = _runs(case, set_points)
     unknowns = runs.unknowns
     k = len(unknowns)
@@ -105,17 +97,10 @@ def largest_errors(case: Case, set_points: SetPoints, errors: list[FloatArray]) 
     return np.stack([t, largest])
 
 
-def execute_robots(
+def execute_bodies(
     case: Case, set_points: SetPoints, errors: FloatArray, seed: int | None = None
 ) -> MonteCarloResult:
-    """Execute set-points on robots of the box, in several processes if they are many.
-
-    Args:
-        case: The case.
-        set_points: The set-points.
-        errors: Errors of the unknowns, (n, k).
-        seed: Seed of the errors; None for corners.
-    """
+    """Execute set-points on robots of the box, in several processes if they are many."""
     what = "corners of the box" if seed is None else "robots of the box"
     names = (f"{len(errors)} {what} as rigid bodies",)
 
@@ -126,7 +111,7 @@ def execute_robots(
     return spread_on_bodies(runs, errors, seed=seed, executor=case.executor, done=tell)
 
 
-def draw(case: Case) -> FloatArray:
+def draw_robots(case: Case) -> FloatArray:
     """Errors of robots drawn from the box, (n, k)."""
     return _unknowns(case).draw(case.goal.bodies, case.goal.seed)
 
@@ -139,11 +124,7 @@ def torque_ratio(case: Case, executed: Execution) -> float:
 
 
 def rest_at_start(case: Case, path: Path, set_points: SetPoints) -> float:
-    """Distance from the tool to the start of its path while the robot rests at it [m].
-
-    Raises:
-        ExecutionError: The drives are too weak to hold the robot, or do not settle.
-    """
+    """Distance from the tool to the start of its path while the robot rests at it [m]."""
     standing = replace(set_points, q=np.tile(set_points.q[0], (2, 1)))
     executed = simulate(standing, case.plant(), resolution=case.resolution)
     return float(np.linalg.norm(executed.tool[0] - path(0.0)))

@@ -87,13 +87,7 @@ def place_arm(arm: Arm, frame: Frame, what: str) -> Arm:
 
 
 def place_bases(base: FloatArray, frames: FloatArray, what: str) -> FloatArray:
-    """The base of an arm in the work frame, moved as `place_arm` moves it, (n, 3, 4).
-
-    Args:
-        base: Its rotation and position in its own place, (3, 4).
-        frames: Rotations and positions of the frames of `place_job`, (n, 3, 4).
-        what: As in `place_job`.
-    """
+    """The base of an arm in the work frame, moved as `place_arm` moves it, (n, 3, 4)."""
     turns, ways = frames[..., :3], frames[..., 3]
     if what == PART:
         turns = np.swapaxes(turns, 1, 2)
@@ -104,14 +98,7 @@ def place_bases(base: FloatArray, frames: FloatArray, what: str) -> FloatArray:
 
 
 def place_scene(scene: Scene | None, arm: Arm, frame: Frame, what: str) -> Scene | None:
-    """The scene as the arm has it with its part or base moved.
-
-    Args:
-        scene: The scene.
-        arm: The arm in its own place.
-        frame: As in `place_job`.
-        what: As in `place_job`.
-    """
+    """The scene as the arm has it with its part or base moved."""
     if scene is None:
         return None
     return replace(scene, obstacles=tuple(_placed(x, arm, frame, what) for x in scene.obstacles))
@@ -135,11 +122,7 @@ def _of_part(frame: Frame, what: str) -> Frame:
 
 
 def check_upright_base(axes: tuple[str, ...], what: str) -> None:
-    """Refuse to tilt a base: gravity is given in the frame of the base.
-
-    Raises:
-        InvalidInput: The base is to be tilted.
-    """
+    """Refuse to tilt a base: gravity is given in the frame of the base."""
     if what == BASE and "tilt" in axes:
         raise InvalidInput(
             "A base is not tilted: describe the arm with its base as it stands, with the direction "

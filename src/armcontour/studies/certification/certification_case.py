@@ -40,22 +40,19 @@ MOST_PLACES = 1000
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """A run to certify: its robot, its fastest plan, and the goal of all contours.
+    """A run to certify: its robot, its fastest plan, and the goal of all contours."""
 
-    Args:
-        job: The job.
-        planned: The plan of the run with nothing derated.
-        goal: The goal.
-        servo_allowed: Largest contour error of the execution, over the box if there is one [m].
-        progress: Called with a step before each trial.
-        executor: Executor of robots of a box as rigid bodies; None is processes of this machine.
-    """
-
+    # The job
     job: Job
+    # The plan of the run with nothing derated
     planned: Planned
+    # The goal
     goal: CertificateGoal
+    # Largest contour error of the execution, over the box if there is one [m]
     servo_allowed: float
+    # Called with a step before each trial
     progress: Progress
+    # Executor of robots of a box as rigid bodies; None is processes of this machine
     executor: Executor | None = None
 
     @property
@@ -170,13 +167,7 @@ class Case:
         return teach(plan, self.model, self.run.compensation, cycle=cycle, arm=self.arm)
 
     def stretch(self, set_points: SetPoints, t: tuple[float, float], plan: Trajectory) -> SetPoints:
-        """Set-points of one move, after those before it that still affect the servo.
-
-        Args:
-            set_points: The set-points of the whole program.
-            t: Start and end time of the move in the program [s].
-            plan: The plan of the move; times of the result count from its start.
-        """
+        """Set-points of one move, after those before it that still affect the servo."""
         begin, cycle, first = t[0] - self.memory, set_points.cycle, 0
         if begin > 0:
             rests = set_points.trajectory.starts

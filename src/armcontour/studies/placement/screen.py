@@ -27,10 +27,8 @@ from armcontour.planning.tracing.ranges import ROUNDING
 from armcontour.planning.tracing.serial_solver import SINGULAR
 from armcontour.planning.tracing.solver import Ends
 from armcontour.program import Contour, Dwell, Program
-from armcontour.robot import Limits, SerialArm, newton
+from armcontour.robot import Arm, Chain, Limits, SerialArm, newton
 from armcontour.robot.inverse import WHOLE, configurations, out_of_reach
-from armcontour.studies.placement.manipulability import least_singular_value
-from armcontour.studies.placement.reach import beyond_links
 
 # Quintics through the first knots stand for the joint path if they keep the tool this near to its
 # path [m, rad]; else nothing is known of a duration.
@@ -45,32 +43,20 @@ POSES_AHEAD = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Screened:
-    """What is known of a place without a plan.
+class PlaceBounds:
+    """What is known of a place without a plan."""
 
-    Args:
-        duration: No plan is shorter, but for the share that `bound_duration` may be off [s].
-        singular: Least singular value at some places of the path: the largest of all
-            configurations or, unless that is asked for, of the one with the least duration. Not a
-            number if it is unknown.
-        refusal: Kind of the refusal where the path cannot be traced, which tracing finds too.
-    """
-
+    # No plan is shorter, but for the share that `bound_duration` may be off [s]
     duration: float = 0.0
+    # Least singular value at some places of the path: the largest of all configurations or, unless
+    # that is asked for, of the one with the least duration. Not a number if it is unknown.
     singular: float = np.nan
+    # Kind of the refusal where the path cannot be traced, which tracing finds too
     refusal: str = ""
 
 
 class Screen:
-    """Bounds for one program and arm with as many joints as the task has dimensions.
-
-    Args:
-        program: The program that the tool follows, with rounded corners.
-        arm: The arm, which may stand anywhere.
-        limits: The limits.
-        seed: Joint positions near the start [rad], (dof,); None for any.
-        of_all: Whether the least singular values of all configurations are asked for.
-    """
+    """Bounds for one program and arm with as many joints as the task has dimensions."""
 
     def __init__(
         self,
@@ -98,22 +84,14 @@ class Screen:
         )
 
     def refuses(self, bases: FloatArray) -> BoolArray:
-        """In which places a pose is surely out of reach of the arm, (n,).
-
-        Args:
-            bases: Rotations and positions of its base in the work frame, (n, 3, 4).
-        """
+        """In which places a pose is surely out of reach of the arm, (n,)."""
         found = np.zeros(len(bases), dtype=np.bool_)
         for x in self.contours:
             found[~found] = x.refuses(self._arm, bases[~found])
         return found
 
-    def look(self, arm: SerialArm) -> Screened:
-        """What is known of the program on the arm where it stands.
-
-        Args:
-            arm: The arm in another place.
-        """
+    def look(self, arm: SerialArm) -> PlaceBounds:
+        """What is known of the program on the arm where it stands."""
         duration, singular = self.dwells, np.inf
         for x in self.contours:
             found = x.look(arm, self.limits, self.of_all)
@@ -121,17 +99,11 @@ class Screen:
                 return found
             duration += found.duration
             singular = min(singular, found.singular)
-        return Screened(duration=duration, singular=singular)
+        return PlaceBounds(duration=duration, singular=singular)
 
 
 class _Poses:
-    """Poses of a path at its first knots, and what arms in several places make of them.
-
-    Args:
-        path: The path.
-        arm: The arm.
-        seed: As of the screen.
-    """
+    """Poses of a path at its first knots, and what arms in several places make of them."""
 
     def __init__(self, path: Path, arm: SerialArm, seed: FloatArray | None) -> None:
         self.path, self.seed = path, seed
@@ -150,11 +122,11 @@ class _Poses:
             return closed.beyond(bases, self.fine, BEYOND) > BEYOND
         return beyond_links(arm.chain, self.task, self.first.row, bases) > 0
 
-    def look(self, arm: SerialArm, limits: Limits, of_all: bool) -> Screened:
+    def look(self, arm: SerialArm, limits: Limits, of_all: bool) -> PlaceBounds:
         """What is known of the path on an arm."""
         starts = configurations(arm, self.fine[0], self.task, self.seed)[:MOST_STARTS]
         if len(starts) == 0:
-            return Screened(refusal=REACH)
+            return PlaceBounds(refusal=REACH)
         ways, reached = follow_branches(arm, self.fine, self.task, starts)
         followed = [ways[k, self.at] for k in np.flatnonzero(reached == len(self.fine))]
         if not followed:
@@ -162,24 +134,17 @@ class _Poses:
             farthest, last = int(reached[best]), ways[best, reached[best] - 1]
             ahead = np.linspace(farthest, len(self.fine) - 1, POSES_AHEAD).astype(np.intp)
             gaps = out_of_reach(arm, self.fine[ahead], self.task, last[None])
-            return Screened(refusal=REACH if gaps.max() > OUT_OF_REACH else SINGULAR_ARM)
+            return PlaceBounds(refusal=REACH if gaps.max() > OUT_OF_REACH else SINGULAR_ARM)
         inside = [q for q in followed if _fits_range(q, limits, arm.dof)]
         if not inside:
-            return Screened(refusal=RANGE)
+            return PlaceBounds(refusal=RANGE)
         return self._bound(arm, limits, np.array(inside), of_all)
 
-    def _bound(self, arm: SerialArm, limits: Limits, q: FloatArray, of_all: bool) -> Screened:
-        """Bounds over all configurations.
-
-        Args:
-            arm: The arm.
-            limits: The limits.
-            q: Joint positions at the knots in each configuration [rad], (k, n + 1, dof).
-            of_all: Whether the least singular values of all are asked for.
-        """
+    def _bound(self, arm: SerialArm, limits: Limits, q: FloatArray, of_all: bool) -> PlaceBounds:
+        """Bounds over all configurations."""
         begin, end, sound = self._ends(arm, q)
         if not sound.any():
-            return Screened(refusal=SINGULAR_ARM)
+            return PlaceBounds(refusal=SINGULAR_ARM)
         exact = self._exact(arm, begin, end)
         which = np.flatnonzero(sound)
         durations = [
@@ -188,16 +153,10 @@ class _Poses:
         ]
         looked = which if of_all else which[[int(np.argmin(durations))]]
         values = [least_singular_value(arm, q[k], self.task) for k in looked]
-        return Screened(duration=min(durations), singular=max(values))
+        return PlaceBounds(duration=min(durations), singular=max(values))
 
     def _duration(self, begin: list[FloatArray], end: list[FloatArray], limits: Limits) -> float:
-        """A lower bound on the duration in one configuration [s]; 0 if there is none.
-
-        Args:
-            begin: q, dq_ds and d2q_ds2 at the starts of all intervals, (n, dof) each.
-            end: The same at their ends.
-            limits: The limits.
-        """
+        """A lower bound on the duration in one configuration [s]; 0 if there is none."""
         try:
             joint_path = JointPath.hermite(
                 self.breaks,
@@ -212,16 +171,7 @@ class _Poses:
         return bound_duration(joint_path, limits)
 
     def _ends(self, arm: SerialArm, q: FloatArray) -> tuple[Ends, Ends, BoolArray]:
-        """q, dq_ds and d2q_ds2 at the starts and at the ends of all intervals.
-
-        Args:
-            arm: The arm.
-            q: Joint positions at the knots in each configuration [rad], (k, n + 1, dof).
-
-        Returns:
-            The three at starts and at ends, (k, n, dof) each, and of each configuration whether no
-            place is singular, (k,).
-        """
+        """q, dq_ds and d2q_ds2 at the starts and at the ends of all intervals."""
         k, n, dof, first = len(q), q.shape[1] - 1, q.shape[2], self.first
         alone = first.ends >= n
         rows = np.concatenate([q[:, :-1], q[:, 1:][:, alone]], axis=1).reshape(-1, dof)
@@ -260,3 +210,62 @@ def _fits_range(q: FloatArray, limits: Limits, dof: int) -> bool:
     least = np.ceil((lower - ROUNDING - q.min(axis=0)) / (2 * np.pi))
     most = np.floor((upper + ROUNDING - q.max(axis=0)) / (2 * np.pi))
     return bool((least <= most).all())
+
+
+# Axes are parallel if the cosine of their angle is above this; what lies along them then is known
+# to 1e-6 of a link.
+PARALLEL = 1 - 1e-12
+
+
+def longest_reach(chain: Chain, task: int) -> tuple[FloatArray, FloatArray, float]:
+    """A ball in the frame of the base that holds a point of the tool in every posture."""
+    end = chain.tip @ chain.tool
+    point = end.inverse.position if task == 6 else np.zeros(3)
+    steps = [*chain.positions[1:], *([] if task == 6 else [end.position])]
+    middle, radius = chain.positions[0].copy(), 0.0
+    along = across = 0.0
+    sense, first = 1.0, True
+    for k, step in enumerate(steps):
+        axis = chain.axes[k]
+        part = float(axis @ step)
+        along += sense * part
+        across += float(np.linalg.norm(step - part * axis))
+        last = k + 1 == len(steps)
+        cosine = 0.0 if last else float(axis @ chain.rotations[k + 1] @ chain.axes[k + 1])
+        if abs(cosine) > PARALLEL:
+            sense *= float(np.sign(cosine))
+            continue
+        if first:
+            middle += chain.rotations[0] @ (along * chain.axes[0])
+            radius += across
+        else:
+            radius += float(np.hypot(along, across))
+        along = across = 0.0
+        sense, first = 1.0, False
+    return point, middle, radius
+
+
+def beyond_links(chain: Chain, task: int, poses: FloatArray, bases: FloatArray) -> FloatArray:
+    """How far poses are beyond the links of an arm whose base stands in several places [m]."""
+    point, middle, radius = longest_reach(chain, task)
+    wanted = poses[:, :, 3] + poses[:, :, :3] @ point
+    middles = bases[:, :, 3] + bases[:, :, :3] @ middle
+    far = np.linalg.norm(wanted[None] - middles[:, None], axis=2)
+    return np.asarray(far.max(axis=1) - radius)
+
+
+def least_singular_value(arm: Arm, q: FloatArray, task: int) -> float:
+    """Smallest singular value of the task's Jacobian over joint positions (n, dof) [m/rad].
+
+    Rows: tool velocity [m/rad] and, for task 6, angular velocity; task 5 omits the tool axis.
+    """
+    if not isinstance(arm, SerialArm) or task == 3:
+        rows = arm.tool_jacobian(q)
+    else:
+        rows = arm.jacobian(q)
+        if task == 5:
+            # Turning about x and y of the tool.
+            _, turned = arm.pose(q)
+            across = np.swapaxes(turned[:, :, :2], 1, 2) @ rows[:, 3:]
+            rows = np.concatenate([rows[:, :3], across], axis=1)
+    return float(np.linalg.svd(rows, compute_uv=False)[:, -1].min())

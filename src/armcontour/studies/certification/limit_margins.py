@@ -11,17 +11,26 @@ from typing import Literal
 import numpy as np
 
 from armcontour.core.checks import FloatArray
-from armcontour.geometry import Path
-from armcontour.motion import Execution, PathLaw, SetPoints, Span, Trajectory
+from armcontour.geometry import Path, ShapedPath
+from armcontour.motion import (
+    Execution,
+    JointPath,
+    PathLaw,
+    SetPoints,
+    Span,
+    Trajectory,
+    largest_shares,
+)
 from armcontour.motion.laws import join_path
+from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import States
 from armcontour.robot.servo import ServoModel
 from armcontour.robot.servo.simulation import ServoSimulation
 from armcontour.simulation import ServoPlant, simulate
 from armcontour.simulation.plant import count_intervals
 from armcontour.simulation.robustness.uncertainty import Uncertainty
-from armcontour.studies.certification._case import Case
-from armcontour.verification import Check
+from armcontour.studies.certification.certification_case import Case
+from armcontour.verification import Check, check
 from armcontour.verification.contour_execution import ContourExecution, pieces_of
 
 # Trials are executed with this many results per cycle, but not finer than this [s].
@@ -43,28 +52,25 @@ Side = Literal["left", "right"]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LimitMargins:
-    """Shares of what is allowed on one contour, over time; 1 is all of it.
+    """Shares of what is allowed on one contour, over time; 1 is all of it."""
 
-    Args:
-        t: Times from the start of the contour [s], (n,).
-        s: Place of the plan then [m], (n,).
-        joints: Of the joints' acceleration limits, the larger one of plan and demand, (n, dof).
-        pace: Of what bounds the speed of the plan and of its command, as a ratio of ds², (n,).
-        tool: Of the executed tool's speed, as a ratio of squared speeds, (n,).
-        error: Of the budget, (n,).
-        box: Of the budget, by the worst robots of the box, (n,); 0 without a box.
-        peak: Largest demands over their limits at any time, (dof,); 0 where saturation is allowed.
-        rms: RMS contour error over its largest; 0 without one.
-    """
-
+    # Times from the start of the contour [s], (n,)
     t: FloatArray
+    # Place of the plan then [m], (n,)
     s: FloatArray
+    # Of the joints' acceleration limits, the larger one of plan and demand, (n, dof)
     joints: FloatArray
+    # Of what bounds the speed of the plan and of its command, as a ratio of ds², (n,)
     pace: FloatArray
+    # Of the executed tool's speed, as a ratio of squared speeds, (n,)
     tool: FloatArray
+    # Of the budget, (n,)
     error: FloatArray
+    # Of the budget, by the worst robots of the box, (n,); 0 without a box
     box: FloatArray
+    # Largest demands over their limits at any time, (dof,); 0 where saturation is allowed
     peak: FloatArray
+    # RMS contour error over its largest; 0 without one
     rms: float
 
     def worst(self) -> dict[str, float]:
@@ -94,11 +100,7 @@ def run(case: Case, set_points: SetPoints, resolution: float | None = None) -> E
 
 
 def run_on_box(case: Case, set_points: SetPoints) -> list[Group]:
-    """Execute in corners of the box, all joints in the same one.
-
-    One group for either end of a shared dead time. Where saturation is refused the robots do not
-    saturate: what they demand is a use like others.
-    """
+    """Execute in corners of the box, all joints in the same one."""
     box, servo, dof = case.box, case.servo, case.arm.dof
     if box is None or case.bodies:
         return []
@@ -134,26 +136,23 @@ def speed_ratios(case: Case, piece: ContourExecution) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial:
-    """A plan of the whole program, executed once on the robot and on corners of the box.
+    """A plan of the whole program, executed once on the robot and on corners of the box."""
 
-    Args:
-        case: The case.
-        trajectory: The plan.
-        set_points: Its set-points.
-        executed: Their execution on the robot.
-        pieces: The execution contour by contour.
-        groups: Executions on corners of the box.
-        box: Times and largest errors of bodies of the box [s, m], (2, n).
-        check: Check of the plan against all limits; None before its proof.
-    """
-
+    # The case
     case: Case
+    # The plan
     trajectory: Trajectory
+    # Its set-points
     set_points: SetPoints
+    # Their execution on the robot
     executed: Execution
+    # The execution contour by contour
     pieces: Sequence[ContourExecution]
+    # Executions on corners of the box
     groups: Sequence[Group] = ()
+    # Times and largest errors of bodies of the box [s, m], (2, n)
     box: FloatArray | None = None
+    # Check of the plan against all limits; None before its proof
     check: Check | None = None
 
     @property
@@ -171,14 +170,7 @@ class Trial:
 
 
 def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> LimitMargins:
-    """The uses of one contour by its plan, its command and its execution.
-
-    Args:
-        case: The case.
-        trial: The executed program.
-        number: Index of the contour.
-        plan: Its plan; times from 0 [s].
-    """
+    """The uses of one contour by its plan, its command and its execution."""
     piece, span = trial.pieces[number], trial.trajectory.contour_spans[number]
     path, executed = piece.path, trial.executed
     now, since = slice(0, len(executed.t)), None
@@ -233,14 +225,7 @@ def response_time(case: Case) -> float:
 def peak_demand(
     case: Case, executed: Execution, span: tuple[float, float] | None = None
 ) -> FloatArray:
-    """Largest demand of every joint over its limit, also between results, (dof,).
-
-    Args:
-        case: The case.
-        executed: An execution on a plant that never saturates.
-        span: The demand counts from the first set-point in this time on, until its end [s]; by
-            default always.
-    """
+    """Largest demand of every joint over its limit, also between results, (dof,)."""
     assert isinstance(executed.plant, ServoPlant)
     servo = executed.plant.servo
     every = np.asarray(case.demand_ratio(executed.demand_range).max(axis=0))
@@ -263,10 +248,7 @@ def peak_demand(
 
 
 def _motion(plan: Trajectory, t: FloatArray, side: Side) -> tuple[FloatArray, FloatArray]:
-    """Where a plan along a joint path is at some times [m], (n,), and q, dq, ddq, (3, n, dof).
-
-    All at once: its way is what takes long to find.
-    """
+    """Where a plan along a joint path is at some times [m], (n,), and q, dq, ddq, (3, n, dof)."""
     s, states = np.empty(len(t)), np.empty((3, len(t), plan.dof))
     for k, here, i, local in plan.locate(t, side):
         law = plan.laws[k]
@@ -280,10 +262,7 @@ def _motion(plan: Trajectory, t: FloatArray, side: Side) -> tuple[FloatArray, Fl
 def _planned_uses(
     case: Case, path: Path, plan: Trajectory, t: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where the plan is, (n,), shares of acceleration limits, (n, dof), and of ds², (n,).
-
-    What a plan has on either side of a joint between segments counts for the time next to it.
-    """
+    """Where the plan is, (n,), shares of acceleration limits, (n, dof), and of ds², (n,)."""
     s, joints, pace = _states(case, path, plan, np.clip(t, 0.0, plan.duration), "right")
     at = _passing(plan, path.breaks)
     near = np.clip(np.searchsorted(t, at), 0, len(t) - 1)
@@ -351,11 +330,7 @@ def _at(t: FloatArray, given: FloatArray, values: FloatArray) -> FloatArray:
 
 
 def _worst(case: Case, trial: Trial, number: int) -> FloatArray:
-    """Contour error of the worst robot of the box, about, at all times of a trial [m], (n,).
-
-    Joints are independent of each other: what each does across the path in its own corner of the
-    box is added up for the worst, joint by joint. Payload and jitter are not in it.
-    """
+    """Contour error of the worst robot of the box, about, at all times of a trial [m], (n,)."""
     t, span = trial.executed.t, trial.trajectory.contour_spans[number]
     largest = np.zeros(len(t))
     for late, runs in trial.corner_pieces:
@@ -424,3 +399,52 @@ def normals(tangent: FloatArray) -> list[FloatArray]:
     second = np.cross(unit, first)
     angles = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     return [np.cos(x) * first + np.sin(x) * second for x in angles]
+
+
+# A limit is exceeded by a share above 1 and this: rounding.
+KEPT = 1e-9
+# Places per interval at which a plan is checked against its limits between all samples.
+POINTS = 5
+
+
+def largest_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
+    """The larger share of each limit: what a check finds, and what is bounded at any time."""
+    uses = bound_uses(plan, arm, limits)
+    for x in check(plan, arm, limits, points=POINTS).uses:
+        uses[x.name] = max(uses.get(x.name, 0.0), x.ratio)
+    return uses
+
+
+def bound_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
+    """Shares of limits that a plan takes; one of at most 1 + KEPT is not exceeded at any time."""
+    joints = np.stack([*limits.acceleration_bounds(arm.dof), *limits.velocity_bounds(arm.dof)])
+    found = np.zeros(6)
+    for law in plan.laws:
+        assert isinstance(law, PathLaw)
+        speeds = _highest_speeds(law.joint_path, limits)
+        found = np.maximum(found, largest_shares(law, joints, speeds, 1 + KEPT))
+    acceleration, velocity = found[:4].reshape(2, 2).max(axis=1).tolist()
+    speed, bent = found[4:].tolist()
+    return {
+        "joint_acceleration": acceleration,
+        "joint_velocity": velocity,
+        "speed": speed,
+        "centripetal_acceleration": bent**2,
+    }
+
+
+def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
+    """Path speeds that limits of speed and of centripetal acceleration allow, (pieces, 2)."""
+    breaks, path = joint_path.breaks, joint_path.tool_path
+    found = np.full((len(breaks) - 1, 2), np.inf)
+    if path is None:
+        return found
+    # Breaks of the tool path are breaks of the joint path.
+    segment = path.locate(np.clip((breaks[:-1] + breaks[1:]) / 2, 0.0, path.length))
+    found[:, 0] = np.fmin(path.speeds[segment], np.inf if limits.speed is None else limits.speed)
+    varies = path.segments.bent[segment] | (isinstance(path, ShapedPath) and path.curve is not None)
+    if limits.centripetal_acceleration is not None:
+        bent = np.where(varies, 0.0, np.abs(path.curvatures[segment]))
+        with np.errstate(divide="ignore"):
+            found[:, 1] = np.sqrt(limits.centripetal_acceleration / bent)
+    return found

@@ -20,12 +20,20 @@ from armcontour.motion import SetPoints, Span
 from armcontour.planning.program_timing import JoinedMoves
 from armcontour.simulation import simulate
 from armcontour.simulation.robustness.monte_carlo import MonteCarloResult, spread, worst_corner
-from armcontour.studies.certification import _bodies
-from armcontour.studies.certification._case import Case
-from armcontour.studies.certification._moves import (
+from armcontour.studies.certification.certification_case import Case
+from armcontour.studies.certification.limit_margins import (
+    KEPT,
+    POINTS,
+    LimitMargins,
+    Trial,
+    run,
+    run_on_box,
+    uses_of,
+)
+from armcontour.studies.certification.move_search import (
     GOALS,
-    Move,
-    Steps,
+    MoveSearch,
+    StepSizes,
     exceeded,
     lower_rapid,
     moves_of,
@@ -33,14 +41,15 @@ from armcontour.studies.certification._moves import (
     plan_rapid,
     tighten,
 )
-from armcontour.studies.certification._proving import KEPT, POINTS
-from armcontour.studies.certification._refusal import refuse
-from armcontour.studies.certification._uses import (
-    LimitMargins,
-    Trial,
-    run,
-    run_on_box,
-    uses_of,
+from armcontour.studies.certification.refusal import refuse
+from armcontour.studies.certification.rigid_body_robots import (
+    ADDED_ROBOTS,
+    FIRST_CORNERS,
+    draw_robots,
+    execute_bodies,
+    largest_errors,
+    torque_ratio,
+    worst_corners,
 )
 from armcontour.verification import check
 from armcontour.verification.contour_execution import pieces_of
@@ -49,7 +58,11 @@ from armcontour.verification.contour_execution import pieces_of
 MOST_TRIALS = 25
 # Errors go at least with the third power of speed and acceleration. Which steps lead to the fastest
 # plan is not known: each contour takes all of these, and its best plan.
-STEPS = (Steps(1 / 3, 0.7, True), Steps(1 / 3, 0.85, True), Steps(1 / 4, 0.85, False))
+STEPS = (
+    StepSizes(1 / 3, 0.7, True),
+    StepSizes(1 / 3, 0.85, True),
+    StepSizes(1 / 4, 0.85, False),
+)
 # Certified plans that take this share longer than the optimum are searched with further steps.
 GAIN = 1e-4
 # Where saturation is allowed an error has its cause anywhere before it, so accelerations are
@@ -65,13 +78,8 @@ CLOSER = 0.998
 SPARE = 1.01
 
 
-def search(case: Case) -> tuple[Trial, list[Move]]:
-    """The fastest plan of a program that keeps the goal, with its proof, and its moves.
-
-    Raises:
-        NotRealizable: No plan keeps the goal; the message names the contour.
-        ArmContourError: Planning or execution fails.
-    """
+def search(case: Case) -> tuple[Trial, list[MoveSearch]]:
+    """The fastest plan of a program that keeps the goal, with its proof, and its moves."""
     if case.budget <= 0:
         raise NotRealizable(
             f"The servo model does not explain errors of up to {case.model_error * 1e3:.4g} mm "
@@ -104,15 +112,9 @@ def search(case: Case) -> tuple[Trial, list[Move]]:
 
 
 def execute_program(
-    case: Case, moves: Sequence[Move], robots: list[FloatArray] | None = None
+    case: Case, moves: Sequence[MoveSearch], robots: list[FloatArray] | None = None
 ) -> Trial:
-    """Join the plans of all moves, teach them, and execute the program.
-
-    Args:
-        case: The case.
-        moves: The moves.
-        robots: Robots of the box that are executed as rigid bodies; the first ones are appended.
-    """
+    """Join the plans of all moves, teach them, and execute the program."""
     joined, following = JoinedMoves(case.traced, case.arm), iter(moves)
     for step in case.traced.steps:
         if step.joint_path is None:
@@ -127,9 +129,9 @@ def execute_program(
     executed, box = run(case, set_points), None
     if case.bodies and case.box is not None and robots is not None:
         if not robots:
-            corners, moves[0].parts = _bodies.worst_corners(case, set_points)
-            robots += list(corners[: _bodies.FIRST])
-        box = _bodies.largest_errors(case, set_points, robots)
+            corners, moves[0].parts = worst_corners(case, set_points)
+            robots += list(corners[:FIRST_CORNERS])
+        box = largest_errors(case, set_points, robots)
     return Trial(
         case=case,
         trajectory=trajectory,
@@ -141,7 +143,7 @@ def execute_program(
     )
 
 
-def _judge(case: Case, x: Move, trial: Trial) -> None:
+def _judge(case: Case, x: MoveSearch, trial: Trial) -> None:
     """Judge a trial of a contour, and propose its next plan."""
     assert x.number is not None
     uses = uses_of(case, trial, x.number, x.plan)
@@ -151,14 +153,14 @@ def _judge(case: Case, x: Move, trial: Trial) -> None:
     elif max(worst.values()) > 1.0 or exceeded(case, x):
         _lower(case, x, uses)
     elif case.bodies and trial.executed.saturated_time.any():
-        _spare_torque(case, x, uses, _bodies.torque_ratio(case, trial.executed))
+        _spare_torque(case, x, uses, torque_ratio(case, trial.executed))
     else:
         x.best = x.derating, x.factors, x.plan
         _next(case, x, within=True)
     _propose(case, x)
 
 
-def _remember(case: Case, x: Move, uses: LimitMargins) -> dict[str, float]:
+def _remember(case: Case, x: MoveSearch, uses: LimitMargins) -> dict[str, float]:
     """The largest uses of a contour, which tell later why no plan is certified."""
     worst = uses.worst()
     kind = max(worst, key=lambda x: worst[x])
@@ -170,21 +172,14 @@ def _remember(case: Case, x: Move, uses: LimitMargins) -> dict[str, float]:
     return worst
 
 
-def _lower(case: Case, x: Move, uses: LimitMargins) -> None:
+def _lower(case: Case, x: MoveSearch, uses: LimitMargins) -> None:
     """Derate a contour where its uses are too large."""
     x.derating = tighten(case, x, uses, STEPS[min(x.attempt, len(STEPS) - 1)])
     x.tries += 1
 
 
-def _spare_torque(case: Case, x: Move, uses: LimitMargins, ratio: float) -> None:
-    """Lower torque limits after a drive saturated.
-
-    Args:
-        case: The case.
-        x: The contour.
-        uses: Its uses.
-        ratio: Largest torque over its limit.
-    """
+def _spare_torque(case: Case, x: MoveSearch, uses: LimitMargins, ratio: float) -> None:
+    """Lower torque limits after a drive saturated."""
     x.binds = "torque", max(ratio, 1.0)
     if case.limits.joint_torque is None:
         _next(case, x, within=False)
@@ -194,7 +189,7 @@ def _spare_torque(case: Case, x: Move, uses: LimitMargins, ratio: float) -> None
     _lower(case, x, uses)
 
 
-def _propose(case: Case, x: Move) -> None:
+def _propose(case: Case, x: MoveSearch) -> None:
     """Plan a contour within its derating, faster than its best plan; else try the next steps."""
     while not x.done:
         if x.tries < MOST_TRIALS:
@@ -208,15 +203,8 @@ def _propose(case: Case, x: Move) -> None:
         _next(case, x, within=False, late=True)
 
 
-def _next(case: Case, x: Move, *, within: bool, late: bool = False) -> None:
-    """Begin the next attempt to derate a contour, or end its search with its best plan.
-
-    Args:
-        case: The case.
-        x: The contour.
-        within: Whether the last attempt led to a plan that is within all uses.
-        late: Whether it led to no plan that is fast enough.
-    """
+def _next(case: Case, x: MoveSearch, *, within: bool, late: bool = False) -> None:
+    """Begin the next attempt to derate a contour, or end its search with its best plan."""
     if case.saturated:
         low, high = (x.share, x.bracket[1]) if within else (x.bracket[0], x.share)
         x.bracket = low, high
@@ -237,17 +225,12 @@ def _next(case: Case, x: Move, *, within: bool, late: bool = False) -> None:
 
 
 def _reopen(
-    case: Case, x: Move, uses: LimitMargins, aims: Mapping[str, float] | None = None
+    case: Case,
+    x: MoveSearch,
+    uses: LimitMargins,
+    aims: Mapping[str, float] | None = None,
 ) -> None:
-    """Derate a contour further whose plan is outside in a proof.
-
-    Args:
-        case: The case.
-        x: The contour.
-        uses: Its uses.
-        aims: Factors by which trials aim lower, by causes; by default CLOSER for errors and for
-            the speed of the tool where they are too large.
-    """
+    """Derate a contour further whose plan is outside in a proof."""
     worst = _remember(case, x, uses)
     x.best, x.done, x.proving, x.tries = None, False, True, 0
     if aims is None:
@@ -264,18 +247,9 @@ def _reopen(
 
 
 def _prove(
-    case: Case, moves: Sequence[Move], trial: Trial, robots: list[FloatArray]
+    case: Case, moves: Sequence[MoveSearch], trial: Trial, robots: list[FloatArray]
 ) -> Trial | None:
-    """The trial, executed as a proof; None if moves are outside, which are then derated further.
-
-    The proof looks at all moves together, at more times than trials, and at all robots of the box.
-
-    Args:
-        case: The case.
-        moves: All moves.
-        trial: A trial of their best plans.
-        robots: Robots of the box that trials execute as rigid bodies; worse ones are appended.
-    """
+    """The trial, executed as a proof; None if moves are outside, which are then derated further."""
     contours = [x for x in moves if x.number is not None]
     proven = trial
     if not case.bodies:
@@ -304,7 +278,7 @@ def _prove(
     return None if outside else replace(proven, check=checked)
 
 
-def _lower_rapids(case: Case, moves: Sequence[Move], trial: Trial) -> bool:
+def _lower_rapids(case: Case, moves: Sequence[MoveSearch], trial: Trial) -> bool:
     """Derate rapids that exceed a joint limit in the whole program; whether there are any."""
     if case.saturated or case.bodies:
         return False
@@ -319,11 +293,8 @@ def _lower_rapids(case: Case, moves: Sequence[Move], trial: Trial) -> bool:
     return outside
 
 
-def _prove_box(case: Case, x: Move, trial: Trial, robots: list[FloatArray]) -> bool:
-    """Whether all robots of the box that are executed are within; else a contour is reopened.
-
-    Corners of the box need not be the worst of it, so robots drawn from it are executed, too.
-    """
+def _prove_box(case: Case, x: MoveSearch, trial: Trial, robots: list[FloatArray]) -> bool:
+    """Whether all robots of the box that are executed are within; else a contour is reopened."""
     assert x.number is not None
     for name in ("corners", "spread"):
         found = _execute_box(case, x, trial, drawn=name == "spread")
@@ -335,9 +306,9 @@ def _prove_box(case: Case, x: Move, trial: Trial, robots: list[FloatArray]) -> b
         aims = {"box": GOALS["box"] * case.budget / worst}
         if case.bodies:
             # Trials execute the robots that are outside.
-            order = np.argsort(-found.max)[: _bodies.MORE]
+            order = np.argsort(-found.max)[:ADDED_ROBOTS]
             robots += [found.deviations[k] for k in order if found.max[k] > case.budget]
-            box = _bodies.largest_errors(case, trial.set_points, robots)
+            box = largest_errors(case, trial.set_points, robots)
             trial, aims = replace(trial, box=box), {"box": CLOSER}
         uses = uses_of(case, trial, x.number, x.plan)
         if saturated:
@@ -352,16 +323,16 @@ def _prove_box(case: Case, x: Move, trial: Trial, robots: list[FloatArray]) -> b
     return True
 
 
-def _execute_box(case: Case, x: Move, trial: Trial, *, drawn: bool) -> MonteCarloResult:
+def _execute_box(case: Case, x: MoveSearch, trial: Trial, *, drawn: bool) -> MonteCarloResult:
     """Execute a contour in the corners of the box, or on robots drawn from it."""
     assert x.number is not None and case.box is not None
     goal = case.goal
     if case.bodies:
         if drawn:
-            robots = _bodies.draw(case)
-            return _bodies.execute_robots(case, trial.set_points, robots, goal.seed)
-        corners, x.parts = _bodies.worst_corners(case, trial.set_points)
-        return _bodies.execute_robots(case, trial.set_points, corners)
+            robots = draw_robots(case)
+            return execute_bodies(case, trial.set_points, robots, goal.seed)
+        corners, x.parts = worst_corners(case, trial.set_points)
+        return execute_bodies(case, trial.set_points, corners)
     span = trial.trajectory.contour_spans[x.number]
     if not drawn:
         return execute_servos(case, trial.set_points, x.number, span)
@@ -370,17 +341,13 @@ def _execute_box(case: Case, x: Move, trial: Trial, *, drawn: bool) -> MonteCarl
 
 
 def execute_servos(
-    case: Case, set_points: SetPoints, number: int, span: Span, samples: int | None = None
+    case: Case,
+    set_points: SetPoints,
+    number: int,
+    span: Span,
+    samples: int | None = None,
 ) -> MonteCarloResult:
-    """Execute a contour on robots of the box with servos.
-
-    Args:
-        case: The case.
-        set_points: Set-points of the whole program.
-        number: Index of the contour.
-        span: Times of the contour.
-        samples: Number of robots that are drawn; None is the corners of the box.
-    """
+    """Execute a contour on robots of the box with servos."""
     assert case.box is not None and span.trajectory is not None and span.work is not None
     since, end_time = None, None
     if case.program.single_path is None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
 from armcontour.core import checks
-from armcontour.core.errors import ExecutionError, InvalidInput, NotRealizable
+from armcontour.core.errors import ArmContourError, ExecutionError, InvalidInput, NotRealizable
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
 from armcontour.core.text import count_kinds
@@ -29,18 +29,23 @@ from armcontour.program import Contour, Dwell, Event, Program, Rapid, contour_ca
 from armcontour.simulation import RigidBodyPlant, simulate
 from armcontour.simulation.robustness.monte_carlo import spans_of
 from armcontour.simulation.robustness.uncertainty import Uncertainty, Unknowns
-from armcontour.studies.certification import _bodies
-from armcontour.studies.certification._case import Case
-from armcontour.studies.certification._moves import Move
-from armcontour.studies.certification._search import execute_servos, search
-from armcontour.studies.certification._uses import Trial, distances, run, speed_ratios
 from armcontour.studies.certification.certificate import (
     Budget,
     Certificate,
     ContourCertificate,
     Uncertified,
 )
-from armcontour.studies.certification.lowering import find_lowered
+from armcontour.studies.certification.certification_case import Case
+from armcontour.studies.certification.derating import find_lowered
+from armcontour.studies.certification.limit_margins import Trial, distances, run, speed_ratios
+from armcontour.studies.certification.move_search import MoveSearch
+from armcontour.studies.certification.plan_search import execute_servos, search
+from armcontour.studies.certification.rigid_body_robots import (
+    FIRST_CORNERS,
+    largest_errors,
+    rest_at_start,
+    worst_corners,
+)
 from armcontour.verification.contour_execution import pieces_of
 from armcontour.verification.error_profile import ErrorProfile
 
@@ -60,7 +65,7 @@ LEAST_GAIN = 1e-3
 
 
 # A proven plan of a program, and its moves in the search.
-Proven = tuple[Trial, list[Move]]
+Proven = tuple[Trial, list[MoveSearch]]
 
 
 @checked
@@ -134,11 +139,7 @@ def certify(
 
 
 def goal_of(job: Job, **overrides: Any) -> CertificateGoal:
-    """Make the goal of a certificate: that of the job, with some fields replaced.
-
-    Raises:
-        InvalidInput: There is no goal, or a goal has no field of a given name.
-    """
+    """Make the goal of a certificate: that of the job, with some fields replaced."""
     known = tuple(x.name for x in fields(CertificateGoal))
     for name in overrides:
         checks.check_choice("An option of certify", name, known)
@@ -148,11 +149,7 @@ def goal_of(job: Job, **overrides: Any) -> CertificateGoal:
 
 
 def run_of(job: Job, name: str | None) -> Run:
-    """Find the run of a name, or else the only run with the timing optimal.
-
-    Raises:
-        InvalidInput: There is no such run, or more than one.
-    """
+    """Find the run of a name, or else the only run with the timing optimal."""
     return choose_run(
         job, name, "certified", [x for x in job.runs if isinstance(x.timing, Optimal)]
     )
@@ -166,22 +163,10 @@ def _fastest(
     tell: Progress,
     deadline: float,
 ) -> tuple[Case, Proven | None, float]:
-    """Find the fastest plan of a run that keeps the goal, whatever its path's part of a tolerance.
+    """Find the fastest plan of a run that satisfies the goal, over all splits of the tolerance.
 
-    Args:
-        job: The job.
-        this: The run.
-        goal: The goal.
-        executor: Executor of robots of a box as rigid bodies.
-        tell: Called with a step before each trial.
-        deadline: Duration of a known plan [s]; slower programs are not searched.
-
-    Returns:
-        The case with the whole tolerance for the shape, the plan, and its duration [s]. If no plan
-        is faster than the deadline, None and the duration of the fastest one with nothing derated.
-
-    Raises:
-        NotRealizable: No plan keeps the goal.
+    Returns the case with the whole tolerance for the shape, the proven plan, and its duration [s];
+    None and a lower bound of the duration if no plan is faster than `deadline` [s].
     """
 
     def case_of(servo: float) -> Case:
@@ -244,7 +229,7 @@ def _fastest(
     return base, best, best[0].trajectory.duration
 
 
-def _worst(proof: Trial, moves: Sequence[Move]) -> float:
+def _worst(proof: Trial, moves: Sequence[MoveSearch]) -> float:
     """Largest contour error of a proven plan, over the box if there is one [m]."""
     robots = [x for y in moves for x in (y.corners, y.spread) if x is not None]
     largest = [float(distances(x).max()) for x in proof.pieces]
@@ -271,12 +256,7 @@ def _with_shape(this: Run, goal: CertificateGoal, servo: float) -> Run:
 
 
 def _refuse_other_programs(case: Case) -> None:
-    """Refuse a program that certificates on rigid bodies are not made for.
-
-    Raises:
-        InvalidInput: The program has several contours, rapids or events between, or the arm or
-            the servo has no rigid bodies.
-    """
+    """Refuse a program that certificates on rigid bodies are not made for."""
     program = case.program
     others = [x for x in program.moves if not isinstance(x, Contour | Dwell)]
     if len(program.contours) > 1 or others:
@@ -289,14 +269,9 @@ def _refuse_other_programs(case: Case) -> None:
 
 
 def _refuse_start(case: Case) -> None:
-    """Refuse rigid bodies that do not rest where the contour starts.
-
-    Raises:
-        ExecutionError: Their drives cannot hold them there, or do not settle.
-        NotRealizable: They rest too far from it.
-    """
+    """Refuse rigid bodies that do not rest where the contour starts."""
     (contour,) = case.program.contours
-    off = _bodies.rest_at_start(case, contour.path, case.teach(case.planned.trajectory))
+    off = rest_at_start(case, contour.path, case.teach(case.planned.trajectory))
     allowed = case.goal.servo_error or case.goal.tolerance
     assert allowed is not None
     work = case.work_of(contour)
@@ -312,7 +287,10 @@ def _refuse_start(case: Case) -> None:
 
 
 def _certificate(
-    base: Case, found: Proven, shapes: Mapping[str, float], plant: RigidBodyPlant | None
+    base: Case,
+    found: Proven,
+    shapes: Mapping[str, float],
+    plant: RigidBodyPlant | None,
 ) -> Certificate:
     """Evaluate a proven plan as a whole, run the experiment, and make the certificate."""
     proof, moves = found
@@ -352,7 +330,9 @@ def _certificate(
     )
 
 
-def _contours(base: Case, proof: Trial, contours: Sequence[Move]) -> Iterator[ContourCertificate]:
+def _contours(
+    base: Case, proof: Trial, contours: Sequence[MoveSearch]
+) -> Iterator[ContourCertificate]:
     """The certificates of all contours."""
     case, fastest = proof.case, base.planned.trajectory.contour_spans
     spans = proof.trajectory.contour_spans
@@ -423,10 +403,8 @@ def _worst_of_box(case: Case, set_points: SetPoints) -> float | None:
     if case.box is None:
         return None
     if case.bodies:
-        corners, _ = _bodies.worst_corners(case, set_points)
-        return float(
-            _bodies.largest_errors(case, set_points, list(corners[: _bodies.FIRST]))[1].max()
-        )
+        corners, _ = worst_corners(case, set_points)
+        return float(largest_errors(case, set_points, list(corners[:FIRST_CORNERS]))[1].max())
     spans = set_points.trajectory.contour_spans
     robots = (execute_servos(case, set_points, k, x) for k, x in enumerate(spans))
     return max(float(x.max.max()) for x in robots)
@@ -488,3 +466,84 @@ def _list_moves(program: Program) -> str:
     if counts["contour"] > 1 or not leave:
         mend = "make a job of each contour" + (f", {mend}" if mend else "")
     return f"{count_kinds(counts)}: {mend}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepPoint:
+    """Certified duration at one tolerance or assigned speed.
+
+    Args:
+        tolerance: Tolerance of the corners, or of the whole contour if the goal has a tolerance
+            [m]; None if it is that of the job.
+        speed: Assigned speed [m/s]; None if it is that of the job.
+        duration: Duration of the certified plan [s]; None if the certificate was refused.
+        refusal: Reason of the refusal; None for a certified point.
+    """
+
+    tolerance: float | None
+    speed: float | None
+    duration: float | None
+    refusal: str | None
+
+
+@checked
+def sweep(
+    job: Job,
+    run: str | None = None,
+    *,
+    tolerances: Sequence[float] = (),
+    speeds: Sequence[float] = (),
+    goal: CertificateGoal | None = None,
+    progress: Progress | None = None,
+) -> tuple[SweepPoint, ...]:
+    """Certify a job for several corner tolerances, then for several assigned speeds.
+
+    The command `armcontour batch` varies any keys of a job, several at once, and draws charts.
+
+    Args:
+        job: The job.
+        run: Name of the run; by default that of the goal.
+        tolerances: Tolerances of the corners, or of the whole contour if the goal has a tolerance
+            [m]; the speed is that of the job.
+        speeds: Assigned speeds [m/s]; the tolerance is that of the job.
+        goal: The goal of every point; by default the certificate of the job.
+        progress: Called with a step, which has the value as its name, before every trial.
+
+    Raises:
+        InvalidInput: No values, no goal, no such run, or a tolerance for a run without rounded
+            corners. A plan that cannot be certified is a point with a refusal.
+    """
+    tolerances = checks.check_sequence("tolerances", tolerances, object, "numbers")
+    speeds = checks.check_sequence("speeds", speeds, object, "numbers")
+    goal = goal_of(job) if goal is None else goal
+    this = run_of(job, goal.run if run is None else run)
+    values: list[tuple[float | None, float | None]] = [
+        (checks.positive("tolerance", x, "m"), None) for x in tolerances
+    ]
+    values += [(None, checks.positive("speed", x, "m/s")) for x in speeds]
+    if not values:
+        raise InvalidInput("sweep needs values of tolerances or speeds, such as speeds=[0.1, 0.2].")
+    if len(tolerances) and this.rounding is None:
+        raise InvalidInput(
+            f"Run {this.name} rounds no corners, so sweep has no tolerance to vary: give the run "
+            "corners, or sweep speeds."
+        )
+    points = []
+    for tolerance, speed in values:
+        duration, refusal = None, None
+        name = f"{speed:.3g} m/s" if tolerance is None else f"{tolerance * 1e3:.3g} mm"
+        try:
+            changed, aim = this, goal
+            if speed is not None:
+                changed = replace(this, limits=this.limits.replace(speed=speed))
+            if tolerance is not None and this.rounding is not None:
+                changed = replace(this, rounding=replace(this.rounding, tolerance=tolerance))
+                aim = goal if goal.tolerance is None else replace(goal, tolerance=tolerance)
+            one = replace(job, runs=(changed,), certificate=aim)
+            duration = certify(one, this.name, progress=subprogress(progress, name)).duration
+        except ArmContourError as error:
+            refusal = str(error)
+        points.append(
+            SweepPoint(tolerance=tolerance, speed=speed, duration=duration, refusal=refusal)
+        )
+    return tuple(points)

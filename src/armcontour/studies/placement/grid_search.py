@@ -19,9 +19,14 @@ from armcontour.core.pool import TaskQueue, open_executor
 from armcontour.core.process import is_child
 from armcontour.core.progress import Progress, Step
 from armcontour.core.render import number
-from armcontour.jobs.place_search import DURATION
-from armcontour.studies.placement.judging import COMPARED, Judge, Trail, Verdict
-from armcontour.studies.placement.screening import Screened
+from armcontour.jobs.place_search import DURATION, Axis
+from armcontour.studies.placement.place_evaluation import (
+    COMPARED,
+    CutoffVerdicts,
+    PlaceEvaluator,
+    Verdict,
+)
+from armcontour.studies.placement.screen import PlaceBounds
 
 # Places that are looked at together without a plan: about a quarter of a second of work.
 CHUNK = 32
@@ -30,12 +35,12 @@ FEWEST_PLACES = 100
 
 # Work on places: their indices and, for a plan, the score that it has to beat.
 Task: TypeAlias = tuple[tuple[int, ...], float | None]
-Answer: TypeAlias = list[Screened] | Trail
+Answer: TypeAlias = list[PlaceBounds] | CutoffVerdicts
 Place: TypeAlias = Mapping[str, float]
 
 
 def search_grid(
-    judge: Judge,
+    judge: PlaceEvaluator,
     places: Sequence[Place],
     *,
     every: bool = False,
@@ -43,22 +48,7 @@ def search_grid(
     executor: Executor | None = None,
     progress: Progress,
 ) -> list[Verdict]:
-    """Find the best of some places; the others have bounds that prove it.
-
-    Args:
-        judge: Judges places.
-        places: The places.
-        every: Whether every place is planned.
-        processes: Number of processes; by default that of processors for many places, else 1.
-        executor: An executor that does the work in place of these processes.
-        progress: Called with the share that is done.
-
-    Returns:
-        What is known of every place; the same whoever works.
-
-    Raises:
-        ExecutionError: The executor takes no work, or has lost a worker.
-    """
+    """Find the best of some places; the others have bounds that prove it."""
     if processes is None and (len(places) < FEWEST_PLACES or is_child()):
         processes = 1
     workers = None if executor else 0 if processes == 1 else processes
@@ -74,7 +64,7 @@ def best_of(verdicts: Sequence[Verdict], objective: str) -> int | None:
     return best if np.isfinite(scores[best]) else None
 
 
-def _work(judge: Judge, places: Sequence[Place], task: Task) -> Answer:
+def _work(judge: PlaceEvaluator, places: Sequence[Place], task: Task) -> Answer:
     """Look at some places, or plan one."""
     which, cutoff = task
     if cutoff is None:
@@ -83,16 +73,9 @@ def _work(judge: Judge, places: Sequence[Place], task: Task) -> Answer:
 
 
 class _Search:
-    """One call of `search_grid`.
+    """One call of `search_grid`."""
 
-    Args:
-        judge: Says what bounds are worth.
-        count: Number of places.
-        every: Whether every place is planned.
-        progress: Called with the share that is done.
-    """
-
-    def __init__(self, judge: Judge, count: int, every: bool, progress: Progress) -> None:
+    def __init__(self, judge: PlaceEvaluator, count: int, every: bool, progress: Progress) -> None:
         self.verdicts = [Verdict() for _ in range(count)]
         self._judge, self._every, self._progress = judge, every, progress
         # Least scores and indices of places that may be planned; the best score, also of places
@@ -114,12 +97,12 @@ class _Search:
         count, done = len(self.verdicts), 0
         parts = (tuple(range(k, min(k + CHUNK, count))) for k in range(0, count, CHUNK))
         for (which, _), answer in crew.run_all((x, None) for x in parts):
-            for k, seen in zip(which, cast(list[Screened], answer), strict=True):
+            for k, seen in zip(which, cast(list[PlaceBounds], answer), strict=True):
                 self._looked(k, seen)
             done += len(which)
             self._tell("bounds", done / count)
 
-    def _looked(self, k: int, seen: Screened) -> None:
+    def _looked(self, k: int, seen: PlaceBounds) -> None:
         """Keep the bounds of a place."""
         least = self._judge.least_score(seen)
         bound = least if self._judge.objective == DURATION else 0.0
@@ -134,7 +117,7 @@ class _Search:
         self._left.sort()
         bounds, turns = [x for x, _ in self._left], [k for _, k in self._left]
         # Trails that wait for their turn; the best score of the places whose turn was.
-        trails: dict[int, Trail] = {}
+        trails: dict[int, CutoffVerdicts] = {}
         best, given, turn = np.inf, 0, 0
         while self._can_beat(turn, best):
             while len(crew) < crew.ahead and self._can_beat(given, self._best):
@@ -145,7 +128,7 @@ class _Search:
                 crew.give(((turns[turn],), self._cutoff(best)))
                 given = max(given, turn + 1)
             for (which, _), answer in crew.take():
-                trail = trails[which[0]] = cast(Trail, answer)
+                trail = trails[which[0]] = cast(CutoffVerdicts, answer)
                 self._best = min(self._best, trail.last.score(self._judge.objective))
             while turn < given and turns[turn] in trails and self._can_beat(turn, best):
                 found = trails.pop(turns[turn]).at(self._cutoff(best))
@@ -185,3 +168,50 @@ def shown(score: float, objective: str) -> str:
     """A score as the value that people know."""
     _, unit = COMPARED[objective]
     return number(score if objective == DURATION else -score, unit)
+
+
+# The first steps are half of the grid's, the last ones this share of them.
+FINEST = 1 / 16
+# Largest number of places that are looked at.
+MOST_TRIALS = 200
+# A place is better if its score is less by this share of it.
+LEAST_GAIN = 1e-6
+
+
+def refine(
+    judge: PlaceEvaluator,
+    axes: Sequence[Axis],
+    place: Mapping[str, float],
+    verdict: Verdict,
+    progress: Progress,
+) -> tuple[dict[str, float], Verdict]:
+    """Go from a place to better ones beside it, in smaller and smaller steps."""
+    here, best, score = dict(place), verdict, verdict.score(judge.objective)
+    varied = [x for x in axes if x.step > 0]
+    share, trials = 0.5, 0
+    while varied and share >= FINEST:
+        gained = False
+        for axis in varied:
+            for way in (1, -1):
+                there = _beside(here, axis, way * share)
+                if there == here or trials >= MOST_TRIALS:
+                    continue
+                trials += 1
+                progress(Step((f"refining, {shown(score, judge.objective)}",)))
+                cutoff = score - LEAST_GAIN * abs(score)
+                found = judge.judge(there, cutoff)
+                if found.score(judge.objective) < cutoff:
+                    here, best, score = there, found, found.score(judge.objective)
+                    gained = True
+                    break
+        if not gained:
+            share /= 2
+    return here, best
+
+
+def _beside(place: Mapping[str, float], axis: Axis, steps: float) -> dict[str, float]:
+    """A place some steps of the grid away along an axis, within its range."""
+    low, high = float(axis.values[0]), float(axis.values[-1])
+    if axis.whole_turn:
+        low, high = -float("inf"), float("inf")
+    return {**place, axis.name: min(max(place[axis.name] + steps * axis.step, low), high)}

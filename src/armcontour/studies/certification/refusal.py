@@ -7,9 +7,9 @@ from typing import NoReturn
 
 from armcontour.control.compensation import InverseDynamics, NoCompensation
 from armcontour.core.errors import NotRealizable
-from armcontour.studies.certification._case import Case
-from armcontour.studies.certification._moves import Move
-from armcontour.studies.certification._uses import SPEED_SLACK
+from armcontour.studies.certification.certification_case import Case
+from armcontour.studies.certification.limit_margins import SPEED_SLACK
+from armcontour.studies.certification.move_search import MoveSearch
 
 # Smaller shares of an error are not said.
 SAID = 0.01
@@ -20,12 +20,8 @@ LONGER = "a larger slowest"
 Reason = tuple[str, str, float, float]
 
 
-def refuse(case: Case, x: Move) -> NoReturn:
-    """Refuse a certificate after a search, with the limit that binds and what would help.
-
-    Raises:
-        NotRealizable: Always.
-    """
+def refuse(case: Case, x: MoveSearch) -> NoReturn:
+    """Refuse a certificate after a search, with the limit that binds and what would help."""
     text, limit, allowed, needed = REASONS.get(x.binds[0], _acceleration)(case, x)
     slow = f"within {case.goal.slowest:g} times the {x.fastest.duration:.4g} s of the"
     raise NotRealizable(
@@ -36,7 +32,7 @@ def refuse(case: Case, x: Move) -> NoReturn:
     )
 
 
-def _acceleration(case: Case, x: Move) -> Reason:
+def _acceleration(case: Case, x: MoveSearch) -> Reason:
     ratio, shorter = x.binds[1], _shorter(case)
     held = " and are held" if case.servo.interpolation == "step" else ""
     if isinstance(case.run.compensation, InverseDynamics) and not case.bodies:
@@ -49,7 +45,7 @@ def _acceleration(case: Case, x: Move) -> Reason:
     return text, "joint_acceleration", 1.0, ratio
 
 
-def _speed(case: Case, x: Move) -> Reason:
+def _speed(case: Case, x: MoveSearch) -> Reason:
     ratio = x.binds[1]
     text = (
         "a bound of its speed, or a command outside a joint's range, is exceeded by "
@@ -59,7 +55,7 @@ def _speed(case: Case, x: Move) -> Reason:
     return text, "speed", 1.0, ratio
 
 
-def _torque(case: Case, x: Move) -> Reason:
+def _torque(case: Case, x: MoveSearch) -> Reason:
     ratio, mend = x.binds[1], "raise joint_torque"
     if case.limits.joint_torque is None:
         mend = (
@@ -73,7 +69,7 @@ def _torque(case: Case, x: Move) -> Reason:
     return text, "joint_torque", 1.0, ratio
 
 
-def _tool_speed(case: Case, x: Move) -> Reason:
+def _tool_speed(case: Case, x: MoveSearch) -> Reason:
     # The ratio is one of squares.
     faster, allowed = (1 + SPEED_SLACK) * x.binds[1] ** 0.5, 1 + SPEED_SLACK
     text = (
@@ -84,7 +80,7 @@ def _tool_speed(case: Case, x: Move) -> Reason:
     return text, "speed", allowed, faster
 
 
-def _error(case: Case, x: Move) -> Reason:
+def _error(case: Case, x: MoveSearch) -> Reason:
     budget, box = case.budget, x.binds[0] == "box"
     # Trials with a smaller error exceeded another limit, or only an estimate of them was inside.
     reached = x.reached if x.reached > budget else x.binds[1] * budget
@@ -100,7 +96,7 @@ def _error(case: Case, x: Move) -> Reason:
 
 
 # By the kind of use that the last trials exceeded.
-REASONS: dict[str, Callable[[Case, Move], Reason]] = {
+REASONS: dict[str, Callable[[Case, MoveSearch], Reason]] = {
     "acceleration": _acceleration,
     "speed": _speed,
     "torque": _torque,
@@ -122,7 +118,7 @@ def _follow(case: Case) -> str:
     return "compensate the lag of the servo" if lags else f"take {_shorter(case)}"
 
 
-def _mend_box(case: Case, x: Move) -> str:
+def _mend_box(case: Case, x: MoveSearch) -> str:
     """What helps against errors over a box; on rigid bodies, what each unknown takes first."""
     closer = "know the robot more closely (a smaller box), slow down the assigned velocity"
     if not x.parts:
