@@ -135,8 +135,8 @@ class BaseJob:
             arm, *_ = _PartFactory(self.model(data), self.folder, trust_xacro).make()
             # Meshes are read at the first access to the shapes.
             arm.knows_shapes  # noqa: B018
-        for x in named_files(data):
-            digests.pop((self.folder / x).resolve(), None)
+        for name in named_files(data):
+            digests.pop((self.folder / name).resolve(), None)
         return replace(self, files=tuple(sorted(digests.values())), dimension=arm.dimension)
 
 
@@ -244,19 +244,21 @@ def named_files(data: Mapping[str, Any]) -> Iterator[str]:
     arm = data.get("arm")
     if isinstance(arm, str) and arm.lower().endswith(ARM_FILES):
         yield arm
-    for x in WITH_FILES:
-        yield from _files_in(data.get(x))
+    for key in WITH_FILES:
+        yield from _files_in(data.get(key))
 
 
 def _files_in(data: Any) -> Iterator[str]:
     if isinstance(data, list):
-        for x in data:
-            yield from _files_in(x)
+        for value in data:
+            yield from _files_in(value)
     elif isinstance(data, Mapping):
-        for key, x in data.items():
+        for key, value in data.items():
             if key in FILE_KEYS:
-                yield from (y for y in (x if isinstance(x, list) else [x]) if isinstance(y, str))
-            yield from _files_in(x)
+                yield from (
+                    y for y in (value if isinstance(value, list) else [value]) if isinstance(y, str)
+                )
+            yield from _files_in(value)
 
 
 def _text(value: Any) -> str:

@@ -23,7 +23,7 @@ from armcontour.files.units import parse_quantity, read_quantity
 RANGE = ("from", "to", "steps", "scale")
 SCALES = ("linear", "log")
 # Largest number of values of one parameter.
-MOST_VALUES = 1_000_000
+MAX_VALUES = 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,7 @@ def read_parameter(key: str, specified: Any, *, sampled: bool) -> Parameter:
         "combine: product.",
     )
     raise_if(count == 0, f"{location} is an empty list: give a value, or remove the key.")
-    raise_if(count > MOST_VALUES, f"{location} has {count} values, more than {MOST_VALUES}.")
+    raise_if(count > MAX_VALUES, f"{location} has {count} values, more than {MAX_VALUES}.")
     return Parameter(key, unit, tuple(_in_si(key, x) for x in listed))
 
 
@@ -122,10 +122,9 @@ def _read_range(
     scale = checks.check_choice(f"{location}.scale", ends.get("scale", "linear"), SCALES)
     low, high = (_read_end(f"{location}.{x}", ends[x], quantity) for x in ("from", "to"))
     count = 2 if sampled else ends["steps"]
-    if not (_whole(count) and 1 <= count <= MOST_VALUES):
+    if not (_whole(count) and 1 <= count <= MAX_VALUES):
         raise InvalidInput(
-            f"{location}.steps must be a whole number from 1 to {MOST_VALUES}, "
-            f"but is {show(count)}."
+            f"{location}.steps must be a whole number from 1 to {MAX_VALUES}, but is {show(count)}."
         )
     start, end = show(ends["from"]), show(ends["to"])
     empty = f"{location} is an empty range: from and to are both {end}."

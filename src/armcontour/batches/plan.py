@@ -29,7 +29,7 @@ from armcontour.files.file_keys import MappingKeys, read_keys
 
 PRODUCT, ZIP = "product", "zip"
 # Largest number of jobs of a plan: their rows take about 1 kB each.
-MOST_JOBS = 1_000_000
+MAX_JOBS = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,9 +153,9 @@ class Plan:
         if self.combine == ZIP:
             return tuple(x.values[position if len(x.values) > 1 else 0] for x in self.parameters)
         values: list[Any] = []
-        for x in reversed(self.parameters):
-            position, k = divmod(position, len(x.values))
-            values.append(x.values[k])
+        for parameter in reversed(self.parameters):
+            position, k = divmod(position, len(parameter.values))
+            values.append(parameter.values[k])
         return tuple(reversed(values))
 
     def data(self, index: int) -> dict[str, Any]:
@@ -240,9 +240,9 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
         trust_xacro=trust_xacro,
     )
     _refuse_uneven(plan)
-    if len(plan) > MOST_JOBS:
+    if len(plan) > MAX_JOBS:
         raise InvalidInput(
-            f"the plan has {len(plan)} jobs, more than {MOST_JOBS}: take fewer steps, or samples "
+            f"the plan has {len(plan)} jobs, more than {MAX_JOBS}: take fewer steps, or samples "
             "with combine: {sobol: 4096}."
         )
     return plan
@@ -286,19 +286,23 @@ def _refuse_unreadable(base: BaseJob, parameters: Sequence[Parameter]) -> None:
     pass; the jobs in which they are invalid are refused individually.
     """
     keys = [x.parts for x in parameters]
-    for k, x in enumerate(parameters):
+    for k, parameter in enumerate(parameters):
         # The ends of a range represent its values.
-        tried = {0, len(x.values) - 1} if x.ranged else range(len(x.values))
+        tried = {0, len(parameter.values) - 1} if parameter.ranged else range(len(parameter.values))
         for i in sorted(tried):
-            location = f"over.{x.key} (item {i + 1})" if len(x.values) > 1 else f"over.{x.key}"
-            problem = _problem(base, [x.parts], [x.values[i]])
+            location = (
+                f"over.{parameter.key} (item {i + 1})"
+                if len(parameter.values) > 1
+                else f"over.{parameter.key}"
+            )
+            problem = _problem(base, [parameter.parts], [parameter.values[i]])
             if problem is None:
                 continue
             # With the first values of the others, and with those of the same index.
             problems = []
             for j in (0, i):
                 values = [y.values[min(j, len(y.values) - 1)] for y in parameters]
-                values[k] = x.values[i]
+                values[k] = parameter.values[i]
                 problems.append(_problem(base, keys, values))
             if None not in problems:
                 raise problem.with_location(location)
@@ -328,8 +332,8 @@ def _samples(combine: Any, parameters: Sequence[Parameter]) -> FloatArray | None
         raise InvalidInput(
             "combine.sobol draws samples of ranges, but over has none: write {from: ..., to: ...}."
         )
-    if combine.sobol > MOST_JOBS:
-        raise InvalidInput(f"combine.sobol is {combine.sobol}, more than {MOST_JOBS} jobs.")
+    if combine.sobol > MAX_JOBS:
+        raise InvalidInput(f"combine.sobol is {combine.sobol}, more than {MAX_JOBS} jobs.")
     from scipy.stats import qmc
 
     sequence = qmc.Sobol(len(ranges), scramble=True, seed=combine.seed)

@@ -31,7 +31,7 @@ VIEWER = np.array([1.1, -1.5, 0.9])
 # Points along every rapid, and the least distance of two marks of one kind [px].
 RAPID_PLACES, APART = 24, 7.0
 # Largest number of contours with numbers.
-MOST_NUMBERED = 60
+MAX_NUMBERED = 60
 # Length of the arrows of the axes [px], and the least length of a drawn axis.
 AXIS, SHORT_AXIS = 26.0, 0.25
 # Share of the largest speed below which the tool stands still.
@@ -346,7 +346,7 @@ def _starts(result: RunResult) -> list[Mark]:
 def _numbers(result: RunResult, sheet: Sheet) -> Iterator[str]:
     """The numbers of contours at their starts; none if there are too many or only one."""
     contours = result.path.contours
-    if 1 < len(contours) <= MOST_NUMBERED:
+    if 1 < len(contours) <= MAX_NUMBERED:
         for k, x in enumerate(contours, start=1):
             right, down = sheet.place(x.path(0.0))
             yield f'<text class="number" x="{right + 6:.1f}" y="{down - 6:.1f}">{k}</text>'

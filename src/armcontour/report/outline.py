@@ -13,9 +13,9 @@ from armcontour.program import Program
 # Largest error of a drawn curve, as a share of the drawing's size, that is not visible.
 VISIBLE = 1 / 5000
 # Largest number of points in one drawing; more points are loaded, but not visible.
-MOST_DRAWN = 20_000
+MAX_DRAWN = 20_000
 # Largest number of points to choose from, so that any curve is simplified in about a second.
-MOST_SAMPLED = 200_000
+MAX_SAMPLED = 200_000
 # Number of evenly spaced points that are always drawn, so that enlarged details show.
 EVEN = 4000
 # Chords of a full circle.
@@ -51,7 +51,7 @@ def fine_places(path: Path, start: float = 0.0, end: float | None = None) -> Flo
 
 def simplify(
     curves: Sequence[FloatArray],
-    most: int = MOST_DRAWN,
+    most: int = MAX_DRAWN,
     *,
     even: int = EVEN,
     visible: float | None = None,
@@ -71,7 +71,7 @@ def simplify(
     Returns:
         Indices of the chosen points of every curve.
     """
-    step = max(1, sum(map(len, curves)) // MOST_SAMPLED)
+    step = max(1, sum(map(len, curves)) // MAX_SAMPLED)
     sampled = [np.append(np.arange(0, len(x) - 1, step), len(x) - 1) for x in curves]
     points = np.concatenate([x[at] for x, at in zip(curves, sampled, strict=True)])
     lasts = np.cumsum([len(x) for x in sampled])

@@ -22,11 +22,11 @@ DECADES = 1e3
 # Width of a page, in sixths.
 WHOLE = 6
 # Largest number of points in one curve; more points are not visible.
-MOST_POINTS = 2400
+MAX_POINTS = 2400
 # Largest number of sentences of one kind.
-MOST_SENTENCES = 6
+MAX_SENTENCES = 6
 # Largest number of switching points with labels; more labels would overlap.
-MOST_LABELS = 40
+MAX_LABELS = 40
 
 
 def run_colours(names: Iterable[str]) -> dict[str, str]:
@@ -40,7 +40,7 @@ def run_widths(names: Iterable[str]) -> dict[str, float]:
     return {name: min(1.5 + 1.3 * (len(listed) - 1 - i), 7.0) for i, name in enumerate(listed)}
 
 
-def thin(t: FloatArray, *curves: FloatArray, most: int = MOST_POINTS) -> list[FloatArray]:
+def thin(t: FloatArray, *curves: FloatArray, most: int = MAX_POINTS) -> list[FloatArray]:
     """Times and curves reduced to about `most` points; peaks, gaps (NaN) and ends are kept.
 
     Ends beside gaps are kept, too, so that every part of a curve begins and ends where it does.
@@ -74,9 +74,9 @@ def thin(t: FloatArray, *curves: FloatArray, most: int = MOST_POINTS) -> list[Fl
 def few(sentences: Iterable[str], what: str = "of these") -> tuple[str, ...]:
     """The first sentences of a list, and the number of other sentences."""
     found = tuple(sentences)
-    if len(found) <= MOST_SENTENCES:
+    if len(found) <= MAX_SENTENCES:
         return found
-    return (*found[:MOST_SENTENCES], f"And {len(found) - MOST_SENTENCES} more {what}.")
+    return (*found[:MAX_SENTENCES], f"And {len(found) - MAX_SENTENCES} more {what}.")
 
 
 def finish(figure: Any, *, title: str, height: int = 320, span: int = WHOLE) -> Any:
@@ -137,7 +137,7 @@ def line(x: Any, y: Any, name: str, colour: str, **more: Any) -> Any:
 
 def switching_labels(figure: Any, times: FloatArray) -> None:
     """Draw the switching points P0, P1, ... on the first time axis, unless there are too many."""
-    if len(times) > MOST_LABELS:
+    if len(times) > MAX_LABELS:
         return
     line = {"color": "#BBBBBB", "width": 1, "dash": "dot"}
     shapes, labels = [], []

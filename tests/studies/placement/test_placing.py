@@ -251,9 +251,9 @@ def test_wrong_wishes_are_refused(square):
         (square, {"objective": "clearance"}, "shapes of the arm UR5e are not known"),
         (square, {"run": "first"}, "no run 'first': its runs are compensated"),
         (square, {"what": "base", "about": "origin"}, "A base turns about its own origin"),
-        (square, {"what": "base", "over": {"tilt": (0, 1, 2)}}, "A base is not tilted"),
+        (square, {"what": "base", "over": {"tilt": (0, 1, 2)}}, "A base cannot be tilted"),
         (square, {"processes": 0}, "processes"),
-        (slow, {}, "given duration of 5 s"),
+        (slow, {}, "specified duration of 5 s"),
         (parse_job(CORNER), {"over": {}}, "they are the key placement.over"),
     ):
         processes = wrong.pop("processes", None)
@@ -349,14 +349,14 @@ FEW = {"x": (-0.1, 0.1, 3)}
 
 @dataclass(frozen=True)
 class Known:
-    """Judges places of which bounds and durations are known; some bounds may not hold."""
+    """Evaluates places with known bounds and durations; some bounds may be wrong."""
 
     bounds: tuple[float, ...]
     durations: tuple[float, ...]
     screen: Any = True
     objective: str = "duration"
 
-    def look_all(self, places):
+    def bounds_of(self, places):
         return [
             PlaceBounds(refusal="reach")
             if np.isinf(self.durations[int(x["x"])])
@@ -367,7 +367,7 @@ class Known:
     def least_score(self, seen):
         return seen.duration
 
-    def weigh(self, place, cutoff):
+    def evaluate(self, place, cutoff):
         k = int(place["x"])
         bound = Verdict(bound=self.bounds[k])
         steps = [(self.bounds[k], bound), (self.bounds[k] + 0.5, Verdict(bound=bound.bound + 0.5))]

@@ -15,7 +15,7 @@ from armcontour.report.section import Front, Section, Tile
 from armcontour.report.style import EXECUTED_COLOUR, PATH_COLOUR, finish
 
 # Largest number of figures on a page, and of figures in large print.
-MOST_FIGURES, MOST_TILES = 6, 4
+MAX_FIGURES, MAX_TILES = 6, 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ def counted(view: BatchView) -> Front:
     """The first screen: how many jobs came to what, and their first figure."""
     total, done = sum(view.counts.values()), view.counts.get(view.done, 0)
     tiles = [Tile(label="jobs done", value=f"{done} of {total}")]
-    for x in view.figures[:MOST_TILES]:
+    for x in view.figures[:MAX_TILES]:
         there = x.values[np.isfinite(x.values)].tolist()
         if there:
             note = f"median {number(float(np.median(there)), x.unit)}"
@@ -98,10 +98,10 @@ def counted(view: BatchView) -> Front:
 
 def batch(view: BatchView) -> Section | None:
     """The other figures over the parameters; None if there are none."""
-    figures = [_figure(view, x) for x in view.figures[1:MOST_FIGURES]] if view.axes else []
+    figures = [_figure(view, x) for x in view.figures[1:MAX_FIGURES]] if view.axes else []
     for x in figures:
         x.span = 3
-    names = ", ".join(x.name for x in view.figures[1:MOST_FIGURES])
+    names = ", ".join(x.name for x in view.figures[1:MAX_FIGURES])
     return (
         Section(key="batch", title="Other figures", summary=names, parts=tuple(figures))
         if figures

@@ -14,7 +14,7 @@ from armcontour.planning.explanation import BETWEEN, DWELLS, RAPIDS
 from armcontour.report.drawing import draw_plan
 from armcontour.report.figure import Figure, make_trace
 from armcontour.report.section import Front, Section, side_by_side, table_of, tiles
-from armcontour.report.sections.contours import MOST_ROWS
+from armcontour.report.sections.contours import MAX_ROWS
 from armcontour.report.sections.front import time_sentences
 from armcontour.report.style import RUN_COLOURS, finish, line, thin
 
@@ -65,7 +65,7 @@ def certificate(found: Certificate) -> Section:
     """The certificate, what it costs, and its derating."""
     data, has_contours = found.to_data(), len(found.contours) > 1
     contours = sorted(found.contours, key=lambda x: x.budget.left)
-    worst = [x.to_data() for x in contours[:MOST_ROWS]]
+    worst = [x.to_data() for x in contours[:MAX_ROWS]]
     return Section(
         key="certificate",
         title="Certificate",

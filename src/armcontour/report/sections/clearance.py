@@ -38,7 +38,7 @@ KINDS = {
     "tool": "tool and others",
 }
 # Times of the curves, and rows of the table.
-TIMES, MOST_ROWS = 200, 7
+TIMES, MAX_ROWS = 200, 7
 # Height of the figures [px].
 HEIGHT = 320
 
@@ -74,7 +74,7 @@ def _parts(job: Job, result: RunResult) -> Iterator[Any]:
     for found, how in ((result.clearance, "planned"), (result.executed_clearance, "executed")):
         if found is not None:
             pairs = next(x for x in found.to_data().tables if x.name == "pairs")
-            yield table_of(replace(pairs, rows=pairs.rows[:MOST_ROWS]), f"Nearest pairs, {how}")
+            yield table_of(replace(pairs, rows=pairs.rows[:MAX_ROWS]), f"Nearest pairs, {how}")
 
 
 def _nearest(job: Job, found: Clearance) -> PairClearance | None:

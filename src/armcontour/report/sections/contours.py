@@ -17,7 +17,7 @@ from armcontour.report.section import Section
 from armcontour.verification import ErrorProfile
 
 # Largest number of rows; of more contours, those with the largest errors are listed.
-MOST_ROWS = 200
+MAX_ROWS = 200
 # Share of the assigned velocity from which the velocity counts as reached.
 REACHED = 0.999
 # Shorter leads are rounding errors [m].
@@ -66,15 +66,15 @@ def _table(name: str, result: RunResult) -> section.Table:
         zip(program.contours, spans, errors or [None] * len(spans), strict=True)
     )
     order, caption = np.arange(len(spans)), f"Run {name}: contours in order"
-    if len(spans) > MOST_ROWS and not errors:
-        caption = f"Run {name}: the first {MOST_ROWS} of {len(spans)} contours"
-    elif len(spans) > MOST_ROWS:
+    if len(spans) > MAX_ROWS and not errors:
+        caption = f"Run {name}: the first {MAX_ROWS} of {len(spans)} contours"
+    elif len(spans) > MAX_ROWS:
         order = np.argsort([-x.max for x in errors], kind="stable")
         caption = (
-            f"Run {name}: the {MOST_ROWS} of {len(spans)} contours with the largest errors; all "
+            f"Run {name}: the {MAX_ROWS} of {len(spans)} contours with the largest errors; all "
             "are in summary.json"
         )
-    rows = [_row(k, contours[k], most) for k in order[:MOST_ROWS].tolist()]
+    rows = [_row(k, contours[k], most) for k in order[:MAX_ROWS].tolist()]
     used = [any(x[k] for x in rows) for k in range(len(COLUMNS))]
     columns = tuple(x if y else replace(x, label="") for x, y in zip(COLUMNS, used, strict=True))
     return section.table_of(Table("contours", columns, rows), caption)

@@ -29,13 +29,13 @@ from armcontour.verification import Evaluation
 # Half width of an enlarged corner, in corner errors.
 ZOOM = 4.0
 # Largest number of enlarged corners.
-MOST_CORNERS = 4
+MAX_CORNERS = 4
 # Pictures in a row, the height of a figure with one row, and of every other row [px].
 COLUMNS = 2
 HEIGHT, MORE_HEIGHT = 350, 250
 # Number of drawn points per executed sample.
 FINER = 6
-MOST_POINTS = 800
+MAX_POINTS = 800
 # Number of points of a drawn path.
 PLACES = 200
 IN_PLANE = np.eye(2)
@@ -70,7 +70,7 @@ def corners(study: JobResult) -> list[Any]:
     known = find_corners(first)
     if not known:
         return []
-    shown, tools = known[:MOST_CORNERS], tools_of(study)
+    shown, tools = known[:MAX_CORNERS], tools_of(study)
     rows = -(-len(shown) // COLUMNS)
     figure = make_subplots(
         rows=rows,
@@ -255,7 +255,7 @@ def _near(done: Execution, corner: FloatArray, distance: float) -> FloatArray:
     found = [gap]
     for visit in np.split(near, np.flatnonzero(np.diff(near) > 1) + 1):
         if len(visit):
-            places = len(visit) * min(FINER, MOST_POINTS / len(near))
+            places = len(visit) * min(FINER, MAX_POINTS / len(near))
             of = slice(visit[0], visit[-1] + 2)
             t = np.linspace(done.t[of][0], done.t[of][-1], int(places) + 2)
             q = CubicHermiteSpline(done.t[of], done.q[of], done.dq[of])(t)

@@ -25,7 +25,7 @@ COLUMNS = {
 }
 ON_BODIES = "experiment."
 # Shares of the time that are named on the first screen, and limits of them that a reserve reduces.
-MOST_SHARES = 4
+MAX_SHARES = 4
 RESERVED_NAMES = (NAMES["joint_acceleration"], NAMES["joint_torque"])
 
 
@@ -108,7 +108,7 @@ def time_sentences(result: RunResult) -> Iterator[tuple[str, str]]:
     why, reserve = result.explanation, result.run.timing.reserve
     if why is None:
         return
-    largest = [x for x in why.shares if x.kind != BETWEEN][:MOST_SHARES]
+    largest = [x for x in why.shares if x.kind != BETWEEN][:MAX_SHARES]
     words = ", ".join(f"{x.name} {number(x.of_time, '1')}" for x in largest)
     text = f"{capitalise(words)} of the time."
     if reserve and any(x.kind in RESERVED_NAMES for x in largest):

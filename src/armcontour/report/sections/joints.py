@@ -30,7 +30,7 @@ QUANTITIES = ("position [rad]", "velocity [rad/s]", "acceleration [rad/s²]")
 # Height of the three plots of a joint [px].
 HEIGHT = 58
 # Points of a curve; a report has many such small figures.
-MOST_POINTS = 400
+MAX_POINTS = 400
 # Digits after the decimal point of values in tables, so that numerical noise is 0.
 ROUNDED = 6
 # Range of motion [rad], or share of a limit, below which a joint is at rest.
@@ -77,7 +77,7 @@ def draw_joints(name: str, result: RunResult) -> Any:
         for j in range(n):
             place = {"row": j + 1, "col": order + 1}
             for label, (t, values, look) in curves.items():
-                few, y = thin(t, values[:, j], most=MOST_POINTS)
+                few, y = thin(t, values[:, j], most=MAX_POINTS)
                 first = order == 0 and j == 0
                 figure.add_trace(
                     line(
@@ -116,7 +116,7 @@ def _curves(
     result: RunResult, order: int
 ) -> dict[str, tuple[FloatArray, FloatArray, dict[str, Any]]]:
     """Times, values and line options of one quantity, by the names of the curves."""
-    t = np.linspace(0, result.trajectory.duration, 4 * MOST_POINTS)
+    t = np.linspace(0, result.trajectory.duration, 4 * MAX_POINTS)
     found: dict[str, tuple[FloatArray, FloatArray, dict[str, Any]]] = {}
     if result.experiment is not None:
         done = result.experiment.execution

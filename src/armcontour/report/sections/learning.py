@@ -14,7 +14,7 @@ from armcontour.report.section import Front, Section, table_of, tiles
 from armcontour.report.style import (
     EXECUTED_COLOUR,
     LIMIT_COLOUR,
-    MOST_SENTENCES,
+    MAX_SENTENCES,
     PATH_COLOUR,
     PLANNED_COLOUR,
     RUN_COLOURS,
@@ -58,7 +58,7 @@ def learning(study: LearningStudy) -> Section:
         title="Runs",
         summary="errors of the joints from run to run, and contour error over time",
         parts=(*figures, table_of(study.result.tables[0], "Runs")),
-        notes=tuple(study.notes[1:MOST_SENTENCES]),
+        notes=tuple(study.notes[1:MAX_SENTENCES]),
     )
 
 

@@ -37,11 +37,11 @@ SMALLEST_ERROR = 1e-6
 # If contours are slower than this share of the fastest rapid, the axis shows the contours.
 SQUEEZED = 0.5
 # Largest number of visible bars of a plan.
-MOST_BARS = 1200
+MAX_BARS = 1200
 # Times at which assigned velocities are drawn.
 PLACES = 4000
 # Largest number of listed places below the assigned velocity per plan.
-MOST_PLACES = 50
+MAX_PLACES = 50
 # Heights of plots, of the bars of a plan, and of everything else in a figure [px].
 HEIGHT, BARS, AROUND = 150, 28, 125
 # Times of a part of a plan [s], the kind of the limit there, and its name.
@@ -77,7 +77,7 @@ def over_time(study: JobResult) -> Section:
         why, run = result.explanation, f"{name}: " if len(study.runs) > 1 else ""
         assert why is not None
         tables.append(table_of(why.time_table, run.removesuffix(": ")))
-        worst = sorted(why.shortfalls, key=lambda x: x.speed / x.assigned)[:MOST_PLACES]
+        worst = sorted(why.shortfalls, key=lambda x: x.speed / x.assigned)[:MAX_PLACES]
         places += [(f"{run}{x.sentence} ({x.kind})",) for x in worst]
     if places:
         header = (f"{len(places)} slowest places below the assigned velocity",)
@@ -174,8 +174,8 @@ def list_bars(bindings: Sequence[Binding]) -> list[Bar]:
     """
     found = [(*x.t, kind_of(x.limit), x.name) for x in bindings]
     ends = np.array([x[:2] for x in found])
-    if len(found) > MOST_BARS:
-        cell = np.floor(ends.mean(axis=1) / ends[-1, 1] * MOST_BARS).astype(int)
+    if len(found) > MAX_BARS:
+        cell = np.floor(ends.mean(axis=1) / ends[-1, 1] * MAX_BARS).astype(int)
         order = np.lexsort((ends[:, 0] - ends[:, 1], cell))
         chosen = order[np.flatnonzero(np.diff(cell[order], prepend=-1))]
         found = [found[k] for k in chosen.tolist()]

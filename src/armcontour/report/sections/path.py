@@ -24,14 +24,14 @@ from armcontour.report.sections.motion import marked_run
 from armcontour.report.style import PATH_COLOUR, RUN_COLOURS, finish, run_colours
 
 # Largest number of points of an executed path, and of those that are evenly spaced.
-MOST_POINTS, EVEN = 6000, 800
+MAX_POINTS, EVEN = 6000, 800
 # Number of drawn tool axes, and their length as a share of the size of the path.
 STICKS = 32
 STICK_LENGTH = 0.09
 # Height of the figures [px], and number of frames of the animation.
 HEIGHT, FRAMES = 350, 50
 # Largest number of visible arms; the others can be shown in the legend.
-MOST_ARMS = 2
+MAX_ARMS = 2
 SHOWN = {"size": 13, "color": "#222222"}
 
 
@@ -85,7 +85,7 @@ def executed_points(tool: Tool) -> FloatArray:
     peak = -1.0 if tool.evaluation is None else tool.evaluation.contour_error.t_max
     worst = int(np.searchsorted(x.t, peak))
     spans = executed_contours(x)
-    parts = simplify([points[a:b] for a, b in spans], MOST_POINTS, even=EVEN)
+    parts = simplify([points[a:b] for a, b in spans], MAX_POINTS, even=EVEN)
     gap, found = np.full((1, points.shape[1]), np.nan), []
     for (a, b), few in zip(spans, parts, strict=True):
         which = np.union1d(a + few, [worst]) if a <= worst < b else a + few
@@ -172,7 +172,7 @@ def _arm(study: JobResult) -> Any:
     for i, (name, links) in enumerate(arms.items()):
         trace = line_in_space(links[0], name, colours[name], width=9)
         trace.update(mode="lines+markers", marker={"size": 4, "color": "#222222"})
-        if i >= MOST_ARMS:
+        if i >= MAX_ARMS:
             trace.update(visible="legendonly")
         figure.add_trace(trace)
     which = list(range(1, len(figure.data)))

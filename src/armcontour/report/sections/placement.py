@@ -47,7 +47,7 @@ def placed(found: Placement) -> Front:
     sentences = [("What the map shows", _text(found))]
     sentences += [("Weakest point", x) for x in found.notes[:1]]
     return Front(
-        verdict=f"Best place of the {found.what}: {found.refined}",
+        verdict=f"Best place of the {found.moved}: {found.refined}",
         tiles=tiles(rows),
         parts=maps[0][1] if maps else (),
         sentences=tuple(sentences),
@@ -85,7 +85,7 @@ def _text(found: Placement) -> str:
     """What the maps show."""
     best = OBJECTIVES[found.objective]
     parts = [
-        f"Every point is a place of the {found.what}; sought is the {best}. Refused places are "
+        f"Every point is a place of the {found.moved}; sought is the {best}. Refused places are "
         "grey, with a tone per reason; the cross is the best place."
     ]
     if found.planned < len(found.verdicts) - sum(found.refusals.values()):

@@ -1,4 +1,4 @@
-"""Entry point `certify`: finds the fastest plan whose execution keeps a tolerance on a model."""
+"""Entry points `certify`, the fastest plan whose execution keeps a tolerance, and `sweep`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from armcontour.studies.certification.certificate import (
     Uncertified,
 )
 from armcontour.studies.certification.certification_case import Case
-from armcontour.studies.certification.derating import find_lowered
+from armcontour.studies.certification.derating import derated_intervals
 from armcontour.studies.certification.limit_margins import Trial, distances, run, speed_ratios
 from armcontour.studies.certification.move_search import MoveSearch
 from armcontour.studies.certification.plan_search import execute_servos, search
@@ -49,18 +49,18 @@ from armcontour.studies.certification.rigid_body_robots import (
 from armcontour.verification.contour_execution import pieces_of
 from armcontour.verification.error_profile import ErrorProfile
 
-# A cycle this many times shorter counts as continuous; it is at least SHORTEST [s].
+# A cycle this many times shorter counts as continuous; at least SHORTEST [s].
 CONTINUOUS = 20
 SHORTEST = 1e-4
-# Shares of a total tolerance that the servo gets if the goal has no budget for the servo. They are
-# tried in order until a plan is certified, and further while the error uses NEAR of its budget and
-# the plan gets faster. The unused part goes to the shape.
+# Shares of a total tolerance for the servo if the goal has no servo budget. They are tried in order
+# until a plan is certified, and further while the error exceeds NEAR of its budget and the plan
+# gets faster.
 SERVO_SHARES = (0.02, 0.06, 0.2, 0.6)
 NEAR = 0.9
-# When the unused part goes to the shape, the servo keeps this many times the part that it needed,
-# because the plan changes a little; more if no faster plan is found with the first of them.
-KEPT_FOR_SERVO = (1.5, 6.0)
-# Paths are not rounded or shaped again for less than this share of the tolerance.
+# The rest of the tolerance goes to the shape. The servo keeps this multiple of the error that it
+# needed, because the plan changes; the second is tried if the first gives no faster plan.
+SERVO_MARGINS = (1.5, 6.0)
+# Smallest share of the tolerance for which paths are rounded or shaped again.
 LEAST_GAIN = 1e-3
 
 
@@ -79,46 +79,46 @@ def certify(
 ) -> Certificate:
     """Find the fastest plan of a job whose execution keeps its tolerance.
 
-    Whatever timing the run has, the plan is an optimal one, derated where needed.
-    Compensation, cycle and limits are those of the run. The certificate is valid for the
-    job's plant: its servos, or its rigid bodies if the goal says so, and for no other model.
+    The plan has optimal timing, derated where required, with the compensation, cycle and limits of
+    the run. The certificate is valid only for the job's plant: its servos, or its rigid bodies if
+    the goal has `plant="rigid_body"`.
 
     Args:
         job: The job.
         run: Name of the run; by default that of the goal.
         goal: The goal; by default the certificate of the job.
-        executor: An executor that executes robots of the box as rigid bodies, such as a
+        executor: Executes robots of the box as rigid bodies, such as a
             `concurrent.futures.ProcessPoolExecutor`; by default processes of this machine do.
-        progress: Called with a step, which has a few words as its name, before every trial.
+        progress: Called with a named step before every trial.
 
     Raises:
         InvalidInput: There is no goal, or no such run.
-        NotRealizable: No plan keeps the goal; the message says what binds and what would help.
+        NotRealizable: No plan satisfies the goal; the message names the limiting constraint and
+            possible changes.
         ArmContourError: Tracing, planning or execution fails.
     """
     goal = goal_of(job) if goal is None else goal
-    this = run_of(job, goal.run if run is None else run)
-    if this.duration is not None:
+    chosen = run_of(job, goal.run if run is None else run)
+    if chosen.duration is not None:
         raise InvalidInput(
-            f"Run {this.name} has a duration of {this.duration:g} s, which a certified plan does "
-            "not take: leave duration out."
+            f"Run {chosen.name} has a duration of {chosen.duration:g} s, which a certificate does "
+            "not support: remove duration."
         )
-    if this.rounding is not None and this.rounding.free:
-        check_jerk_support(Method.SHAPED, this.limits)
+    if chosen.rounding is not None and chosen.rounding.free:
+        check_jerk_support(Method.SHAPED, chosen.limits)
     plant = None
-    if this.experiment is not None:
-        # What refuses the robot of the experiment is said before the search.
-        plant = build_plant(this.experiment, job.arm, job.plant_servo, this.limits)
+    if chosen.experiment is not None:
+        # Invalid options of the experiment and the box are reported before the search.
+        plant = build_plant(chosen.experiment, job.arm, job.plant_servo, chosen.limits)
     if goal.box is not None and goal.plant == "servo":
-        # So is what does not fit the box.
-        spans_of(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, this.cycle)
-    # A certified plan derates what it has to, so it leaves no reserve.
-    free = this.rounding is not None and this.rounding.free
-    intervals = this.timing.intervals if free and isinstance(this.timing, Optimal) else None
-    this = replace(this, timing=Optimal(intervals=intervals))
-    tell, shapes = subprogress(progress), [this]
-    if free and this.rounding is not None:
-        shapes.append(replace(this, rounding=this.rounding.with_arcs))
+        spans_of(goal.box, job.plant_servo.for_joints(job.arm.dof), job.arm, chosen.cycle)
+    # Derating makes a reserve unnecessary.
+    free = chosen.rounding is not None and chosen.rounding.free
+    intervals = chosen.timing.intervals if free and isinstance(chosen.timing, Optimal) else None
+    chosen = replace(chosen, timing=Optimal(intervals=intervals))
+    tell, shapes = subprogress(progress), [chosen]
+    if free and chosen.rounding is not None:
+        shapes.append(replace(chosen, rounding=chosen.rounding.with_arcs))
     best: tuple[Case, Proven] | None = None
     refusal: NotRealizable | None = None
     durations: dict[str, float] = {}
@@ -139,17 +139,17 @@ def certify(
 
 
 def goal_of(job: Job, **overrides: Any) -> CertificateGoal:
-    """Make the goal of a certificate: that of the job, with some fields replaced."""
-    known = tuple(x.name for x in fields(CertificateGoal))
+    """Goal of the job's certificate with some fields replaced."""
+    names = tuple(x.name for x in fields(CertificateGoal))
     for name in overrides:
-        checks.check_choice("An option of certify", name, known)
+        checks.check_choice("An option of certify", name, names)
     if job.certificate is None:
         return CertificateGoal(**overrides)
     return replace(job.certificate, **overrides)
 
 
 def run_of(job: Job, name: str | None) -> Run:
-    """Find the run of a name, or else the only run with the timing optimal."""
+    """The named run, or the only run with optimal timing."""
     return choose_run(
         job, name, "certified", [x for x in job.runs if isinstance(x.timing, Optimal)]
     )
@@ -157,7 +157,7 @@ def run_of(job: Job, name: str | None) -> Run:
 
 def _fastest(
     job: Job,
-    this: Run,
+    run: Run,
     goal: CertificateGoal,
     executor: Executor | None,
     tell: Progress,
@@ -170,19 +170,19 @@ def _fastest(
     """
 
     def case_of(servo: float) -> Case:
-        shaped = _with_shape(this, goal, servo)
+        shaped = _with_shape(run, goal, servo)
         planned = plan_one(job, shaped, reuse, tell, clear=False)
         return Case(job, planned, goal, servo, tell, executor)
 
     reuse = Reuse()
-    # The certificate says what it costs compared to this plan. It comes first, since what refuses
-    # it, such as an event before the start, would refuse the certificate at its end.
+    # The plan without derating is the reference of the certificate's cost. It comes first, because
+    # its errors, such as an event before the start, also apply to the certificate.
     base = case_of(0.0)
     least = base.planned.trajectory.duration
     if base.bodies:
         _refuse_other_programs(base)
         _refuse_start(base)
-    free = this.rounding is not None and this.rounding.free
+    free = run.rounding is not None and run.rounding.free
     bent = free or any(shape_part(x.path) > 0 for x in base.program.contours)
     if goal.tolerance is None or not bent:
         budget = goal.servo_error or goal.tolerance
@@ -191,7 +191,7 @@ def _fastest(
             return base, None, least
         alone = search(replace(base, servo_allowed=budget))
         return base, alone, alone[0].trajectory.duration
-    tightest = _tightest(this, goal)
+    tightest = _tightest(run, goal)
     budgets = (
         [x * tightest for x in SERVO_SHARES] if goal.servo_error is None else [goal.servo_error]
     )
@@ -202,21 +202,21 @@ def _fastest(
     best: Proven | None = None
     for budget in budgets:
         try:
-            found = search(case_of(budget))
+            proven = search(case_of(budget))
         except NotRealizable:
             if best is not None:
                 break
             if budget == budgets[-1]:
                 raise
             continue
-        if best is not None and found[0].trajectory.duration >= best[0].trajectory.duration:
+        if best is not None and proven[0].trajectory.duration >= best[0].trajectory.duration:
             break
-        best = found
+        best = proven
         if _worst(*best) + best[0].case.model_error < NEAR * budget:
             break
     assert best is not None
-    # What the servo does not need goes to the shape, if the plan gets faster.
-    for factor in KEPT_FOR_SERVO:
+    # The unused part of the tolerance goes to the shape if the plan gets faster.
+    for factor in SERVO_MARGINS:
         case = best[0].case
         needed = factor * _worst(*best) + case.model_error
         if needed > case.servo_allowed - LEAST_GAIN * tightest:
@@ -236,27 +236,27 @@ def _worst(proof: Trial, moves: Sequence[MoveSearch]) -> float:
     return max(largest + [float(x.max.max()) for x in robots])
 
 
-def _tightest(this: Run, goal: CertificateGoal) -> float:
+def _tightest(run: Run, goal: CertificateGoal) -> float:
     """The smallest tolerance that shape and servo share [m]."""
     assert goal.tolerance is not None
-    line = None if this.rounding is None else this.rounding.line_tolerance
+    line = None if run.rounding is None else run.rounding.line_tolerance
     return goal.tolerance if line is None else min(line, goal.tolerance)
 
 
-def _with_shape(this: Run, goal: CertificateGoal, servo: float) -> Run:
-    """The run with the tolerances for the shape that the servo's part leaves [m]."""
-    rounding = this.rounding
+def _with_shape(run: Run, goal: CertificateGoal, servo: float) -> Run:
+    """The run with its shape tolerances reduced by the servo's part [m]."""
+    rounding = run.rounding
     if rounding is None or goal.tolerance is None:
-        return this
-    most = goal.tolerance - servo
-    single = {k: min(x, most) for k, x in (rounding.at or {}).items()} or None
-    line = None if rounding.line_tolerance is None else _tightest(this, goal) - servo
-    shape = replace(rounding, tolerance=most, at=single, line_tolerance=line)
-    return replace(this, rounding=shape)
+        return run
+    tolerance = goal.tolerance - servo
+    single = {k: min(x, tolerance) for k, x in (rounding.at or {}).items()} or None
+    line = None if rounding.line_tolerance is None else _tightest(run, goal) - servo
+    shape = replace(rounding, tolerance=tolerance, at=single, line_tolerance=line)
+    return replace(run, rounding=shape)
 
 
 def _refuse_other_programs(case: Case) -> None:
-    """Refuse a program that certificates on rigid bodies are not made for."""
+    """Refuse a program that a certificate on rigid bodies does not support."""
     program = case.program
     others = [x for x in program.moves if not isinstance(x, Contour | Dwell)]
     if len(program.contours) > 1 or others:
@@ -269,48 +269,48 @@ def _refuse_other_programs(case: Case) -> None:
 
 
 def _refuse_start(case: Case) -> None:
-    """Refuse rigid bodies that do not rest where the contour starts."""
+    """Refuse rigid bodies that rest too far from the start of the contour."""
     (contour,) = case.program.contours
-    off = rest_at_start(case, contour.path, case.teach(case.planned.trajectory))
+    distance = rest_at_start(case, contour.path, case.teach(case.planned.trajectory))
     allowed = case.goal.servo_error or case.goal.tolerance
     assert allowed is not None
     work = case.work_of(contour)
-    if (work is None or work[0] <= 0) and off > allowed:
+    if (work is None or work[0] <= 0) and distance > allowed:
         raise NotRealizable(
-            f"At rest at the start of its path the tool is {off * 1e3:.4g} mm from it, since "
+            f"At rest at the start of its path the tool is {distance * 1e3:.4g} mm from it, since "
             f"gravity is not fed forward, and {allowed * 1e3:.4g} mm is allowed: feed gravity "
             "forward (gravity_feedforward: true), raise kp, or allow more.",
             limit="contour error",
-            needed=off,
+            needed=distance,
             allowed=allowed,
         )
 
 
 def _certificate(
     base: Case,
-    found: Proven,
+    proven: Proven,
     shapes: Mapping[str, float],
     plant: RigidBodyPlant | None,
 ) -> Certificate:
-    """Evaluate a proven plan as a whole, run the experiment, and make the certificate."""
-    proof, moves = found
-    case, job, this = proof.case, proof.case.job, proof.case.run
+    """Evaluate a proven plan, run the experiment, and make the certificate."""
+    proof, moves = proven
+    case, job, chosen = proof.case, proof.case.job, proof.case.run
     case.progress(Step(("evaluation",)))
-    judged = replace(this, limits=case.limits)
+    judged = replace(chosen, limits=case.limits)
     result = evaluate_run(judged, proof.executed, case.program, case.planned.objective)
     experiment, failure = None, None
     if plant is not None:
         case.progress(Step(("experiment",)))
         try:
             experiment = simulate_rigid_bodies(
-                job, this, proof.set_points, case.program, case.planned.objective, plant
+                job, chosen, proof.set_points, case.program, case.planned.objective, plant
             )
         except ExecutionError as error:
             failure = error
     assert proof.check is not None
     return Certificate(
         job=job,
-        run=this,
+        run=chosen,
         goal=case.goal,
         model=model_of(case),
         objective=case.planned.objective,
@@ -336,30 +336,35 @@ def _contours(
     """The certificates of all contours."""
     case, fastest = proof.case, base.planned.trajectory.contour_spans
     spans = proof.trajectory.contour_spans
-    # Nearly continuous set-points show the part of the servo.
-    own = case.run.cycle
-    cycle = max(own / CONTINUOUS, min(SHORTEST, own))
+    # Nearly continuous set-points separate the part of the servo from that of the cycle.
+    run_cycle = case.run.cycle
+    cycle = max(run_cycle / CONTINUOUS, min(SHORTEST, run_cycle))
     smooth = run(case, case.teach(proof.trajectory, cycle), max(cycle, case.resolution))
     pieces = pieces_of(smooth, case.program, None, None)
-    for k, (x, piece, span) in enumerate(zip(contours, proof.pieces, spans, strict=True)):
+    for k, (move, piece, span) in enumerate(zip(contours, proof.pieces, spans, strict=True)):
         assert span.work is not None
         error, coverage_error = piece.contour_error, piece.coverage_error
         nominal = max(error.max, coverage_error.max)
-        worst = [float(y.max.max()) for y in (x.corners, x.spread) if y is not None]
+        worst = [float(y.max.max()) for y in (move.corners, move.spread) if y is not None]
         servo = max(pieces[k].contour_error.max, pieces[k].coverage_error.max)
         yield ContourCertificate(
             name=contour_called(case.program.contours[k], k),
             t=span.t,
             work=span.work,
             path=piece.path,
-            joint_path=x.joint_path,
-            derating=x.derating,
-            factors=x.factors,
-            lowered=find_lowered(
-                x.derating, x.factors, x.squares, x.plan, span.t[0], case.arm.joint_names
+            joint_path=move.joint_path,
+            derating=move.derating,
+            factors=move.factors,
+            lowered=derated_intervals(
+                move.derating,
+                move.factors,
+                move.squares,
+                move.plan,
+                span.t[0],
+                case.arm.joint_names,
             ),
-            trajectory=x.plan,
-            set_points=case.stretch(proof.set_points, span.t, x.plan),
+            trajectory=move.plan,
+            set_points=case.stretch(proof.set_points, span.t, move.plan),
             error=error,
             coverage_error=coverage_error,
             speed_ratio=float(speed_ratios(case, piece).max()),
@@ -373,14 +378,14 @@ def _contours(
                 servo_allowed=case.servo_allowed,
             ),
             optimum=fastest[k].t[1] - fastest[k].t[0],
-            corners=x.corners,
-            spread=x.spread,
-            trials=x.trials,
+            corners=move.corners,
+            spread=move.spread,
+            trials=move.trials,
         )
 
 
 def _uncertified(case: Case) -> Uncertified:
-    """Execute the fastest plan, with nothing derated."""
+    """Execute the fastest plan without derating."""
     fastest = case.planned.trajectory
     set_points = case.teach(fastest)
     resolution = max(min(1e-3, case.run.cycle), case.resolution)
@@ -411,7 +416,7 @@ def _worst_of_box(case: Case, set_points: SetPoints) -> float | None:
 
 
 def model_of(case: Case) -> str:
-    """The model of the robot for which a certificate is valid, in words."""
+    """Description of the robot model for which a certificate is valid."""
     servo = case.servo
     held = {"linear": "interpolated linearly", "cubic": "interpolated by cubics", "step": "held"}
     if case.bodies:
@@ -428,7 +433,7 @@ def model_of(case: Case) -> str:
 
 
 def _model_of_bodies(case: Case, held: str) -> str:
-    """The model of rigid bodies for which a certificate is valid, in words."""
+    """Description of the rigid-body model for which a certificate is valid."""
     fed = case.drive_options.get("gravity_feedforward", True)
     parts = [
         f"the rigid bodies of {case.arm.name} with {case.servo}, simulated by MuJoCo",
@@ -438,8 +443,8 @@ def _model_of_bodies(case: Case, held: str) -> str:
         parts.append("gravity fed forward" if fed else "gravity not fed forward")
         return "; ".join(parts)
     if fed:
-        weighed = "of the true payload" if case.box.payload_known else "of the nominal payload"
-        parts.append(f"gravity {weighed} fed forward")
+        payload = "of the true payload" if case.box.payload_known else "of the nominal payload"
+        parts.append(f"gravity {payload} fed forward")
     parts.append("and every such robot of the box that was executed")
     return "; ".join(parts)
 
@@ -456,16 +461,14 @@ def shape_part(path: Path) -> float:
 
 
 def _list_moves(program: Program) -> str:
-    """List the moves of a program, and state which to remove so that one contour remains."""
+    """List the moves of a program, and the changes that leave one contour."""
     kinds = {"contour": Contour, "rapid": Rapid, "dwell": Dwell, "event": Event}
     counts = {word: sum(isinstance(x, kind) for x in program.moves) for word, kind in kinds.items()}
-    leave = []
-    if counts["rapid"]:
-        leave.append("process.approach and process.retract")
-    mend = f"leave out {' and '.join(leave)}" if leave else ""
-    if counts["contour"] > 1 or not leave:
-        mend = "make a job of each contour" + (f", {mend}" if mend else "")
-    return f"{count_kinds(counts)}: {mend}"
+    leads = ["process.approach and process.retract"] if counts["rapid"] else []
+    fix = f"remove {' and '.join(leads)}" if leads else ""
+    if counts["contour"] > 1 or not leads:
+        fix = "make a job of each contour" + (f", {fix}" if fix else "")
+    return f"{count_kinds(counts)}: {fix}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -498,7 +501,7 @@ def sweep(
 ) -> tuple[SweepPoint, ...]:
     """Certify a job for several corner tolerances, then for several assigned speeds.
 
-    The command `armcontour batch` varies any keys of a job, several at once, and draws charts.
+    The command `armcontour batch` varies any keys of a job and draws charts.
 
     Args:
         job: The job.
@@ -507,7 +510,7 @@ def sweep(
             [m]; the speed is that of the job.
         speeds: Assigned speeds [m/s]; the tolerance is that of the job.
         goal: The goal of every point; by default the certificate of the job.
-        progress: Called with a step, which has the value as its name, before every trial.
+        progress: Called before every trial with a step named by the value.
 
     Raises:
         InvalidInput: No values, no goal, no such run, or a tolerance for a run without rounded
@@ -516,16 +519,16 @@ def sweep(
     tolerances = checks.check_sequence("tolerances", tolerances, object, "numbers")
     speeds = checks.check_sequence("speeds", speeds, object, "numbers")
     goal = goal_of(job) if goal is None else goal
-    this = run_of(job, goal.run if run is None else run)
+    chosen = run_of(job, goal.run if run is None else run)
     values: list[tuple[float | None, float | None]] = [
         (checks.positive("tolerance", x, "m"), None) for x in tolerances
     ]
     values += [(None, checks.positive("speed", x, "m/s")) for x in speeds]
     if not values:
         raise InvalidInput("sweep needs values of tolerances or speeds, such as speeds=[0.1, 0.2].")
-    if len(tolerances) and this.rounding is None:
+    if len(tolerances) and chosen.rounding is None:
         raise InvalidInput(
-            f"Run {this.name} rounds no corners, so sweep has no tolerance to vary: give the run "
+            f"Run {chosen.name} rounds no corners, so sweep has no tolerance to vary: give the run "
             "corners, or sweep speeds."
         )
     points = []
@@ -533,14 +536,14 @@ def sweep(
         duration, refusal = None, None
         name = f"{speed:.3g} m/s" if tolerance is None else f"{tolerance * 1e3:.3g} mm"
         try:
-            changed, aim = this, goal
+            changed, aim = chosen, goal
             if speed is not None:
-                changed = replace(this, limits=this.limits.replace(speed=speed))
-            if tolerance is not None and this.rounding is not None:
-                changed = replace(this, rounding=replace(this.rounding, tolerance=tolerance))
+                changed = replace(chosen, limits=chosen.limits.replace(speed=speed))
+            if tolerance is not None and chosen.rounding is not None:
+                changed = replace(chosen, rounding=replace(chosen.rounding, tolerance=tolerance))
                 aim = goal if goal.tolerance is None else replace(goal, tolerance=tolerance)
             one = replace(job, runs=(changed,), certificate=aim)
-            duration = certify(one, this.name, progress=subprogress(progress, name)).duration
+            duration = certify(one, chosen.name, progress=subprogress(progress, name)).duration
         except ArmContourError as error:
             refusal = str(error)
         points.append(

@@ -1,4 +1,4 @@
-"""Derating of acceleration and speed limits along a path, as the search for a plan needs it."""
+"""Derating of acceleration and speed limits along a path, and plans within derated limits."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -26,8 +27,8 @@ from armcontour.planning.topp.limit_forms import Ceiling, Form
 from armcontour.planning.tracing import check_joint_range
 from armcontour.robot import Arm, Limits
 
-# What limits are derated for: the demand and the plan's own acceleration, what bounds the speed of
-# plan and command, the speed of the executed tool, its contour error, and that of robots of a box.
+# Causes of derating: planned and commanded acceleration, speed of plan and command, speed of the
+# executed tool, its contour error, and that of robots of a box.
 CAUSES = ("acceleration", "speed", "tool", "error", "box")
 
 
@@ -37,14 +38,13 @@ class Derating:
 
     # Arc lengths of the ends of the cells [m], (n + 1,)
     cells: FloatArray
-    # Share that is left of each joint's acceleration limit, (n, dof)
+    # Usable share of each joint's acceleration limit, (n, dof)
     share: FloatArray
     # Largest ds² [m²/s²], infinite where the speed is not derated, (n,)
     cap: FloatArray
-    # Share that each cause leaves of acceleration limits, by the names in `CAUSES`, (n, dof) each;
-    # `share` is their product
+    # Factors of `share` by cause, (n, dof) each
     share_by: Mapping[str, FloatArray] = field(default_factory=dict)
-    # Cause of the cap in every cell: its index in `CAUSES`, -1 without a known one, (n,)
+    # Index in CAUSES of the cause of the cap, -1 without a cause, (n,)
     cap_by: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
     def __post_init__(self) -> None:
@@ -55,7 +55,7 @@ class Derating:
 
     @classmethod
     def nothing(cls, joint_path: JointPath, intervals: int | None = None) -> Derating:
-        """Make the cells from the first grid of a plan of the path, with nothing derated."""
+        """Derating of nothing, with cells from the first grid of a plan of the path."""
         cells = place_grid(joint_path, intervals).s
         n = len(cells) - 1
         return cls(
@@ -64,15 +64,15 @@ class Derating:
             cap=np.full(n, np.inf),
         )
 
-    def with_share(self, left: FloatArray | float, cause: str) -> Derating:
-        """The derating with a smaller share of acceleration limits."""
+    def with_share(self, factor: FloatArray | float, cause: str) -> Derating:
+        """Copy with acceleration limits multiplied by a factor for a cause."""
         before = self.share_by.get(cause, np.ones_like(self.share))
         return replace(
-            self, share=self.share * left, share_by={**self.share_by, cause: before * left}
+            self, share=self.share * factor, share_by={**self.share_by, cause: before * factor}
         )
 
     def with_cap(self, cap: FloatArray, cause: str) -> Derating:
-        """The derating with caps of the speed, where they are below those that it has."""
+        """Copy with caps of ds² [m²/s²], (n,), where they are below the present ones."""
         lower = cap < self.cap
         return replace(
             self,
@@ -88,8 +88,8 @@ class Derating:
     def cell_of(self, grid: Grid) -> IntArray:
         """Index of the cell that contains the middle of each interval of a grid, (len(grid),)."""
         middle = (grid.s[:-1] + grid.s[1:]) / 2
-        found = np.searchsorted(self.cells, middle) - 1
-        return np.asarray(np.clip(found, 0, len(self.cap) - 1))
+        cells = np.searchsorted(self.cells, middle) - 1
+        return np.asarray(np.clip(cells, 0, len(self.cap) - 1))
 
 
 class DeratedAcceleration(JointMotion):
@@ -100,17 +100,17 @@ class DeratedAcceleration(JointMotion):
         self.derating = derating
 
     def bounds(self, grid: Grid) -> tuple[FloatArray, FloatArray]:
-        """The bounds, derated as in the cell that contains the middle of every interval."""
+        """Derated bounds in the cell that contains the middle of each interval."""
         share = self.derating.share[self.derating.cell_of(grid)]
         return self.low * share, self.high * share
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The accelerations with their own bounds on every interval."""
+        """Accelerations with bounds per interval."""
         return (self.rows(path),)
 
 
 class SpeedCap(Constraint):
-    """A largest ds² in every cell of the path."""
+    """Largest ds² in each cell of the path."""
 
     name = "derated speed"
 
@@ -118,7 +118,7 @@ class SpeedCap(Constraint):
         self.derating = derating
 
     def discretize(self, path: OnGrid) -> Iterable[Form]:
-        """The cap at both ends of every interval."""
+        """The cap at both ends of each interval."""
         cap = self.derating.cap[self.derating.cell_of(path.grid)]
         return (Ceiling(np.stack([cap, cap], axis=1)),)
 
@@ -131,7 +131,7 @@ def plan_derated(
     factors: Mapping[str, float] = MappingProxyType({}),
     intervals: int | None = None,
 ) -> Trajectory:
-    """Plan the fastest motion within derated limits."""
+    """Plan the fastest motion within derated limits; `factors` derate other limits by name."""
     check_joint_range(joint_path, limits)
     others = {name: getattr(limits, name) * factor for name, factor in factors.items()}
     rest = limits.replace(joint_acceleration=math.inf, **others)
@@ -142,12 +142,12 @@ def plan_derated(
     return plan_optimal(joint_path, arm, rest, options).limited(limits)
 
 
-# Less than this share of a limit is not lowered: searches aim that little below their limits. What
-# is nowhere lowered by more than SAID is not worth a sentence.
-LEAST, SAID = 1e-5, 1e-3
-# A larger share of a contour is called all of it.
+# Smallest share that counts as derated, because searches aim slightly below limits; and smallest
+# largest share that is reported.
+LEAST, REPORTED = 1e-5, 1e-3
+# A larger share of a contour is called the whole contour.
 NEARLY_ALL = 0.995
-# Why something is lowered, after "for".
+# Reasons by cause, after "for".
 REASONS = {
     "acceleration": "the acceleration limits of the joints",
     "speed": "the limits of tool and joint velocities in plan and command",
@@ -160,31 +160,27 @@ REASONS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeratedInterval:
-    """A demand that a certified plan had to be lowered for."""
+    """A limit that a certified plan derates, and its cause."""
 
-    # What is lowered: "speed", "acceleration" of a joint, or the name of another limit
+    # "speed", "acceleration" of a joint, or the name of another limit
     what: str
-    # For what, a key of `REASONS`
+    # A key of REASONS
     cause: str
-    # Largest share that it is lowered by: of the speed of the plan with nothing derated, or of the
-    # limit
+    # Largest reduction, relative to the speed of the plan without derating or to the limit
     share: float
-    # Index of the joint that is derated most, from 0; None for what is not of a joint
-    joint: int | None
-    # Its number with its name; "" without a joint
-    joint_name: str
-    # Arc length at which it is lowered most [m]; None for limits lowered along all of it
-    s: float | None
-    # Time in the whole motion at which the plan is there [s]; None without a place
-    t: float | None
-    # Length of the contour along which it is lowered [m]
+    # Index and label of the joint with the largest reduction; none if all joints have the same
+    joint: int | None = None
+    joint_name: str = ""
+    # Arc length [m] and time in the whole motion [s] of the largest reduction; None if constant
+    s: float | None = None
+    t: float | None = None
+    # Derated length of the contour, and its length [m]
     length: float
-    # Length of the contour [m]
     contour: float
 
     def __str__(self) -> str:
-        """What is lowered, by how much, where and for what, as a clause."""
-        of = f" of joint {self.joint_name}" if self.joint_name else ""
+        """The limit, its reduction, place and cause, as a clause."""
+        joint = f" of joint {self.joint_name}" if self.joint_name else ""
         where = f"over {number(self.length, 'm')} of {number(self.contour, 'm')}"
         if self.length > NEARLY_ALL * self.contour:
             where = "along the whole contour"
@@ -194,12 +190,12 @@ class DeratedInterval:
             else f", most at s = {number(self.s, 'm')}, t = {number(self.t, 's')}"
         )
         return (
-            f"{self.what.replace('_', ' ')}{of} by up to {number(self.share, '1')} "
+            f"{self.what.replace('_', ' ')}{joint} by up to {number(self.share, '1')} "
             f"{where}{place}, for {REASONS[self.cause]}"
         )
 
 
-def find_lowered(
+def derated_intervals(
     derating: Derating,
     factors: Mapping[str, float],
     squares: FloatArray,
@@ -207,55 +203,53 @@ def find_lowered(
     start: float,
     names: Sequence[str],
 ) -> tuple[DeratedInterval, ...]:
-    """Find what a plan of a contour was lowered for, the largest share of each kind first."""
-    places = (derating.cells[:-1] + derating.cells[1:]) / 2
+    """Largest derating of a contour's plan by limit and cause, the largest share first.
+
+    `squares` is the largest ds² in the cells without derating [m²/s²], `start` the start of the
+    contour in the whole motion [s].
+    """
+    middles = (derating.cells[:-1] + derating.cells[1:]) / 2
     contour = float(derating.cells[-1])
 
-    def at(k: int, off: BoolArray) -> dict[str, float]:
-        s = float(places[k])
+    def location(k: int, derated: BoolArray) -> dict[str, Any]:
+        s = float(middles[k])
         t = start + float(plan.time_at(np.array([s]))[0])
-        return {"s": s, "t": t, "length": float(derating.width[off].sum()), "contour": contour}
+        return {"s": s, "t": t, "length": float(derating.width[derated].sum()), "contour": contour}
 
-    def found() -> Iterator[DeratedInterval]:
+    def intervals() -> Iterator[DeratedInterval]:
         with np.errstate(divide="ignore", invalid="ignore"):
             slower = np.maximum(1 - np.sqrt(derating.cap / squares), 0.0)
         for index, cause in enumerate(CAUSES):
             share = np.where(derating.cap_by == index, np.nan_to_num(slower), 0.0)
             k = int(np.argmax(share))
-            if share[k] > SAID:
+            if share[k] > REPORTED:
                 yield DeratedInterval(
                     what="speed",
                     cause=cause,
                     share=float(share[k]),
-                    joint=None,
-                    joint_name="",
-                    **at(k, share > LEAST),
+                    **location(k, share > LEAST),
                 )
-        for cause, left in derating.share_by.items():
-            share = 1 - left
+        for cause, remaining in derating.share_by.items():
+            share = 1 - remaining
             k, j = (int(x) for x in np.unravel_index(np.argmax(share), share.shape))
-            if share[k, j] > SAID:
-                alike = bool((left == left[:, :1]).all())
+            if share[k, j] > REPORTED:
+                alike = bool((remaining == remaining[:, :1]).all())
                 yield DeratedInterval(
                     what="acceleration",
                     cause=cause,
                     share=float(share[k, j]),
                     joint=None if alike else j,
                     joint_name="" if alike else joint_label(j + 1, names),
-                    **at(k, np.asarray((share > LEAST).any(axis=1))),
+                    **location(k, np.asarray((share > LEAST).any(axis=1))),
                 )
         for name, factor in factors.items():
-            if 1 - factor > SAID:
+            if 1 - factor > REPORTED:
                 yield DeratedInterval(
                     what=name,
                     cause="limit",
                     share=1 - factor,
-                    joint=None,
-                    joint_name="",
-                    s=None,
-                    t=None,
                     length=contour,
                     contour=contour,
                 )
 
-    return tuple(sorted(found(), key=lambda x: -x.share))
+    return tuple(sorted(intervals(), key=lambda x: -x.share))

@@ -1,4 +1,4 @@
-"""Use of limits, budget and box by a plan and its executions, over time."""
+"""Shares of limits, error budget and box that a plan and its executions use, over time."""
 
 from __future__ import annotations
 
@@ -33,48 +33,45 @@ from armcontour.studies.certification.certification_case import Case
 from armcontour.verification import Check, check
 from armcontour.verification.contour_execution import ContourExecution, pieces_of
 
-# Trials are executed with this many results per cycle, but not finer than this [s].
+# Results per cycle of a trial, but not finer than this [s]; and of a trial in corners of a box.
 PER_INTERVAL = 16
 FINEST = 1.25e-4
-# The same for executions in the corners of a box.
 BOX_PER_INTERVAL = 4
-# The tool speed of an execution may exceed the velocity assigned at its place by this share of it.
+# Share by which the executed tool speed may exceed the assigned velocity.
 SPEED_SLACK = 1e-3
-# Directions across the path in which errors over a box are added up, in space.
+# Directions across a path in space in which errors over a box are added up.
 DIRECTIONS = 16
 # Penalty ratio for a command outside the joint range: slowing down cannot correct it completely,
 # but each trial reduces the speed there.
 OUTSIDE = 1.1
-# Shares of limits, and phases of a cycle, that differ by less than this are the same.
+# Phases of a cycle that differ by less than this are equal.
 SAME = 1e-9
 Side = Literal["left", "right"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LimitMargins:
-    """Shares of what is allowed on one contour, over time; 1 is all of it."""
+    """Ratios of values to their limits on one contour, over time."""
 
-    # Times from the start of the contour [s], (n,)
+    # Times from the start of the contour [s], and arc lengths of the plan [m], (n,)
     t: FloatArray
-    # Place of the plan then [m], (n,)
     s: FloatArray
-    # Of the joints' acceleration limits, the larger one of plan and demand, (n, dof)
+    # Joint acceleration, the larger of planned and commanded, (n, dof)
     joints: FloatArray
-    # Of what bounds the speed of the plan and of its command, as a ratio of ds², (n,)
+    # Speed of plan and command, as a ratio of ds², (n,)
     pace: FloatArray
-    # Of the executed tool's speed, as a ratio of squared speeds, (n,)
+    # Squared speed of the executed tool, (n,)
     tool: FloatArray
-    # Of the budget, (n,)
+    # Contour error, on the robot and on the worst robots of the box, (n,); 0 without a box
     error: FloatArray
-    # Of the budget, by the worst robots of the box, (n,); 0 without a box
     box: FloatArray
-    # Largest demands over their limits at any time, (dof,); 0 where saturation is allowed
+    # Largest commanded acceleration between samples, too, (dof,); 0 if saturation is allowed
     peak: FloatArray
-    # RMS contour error over its largest; 0 without one
+    # RMS contour error; 0 without a limit
     rms: float
 
     def worst(self) -> dict[str, float]:
-        """The largest of each."""
+        """Largest ratio by kind."""
         return {
             "acceleration": max(float(self.joints.max()), float(self.peak.max())),
             "speed": float(self.pace.max()),
@@ -84,13 +81,12 @@ class LimitMargins:
         }
 
 
-# Executions of the whole program in corners of the box, and the error of the dead time that they
-# share [s].
+# Error of the dead time that all joints share [s], and executions in corners of the box with it.
 Group = tuple[float, list[Execution]]
 
 
 def run(case: Case, set_points: SetPoints, resolution: float | None = None) -> Execution:
-    """Execute a trial on the robot; on one that never saturates where saturation is refused."""
+    """Execute a trial; the robot does not saturate if saturation is refused."""
     if case.bodies:
         return simulate(set_points, case.plant(), resolution=resolution or case.resolution)
     every = min(set_points.cycle, max(set_points.cycle / PER_INTERVAL, FINEST))
@@ -100,17 +96,20 @@ def run(case: Case, set_points: SetPoints, resolution: float | None = None) -> E
 
 
 def run_on_box(case: Case, set_points: SetPoints) -> list[Group]:
-    """Execute in corners of the box, all joints in the same one."""
+    """Execute in corners of the box that all joints share: a group per end of a shared dead time.
+
+    If saturation is refused, the robots do not saturate; their commanded acceleration is rated.
+    """
     box, servo, dof = case.box, case.servo, case.arm.dof
     if box is None or case.bodies:
         return []
-    late = np.broadcast_to(box.dead_time, (dof,))
-    shared = box.dead_time_shared and bool(late.any())
-    apart = np.zeros(dof) if box.dead_time_shared else late
+    errors = np.broadcast_to(box.dead_time, (dof,))
+    shared = box.dead_time_shared and bool(errors.any())
+    apart = np.zeros(dof) if box.dead_time_shared else errors
     resolution = max(set_points.cycle / BOX_PER_INTERVAL, FINEST)
     groups = []
     for common in (-1.0, 1.0) if shared else (0.0,):
-        moved = np.maximum(servo.dead_time + common * late, 0.0)
+        moved = np.maximum(servo.dead_time + common * errors, 0.0)
         servos = _variants(servo, moved, box, apart)
         plants = [case.plant(x, ideal=not case.saturated) for x in servos]
         runs = [simulate(set_points, x, resolution=resolution) for x in plants]
@@ -119,24 +118,24 @@ def run_on_box(case: Case, set_points: SetPoints) -> list[Group]:
 
 
 def distances(piece: ContourExecution) -> FloatArray:
-    """Contour error of both directions at every time of a piece [m], (n,)."""
+    """Contour error in both directions over time [m], (n,)."""
     error = piece.contour_error
     over_time = np.maximum(piece.followed.distance, piece.followed.coverage_error)
-    # A peak between two times counts for the nearer one.
+    # A peak between two times belongs to the nearer one.
     peak = int(np.argmin(np.abs(piece.t - error.t_max)))
     over_time[peak] = max(over_time[peak], error.max)
     return over_time
 
 
 def speed_ratios(case: Case, piece: ContourExecution) -> FloatArray:
-    """Tool speed of a piece over the velocity assigned at its place, (n,)."""
-    # Rigid bodies have a result in every cycle of their drives.
+    """Ratio of tool speed to assigned velocity, (n,)."""
+    # Rigid bodies have a result in every drive cycle.
     return piece.speed_ratios(case.limits.speed, between=not case.bodies)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trial:
-    """A plan of the whole program, executed once on the robot and on corners of the box."""
+    """A plan of the whole program with its executions on the robot and in corners of the box."""
 
     # The case
     case: Case
@@ -157,12 +156,12 @@ class Trial:
 
     @property
     def all_runs(self) -> list[Execution]:
-        """The execution on the robot, and those on corners of the box."""
+        """The executions on the robot and in corners of the box."""
         return [self.executed, *(x for _, runs in self.groups for x in runs)]
 
     @cached_property
     def corner_pieces(self) -> list[tuple[float, list[Sequence[ContourExecution]]]]:
-        """The groups, each execution contour by contour."""
+        """The groups with their executions divided into contours."""
         program = self.case.program
         return [
             (late, [pieces_of(x, program, None, None) for x in runs]) for late, runs in self.groups
@@ -170,12 +169,12 @@ class Trial:
 
 
 def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> LimitMargins:
-    """The uses of one contour by its plan, its command and its execution."""
+    """Margins of a contour by its plan, its command and its executions."""
     piece, span = trial.pieces[number], trial.trajectory.contour_spans[number]
     path, executed = piece.path, trial.executed
     now, since = slice(0, len(executed.t)), None
     if case.program.single_path is None:
-        # The cycle in which a move ends has a part of the next one.
+        # The cycle in which a move ends contains a part of the next move.
         start, cycle = trial.set_points.start_time, trial.set_points.cycle
         last = start + np.ceil((span.t[1] - start) / cycle - SAME) * cycle
         ends = span.t[0], float(last)
@@ -185,11 +184,11 @@ def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> LimitMar
     pace = np.maximum(pace, _command_use(case, trial.set_points, executed.t[now]))
     peak = np.zeros(case.arm.dof)
     if not case.saturated and not case.bodies:
-        for x in trial.all_runs:
-            part = slice(*np.searchsorted(x.t, since)) if since else slice(None)
-            share = case.demand_ratio(x.demand[part])
-            joints = np.maximum(joints, _at(t + span.t[0], x.t[part], share))
-            peak = np.maximum(peak, peak_demand(case, x, since))
+        for execution in trial.all_runs:
+            part = slice(*np.searchsorted(execution.t, since)) if since else slice(None)
+            share = case.demand_ratio(execution.demand[part])
+            joints = np.maximum(joints, _at(t + span.t[0], execution.t[part], share))
+            peak = np.maximum(peak, peak_demand(case, execution, since))
     tool, speed = np.zeros(len(t)), case.limits.speed
     if speed is not None:
         moved = case.arm.tool_velocity(executed.q[now], executed.dq[now])
@@ -217,7 +216,7 @@ def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> LimitMar
 
 
 def response_time(case: Case) -> float:
-    """Time for which a command is felt in a joint's demand [s]."""
+    """Time for which a command affects the commanded acceleration of a joint [s]."""
     servo = case.servo
     return 2.0 / float((servo.kp if servo.kv is None else servo.kv).min())
 
@@ -225,7 +224,10 @@ def response_time(case: Case) -> float:
 def peak_demand(
     case: Case, executed: Execution, span: tuple[float, float] | None = None
 ) -> FloatArray:
-    """Largest demand of every joint over its limit, also between results, (dof,)."""
+    """Largest ratio of commanded acceleration to its limit, between samples too, (dof,).
+
+    The execution must not saturate; `span` selects set-points by time [s].
+    """
     assert isinstance(executed.plant, ServoPlant)
     servo = executed.plant.servo
     every = np.asarray(case.demand_ratio(executed.demand_range).max(axis=0))
@@ -248,28 +250,31 @@ def peak_demand(
 
 
 def _motion(plan: Trajectory, t: FloatArray, side: Side) -> tuple[FloatArray, FloatArray]:
-    """Where a plan along a joint path is at some times [m], (n,), and q, dq, ddq, (3, n, dof)."""
+    """Arc lengths of a plan along a joint path [m], (n,), and q, dq, ddq, (3, n, dof)."""
     s, states = np.empty(len(t)), np.empty((3, len(t), plan.dof))
-    for k, here, i, local in plan.locate(t, side):
+    for k, mask, i, local in plan.locate(t, side):
         law = plan.laws[k]
         assert isinstance(law, PathLaw)
         along = law.path_motion(i, local)
-        s[here] = along[0]
-        states[:, here] = join_path(law.joint_path, law.s[i + 1], along, (0, 1, 2))
+        s[mask] = along[0]
+        states[:, mask] = join_path(law.joint_path, law.s[i + 1], along, (0, 1, 2))
     return s, states
 
 
 def _planned_uses(
     case: Case, path: Path, plan: Trajectory, t: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where the plan is, (n,), shares of acceleration limits, (n, dof), and of ds², (n,)."""
+    """Arc lengths of the plan, (n,), ratios of joint acceleration, (n, dof), and of ds², (n,).
+
+    Values on both sides of a vertex of the path belong to the nearest time.
+    """
     s, joints, pace = _states(case, path, plan, np.clip(t, 0.0, plan.duration), "right")
-    at = _passing(plan, path.breaks)
-    near = np.clip(np.searchsorted(t, at), 0, len(t) - 1)
+    times = _passing(plan, path.breaks)
+    near = np.clip(np.searchsorted(t, times), 0, len(t) - 1)
     sides: tuple[Side, ...] = ("left", "right")
     for side in sides:
-        _, more, faster = _states(case, path, plan, at, side)
-        np.maximum.at(joints, near, more)
+        _, ratios, faster = _states(case, path, plan, times, side)
+        np.maximum.at(joints, near, ratios)
         np.maximum.at(pace, near, faster)
     return s, joints, pace
 
@@ -280,26 +285,26 @@ def _states(
     limits = case.limits
     s, joints = _motion(plan, t, side)
     states = States(case.arm, tuple(joints))
-    # Of ds² a velocity takes the square of its share, an acceleration its share.
+    # ds² is proportional to squared velocities and to accelerations.
     pace = (states.use("joint_velocity", limits).ratio ** 2).max(axis=1)
-    here = _assigned_speeds(case, path, s, side)
-    if np.isfinite(here).any():
-        pace = np.maximum(pace, (states.bound("speed")[0] / here) ** 2)
+    assigned = _assigned_speeds(case, path, s, side)
+    if np.isfinite(assigned).any():
+        pace = np.maximum(pace, (states.bound("speed")[0] / assigned) ** 2)
     if limits.centripetal_acceleration is not None:
         pace = np.maximum(pace, states.use("centripetal_acceleration", limits).ratio)
     return s, states.use("joint_acceleration", limits).ratio, pace
 
 
 def _assigned_speeds(case: Case, path: Path, s: FloatArray, side: Side) -> FloatArray:
-    """Velocities that are assigned at places of the path [m/s], infinite where none is, (n,)."""
-    most = case.limits.speed
-    own = np.fmin(path.speeds, np.inf if most is None else most)
-    here = own[path.locate(np.clip(s, 0.0, path.length), side=side)]
-    return np.where(np.isnan(here), np.inf, here)
+    """Assigned velocities at arc lengths [m/s], (n,); infinite where none is assigned."""
+    limit = case.limits.speed
+    speeds = np.fmin(path.speeds, np.inf if limit is None else limit)
+    assigned = speeds[path.locate(np.clip(s, 0.0, path.length), side=side)]
+    return np.where(np.isnan(assigned), np.inf, assigned)
 
 
 def _passing(plan: Trajectory, places: FloatArray) -> FloatArray:
-    """When a plan passes the joints between segments that are breaks of it [s]."""
+    """Times at which a plan passes those vertices of the path that are breaks of its laws [s]."""
     times = [np.zeros(0)]
     for law, start in zip(plan.laws, plan.starts, strict=False):
         assert isinstance(law, PathLaw)
@@ -309,7 +314,7 @@ def _passing(plan: Trajectory, places: FloatArray) -> FloatArray:
 
 
 def _command_use(case: Case, set_points: SetPoints, t: FloatArray) -> FloatArray:
-    """The share of what bounds ds² that set-points take, at the times `t`, (n,)."""
+    """Ratio of ds² that set-points use at the times `t`, (n,)."""
     dof = case.arm.dof
     rate = np.append(np.diff(set_points.q, axis=0), np.zeros((1, dof)), axis=0) / set_points.cycle
     states = States(case.arm, (set_points.q, rate))
@@ -321,31 +326,35 @@ def _command_use(case: Case, set_points: SetPoints, t: FloatArray) -> FloatArray
     return np.asarray(pace[k])
 
 
-def _at(t: FloatArray, given: FloatArray, values: FloatArray) -> FloatArray:
-    """Values at other times: the larger of the two given ones around each, 0 outside, (n, dof)."""
-    k = np.clip(np.searchsorted(given, t, side="right"), 1, len(given) - 1)
-    found = np.maximum(values[k - 1], values[k])
-    found[(t < given[0]) | (t > given[-1])] = 0.0
-    return np.asarray(found)
+def _at(t: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
+    """Larger of the two values around each time `t`; 0 outside, (n, dof)."""
+    k = np.clip(np.searchsorted(times, t, side="right"), 1, len(times) - 1)
+    larger = np.maximum(values[k - 1], values[k])
+    larger[(t < times[0]) | (t > times[-1])] = 0.0
+    return np.asarray(larger)
 
 
 def _worst(case: Case, trial: Trial, number: int) -> FloatArray:
-    """Contour error of the worst robot of the box, about, at all times of a trial [m], (n,)."""
+    """Approximate contour error of the worst robot of the box at all times of a trial [m], (n,).
+
+    Joints are independent, so the worst deviations across the path are added joint by joint.
+    Payload and jitter are not included.
+    """
     t, span = trial.executed.t, trial.trajectory.contour_spans[number]
     largest = np.zeros(len(t))
-    for late, runs in trial.corner_pieces:
+    for delay, runs in trial.corner_pieces:
         pieces = [x[number] for x in runs]
-        largest = np.maximum(largest, np.interp(t, *_across(case, late, pieces, span)))
-        for x in pieces:
-            rows = np.clip(np.searchsorted(t, x.t), 0, len(t) - 1)
-            np.maximum.at(largest, rows, x.followed.coverage_error)
+        largest = np.maximum(largest, np.interp(t, *_across(case, delay, pieces, span)))
+        for piece in pieces:
+            rows = np.clip(np.searchsorted(t, piece.t), 0, len(t) - 1)
+            np.maximum.at(largest, rows, piece.followed.coverage_error)
     return largest
 
 
 def _variants(
     servo: ServoModel, dead_time: FloatArray, box: Uncertainty, apart: FloatArray
 ) -> list[ServoModel]:
-    """Servos in the corners of the box, all joints in the same."""
+    """Servos in corners of the box that all joints share."""
     gains = np.broadcast_to(np.asarray(box.gains), (2, len(dead_time)))
     signs = [
         (1.0, -1.0) if (x > 0).any() else (0.0,)
@@ -362,37 +371,37 @@ def _variants(
 
 
 def _across(
-    case: Case, late: float, pieces: Sequence[ContourExecution], span: Span
+    case: Case, delay: float, pieces: Sequence[ContourExecution], span: Span
 ) -> tuple[FloatArray, FloatArray]:
-    """Times, and the largest sum over the joints of what any of the runs moves them across."""
+    """Times, and the largest sum over joints of their deviations across the path in any run."""
     arm, path, plan = case.arm, pieces[0].path, span.trajectory
     assert plan is not None
     n = min(len(x.t) for x in pieces)
     t = pieces[0].t[:n]
-    # All joints late by the same leave the path as it is.
-    base = plan(np.clip(t - span.t[0] - late, 0.0, plan.duration))
+    # An equal delay of all joints does not change the path.
+    base = plan(np.clip(t - span.t[0] - delay, 0.0, plan.duration))
     if len(pieces) > 1:
         base = np.mean([x.q[:n] for x in pieces], axis=0)
     jacobian, point = arm.tool_jacobian(base), arm.tool_position(base)
-    off = np.array([x.q[:n] - base for x in pieces])
-    # (runs, n, dimension, dof): what each joint's error does to the tool.
-    moved = jacobian[None] * off[:, :, None, :]
+    deviations = np.array([x.q[:n] - base for x in pieces])
+    # Deviation of the tool by each joint, (runs, n, dimension, dof).
+    moved = jacobian[None] * deviations[:, :, None, :]
     s = path.project(point).s
     total = np.zeros(n)
     for direction in normals(path(s, 1)):
-        # The centre's own distance adds to what the joints do.
-        own = np.abs(np.einsum("nd,nd->n", point - path(s), direction))
+        # The distance of the mean motion adds to the deviations of the joints.
+        distance = np.abs(np.einsum("nd,nd->n", point - path(s), direction))
         side = np.einsum("rndj,nd->rnj", moved, direction)
-        total = np.maximum(total, own + side.max(axis=0).sum(axis=1))
+        total = np.maximum(total, distance + side.max(axis=0).sum(axis=1))
     return t, total
 
 
 def normals(tangent: FloatArray) -> list[FloatArray]:
-    """Directions across the path at every place, (n, dimension) each."""
+    """Directions across the path at each tangent, (n, dimension) each."""
     unit = tangent / np.linalg.norm(tangent, axis=1)[:, None]
     if unit.shape[1] == 2:
-        left = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
-        return [left, -left]
+        normal = np.stack([-unit[:, 1], unit[:, 0]], axis=1)
+        return [normal, -normal]
     flat = np.abs(unit).argmin(axis=1)
     first = np.cross(unit, np.eye(3)[flat])
     first /= np.linalg.norm(first, axis=1)[:, None]
@@ -401,30 +410,30 @@ def normals(tangent: FloatArray) -> list[FloatArray]:
     return [np.cos(x) * first + np.sin(x) * second for x in angles]
 
 
-# A limit is exceeded by a share above 1 and this: rounding.
+# Rounding: a limit is exceeded by a ratio above 1 + KEPT.
 KEPT = 1e-9
-# Places per interval at which a plan is checked against its limits between all samples.
+# Points per interval at which a plan is checked against its limits.
 POINTS = 5
 
 
 def largest_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
-    """The larger share of each limit: what a check finds, and what is bounded at any time."""
+    """Largest ratio of each limit: the larger of that of a check and of a bound for all times."""
     uses = bound_uses(plan, arm, limits)
-    for x in check(plan, arm, limits, points=POINTS).uses:
-        uses[x.name] = max(uses.get(x.name, 0.0), x.ratio)
+    for use in check(plan, arm, limits, points=POINTS).uses:
+        uses[use.name] = max(uses.get(use.name, 0.0), use.ratio)
     return uses
 
 
 def bound_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
-    """Shares of limits that a plan takes; one of at most 1 + KEPT is not exceeded at any time."""
+    """Upper bounds of a plan's ratios of limits at all times; tool limits are those of the path."""
     joints = np.stack([*limits.acceleration_bounds(arm.dof), *limits.velocity_bounds(arm.dof)])
-    found = np.zeros(6)
+    shares = np.zeros(6)
     for law in plan.laws:
         assert isinstance(law, PathLaw)
         speeds = _highest_speeds(law.joint_path, limits)
-        found = np.maximum(found, largest_shares(law, joints, speeds, 1 + KEPT))
-    acceleration, velocity = found[:4].reshape(2, 2).max(axis=1).tolist()
-    speed, bent = found[4:].tolist()
+        shares = np.maximum(shares, largest_shares(law, joints, speeds, 1 + KEPT))
+    acceleration, velocity = shares[:4].reshape(2, 2).max(axis=1).tolist()
+    speed, bent = shares[4:].tolist()
     return {
         "joint_acceleration": acceleration,
         "joint_velocity": velocity,
@@ -434,17 +443,20 @@ def bound_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
 
 
 def _highest_speeds(joint_path: JointPath, limits: Limits) -> FloatArray:
-    """Path speeds that limits of speed and of centripetal acceleration allow, (pieces, 2)."""
+    """Path speeds that limits of speed and of centripetal acceleration allow, (pieces, 2).
+
+    Segments with varying curvature have no bound for the latter; a check samples them.
+    """
     breaks, path = joint_path.breaks, joint_path.tool_path
-    found = np.full((len(breaks) - 1, 2), np.inf)
+    bounds = np.full((len(breaks) - 1, 2), np.inf)
     if path is None:
-        return found
+        return bounds
     # Breaks of the tool path are breaks of the joint path.
     segment = path.locate(np.clip((breaks[:-1] + breaks[1:]) / 2, 0.0, path.length))
-    found[:, 0] = np.fmin(path.speeds[segment], np.inf if limits.speed is None else limits.speed)
+    bounds[:, 0] = np.fmin(path.speeds[segment], np.inf if limits.speed is None else limits.speed)
     varies = path.segments.bent[segment] | (isinstance(path, ShapedPath) and path.curve is not None)
     if limits.centripetal_acceleration is not None:
         bent = np.where(varies, 0.0, np.abs(path.curvatures[segment]))
         with np.errstate(divide="ignore"):
-            found[:, 1] = np.sqrt(limits.centripetal_acceleration / bent)
-    return found
+            bounds[:, 1] = np.sqrt(limits.centripetal_acceleration / bent)
+    return bounds

@@ -1,4 +1,4 @@
-"""Moves of a program in the search: their plans, and what is derated for them."""
+"""Contours and rapids in the search: their plans and their derating."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ from armcontour.studies.certification.limit_margins import (
     run_on_box,
 )
 
-# Trials aim a little below each limit, so that they arrive: at this share of accelerations, and of
-# what bounds the speed, where nothing but rounding is between plan and limit; and of errors.
+# Shares of limits that trials aim at, so that the search ends. Only rounding separates the plan
+# from limits of acceleration and speed.
 GOALS = {
     "acceleration": 1 - 3e-6,
     "speed": 1 - 2e-9,
@@ -41,36 +41,34 @@ GOALS = {
     "error": 0.995,
     "box": 0.995,
 }
-# What is derated in one cell changes the motion in its neighbours, so that an excess may shrink by
-# less than half in a trial: after so many trials it is met with its square, then its cube.
+# Derating in one cell changes the motion in its neighbours, so that an excess may shrink by less
+# than half per trial. After this many trials it is raised to the second power, then to the third.
 PATIENCE = 5
-# A tool that is too fast at its place still has what it had this many time constants before.
-LASTING = 8.0
-# An error of a body is caused by the plan up to this many time constants of its position loops
-# before.
-LAGGING = 2.0
-# Limits that are derated place by place; of others a share is left everywhere.
-BY_PLACE = ("joint_acceleration", "joint_velocity", "speed", "centripetal_acceleration")
-# Accelerations of a rapid rise to their limits in so many cycles; the faster rapid is
-# taken.
+# The speed of the tool depends on the plan up to this many time constants before.
+TOOL_MEMORY = 8.0
+# The error of rigid bodies depends on the plan up to this many time constants of their position
+# loops before.
+BODY_MEMORY = 2.0
+# Limits that are derated cell by cell; other limits are derated along the whole move.
+LOCAL_LIMITS = ("joint_acceleration", "joint_velocity", "speed", "centripetal_acceleration")
+# Rise times of a rapid's accelerations in cycles; the faster rapid is used.
 RISES = (0.0, 0.5)
-# Rapids aim at this share of each limit, because set-points next to the end of a rapid have a part
-# of the contour after it; they are derated by a little more, so that they arrive.
-RAPID_GOAL, CLOSE = 1 - 1e-3, 1e-5
-MOST_RAPIDS = 12
-# The error that is left of the move before a contour may take this share of the budget at its
-# start.
+# Share of each limit that rapids aim at, because set-points near the end of a rapid include a part
+# of the next contour; and the additional derating that ends the search.
+RAPID_GOAL, RAPID_STEP = 1 - 1e-3, 1e-5
+MAX_RAPIDS = 12
+# Share of the budget that the error of the previous move may take at the start of a contour.
 ENTRY = 0.25
 
 
 class StepSizes(NamedTuple):
-    """Size of the steps by which a contour is derated from one trial to the next."""
+    """Sizes of the steps by which a contour is derated from trial to trial."""
 
-    # Power of the excess by which an error is derated
+    # Power of the excess of an error
     power: float
-    # Smallest share of speed and acceleration that is left after one step
+    # Smallest factor of speed and acceleration per step
     share: float
-    # Whether what all cells need for acceleration is derated at once
+    # Whether the common excess of acceleration is derated in all cells at once
     together: bool
 
 
@@ -78,55 +76,48 @@ class StepSizes(NamedTuple):
 class MoveSearch:
     """A contour or a rapid in the search."""
 
-    # The traced move
     step: TracedMove
     # Index of the contour; None for a rapid
     number: int | None
-    # Derating of a contour by place
     derating: Derating
-    # Its plan; times from 0 [s]
+    # Times from 0 [s]
     plan: Trajectory
-    # Shares that are left of other limits along the whole move, by their names
+    # Usable shares of other limits along the whole move, by name
     factors: dict[str, float] = field(default_factory=dict)
     # Rise time of a rapid's accelerations in cycles
     rise: float = 0.0
     # Standstill before the move [s]
     pause: float = 0.0
-    # The plan with nothing derated, and the derating of it
+    # The first plan, and its derating, which derates nothing
     fastest: Trajectory = field(init=False)
-    # The plan with nothing derated, and the derating of it
     nothing: Derating = field(init=False)
-    # Derating, factors and plan of the fastest plan that is within all its uses
+    # Derating, factors and plan of the fastest plan within all limits
     best: tuple[Derating, dict[str, float], Trajectory] | None = None
     # Whether the search of this contour has ended
     done: bool = False
-    # Whether its first plan was outside in the whole program
+    # Whether a proof has rejected a plan
     proving: bool = False
-    # Index of the steps that are tried
+    # Index of the step sizes, trials with them, and all trials
     attempt: int = 0
-    # Trials with these steps
     tries: int = 0
-    # All trials
     trials: int = 1
-    # Share of all accelerations that is tried where saturation is allowed
+    # If saturation is allowed: the tried factor of all accelerations, and the largest factor that
+    # was within and the smallest that was outside
     share: float = 1.0
-    # Largest share that was within, and smallest that was outside
     bracket: tuple[float, float] = (0.0, 1.0)
-    # Shares of what is allowed at which attempts aim first, by causes
+    # Aimed shares of limits by causes, of attempts and of the next trial
     aims: dict[str, float] = field(default_factory=GOALS.copy)
-    # The same for the next trial
     tightness: dict[str, float] = field(default_factory=GOALS.copy)
-    # What the last trial used most, and how much of it
+    # The limiting constraint of the last trial, and its ratio
     binds: tuple[str, float] = ("", 0.0)
     # Smallest contour error of any trial, over the box if there is one [m]
     reached: float = np.inf
-    # Smallest contour error of a robot of the box that was outside [m]
+    # Smallest contour error of a robot of the box that exceeded the budget [m]
     outside: float = np.inf
     # Parts of the error of the worst robot of the box, by kinds of unknowns [m]
     parts: dict[str, float] = field(default_factory=dict)
-    # Executions in the corners of the box
+    # Executions in the corners of the box, and on robots drawn from it
     corners: MonteCarloResult | None = None
-    # Executions on robots drawn from the box
     spread: MonteCarloResult | None = None
 
     def __post_init__(self) -> None:
@@ -153,8 +144,8 @@ def moves_of(case: Case) -> list[MoveSearch]:
     count, stood = 0, 0.0
     for step in case.traced.steps:
         if step.joint_path is None:
-            move = None if step.move is None else case.program.moves[step.move]
-            stood += move.duration if isinstance(move, Dwell) else 0.0
+            program_move = None if step.move is None else case.program.moves[step.move]
+            stood += program_move.duration if isinstance(program_move, Dwell) else 0.0
             continue
         with step.named():
             if case.traced.is_contour(step):
@@ -182,16 +173,21 @@ def plan_contour(
 def plan_rapid(
     case: Case, joint_path: JointPath, factors: dict[str, float], rise: float
 ) -> Trajectory:
-    """Plan a rapid within the shares that are left of its limits."""
-    left = {name: getattr(case.limits, name) * share for name, share in factors.items()}
+    """Plan a rapid within the usable shares of its limits; `rise` is in cycles."""
+    reduced = {name: getattr(case.limits, name) * share for name, share in factors.items()}
     if rise:
         low, high = case.limits.acceleration_bounds(case.arm.dof)
-        left["joint_jerk"] = np.minimum(-low, high) / (rise * case.run.cycle)
-    return time_rapid(joint_path, case.arm, case.limits.replace(**left), case.program.rapid_speed)
+        reduced["joint_jerk"] = np.minimum(-low, high) / (rise * case.run.cycle)
+    return time_rapid(
+        joint_path, case.arm, case.limits.replace(**reduced), case.program.rapid_speed
+    )
 
 
 def _fastest_rapid(case: Case, step: TracedMove) -> MoveSearch:
-    """The fastest rapid from rest that keeps all joint limits on every robot of the box."""
+    """Fastest rapid from rest that satisfies the joint limits on every robot of the box.
+
+    It saturates no joint, even if contours may: a saturated joint would lag at the contour's start.
+    """
     path = step.joint_path
     assert path is not None
     # Demands are measured without saturation, because a saturated plant hides the excess.
@@ -200,18 +196,18 @@ def _fastest_rapid(case: Case, step: TracedMove) -> MoveSearch:
     candidates = []
     for rise in (0.0,) if steep else RISES:
         factors: dict[str, float] = {}
-        for _ in range(MOST_RAPIDS):
+        for _ in range(MAX_RAPIDS):
             plan = plan_rapid(case, path, factors, rise)
             set_points = case.teach(plan)
             over = lower_rapid(case, factors, plan, set_points, _runs(ideal, set_points), None)
             if over is None:
-                found = MoveSearch(step, None, Derating.nothing(path, 1), plan, factors, rise)
-                candidates.append(found)
+                candidate = MoveSearch(step, None, Derating.nothing(path, 1), plan, factors, rise)
+                candidates.append(candidate)
                 break
             factors = over
     if not candidates:
         raise NotRealizable(
-            f"No rapid keeps its limits when it is executed, after {MOST_RAPIDS} plans of it: its "
+            f"No rapid keeps its limits when it is executed, after {MAX_RAPIDS} plans of it: its "
             f"set-points come every {case.run.cycle * 1e3:g} ms; take a shorter command "
             "interval, or linear interpolation.",
             limit="joint_acceleration",
@@ -227,34 +223,40 @@ def lower_rapid(
     runs: Sequence[Execution],
     span: tuple[float, float] | None,
 ) -> dict[str, float] | None:
-    """Smaller shares of the limits that a rapid exceeds; None if it keeps all of them."""
+    """Smaller factors of the limits that a rapid exceeds; None if it exceeds none.
+
+    `runs` are executions of the set-points without saturation; `span` is the time of the rapid in
+    them [s], by default all of it.
+    """
     free, dof = case.limits.of_joints, case.arm.dof
     uses = largest_uses(plan, case.arm, free)
-    # StepSizes at breaks, and the path's own speeds, are no limits of a rapid.
+    # Velocity steps at breaks and speeds of the path do not limit a rapid.
     uses = {name: x for name, x in uses.items() if getattr(free, name, None) is not None}
     if "joint_acceleration" in uses:
         demands = (float(peak_demand(case, x, span).max()) for x in runs)
         uses["joint_acceleration"] = max(uses["joint_acceleration"], *demands)
     if "joint_velocity" in uses:
-        now = set_points.q[slice(*np.searchsorted(set_points.t, span))] if span else set_points.q
-        rate = np.diff(now, axis=0) / set_points.cycle
+        positions = (
+            set_points.q[slice(*np.searchsorted(set_points.t, span))] if span else set_points.q
+        )
+        rate = np.diff(positions, axis=0) / set_points.cycle
         lower, upper = case.limits.joint_range(dof)
-        outside = OUTSIDE if ((now < lower) | (now > upper)).any() else 0.0
+        outside = OUTSIDE if ((positions < lower) | (positions > upper)).any() else 0.0
         ratio = use_of("joint_velocity", case.limits, rate).ratio
         uses["joint_velocity"] = max(uses["joint_velocity"], float(ratio.max(initial=outside)))
     goal = RAPID_GOAL if span is None else 1.0 + KEPT
     over = {name: x for name, x in uses.items() if x > goal}
     if not over:
         return None
-    less = {
-        name: factors.get(name, 1.0) * min(RAPID_GOAL / x, 1 - CLOSE) * (1 - CLOSE)
+    reduced = {
+        name: factors.get(name, 1.0) * min(RAPID_GOAL / x, 1 - RAPID_STEP) * (1 - RAPID_STEP)
         for name, x in over.items()
     }
-    return factors | less
+    return factors | reduced
 
 
 def _settling_time(case: Case, moves: Sequence[MoveSearch]) -> float:
-    """Time after the last moves until the tool stays near their end point [s]."""
+    """Settling time of the tool after the last moves, in the slowest corner of the box [s]."""
     last = len(moves) - 1
     while last > 0 and moves[last].number is None:
         last -= 1
@@ -268,63 +270,62 @@ def _settling_time(case: Case, moves: Sequence[MoveSearch]) -> float:
 
 
 def _runs(case: Case, set_points: SetPoints) -> list[Execution]:
-    """Executions on the robot and on corners of the box."""
+    """Executions on the robot and in corners of the box."""
     return [run(case, set_points), *(x for _, runs in run_on_box(case, set_points) for x in runs)]
 
 
-def exceeded(case: Case, x: MoveSearch) -> bool:
-    """Whether a plan exceeds a limit at any time; then trials aim lower."""
-    shares = largest_uses(x.plan, case.arm, case.limits)
+def exceeded(case: Case, move: MoveSearch) -> bool:
+    """Check a plan against its limits at all times, and aim lower if it exceeds one."""
+    shares = largest_uses(move.plan, case.arm, case.limits)
     over = {name: ratio * (1 + KEPT) for name, ratio in shares.items() if ratio > 1 + KEPT}
     for name, ratio in over.items():
-        if name in BY_PLACE:
+        if name in LOCAL_LIMITS:
             kind = "acceleration" if name.startswith("joint_") else "speed"
-            x.tightness[kind] /= ratio
+            move.tightness[kind] /= ratio
         elif name in UNITS:
-            x.factors = x.factors | {name: x.factors.get(name, 1.0) / ratio}
+            move.factors = move.factors | {name: move.factors.get(name, 1.0) / ratio}
     return bool(over)
 
 
-def tighten(case: Case, x: MoveSearch, uses: LimitMargins, steps: StepSizes) -> Derating:
-    """The next derating of a contour: more, wherever a limit is exceeded or nearly so."""
-    derating, tight = x.derating, x.tightness
-    # With which power of their excess accelerations are derated.
-    power = 1 + x.tries // PATIENCE
+def tighten(case: Case, move: MoveSearch, uses: LimitMargins, steps: StepSizes) -> Derating:
+    """Derate a contour further wherever its last plan exceeds, or nearly exceeds, a limit."""
+    derating, tight = move.derating, move.tightness
+    power = 1 + move.tries // PATIENCE
     memory = response_time(case)
-    largest = _largest_in_cells(x, uses, case.run.cycle + memory)
-    speed = squares_of(x.plan, derating.cells)
+    largest = _largest_in_cells(move, uses, case.run.cycle + memory)
+    speed = squares_of(move.plan, derating.cells)
 
-    def slower(use: FloatArray, left: FloatArray, cause: str) -> Derating:
-        """Derating that leaves a share of ds² in the cells with a use above 1."""
-        return derating.with_cap(np.where(use > 1, speed * left, np.inf), cause)
+    def slower(use: FloatArray, share: FloatArray, cause: str) -> Derating:
+        """Derating that reduces ds² to a share in cells with a use above 1."""
+        return derating.with_cap(np.where(use > 1, speed * share, np.inf), cause)
 
     over = uses.joints * np.maximum(1.0, uses.peak / uses.joints.max(axis=0))
-    left = np.ones_like(derating.share)
-    for j in range(left.shape[1]):
+    shares = np.ones_like(derating.share)
+    for j in range(shares.shape[1]):
         use = largest(over[:, j], 0.0) / tight["acceleration"]
-        if x.tries == 0 and steps.together and not case.saturated and (use > 1).any():
-            # Most of it is what the cycle adds to any acceleration: it is derated
-            # everywhere at once, so that it need not be found again as the plan moves.
+        if move.tries == 0 and steps.together and not case.saturated and (use > 1).any():
+            # Most of the excess comes from the cycle and is the same everywhere. Derated at once,
+            # it does not come back in other cells when the plan changes.
             common = float(np.median(use[use > 1]))
-            left[:, j] /= common
+            shares[:, j] /= common
             use = use / common
-        left[:, j] /= np.maximum(use, 1.0) ** power
-    derating = derating.with_share(left, "acceleration")
+        shares[:, j] /= np.maximum(use, 1.0) ** power
+    derating = derating.with_share(shares, "acceleration")
     use = largest(uses.pace, 0.0) / tight["speed"]
     derating = slower(use, 1 / np.maximum(use, 1.0), "speed")
-    # A servo that nothing makes up for still has what the plan did some time before.
+    # Without compensation the tool follows an earlier part of the plan.
     lags = isinstance(case.run.compensation, NoCompensation) or power > 1
-    late = LASTING * memory / 2 if lags else 0.0
-    use = largest(uses.tool, late) / tight["tool"]
+    delay = TOOL_MEMORY * memory / 2 if lags else 0.0
+    use = largest(uses.tool, delay) / tight["tool"]
     derating = slower(use, np.maximum(use, 1.0) ** -power, "tool")
     if not case.saturated:
-        use = np.maximum(largest(uses.error, late), uses.rms) / tight["error"]
+        use = np.maximum(largest(uses.error, delay), uses.rms) / tight["error"]
         slow = np.clip(np.maximum(use, 1.0) ** (-steps.power * power), steps.share, 1.0)
         derating = slower(use, slow**2, "error").with_share(slow[:, None], "error")
     if case.box is not None:
-        # Bodies are late by the time constant of their position loops.
-        late = LAGGING / float(case.servo.kp.min()) if case.bodies else 0.0
-        use = largest(uses.box, late) / tight["box"]
+        # Bodies lag by the time constant of their position loops.
+        delay = BODY_MEMORY / float(case.servo.kp.min()) if case.bodies else 0.0
+        use = largest(uses.box, delay) / tight["box"]
         slow = 1 / np.maximum(use, 1.0)
         derating = slower(use, np.maximum(slow, steps.share) ** 2, "box")
         if case.bodies:
@@ -333,15 +334,19 @@ def tighten(case: Case, x: MoveSearch, uses: LimitMargins, steps: StepSizes) -> 
 
 
 def _largest_in_cells(
-    x: MoveSearch, uses: LimitMargins, around: float
+    move: MoveSearch, uses: LimitMargins, around: float
 ) -> Callable[[FloatArray, float], FloatArray]:
-    """A function that finds the largest of some values in each cell of a contour."""
+    """Function for the maximum of values (n,) in each cell of a contour.
+
+    Values up to `around` [s] outside a cell belong to it; the function's second argument extends
+    that time after the cell [s].
+    """
     from scipy.ndimage import maximum_filter1d
 
     t, step = uses.t, float(uses.t[1] - uses.t[0])
     count = max(1, int(np.ceil(around / step)))
-    inside = (t >= 0) & (t <= x.plan.duration)
-    edges = np.interp(x.derating.cells, uses.s[inside], t[inside])
+    inside = (t >= 0) & (t <= move.plan.duration)
+    edges = np.interp(move.derating.cells, uses.s[inside], t[inside])
     begin = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, len(t) - 1)[:-1]
 
     def largest(values: FloatArray, before: float) -> FloatArray:

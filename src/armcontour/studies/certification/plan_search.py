@@ -1,8 +1,7 @@
-"""The search of a certificate: propose, execute the whole program once, judge, tighten, prove.
+"""Search for a certified plan, see docs/concepts/certificate.md.
 
-A trial plans all moves within what is left of their limits, executes the program, and looks where
-a limit, the budget or the box is exceeded. There more is derated, and the next trial is made. Moves
-that are within keep their plans. See docs/concepts/certificate.md.
+Each trial plans all moves within derated limits and executes the program. Moves are derated further
+where they exceed a limit, the budget or the box; the final plan is proven on more robots.
 """
 
 from __future__ import annotations
@@ -54,32 +53,34 @@ from armcontour.studies.certification.rigid_body_robots import (
 from armcontour.verification import check
 from armcontour.verification.contour_execution import pieces_of
 
-# An attempt to derate a contour takes at most this many trials.
-MOST_TRIALS = 25
-# Errors go at least with the third power of speed and acceleration. Which steps lead to the fastest
-# plan is not known: each contour takes all of these, and its best plan.
+# Largest number of trials per attempt to derate a contour.
+MAX_TRIALS = 25
+# Errors grow at least with the third power of speed and acceleration. The best step sizes are not
+# known in advance, so each contour tries all of these.
 STEPS = (
     StepSizes(1 / 3, 0.7, True),
     StepSizes(1 / 3, 0.85, True),
     StepSizes(1 / 4, 0.85, False),
 )
-# Certified plans that take this share longer than the optimum are searched with further steps.
+# Relative excess over the optimum above which a certified plan is searched with further steps.
 GAIN = 1e-4
-# Where saturation is allowed an error has its cause anywhere before it, so accelerations are
-# derated everywhere alike, to this share of what was left of them at a time; the share that is
-# within is then found to this ratio.
+# If saturation is allowed, the cause of an error can be anywhere before it, so accelerations are
+# derated uniformly: by this factor per trial, then by bisection to this ratio.
 COARSE_SHARE = 0.85
 SHARE_PRECISION = 1.005
-# A proof looks at more times and more robots than trials, and at all moves together. Moves that are
-# outside are derated further, with goals closer by CLOSER, so many times at most.
-MOST_PROOFS = 30
-CLOSER = 0.998
-# After a drive saturated, torque limits are lowered by this ratio at least.
-SPARE = 1.01
+# Largest number of proofs, and the factor of aims after a proof rejected a move. A proof samples
+# more times and robots than a trial, and all moves together.
+MAX_PROOFS = 30
+AIM_STEP = 0.998
+# Smallest ratio by which torque limits are reduced after a drive saturated.
+TORQUE_STEP = 1.01
 
 
 def search(case: Case) -> tuple[Trial, list[MoveSearch]]:
-    """The fastest plan of a program that keeps the goal, with its proof, and its moves."""
+    """Fastest plan of a program that satisfies the goal, with its proof, and its moves.
+
+    Raises NotRealizable if none does; the message names the contour.
+    """
     if case.budget <= 0:
         raise NotRealizable(
             f"The servo model does not explain errors of up to {case.model_error * 1e3:.4g} mm "
@@ -94,7 +95,7 @@ def search(case: Case) -> tuple[Trial, list[MoveSearch]]:
     robots: list[FloatArray] = []
     proofs = 0
     while True:
-        case.progress(Step((f"trial {sum(x.trials for x in contours)}",)))
+        case.progress(Step((f"trial {sum(move.trials for move in contours)}",)))
         trial = execute_program(case, moves, robots)
         active = [x for x in contours if not x.done]
         if not active:
@@ -102,28 +103,31 @@ def search(case: Case) -> tuple[Trial, list[MoveSearch]]:
             if proven is not None:
                 return proven, moves
             proofs += 1
-        for x in active:
-            with x.step.named():
-                _judge(case, x, trial)
-        left = [x for x in contours if not x.done or x.best is None]
-        if left and left[0].done or proofs == MOST_PROOFS:
-            with (left or moves)[0].step.named():
-                refuse(case, (left or moves)[0])
+        for move in active:
+            with move.step.named():
+                _judge(case, move, trial)
+        uncertified = [x for x in contours if not x.done or x.best is None]
+        if uncertified and uncertified[0].done or proofs == MAX_PROOFS:
+            with (uncertified or moves)[0].step.named():
+                refuse(case, (uncertified or moves)[0])
 
 
 def execute_program(
     case: Case, moves: Sequence[MoveSearch], robots: list[FloatArray] | None = None
 ) -> Trial:
-    """Join the plans of all moves, teach them, and execute the program."""
+    """Join the plans of all moves, compensate them, and execute the program.
+
+    `robots` of the box are executed as rigid bodies; an empty list gets the first ones.
+    """
     joined, following = JoinedMoves(case.traced, case.arm), iter(moves)
     for step in case.traced.steps:
         if step.joint_path is None:
             joined.add(step, None)
             continue
-        x = next(following)
-        if x.pause > 0:
-            joined.stand(x.pause)
-        joined.add(step, x.plan)
+        move = next(following)
+        if move.pause > 0:
+            joined.stand(move.pause)
+        joined.add(step, move.plan)
     trajectory = joined.trajectory().limited(case.limits)
     set_points = case.teach(trajectory)
     executed, box = run(case, set_points), None
@@ -143,113 +147,116 @@ def execute_program(
     )
 
 
-def _judge(case: Case, x: MoveSearch, trial: Trial) -> None:
-    """Judge a trial of a contour, and propose its next plan."""
-    assert x.number is not None
-    uses = uses_of(case, trial, x.number, x.plan)
-    worst = _remember(case, x, uses)
+def _judge(case: Case, move: MoveSearch, trial: Trial) -> None:
+    """Rate a trial of a contour, and plan its next one."""
+    assert move.number is not None
+    uses = uses_of(case, trial, move.number, move.plan)
+    worst = _remember(case, move, uses)
     if case.saturated and worst["error"] > 1.0:
-        _next(case, x, within=False)
-    elif max(worst.values()) > 1.0 or exceeded(case, x):
-        _lower(case, x, uses)
+        _next(case, move, within=False)
+    elif max(worst.values()) > 1.0 or exceeded(case, move):
+        _lower(case, move, uses)
     elif case.bodies and trial.executed.saturated_time.any():
-        _spare_torque(case, x, uses, torque_ratio(case, trial.executed))
+        _spare_torque(case, move, uses, torque_ratio(case, trial.executed))
     else:
-        x.best = x.derating, x.factors, x.plan
-        _next(case, x, within=True)
-    _propose(case, x)
+        move.best = move.derating, move.factors, move.plan
+        _next(case, move, within=True)
+    _propose(case, move)
 
 
-def _remember(case: Case, x: MoveSearch, uses: LimitMargins) -> dict[str, float]:
-    """The largest uses of a contour, which tell later why no plan is certified."""
+def _remember(case: Case, move: MoveSearch, uses: LimitMargins) -> dict[str, float]:
+    """Largest ratios of a contour, recorded for a refusal."""
     worst = uses.worst()
     kind = max(worst, key=lambda x: worst[x])
     if case.saturated and worst["error"] > 1.0:
         kind = "error"
-    x.binds = kind, worst[kind]
+    move.binds = kind, worst[kind]
     largest = max(float(uses.error.max()), worst["box"]) * case.budget
-    x.reached = min(x.reached, largest)
+    move.reached = min(move.reached, largest)
     return worst
 
 
-def _lower(case: Case, x: MoveSearch, uses: LimitMargins) -> None:
-    """Derate a contour where its uses are too large."""
-    x.derating = tighten(case, x, uses, STEPS[min(x.attempt, len(STEPS) - 1)])
-    x.tries += 1
+def _lower(case: Case, move: MoveSearch, uses: LimitMargins) -> None:
+    """Derate a contour where it exceeds limits."""
+    move.derating = tighten(case, move, uses, STEPS[min(move.attempt, len(STEPS) - 1)])
+    move.tries += 1
 
 
-def _spare_torque(case: Case, x: MoveSearch, uses: LimitMargins, ratio: float) -> None:
-    """Lower torque limits after a drive saturated."""
-    x.binds = "torque", max(ratio, 1.0)
+def _spare_torque(case: Case, move: MoveSearch, uses: LimitMargins, ratio: float) -> None:
+    """Reduce torque limits after a drive saturated; `ratio` is that of the largest torque."""
+    move.binds = "torque", max(ratio, 1.0)
     if case.limits.joint_torque is None:
-        _next(case, x, within=False)
+        _next(case, move, within=False)
         return
-    left = x.factors.get("joint_torque", 1.0) / max(ratio, SPARE)
-    x.factors = {**x.factors, "joint_torque": left}
-    _lower(case, x, uses)
+    share = move.factors.get("joint_torque", 1.0) / max(ratio, TORQUE_STEP)
+    move.factors = {**move.factors, "joint_torque": share}
+    _lower(case, move, uses)
 
 
-def _propose(case: Case, x: MoveSearch) -> None:
-    """Plan a contour within its derating, faster than its best plan; else try the next steps."""
-    while not x.done:
-        if x.tries < MOST_TRIALS:
-            x.trials += 1
-            best = np.inf if x.best is None else x.best[2].duration
+def _propose(case: Case, move: MoveSearch) -> None:
+    """Plan a contour within its derating and faster than its best plan, or try the next steps."""
+    while not move.done:
+        if move.tries < MAX_TRIALS:
+            move.trials += 1
+            best = np.inf if move.best is None else move.best[2].duration
             with suppress(NotRealizable):
-                plan = plan_contour(case, x.joint_path, x.derating, x.factors)
-                if plan.duration < min(best, case.goal.slowest * x.fastest.duration):
-                    x.plan = plan
+                plan = plan_contour(case, move.joint_path, move.derating, move.factors)
+                if plan.duration < min(best, case.goal.slowest * move.fastest.duration):
+                    move.plan = plan
                     return
-        _next(case, x, within=False, late=True)
+        _next(case, move, within=False, slow=True)
 
 
-def _next(case: Case, x: MoveSearch, *, within: bool, late: bool = False) -> None:
-    """Begin the next attempt to derate a contour, or end its search with its best plan."""
+def _next(case: Case, move: MoveSearch, *, within: bool, slow: bool = False) -> None:
+    """Begin the next attempt to derate a contour, or end its search with its best plan.
+
+    `within` states that the last plan satisfied all limits, `slow` that no plan was fast enough.
+    """
     if case.saturated:
-        low, high = (x.share, x.bracket[1]) if within else (x.bracket[0], x.share)
-        x.bracket = low, high
+        low, high = (move.share, move.bracket[1]) if within else (move.bracket[0], move.share)
+        move.bracket = low, high
         narrow = high <= low * SHARE_PRECISION
-        over = narrow or x.proving if low else late or x.binds[0] != "error"
-        smaller = 1 / SHARE_PRECISION if x.proving else COARSE_SHARE
-        x.share = float(np.sqrt(low * high)) if low else x.share * smaller
+        over = narrow or move.proving if low else slow or move.binds[0] != "error"
+        smaller = 1 / SHARE_PRECISION if move.proving else COARSE_SHARE
+        move.share = float(np.sqrt(low * high)) if low else move.share * smaller
     else:
-        x.attempt += 1
-        near = within and x.plan.duration <= x.fastest.duration * (1 + GAIN)
-        over = near or x.proving or x.attempt == len(STEPS)
-    x.tightness, x.tries, x.done = x.aims.copy(), 0, over
-    x.derating, x.factors = x.nothing, {}
-    if case.saturated and x.share < 1.0:
-        x.derating = x.nothing.with_share(x.share, "error")
-    if over and x.best is not None:
-        x.derating, x.factors, x.plan = x.best
+        move.attempt += 1
+        near = within and move.plan.duration <= move.fastest.duration * (1 + GAIN)
+        over = near or move.proving or move.attempt == len(STEPS)
+    move.tightness, move.tries, move.done = move.aims.copy(), 0, over
+    move.derating, move.factors = move.nothing, {}
+    if case.saturated and move.share < 1.0:
+        move.derating = move.nothing.with_share(move.share, "error")
+    if over and move.best is not None:
+        move.derating, move.factors, move.plan = move.best
 
 
 def _reopen(
     case: Case,
-    x: MoveSearch,
+    move: MoveSearch,
     uses: LimitMargins,
     aims: Mapping[str, float] | None = None,
 ) -> None:
-    """Derate a contour further whose plan is outside in a proof."""
-    worst = _remember(case, x, uses)
-    x.best, x.done, x.proving, x.tries = None, False, True, 0
+    """Derate a contour further whose plan a proof rejected; `aims` are factors by cause."""
+    worst = _remember(case, move, uses)
+    move.best, move.done, move.proving, move.tries = None, False, True, 0
     if aims is None:
-        aims = {kind: CLOSER for kind in ("error", "tool") if worst[kind] > 1.0}
+        aims = {kind: AIM_STEP for kind in ("error", "tool") if worst[kind] > 1.0}
     for kind, factor in aims.items():
-        x.aims[kind] *= factor
-    x.tightness = x.aims.copy()
+        move.aims[kind] *= factor
+    move.tightness = move.aims.copy()
     if case.saturated and worst["error"] > 1.0:
-        x.bracket = 0.0, x.share
-        _next(case, x, within=False)
+        move.bracket = 0.0, move.share
+        _next(case, move, within=False)
     else:
-        _lower(case, x, uses)
-    _propose(case, x)
+        _lower(case, move, uses)
+    _propose(case, move)
 
 
 def _prove(
     case: Case, moves: Sequence[MoveSearch], trial: Trial, robots: list[FloatArray]
 ) -> Trial | None:
-    """The trial, executed as a proof; None if moves are outside, which are then derated further."""
+    """Proof of a trial; None if it rejects moves, which are then derated further."""
     contours = [x for x in moves if x.number is not None]
     proven = trial
     if not case.bodies:
@@ -257,13 +264,13 @@ def _prove(
         pieces = pieces_of(fine, case.program, None, None)
         proven = replace(trial, executed=fine, pieces=pieces)
     outside = _lower_rapids(case, moves, trial)
-    for x in contours:
-        assert x.number is not None
+    for move in contours:
+        assert move.number is not None
         for executed in (trial,) if proven is trial else (trial, proven):
-            uses = uses_of(case, executed, x.number, x.plan)
+            uses = uses_of(case, executed, move.number, move.plan)
             if max(uses.worst().values()) > 1.0:
-                with x.step.named():
-                    _reopen(case, x, uses)
+                with move.step.named():
+                    _reopen(case, move, uses)
                 outside = True
                 break
     if outside:
@@ -272,72 +279,77 @@ def _prove(
     if any(x.ratio > 1 + KEPT for x in checked.uses):
         # Each move was checked already.
         raise NotRealizable(f"The plan of the whole program exceeds a limit: {checked}.")
-    for x in contours:
-        with x.step.named():
-            outside |= case.box is not None and not _prove_box(case, x, trial, robots)
+    for move in contours:
+        with move.step.named():
+            outside |= case.box is not None and not _prove_box(case, move, trial, robots)
     return None if outside else replace(proven, check=checked)
 
 
 def _lower_rapids(case: Case, moves: Sequence[MoveSearch], trial: Trial) -> bool:
-    """Derate rapids that exceed a joint limit in the whole program; whether there are any."""
+    """Derate rapids that exceed a joint limit in the whole program; True if there are any."""
     if case.saturated or case.bodies:
         return False
     spans = [x for x in trial.trajectory.spans if x.kind != "dwell"]
     outside = False
-    for x, span in zip(moves, spans, strict=True) if len(moves) > 1 else ():
-        if x.number is None:
-            less = lower_rapid(case, x.factors, x.plan, trial.set_points, trial.all_runs, span.t)
-            if less is not None:
-                x.factors, outside = less, True
-                x.plan = plan_rapid(case, x.joint_path, x.factors, x.rise)
+    for move, span in zip(moves, spans, strict=True) if len(moves) > 1 else ():
+        if move.number is None:
+            factors = lower_rapid(
+                case, move.factors, move.plan, trial.set_points, trial.all_runs, span.t
+            )
+            if factors is not None:
+                move.factors, outside = factors, True
+                move.plan = plan_rapid(case, move.joint_path, move.factors, move.rise)
     return outside
 
 
-def _prove_box(case: Case, x: MoveSearch, trial: Trial, robots: list[FloatArray]) -> bool:
-    """Whether all robots of the box that are executed are within; else a contour is reopened."""
-    assert x.number is not None
+def _prove_box(case: Case, move: MoveSearch, trial: Trial, robots: list[FloatArray]) -> bool:
+    """Execute a contour in corners of the box and on robots drawn from it; reopen it on failure.
+
+    The worst robot need not be in a corner. Returns True if all robots satisfy the budget.
+    """
+    assert move.number is not None
     for name in ("corners", "spread"):
-        found = _execute_box(case, x, trial, drawn=name == "spread")
-        setattr(x, name, found)
-        worst = float(found.max.max())
-        saturated = case.bodies and found.saturated.any()
+        runs = _execute_box(case, move, trial, drawn=name == "spread")
+        setattr(move, name, runs)
+        worst = float(runs.max.max())
+        saturated = case.bodies and runs.saturated.any()
         if worst <= case.budget and not saturated:
             continue
         aims = {"box": GOALS["box"] * case.budget / worst}
         if case.bodies:
-            # Trials execute the robots that are outside.
-            order = np.argsort(-found.max)[:ADDED_ROBOTS]
-            robots += [found.deviations[k] for k in order if found.max[k] > case.budget]
+            # Later trials execute the robots that exceed the budget.
+            order = np.argsort(-runs.max)[:ADDED_ROBOTS]
+            robots += [runs.deviations[k] for k in order if runs.max[k] > case.budget]
             box = largest_errors(case, trial.set_points, robots)
-            trial, aims = replace(trial, box=box), {"box": CLOSER}
-        uses = uses_of(case, trial, x.number, x.plan)
+            trial, aims = replace(trial, box=box), {"box": AIM_STEP}
+        uses = uses_of(case, trial, move.number, move.plan)
         if saturated:
-            x.best, x.done, x.proving, x.tries = None, False, True, 0
-            _spare_torque(case, x, uses, float(found.demand_ratio.max()))
-            _propose(case, x)
+            move.best, move.done, move.proving, move.tries = None, False, True, 0
+            _spare_torque(case, move, uses, float(runs.demand_ratio.max()))
+            _propose(case, move)
         else:
-            _reopen(case, x, uses, aims)
-            x.outside = min(x.outside, worst)
-            x.binds = "box", worst / case.budget
+            _reopen(case, move, uses, aims)
+            move.outside = min(move.outside, worst)
+            move.binds = "box", worst / case.budget
         return False
     return True
 
 
-def _execute_box(case: Case, x: MoveSearch, trial: Trial, *, drawn: bool) -> MonteCarloResult:
+def _execute_box(case: Case, move: MoveSearch, trial: Trial, *, drawn: bool) -> MonteCarloResult:
     """Execute a contour in the corners of the box, or on robots drawn from it."""
-    assert x.number is not None and case.box is not None
+    assert move.number is not None and case.box is not None
     goal = case.goal
     if case.bodies:
         if drawn:
             robots = draw_robots(case)
             return execute_bodies(case, trial.set_points, robots, goal.seed)
-        corners, x.parts = worst_corners(case, trial.set_points)
+        corners, move.parts = worst_corners(case, trial.set_points)
         return execute_bodies(case, trial.set_points, corners)
-    span = trial.trajectory.contour_spans[x.number]
+    span = trial.trajectory.contour_spans[move.number]
     if not drawn:
-        return execute_servos(case, trial.set_points, x.number, span)
+        return execute_servos(case, trial.set_points, move.number, span)
     case.progress(Step((f"{goal.samples} robots of the box",)))
-    return execute_servos(case, trial.set_points, x.number, span, goal.samples)
+    return execute_servos(case, trial.set_points, move.number, span, goal.samples)
 
 
 def execute_servos(
@@ -347,14 +359,14 @@ def execute_servos(
     span: Span,
     samples: int | None = None,
 ) -> MonteCarloResult:
-    """Execute a contour on robots of the box with servos."""
+    """Execute a contour on robots of the box with servos; by default in its corners."""
     assert case.box is not None and span.trajectory is not None and span.work is not None
     since, end_time = None, None
     if case.program.single_path is None:
         since, end_time = (x - span.t[0] for x in span.work)
     stretch = case.stretch(set_points, span.t, span.trajectory)
     path = case.program.contours[number].path
-    own = stretch, path, case.arm, case.servo, case.limits, case.box
+    arguments = stretch, path, case.arm, case.servo, case.limits, case.box
     if samples is None:
-        return worst_corner(*own, since=since, end_time=end_time)
-    return spread(*own, samples=samples, seed=case.goal.seed, since=since, end_time=end_time)
+        return worst_corner(*arguments, since=since, end_time=end_time)
+    return spread(*arguments, samples=samples, seed=case.goal.seed, since=since, end_time=end_time)

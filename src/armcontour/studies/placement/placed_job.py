@@ -1,4 +1,4 @@
-"""A job with its part, or the base of its arm, in another place."""
+"""Jobs with the part, or the base of the arm, at another place."""
 
 from __future__ import annotations
 
@@ -14,38 +14,36 @@ from armcontour.jobs.job import Job
 from armcontour.jobs.place_search import LENGTHS
 from armcontour.program import Program
 from armcontour.robot import Arm, SerialArm
-from armcontour.robot.scene import BASE, PART, Obstacle, Scene
+from armcontour.robot.scene import BASE, PART, Obstacle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Moves:
-    """How coordinates of a place move the part, or the base.
-
-    All coordinates are those of the job's path.
+    """Motion of the part or base by the coordinates of a place, in the frame of the job's path.
 
     Args:
-        anchor: The point that x, y and z move and that yaw and tilt turn about [m], (3,).
-        absolute: The axes among x, y and z whose values are coordinates of the anchor; other
-            values are added to it.
+        anchor: Point that x, y and z move, and center of yaw and tilt [m], (3,).
+        absolute: Axes among x, y and z whose values are coordinates of the anchor; values of the
+            others are added to it.
     """
 
     anchor: FloatArray
     absolute: tuple[str, ...] = ()
 
     def frame(self, place: Mapping[str, float]) -> Frame:
-        """Where what moves is taken: it was in the frame of the identity before.
+        """Frame that a place moves the identity to.
 
         Args:
-            place: Values of some axes [m, rad]; what is not named does not move.
+            place: Values of some axes [m, rad]; the others stay unchanged.
         """
-        found = self.frames([place])[0]
-        return Frame(position=found[:, 3], rotation=found[:, :3])
+        matrix = self.frames([place])[0]
+        return Frame(position=matrix[:, 3], rotation=matrix[:, :3])
 
     def frames(self, places: Sequence[Mapping[str, float]]) -> FloatArray:
-        """Rotations and positions of the same frames of several places, (n, 3, 4).
+        """Rotations and positions of the frames of several places, (n, 3, 4).
 
         Args:
-            places: Values of some axes [m, rad] in each.
+            places: Values of some axes of each [m, rad].
         """
         yaw, tilt = np.zeros((2, len(places), 3))
         target = np.tile(self.anchor, (len(places), 1))
@@ -58,73 +56,69 @@ class Moves:
         return np.concatenate([turned, (target - turned @ self.anchor)[..., None]], axis=2)
 
 
-def place_job(job: Job, frame: Frame, what: str = PART) -> Job:
-    """A job with its part, or the base of its arm, moved.
+def place_job(job: Job, frame: Frame, moved: str = PART) -> Job:
+    """Copy of a job with its part, or the base of its arm, moved.
 
-    For an arm in space the part moves with the arm's work frame; in the plane its path moves.
+    For an arm in space the work frame moves, in the plane the path.
 
     Args:
         job: The job.
-        frame: Where the part or base is taken from its own place, in the coordinates of the path.
-        what: "part": obstacles that are fixed to the part move with it. Or "base": all obstacles
-            stay in the cell.
+        frame: Displacement of the part or base, in the coordinates of the path.
+        moved: "part", with the obstacles that are fixed to it, or "base"; other obstacles stay in
+            the cell.
     """
-    arm = place_arm(job.arm, frame, what)
-    scene = place_scene(job.scene, job.arm, frame, what)
-    path, part = job.path, job.part
+    arm = place_arm(job.arm, frame, moved)
+    scene, path, part = job.scene, job.path, job.part
+    if scene is not None:
+        obstacles = (_place_obstacle(x, job.arm, frame, moved) for x in scene.obstacles)
+        scene = replace(scene, obstacles=tuple(obstacles))
     if not isinstance(arm, SerialArm):
-        way = _of_part(frame, what)
-        path, part = Program.from_path(path).placed(way), way @ part
+        part_frame = _part_frame(frame, moved)
+        path, part = Program.from_path(path).placed(part_frame), part_frame @ part
         path = path.single_path or path
     return replace(job, arm=arm, path=path, scene=scene, part=part)
 
 
-def place_arm(arm: Arm, frame: Frame, what: str) -> Arm:
-    """The arm with its work frame moved; arms in the plane have none and stay as they are."""
+def place_arm(arm: Arm, frame: Frame, moved: str) -> Arm:
+    """The arm with its work frame moved; arms in the plane have none."""
     if not isinstance(arm, SerialArm):
         return arm
-    return arm.with_work(arm.chain.base.inverse @ _of_part(frame, what))
+    return arm.with_work(arm.chain.base.inverse @ _part_frame(frame, moved))
 
 
-def place_bases(base: FloatArray, frames: FloatArray, what: str) -> FloatArray:
-    """The base of an arm in the work frame, moved as `place_arm` moves it, (n, 3, 4)."""
-    turns, ways = frames[..., :3], frames[..., 3]
-    if what == PART:
+def place_bases(base: FloatArray, frames: FloatArray, moved: str) -> FloatArray:
+    """Base (3, 4) of an arm in the work frame, moved as by `place_arm`, for frames (n, 3, 4)."""
+    turns, shifts = frames[..., :3], frames[..., 3]
+    if moved == PART:
         turns = np.swapaxes(turns, 1, 2)
-        ways = -np.einsum("nij,nj->ni", turns, ways)
-    found = turns @ base
-    found[..., 3] += ways
-    return np.asarray(found)
+        shifts = -np.einsum("nij,nj->ni", turns, shifts)
+    bases = turns @ base
+    bases[..., 3] += shifts
+    return np.asarray(bases)
 
 
-def place_scene(scene: Scene | None, arm: Arm, frame: Frame, what: str) -> Scene | None:
-    """The scene as the arm has it with its part or base moved."""
-    if scene is None:
-        return None
-    return replace(scene, obstacles=tuple(_placed(x, arm, frame, what) for x in scene.obstacles))
-
-
-def _placed(x: Obstacle, arm: Arm, frame: Frame, what: str) -> Obstacle:
-    """An obstacle where the arm has it."""
-    if x.fixed_to == PART:
+def _place_obstacle(obstacle: Obstacle, arm: Arm, frame: Frame, moved: str) -> Obstacle:
+    """The obstacle, relative to an arm with its part or base moved."""
+    if obstacle.fixed_to == PART:
         # The work frame of an arm in space moves with the part.
-        moves = not isinstance(arm, SerialArm)
-        return replace(x, place=_of_part(frame, what) @ x.place) if moves else x
-    if what == PART:
-        return x
+        if isinstance(arm, SerialArm):
+            return obstacle
+        return replace(obstacle, place=_part_frame(frame, moved) @ obstacle.place)
+    if moved == PART:
+        return obstacle
     base = Frame() if arm.chain is None else arm.chain.base
-    return replace(x, place=(frame @ base).inverse @ base @ x.place)
+    return replace(obstacle, place=(frame @ base).inverse @ base @ obstacle.place)
 
 
-def _of_part(frame: Frame, what: str) -> Frame:
-    """Where the part is as the base has it: a base that goes one way sees it go the other."""
-    return frame if what == PART else frame.inverse
+def _part_frame(frame: Frame, moved: str) -> Frame:
+    """Displacement of the part relative to the base."""
+    return frame if moved == PART else frame.inverse
 
 
-def check_upright_base(axes: tuple[str, ...], what: str) -> None:
-    """Refuse to tilt a base: gravity is given in the frame of the base."""
-    if what == BASE and "tilt" in axes:
+def check_upright_base(axes: tuple[str, ...], moved: str) -> None:
+    """Refuse to tilt a base, because gravity is defined in the frame of the base."""
+    if moved == BASE and "tilt" in axes:
         raise InvalidInput(
-            "A base is not tilted: describe the arm with its base as it stands, with the direction "
-            "of gravity."
+            "A base cannot be tilted: describe the arm with its mounted base and the direction of "
+            "gravity."
         )

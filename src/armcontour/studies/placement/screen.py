@@ -1,4 +1,4 @@
-"""Lower bounds on the duration of a job at a place, from joint positions at some of its poses."""
+"""Bounds of a job at a place without a plan, from joint positions at some of its poses."""
 
 from __future__ import annotations
 
@@ -30,33 +30,35 @@ from armcontour.program import Contour, Dwell, Program
 from armcontour.robot import Arm, Chain, Limits, SerialArm, newton
 from armcontour.robot.inverse import WHOLE, configurations, out_of_reach
 
-# Quintics through the first knots stand for the joint path if they keep the tool this near to its
-# path [m, rad]; else nothing is known of a duration.
+# Largest deviation from the path at which quintics through the first knots represent the joint path
+# [m, rad]; without them the duration has no bound.
 NEAR, NEAR_ANGLE = 1e-5, 1e-4
-# Poses that are farther out of reach than this are refused without tracing, which meets poses far
-# closer [m].
+# Distance out of reach from which poses are refused without tracing [m]; tracing is more precise.
 BEYOND = 1e-6
 # Kinds of refusals.
 REACH, RANGE, SINGULAR_ARM = "reach", "joint range", "singularity"
-# Where a path cannot be followed, so many of the poses ahead are tried for being in reach.
+# Number of later poses that are checked for reach if a path cannot be followed.
 POSES_AHEAD = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaceBounds:
-    """What is known of a place without a plan."""
+    """Bounds of a place without a plan."""
 
-    # No plan is shorter, but for the share that `bound_duration` may be off [s]
+    # Lower bound of the duration, up to the error of `bound_duration` [s]
     duration: float = 0.0
-    # Least singular value at some places of the path: the largest of all configurations or, unless
-    # that is asked for, of the one with the least duration. Not a number if it is unknown.
+    # Smallest singular value along the path, in the configuration with the least duration or, for
+    # `every`, the largest over all configurations; NaN if unknown
     singular: float = np.nan
-    # Kind of the refusal where the path cannot be traced, which tracing finds too
+    # Kind of the refusal if tracing would fail
     refusal: str = ""
 
 
 class Screen:
-    """Bounds for one program and arm with as many joints as the task has dimensions."""
+    """Bounds for a program and a non-redundant arm at any place.
+
+    With `every`, singular values are the largest over all configurations.
+    """
 
     def __init__(
         self,
@@ -65,98 +67,98 @@ class Screen:
         limits: Limits,
         seed: npt.ArrayLike | None,
         *,
-        of_all: bool = False,
+        every: bool = False,
     ) -> None:
-        self.limits, self.of_all, self._arm = limits.without_jerk, of_all, arm
-        given = seed is not None and isinstance(program.moves[0], Contour)
+        self.limits, self.every, self._arm = limits.without_jerk, every, arm
+        has_seed = seed is not None and isinstance(program.moves[0], Contour)
         self.contours = [
-            _Poses(x.path, arm, np.asarray(seed, dtype=float) if given and k == 0 else None)
+            _Poses(x.path, arm, np.asarray(seed, dtype=float) if has_seed and k == 0 else None)
             for k, x in enumerate(program.contours)
         ]
         self.dwells = sum(x.duration for x in program.moves if isinstance(x, Dwell))
 
     @staticmethod
     def fits(program: Program, arm: object) -> bool:
-        """Whether there are such bounds: redundant joints and the plane have none."""
+        """True if a program and an arm have bounds: not in the plane, and without redundancy."""
         return isinstance(arm, SerialArm) and all(
             x.path.dimension == 3 and task_dimension(x.path, arm) == arm.dof
             for x in program.contours
         )
 
-    def refuses(self, bases: FloatArray) -> BoolArray:
-        """In which places a pose is surely out of reach of the arm, (n,)."""
-        found = np.zeros(len(bases), dtype=np.bool_)
-        for x in self.contours:
-            found[~found] = x.refuses(self._arm, bases[~found])
-        return found
+    def out_of_reach(self, bases: FloatArray) -> BoolArray:
+        """Mask of bases (n, 3, 4) in the work frame from which a pose is certainly out of reach."""
+        refused = np.zeros(len(bases), dtype=np.bool_)
+        for poses in self.contours:
+            refused[~refused] = poses.out_of_reach(self._arm, bases[~refused])
+        return refused
 
-    def look(self, arm: SerialArm) -> PlaceBounds:
-        """What is known of the program on the arm where it stands."""
+    def bounds_of(self, arm: SerialArm) -> PlaceBounds:
+        """Bounds of the program for the arm at its place."""
         duration, singular = self.dwells, np.inf
-        for x in self.contours:
-            found = x.look(arm, self.limits, self.of_all)
-            if found.refusal:
-                return found
-            duration += found.duration
-            singular = min(singular, found.singular)
+        for poses in self.contours:
+            bounds = poses.bounds_of(arm, self.limits, self.every)
+            if bounds.refusal:
+                return bounds
+            duration += bounds.duration
+            singular = min(singular, bounds.singular)
         return PlaceBounds(duration=duration, singular=singular)
 
 
 class _Poses:
-    """Poses of a path at its first knots, and what arms in several places make of them."""
+    """Poses of a path at its first knots."""
 
     def __init__(self, path: Path, arm: SerialArm, seed: FloatArray | None) -> None:
         self.path, self.seed = path, seed
         self.task = task_dimension(path, arm)
         knots = first_knots(path, arm.span)
         self.first = FirstPoses.at_knots(path, knots)
-        fine, self.at = subdivide(path, knots, self.first.row)
+        fine, self.rows = subdivide(path, knots, self.first.row)
         self.fine = self.first.row if len(fine) == len(knots) else row_of_poses(path, fine)
         self.breaks = np.append(knots.s0, path.length)
         self.width = knots.u1 - knots.u0
 
-    def refuses(self, arm: SerialArm, bases: FloatArray) -> BoolArray:
-        """In which places of an arm's base a pose is surely out of its reach, (n,)."""
+    def out_of_reach(self, arm: SerialArm, bases: FloatArray) -> BoolArray:
+        """Mask of bases (n, 3, 4) from which a pose of the path is certainly out of reach."""
         closed = arm.closed_form
         if self.task == WHOLE and closed is not None:
             return closed.beyond(bases, self.fine, BEYOND) > BEYOND
         return beyond_links(arm.chain, self.task, self.first.row, bases) > 0
 
-    def look(self, arm: SerialArm, limits: Limits, of_all: bool) -> PlaceBounds:
-        """What is known of the path on an arm."""
+    def bounds_of(self, arm: SerialArm, limits: Limits, every: bool) -> PlaceBounds:
+        """Bounds of the path for an arm."""
         starts = configurations(arm, self.fine[0], self.task, self.seed)[:MOST_STARTS]
         if len(starts) == 0:
             return PlaceBounds(refusal=REACH)
-        ways, reached = follow_branches(arm, self.fine, self.task, starts)
-        followed = [ways[k, self.at] for k in np.flatnonzero(reached == len(self.fine))]
+        branches, reached = follow_branches(arm, self.fine, self.task, starts)
+        followed = [branches[k, self.rows] for k in np.flatnonzero(reached == len(self.fine))]
         if not followed:
             best = int(np.argmax(reached))
-            farthest, last = int(reached[best]), ways[best, reached[best] - 1]
+            farthest, last = int(reached[best]), branches[best, reached[best] - 1]
             ahead = np.linspace(farthest, len(self.fine) - 1, POSES_AHEAD).astype(np.intp)
             gaps = out_of_reach(arm, self.fine[ahead], self.task, last[None])
             return PlaceBounds(refusal=REACH if gaps.max() > OUT_OF_REACH else SINGULAR_ARM)
         inside = [q for q in followed if _fits_range(q, limits, arm.dof)]
         if not inside:
             return PlaceBounds(refusal=RANGE)
-        return self._bound(arm, limits, np.array(inside), of_all)
+        return self._bound(arm, limits, np.array(inside), every)
 
-    def _bound(self, arm: SerialArm, limits: Limits, q: FloatArray, of_all: bool) -> PlaceBounds:
-        """Bounds over all configurations."""
+    def _bound(self, arm: SerialArm, limits: Limits, q: FloatArray, every: bool) -> PlaceBounds:
+        """Bounds over all configurations, with joint positions at the knots q, (k, n + 1, dof)."""
         begin, end, sound = self._ends(arm, q)
         if not sound.any():
             return PlaceBounds(refusal=SINGULAR_ARM)
         exact = self._exact(arm, begin, end)
-        which = np.flatnonzero(sound)
+        indices = np.flatnonzero(sound)
         durations = [
             self._duration([x[k] for x in begin], [x[k] for x in end], limits) if exact[k] else 0.0
-            for k in which
+            for k in indices
         ]
-        looked = which if of_all else which[[int(np.argmin(durations))]]
+        looked = indices if every else indices[[int(np.argmin(durations))]]
         values = [least_singular_value(arm, q[k], self.task) for k in looked]
         return PlaceBounds(duration=min(durations), singular=max(values))
 
     def _duration(self, begin: list[FloatArray], end: list[FloatArray], limits: Limits) -> float:
-        """A lower bound on the duration in one configuration [s]; 0 if there is none."""
+        """Lower bound of the duration in one configuration [s]; 0 without a bound."""
         try:
             joint_path = JointPath.hermite(
                 self.breaks,
@@ -171,7 +173,10 @@ class _Poses:
         return bound_duration(joint_path, limits)
 
     def _ends(self, arm: SerialArm, q: FloatArray) -> tuple[Ends, Ends, BoolArray]:
-        """q, dq_ds and d2q_ds2 at the starts and at the ends of all intervals."""
+        """q, dq_ds and d2q_ds2 at the starts and ends of all intervals, (k, n, dof) each.
+
+        The mask (k,) is True for configurations without a singularity.
+        """
         k, n, dof, first = len(q), q.shape[1] - 1, q.shape[2], self.first
         alone = first.ends >= n
         rows = np.concatenate([q[:, :-1], q[:, 1:][:, alone]], axis=1).reshape(-1, dof)
@@ -179,21 +184,16 @@ class _Poses:
         poses, rates = np.tile(first.poses, (k, 1, 1)), np.tile(first.rates, (k, 1, 1))
         w, g = np.zeros((m, 3, 0, dof)), np.zeros((m, 3, dof))
         links = arm.link_table
-        found = newton.newton(links, self.task, rows, poses, w, g)
+        converged = newton.newton(links, self.task, rows, poses, w, g)
         dq_ds, d2q_ds2, pivots = newton.path_derivatives(links, self.task, rows, poses, rates, w, g)
-        good = found & (pivots > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1)
+        good = converged & (pivots > SINGULAR) & np.isfinite(d2q_ds2).all(axis=1)
         q, dq_ds, d2q_ds2 = (x.reshape(k, -1, dof) for x in (rows, dq_ds, d2q_ds2))
         begin = q[:, :n], dq_ds[:, :n], d2q_ds2[:, :n]
         end = q[:, first.ends], dq_ds[:, first.ends], d2q_ds2[:, first.ends]
         return begin, end, np.asarray(good.reshape(k, -1).all(axis=1))
 
-    def _exact(
-        self,
-        arm: SerialArm,
-        begin: Ends,
-        end: Ends,
-    ) -> FloatArray:
-        """Whether quintics between the knots keep the tool near to its path, (k,)."""
+    def _exact(self, arm: SerialArm, begin: Ends, end: Ends) -> FloatArray:
+        """Mask of configurations in which quintics between the knots follow the path, (k,)."""
         k, n, dof = begin[0].shape
         flat = [tuple(x.reshape(k * n, dof) for x in ends) for ends in (begin, end)]
         coefficients = quintic(np.tile(self.width, k), *flat)  # type: ignore[arg-type]
@@ -205,20 +205,24 @@ class _Poses:
 
 
 def _fits_range(q: FloatArray, limits: Limits, dof: int) -> bool:
-    """Whether whole turns of the joints put positions [rad], (n, dof), into their ranges."""
+    """True if full turns of the joints move positions [rad], (n, dof), into their ranges."""
     lower, upper = limits.joint_range(dof)
-    least = np.ceil((lower - ROUNDING - q.min(axis=0)) / (2 * np.pi))
-    most = np.floor((upper + ROUNDING - q.max(axis=0)) / (2 * np.pi))
-    return bool((least <= most).all())
+    first = np.ceil((lower - ROUNDING - q.min(axis=0)) / (2 * np.pi))
+    last = np.floor((upper + ROUNDING - q.max(axis=0)) / (2 * np.pi))
+    return bool((first <= last).all())
 
 
-# Axes are parallel if the cosine of their angle is above this; what lies along them then is known
-# to 1e-6 of a link.
+# Cosine of the angle above which axes are parallel; lengths along them are then exact to 1e-6.
 PARALLEL = 1 - 1e-12
 
 
 def longest_reach(chain: Chain, task: int) -> tuple[FloatArray, FloatArray, float]:
-    """A ball in the frame of the base that holds a point of the tool in every posture."""
+    """Point of the tool, and center and radius of a ball around the base that contains it [m].
+
+    Offsets of links along parallel axes are added with their signs, because turning about these
+    axes does not change them. Offsets along the first axes move the center. For task 6 the point is
+    on the last axis, otherwise it is the tool point; its coordinates are in the tool frame.
+    """
     end = chain.tip @ chain.tool
     point = end.inverse.position if task == 6 else np.zeros(3)
     steps = [*chain.positions[1:], *([] if task == 6 else [end.position])]
@@ -246,12 +250,15 @@ def longest_reach(chain: Chain, task: int) -> tuple[FloatArray, FloatArray, floa
 
 
 def beyond_links(chain: Chain, task: int, poses: FloatArray, bases: FloatArray) -> FloatArray:
-    """How far poses are beyond the links of an arm whose base stands in several places [m]."""
+    """Largest distance of poses (m, 3, 4) beyond the links, for bases (n, 3, 4) [m], (n,).
+
+    It is 0 or less if the links are long enough.
+    """
     point, middle, radius = longest_reach(chain, task)
-    wanted = poses[:, :, 3] + poses[:, :, :3] @ point
+    points = poses[:, :, 3] + poses[:, :, :3] @ point
     middles = bases[:, :, 3] + bases[:, :, :3] @ middle
-    far = np.linalg.norm(wanted[None] - middles[:, None], axis=2)
-    return np.asarray(far.max(axis=1) - radius)
+    distances = np.linalg.norm(points[None] - middles[:, None], axis=2)
+    return np.asarray(distances.max(axis=1) - radius)
 
 
 def least_singular_value(arm: Arm, q: FloatArray, task: int) -> float:
