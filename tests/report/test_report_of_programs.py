@@ -21,8 +21,8 @@ from armcontour.jobs import run
 from armcontour.planning.explanation import Binding
 from armcontour.program import Lead, Pierce, Process, Switch
 from armcontour.report import render_report, sections
-from armcontour.report.drawing import draw_plan, view_of
 from armcontour.report.outline import VISIBLE, simplify
+from armcontour.report.plan_drawing import draw_plan, view_of
 from armcontour.report.sections.motion import MAX_BARS, list_bars
 
 DRAWINGS = FilePath(__file__).parents[2] / "examples" / "drawings"

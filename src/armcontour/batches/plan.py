@@ -34,54 +34,45 @@ MAX_JOBS = 1_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawingModel:
-    """A drawing and its cell.
+    """A drawing and its cell."""
 
-    Args:
-        drawing: The drawing, relative to the plan.
-        cell: Name of a built-in cell, or a job file relative to the plan.
-    """
-
+    # The drawing, relative to the plan
     drawing: str
+    # Name of a built-in cell, or a job file relative to the plan
     cell: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SamplesModel:
-    """Samples of a Sobol sequence, which fill all ranges evenly.
+    """Samples of a Sobol sequence, which fill all ranges evenly."""
 
-    Args:
-        sobol: Number of samples; powers of 2 fill most evenly.
-        seed: Seed of the scrambling of the sequence.
-    """
-
+    # Number of samples; powers of 2 fill most evenly
     sobol: Annotated[int, AtLeast(1)]
+    # Seed of the scrambling of the sequence
     seed: Annotated[int, AtLeast(0)] = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanModel:
-    """A plan of many jobs.
+    """A plan of many jobs."""
 
-    Args:
-        name: Name of the plan; by default that of its file.
-        job: A job file relative to the plan, or a drawing and its cell.
-        jobs: Several of them, each with all parameters.
-        run: Name of the run of the jobs; not needed if they have one run.
-        do: Kind of work: `teach` plans and compensates, `run` also simulates, `certify` finds the
-            fastest plan that satisfies the job's certificate, `place` finds the best placement.
-        over: Values of keys of the jobs, by the keys with dots between them.
-        combine: Combination of the values: `product` combines each with each, `zip` the first
-            values of all, the second values of all and so on; or samples of ranges.
-        columns: Stored figures of each job; the guide lists them.
-    """
-
+    # Name of the plan; by default that of its file
     name: str | None = None
+    # A job file relative to the plan, or a drawing and its cell
     job: str | DrawingModel | None = None
+    # Several of them, each with all parameters
     jobs: Annotated[list[str | DrawingModel], Field(min_length=1)] | None = None
+    # Name of the run of the jobs; not needed if they have one run
     run: str | None = None
+    # Kind of work: `teach` plans and compensates, `run` also simulates, `certify` finds the fastest
+    # plan that satisfies the job's certificate, `place` finds the best placement
     do: Annotated[str, Choice(WORKS)] = RUN
+    # Values of keys of the jobs, by the keys with dots between them
     over: dict[str, Any] = field(default_factory=dict)
+    # Combination of the values: `product` combines each with each, `zip` the first values of all,
+    # the second values of all and so on; or samples of ranges
     combine: Literal["product", "zip"] | SamplesModel = "product"
+    # Stored figures of each job; the guide lists them
     columns: list[str] | None = None
 
 
@@ -280,11 +271,7 @@ def _refuse_uneven(plan: Plan) -> None:
 
 
 def _refuse_unreadable(base: BaseJob, parameters: Sequence[Parameter]) -> None:
-    """Reject keys and values that are invalid in a job file.
-
-    Values that are valid only with other values of the plan, such as gains of a servo model, may
-    pass; the jobs in which they are invalid are refused individually.
-    """
+    """Reject keys and values that are invalid in a job file."""
     keys = [x.parts for x in parameters]
     for k, parameter in enumerate(parameters):
         # The ends of a range represent its values.
