@@ -222,7 +222,7 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
         _refuse_unreadable(base, parameters)
     plan = Plan(
         name=checks.check_name("name of the plan", model.name or name),
-        bases=tuple(_with_digests(x, parameters, trust_xacro) for x in bases),
+        bases=tuple(x.with_digests(_first(x, parameters), trust_xacro=trust_xacro) for x in bases),
         parameters=parameters,
         work=model.do,
         columns=columns,
@@ -237,11 +237,6 @@ def _plan(model: PlanModel, folder: FilePath, name: str, trust_xacro: bool) -> P
             "with combine: {sobol: 4096}."
         )
     return plan
-
-
-def _with_digests(base: BaseJob, parameters: Sequence[Parameter], trust_xacro: bool) -> BaseJob:
-    """Base job with the digests of all files that it reads."""
-    return base.with_digests(_first(base, parameters), trust_xacro=trust_xacro)
 
 
 def _first(base: BaseJob, parameters: Sequence[Parameter]) -> dict[str, Any]:

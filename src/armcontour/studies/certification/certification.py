@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
@@ -37,7 +37,12 @@ from armcontour.studies.certification.certificate import (
 )
 from armcontour.studies.certification.certification_case import Case
 from armcontour.studies.certification.derating import derated_intervals
-from armcontour.studies.certification.limit_margins import Trial, distances, run, speed_ratios
+from armcontour.studies.certification.limit_margins import (
+    Trial,
+    distances,
+    execute_trial,
+    speed_ratios,
+)
 from armcontour.studies.certification.move_search import MoveSearch
 from armcontour.studies.certification.plan_search import execute_servos, search
 from armcontour.studies.certification.rigid_body_robots import (
@@ -199,6 +204,23 @@ def _fastest(
         least = min(least, *(case_of(x).planned.trajectory.duration for x in budgets))
         if least >= deadline:
             return base, None, least
+    best = _search_budgets(case_of, budgets)
+    # The unused part of the tolerance goes to the shape if the plan gets faster.
+    for factor in SERVO_MARGINS:
+        case = best[0].case
+        needed = factor * _worst_error(*best) + case.model_error
+        if needed > case.servo_allowed - LEAST_GAIN * tightest:
+            break
+        with suppress(NotRealizable):
+            better = search(case_of(needed))
+            if better[0].trajectory.duration < best[0].trajectory.duration:
+                best = better
+                break
+    return base, best, best[0].trajectory.duration
+
+
+def _search_budgets(case_of: Callable[[float], Case], budgets: Sequence[float]) -> Proven:
+    """Search with rising servo budgets while the plan gets faster and uses most of its budget."""
     best: Proven | None = None
     for budget in budgets:
         try:
@@ -212,24 +234,13 @@ def _fastest(
         if best is not None and proven[0].trajectory.duration >= best[0].trajectory.duration:
             break
         best = proven
-        if _worst(*best) + best[0].case.model_error < NEAR * budget:
+        if _worst_error(*best) + best[0].case.model_error < NEAR * budget:
             break
     assert best is not None
-    # The unused part of the tolerance goes to the shape if the plan gets faster.
-    for factor in SERVO_MARGINS:
-        case = best[0].case
-        needed = factor * _worst(*best) + case.model_error
-        if needed > case.servo_allowed - LEAST_GAIN * tightest:
-            break
-        with suppress(NotRealizable):
-            better = search(case_of(needed))
-            if better[0].trajectory.duration < best[0].trajectory.duration:
-                best = better
-                break
-    return base, best, best[0].trajectory.duration
+    return best
 
 
-def _worst(proof: Trial, moves: Sequence[MoveSearch]) -> float:
+def _worst_error(proof: Trial, moves: Sequence[MoveSearch]) -> float:
     """Largest contour error of a proven plan, over the box if there is one [m]."""
     robots = [x for y in moves for x in (y.corners, y.spread) if x is not None]
     largest = [float(distances(x).max()) for x in proof.pieces]
@@ -274,8 +285,8 @@ def _refuse_start(case: Case) -> None:
     distance = rest_at_start(case, contour.path, case.teach(case.planned.trajectory))
     allowed = case.goal.servo_error or case.goal.tolerance
     assert allowed is not None
-    work = case.work_of(contour)
-    if (work is None or work[0] <= 0) and distance > allowed:
+    counts_at_start = case.program.single_path is not None or contour.at_work[0] <= 0
+    if counts_at_start and distance > allowed:
         raise NotRealizable(
             f"At rest at the start of its path the tool is {distance * 1e3:.4g} mm from it, since "
             f"gravity is not fed forward, and {allowed * 1e3:.4g} mm is allowed: feed gravity "
@@ -339,7 +350,7 @@ def _contours(
     # Nearly continuous set-points separate the part of the servo from that of the cycle.
     run_cycle = case.run.cycle
     cycle = max(run_cycle / CONTINUOUS, min(SHORTEST, run_cycle))
-    smooth = run(case, case.teach(proof.trajectory, cycle), max(cycle, case.resolution))
+    smooth = execute_trial(case, case.teach(proof.trajectory, cycle), max(cycle, case.resolution))
     pieces = pieces_of(smooth, case.program, None, None)
     for k, (move, piece, span) in enumerate(zip(contours, proof.pieces, spans, strict=True)):
         assert span.work is not None

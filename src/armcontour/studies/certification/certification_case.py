@@ -19,7 +19,7 @@ from armcontour.jobs.job import Job, Run
 from armcontour.jobs.planned_run import Planned
 from armcontour.motion import SetPoints, Trajectory
 from armcontour.planning.program_tracing import Tracing
-from armcontour.program import Contour, Program
+from armcontour.program import Program
 from armcontour.robot import Arm, Limits
 from armcontour.robot.servo import ServoModel
 from armcontour.simulation import Plant, RigidBodyPlant, ServoPlant
@@ -153,10 +153,6 @@ class Case:
         """Commanded accelerations over those at which drives saturate in their direction."""
         low, high = self.demand_bounds
         return np.asarray(np.maximum(commanded_acceleration / low, commanded_acceleration / high))
-
-    def work_of(self, contour: Contour) -> tuple[float, float] | None:
-        """Arc lengths of a contour between which errors count [m]; None if they always count."""
-        return contour.at_work if self.program.single_path is None else None
 
     def teach(self, plan: Trajectory, cycle: float | None = None) -> SetPoints:
         """Set-points of a plan, by default with the cycle of the run [s]."""

@@ -85,7 +85,7 @@ class LimitMargins:
 Group = tuple[float, list[Execution]]
 
 
-def run(case: Case, set_points: SetPoints, resolution: float | None = None) -> Execution:
+def execute_trial(case: Case, set_points: SetPoints, resolution: float | None = None) -> Execution:
     """Execute a trial; the robot does not saturate if saturation is refused."""
     if case.bodies:
         return simulate(set_points, case.plant(), resolution=resolution or case.resolution)
@@ -95,7 +95,7 @@ def run(case: Case, set_points: SetPoints, resolution: float | None = None) -> E
     )
 
 
-def run_on_box(case: Case, set_points: SetPoints) -> list[Group]:
+def execute_on_box(case: Case, set_points: SetPoints) -> list[Group]:
     """Execute in corners of the box that all joints share: a group per end of a shared dead time.
 
     If saturation is refused, the robots do not saturate; their commanded acceleration is rated.
@@ -110,7 +110,7 @@ def run_on_box(case: Case, set_points: SetPoints) -> list[Group]:
     groups = []
     for common in (-1.0, 1.0) if shared else (0.0,):
         moved = np.maximum(servo.dead_time + common * errors, 0.0)
-        servos = _variants(servo, moved, box, apart)
+        servos = _corner_servos(servo, moved, box, apart)
         plants = [case.plant(x, ideal=not case.saturated) for x in servos]
         runs = [simulate(set_points, x, resolution=resolution) for x in plants]
         groups.append((float((moved - servo.dead_time)[0]) if shared else 0.0, runs))
@@ -168,7 +168,7 @@ class Trial:
         ]
 
 
-def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> LimitMargins:
+def margins_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> LimitMargins:
     """Margins of a contour by its plan, its command and its executions."""
     piece, span = trial.pieces[number], trial.trajectory.contour_spans[number]
     path, executed = piece.path, trial.executed
@@ -180,14 +180,14 @@ def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> LimitMar
         ends = span.t[0], float(last)
         now, since = slice(*np.searchsorted(executed.t, ends)), ends
     t = executed.t[now] - span.t[0]
-    s, joints, pace = _planned_uses(case, path, plan, t)
-    pace = np.maximum(pace, _command_use(case, trial.set_points, executed.t[now]))
+    s, joints, pace = _planned_ratios(case, path, plan, t)
+    pace = np.maximum(pace, _command_ratio(case, trial.set_points, executed.t[now]))
     peak = np.zeros(case.arm.dof)
     if not case.saturated and not case.bodies:
         for execution in trial.all_runs:
             part = slice(*np.searchsorted(execution.t, since)) if since else slice(None)
             share = case.demand_ratio(execution.demand[part])
-            joints = np.maximum(joints, _at(t + span.t[0], execution.t[part], share))
+            joints = np.maximum(joints, _larger_around(t + span.t[0], execution.t[part], share))
             peak = np.maximum(peak, peak_demand(case, execution, since))
     tool, speed = np.zeros(len(t)), case.limits.speed
     if speed is not None:
@@ -198,7 +198,7 @@ def uses_of(case: Case, trial: Trial, number: int, plan: Trajectory) -> LimitMar
     error, box = np.zeros(len(t)), np.zeros(len(t))
     error[counts] = distances(piece) / case.budget
     if trial.groups:
-        box[counts] = _worst(case, trial, number)[piece.which] / case.budget
+        box[counts] = _worst_error(case, trial, number)[piece.which] / case.budget
     if trial.box is not None:
         box[counts] = np.interp(executed.t[piece.which], *trial.box) / case.budget
     rms = case.goal.rms
@@ -261,25 +261,25 @@ def _motion(plan: Trajectory, t: FloatArray, side: Side) -> tuple[FloatArray, Fl
     return s, states
 
 
-def _planned_uses(
+def _planned_ratios(
     case: Case, path: Path, plan: Trajectory, t: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Arc lengths of the plan, (n,), ratios of joint acceleration, (n, dof), and of ds², (n,).
 
     Values on both sides of a vertex of the path belong to the nearest time.
     """
-    s, joints, pace = _states(case, path, plan, np.clip(t, 0.0, plan.duration), "right")
-    times = _passing(plan, path.breaks)
+    s, joints, pace = _state_ratios(case, path, plan, np.clip(t, 0.0, plan.duration), "right")
+    times = _break_times(plan, path.breaks)
     near = np.clip(np.searchsorted(t, times), 0, len(t) - 1)
     sides: tuple[Side, ...] = ("left", "right")
     for side in sides:
-        _, ratios, faster = _states(case, path, plan, times, side)
+        _, ratios, faster = _state_ratios(case, path, plan, times, side)
         np.maximum.at(joints, near, ratios)
         np.maximum.at(pace, near, faster)
     return s, joints, pace
 
 
-def _states(
+def _state_ratios(
     case: Case, path: Path, plan: Trajectory, t: FloatArray, side: Side
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     limits = case.limits
@@ -303,7 +303,7 @@ def _assigned_speeds(case: Case, path: Path, s: FloatArray, side: Side) -> Float
     return np.where(np.isnan(assigned), np.inf, assigned)
 
 
-def _passing(plan: Trajectory, places: FloatArray) -> FloatArray:
+def _break_times(plan: Trajectory, places: FloatArray) -> FloatArray:
     """Times at which a plan passes those vertices of the path that are breaks of its laws [s]."""
     times = [np.zeros(0)]
     for law, start in zip(plan.laws, plan.starts, strict=False):
@@ -313,7 +313,7 @@ def _passing(plan: Trajectory, places: FloatArray) -> FloatArray:
     return np.clip(np.unique(np.concatenate(times)), 0.0, plan.duration)
 
 
-def _command_use(case: Case, set_points: SetPoints, t: FloatArray) -> FloatArray:
+def _command_ratio(case: Case, set_points: SetPoints, t: FloatArray) -> FloatArray:
     """Ratio of ds² that set-points use at the times `t`, (n,)."""
     dof = case.arm.dof
     rate = np.append(np.diff(set_points.q, axis=0), np.zeros((1, dof)), axis=0) / set_points.cycle
@@ -326,7 +326,7 @@ def _command_use(case: Case, set_points: SetPoints, t: FloatArray) -> FloatArray
     return np.asarray(pace[k])
 
 
-def _at(t: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
+def _larger_around(t: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
     """Larger of the two values around each time `t`; 0 outside, (n, dof)."""
     k = np.clip(np.searchsorted(times, t, side="right"), 1, len(times) - 1)
     larger = np.maximum(values[k - 1], values[k])
@@ -334,7 +334,7 @@ def _at(t: FloatArray, times: FloatArray, values: FloatArray) -> FloatArray:
     return np.asarray(larger)
 
 
-def _worst(case: Case, trial: Trial, number: int) -> FloatArray:
+def _worst_error(case: Case, trial: Trial, number: int) -> FloatArray:
     """Approximate contour error of the worst robot of the box at all times of a trial [m], (n,).
 
     Joints are independent, so the worst deviations across the path are added joint by joint.
@@ -344,14 +344,14 @@ def _worst(case: Case, trial: Trial, number: int) -> FloatArray:
     largest = np.zeros(len(t))
     for delay, runs in trial.corner_pieces:
         pieces = [x[number] for x in runs]
-        largest = np.maximum(largest, np.interp(t, *_across(case, delay, pieces, span)))
+        largest = np.maximum(largest, np.interp(t, *_sum_across(case, delay, pieces, span)))
         for piece in pieces:
             rows = np.clip(np.searchsorted(t, piece.t), 0, len(t) - 1)
             np.maximum.at(largest, rows, piece.followed.coverage_error)
     return largest
 
 
-def _variants(
+def _corner_servos(
     servo: ServoModel, dead_time: FloatArray, box: Uncertainty, apart: FloatArray
 ) -> list[ServoModel]:
     """Servos in corners of the box that all joints share."""
@@ -370,7 +370,7 @@ def _variants(
     ]
 
 
-def _across(
+def _sum_across(
     case: Case, delay: float, pieces: Sequence[ContourExecution], span: Span
 ) -> tuple[FloatArray, FloatArray]:
     """Times, and the largest sum over joints of their deviations across the path in any run."""
@@ -416,15 +416,15 @@ KEPT = 1e-9
 POINTS = 5
 
 
-def largest_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
+def largest_ratios(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
     """Largest ratio of each limit: the larger of that of a check and of a bound for all times."""
-    uses = bound_uses(plan, arm, limits)
+    ratios = bound_ratios(plan, arm, limits)
     for use in check(plan, arm, limits, points=POINTS).uses:
-        uses[use.name] = max(uses.get(use.name, 0.0), use.ratio)
-    return uses
+        ratios[use.name] = max(ratios.get(use.name, 0.0), use.ratio)
+    return ratios
 
 
-def bound_uses(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
+def bound_ratios(plan: Trajectory, arm: Arm, limits: Limits) -> dict[str, float]:
     """Upper bounds of a plan's ratios of limits at all times; tool limits are those of the path."""
     joints = np.stack([*limits.acceleration_bounds(arm.dof), *limits.velocity_bounds(arm.dof)])
     shares = np.zeros(6)

@@ -25,11 +25,11 @@ from armcontour.studies.certification.limit_margins import (
     KEPT,
     OUTSIDE,
     LimitMargins,
-    largest_uses,
+    execute_on_box,
+    execute_trial,
+    largest_ratios,
     peak_demand,
     response_time,
-    run,
-    run_on_box,
 )
 
 # Shares of limits that trials aim at, so that the search ends. Only rounding separates the plan
@@ -199,7 +199,7 @@ def _fastest_rapid(case: Case, step: TracedMove) -> MoveSearch:
         for _ in range(MAX_RAPIDS):
             plan = plan_rapid(case, path, factors, rise)
             set_points = case.teach(plan)
-            over = lower_rapid(case, factors, plan, set_points, _runs(ideal, set_points), None)
+            over = derate_rapid(case, factors, plan, set_points, _runs(ideal, set_points), None)
             if over is None:
                 candidate = MoveSearch(step, None, Derating.nothing(path, 1), plan, factors, rise)
                 candidates.append(candidate)
@@ -215,7 +215,7 @@ def _fastest_rapid(case: Case, step: TracedMove) -> MoveSearch:
     return min(candidates, key=lambda x: x.plan.duration)
 
 
-def lower_rapid(
+def derate_rapid(
     case: Case,
     factors: dict[str, float],
     plan: Trajectory,
@@ -229,13 +229,13 @@ def lower_rapid(
     them [s], by default all of it.
     """
     free, dof = case.limits.of_joints, case.arm.dof
-    uses = largest_uses(plan, case.arm, free)
+    ratios = largest_ratios(plan, case.arm, free)
     # Velocity steps at breaks and speeds of the path do not limit a rapid.
-    uses = {name: x for name, x in uses.items() if getattr(free, name, None) is not None}
-    if "joint_acceleration" in uses:
+    ratios = {name: x for name, x in ratios.items() if getattr(free, name, None) is not None}
+    if "joint_acceleration" in ratios:
         demands = (float(peak_demand(case, x, span).max()) for x in runs)
-        uses["joint_acceleration"] = max(uses["joint_acceleration"], *demands)
-    if "joint_velocity" in uses:
+        ratios["joint_acceleration"] = max(ratios["joint_acceleration"], *demands)
+    if "joint_velocity" in ratios:
         positions = (
             set_points.q[slice(*np.searchsorted(set_points.t, span))] if span else set_points.q
         )
@@ -243,9 +243,9 @@ def lower_rapid(
         lower, upper = case.limits.joint_range(dof)
         outside = OUTSIDE if ((positions < lower) | (positions > upper)).any() else 0.0
         ratio = use_of("joint_velocity", case.limits, rate).ratio
-        uses["joint_velocity"] = max(uses["joint_velocity"], float(ratio.max(initial=outside)))
+        ratios["joint_velocity"] = max(ratios["joint_velocity"], float(ratio.max(initial=outside)))
     goal = RAPID_GOAL if span is None else 1.0 + KEPT
-    over = {name: x for name, x in uses.items() if x > goal}
+    over = {name: x for name, x in ratios.items() if x > goal}
     if not over:
         return None
     reduced = {
@@ -271,12 +271,15 @@ def _settling_time(case: Case, moves: Sequence[MoveSearch]) -> float:
 
 def _runs(case: Case, set_points: SetPoints) -> list[Execution]:
     """Executions on the robot and in corners of the box."""
-    return [run(case, set_points), *(x for _, runs in run_on_box(case, set_points) for x in runs)]
+    return [
+        execute_trial(case, set_points),
+        *(x for _, runs in execute_on_box(case, set_points) for x in runs),
+    ]
 
 
-def exceeded(case: Case, move: MoveSearch) -> bool:
+def aim_lower(case: Case, move: MoveSearch) -> bool:
     """Check a plan against its limits at all times, and aim lower if it exceeds one."""
-    shares = largest_uses(move.plan, case.arm, case.limits)
+    shares = largest_ratios(move.plan, case.arm, case.limits)
     over = {name: ratio * (1 + KEPT) for name, ratio in shares.items() if ratio > 1 + KEPT}
     for name, ratio in over.items():
         if name in LOCAL_LIMITS:
@@ -287,19 +290,21 @@ def exceeded(case: Case, move: MoveSearch) -> bool:
     return bool(over)
 
 
-def tighten(case: Case, move: MoveSearch, uses: LimitMargins, steps: StepSizes) -> Derating:
+def derate_contour(
+    case: Case, move: MoveSearch, margins: LimitMargins, steps: StepSizes
+) -> Derating:
     """Derate a contour further wherever its last plan exceeds, or nearly exceeds, a limit."""
     derating, tight = move.derating, move.tightness
     power = 1 + move.tries // PATIENCE
     memory = response_time(case)
-    largest = _largest_in_cells(move, uses, case.run.cycle + memory)
+    largest = _largest_in_cells(move, margins, case.run.cycle + memory)
     speed = squares_of(move.plan, derating.cells)
 
     def slower(use: FloatArray, share: FloatArray, cause: str) -> Derating:
         """Derating that reduces ds² to a share in cells with a use above 1."""
         return derating.with_cap(np.where(use > 1, speed * share, np.inf), cause)
 
-    over = uses.joints * np.maximum(1.0, uses.peak / uses.joints.max(axis=0))
+    over = margins.joints * np.maximum(1.0, margins.peak / margins.joints.max(axis=0))
     shares = np.ones_like(derating.share)
     for j in range(shares.shape[1]):
         use = largest(over[:, j], 0.0) / tight["acceleration"]
@@ -311,21 +316,21 @@ def tighten(case: Case, move: MoveSearch, uses: LimitMargins, steps: StepSizes) 
             use = use / common
         shares[:, j] /= np.maximum(use, 1.0) ** power
     derating = derating.with_share(shares, "acceleration")
-    use = largest(uses.pace, 0.0) / tight["speed"]
+    use = largest(margins.pace, 0.0) / tight["speed"]
     derating = slower(use, 1 / np.maximum(use, 1.0), "speed")
     # Without compensation the tool follows an earlier part of the plan.
     lags = isinstance(case.run.compensation, NoCompensation) or power > 1
     delay = TOOL_MEMORY * memory / 2 if lags else 0.0
-    use = largest(uses.tool, delay) / tight["tool"]
+    use = largest(margins.tool, delay) / tight["tool"]
     derating = slower(use, np.maximum(use, 1.0) ** -power, "tool")
     if not case.saturated:
-        use = np.maximum(largest(uses.error, delay), uses.rms) / tight["error"]
+        use = np.maximum(largest(margins.error, delay), margins.rms) / tight["error"]
         slow = np.clip(np.maximum(use, 1.0) ** (-steps.power * power), steps.share, 1.0)
         derating = slower(use, slow**2, "error").with_share(slow[:, None], "error")
     if case.box is not None:
         # Bodies lag by the time constant of their position loops.
         delay = BODY_MEMORY / float(case.servo.kp.min()) if case.bodies else 0.0
-        use = largest(uses.box, delay) / tight["box"]
+        use = largest(margins.box, delay) / tight["box"]
         slow = 1 / np.maximum(use, 1.0)
         derating = slower(use, np.maximum(slow, steps.share) ** 2, "box")
         if case.bodies:
@@ -334,7 +339,7 @@ def tighten(case: Case, move: MoveSearch, uses: LimitMargins, steps: StepSizes) 
 
 
 def _largest_in_cells(
-    move: MoveSearch, uses: LimitMargins, around: float
+    move: MoveSearch, margins: LimitMargins, around: float
 ) -> Callable[[FloatArray, float], FloatArray]:
     """Function for the maximum of values (n,) in each cell of a contour.
 
@@ -343,10 +348,10 @@ def _largest_in_cells(
     """
     from scipy.ndimage import maximum_filter1d
 
-    t, step = uses.t, float(uses.t[1] - uses.t[0])
+    t, step = margins.t, float(margins.t[1] - margins.t[0])
     count = max(1, int(np.ceil(around / step)))
     inside = (t >= 0) & (t <= move.plan.duration)
-    edges = np.interp(move.derating.cells, uses.s[inside], t[inside])
+    edges = np.interp(move.derating.cells, margins.s[inside], t[inside])
     begin = np.clip(np.searchsorted(t, edges, side="right") - 1, 0, len(t) - 1)[:-1]
 
     def largest(values: FloatArray, before: float) -> FloatArray:

@@ -25,20 +25,20 @@ from armcontour.studies.certification.limit_margins import (
     POINTS,
     LimitMargins,
     Trial,
-    run,
-    run_on_box,
-    uses_of,
+    execute_on_box,
+    execute_trial,
+    margins_of,
 )
 from armcontour.studies.certification.move_search import (
     GOALS,
     MoveSearch,
     StepSizes,
-    exceeded,
-    lower_rapid,
+    aim_lower,
+    derate_contour,
+    derate_rapid,
     moves_of,
     plan_contour,
     plan_rapid,
-    tighten,
 )
 from armcontour.studies.certification.refusal import refuse
 from armcontour.studies.certification.rigid_body_robots import (
@@ -105,7 +105,7 @@ def search(case: Case) -> tuple[Trial, list[MoveSearch]]:
             proofs += 1
         for move in active:
             with move.step.named():
-                _judge(case, move, trial)
+                _rate(case, move, trial)
         uncertified = [x for x in contours if not x.done or x.best is None]
         if uncertified and uncertified[0].done or proofs == MAX_PROOFS:
             with (uncertified or moves)[0].step.named():
@@ -130,7 +130,7 @@ def execute_program(
         joined.add(step, move.plan)
     trajectory = joined.trajectory().limited(case.limits)
     set_points = case.teach(trajectory)
-    executed, box = run(case, set_points), None
+    executed, box = execute_trial(case, set_points), None
     if case.bodies and case.box is not None and robots is not None:
         if not robots:
             corners, moves[0].parts = worst_corners(case, set_points)
@@ -142,58 +142,58 @@ def execute_program(
         set_points=set_points,
         executed=executed,
         pieces=pieces_of(executed, case.program, None, None),
-        groups=run_on_box(case, set_points),
+        groups=execute_on_box(case, set_points),
         box=box,
     )
 
 
-def _judge(case: Case, move: MoveSearch, trial: Trial) -> None:
+def _rate(case: Case, move: MoveSearch, trial: Trial) -> None:
     """Rate a trial of a contour, and plan its next one."""
     assert move.number is not None
-    uses = uses_of(case, trial, move.number, move.plan)
-    worst = _remember(case, move, uses)
+    margins = margins_of(case, trial, move.number, move.plan)
+    worst = _record_ratios(case, move, margins)
     if case.saturated and worst["error"] > 1.0:
-        _next(case, move, within=False)
-    elif max(worst.values()) > 1.0 or exceeded(case, move):
-        _lower(case, move, uses)
+        _next_attempt(case, move, within=False)
+    elif max(worst.values()) > 1.0 or aim_lower(case, move):
+        _derate(case, move, margins)
     elif case.bodies and trial.executed.saturated_time.any():
-        _spare_torque(case, move, uses, torque_ratio(case, trial.executed))
+        _reduce_torque(case, move, margins, torque_ratio(case, trial.executed))
     else:
         move.best = move.derating, move.factors, move.plan
-        _next(case, move, within=True)
-    _propose(case, move)
+        _next_attempt(case, move, within=True)
+    _plan_next(case, move)
 
 
-def _remember(case: Case, move: MoveSearch, uses: LimitMargins) -> dict[str, float]:
+def _record_ratios(case: Case, move: MoveSearch, margins: LimitMargins) -> dict[str, float]:
     """Largest ratios of a contour, recorded for a refusal."""
-    worst = uses.worst()
+    worst = margins.worst()
     kind = max(worst, key=lambda x: worst[x])
     if case.saturated and worst["error"] > 1.0:
         kind = "error"
     move.binds = kind, worst[kind]
-    largest = max(float(uses.error.max()), worst["box"]) * case.budget
+    largest = max(float(margins.error.max()), worst["box"]) * case.budget
     move.reached = min(move.reached, largest)
     return worst
 
 
-def _lower(case: Case, move: MoveSearch, uses: LimitMargins) -> None:
+def _derate(case: Case, move: MoveSearch, margins: LimitMargins) -> None:
     """Derate a contour where it exceeds limits."""
-    move.derating = tighten(case, move, uses, STEPS[min(move.attempt, len(STEPS) - 1)])
+    move.derating = derate_contour(case, move, margins, STEPS[min(move.attempt, len(STEPS) - 1)])
     move.tries += 1
 
 
-def _spare_torque(case: Case, move: MoveSearch, uses: LimitMargins, ratio: float) -> None:
+def _reduce_torque(case: Case, move: MoveSearch, margins: LimitMargins, ratio: float) -> None:
     """Reduce torque limits after a drive saturated; `ratio` is that of the largest torque."""
     move.binds = "torque", max(ratio, 1.0)
     if case.limits.joint_torque is None:
-        _next(case, move, within=False)
+        _next_attempt(case, move, within=False)
         return
     share = move.factors.get("joint_torque", 1.0) / max(ratio, TORQUE_STEP)
     move.factors = {**move.factors, "joint_torque": share}
-    _lower(case, move, uses)
+    _derate(case, move, margins)
 
 
-def _propose(case: Case, move: MoveSearch) -> None:
+def _plan_next(case: Case, move: MoveSearch) -> None:
     """Plan a contour within its derating and faster than its best plan, or try the next steps."""
     while not move.done:
         if move.tries < MAX_TRIALS:
@@ -204,10 +204,10 @@ def _propose(case: Case, move: MoveSearch) -> None:
                 if plan.duration < min(best, case.goal.slowest * move.fastest.duration):
                     move.plan = plan
                     return
-        _next(case, move, within=False, slow=True)
+        _next_attempt(case, move, within=False, slow=True)
 
 
-def _next(case: Case, move: MoveSearch, *, within: bool, slow: bool = False) -> None:
+def _next_attempt(case: Case, move: MoveSearch, *, within: bool, slow: bool = False) -> None:
     """Begin the next attempt to derate a contour, or end its search with its best plan.
 
     `within` states that the last plan satisfied all limits, `slow` that no plan was fast enough.
@@ -234,11 +234,11 @@ def _next(case: Case, move: MoveSearch, *, within: bool, slow: bool = False) -> 
 def _reopen(
     case: Case,
     move: MoveSearch,
-    uses: LimitMargins,
+    margins: LimitMargins,
     aims: Mapping[str, float] | None = None,
 ) -> None:
     """Derate a contour further whose plan a proof rejected; `aims` are factors by cause."""
-    worst = _remember(case, move, uses)
+    worst = _record_ratios(case, move, margins)
     move.best, move.done, move.proving, move.tries = None, False, True, 0
     if aims is None:
         aims = {kind: AIM_STEP for kind in ("error", "tool") if worst[kind] > 1.0}
@@ -247,10 +247,10 @@ def _reopen(
     move.tightness = move.aims.copy()
     if case.saturated and worst["error"] > 1.0:
         move.bracket = 0.0, move.share
-        _next(case, move, within=False)
+        _next_attempt(case, move, within=False)
     else:
-        _lower(case, move, uses)
-    _propose(case, move)
+        _derate(case, move, margins)
+    _plan_next(case, move)
 
 
 def _prove(
@@ -263,14 +263,14 @@ def _prove(
         fine = simulate(trial.set_points, case.plant(), resolution=case.resolution)
         pieces = pieces_of(fine, case.program, None, None)
         proven = replace(trial, executed=fine, pieces=pieces)
-    outside = _lower_rapids(case, moves, trial)
+    outside = _derate_rapids(case, moves, trial)
     for move in contours:
         assert move.number is not None
         for executed in (trial,) if proven is trial else (trial, proven):
-            uses = uses_of(case, executed, move.number, move.plan)
-            if max(uses.worst().values()) > 1.0:
+            margins = margins_of(case, executed, move.number, move.plan)
+            if max(margins.worst().values()) > 1.0:
                 with move.step.named():
-                    _reopen(case, move, uses)
+                    _reopen(case, move, margins)
                 outside = True
                 break
     if outside:
@@ -285,7 +285,7 @@ def _prove(
     return None if outside else replace(proven, check=checked)
 
 
-def _lower_rapids(case: Case, moves: Sequence[MoveSearch], trial: Trial) -> bool:
+def _derate_rapids(case: Case, moves: Sequence[MoveSearch], trial: Trial) -> bool:
     """Derate rapids that exceed a joint limit in the whole program; True if there are any."""
     if case.saturated or case.bodies:
         return False
@@ -293,7 +293,7 @@ def _lower_rapids(case: Case, moves: Sequence[MoveSearch], trial: Trial) -> bool
     outside = False
     for move, span in zip(moves, spans, strict=True) if len(moves) > 1 else ():
         if move.number is None:
-            factors = lower_rapid(
+            factors = derate_rapid(
                 case, move.factors, move.plan, trial.set_points, trial.all_runs, span.t
             )
             if factors is not None:
@@ -322,13 +322,13 @@ def _prove_box(case: Case, move: MoveSearch, trial: Trial, robots: list[FloatArr
             robots += [runs.deviations[k] for k in order if runs.max[k] > case.budget]
             box = largest_errors(case, trial.set_points, robots)
             trial, aims = replace(trial, box=box), {"box": AIM_STEP}
-        uses = uses_of(case, trial, move.number, move.plan)
+        margins = margins_of(case, trial, move.number, move.plan)
         if saturated:
             move.best, move.done, move.proving, move.tries = None, False, True, 0
-            _spare_torque(case, move, uses, float(runs.demand_ratio.max()))
-            _propose(case, move)
+            _reduce_torque(case, move, margins, float(runs.demand_ratio.max()))
+            _plan_next(case, move)
         else:
-            _reopen(case, move, uses, aims)
+            _reopen(case, move, margins, aims)
             move.outside = min(move.outside, worst)
             move.binds = "box", worst / case.budget
         return False
