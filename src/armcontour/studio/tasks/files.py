@@ -50,7 +50,7 @@ def certify(x: Request) -> Frame:
     from armcontour.core.render import plain, verdict
     from armcontour.report import render_report
     from armcontour.studies.certification import certify
-    from armcontour.studies.certification.certifying import goal_of
+    from armcontour.studies.certification.certification import goal_of
 
     if x.whole_job.certificate is None and "tolerance" not in x.options:
         raise InvalidInput(
