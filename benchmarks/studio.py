@@ -63,7 +63,7 @@ def lines() -> list[Line]:
 
 
 def _prepare(text: str, *, change: Callable[[Data, int], Data], executed: bool = True) -> Pair:
-    from armcontour.studio.executed import executed_frame
+    from armcontour.studio.execution_picture import executed_frame
     from armcontour.studio.handles import handles_of
     from armcontour.studio.picture import picture_frame
     from armcontour.studio.preview import CoarsePlanner

@@ -9,9 +9,9 @@ from threading import Thread
 from tests.studio.talking import NoLane
 from websockets.sync.client import connect
 
-from armcontour.studio import opening
+from armcontour.studio import connection as module
+from armcontour.studio.page_frame import Frame
 from armcontour.studio.server import serve
-from armcontour.studio.wire import Frame
 
 
 class Running:
@@ -99,7 +99,7 @@ class Page:
 
 
 @contextmanager
-def running(file, *, make=opening.open_session, **how):
+def running(file, *, make=module.open_session, **how):
     """A Studio in a thread of this process.
 
     Args:

@@ -1,9 +1,9 @@
 """Pages that talk with a session in this process, without a server."""
 
 from armcontour.studio.document import Document
+from armcontour.studio.page_frame import Frame
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.session import Session
-from armcontour.studio.wire import Frame
 
 JOB = """\
 name: small

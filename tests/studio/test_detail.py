@@ -9,7 +9,7 @@ from tools.studio_page import write_shapes
 from armcontour.studio.document import Document
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.session import Session
-from armcontour.studio.thinning import Detail
+from armcontour.studio.view import Detail
 
 COLUMNS, ROWS, PITCH, RADIUS = 40, 50, 8e-3, 2.5e-3
 # Width of the view [px]; half a pixel is not seen.

@@ -16,11 +16,11 @@ from armcontour.files.cell import cell_names, cell_text
 from armcontour.files.job_edits import change_data, change_text, value_at
 from armcontour.files.patch import key_of, locate_key
 from armcontour.files.units import parse_quantity
-from armcontour.studio.edits import EDITS, EditState, changes_of
-from armcontour.studio.edits.runs import remove_run
-from armcontour.studio.edits.tilt import tilt_of
-from armcontour.studio.fields import values_of
-from armcontour.studio.handles import blank_handles, handles_of, is_blank
+from armcontour.studio.description import values_of
+from armcontour.studio.edits import EDITS, changes_of
+from armcontour.studio.edits.keys import remove_run
+from armcontour.studio.edits.layout import tilt_of
+from armcontour.studio.handles import EditState, blank_handles, handles_of, is_blank
 
 HEAD = "name: a\narm: {arm}\n"
 TAIL = """\

@@ -18,13 +18,17 @@ from armcontour.core.errors import Collision, ExecutionError, InvalidInput, Unre
 from armcontour.core.palette import LIMITS
 from armcontour.files import parse_job
 from armcontour.jobs import run
-from armcontour.studio.executed import executed_frame
-from armcontour.studio.line import NOTHING
-from armcontour.studio.picture import MOST_SHORTFALLS, drawing_frame, picture_frame
+from armcontour.studio.execution_picture import executed_frame
+from armcontour.studio.page_frame import TYPES, Frame
+from armcontour.studio.picture import (
+    MOST_SHORTFALLS,
+    NOTHING,
+    drawing_frame,
+    picture_frame,
+    refusal_header,
+)
 from armcontour.studio.preview import CONFIGURATION, MOVING_SAMPLES, CoarsePlanner, Tier
-from armcontour.studio.refusals import refusal_header
-from armcontour.studio.thinning import thin
-from armcontour.studio.wire import TYPES, Frame
+from armcontour.studio.view import thin
 from armcontour.verification import check, evaluate
 
 

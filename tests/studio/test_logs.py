@@ -14,8 +14,8 @@ from armcontour.core.render import cells
 from armcontour.files import parse_job, ros_files
 from armcontour.files.log_file import read_log, read_run_log
 from armcontour.jobs.run_learning import judge_log
-from armcontour.studio.disk import state_folder
-from armcontour.studio.tasks.working import do
+from armcontour.studio.drafts import state_folder
+from armcontour.studio.tasks.dispatch import do
 from armcontour.studio.uploads import MOST_LOGS
 
 

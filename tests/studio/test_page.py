@@ -5,9 +5,9 @@ import pytest
 from tests.studio.test_arithmetic import NODE, compute
 
 from armcontour.core.frames import Frame as Pose
-from armcontour.studio.executed import executed_frame
+from armcontour.studio.execution_picture import executed_frame
+from armcontour.studio.page_frame import Frame
 from armcontour.studio.preview import CoarsePlanner
-from armcontour.studio.wire import Frame
 
 pytestmark = pytest.mark.skipif(NODE is None, reason="the page's arithmetic is run by node")
 

@@ -10,9 +10,9 @@ from tests.studio.talking import JOB
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from armcontour.core.errors import InvalidInput
-from armcontour.studio import guard, server
-from armcontour.studio.guard import LARGEST_UPLOAD
-from armcontour.studio.tasks.working import do
+from armcontour.studio import access_control, server
+from armcontour.studio.access_control import LARGEST_UPLOAD
+from armcontour.studio.tasks.dispatch import do
 
 SECRET = "the-secret"
 OPEN = ("POST", "/open?name=a.csv", b"1")
@@ -269,8 +269,8 @@ def test_s9_too_much_of_everything(studio, monkeypatch):
         closed(many.enter_context(studio.page()).socket)
     with studio.page() as page:
         page.hear("document")
-    monkeypatch.setattr(guard, "BURST", 20.0)
-    monkeypatch.setattr(guard, "RATE", 0.0)
+    monkeypatch.setattr(access_control, "BURST", 20.0)
+    monkeypatch.setattr(access_control, "RATE", 0.0)
     with studio.page() as page:
         messages = ['{"op": "pose", "t": 0, "of": "planned"}'] * 21
         assert "too many" in closed(page.socket, *messages).reason

@@ -12,10 +12,9 @@ from tests.studio.talking import MOVE
 
 from armcontour.core.errors import InvalidInput
 from armcontour.studio import server
-from armcontour.studio.desk import MOST_WAITING, Desk, Tab
-from armcontour.studio.opening import open_session
+from armcontour.studio.connection import MOST_WAITING, Desk, Tab, open_session
+from armcontour.studio.page_frame import Frame
 from armcontour.studio.server import MOST_CONNECTIONS, listen, require_server, serve
-from armcontour.studio.wire import Frame
 
 
 def test_a_page_talks_with_the_session(file):

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from tests.studio.talking import JOB, MOVE, NoLane, Tab, figure, kinds, session_of
 
-from armcontour.studio import tabs as module
-from armcontour.studio.gestures import MOST_EDITS
-from armcontour.studio.opening import open_session
-from armcontour.studio.tabs import MOST_FILES, Tabs, without_options
-from armcontour.studio.wire import Frame
+from armcontour.studio import pages as module
+from armcontour.studio.commands import MOST_EDITS
+from armcontour.studio.connection import open_session
+from armcontour.studio.page_frame import Frame
+from armcontour.studio.pages import MOST_FILES, Tabs, without_options
 
 CSV = b"x [mm],y [mm]\n300,100\n350,120\n300,150\n"
 pytestmark = pytest.mark.usefixtures("no_hurry")

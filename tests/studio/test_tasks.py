@@ -16,9 +16,9 @@ import armcontour as ac
 from armcontour.core.errors import InvalidInput
 from armcontour.files import parse_job
 from armcontour.jobs import run
-from armcontour.studio.tasks import working
-from armcontour.studio.tasks.working import SMALL, do, work
-from armcontour.studio.wire import Frame
+from armcontour.studio.page_frame import Frame
+from armcontour.studio.tasks import dispatch
+from armcontour.studio.tasks.dispatch import SMALL, do, work
 
 
 def quiet(step):
@@ -54,7 +54,7 @@ def line(square):
 
 def test_progress_has_the_share_and_the_time_that_is_left(monkeypatch):
     # Each look at the clock is a second later than the one before.
-    monkeypatch.setattr(working, "time", SimpleNamespace(monotonic=count().__next__))
+    monkeypatch.setattr(dispatch, "time", SimpleNamespace(monotonic=count().__next__))
     told = []
     options = {"key": "limits.speed", "values": [0.1, 0.2]}
     work(("a", "sweep", {"text": SMALL, "options": options}), told.append)

@@ -10,7 +10,7 @@ from armcontour.cli.console import print_line
 
 if TYPE_CHECKING:
     from armcontour.cli.options import StudioOptions
-    from armcontour.studio.desk import Desk
+    from armcontour.studio.connection import Desk
     from armcontour.studio.session import Session
 
 
@@ -69,7 +69,7 @@ def _session(
     file: FilePath | None, options: StudioOptions, say: Callable[[bytes], None]
 ) -> Session:
     """Open the document; this loads the numerical libraries."""
-    from armcontour.studio.opening import open_session
+    from armcontour.studio.connection import open_session
 
     return open_session(file, cell=options.cell, trust_xacro=options.trust_xacro, say=say)
 

@@ -14,7 +14,7 @@ from armcontour.core.file_access import read_bytes
 from armcontour.files.cell import drawing_text
 from armcontour.files.job_edits import Change, change_data, change_text, file_names
 from armcontour.files.job_file import read_data
-from armcontour.studio.disk import BOM, Draft, decoded, drop_draft, find_draft, write_whole
+from armcontour.studio.drafts import BOM, Draft, decoded, drop_draft, find_draft, write_whole
 
 SAME, CHANGED, MISSING, NONE = "same", "changed", "missing", "none"
 # Characters of all texts that can be had back by undoing; the last one always can.

@@ -1,11 +1,8 @@
-"""The document that is edited: its job, the run that is chosen, and what edits make of them.
-
-It knows no page. What cannot be made is refused before anything is changed.
-"""
+"""Editor of a document: its job, the shown run, and the results of edits. It knows no page."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path as FilePath
@@ -13,15 +10,15 @@ from typing import Any
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.yaml_loader import load
+from armcontour.files.cell import YAML
 from armcontour.files.job_edits import Change, change_data, change_text
 from armcontour.jobs import Job
-from armcontour.studio.described import Seen, runs_of
-from armcontour.studio.disk import Draft, all_drafts, drop_draft
+from armcontour.studio.description import Seen, runs_of
 from armcontour.studio.document import Document
-from armcontour.studio.edits import EditState, changes_of
-from armcontour.studio.handles import blank_handles, handles_of, is_blank
+from armcontour.studio.drafts import Draft, all_drafts, drop_draft
+from armcontour.studio.edits import changes_of
+from armcontour.studio.handles import EditState, blank_handles, handles_of, is_blank
 from armcontour.studio.preview import CoarsePlanner
-from armcontour.studio.trust import check_trusted_xacro
 from armcontour.studio.uploads import Uploads
 
 # The timing of the run that is shown first, if a job has such a run.
@@ -29,6 +26,44 @@ FASTEST = "optimal"
 # Edits after which other things can be grabbed, or elsewhere.
 MOVING = ("insert_waypoint", "remove_waypoint", "place", "to_waypoints", "draw")
 NOTHING_DRAWN = "Nothing is drawn yet: draw with the pen, or open a drawing."
+
+
+def check_trusted_xacro(
+    data: Mapping[str, Any], folder: FilePath, trusted: Collection[FilePath]
+) -> None:
+    """Refuse an arm from a file of xacro, unless the user has named the file.
+
+    Such a file is a program: a page may not choose which one is run.
+
+    Args:
+        data: The job.
+        folder: Folder of relative file names.
+        trusted: Files that may be such programs, or may name one.
+
+    Raises:
+        InvalidInput: The arm is such a file, or may lead to one.
+    """
+    # An arm file can name another arm; without any trust, reading it refuses what is a program.
+    programs = (".xacro", *YAML) if trusted else (".xacro",)
+    file = arm_file_of(data)
+    if file is None or not file.lower().endswith(programs):
+        return
+    if (folder / file).resolve() not in trusted:
+        raise InvalidInput(
+            f"{file} is a program, or may name one: start the Studio with a job file that names "
+            "it, and with --trust-xacro."
+        )
+
+
+def arm_file_of(data: Mapping[str, Any]) -> str | None:
+    """The file of the arm of a job; None for a built-in one.
+
+    Args:
+        data: The job.
+    """
+    arm = data.get("arm")
+    file = arm.get("file") if isinstance(arm, Mapping) else arm
+    return file if isinstance(file, str) and FilePath(file).suffix else None
 
 
 @dataclass(frozen=True, slots=True)

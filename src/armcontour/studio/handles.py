@@ -1,4 +1,4 @@
-"""What can be grabbed in the picture: the plane of the picture, waypoints, obstacles."""
+"""Editable elements of a job: plane of the picture, waypoints, obstacles; state of an edit."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from armcontour.core import checks
 from armcontour.core.checks import FloatArray, frozen_array
+from armcontour.core.errors import InvalidInput
 from armcontour.core.frames import Frame
 from armcontour.core.quantities import Quantity
+from armcontour.core.text import show
 from armcontour.files.cell import OWN_PATH
 from armcontour.files.job_arm import frame_of
 from armcontour.files.job_edits import Change, Keys, change_data
@@ -20,6 +23,7 @@ from armcontour.files.scene_file import BodiesModel, SceneModel
 from armcontour.files.si_data import in_si
 from armcontour.files.units import unit_of, write_like
 from armcontour.jobs import Job
+from armcontour.studio.view import Plane, in_space
 
 # A point of a job file: its role, its keys, its place in the frame of the path [m] unless it is
 # computed, and as it is written.
@@ -40,43 +44,6 @@ POINT, VIA, CENTER, END = "point", "via", "center", "end"
 BLANK, BLANK_SIDE = "blank", 0.2
 FROM_FILE = "The contours come from {file}, so that their points stay as drawn."
 COMPUTED = "This end follows from the centre and the angle of its arc: move the centre."
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Plane:
-    """The plane of the picture, in the frame of the job's path.
-
-    Args:
-        origin: The point with the coordinates 0, 0 [m], (3,).
-        x, y: Unit vectors of both axes, (3,).
-        flat: Whether the points of the job lie in the plane.
-    """
-
-    origin: FloatArray
-    x: FloatArray
-    y: FloatArray
-    flat: bool = True
-
-    @property
-    def normal(self) -> FloatArray:
-        """The direction out of the picture, (3,)."""
-        return np.asarray(np.cross(self.x, self.y))
-
-    def uv(self, points: npt.ArrayLike) -> FloatArray:
-        """Coordinates in the picture [m], (..., 2).
-
-        Args:
-            points: Points [m], (..., 2) for an arm in the plane, or (..., 3).
-        """
-        given = np.asarray(points, dtype=np.float64)
-        off = given - self.origin[: given.shape[-1]]
-        axes = np.stack([self.x, self.y], axis=1)[: given.shape[-1]]
-        return np.asarray(off @ axes)
-
-    def lift(self, uv: npt.ArrayLike) -> FloatArray:
-        """Points in the plane [m], (..., 3), from coordinates in the picture, (..., 2)."""
-        u = np.asarray(uv, dtype=np.float64)
-        return np.asarray(self.origin + u @ np.stack([self.x, self.y]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -205,7 +172,7 @@ def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
     given = [] if kind == FILE else list(_given(kind, path, si))
     ends = _ends(job, given)
     places = [
-        ends[k] if point is None else frame.position + frame.rotation @ _in_space(point)
+        ends[k] if point is None else frame.position + frame.rotation @ in_space(point)
         for k, (_, _, point, _) in enumerate(given)
     ]
     in_plane = kind == FILE or all(x[2] is None or len(x[2]) == 2 for x in given)
@@ -299,12 +266,7 @@ def _ends(job: Job, given: Sequence[Given]) -> FloatArray:
     """Ends of segments, of which the file does not give some, (n + 1, 3) [m]."""
     if all(x[2] is not None for x in given):
         return np.empty((0, 3))
-    return np.array([_in_space(x) for x in job.program.contours[0].path.vertices])
-
-
-def _in_space(point: FloatArray) -> FloatArray:
-    """A point with three coordinates [m], (3,)."""
-    return np.append(point, 0.0) if len(point) == 2 else point
+    return np.array([in_space(x) for x in job.program.contours[0].path.vertices])
 
 
 def _plane_of(job: Job, frame: Frame | None, places: Sequence[FloatArray]) -> Plane:
@@ -362,3 +324,34 @@ def _centre(job: Job, plane: Plane) -> FloatArray:
     """The middle of a job's path in the picture [m], (2,)."""
     uv = plane.uv(_vertices(job))
     return np.asarray((uv.min(axis=0) + uv.max(axis=0)) / 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EditState:
+    """What an edit is made on.
+
+    Args:
+        data: The data of the job file, as written.
+        run: The name of the run that is shown.
+        handles: What can be grabbed of the job.
+    """
+
+    data: Mapping[str, Any]
+    run: str
+    handles: Handles
+
+
+def uv_of(name: str, value: Any) -> FloatArray:
+    """A place in the picture [m], (2,).
+
+    Args:
+        name: Its name in the edit.
+        value: What the edit has there.
+
+    Raises:
+        InvalidInput: They are no two coordinates.
+    """
+    found = checks.check_numbers(name, value, "m")
+    if found.shape != (2,):
+        raise InvalidInput(f"{name} must be two coordinates in the picture, not {show(value)}.")
+    return found

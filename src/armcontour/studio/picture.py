@@ -1,28 +1,38 @@
-"""The picture of a plan, or of a program that is not planned yet, as a frame for the screen."""
+"""Frames with the picture of a plan, of a program without a plan, or of a refusal."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from armcontour.core.checks import FloatArray, IntArray
+from armcontour.core.errors import ArmContourError
 from armcontour.core.render import cells, frame, number
 from armcontour.core.result import Data
-from armcontour.geometry import RoundedPath
-from armcontour.jobs import Rounding
+from armcontour.files.job_edits import key_in
+from armcontour.geometry import Path, RoundedPath
+from armcontour.jobs import Rounding, Run
 from armcontour.jobs.single_corners import corner_waypoints
 from armcontour.jobs.verdict import time_limit_row
+from armcontour.motion import LawAlongPath
 from armcontour.planning import Explanation
 from armcontour.program import Program, cut_parts
-from armcontour.studio.executed import demand_of, executed_lines
-from armcontour.studio.line import MOST_POINTS, NOTHING, Line
+from armcontour.studio.execution_picture import demand_of, executed_lines
+from armcontour.studio.page_frame import Frame
 from armcontour.studio.preview import Executed, Preview, Tier
-from armcontour.studio.thinning import Detail
-from armcontour.studio.view import View, in_space, short
-from armcontour.studio.wire import Frame
+from armcontour.studio.view import Detail, View, in_space, short, thin
 from armcontour.verification.evaluation import duration_row
+
+# About the largest number of points that are drawn for the speed alone; a short path needs fewer.
+MOST_POINTS, LEAST_POINTS = 20_000, 1_200
+# A stretch on which another limit binds is drawn if it is longer than so many errors of the line.
+SEEN = 8.0
+# Where no limit binds, or it is not known.
+NOTHING = 255
 
 # Points of a drawn rapid, and about the largest number of those of all.
 OF_RAPID, MOST_OF_RAPIDS = 16, 50_000
@@ -30,6 +40,128 @@ OF_RAPID, MOST_OF_RAPIDS = 16, 50_000
 MOST_CORNERS, MOST_SHORTFALLS = 400, 60
 # Smallest share of the time in the legend.
 VISIBLE = 5e-5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Line:
+    """Places along all contours of a plan.
+
+    Args:
+        points: The places [m], (n, dimension).
+        s: Their arc lengths, counted over all contours [m], (n,).
+        t: Times at which the tool is there [s], (n,).
+        speed: Its speeds there [m/s], (n,).
+        assigned: Assigned velocities there, NaN for none [m/s], (n,).
+        ends: Index of the first place of each line, and the number of places.
+    """
+
+    points: FloatArray
+    s: FloatArray
+    t: FloatArray
+    speed: FloatArray
+    assigned: FloatArray
+    ends: IntArray
+
+    @classmethod
+    def of(cls, planned: Preview, view: View, detail: Detail) -> Line:
+        """The places of a plan that are seen: points of curves, and where the plan changes."""
+        rows: list[tuple[FloatArray, ...]] = []
+        for contour, span in zip(
+            planned.path.contours, planned.trajectory.contour_spans, strict=True
+        ):
+            path = contour.path
+            if not detail.has(view.box, path):
+                continue
+            assert span.trajectory is not None
+            laws = [x.s for x in span.trajectory.laws if isinstance(x, LawAlongPath)]
+            places = np.unique(np.concatenate([detail.places(path), *laws]))
+            s = np.clip(places, 0.0, path.length)
+            rows.append(
+                (
+                    path(s),
+                    span.s[0] + s,
+                    span.t[0] + span.trajectory.time_at(s),
+                    span.trajectory.speed_at(s),
+                    _assigned(path, s, planned.run),
+                )
+            )
+        ends = np.cumsum([0, *(len(x[0]) for x in rows)])
+        if not rows:
+            rows = [(np.empty((0, planned.path.dimension)), *[np.empty(0)] * 4)]
+        points, s, t, speed, assigned = (np.concatenate(x) for x in zip(*rows, strict=True))
+        k, ends = detail.seen(view.drawn(points), ends)
+        return cls(points[k], s[k], t[k], speed[k], assigned[k], ends)
+
+    def thinned(self, binding: npt.NDArray[np.uint8], detail: Detail) -> IntArray:
+        """Indices of places to draw: their shape, changes of what binds, extremes of the speed.
+
+        Args:
+            binding: Which limit binds from each place on, (n,).
+            detail: How finely they are drawn.
+        """
+        shape = detail.needed(self.points, self.ends)
+        weight = np.where(shape, np.inf, 0.0)
+        changes = np.flatnonzero(np.diff(binding)) + 1
+        # What a change is worth is the length up to the next one.
+        lengths = np.diff(self.s[np.append(changes, len(self.s) - 1)])
+        lengths[lengths > SEEN * detail.error] = np.inf
+        weight[changes] = np.maximum(weight[changes], lengths)
+        return thin(weight, [self.speed], min(MOST_POINTS, LEAST_POINTS + 2 * shape.sum()))
+
+    def binding(
+        self, explanation: Explanation | None, limits: Sequence[Mapping[str, Any]]
+    ) -> npt.NDArray[np.uint8]:
+        """Index of the limit that binds from each place to the next, (n,)."""
+        if explanation is None:
+            return np.full(len(self.s), NOTHING, dtype=np.uint8)
+        index = {x["name"]: k for k, x in enumerate(limits)}
+        starts = np.array([x.s[0] for x in explanation.bindings])
+        known = np.array([index.get(x.name, NOTHING) for x in explanation.bindings], np.uint8)
+        which = np.searchsorted(starts, self.s, side="right") - 1
+        return known[np.clip(which, 0, len(known) - 1)]
+
+
+def _assigned(path: Path, s: FloatArray, this: Run) -> FloatArray:
+    """Assigned velocities at arc lengths, NaN for none [m/s], (n,)."""
+    own = path.speeds[path.locate(s)]
+    return own if this.limits.speed is None else np.fmin(own, this.limits.speed)
+
+
+def refusal_header(
+    error: ArmContourError,
+    view: View,
+    *,
+    tier: int,
+    run: str = "",
+    planned: Preview | None = None,
+    waypoints: FloatArray | None = None,
+) -> dict[str, Any]:
+    """What was refused, and where.
+
+    Args:
+        error: The error.
+        view: How points get on the screen.
+        tier: What could not be had: 1 the plan, 2 its execution, 3 the full run.
+        run: Name of the run.
+        planned: The plan, if there is one: it has the place of a time.
+        waypoints: Waypoints in the plane [m], (n, 2), of which one may be at the place.
+    """
+    point = None if error.point is None else np.array(error.point)
+    if point is None and error.t is not None and planned is not None:
+        t = np.clip(error.t, 0.0, planned.trajectory.duration)
+        point = planned.job.arm.tool_position(planned.trajectory(t))
+    at: dict[str, Any] = {"s": error.s, "t": error.t, "joint": error.joint, "index": error.index}
+    if point is not None and point.shape in {(2,), (3,)}:
+        at |= {"xyz": in_space(point), "uv": view.uv(point)}
+        if waypoints is not None and len(waypoints):
+            away = np.linalg.norm(waypoints - at["uv"], axis=1)
+            at["waypoint"] = int(away.argmin()) if away.min() < 1e-4 else None
+    return {
+        **{"tier": tier, "run": run, "sentence": str(error)},
+        **{"error": type(error).__name__, "exit": error.exit_code, "limit": error.limit},
+        **{"needed": error.needed, "allowed": error.allowed, "key": key_in(str(error))},
+        "at": {name: x for name, x in at.items() if x is not None},
+    }
 
 
 def picture_frame(planned: Preview, view: View) -> Frame:

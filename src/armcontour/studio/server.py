@@ -23,8 +23,7 @@ from urllib.parse import parse_qs, quote
 
 from armcontour.core import palette
 from armcontour.core.errors import ArmContourError, InvalidInput
-from armcontour.studio.desk import Desk, Tab
-from armcontour.studio.guard import (
+from armcontour.studio.access_control import (
     ADDRESS,
     LARGEST_MESSAGE,
     Allowance,
@@ -37,6 +36,7 @@ from armcontour.studio.guard import (
     Send,
     respond,
 )
+from armcontour.studio.connection import Desk, Tab
 
 if TYPE_CHECKING:
     from armcontour.studio.session import Session
@@ -134,7 +134,7 @@ class Server:
         try:
             answer = {"name": await asyncio.to_thread(session.open_upload, *given)}
         except ArmContourError as error:
-            from armcontour.studio.tabs import without_options
+            from armcontour.studio.page_frame import without_options
 
             sentence = without_options(str(error))
             status, answer = 422, {"sentence": sentence, "error": type(error).__name__}

@@ -17,15 +17,14 @@ from armcontour.core.compilation import warm_for_run
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress
-from armcontour.studio.acts import Acts
-from armcontour.studio.display import Display
+from armcontour.studio.commands import Acts
 from armcontour.studio.document import Document
 from armcontour.studio.editor import Editor
-from armcontour.studio.lanes import FastLane, SlowLane
-from armcontour.studio.planner import MakeLane
+from armcontour.studio.page_frame import Frame
+from armcontour.studio.pages import Display, Said, Tab
 from armcontour.studio.preview import CoarsePlanner
-from armcontour.studio.tabs import Said, Tab
-from armcontour.studio.wire import Frame
+from armcontour.studio.scheduler import MakeLane
+from armcontour.studio.workers import FastLane, SlowLane
 
 # How long nothing changes before the exact figures are computed [s].
 REST = 0.15

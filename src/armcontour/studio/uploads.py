@@ -18,8 +18,8 @@ from armcontour.core.text import make_printable
 from armcontour.files.cell import OWN_PATH, YAML, cell_names, drawing_text
 from armcontour.files.drawings.endings import READERS
 from armcontour.files.job_edits import Change, change_text
-from armcontour.studio.disk import all_drafts, make_private, state_folder
 from armcontour.studio.document import Document
+from armcontour.studio.drafts import all_drafts, make_private, state_folder
 
 # Endings of robot descriptions; .xacro is none of them, as it is a program.
 ROBOTS = (".urdf",)

@@ -1,37 +1,68 @@
-"""How points of the path get on the screen.
-
-Points are metres in a plane: u along its x and v along its y from its origin. Rows of points are
-relative to a centre, so that 32 bits are enough.
-"""
+"""Projection of paths onto the picture plane, and reduction of the number of drawn points."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from armcontour.core.checks import FloatArray
+from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.geometry import Path
 
 # The box of a path is computed from so many of its points, and from the ends of its segments.
 LOOKS = 41
 
+# Times of a motion that are drawn, whatever happens between them, are so close [s], and at most so
+# many: on straight lines between them an arm that accelerates by 20 rad/s² is off by 0.3 mrad.
+CLOSE, MOST_EVEN = 10e-3, 2_000
+# The error of a picture of all lines is its size divided by this; its size is at least this [m].
+FINENESS, SMALLEST = 5_000, 1e-4
+# Curves are drawn with points that are not farther apart than this [rad], and at most so many.
+TURN, MOST_PER_ARC = 0.06, 20_000
+# At such turns drawn lines keep a point [rad], unless these points are too many.
+KEPT_TURN, MOST_CORNERS = 0.4, 100_000
+# Charts of short motions have so many at least.
+FEWEST_EVEN = 200
 
-class Plane(Protocol):
-    """A plane in the coordinates of the path: its origin [m], and its axes, (3,) each."""
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Plane:
+    """The plane of the picture, in the frame of the job's path.
+
+    Args:
+        origin: The point with the coordinates 0, 0 [m], (3,).
+        x, y: Unit vectors of both axes, (3,).
+        flat: Whether the points of the job lie in the plane.
+    """
+
+    origin: FloatArray
+    x: FloatArray
+    y: FloatArray
+    flat: bool = True
 
     @property
-    def origin(self) -> FloatArray:
-        """A point of it [m]."""
+    def normal(self) -> FloatArray:
+        """The direction out of the picture, (3,)."""
+        return np.asarray(np.cross(self.x, self.y))
 
-    @property
-    def x(self) -> FloatArray:
-        """Direction of u."""
+    def uv(self, points: npt.ArrayLike) -> FloatArray:
+        """Coordinates in the picture [m], (..., 2).
 
-    @property
-    def y(self) -> FloatArray:
-        """Direction of v."""
+        Args:
+            points: Points [m], (..., 2) for an arm in the plane, or (..., 3).
+        """
+        given = np.asarray(points, dtype=np.float64)
+        off = given - self.origin[: given.shape[-1]]
+        axes = np.stack([self.x, self.y], axis=1)[: given.shape[-1]]
+        return np.asarray(off @ axes)
+
+    def lift(self, uv: npt.ArrayLike) -> FloatArray:
+        """Points in the plane [m], (..., 3), from coordinates in the picture, (..., 2)."""
+        u = np.asarray(uv, dtype=np.float64)
+        return np.asarray(self.origin + u @ np.stack([self.x, self.y]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,3 +130,155 @@ def in_space(points: FloatArray) -> FloatArray:
 def short(values: FloatArray) -> Any:
     """Values in 32 bits, for the screen."""
     return np.ascontiguousarray(values, dtype=np.float32)
+
+
+def evenly(duration: float) -> FloatArray:
+    """Times from 0 to the end of a motion, spread evenly [s].
+
+    Args:
+        duration: Duration of the motion [s].
+    """
+    count = min(MOST_EVEN, max(FEWEST_EVEN, 1 + int(np.ceil(duration / CLOSE))))
+    return np.linspace(0.0, duration, count)
+
+
+def thin(weight: FloatArray, rows: Sequence[FloatArray], most: int) -> IntArray:
+    """Indices of the points to keep: heavy ones, and those with extremes of rows nearby.
+
+    Args:
+        weight: How much is lost without each point; infinite for points that are always kept, zero
+            for points that only extremes keep, (n,).
+        rows: Values along the points, (n,) each.
+        most: About the largest number of points to keep.
+    """
+    count = len(weight)
+    if count <= most:
+        return np.arange(count)
+    kept = np.flatnonzero(weight > 0)
+    if len(kept) > most // 2:
+        heaviest = np.argpartition(weight[kept], -(most // 2))[-(most // 2) :]
+        kept = np.union1d(kept[heaviest], np.flatnonzero(np.isinf(weight)))
+    stays = np.zeros(count, dtype=bool)
+    stays[kept] = stays[0] = stays[-1] = True
+    parts = max(1, (most - len(kept)) // (2 * len(rows)))
+    width = -(-count // parts)
+    table = np.nan_to_num(np.stack(rows))
+    # The last part may be shorter than the others.
+    whole = count - count % width
+    for begin, end in ((0, whole), (whole, count)):
+        if begin < end:
+            cut = table[:, begin:end].reshape(len(rows), -1, min(width, end - begin))
+            first = begin + np.arange(cut.shape[1]) * width
+            stays[first + cut.argmin(axis=2)] = True
+            stays[first + cut.argmax(axis=2)] = True
+    return np.flatnonzero(stays)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Detail:
+    """How finely lines are drawn, and which part of them.
+
+    Args:
+        error: Largest distance of the path from the drawn line [m].
+        box: Least and largest u and v of what is seen, from the centre [m], (4,); None for all.
+    """
+
+    error: float
+    box: FloatArray | None = None
+
+    @classmethod
+    def of_whole(cls, uv: FloatArray) -> Detail:
+        """Enough to see all points of a path at once."""
+        # The size is the same when the path is turned.
+        away = np.linalg.norm(uv - uv.mean(axis=0), axis=1)
+        size = 2.0 * float(away.max(initial=0.0))
+        return cls(max(size, SMALLEST) / FINENESS)
+
+    def has(self, box_of: Callable[[Path], FloatArray], path: Path) -> bool:
+        """Whether something of a path may be seen; its box is only computed if that matters."""
+        if self.box is None:
+            return True
+        box = box_of(path)
+        return bool((box[2:] >= self.box[:2]).all() and (box[:2] <= self.box[2:]).all())
+
+    def places(self, path: Path) -> FloatArray:
+        """Arc lengths of the ends of all segments, and of points on smooth curves [m]."""
+        bend = np.abs(path.curvatures)
+        coarse = np.maximum(bend * path.lengths / TURN, path.lengths * np.sqrt(bend / self.error))
+        parts = np.clip(np.ceil(coarse), 1, MOST_PER_ARC).astype(np.intp)
+        if len(path) == parts.sum():
+            return path.breaks
+        i = np.repeat(np.arange(len(path)), parts)
+        k = np.arange(len(i)) - np.repeat(np.cumsum(parts) - parts, parts)
+        return np.append(path.breaks[i] + path.lengths[i] * (k / parts[i]), path.length)
+
+    def seen(self, uv: FloatArray, ends: IntArray) -> tuple[IntArray, IntArray]:
+        """Indices of the ends of pieces in the box, and among them the first of each line.
+
+        Args:
+            uv: Points from the centre [m], (n, 2).
+            ends: First point of each line, and the number of points.
+        """
+        if self.box is None or len(uv) < 2:
+            return np.arange(len(uv)), ends
+        low, high = np.minimum(uv[:-1], uv[1:]), np.maximum(uv[:-1], uv[1:])
+        outside = (high < self.box[:2]) | (low > self.box[2:])
+        inside: BoolArray = ~np.any(outside, axis=1)
+        inside[ends[1:-1] - 1] = False
+        begins = np.append(inside, False)
+        ends_here = np.append(False, inside)
+        kept = np.flatnonzero(begins | ends_here)
+        first = np.flatnonzero((begins & ~ends_here)[kept])
+        return kept, np.append(first, len(kept))
+
+    def needed(self, points: FloatArray, ends: IntArray) -> BoolArray:
+        """Which points lines are drawn through, so that all others are within the error, (n,).
+
+        Corners stay, and so does a point of curves for every turn by `KEPT_TURN`: a square stays a
+        square, and a circle is no polygon of a few corners, however small they are.
+
+        Args:
+            points: The points [m], (n, dimension).
+            ends: As in `seen`.
+        """
+        kept = np.zeros(len(points), dtype=bool)
+        kept[ends[:-1]] = kept[ends[1:] - 1] = True
+        turned = np.floor(_turns(points, ends) / KEPT_TURN)
+        corners = 1 + np.flatnonzero(np.diff(turned))
+        # Far more corners are a hatching, whose lines are nearer than what is seen.
+        if len(corners) <= MOST_CORNERS:
+            kept[corners] = True
+        left = np.flatnonzero(~kept)
+        while len(left):
+            places = np.flatnonzero(kept)
+            which = np.searchsorted(places, left) - 1
+            off = _from_piece(points[left], points[places[which]], points[places[which + 1]])
+            # Of places that are equally far, all are kept: a path that is moved has the same.
+            off = np.round(off / self.error, 6)
+            worst = np.zeros(len(places))
+            np.maximum.at(worst, which, off)
+            far = worst[which] > 1.0
+            kept[left[far & (off == worst[which])]] = True
+            left = left[far & (off < worst[which])]
+        return kept
+
+
+def _turns(points: FloatArray, ends: IntArray) -> FloatArray:
+    """By how much the direction has turned up to each point, over all lines [rad], (n,)."""
+    step = np.diff(points, axis=0)
+    length = np.linalg.norm(step, axis=1, keepdims=True)
+    along = step / np.where(length > 0, length, 1.0)
+    cosine = np.einsum("ij,ij->i", along[1:], along[:-1])
+    turn = np.zeros(len(points))
+    turn[1:-1] = np.arccos(np.clip(cosine, -1.0, 1.0))
+    turn[ends[:-1]] = turn[ends[1:] - 1] = 0.0
+    return np.cumsum(turn)
+
+
+def _from_piece(points: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
+    """Distances of points from pieces of lines [m], (n,)."""
+    chord, away = end - begin, points - begin
+    square = np.einsum("ij,ij->i", chord, chord)
+    along = np.einsum("ij,ij->i", away, chord) / np.where(square > 0, square, 1.0)
+    off = away - np.clip(along, 0.0, 1.0)[:, None] * chord
+    return np.asarray(np.linalg.norm(off, axis=1))

@@ -1,4 +1,4 @@
-"""Edits of values: where a key is set for the run that is shown, and how its value is written."""
+"""Edits of values and runs: key of the shown run, and form in which a value is written."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from armcontour.files.patch import IN_RUN, MERGED, Name, arm_keys, key_of, locat
 from armcontour.files.si_data import quantity_of
 from armcontour.files.units import unit_of, write_like
 from armcontour.jobs import Job, Run
-from armcontour.studio.edits.state import EditState
+from armcontour.studio.handles import EditState
 
 SHARP = "sharp"
 # The tolerance of corners that were sharp before.
@@ -194,3 +194,46 @@ def _typed(number: str, old: Any, kind: Quantity) -> Any:
     if isinstance(old, int | float) and not isinstance(old, bool):
         return float(number)
     return f"{number} {unit_of(old, kind)[0]}"
+
+
+def add_run(data: Mapping[str, Any], name: str, like: Any) -> list[Change]:
+    """Changes that add a run.
+
+    Args:
+        data: The job.
+        name: Name of the new run.
+        like: Name of the run that it is a copy of.
+
+    Raises:
+        InvalidInput: The name is taken, or there is no run to copy.
+    """
+    runs = data.get("runs") or {}
+    if name in runs:
+        raise InvalidInput(f"The job has a run {name} already.")
+    if like not in list(runs):
+        raise InvalidInput(f"The job has no run {show(like)}.")
+    return [Change(("runs", name), deepcopy(runs[like]))]
+
+
+def remove_run(data: Mapping[str, Any], name: str) -> list[Change]:
+    """Changes that remove a run and the keys that name it.
+
+    Args:
+        data: The job.
+        name: Name of the run.
+
+    Raises:
+        InvalidInput: There is no such run, or no other one.
+    """
+    runs = data.get("runs") or {}
+    if name not in runs:
+        raise InvalidInput(f"The job has no run {name}.")
+    if len(runs) == 1:
+        raise InvalidInput(f"{name} is the only run, and a job needs one.")
+    changes, experiment = [Change(("runs", name))], data.get("experiment") or {}
+    if name in (experiment.get("runs") or []):
+        changes.append(Change(("experiment", "runs", experiment["runs"].index(name))))
+    for key in ("certificate", "placement"):
+        if (data.get(key) or {}).get("run") == name:
+            changes.append(Change((key, "run")))
+    return changes

@@ -1,17 +1,18 @@
-"""Edits of the points of a path: moved, set, inserted and removed."""
+"""Edits of waypoints, corner tolerances and pen segments."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show
 from armcontour.files.job_edits import Change, Keys, value_at
-from armcontour.studio.edits.corners import renumbered
+from armcontour.files.patch import locate_key
 from armcontour.studio.edits.keys import written
-from armcontour.studio.edits.state import EditState, uv_of
 from armcontour.studio.handles import (
     CENTER,
     END,
@@ -21,9 +22,61 @@ from armcontour.studio.handles import (
     SEGMENTS,
     SPLINE,
     VIA,
+    EditState,
     Handles,
     Waypoint,
+    uv_of,
 )
+
+# Largest number of a waypoint.
+MOST_POINTS = 10_000_000
+
+TO = "to"
+# A shape that starts so near the end of the path goes on there [m].
+NEAR = 1e-9
+
+
+def corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
+    """Set the tolerance of one corner; null takes it away."""
+    if edit["index"] is None:
+        raise InvalidInput(
+            "This corner is at no waypoint of a path of one contour, so that it cannot have a "
+            "tolerance of its own: set that of all corners."
+        )
+    index = checks.check_int("number of the waypoint", edit["index"], 0, MOST_POINTS)
+    keys = locate_key(("corners", "at"), state.data, state.run)
+    key: Keys = (*keys, index + 1)
+    given = value_at(state.data, keys)
+    if edit["value"] is None:
+        alone = isinstance(given, dict) and set(given) == {index + 1}
+        return [Change(keys if alone else key)]
+    return [Change(key, written(edit["value"], value_at(state.data, key), key))]
+
+
+def renumbered(index: int, by: int, state: EditState) -> list[Change]:
+    """The tolerances of single corners, by the new numbers of waypoints from one on.
+
+    Args:
+        index: Index of the first waypoint that has another number, or of the one that is removed.
+        by: By how much numbers change.
+        state: What the edit is made on.
+    """
+    changes = []
+    last = len(state.handles.ends) - 1
+    # Without an end of the path, the first and the last of the other points have no corner.
+    ends = {1, last} if by < 0 and index in (0, last) else set()
+    runs = (("runs", name, "corners", "at") for name in state.data["runs"])
+    for keys in (("corners", "at"), *runs):
+        given = value_at(state.data, keys)
+        if not isinstance(given, dict):
+            continue
+        # The waypoint that is removed has the number index + 1.
+        kept = {k: x for k, x in given.items() if by > 0 or k != index + 1}
+        moved = {k + by if k > index else k: x for k, x in kept.items()}
+        new = {k: x for k, x in moved.items() if k not in ends}
+        if new != given:
+            changes.append(Change(keys, new) if new else Change(keys))
+    return changes
 
 
 def move_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
@@ -156,3 +209,41 @@ def _waypoint(edit: Mapping[str, Any], state: EditState, *, computed: bool = Fal
 def _list_of(handles: Handles) -> Keys:
     """The keys of the list of points of a job."""
     return ("path", SPLINE, POINTS) if handles.kind == SPLINE else ("path", POINTS)
+
+
+def draw(edit: Mapping[str, Any], state: EditState) -> list[Change]:
+    """Draw segments from a start: lines to points, arcs via points, circles around centres."""
+    handles, path = editable(state), state.data["path"]
+    if handles.kind == SPLINE:
+        raise InvalidInput("A spline has no lines and arcs: draw on an empty plane instead (New).")
+    drawn = edit["segments"]
+    if not isinstance(drawn, list) or not all(isinstance(x, Mapping) for x in drawn):
+        raise InvalidInput("The pen draws a list of segments.")
+    ends, start = handles.ends, uv_of("start", edit["start"])
+    like = next((x for x in reversed(ends) if x.role == POINT), handles.origin)
+    normal = handles.frame.rotation.T @ handles.plane.normal
+    segments: list[dict[str, Any]] = []
+    for x in drawn:
+        places = {k: uv_of(k, x[k]) for k in (VIA, TO, CENTER) if k in x}
+        segments.append({k: list(handles.to_file(at, like)) for k, at in places.items()})
+        if CENTER in places:
+            segments[-1]["angle"] = "360 deg"
+            if len(like.written) == 3:
+                segments[-1]["normal"] = normal.tolist()
+    first = list(handles.to_file(start, like))
+    if ends and np.linalg.norm(ends[-1].uv - start) > NEAR:
+        segments.insert(0, {TO: first})
+    kind = handles.kind
+    if kind == SEGMENTS or (kind == POINTS and all(set(x) == {TO} for x in segments)):
+        new = [x[TO] if kind == POINTS else x for x in segments]
+        keys: Keys = ("path", kind)
+        count = len(path[kind])
+        changes = [Change((*keys, count + k), x, insert=True) for k, x in enumerate(new)]
+    else:
+        # Points become lines; an empty path has none.
+        begin, *others = path.get(POINTS) or [first]
+        values = {"start": begin, SEGMENTS: [*({TO: x} for x in others), *segments]}
+        changes = [Change(("path", POINTS)), *(Change(("path", k), x) for k, x in values.items())]
+    for k in range(len(segments)):
+        changes += insert_orientation(len(ends) + k, len(ends) - 1, state)
+    return changes

@@ -1,4 +1,4 @@
-"""Figures of a full run, or what the run refuses and where; and what to change of it."""
+"""Tasks with figures of a run: results, advice, comparison, checks of limits and clearance."""
 
 from __future__ import annotations
 
@@ -6,12 +6,17 @@ from collections.abc import Generator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from armcontour.core.errors import ArmContourError, InvalidInput
+import numpy as np
+
+from armcontour.core.errors import ArmContourError, Collision, InvalidInput
+from armcontour.studio.page_frame import Frame
 from armcontour.studio.tasks.request import Request
-from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
+    from armcontour.core.checks import FloatArray
+    from armcontour.jobs import RunResult
     from armcontour.jobs.improvements import Advice
+
 
 # Jobs of more segments are not planned again while somebody works on them.
 MOST_SEGMENTS = 200
@@ -19,15 +24,20 @@ LONG = "The program is long: the command run plans its changes with --changes."
 # The steps of what to change for the last figures, by what they are of.
 _advising: dict[tuple[str, str | None], Generator[float, None, Advice]] = {}
 
+# Points of each curve.
+POINTS = 2_000
+
+# Clearance is measured at so many times, and so many of the nearest pairs are told.
+CLEARANCE_TIMES, MOST_PAIRS = 400, 10
+
 
 def figures(x: Request) -> Frame:
     """Figures of a full run, or what the run refuses and where."""
     from armcontour.core.render import frame
     from armcontour.jobs.advice import advising, is_small
     from armcontour.jobs.job_result import judging_rows
-    from armcontour.studio.picture import time_header
+    from armcontour.studio.picture import refusal_header, time_header
     from armcontour.studio.preview import Tier
-    from armcontour.studio.refusals import refusal_header
 
     try:
         result = x.result
@@ -79,3 +89,118 @@ def changes(x: Request) -> Frame:
 def _set(key: str, value: Any) -> dict[str, Any]:
     """The edit that sets a key."""
     return {"do": "set", "key": key, "value": value}
+
+
+def compare(x: Request) -> Frame:
+    """The shown run and another one: differences by limit, speeds and errors on one axis.
+
+    Raises:
+        InvalidInput: The job was not edited yet.
+    """
+    from armcontour.core.render import cells, number
+    from armcontour.jobs.differences import differences
+    from armcontour.studio.view import short
+
+    other = x.option("with", "")
+    if other:
+        names, that = (str(x.run), other), replace(x, run=other)
+    else:
+        names, text = ("now", "before"), x.option("text", "")
+        if not text:
+            raise InvalidInput("There is no edit yet: edit the job, or choose another run.")
+        that = replace(x, text=text)
+    results = x.result, that.result
+    found = differences(results[0].to_data(), results[1].to_data(), names)
+    saved = results[1].trajectory.duration - results[0].trajectory.duration
+    words = "shorter" if saved > 0 else "longer"
+    sentence = f"The motion is {number(abs(saved), 's')} {words}: {names[0]} against {names[1]}."
+    length = max(y.path.length for y in results)
+    duration = max(y.motion.t[-1] for y in results)
+    s, t = np.linspace(0, length, POINTS), np.linspace(0, duration, POINTS)
+    arrays = {"s": s, "t": t}
+    for k, result in enumerate(results):
+        arrays[f"speed_{k}"], arrays[f"error_{k}"] = _speed(result, s), _error(result, t)
+    header = {"run": x.run, "sentence": sentence, "names": names, "table": cells(found)}
+    return Frame("result", header, {name: short(y) for name, y in arrays.items()})
+
+
+def _speed(result: RunResult, s: FloatArray) -> FloatArray:
+    """Planned tool speeds at arc lengths, NaN behind the end [m/s]."""
+    within = s <= result.path.length
+    found = np.full(len(s), np.nan)
+    found[within] = result.trajectory.speed_at(s[within])
+    return found
+
+
+def _error(result: RunResult, t: FloatArray) -> FloatArray:
+    """Contour errors at times, NaN where there is none [m]."""
+    assert result.evaluation is not None
+    e = result.evaluation.contour_error
+    return np.interp(t, e.t, e.values, left=np.nan, right=np.nan)
+
+
+def check(x: Request) -> Frame:
+    """The plan checked against all limits, by code that shares nothing with the planner."""
+    from armcontour.core.render import number
+    from armcontour.verification import check
+
+    plan = x.set_points
+    found = check(plan.trajectory, x.job.arm, plan.run.limits, plan.path)
+    worst = found.worst
+    most = ""
+    if worst is not None:
+        most = f" {_words(worst.name)} is used most: {number(worst.ratio, '1')}."
+    rows = [
+        (
+            _words(y.name) + ("" if y.joint is None else f", joint {y.joint + 1}"),
+            *(number(y.ratio, "1"), number(y.value, y.unit)),
+            number(y.limit, y.unit) if np.isfinite(y.limit) else "none",
+            *(number(y.t, "s"), y.verdict),
+        )
+        for y in found.uses
+    ]
+    verdict = {"kept": "All limits are kept.", "violated": "A limit is exceeded."}
+    sentence = verdict.get(found.verdict, "It cannot be told whether all limits are kept.") + most
+    return Frame(
+        "result",
+        {
+            **{"run": plan.run.name, "verdict": found.verdict, "sentence": sentence},
+            **{"table": [("Limit", "Used", "Value", "Allowed", "At", "Verdict"), *rows]},
+            **{"states": found.states, "not_judged": [_words(y) for y in found.not_judged]},
+        },
+    )
+
+
+def _words(name: str) -> str:
+    """The name of a limit in words, such as "joint torque"."""
+    return name.replace("_", " ")
+
+
+def clearance(x: Request) -> Frame:
+    """How far the arm stays from itself and its cell over time, and the pair that is nearest."""
+    from armcontour.core.render import cells, frame
+    from armcontour.jobs import run
+    from armcontour.studio.view import short
+
+    cell = x.job.cell
+    try:
+        plan = x.set_points
+    except Collision:
+        # Where it comes too near is what is asked for.
+        job = replace(x.job, ignore_collisions=True)
+        (plan,) = run(job, simulate=False, progress=x.progress).runs.values()
+    found = cell.check(plan.trajectory)
+    t = np.linspace(0.0, plan.trajectory.duration, CLEARANCE_TIMES)
+    over_time = cell.smallest_distances(plan.trajectory(t))
+    data = found.to_data()
+    pairs = data.tables[0]
+    header = {
+        **{"run": plan.run.name, "sentence": found.sentence, "kept": found.satisfied},
+        "rows": frame(data),
+        "warnings": [] if found.below_base is None else [found.below_base],
+        "kinds": list(over_time),
+        "table": cells(replace(pairs, rows=pairs.rows[:MOST_PAIRS])),
+        "left_out": len(found.left_out),
+    }
+    over_time["t"] = t
+    return Frame("result", header, {name: short(y) for name, y in over_time.items()})

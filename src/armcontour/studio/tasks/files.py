@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Step
+from armcontour.studio.page_frame import Frame
 from armcontour.studio.tasks.logs import learned
 from armcontour.studio.tasks.request import Request
-from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
     from armcontour.files.exports.formats import ExportFormat

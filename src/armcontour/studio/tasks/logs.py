@@ -16,8 +16,8 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.progress import Step
 from armcontour.core.render import cells, frame, verdict
 from armcontour.core.result import TABLE, Data
+from armcontour.studio.page_frame import Frame
 from armcontour.studio.tasks.request import Request
-from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
     from armcontour.jobs.run_learning import LearningStudy
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def measured(x: Request) -> Frame:
     """The plan against the last log: contour errors, and the measured motion of the tool."""
     from armcontour.jobs.run_learning import judge_last
-    from armcontour.studio.executed import tool_lines
+    from armcontour.studio.execution_picture import tool_lines
 
     logs = read_logs(x)
     study = judge_last(x.whole_job, x.run, logs, x.progress)
@@ -94,7 +94,7 @@ def read_logs(x: Request, *, commanded: bool = False) -> list[Any]:
 
 def _shown(data: Data, logs: Sequence[Any] = ()) -> dict[str, Any]:
     """What the terminal prints of a result: figures, tables and notes, also those of logs."""
-    from armcontour.studio.tabs import without_options
+    from armcontour.studio.page_frame import without_options
 
     tables = [{"title": y.name, "cells": cells(y)} for y in data.tables if y.level <= TABLE]
     notes = [without_options(y) for z in (data, *logs) for y in z.notes]

@@ -1,4 +1,4 @@
-"""Where work is done: previews in one thread, of which the latest wins; all else in a process."""
+"""Workers: one thread for previews, of which the latest wins, and one process for tasks."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from typing import Any, Protocol, TypeAlias
 from armcontour.core.errors import ArmContourError
 from armcontour.core.pool import ProcessPool
 from armcontour.core.process import ProcessEnded
-from armcontour.studio.tasks.working import WARM, TaskInput, work
-from armcontour.studio.wire import Frame
+from armcontour.studio.page_frame import Frame
+from armcontour.studio.tasks.dispatch import WARM, TaskInput, work
 
 # Niceness of the other process, so that previews come first.
 NICE = 10

@@ -1,9 +1,11 @@
-"""What a page may say: one act for each kind of message."""
+"""Commands of a page: one method for each `op` of its messages, and the edits of gestures."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
@@ -12,18 +14,111 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.text import show
 from armcontour.files.job_edits import Change
-from armcontour.studio.display import Display
+from armcontour.studio.description import label_of
 from armcontour.studio.document import Document
 from armcontour.studio.editor import Made
-from armcontour.studio.edits.runs import add_run, remove_run
-from armcontour.studio.gestures import Gestures
-from armcontour.studio.starting import find_recent, new_document, open_file, remember, start_frame
-from armcontour.studio.tabs import Said, Tab
-from armcontour.studio.thinning import Detail
-from armcontour.studio.wire import Frame
+from armcontour.studio.edits.keys import add_run, remove_run
+from armcontour.studio.page_frame import Frame
+from armcontour.studio.pages import Display, Said, Tab
+from armcontour.studio.start_page import find_recent, new_document, open_file, remember, start_frame
+from armcontour.studio.view import Detail
+
+# Edits of one message; a page sends a few, and each of them reads the job again at worst.
+MOST_EDITS = 100
 
 # Largest width of what is drawn closer, and largest error of its lines [px].
 WIDEST, OF_A_PIXEL = 20_000, 0.25
+
+
+@dataclass(slots=True)
+class Gesture:
+    """Edits in one movement: each message has all of them since its start.
+
+    Args:
+        number: Number of the gesture, as its tab counts.
+        rev: Revision of the document at its start.
+        is_over: Whether its further messages are ignored.
+    """
+
+    number: Any
+    rev: int
+    is_over: bool = False
+
+
+class Gestures:
+    """The gestures that go on, one for each page at most.
+
+    Args:
+        display: Shows the document that is edited.
+    """
+
+    def __init__(self, display: Display) -> None:
+        self._display, self._editor = display, display.editor
+        self._going_on: dict[Tab, Gesture] = {}
+
+    def edit(self, tab: Tab, said: Said) -> None:
+        """Show the edits of a gesture, or make them if it ends.
+
+        Raises:
+            InvalidInput: They are not possible.
+        """
+        gesture = self._gesture(tab, said)
+        if gesture.is_over:
+            return
+        final = bool(said.get("final"))
+        try:
+            edits = _edits_of(said)
+            made = self._editor.edited(edits)
+            if not final:
+                self._display.show(made, moving=True)
+                return
+            self._editor.commit(made, label_of(edits))
+            self._display.show_all()
+        finally:
+            if final:
+                self._going_on.pop(tab, None)
+
+    def cancel(self, tab: Tab, said: Said) -> None:
+        """Give a gesture up."""
+        self._going_on.pop(tab, None)
+        self._display.show()
+
+    def leave(self, tab: Tab) -> None:
+        """A page is closed; what it has not finished is dropped."""
+        gesture = self._going_on.pop(tab, None)
+        if gesture is not None and not gesture.is_over:
+            self._display.show()
+
+    def _gesture(self, tab: Tab, said: Said) -> Gesture:
+        """The gesture that a message belongs to; one of an older revision is over."""
+        gesture = self._going_on.get(tab)
+        if gesture is None or gesture.number != said.get("gesture"):
+            known, now = said.get("rev"), self._editor.rev
+            gesture = Gesture(said.get("gesture"), now if known is None else known)
+            self._going_on[tab] = gesture
+        if gesture.rev != self._editor.rev and not gesture.is_over:
+            gesture.is_over = True
+            self._display.show_document(tab)
+            sentence = "The job was changed elsewhere meanwhile, so this change was not made."
+            self._display.tell(Frame("notice", {"sentence": sentence}), to=tab)
+        return gesture
+
+
+def _edits_of(said: Said) -> list[Mapping[str, Any]]:
+    """The edits of a message.
+
+    Raises:
+        InvalidInput: It has none, or too many.
+    """
+    edits = said.get("edits")
+    if not isinstance(edits, list) or not edits or not all(isinstance(x, dict) for x in edits):
+        raise InvalidInput(f"The message {said.get('op')} needs edits, a list of mappings.")
+    if len(edits) > MOST_EDITS:
+        raise InvalidInput(
+            f"The message has {len(edits)} edits, and at most {MOST_EDITS} are made at once: "
+            "change the text of the job instead."
+        )
+    return edits
 
 
 class Acts:

@@ -1,15 +1,10 @@
-"""Frames: what the server tells the page, as bytes.
-
-A frame is `u32` length of the header | header, JSON in UTF-8 | zeros up to a multiple of 8 |
-arrays, each from a multiple of 8 on, all little-endian. The header has the frame's `kind`, and
-under `arrays` the type, the shape and the place of every array, counted from the first byte after
-the zeros. Numbers that are not finite are null in the header; arrays keep them.
-"""
+"""Frames: messages of the server to the page, as bytes."""
 
 from __future__ import annotations
 
 import json
 import math
+import re
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -36,6 +31,10 @@ FILE_TYPES = {
     ".yaml": "application/yaml",
     ".zip": "application/zip",
 }
+# Options of the command line in a sentence, which also names the key of the job file.
+_OPTION = r"--[a-z][a-z-]*(?: (?:'[^']*'|[^\s,.;:()']+))?"
+_BEFORE = r",? (?:or|also with|such as)| as"
+_OPTIONS = re.compile(rf" \([a-z ]*{_OPTION}\)|(?:{_BEFORE}) {_OPTION}|, {_OPTION}(?=\))")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -107,3 +106,8 @@ def _to_json(header: Mapping[str, Any]) -> str:
     except (TypeError, ValueError):
         # Keys that are no texts, and numbers that are not finite, are rare.
         return json.dumps(jsonable(header), ensure_ascii=False, allow_nan=False)
+
+
+def without_options(sentence: str) -> str:
+    """A sentence without options of the command line, which a page does not have."""
+    return _OPTIONS.sub("", sentence)

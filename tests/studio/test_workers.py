@@ -8,10 +8,10 @@ from tests.studio.talking import figure
 
 from armcontour.core.errors import Unreachable
 from armcontour.core.process import ProcessEnded
-from armcontour.studio import lanes
-from armcontour.studio.lanes import FastLane, SlowLane
-from armcontour.studio.tasks.working import SMALL, WARM
-from armcontour.studio.wire import Frame
+from armcontour.studio import workers
+from armcontour.studio.page_frame import Frame
+from armcontour.studio.tasks.dispatch import SMALL, WARM
+from armcontour.studio.workers import FastLane, SlowLane
 
 
 class Heard:
@@ -107,7 +107,7 @@ class Pool:
         self.killed = Event()
 
     def submit(self, work, given):
-        assert given in (WARM, lanes.NICE)
+        assert given in (WARM, workers.NICE)
 
     def submit_reporting(self, heard, work):
         (given,), future, killed = work.args, Future(), self.killed
@@ -134,7 +134,7 @@ class Pool:
 @pytest.fixture
 def lane(monkeypatch):
     """A lane whose process is of this test, and what it delivers."""
-    monkeypatch.setattr(lanes, "ProcessPool", Pool)
+    monkeypatch.setattr(workers, "ProcessPool", Pool)
     Pool.made = []
     heard = Heard()
     lane = SlowLane(heard)

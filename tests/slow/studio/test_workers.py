@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 from tests.studio.talking import figure
-from tests.studio.test_lanes import Heard
+from tests.studio.test_workers import Heard
 
-from armcontour.studio.lanes import SlowLane
-from armcontour.studio.tasks.working import SMALL
+from armcontour.studio.tasks.dispatch import SMALL
+from armcontour.studio.workers import SlowLane
 
 # Takes far longer than any of these tests.
 LONG = {"text": SMALL, "options": {"key": "limits.speed", "values": [0.1] * 100_000}}
@@ -52,8 +52,8 @@ def test_a_process_that_dies_is_said_and_replaced(slow, heard):
 
 CODE = """
 import time
-from armcontour.studio.lanes import SlowLane
-from tests.slow.studio.test_lanes import LONG
+from armcontour.studio.workers import SlowLane
+from tests.slow.studio.test_workers import LONG
 lane = SlowLane(lambda frame: print(*[x.pid for x in lane._pool._children], flush=True))
 lane.submit('a', 'sweep', LONG)
 time.sleep(60)

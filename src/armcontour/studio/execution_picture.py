@@ -1,7 +1,4 @@
-"""The picture of an execution as a frame for the screen, and what joints need over time.
-
-Errors are magnified on the screen, so that they are computed here, in 64 bits.
-"""
+"""Frames with the simulated execution: magnified deviations (64-bit) and joint usage."""
 
 from __future__ import annotations
 
@@ -17,10 +14,9 @@ from armcontour.jobs.verdict import verdict_rows
 from armcontour.motion import Execution, Trajectory
 from armcontour.robot import Arm, Limits
 from armcontour.robot.limit_use import use_of
+from armcontour.studio.page_frame import Frame
 from armcontour.studio.preview import Executed
-from armcontour.studio.thinning import Detail, evenly, thin
-from armcontour.studio.view import View, in_space, short
-from armcontour.studio.wire import Frame
+from armcontour.studio.view import Detail, View, evenly, in_space, short, thin
 from armcontour.verification.contour_execution import ContourExecution
 from armcontour.verification.error_profile import error_rows
 from armcontour.verification.evaluation import (

@@ -1,11 +1,4 @@
-"""Who may talk to the Studio: only its own page, opened by the person who started it.
-
-Every page of the web that a browser has open can send requests to this machine. So a request has to
-name this server in its header `Host` and, unless it only reads, in `Origin`, exactly: that both are
-equal says nothing, as they are for a name that a stranger points here. All that is not the page
-itself asks for a token, which is made at the start and is only in the address that is printed. It
-stands behind the `#` there, which browsers do not send.
-"""
+"""Access control of the Studio: only its own page, opened with the token of the printed address."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many plans of one job: over the values of a key, and over places of the part."""
+"""Tasks with many plans of one job: sweep of a key, placement of the part."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from armcontour.core.progress import Step
 from armcontour.jobs import PlaceSearch
 from armcontour.jobs.place_search import LENGTHS
 from armcontour.robot.scene import BASE
+from armcontour.studio.page_frame import Frame
 from armcontour.studio.tasks.request import Request
-from armcontour.studio.wire import Frame
 
 if TYPE_CHECKING:
     from armcontour.studio.view import View
+
 
 # A sweep has so many points by default.
 SWEPT = 15
@@ -29,9 +30,8 @@ def sweep(x: Request) -> Frame:
     Options: `key`, and `values` in SI units, or `min`, `max` and `count`, evenly or with `log`.
     """
     from armcontour.files.job_edits import change_data
-    from armcontour.studio.edits import EditState
     from armcontour.studio.edits.keys import set_value
-    from armcontour.studio.handles import handles_of
+    from armcontour.studio.handles import EditState, handles_of
 
     key, values = str(x.option("key", "")), _values(x)
     state = EditState(data=x.data, run=x.job.runs[0].name, handles=handles_of(x.job, x.data))

@@ -1,4 +1,4 @@
-"""The start page: jobs to begin with, pictures of the arms, and what was opened before."""
+"""Start page: new jobs, pictures of the arms, and recently opened files."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from armcontour.files.cell import cell_names, cell_text, read_cell_arm
 from armcontour.files.job_edits import Change, change_text
 from armcontour.robot import SerialArm
 from armcontour.robot.chain import link_poses
-from armcontour.studio.disk import all_drafts, make_private, place_of, state_folder
+from armcontour.studio.arm_picture import triangles_of
 from armcontour.studio.document import Document
-from armcontour.studio.robot import triangles_of
+from armcontour.studio.drafts import all_drafts, make_private, place_of, state_folder
+from armcontour.studio.page_frame import Frame
 from armcontour.studio.uploads import Uploads
-from armcontour.studio.wire import Frame
 
 # Drawings of the jobs to begin with; the others are the paper's job and an empty plane.
 DRAWINGS = {"drawing": "plate.svg", "gcode": "slot.ngc", "weld": "seam.svg"}

@@ -1,4 +1,4 @@
-"""A drawing's contour as points or segments of the job itself."""
+"""Conversion of a drawing's contour to points or segments of the job."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ import pytest
 from armcontour.core.errors import InvalidInput
 from armcontour.files import parse_job
 from armcontour.robot.scene import Box, Capsule, Cylinder, Mesh, Sphere
-from armcontour.studio.guard import (
+from armcontour.studio.access_control import (
     BURST,
     LARGEST_UPLOAD,
     RATE,
@@ -18,8 +18,8 @@ from armcontour.studio.guard import (
     make_token,
     respond,
 )
-from armcontour.studio.robot import arm_frame, triangles_of
-from armcontour.studio.trust import check_trusted_xacro
+from armcontour.studio.arm_picture import arm_frame, triangles_of
+from armcontour.studio.editor import check_trusted_xacro
 
 DOOR = Door(4711, "0123456789abcdef0123456789abcdef")
 HOST = (b"host", b"127.0.0.1:4711")

@@ -26,9 +26,9 @@ from armcontour.core.progress import Step
 from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.job_edits import Change, change_text
-from armcontour.studio import planner
+from armcontour.studio import scheduler
+from armcontour.studio.page_frame import Frame
 from armcontour.studio.preview import CoarsePlanner, Tier
-from armcontour.studio.wire import Frame
 
 PAPER = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_text("utf-8")
 FAR = {**MOVE, "to": [2.0, 0.15]}
@@ -228,8 +228,8 @@ def during(monkeypatch):
         return plan(self, data, run, tier=tier, progress=progress)
 
     monkeypatch.setattr(CoarsePlanner, "plan", planning)
-    monkeypatch.setattr(planner, "LATE", -1.0)
-    monkeypatch.setattr(planner, "SOON", -1.0)
+    monkeypatch.setattr(scheduler, "LATE", -1.0)
+    monkeypatch.setattr(scheduler, "SOON", -1.0)
     return lambda tier, act: acts.append((Tier(tier), act))
 
 
@@ -275,7 +275,7 @@ def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
     opened, during, monkeypatch
 ):
     _, tab, lane = opened(fast=Nested)
-    monkeypatch.setattr(planner, "SLOW", -1.0)
+    monkeypatch.setattr(scheduler, "SLOW", -1.0)
     during("preview", lambda: tab.say("cancel", id="#"))
     heard = tab.edit(moved(1), gesture=1)
     assert tiers(heard) == ["picture outline"]
@@ -295,10 +295,10 @@ def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
 
 def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
     _, tab, _ = opened()
-    monkeypatch.setattr(planner, "SLOW", 0.5)
+    monkeypatch.setattr(scheduler, "SLOW", 0.5)
     looks = count()
     slow = SimpleNamespace(monotonic=time.monotonic, thread_time=lambda: next(looks))
-    monkeypatch.setattr(planner, "time", slow)
+    monkeypatch.setattr(scheduler, "time", slow)
     for _ in range(2):
         heard = tab.edit(moved(next(looks)), final=False)
         assert tiers(heard)[0] == "picture moving", "one late plan may be late by chance"
@@ -310,7 +310,7 @@ def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
 
 
 def test_progress_of_exact_figures_is_told_with_its_step(opened, during, monkeypatch):
-    monkeypatch.setattr(planner, "OFTEN", -1e6)
+    monkeypatch.setattr(scheduler, "OFTEN", -1e6)
     _, tab, lane = opened(fast=Nested)
     step = {"id": lane.given[-1][0], "steps": ["compensated", "timing"], "share": 0.25}
     lane.deliver(Frame("progress", step))
@@ -339,7 +339,7 @@ def test_figures_that_take_long_make_way_for_an_edit(opened, monkeypatch):
     _, tab, lane = opened(fast=Nested)
     tab.edit(moved(1), gesture=1)
     assert lane.cancelled == [], "soon they are there"
-    monkeypatch.setattr(planner, "PATIENCE", -1.0)
+    monkeypatch.setattr(scheduler, "PATIENCE", -1.0)
     tab.edit(moved(2), gesture=2)
     assert lane.cancelled == [lane.given[-1][0]]
     lane.deliver(Frame("cancelled", {"id": lane.given[-1][0]}))

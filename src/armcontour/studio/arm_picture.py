@@ -1,8 +1,4 @@
-"""The arm and its cell in space: what the page needs to draw them at any joint positions.
-
-The page moves the links itself: the frame of link i in that of link i - 1 is the joint's `origin`
-followed by a turn by q[i] about its `axis`; link 0 is the base, and the tool is in the last link.
-"""
+"""Frame with the arm and its cell in space."""
 
 from __future__ import annotations
 
@@ -30,7 +26,7 @@ from armcontour.robot.scene import (
     Shape,
     Sphere,
 )
-from armcontour.studio.wire import Frame as Message
+from armcontour.studio.page_frame import Frame as Message
 
 # Round bodies have so many sides.
 SIDES = 24

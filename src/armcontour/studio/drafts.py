@@ -1,4 +1,4 @@
-"""Texts on disk: job files that are written as a whole, and drafts of what is not saved."""
+"""Drafts of unsaved documents, and atomic writing of job files."""
 
 from __future__ import annotations
 

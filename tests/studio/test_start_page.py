@@ -13,10 +13,10 @@ from tests.studio.talking import JOB, AtOnce, NoLane, Tab
 import armcontour as ac
 from armcontour.files.cell import cell_names
 from armcontour.files.job_edits import Change
+from armcontour.studio.connection import open_session
 from armcontour.studio.document import Document
-from armcontour.studio.opening import open_session
-from armcontour.studio.starting import DRAWINGS as CARDS
-from armcontour.studio.starting import new_document
+from armcontour.studio.start_page import DRAWINGS as CARDS
+from armcontour.studio.start_page import new_document
 from armcontour.studio.uploads import Uploads
 
 FASTER = [Change(("limits", "speed"), "0.1 m/s")]

@@ -1,4 +1,4 @@
-"""What the other process does: one task after the other, each told by frames."""
+"""Entry point of the task process: table of tasks, progress, warm-up."""
 
 from __future__ import annotations
 
@@ -14,14 +14,12 @@ from armcontour.core import process
 from armcontour.core.errors import ArmContourError, InvalidInput
 from armcontour.core.file_access import reading_below
 from armcontour.core.progress import Progress, Step
-from armcontour.studio.tasks.comparing import compare
-from armcontour.studio.tasks.figures import changes, figures
+from armcontour.studio.page_frame import Frame
+from armcontour.studio.tasks.figures import changes, check, clearance, compare, figures
 from armcontour.studio.tasks.files import certify, export, report
-from armcontour.studio.tasks.judging import check, clearance
 from armcontour.studio.tasks.logs import identify, learn, measured
 from armcontour.studio.tasks.request import Request
-from armcontour.studio.tasks.searching import place, sweep
-from armcontour.studio.wire import Frame
+from armcontour.studio.tasks.searches import place, sweep
 
 Heard: TypeAlias = Callable[[bytes], None]
 # Progress is told this often at most [s].

@@ -1,8 +1,4 @@
-"""The machine that shows states of the document: outline, moving, preview, exact.
-
-Of states, only the newest is shown. A thread plans and executes it, another process computes the
-exact figures of what rests, and a third one does tasks.
-"""
+"""Scheduler of document states: outline, moving preview, preview, exact figures; and of tasks."""
 
 from __future__ import annotations
 
@@ -24,16 +20,14 @@ from armcontour.jobs.study import STEPS
 from armcontour.program import Program
 from armcontour.robot import Arm
 from armcontour.robot.scene import Scene
-from armcontour.studio.executed import executed_frame
-from armcontour.studio.lanes import FastLane, SlowLane, Stale
-from armcontour.studio.picture import detail_frame, drawing_frame, picture_frame
+from armcontour.studio.arm_picture import arm_frame
+from armcontour.studio.execution_picture import executed_frame
+from armcontour.studio.page_frame import Frame
+from armcontour.studio.picture import detail_frame, drawing_frame, picture_frame, refusal_header
 from armcontour.studio.preview import CONFIGURATION, CoarsePlanner, Executed, Preview, Tier
-from armcontour.studio.refusals import refusal_header
-from armcontour.studio.robot import arm_frame
-from armcontour.studio.tasks import working
-from armcontour.studio.thinning import Detail
-from armcontour.studio.view import View
-from armcontour.studio.wire import Frame
+from armcontour.studio.tasks import dispatch
+from armcontour.studio.view import Detail, View
+from armcontour.studio.workers import FastLane, SlowLane, Stale
 
 MakeLane: TypeAlias = Callable[[Callable[[Frame], None]], SlowLane]
 # A plan that took longer is executed only when nothing changes any more [s].
@@ -53,7 +47,7 @@ SOON, OFTEN = 0.7, 0.1
 # So many of the steps of a run, the first ones, are those of a plan.
 OF_PLAN = 3
 # What a person can ask for.
-TASKS = tuple(x for x in working.TASKS if x not in ("figures", "changes"))
+TASKS = tuple(x for x in dispatch.TASKS if x not in ("figures", "changes"))
 # Frames after which a task is over.
 LAST = ("figures", "changes", "result", "refusal", "failed", "cancelled")
 # Names of exact figures begin so; no task of a page has such a name. Progress of a state has it.

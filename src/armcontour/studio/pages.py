@@ -1,0 +1,310 @@
+"""Pages of a session: frames sent to them, files for download, and the shown document."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from threading import RLock
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+
+from armcontour.core.errors import ArmContourError, InvalidInput
+from armcontour.files.job_edits import key_in
+from armcontour.studio.description import describe
+from armcontour.studio.editor import Editor, Made
+from armcontour.studio.handles import is_blank
+from armcontour.studio.page_frame import Frame, without_options
+from armcontour.studio.picture import drawing_frame
+from armcontour.studio.scheduler import MakeLane, Planner, State
+from armcontour.studio.view import View
+from armcontour.studio.workers import FastLane
+
+# A message of a page.
+Said: TypeAlias = Mapping[str, Any]
+# Files that are kept for the pages to save, and about how many bytes; the newest is always kept.
+MOST_FILES, MOST_BYTES = 20, 200_000_000
+# Frames of which a page needs only the newest.
+NEWEST_ONLY = {"arm", "changes", "detail", "document", "executed", "figures"} | {
+    *("picture", "pose", "refusal")
+}
+
+
+class Tab(Protocol):
+    """A page: somebody to send frames to, from any thread."""
+
+    def send(self, data: bytes, replaces: str | None = None) -> None:
+        """Send a frame; an older one that it replaces need not be sent any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """Something for a page to save.
+
+    Args:
+        name: Name of the file.
+        kind: Its type.
+        data: Its content.
+    """
+
+    name: str
+    kind: str
+    data: bytes = field(repr=False)
+
+
+class Tabs:
+    """The pages that show a document; all of it may be called from any thread.
+
+    Attributes:
+        files: Files for the pages to save, by their numbers.
+    """
+
+    def __init__(self) -> None:
+        self.files: dict[str, File] = {}
+        self._lock = RLock()
+        self._numbers: dict[Tab, int] = {}
+        self._joined = 0
+        # The last message of each page, by the page's number.
+        self._seqs: dict[int, int] = {}
+        # Frames for pages to come, by what newer ones replace.
+        self._last: dict[str, Frame] = {}
+        # What the newest figures answer.
+        self._figured: Mapping[int, int] = {}
+
+    @property
+    def answers(self) -> dict[int, int]:
+        """Number of the last message of each page, by the page's number."""
+        with self._lock:
+            return dict(self._seqs)
+
+    def join(self, tab: Tab) -> None:
+        """A page is open: it gets what the others see."""
+        with self._lock:
+            self._joined += 1
+            self._numbers[tab] = self._joined
+            for key, frame in self._last.items():
+                tab.send(frame.stamped(seq=None).pack(), key)
+
+    def leave(self, tab: Tab) -> None:
+        """A page is closed."""
+        with self._lock:
+            self._seqs.pop(self._numbers.pop(tab, 0), None)
+
+    def hear(self, tab: Tab, said: Said) -> bool:
+        """Note a message, which is answered from now on; returns whether the page is open."""
+        seq = said.get("seq")
+        with self._lock:
+            is_open = tab in self._numbers
+            # To look closer is no change that anything answers.
+            counts = is_open and said.get("op") != "detail"
+            if counts and isinstance(seq, int) and not isinstance(seq, bool):
+                self._seqs[self._numbers[tab]] = seq
+        return is_open
+
+    def tell(
+        self, frame: Frame, *, to: Tab | None = None, answers: Mapping[int, int] | None = None
+    ) -> None:
+        """Send a frame to one page or to all.
+
+        Args:
+            frame: The frame, with the revision of the document.
+            to: The page.
+            answers: As of `answers`: messages that it answers; by default the last ones.
+        """
+        key, sentence = _key(frame), frame.header.get("sentence")
+        if isinstance(sentence, str):
+            frame = frame.stamped(sentence=without_options(sentence))
+        with self._lock:
+            answers = self.answers if answers is None else answers
+            if to is None and key is not None and not frame.header.get("dropped"):
+                self._remember(key, frame, answers)
+            packed: dict[int | None, bytes] = {}
+            for tab, number in self._numbers.items():
+                if to is None or tab is to:
+                    seq = answers.get(number)
+                    if seq not in packed:
+                        packed[seq] = frame.stamped(seq=seq).pack()
+                    tab.send(packed[seq], key)
+
+    def keep_file(self, name: str, kind: str, data: bytes) -> str:
+        """Keep something for the pages to save; returns its number.
+
+        Args:
+            name: As of `File`.
+            kind: As of `File`.
+            data: As of `File`.
+        """
+        number = secrets.token_hex(8)
+        with self._lock:
+            self.files[number] = File(name, kind, data)
+            while len(self.files) > MOST_FILES or self._is_too_much():
+                del self.files[next(iter(self.files))]
+        return number
+
+    def _is_too_much(self) -> bool:
+        """Whether the files that are kept take too much memory, besides the newest."""
+        sizes = [len(x.data) for x in self.files.values()]
+        return len(sizes) > 1 and sum(sizes) > MOST_BYTES
+
+    def _remember(self, key: str, frame: Frame, answers: Mapping[int, int]) -> None:
+        """Keep a frame for future pages, and discard the frames that it makes obsolete."""
+        if frame.kind == "figures":
+            self._figured = answers
+        if frame.kind == "picture":
+            old = ["executed", "refusal"]
+            # At rest the exact picture may follow the figures of the same edit.
+            if any(seq > self._figured.get(number, -1) for number, seq in answers.items()):
+                old += ["figures", "changes"]
+            for kind in old:
+                self._last.pop(kind, None)
+        self._last[key] = frame
+
+
+def _key(frame: Frame) -> str | None:
+    """Kind of a frame, with the task of its progress; None if every frame of the kind counts."""
+    if frame.kind == "progress":
+        return f"progress/{frame.header.get('id')}"
+    return frame.kind if frame.kind in NEWEST_ONLY else None
+
+
+class Display:
+    """Shows the document of an editor on pages.
+
+    Args:
+        editor: The editor.
+        fast: As of `Planner`.
+        slow: As of `Planner`.
+        rest: As of `Planner`.
+
+    Attributes:
+        lock: Who changes the document holds it.
+        tabs: The pages.
+        planner: Plans and executes what is shown, and does tasks.
+    """
+
+    def __init__(
+        self,
+        editor: Editor,
+        fast: Callable[[Callable[[Frame], None]], FastLane],
+        slow: MakeLane,
+        rest: float,
+    ) -> None:
+        self.editor = editor
+        self.lock = RLock()
+        self.tabs = Tabs()
+        # What is shown, with the edits of a gesture.
+        self._made = Made({})
+        self._on_disk = ""
+        self.planner = Planner(editor.previewer, self._tell_state, fast, slow, rest)
+
+    def show_all(self) -> None:
+        """Show the document and its run as they are now."""
+        self.show_document()
+        self.show()
+
+    def show_document(self, to: Tab | None = None) -> None:
+        """Tell what the document is now.
+
+        Args:
+            to: The page; by default all.
+        """
+        editor = self.editor
+        self._on_disk = editor.document.on_disk()
+        frame = describe(editor.document, editor.seen, editor.run, draft=editor.draft)
+        logs = list(editor.uploads.logs)
+        self.tell(frame.stamped(id=editor.id, logs=logs), to=to)
+
+    def show(self, made: Made | None = None, *, moving: bool = False) -> None:
+        """Show a state on all pages.
+
+        Args:
+            made: What edits have made of the document; None for the document.
+            moving: Whether the next state is wanted soon.
+        """
+        editor = self.editor
+        self._made = made = Made(editor.seen.data) if made is None else made
+        handles = editor.seen.handles
+        if handles is None:
+            self.tell_refusal(editor.seen.error or InvalidInput("There is no job yet."))
+            return
+        view = View(handles.plane, handles.centre)
+        if is_blank(made.data):
+            self.planner.forget()
+            self.tell(drawing_frame(None, view, run=editor.run))
+            return
+        self.planner.show(
+            State(
+                data=made.data,
+                run=editor.run_of(made.data),
+                view=view,
+                document=editor.id,
+                rev=editor.rev,
+                answers=self.tabs.answers,
+                request=partial(editor.request, made, {}),
+                waypoints=np.array([x.uv for x in handles.waypoints]).reshape(-1, 2),
+                moving=moving,
+            )
+        )
+
+    def open(self) -> None:
+        """Show another document, which the editor has opened."""
+        self.planner.forget()
+        self.show_all()
+
+    def look(self) -> None:
+        """See whether the file has changed, and tell the pages if so."""
+        if self._on_disk and self.editor.document.on_disk() != self._on_disk:
+            self.show_document()
+
+    def request(self, options: Mapping[str, Any]) -> dict[str, Any]:
+        """What another process needs to know to work on what is shown.
+
+        Args:
+            options: Options of the work.
+        """
+        return self.editor.request(self._made, options)
+
+    def tell(self, frame: Frame, to: Tab | None = None) -> None:
+        """Tell something of the present document.
+
+        Args:
+            frame: What is told.
+            to: The page; by default all.
+        """
+        self.tabs.tell(frame.stamped(rev=self.editor.rev, document=self.editor.id), to=to)
+
+    def tell_refusal(self, error: ArmContourError, *, dropped: bool = False) -> None:
+        """Say that an edit is not possible.
+
+        Args:
+            error: Why.
+            dropped: Whether it was to be made: then the document is shown as it is.
+        """
+        if dropped:
+            self.show_document()
+        told = {"tier": 1, "run": self.editor.run, "sentence": str(error), "at": {}}
+        about = {"error": type(error).__name__, "exit": error.exit_code, "dropped": dropped}
+        self.tell(Frame("refusal", {**told, **about, "key": key_in(str(error))}))
+        if dropped:
+            self.show()
+
+    def _tell_state(self, frame: Frame, state: State | None) -> bool:
+        """Pass a frame of the planner on, unless the document has changed since."""
+        if state is None:
+            self.tell(self._with_file(frame))
+            return True
+        if state.rev != self.editor.rev or is_blank(self._made.data):
+            return False
+        about = {"rev": state.rev, "document": state.document}
+        self.tabs.tell(frame.stamped(**about), answers=state.answers)
+        return True
+
+    def _with_file(self, frame: Frame) -> Frame:
+        """The same frame; a file in it is kept for the pages to save."""
+        if frame.kind != "result" or "content" not in frame.arrays:
+            return frame
+        header, content = frame.header, frame.arrays["content"].tobytes()
+        number = self.tabs.keep_file(str(header["name"]), str(header["type"]), content)
+        return Frame("result", {**header, "file": number})
