@@ -19,55 +19,50 @@ App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
 ADDRESS = "127.0.0.1"
 # 128 bits cannot be guessed.
 TOKEN_BYTES = 16
-# Largest file that is opened through the page, and largest message of the page [bytes].
+# Largest upload, and largest message of a page [bytes].
 LARGEST_UPLOAD = 64 * MEGABYTE
 LARGEST_MESSAGE = 16 * MEGABYTE
-# Messages of one page per second, and at once: a page sends one per frame of the screen.
+# Messages of one page per second, and burst: a page sends one per frame of the screen.
 RATE, BURST = 500.0, 1000.0
-# A header that no page of another server can send without being asked for leave first.
+# A header that pages of other servers can send only after a CORS preflight, which fails.
 OWN_HEADER = b"x-armcontour"
 
 
 def make_token() -> str:
-    """A new token, of hexadecimal digits."""
+    """Random token, hexadecimal."""
     return secrets.token_hex(TOKEN_BYTES)
 
 
 @dataclass(frozen=True, slots=True)
 class Door:
-    """The address of a server, and the token that opens it.
-
-    Args:
-        port: Port on this machine.
-        token: The token.
-    """
+    """Address of the server, and the token that gives access to it."""
 
     port: int
     token: str = field(default_factory=make_token, repr=False)
 
     @property
     def hosts(self) -> frozenset[bytes]:
-        """What the header Host may be."""
+        """Accepted values of the header Host."""
         return frozenset(f"{x}:{self.port}".encode() for x in (ADDRESS, "localhost"))
 
     @property
     def origins(self) -> frozenset[bytes]:
-        """What the header Origin may be."""
+        """Accepted values of the header Origin."""
         return frozenset(b"http://" + x for x in self.hosts)
 
     @property
     def page(self) -> str:
-        """Address of the page with the token."""
+        """Address of the page with the token. Browsers do not send the part after `#`."""
         return f"http://{ADDRESS}:{self.port}/#{self.token}"
 
     def opens(self, token: object) -> bool:
-        """Whether a token is the right one, in the same time for all wrong ones."""
+        """True if the token is right; takes the same time for all wrong tokens."""
         given = token if isinstance(token, str) else ""
         return secrets.compare_digest(given.encode("utf-8", "replace"), self.token.encode())
 
     @property
     def headers(self) -> list[tuple[bytes, bytes]]:
-        """Headers of every answer, which tell the browser what the page may do: little."""
+        """Security headers of every response."""
         sockets = " ".join(f"ws://{x.decode()}" for x in sorted(self.hosts))
         policy = (
             "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
@@ -86,12 +81,7 @@ class Door:
 
 
 class Refused(Exception):
-    """A request that is not answered.
-
-    Args:
-        status: Status of HTTP.
-        sentence: Why.
-    """
+    """A request that is refused, with its HTTP status."""
 
     def __init__(self, status: int, sentence: str) -> None:
         super().__init__(sentence)
@@ -99,18 +89,13 @@ class Refused(Exception):
 
 
 class Guard:
-    """Lets requests of the own page through to an app, and refuses all others.
-
-    Args:
-        app: The app behind it.
-        door: Address and token.
-    """
+    """ASGI middleware that refuses requests of anything but the Studio's own page."""
 
     def __init__(self, app: App, door: Door) -> None:
         self.app, self.door = app, door
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, as ASGI has it."""
+        """Answer or refuse a request."""
         if scope["type"] not in ("http", "websocket"):
             await self.app(scope, receive, send)
             return
@@ -126,14 +111,16 @@ class Guard:
             await self.app(scope, _bounded(receive), answer)
         except Refused as refusal:
             if scope["type"] == "websocket":
-                # Before it is accepted: the answer is 403.
+                # Closed before it is accepted, which browsers see as status 403.
                 await send({"type": "websocket.close"})
             else:
                 await respond(answer, refusal.status, f"{refusal}\n".encode(), "text/plain")
 
     def _check(self, scope: Scope) -> None:
-        """Refuse what the own page does not send."""
+        """Refuse a request that the Studio's own page would not send."""
         headers = scope["headers"]
+        # Host and Origin are compared with this server: a foreign name may point to this machine (DNS
+        # rebinding), so their equality proves nothing.
         if not _is_one_of(_all(headers, b"host"), self.door.hosts):
             raise Refused(400, "This is the Studio of armcontour: open the address it printed.")
         origins = _all(headers, b"origin")
@@ -144,7 +131,7 @@ class Guard:
         if method not in ("GET", "HEAD", "POST"):
             raise Refused(405, f"The Studio does not know the method {method}.")
         if scope["type"] == "websocket" or is_public(scope["path"]):
-            # A websocket gives the token in its first message: it cannot have headers.
+            # A websocket sends the token in its first message, because it cannot have headers.
             return
         if method == "POST" and _all(headers, OWN_HEADER) != [b"1"]:
             raise Refused(403, "A request that changes something needs the header X-Armcontour.")
@@ -157,22 +144,18 @@ class Guard:
 
 
 def is_public(path: str) -> bool:
-    """Whether a path is a part of the page, which holds nothing of the person who opens it."""
+    """True for files of the page, which contain no user data."""
     return path == "/" or path.startswith("/static/")
 
 
 class Allowance:
-    """How many messages may come: a rate, and some at once.
-
-    Args:
-        clock: Gives the current time [s].
-    """
+    """Rate limit of messages, with bursts."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._left, self._last = clock, BURST, clock()
 
     def take(self) -> bool:
-        """Take one; False if there is none left."""
+        """Count one message; False if it exceeds the limit."""
         now = self._clock()
         self._left = min(BURST, self._left + RATE * (now - self._last))
         self._last = now
@@ -189,15 +172,7 @@ async def respond(
     kind: str,
     headers: Iterable[tuple[bytes, bytes]] = (),
 ) -> None:
-    """Send a whole answer.
-
-    Args:
-        send: As of ASGI.
-        status: Status of HTTP.
-        body: The content.
-        kind: Its type.
-        headers: Further headers.
-    """
+    """Send a complete response."""
     if kind.startswith("text/") or kind == "application/json":
         kind += "; charset=utf-8"
     own = [(b"content-type", kind.encode()), (b"content-length", str(len(body)).encode())]
@@ -206,7 +181,7 @@ async def respond(
 
 
 def _bounded(receive: Receive) -> Receive:
-    """The same messages, as long as the bodies of requests do not become too large."""
+    """Limit the size of request bodies."""
     size = 0
 
     async def bounded() -> Message:
@@ -222,7 +197,6 @@ def _bounded(receive: Receive) -> Receive:
 
 
 def _too_large() -> Refused:
-    """The refusal of a file that is too large."""
     return Refused(
         413,
         f"A file opened in the Studio may have {LARGEST_UPLOAD // MEGABYTE} MB: name a larger one "
@@ -231,10 +205,9 @@ def _too_large() -> Refused:
 
 
 def _all(headers: Iterable[tuple[bytes, bytes]], name: bytes) -> list[bytes]:
-    """All values of a header."""
     return [x for key, x in headers if key.lower() == name]
 
 
 def _is_one_of(values: list[bytes], allowed: frozenset[bytes]) -> bool:
-    """Whether there is one value, and it is allowed."""
+    """True if there is exactly one value and it is allowed."""
     return len(values) == 1 and values[0] in allowed

@@ -28,20 +28,19 @@ from armcontour.robot.scene import (
 )
 from armcontour.studio.page_frame import Frame as Message
 
-# Round bodies have so many sides.
+# The page moves the links: frame of link i in link i - 1 = `origin` of its joint, then a rotation by
+# q[i] about `axis`. Link 0 is the base; the tool is in the last link.
+
+# Sides of round bodies.
 SIDES = 24
-# Bodies of more triangles are drawn by their convex hulls.
+# Larger meshes are drawn as convex hulls.
 MOST_TRIANGLES = 4_000
-# A table reaches so much farther than the arm, and is so thick [m].
+# Size of a table relative to the reach of the arm, and its thickness [m].
 ROOM, THICK = 1.1, 0.02
 
 
 def arm_frame(job: Job) -> Message:
-    """The arm of a job and what stands in its cell.
-
-    Args:
-        job: The job.
-    """
+    """Frame with the arm of a job and the bodies in its cell."""
     arm, chain = job.arm, _chain_of(job.arm)
     base = chain.base
     bodies, arrays = _bodies(arm, chain, job.scene or Scene())
@@ -72,7 +71,7 @@ def arm_frame(job: Job) -> Message:
 
 
 def matrix(frame: Frame) -> FloatArray:
-    """A frame as a matrix of homogeneous coordinates, (4, 4)."""
+    """Homogeneous matrix of a frame, (4, 4)."""
     found = np.eye(4)
     found[:3, :3], found[:3, 3] = frame.rotation, frame.position
     return found
@@ -84,13 +83,13 @@ def _chain_of(arm: Arm) -> Chain:
 
 
 def _reach(chain: Chain) -> float:
-    """About the longest distance of the tool from the base [m]."""
+    """Upper bound of the distance of the tool from the base [m]."""
     ends = [*chain.positions, (chain.tip @ chain.tool).position]
     return float(sum(np.linalg.norm(x) for x in ends))
 
 
 def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """The bodies of links, tool and obstacles, and their triangles as corners, (n, 3, 3)."""
+    """Bodies of links, tool and obstacles, and their triangles, (n, 3, 3)."""
     found: list[dict[str, Any]] = []
     arrays: dict[str, npt.NDArray[Any]] = {}
 
@@ -109,7 +108,7 @@ def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]],
         if obstacle.fixed_to != BASE:
             place = chain.base.inverse @ place
         if isinstance(obstacle.shape, HalfSpace):
-            # Under the arm, wherever the origin of its plane is.
+            # The table is drawn below the arm, independent of the origin of its plane.
             foot = -(place.rotation.T @ place.position) * [1, 1, 0]
             place = place @ Frame(position=foot + [0, 0, -THICK / 2])
             side = 2 * ROOM * max(_reach(chain), 0.5)
@@ -123,11 +122,7 @@ def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]],
 
 @lru_cache(maxsize=64)
 def triangles_of(shape: Shape) -> FloatArray:
-    """Corners of the triangles of a shape [m], (n, 3, 3), counter-clockwise as seen from outside.
-
-    Args:
-        shape: The shape; a mesh of very many triangles is drawn by its hull.
-    """
+    """Triangles of a shape, or the hull of a large mesh [m], (n, 3, 3), outward normals."""
     match shape:
         case Box():
             ring = shape.size[:2] / 2 * [[-1, -1], [1, -1], [1, 1], [-1, 1]]
@@ -153,8 +148,8 @@ def _ring(radius: float) -> FloatArray:
 
 
 def _rounded(radius: float, length: float) -> FloatArray:
-    """Triangles of a capsule along z [m], (n, 3, 3); of a ball if it has no length."""
-    # The poles are corners of their own; a ball has one ring at its middle, a capsule has two.
+    """Triangles of a capsule along z [m], (n, 3, 3); of a sphere if `length` is 0."""
+    # The poles are separate points; a sphere has one ring at its equator, a capsule has two.
     angles = np.linspace(-np.pi / 2, np.pi / 2, SIDES // 2 + 1)[1:-1]
     rings = [
         (_ring(radius * np.cos(angle)), radius * np.sin(angle) + end * length / 2)
@@ -169,11 +164,9 @@ def _rounded(radius: float, length: float) -> FloatArray:
 def _around(
     rings: Sequence[tuple[FloatArray, float]], poles: tuple[float, float] | None = None
 ) -> FloatArray:
-    """Triangles of a body about z whose sections are polygons of as many corners each.
+    """Triangles of a body from polygons (n, 2) [m] with their z, lowest first; `poles`.
 
-    Args:
-        rings: Corners of each polygon [m], (n, 2), counter-clockwise, and its z, from below.
-        poles: z of the points at both ends; by default the ends are plane.
+    Its ends.
     """
     low, high = poles or (rings[0][1], rings[-1][1])
     points = [np.column_stack([ring, np.full(len(ring), z)]) for ring, z in rings]
@@ -186,7 +179,7 @@ def _around(
 
 
 def _fan(ring: FloatArray, middle: FloatArray) -> FloatArray:
-    """Triangles from the sides of a polygon to a point, which is repeated, (n, 3, 3)."""
+    """Triangles between the sides of a polygon and a point, which is repeated, (n, 3, 3)."""
     return np.stack([ring, np.roll(ring, -1, axis=0), middle], 1)
 
 
@@ -196,7 +189,7 @@ def _hull(points: FloatArray) -> FloatArray:
 
     hull = ConvexHull(points)
     corners = hull.points[hull.simplices]
-    # Its triangles have normals that point outwards, but corners in any order.
+    # The normals of the hull point outwards, but the order of its corners is arbitrary.
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     inside_out = np.einsum("ij,ij->i", across, hull.equations[:, :3]) < 0
     corners[inside_out] = corners[inside_out][:, ::-1]

@@ -32,13 +32,7 @@ WIDEST, OF_A_PIXEL = 20_000, 0.25
 
 @dataclass(slots=True)
 class Gesture:
-    """Edits in one movement: each message has all of them since its start.
-
-    Args:
-        number: Number of the gesture, as its tab counts.
-        rev: Revision of the document at its start.
-        is_over: Whether its further messages are ignored.
-    """
+    """A drag or similar interaction; each of its messages contains all edits since its start."""
 
     number: Any
     rev: int
@@ -46,22 +40,14 @@ class Gesture:
 
 
 class Gestures:
-    """The gestures that go on, one for each page at most.
-
-    Args:
-        display: Shows the document that is edited.
-    """
+    """Active gestures, at most one per page."""
 
     def __init__(self, display: Display) -> None:
         self._display, self._editor = display, display.editor
         self._going_on: dict[Tab, Gesture] = {}
 
     def edit(self, tab: Tab, said: Said) -> None:
-        """Show the edits of a gesture, or make them if it ends.
-
-        Raises:
-            InvalidInput: They are not possible.
-        """
+        """Preview the edits of a gesture; commit them if the message is final."""
         gesture = self._gesture(tab, said)
         if gesture.is_over:
             return
@@ -79,18 +65,18 @@ class Gestures:
                 self._going_on.pop(tab, None)
 
     def cancel(self, tab: Tab, said: Said) -> None:
-        """Give a gesture up."""
+        """Discard a gesture."""
         self._going_on.pop(tab, None)
         self._display.show()
 
     def leave(self, tab: Tab) -> None:
-        """A page is closed; what it has not finished is dropped."""
+        """Discard the gesture of a closed page."""
         gesture = self._going_on.pop(tab, None)
         if gesture is not None and not gesture.is_over:
             self._display.show()
 
     def _gesture(self, tab: Tab, said: Said) -> Gesture:
-        """The gesture that a message belongs to; one of an older revision is over."""
+        """The gesture of a message. It ends if the document has changed since its start."""
         gesture = self._going_on.get(tab)
         if gesture is None or gesture.number != said.get("gesture"):
             known, now = said.get("rev"), self._editor.rev
@@ -105,11 +91,7 @@ class Gestures:
 
 
 def _edits_of(said: Said) -> list[Mapping[str, Any]]:
-    """The edits of a message.
-
-    Raises:
-        InvalidInput: It has none, or too many.
-    """
+    """The edits of a message, a list of 1 to MOST_EDITS mappings."""
     edits = said.get("edits")
     if not isinstance(edits, list) or not edits or not all(isinstance(x, dict) for x in edits):
         raise InvalidInput(f"The message {said.get('op')} needs edits, a list of mappings.")
@@ -122,15 +104,7 @@ def _edits_of(said: Said) -> list[Mapping[str, Any]]:
 
 
 class Acts:
-    """Does what pages say to a document and to what is shown of it.
-
-    Args:
-        display: Shows the document that is edited.
-        confine: Confines reading to the folder of the document, and to files elsewhere.
-
-    Attributes:
-        gestures: The edits that go on.
-    """
+    """Executes the messages of pages on the document and on its display."""
 
     def __init__(
         self, display: Display, confine: Callable[[Sequence[FilePath]], None] = lambda named: None
@@ -163,27 +137,19 @@ class Acts:
         }
 
     def do(self, tab: Tab, said: Said) -> None:
-        """Do what a page says, and answer.
-
-        Args:
-            tab: The page.
-            said: Its message; `op` says which.
-
-        Raises:
-            InvalidInput: There is no such act, it lacks something, or it is not possible.
-        """
+        """Execute a message and respond; `op` selects the command."""
         act = self._known.get(str(said.get("op")))
         if act is None:
             raise InvalidInput(f"The Studio does not know {show(said.get('op'))}.")
         act(tab, said)
 
     def _commit(self, made: Made, label: str) -> None:
-        """Change the document, and show it."""
+        """Change the document and show it."""
         self._editor.commit(made, label)
         self._display.show_all()
 
     def _change(self, changes: Sequence[Change], label: str) -> None:
-        """Change keys of the document, and show it."""
+        """Change keys of the document and show it."""
         self._commit(self._editor.with_changes(changes), label)
 
     # The text and its file.
@@ -197,7 +163,7 @@ class Acts:
         self._display.show_all()
 
     def _save(self, tab: Tab, said: Said) -> None:
-        """Write the job file; a job without one becomes something to download."""
+        """Write the job file; a job without a file becomes a download."""
         document, force, tell = self._editor.document, said.get("force") is True, self._display.tell
         if document.file is None:
             name = f"{document.data.get('name') or 'job'}.yaml"
@@ -228,7 +194,7 @@ class Acts:
         self._commit(made, "go back to the saved job")
 
     def _restore(self, tab: Tab, said: Said) -> None:
-        """Take the draft of an earlier session."""
+        """Restore the draft of an earlier session."""
         document = self._editor.document
         self._editor.restore()
         if self._editor.document is document:
@@ -256,7 +222,7 @@ class Acts:
         self._opened(before)
 
     def _open_recent(self, tab: Tab, said: Said) -> None:
-        """Open what the user has opened before, wherever it is."""
+        """Open a recent file or draft, in any folder."""
         known, editor = find_recent(_word(said, "id")), self._editor
         draft, cell = known.get("draft"), known.get("cell")
         file = FilePath(known["file"]) if draft is None else FilePath(draft.folder, draft.name)
@@ -270,7 +236,7 @@ class Acts:
         self._opened(before)
 
     def _opened(self, before: Document) -> None:
-        """Show another document, and say where changes of the one before are."""
+        """Show the new document, and report where unsaved changes of the previous one are kept."""
         self._display.open()
         sentence = before.unsaved()
         if sentence is not None:
@@ -300,7 +266,7 @@ class Acts:
         self._display.tell(Frame("pose", {"q": q, "t": t, "of": of}), to=tab)
 
     def _detail(self, tab: Tab, said: Said) -> None:
-        """Draw what a page sees as finely as it sees it."""
+        """Draw the visible part of the picture with the resolution of the screen."""
         box = checks.check_numbers("box", said.get("box") or [], "m")
         if box.shape != (4,):
             raise InvalidInput("box has four numbers: least u and v, largest u and v.")
@@ -327,11 +293,7 @@ class Acts:
 
 
 def _word(said: Said, name: str) -> str:
-    """A text that a message must have.
-
-    Raises:
-        InvalidInput: It has none, or a long one.
-    """
+    """A required text of a message, at most LONGEST_NAME characters."""
     value = said.get(name)
     if not isinstance(value, str) or not 0 < len(value) <= checks.LONGEST_NAME:
         raise InvalidInput(f"The message {said.get('op')} needs {name}, a short text.")

@@ -19,37 +19,32 @@ if TYPE_CHECKING:
     from armcontour.studio.session import Session
 
 
-# Messages that may wait for a page that does not read them.
+# Largest number of messages queued for a page that does not read.
 MOST_WAITING = 1000
-# Messages of a page that may wait for the session: more than a person causes during a start.
+# Largest number of messages of a page queued for the session: more than a user causes.
 MOST_EARLY = 100
 
-# The task that a page sees while the Studio starts.
+# Task of the progress frames during the start.
 START = "start"
-# The cell of the empty plane that is opened without a file.
+# Cell of the empty plane that is opened without a file.
 USUAL = "ur5e"
 
 
 class Tab:
-    """A page that is open; messages to it may be sent from any thread."""
+    """An open page. Messages may be sent from any thread."""
 
     def __init__(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._news = asyncio.Event()
         self._lock = threading.Lock()
-        # In the order in which they are sent.
+        # Queued messages in the order of sending.
         self._waiting: dict[object, bytes] = {}
         self.is_slow = False
-        # Messages of the page that the session has not received yet; None once the page has joined.
+        # Queued messages of the page; None after the page has joined the session.
         self.early: list[Said] | None = []
 
     def send(self, data: bytes, replaces: str | None = None) -> None:
-        """Send a message, soon.
-
-        Args:
-            data: The message.
-            replaces: What it is: an older one of the same that still waits is not sent.
-        """
+        """Queue a message; it replaces a queued one with the same `replaces`."""
         with self._lock:
             key = object() if replaces is None else replaces
             self._waiting.pop(key, None)
@@ -60,7 +55,7 @@ class Tab:
             self._loop.call_soon_threadsafe(self._news.set)
 
     async def write(self, send: Send) -> None:
-        """Send what waits, until cancelled or the page does not read."""
+        """Send queued messages until cancelled or until the page stops reading."""
         while not self.is_slow:
             await self._news.wait()
             self._news.clear()
@@ -74,11 +69,7 @@ class Tab:
 
 
 class Desk:
-    """The session, while it is being made and afterwards, and the pages that wait for it.
-
-    Args:
-        make: Makes the session, given a function that sends a message to all pages.
-    """
+    """Creates the session, and holds pages and their messages until it is ready."""
 
     def __init__(self, make: Callable[[Callable[[bytes], None]], Session]) -> None:
         self._make = make
@@ -91,7 +82,7 @@ class Desk:
         self.failure: BaseException | None = None
 
     def start(self) -> None:
-        """Make the session, in this thread; the server ends if that fails."""
+        """Create the session in this thread; if that fails, the server ends."""
         try:
             session = self._make(self._say)
             with self._lock:
@@ -104,7 +95,7 @@ class Desk:
             self.stop()
 
     def join(self, tab: Tab) -> None:
-        """A page is open."""
+        """Add a page."""
         with self._lock:
             self.tabs.append(tab)
             if self.session is not None:
@@ -113,11 +104,7 @@ class Desk:
                 tab.send(self._said)
 
     def receive(self, tab: Tab, said: Said) -> bool:
-        """Pass a message of a page to the session, at the latest when the page joins it.
-
-        Returns:
-            Whether the message is accepted: only some may wait for the session.
-        """
+        """Pass a message to the session, or queue it; False if too many are queued."""
         with self._lock:
             if tab.early is not None:
                 tab.early.append(said)
@@ -128,21 +115,21 @@ class Desk:
         return True
 
     def leave(self, tab: Tab) -> None:
-        """A page is closed."""
+        """Remove a page."""
         with self._lock:
             self.tabs.remove(tab)
             if self.session is not None:
                 self.session.leave(tab)
 
     def _let_in(self, tab: Tab, session: Session) -> None:
-        """Have a page join the session, which then receives the messages that waited for it."""
+        """Add a page to the session, and pass on the messages that it has queued."""
         session.join(tab)
         early, tab.early = tab.early or (), None
         for said in early:
             session.receive(tab, said)
 
     def _say(self, data: bytes) -> None:
-        """Tell all pages how far the start is."""
+        """Send the progress of the start to all pages."""
         with self._lock:
             self._said = data
             for tab in self.tabs:
@@ -150,17 +137,13 @@ class Desk:
 
 
 class Starting:
-    """Tells the pages how far the start is.
-
-    Args:
-        say: Sends a message to all pages.
-    """
+    """Reports the progress of the start to the pages."""
 
     def __init__(self, say: Callable[[bytes], None]) -> None:
         self._say = say
 
     def __call__(self, step: Step) -> None:
-        """Tell a step."""
+        """Report a step."""
         from armcontour.studio.page_frame import Frame
 
         header = {"id": START, "task": START, "steps": list(step.names), "share": step.done}
@@ -175,18 +158,7 @@ def open_session(
     say: Callable[[bytes], None] = lambda data: None,
     slow: MakeLane | None = None,
 ) -> Session:
-    """Open a document; `Session.begin` shows it.
-
-    Args:
-        file: A job file or a drawing; None opens an empty plane, with the start page.
-        cell: Cell of a drawing.
-        trust_xacro: Whether an arm from a .xacro file that the job names may be loaded.
-        say: Sends a message to all pages.
-        slow: As of `Session`; by default another process.
-
-    Raises:
-        ArmContourError: The document cannot be opened.
-    """
+    """Open a job file, a drawing in a cell, or an empty plane; `Session.begin` shows it."""
     tell = Starting(say)
     tell(Step(("loading armcontour",)))
     from armcontour.studio.editor import arm_file_of
@@ -195,7 +167,7 @@ def open_session(
     from armcontour.studio.workers import SlowLane
 
     named: list[FilePath] = []
-    # The job file may be a link to another folder: the user has named it.
+    # The job file may be a link to another folder; the user has named it.
     with listen_to_reading(lambda place, content: named.append(place)):
         document = _document(file, cell)
     folder = document.folder or FilePath.cwd()
@@ -215,11 +187,6 @@ def open_session(
 
 
 def _document(file: FilePath | None, cell: str | None) -> Document:
-    """The document of a file.
-
-    Raises:
-        InvalidInput: It cannot be opened.
-    """
     from armcontour.studio.drafts import START
     from armcontour.studio.start_page import blank_document, open_file
 

@@ -48,35 +48,20 @@ LABELS = {
 
 @cache
 def quantities() -> dict[Keys, tuple[float, float]]:
-    """The keys that have a slider, with their usual range: not those of the real servo."""
+    """Keys with a slider and their usual ranges, without those of the real servo."""
     every = usual_ranges().items()
     return {keys: x for keys, x in every if len(keys) <= 2 and keys[0] != "plant"}
 
 
 def values_of(data: Mapping[str, Any], job: Job, run: str) -> dict[str, dict[str, Any]]:
-    """Values of quantities with a usual range, for the run that is shown, by their keys.
-
-    Args:
-        data: The data of the job file, as written.
-        job: The job.
-        run: The name of the run.
-
-    Returns:
-        The `value` in SI units, None if it is not limited; the `unit` in which it is written and
-        its `factor` to SI units; `min`, `max` and whether they are a range of sizes (`log`); and
-        whether the arm has the value if the job does not (`arm`). A quantity with different values
-        of joints has one per joint.
-
-    Raises:
-        InvalidInput: There is no such run.
-    """
+    """Slider rows by key for the shown run, in SI units; by joint if values differ."""
     return dict(x for keys in quantities() for x in _quantity(keys, data, job, run))
 
 
 def _quantity(
     asked: Keys, data: Mapping[str, Any], job: Job, run: str
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """The row of a quantity, or those of all joints, where they have different values."""
+    """Slider row of a quantity, or those of its joints."""
     written, value = (
         value_at(data, locate_key(asked, data, run)),
         value_of(asked, job, run_of(job, run)),
@@ -99,7 +84,7 @@ def _quantity(
 
 
 def _row(asked: Keys, value: float | None, written: Any) -> dict[str, Any]:
-    """A value and the range of its slider."""
+    """Value and range of a slider."""
     kind = quantity_of(JobModel, full_key(asked))
     assert kind is not None
     unit, factor = unit_of(written, kind)
@@ -116,27 +101,18 @@ def _row(asked: Keys, value: float | None, written: Any) -> dict[str, Any]:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """The document as it is shown between gestures.
-
-    Args:
-        data: The job as parsed.
-        job: The job; None if the data make none.
-        handles: What can be grabbed; None without a job.
-        error: Why the data make no job.
-    """
+    """Job of the document between gestures; None where the data make no job."""
 
     data: Mapping[str, Any]
+    # The job; None if the data make none.
     job: Job | None
+    # What can be grabbed; None without a job.
     handles: Handles | None
     error: InvalidInput | None = None
 
 
 def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
-    """What edits are called, in a few words.
-
-    Args:
-        edits: Edits of a page, which have been made.
-    """
+    """Label of edits in the undo list."""
     first = edits[0]
     index = first.get("index")
     words = LABELS[str(first["do"])].format(
@@ -148,14 +124,7 @@ def label_of(edits: Sequence[Mapping[str, Any]]) -> str:
 
 
 def describe(document: Document, seen: Seen, run: str, *, draft: str | None) -> Frame:
-    """The frame that says what the document is.
-
-    Args:
-        document: The document.
-        seen: What is seen of it.
-        run: Name of the run that is shown.
-        draft: Name of what an earlier session has not saved; None without.
-    """
+    """The frame `document`."""
     data, handles = seen.data, seen.handles
     header: dict[str, Any] = {
         "name": data.get("name"),
@@ -188,11 +157,7 @@ def describe(document: Document, seen: Seen, run: str, *, draft: str | None) -> 
 
 
 def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The runs of a job, and how each is made.
-
-    Args:
-        data: The job as parsed.
-    """
+    """Runs of a job with their methods."""
     runs = data.get("runs")
     found = []
     for name, run in runs.items() if isinstance(runs, Mapping) else ():
@@ -210,12 +175,12 @@ def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 
 def _method(given: Any, otherwise: str) -> str:
-    """Name of a method as given, or of the usual one."""
+    """Name of a method, or of the default one."""
     return str(given.get("method", otherwise) if isinstance(given, Mapping) else otherwise)
 
 
 def _path(data: Mapping[str, Any], handles: Handles | None, seen: Seen, run: str) -> dict[str, Any]:
-    """Where the path comes from, and whether its points can be moved."""
+    """Source of the path, and whether its points can be moved."""
     if handles is None:
         why = "" if seen.error is None else str(seen.error)
         return {"editable": False, "convertible": False, "why_not": why, "notes": []}
@@ -236,26 +201,25 @@ def _path(data: Mapping[str, Any], handles: Handles | None, seen: Seen, run: str
 
 
 def _options(path: Any) -> Any:
-    """The path of a job without its points, which may be many."""
+    """Keys of the path without its points."""
     if not isinstance(path, Mapping):
         return path
     return {key: x for key, x in path.items() if key not in OWN_PATH}
 
 
 def _layers(job: Job) -> list[str]:
-    """The layers of the drawing, also those that are not run."""
+    """Layers of the drawing, including those that are not run."""
     run = (x.layer for x in job.program.contours)
     return sorted({*run, *job.program.other_layers} - {""})
 
 
 def _name(key: Any) -> str:
-    """The last name of a key, which may be a list of names."""
+    """Last name of a key, which may be a list of names."""
     parts = key if isinstance(key, list) else str(key).split(".")
     return str(next((x for x in reversed(parts) if not str(x).isdecimal()), ""))
 
 
 def _waypoints(handles: Handles) -> list[dict[str, Any]]:
-    """The points that can be grabbed."""
     return [
         {
             **{"index": x.index, "uv": x.uv, "written": x.written},

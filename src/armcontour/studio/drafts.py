@@ -21,17 +21,13 @@ START = "start"
 
 
 def state_folder() -> FilePath:
-    """The user's folder for drafts and uploads, which outlive a session; only the user reads it."""
+    """The user's folder for drafts and uploads that outlive a session."""
     own = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
     return FilePath(own or os.path.expanduser("~/.local/state")) / "armcontour" / "studio"
 
 
 def make_private(folder: FilePath) -> None:
-    """Make a folder below `state_folder` that only the user reads.
-
-    Raises:
-        InvalidInput: It cannot be made.
-    """
+    """Create a folder below `state_folder` that only the user can read."""
     try:
         state_folder().mkdir(mode=0o700, parents=True, exist_ok=True)
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -41,16 +37,7 @@ def make_private(folder: FilePath) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Draft:
-    """A text that is not saved.
-
-    Args:
-        key: Identity of the document: its file, its drawing and cell, or the content of an upload.
-        name: Name of the job file in messages.
-        folder: Folder of relative file names.
-        opened: The text as it was opened.
-        text: The text with the changes.
-        upload: Whether a page has sent the document, so that no command opens it again.
-    """
+    """An unsaved text and the document that it belongs to."""
 
     key: str
     name: str
@@ -60,7 +47,7 @@ class Draft:
     upload: bool
 
     def write(self) -> bool:
-        """Keep the draft, to be found after a crash; returns whether that is possible."""
+        """Write the draft for recovery after a crash; False if the folder is not writable."""
         content = json.dumps(asdict(self)).encode()
         try:
             make_private(state_folder() / "drafts")
@@ -71,17 +58,12 @@ class Draft:
 
 
 def place_of(key: str) -> FilePath:
-    """The file of a draft."""
+    """File of a draft."""
     return state_folder() / "drafts" / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
 
 
 def find_draft(key: str, job: FilePath | None) -> Draft | None:
-    """The draft of a document, if it was changed after its job file was saved; None without.
-
-    Args:
-        key: As of `Draft`.
-        job: The job file.
-    """
+    """Draft of a document if it is newer than its job file, else None."""
     place = place_of(key)
     try:
         saved = None
@@ -102,7 +84,7 @@ def drop_draft(key: str) -> None:
 
 
 def all_drafts() -> Iterator[Draft]:
-    """The drafts of all documents, the newest first."""
+    """All drafts, newest first."""
     places = (state_folder() / "drafts").glob("*.json")
     with suppress(OSError):
         for place in sorted(places, key=lambda x: x.stat().st_mtime_ns, reverse=True):
@@ -112,7 +94,7 @@ def all_drafts() -> Iterator[Draft]:
 
 
 def _read(place: FilePath) -> Draft | None:
-    """The draft in a file; None if it has none."""
+    """The draft in a file; None if the file is invalid."""
     try:
         return Draft(**json.loads(place.read_bytes()))
     except (ValueError, TypeError):
@@ -120,15 +102,7 @@ def _read(place: FilePath) -> Draft | None:
 
 
 def decoded(content: bytes, file: FilePath | None) -> str:
-    """The text of a file, with all its line breaks.
-
-    Args:
-        content: Its bytes.
-        file: The file, for messages.
-
-    Raises:
-        InvalidInput: It is not UTF-8.
-    """
+    """Decode a UTF-8 file; line breaks stay."""
     try:
         return content.decode()
     except UnicodeDecodeError:
@@ -136,15 +110,7 @@ def decoded(content: bytes, file: FilePath | None) -> str:
 
 
 def write_whole(file: FilePath, content: bytes) -> None:
-    """Write a file, completely or not at all; a link stays one.
-
-    Args:
-        file: The file.
-        content: Its bytes.
-
-    Raises:
-        InvalidInput: It cannot be written, or it is a link to a file that may not be read here.
-    """
+    """Write a file atomically; a link stays a link."""
     if file.is_symlink():
         read_bytes(file, "job file")
     place = FilePath(os.path.realpath(file))

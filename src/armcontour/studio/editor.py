@@ -21,9 +21,9 @@ from armcontour.studio.handles import EditState, blank_handles, handles_of, is_b
 from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.uploads import Uploads
 
-# The timing of the run that is shown first, if a job has such a run.
+# A run with this timing is shown first.
 FASTEST = "optimal"
-# Edits after which other things can be grabbed, or elsewhere.
+# Edits that change the handles.
 MOVING = ("insert_waypoint", "remove_waypoint", "place", "to_waypoints", "draw")
 NOTHING_DRAWN = "Nothing is drawn yet: draw with the pen, or open a drawing."
 
@@ -31,19 +31,8 @@ NOTHING_DRAWN = "Nothing is drawn yet: draw with the pen, or open a drawing."
 def check_trusted_xacro(
     data: Mapping[str, Any], folder: FilePath, trusted: Collection[FilePath]
 ) -> None:
-    """Refuse an arm from a file of xacro, unless the user has named the file.
-
-    Such a file is a program: a page may not choose which one is run.
-
-    Args:
-        data: The job.
-        folder: Folder of relative file names.
-        trusted: Files that may be such programs, or may name one.
-
-    Raises:
-        InvalidInput: The arm is such a file, or may lead to one.
-    """
-    # An arm file can name another arm; without any trust, reading it refuses what is a program.
+    """Refuse an arm from a .xacro file, a program, that the user has not named."""
+    # An arm file can name another arm; without --trust-xacro, reading it refuses a .xacro file.
     programs = (".xacro", *YAML) if trusted else (".xacro",)
     file = arm_file_of(data)
     if file is None or not file.lower().endswith(programs):
@@ -56,11 +45,7 @@ def check_trusted_xacro(
 
 
 def arm_file_of(data: Mapping[str, Any]) -> str | None:
-    """The file of the arm of a job; None for a built-in one.
-
-    Args:
-        data: The job.
-    """
+    """File of the arm of a job; None for a built-in arm."""
     arm = data.get("arm")
     file = arm.get("file") if isinstance(arm, Mapping) else arm
     return file if isinstance(file, str) and FilePath(file).suffix else None
@@ -68,34 +53,16 @@ def arm_file_of(data: Mapping[str, Any]) -> str | None:
 
 @dataclass(frozen=True, slots=True)
 class Made:
-    """What edits make of the document.
-
-    Args:
-        data: The job as parsed.
-        changes: Changes of keys; None if the whole text is new.
-        text: The whole text, if it is new.
-    """
+    """The document as edits change it: changed keys, or a new text."""
 
     data: Mapping[str, Any]
+    # Changes of keys; None if the whole text is new.
     changes: tuple[Change, ...] | None = ()
     text: str | None = None
 
 
 class Editor:
-    """A document, and its job as it is seen between edits.
-
-    Args:
-        document: The document.
-        previewer: Makes jobs of data.
-        trusted: Files of arms that may be programs, as the user has named them.
-
-    Attributes:
-        uploads: Files that pages have sent for the document.
-        named: Files outside of `folders` that may be read.
-        rev: Revision of the document: the number of its texts so far.
-        run: Name of the run that is shown.
-        seen: The job, and what can be grabbed of it.
-    """
+    """A document and its job between edits."""
 
     def __init__(
         self, document: Document, previewer: CoarsePlanner, trusted: Iterable[FilePath]
@@ -116,15 +83,11 @@ class Editor:
 
     @property
     def folders(self) -> tuple[FilePath, FilePath]:
-        """Folders in which files may be read."""
+        """Folders from which files may be read."""
         return self.folder, self.uploads.root
 
     def open(self, document: Document) -> None:
-        """Edit another document.
-
-        Raises:
-            InvalidInput: It makes no job.
-        """
+        """Edit another document; refuses one that makes no job."""
         before, self.previewer.folder = self.previewer.folder, document.folder or FilePath.cwd()
         self.previewer.forget()
         seen = self._see(document.data)
@@ -136,26 +99,19 @@ class Editor:
 
     @property
     def id(self) -> str:
-        """Distinguishes what is shown from other jobs and drawings, whose frames are not shown."""
+        """Identity of document and drawing. Frames of others are not shown."""
         handles = self.seen.handles
         return f"{self.document.id} {'' if handles is None else handles.file}"
 
     @property
     def draft(self) -> str | None:
-        """Name of what an earlier session has not saved; None without."""
+        """Name of an unsaved document of an earlier session, else None."""
         if self.document.earlier is not None:
             return self.document.source
         return None if self._other is None else self._other.name
 
     def restore(self, draft: Draft | None = None) -> None:
-        """Take what an earlier session has not saved.
-
-        Args:
-            draft: A draft; by default that of the document, or one that no command opens again.
-
-        Raises:
-            InvalidInput: There is nothing, or it makes no job.
-        """
+        """Restore a draft, by default that of the document, else that of the newest upload."""
         if draft is None and self.document.earlier is None:
             draft = self._other
         if draft is not None:
@@ -167,7 +123,7 @@ class Editor:
         self.document.settle()
 
     def discard(self) -> None:
-        """Remove what an earlier session has not saved."""
+        """Remove the draft of an earlier session."""
         if self.document.earlier is None and self._other is not None:
             drop_draft(self._other.key)
             self._other = None
@@ -175,27 +131,15 @@ class Editor:
         self.document.write_draft()
 
     def select(self, run: str) -> None:
-        """Show another run.
-
-        Raises:
-            InvalidInput: The job has no such run.
-        """
+        """Show another run."""
         if run not in (self.seen.data.get("runs") or {}):
             raise InvalidInput(f"The job has no run {run}.")
         self.run = run
         self._renew()
 
     def commit(self, made: Made, label: str) -> None:
-        """Change the text, in one step of undo.
-
-        Args:
-            made: What edits make of the document.
-            label: What they are called.
-
-        Raises:
-            InvalidInput: The data make no job, and those before did.
-        """
-        # Seen before anything is changed: what cannot be shown is not made.
+        """Change the text in one step of undo; refuses changes after which there is no job."""
+        # Read before the text changes, so that an invalid job changes nothing.
         seen = self._see(made.data)
         if seen.error is not None and self.seen.job is not None:
             raise seen.error
@@ -207,42 +151,23 @@ class Editor:
         self._changed(seen)
 
     def undo(self) -> None:
-        """Take the last change back.
-
-        Raises:
-            InvalidInput: There is none.
-        """
+        """Revert the last change."""
         self.document.undo()
         self._changed()
 
     def redo(self) -> None:
-        """Do the change again that was undone last.
-
-        Raises:
-            InvalidInput: There is none.
-        """
+        """Repeat the change that was undone last."""
         self.document.redo()
         self._changed()
 
     def reload(self) -> None:
-        """Take the text of the file as it is now, as one step of undo.
-
-        Raises:
-            InvalidInput: There is no file, or its text is not a YAML mapping.
-        """
+        """Read the file again, as one step of undo."""
         self.document.reload()
         self.previewer.forget()
         self._changed()
 
     def edited(self, edits: Sequence[Mapping[str, Any]]) -> Made:
-        """What edits make of the document as it was at the start of their gesture.
-
-        Args:
-            edits: Edits of a page, one after the other; or one of the whole text.
-
-        Raises:
-            InvalidInput: One of them is not possible.
-        """
+        """Apply edits of a page to the document as it was at the start of their gesture."""
         if [x.get("do") for x in edits] == ["text"]:
             return self.of_text(edits[0].get("text"))
         seen = self.seen
@@ -258,11 +183,7 @@ class Editor:
         return self._checked(Made(data, tuple(changes)))
 
     def of_text(self, text: Any) -> Made:
-        """What the document becomes with another text.
-
-        Raises:
-            InvalidInput: It is no text of a mapping.
-        """
+        """The document with another text."""
         if not isinstance(text, str):
             raise InvalidInput("The whole job is a text.")
         data = load(text, self.document.source)
@@ -271,26 +192,18 @@ class Editor:
         return self._checked(Made(data, None, text))
 
     def with_changes(self, changes: Sequence[Change]) -> Made:
-        """What the document becomes with some keys changed."""
+        """The document with some keys changed."""
         return self._checked(Made(change_data(self.seen.data, changes), tuple(changes)))
 
     def run_of(self, data: Mapping[str, Any]) -> str:
-        """The run that is shown of a job: that of the last one, else a fast one, else the first."""
+        """Name of the run to show: the last shown, else the first optimal one, else the first."""
         runs = runs_of(data)
         names = [x["name"] for x in runs]
         fast = [x["name"] for x in runs if x["timing"] == FASTEST and x["corners"] != "free"]
         return self.run if self.run in names else next(iter([*fast, *names]), "")
 
     def request(self, made: Made, options: Mapping[str, Any]) -> dict[str, Any]:
-        """What another process needs to know to work on the document.
-
-        Args:
-            made: What edits have made of it.
-            options: Options of the work.
-
-        Raises:
-            InvalidInput: The changes cannot be made in the text, or a log is not kept.
-        """
+        """Request for the task process, as fields of `tasks.request.Request`."""
         text = self.document.text if made.text is None else made.text
         if made.changes:
             text = change_text(text, made.changes, self.document.source)
@@ -307,28 +220,28 @@ class Editor:
         }
 
     def _find_other(self) -> Draft | None:
-        """The newest draft of an upload, if the document has none: no command opens it again."""
+        """Newest draft of an upload, if the document has none. No command opens it again."""
         if self.document.earlier is not None:
             return None
         return next((x for x in all_drafts() if x.upload and x.folder == str(self.folder)), None)
 
     def _changed(self, seen: Seen | None = None) -> None:
-        """See the job after the text has changed."""
+        """Count the revision and read the job again."""
         self.rev += 1
         self._renew(seen)
 
     def _renew(self, seen: Seen | None = None) -> None:
-        """See the job of the document as it is now, if it is not known yet what is seen."""
+        """Read the job of the document, unless it is given."""
         self.run = self.run_of(self.document.data)
         self.seen = seen or self._see(self.document.data)
 
     def _checked(self, made: Made) -> Made:
-        """The same, if it names no program that the user has not named."""
+        """Refuse a .xacro arm that the user has not named."""
         check_trusted_xacro(made.data, self.folder, self._trusted)
         return made
 
     def _see(self, data: Mapping[str, Any]) -> Seen:
-        """The job of the document, and what can be grabbed of it."""
+        """The job of data, and its handles."""
         try:
             job = self._job_of(data)
             return Seen(data, job, handles_of(job, data))
@@ -337,14 +250,9 @@ class Editor:
                 with suppress(InvalidInput):
                     handles = blank_handles(data, self._job_of)
                     return Seen(data, None, handles, InvalidInput(NOTHING_DRAWN))
-            # What is seen of the last job stays, greyed, until the text makes a job again.
+            # The picture of the last job stays, greyed, until the text makes a job again.
             return Seen(data, None, self.seen.handles, error)
 
     def _job_of(self, data: Mapping[str, Any]) -> Job:
-        """The job of data.
-
-        Raises:
-            InvalidInput: They make none.
-        """
         check_trusted_xacro(data, self.folder, self._trusted)
         return self.previewer.job(data, self.run_of(data) or None)

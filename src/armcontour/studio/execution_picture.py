@@ -35,12 +35,7 @@ MOST_BREAKS, MOST_TIMES = 2_000, 1_000
 
 
 def executed_frame(executed: Executed, view: View) -> Frame:
-    """The picture of an execution: how far the tool is from the path, and what the joints need.
-
-    Args:
-        executed: The execution.
-        view: How points get on the screen.
-    """
+    """Frame with the deviation of the tool from the path and the joint usage of an execution."""
     planned = executed.planned
     header = {
         "run": planned.run.name,
@@ -53,13 +48,7 @@ def executed_frame(executed: Executed, view: View) -> Frame:
 
 
 def executed_lines(executed: Executed, view: View, detail: Detail | None = None) -> dict[str, Any]:
-    """Arrays of the deviation of the tool from the visible part of the path.
-
-    Args:
-        executed: The execution.
-        view: As of `executed_frame`.
-        detail: What is seen, and how finely; by default all.
-    """
+    """Arrays of the tool deviation along the visible part of the path."""
     limits, demand = executed.planned.run.limits, executed.execution.demand
     demand = signed_shares("joint_acceleration", limits, demand)
     return tool_lines(executed.pieces, view, detail, demand=demand)
@@ -71,14 +60,7 @@ def tool_lines(
     detail: Detail | None = None,
     **columns: FloatArray,
 ) -> dict[str, Any]:
-    """Arrays of the deviation of the tool from the visible part of the path.
-
-    Args:
-        pieces: The motion along each contour.
-        view: As of `executed_frame`.
-        detail: As of `executed_lines`.
-        **columns: More values of each sample of the motion, (n, k), by the array's name.
-    """
+    """As `executed_lines`; `columns` are further values of each sample, (n, k)."""
     base = np.concatenate([x.on_path for x in pieces])
     detail = detail or Detail.of_whole(view.uv(base))
     ends = np.cumsum([0, *(len(x.on_path) for x in pieces)])
@@ -105,7 +87,7 @@ def tool_lines(
 
 
 def _figures(executed: Executed) -> Data:
-    """Figures of the execution, as an evaluation has them."""
+    """Figures of the execution, as in an evaluation."""
     planned, execution, errors = executed.planned, executed.execution, executed.errors
     end_time, limits = planned.run.end_time, planned.run.limits
     end = executed.settled if end_time is None else end_time
@@ -122,7 +104,7 @@ def _figures(executed: Executed) -> Data:
 
 
 def _poses(execution: Execution) -> dict[str, FloatArray]:
-    """Arrays from which the arm is played, also between contours."""
+    """Arrays for playing the arm, including rapids."""
     t = execution.t
     even = np.searchsorted(t, t[0] + evenly(t[-1] - t[0]))
     poses = np.unique(np.minimum(even, len(t) - 1))
@@ -135,13 +117,7 @@ def _poses(execution: Execution) -> dict[str, FloatArray]:
 
 
 def demand_of(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any]:
-    """Arrays of joint positions over time, and of the shares of limits that joints use.
-
-    Args:
-        trajectory: The motion.
-        arm: The arm.
-        limits: The limits.
-    """
+    """Arrays of joint positions and shares of joint limits over time."""
     breaks = trajectory.breaks
     if len(breaks) > MOST_BREAKS:
         breaks = breaks[np.linspace(0, len(breaks) - 1, MOST_BREAKS).astype(np.intp)]
@@ -170,5 +146,5 @@ def demand_of(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, Any
 
 
 def signed_shares(name: str, limits: Limits, values: FloatArray) -> FloatArray:
-    """Shares of a limit of joints with the signs of the values, (n, dof)."""
+    """Shares of a joint limit with the signs of the values, (n, dof)."""
     return np.copysign(use_of(name, limits, values).ratio, values)

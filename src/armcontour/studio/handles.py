@@ -48,73 +48,59 @@ COMPUTED = "This end follows from the centre and the angle of its arc: move the 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Waypoint:
-    """A point of a job file.
-
-    Args:
-        index: Its number, from 0: ends of segments in order, then their other points.
-        keys: The keys that lead to it in the file; none if it is computed.
-        point: Its place in the frame of the job's path [m], (3,).
-        uv: The same in the picture [m], (2,).
-        written: Its coordinates as they are written.
-        role: "point", "via" and "center" of an arc, or the "end" of an arc around a centre.
-    """
+    """A point of a job file; ends of segments come first, then via and centre points."""
 
     index: int
     keys: Keys
+    # Its place in the frame of the job's path [m], (3,).
     point: FloatArray
+    # The same in the picture [m], (2,).
     uv: FloatArray
     written: tuple[Any, ...]
+    # "point", "via" and "center" of an arc, or the "end" of an arc around a centre.
     role: str = POINT
 
     @property
     def why_not(self) -> str | None:
-        """Why it cannot be moved; None if it can."""
+        """Reason why the point cannot be moved; None if it can."""
         return None if self.keys else COMPUTED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Handles:
-    """What can be grabbed of a job.
-
-    Args:
-        job: The job.
-        kind: What the job file gives: "points", "segments", "spline", "file", or "blank".
-        file: The name of the drawing, if it is a file.
-        frame: The frame of the path.
-        plane: The plane of the picture.
-        centre: The middle of the path in the picture [m], (2,).
-        waypoints: The points; first those at the ends of segments, in order.
-        why_not: Why the points cannot be moved; None if they can.
-    """
+    """Editable elements of a job in the picture."""
 
     job: Job
+    # What the job file gives: "points", "segments", "spline", "file", or "blank".
     kind: str
     file: str | None
     frame: Frame
     plane: Plane
+    # The middle of the path in the picture [m], (2,).
     centre: FloatArray
     waypoints: tuple[Waypoint, ...]
+    # Why the points cannot be moved; None if they can.
     why_not: str | None
 
     @property
     def editable(self) -> bool:
-        """Whether points can be moved, added and removed."""
+        """True if points can be moved, added and removed."""
         return self.why_not is None
 
     @property
     def ends(self) -> tuple[Waypoint, ...]:
-        """The waypoints through which the path goes, in order."""
+        """Waypoints at the ends of segments, in order."""
         return tuple(x for x in self.waypoints if x.role in (POINT, END))
 
     @property
     def origin(self) -> Waypoint:
-        """The origin of the file, as a point that new ones are written like."""
+        """Origin of the file, as a template for the format of new points."""
         at, written = self.frame.position, ("0 mm",) * self.job.arm.dimension
         return Waypoint(index=0, keys=(), point=at, uv=self.plane.uv(at), written=written)
 
     @property
     def axes(self) -> dict[str, Any]:
-        """Axes in the picture along which places are read: of the file, or else of the picture."""
+        """Axes in the picture for displayed coordinates, of the file or else of the picture."""
         rotation = self.frame.rotation
         if abs(abs(self.plane.normal @ rotation[:, 2]) - 1) > FLAT:
             return {"names": ["right", "up"], "origin": [0, 0], "x": [1, 0], "y": [0, 1]}
@@ -122,32 +108,20 @@ class Handles:
         return {"names": ["x", "y"], "origin": self.plane.uv(self.frame.position), "x": x, "y": y}
 
     def is_removable(self, point: Waypoint) -> bool:
-        """Whether the path can do without a point."""
+        """True if a point can be removed from the path."""
         ends = self.ends
         is_start_of_arc = point.index == 0 and ends[1].role == END
         return point.role in (POINT, END) and len(ends) > 2 and not is_start_of_arc
 
     def is_divisible(self, index: int) -> bool:
-        """Whether a point can be inserted before a waypoint; arcs take no more points.
-
-        Args:
-            index: Number of the waypoint; that of a new last one divides nothing.
-        """
+        """True if a point can be inserted before a waypoint. Arcs cannot be divided."""
         arcs = {x.keys[2] for x in self.waypoints if x.role in (VIA, CENTER)}
         return index - 1 not in arcs
 
     def to_file(
         self, uv: npt.ArrayLike, like: Waypoint, *, within: float = EXACT
     ) -> tuple[Any, ...]:
-        """Coordinates of the file for a place in the picture, in the form of a point there.
-
-        The distance of the point from the plane stays.
-
-        Args:
-            uv: The place [m], (2,).
-            like: The point that is moved, or one beside a new one.
-            within: How far the place may be off [m]: coordinates have the fewest digits.
-        """
+        """File coordinates of a point in the picture [m], formatted like a neighbour."""
         moved = like.point + self.plane.lift(uv) - self.plane.lift(like.uv)
         back = self.frame.inverse
         given = (back.position + back.rotation @ moved)[: len(like.written)]
@@ -159,12 +133,7 @@ class Handles:
 
 
 def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
-    """What can be grabbed of a job.
-
-    Args:
-        job: The job.
-        data: The data of its file, as written.
-    """
+    """Editable elements of a job with the data of its file."""
     path = data.get("path") or {}
     si = in_si(path, PathModel)
     frame = frame_of("path.frame", FrameModel(**(si.get("frame") or {})))
@@ -194,21 +163,13 @@ def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
 
 
 def is_blank(data: Mapping[str, Any]) -> bool:
-    """Whether nothing is drawn on the path of a job yet."""
+    """True if nothing is drawn on the path of a job yet."""
     path = data.get("path")
     return isinstance(path, Mapping) and not any(path.get(x) for x in (*OWN_PATH, FILE))
 
 
 def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Handles:
-    """What can be drawn on, of a job on whose path nothing is drawn yet.
-
-    Args:
-        data: The data of its file, as written.
-        make_job: Makes a job of data.
-
-    Raises:
-        InvalidInput: The data make no job with any path.
-    """
+    """Handles of a job with an empty path."""
     # A line takes the place of what will be drawn; only points in space have an orientation.
     dimension = 3 if "orientation" in data["path"] else 2
     line = [[0.0] * dimension, [BLANK_SIDE, BLANK_SIDE, 0.0][:dimension]]
@@ -217,15 +178,7 @@ def blank_handles(data: Mapping[str, Any], make_job: Callable[[Any], Job]) -> Ha
 
 
 def obstacles_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The obstacles that a job file gives itself, without those of other files.
-
-    Args:
-        data: The data of the file, as written.
-
-    Returns:
-        Per obstacle its `kind`, which is the key of its list, its `index` in the list, its keys in
-        SI units, its keys as `written`, and the unit of its lengths with its size in SI units.
-    """
+    """The obstacles that a job file gives itself, without those of other files."""
     scene = data.get("scene") or {}
     si = in_si(scene, SceneModel)
     return [
@@ -241,7 +194,7 @@ def _unit(body: Mapping[str, Any]) -> tuple[str, float]:
 
 
 def _given(kind: str, path: Mapping[str, Any], si: Mapping[str, Any]) -> Iterator[Given]:
-    """The points of a job file without a drawing; those at ends of segments come first."""
+    """Points of a job file without a drawing; ends of segments come first."""
     if kind != SEGMENTS:
         inner: Keys = (POINTS,) if kind == POINTS else (SPLINE, POINTS)
         points = path[POINTS] if kind == POINTS else path[SPLINE][POINTS]
@@ -263,20 +216,14 @@ def _given(kind: str, path: Mapping[str, Any], si: Mapping[str, Any]) -> Iterato
 
 
 def _ends(job: Job, given: Sequence[Given]) -> FloatArray:
-    """Ends of segments, of which the file does not give some, (n + 1, 3) [m]."""
+    """Ends of segments [m], (n + 1, 3), if the file does not give all of them; else (0, 3)."""
     if all(x[2] is not None for x in given):
         return np.empty((0, 3))
     return np.array([in_space(x) for x in job.program.contours[0].path.vertices])
 
 
 def _plane_of(job: Job, frame: Frame | None, places: Sequence[FloatArray]) -> Plane:
-    """The plane of the picture.
-
-    Args:
-        job: The job.
-        frame: The frame whose x-y plane it is; None takes the plane of the points.
-        places: The points [m], (3,) each.
-    """
+    """Plane of the picture: x-y of `frame`, or the plane through the points [m] if it is None."""
     if job.arm.dimension == 2:
         return Plane(origin=np.zeros(3), x=AXES[0], y=AXES[1])
     if frame is not None:
@@ -303,7 +250,7 @@ def _plane_of(job: Job, frame: Frame | None, places: Sequence[FloatArray]) -> Pl
 
 
 def _plane_across(normal: FloatArray, point: FloatArray, *, flat: bool) -> Plane:
-    """The plane through a point across a direction; its x axis is near that of the frame."""
+    """Plane through a point normal to a direction; its x axis is near that of the frame."""
     nearest = int(np.argmax(np.abs(normal)))
     if abs(normal[nearest]) >= 1 - FLAT**2:
         normal = AXES[nearest] * np.sign(normal[nearest])
@@ -321,20 +268,14 @@ def _vertices(job: Job) -> FloatArray:
 
 
 def _centre(job: Job, plane: Plane) -> FloatArray:
-    """The middle of a job's path in the picture [m], (2,)."""
+    """Centre of a job's path in the picture [m], (2,)."""
     uv = plane.uv(_vertices(job))
     return np.asarray((uv.min(axis=0) + uv.max(axis=0)) / 2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EditState:
-    """What an edit is made on.
-
-    Args:
-        data: The data of the job file, as written.
-        run: The name of the run that is shown.
-        handles: What can be grabbed of the job.
-    """
+    """Data, shown run and handles that an edit starts from."""
 
     data: Mapping[str, Any]
     run: str
@@ -342,15 +283,7 @@ class EditState:
 
 
 def uv_of(name: str, value: Any) -> FloatArray:
-    """A place in the picture [m], (2,).
-
-    Args:
-        name: Its name in the edit.
-        value: What the edit has there.
-
-    Raises:
-        InvalidInput: They are no two coordinates.
-    """
+    """Read two coordinates in the picture [m] from an edit, (2,)."""
     found = checks.check_numbers(name, value, "m")
     if found.shape != (2,):
         raise InvalidInput(f"{name} must be two coordinates in the picture, not {show(value)}.")

@@ -17,6 +17,9 @@ import numpy.typing as npt
 from armcontour.core.errors import InvalidInput
 from armcontour.core.render import jsonable
 
+# Layout: length of the header (u32), JSON header, zeros, little-endian arrays; arrays begin at
+# multiples of 8 and their offsets count from the first byte after the zeros. Numbers that are not
+# finite are null in the header.
 ALIGNED = 8
 LENGTH = struct.Struct("<I")
 # Types of arrays, by the names that the page knows.
@@ -39,35 +42,26 @@ _OPTIONS = re.compile(rf" \([a-z ]*{_OPTION}\)|(?:{_BEFORE}) {_OPTION}|, {_OPTIO
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frame:
-    """A message to the page: facts as JSON, and long rows of numbers.
+    """A message to the page: a JSON header and numeric arrays."""
 
-    Args:
-        kind: What it is, such as "picture".
-        header: Facts, of anything that JSON has, and of numbers of numpy.
-        arrays: Arrays by their names, of the types TYPES.
-    """
-
+    # What it is, such as "picture".
     kind: str
     header: Mapping[str, Any] = field(default_factory=dict)
     arrays: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
 
     @classmethod
     def of_file(cls, name: str, content: bytes, header: Mapping[str, Any]) -> Frame:
-        """A result that is a file."""
+        """A result with a file as array `content`."""
         kind = FILE_TYPES.get(PurePath(name).suffix, "application/octet-stream")
         facts = {**header, "name": name, "type": kind, "bytes": len(content)}
         return cls("result", facts, {"content": np.frombuffer(content, np.uint8)})
 
     def stamped(self, **facts: Any) -> Frame:
-        """The same frame with some more facts in its header."""
+        """Copy with more facts in the header."""
         return replace(self, header={**self.header, **facts})
 
     def pack(self) -> bytes:
-        """The frame as bytes.
-
-        Raises:
-            InvalidInput: An array of another type.
-        """
+        """The frame as bytes."""
         places: dict[str, Any] = {}
         parts: list[bytes] = []
         end = 0
@@ -86,7 +80,7 @@ class Frame:
 
     @classmethod
     def unpack(cls, data: bytes) -> Frame:
-        """The frame that was packed; its arrays are read-only."""
+        """Decode a frame; its arrays are read-only."""
         (count,) = LENGTH.unpack_from(data)
         header = json.loads(data[LENGTH.size : LENGTH.size + count])
         begin = LENGTH.size + count
@@ -100,7 +94,6 @@ class Frame:
 
 
 def _to_json(header: Mapping[str, Any]) -> str:
-    """A header as JSON."""
     try:
         return json.dumps(header, ensure_ascii=False, allow_nan=False, default=jsonable)
     except (TypeError, ValueError):
@@ -109,5 +102,5 @@ def _to_json(header: Mapping[str, Any]) -> str:
 
 
 def without_options(sentence: str) -> str:
-    """A sentence without options of the command line, which a page does not have."""
+    """Remove options of the command line from a sentence: the page does not have them."""
     return _OPTIONS.sub("", sentence)

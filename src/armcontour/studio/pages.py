@@ -33,21 +33,15 @@ NEWEST_ONLY = {"arm", "changes", "detail", "document", "executed", "figures"} | 
 
 
 class Tab(Protocol):
-    """A page: somebody to send frames to, from any thread."""
+    """A page that receives frames; `send` may be called from any thread."""
 
     def send(self, data: bytes, replaces: str | None = None) -> None:
-        """Send a frame; an older one that it replaces need not be sent any more."""
+        """Send a frame; it replaces a queued one with the same `replaces`."""
 
 
 @dataclass(frozen=True, slots=True)
 class File:
-    """Something for a page to save.
-
-    Args:
-        name: Name of the file.
-        kind: Its type.
-        data: Its content.
-    """
+    """A file for download."""
 
     name: str
     kind: str
@@ -55,11 +49,7 @@ class File:
 
 
 class Tabs:
-    """The pages that show a document; all of it may be called from any thread.
-
-    Attributes:
-        files: Files for the pages to save, by their numbers.
-    """
+    """Open pages and files for download; thread-safe."""
 
     def __init__(self) -> None:
         self.files: dict[str, File] = {}
@@ -75,12 +65,12 @@ class Tabs:
 
     @property
     def answers(self) -> dict[int, int]:
-        """Number of the last message of each page, by the page's number."""
+        """Number of the last message of each page, by page number."""
         with self._lock:
             return dict(self._seqs)
 
     def join(self, tab: Tab) -> None:
-        """A page is open: it gets what the others see."""
+        """Add a page and send it the current frames."""
         with self._lock:
             self._joined += 1
             self._numbers[tab] = self._joined
@@ -88,12 +78,12 @@ class Tabs:
                 tab.send(frame.stamped(seq=None).pack(), key)
 
     def leave(self, tab: Tab) -> None:
-        """A page is closed."""
+        """Remove a page."""
         with self._lock:
             self._seqs.pop(self._numbers.pop(tab, 0), None)
 
     def hear(self, tab: Tab, said: Said) -> bool:
-        """Note a message, which is answered from now on; returns whether the page is open."""
+        """Record the number of a message; False if the page is closed."""
         seq = said.get("seq")
         with self._lock:
             is_open = tab in self._numbers
@@ -106,13 +96,7 @@ class Tabs:
     def tell(
         self, frame: Frame, *, to: Tab | None = None, answers: Mapping[int, int] | None = None
     ) -> None:
-        """Send a frame to one page or to all.
-
-        Args:
-            frame: The frame, with the revision of the document.
-            to: The page.
-            answers: As of `answers`: messages that it answers; by default the last ones.
-        """
+        """Send a frame to one page or to all, with the number of the message it answers."""
         key, sentence = _key(frame), frame.header.get("sentence")
         if isinstance(sentence, str):
             frame = frame.stamped(sentence=without_options(sentence))
@@ -129,13 +113,7 @@ class Tabs:
                     tab.send(packed[seq], key)
 
     def keep_file(self, name: str, kind: str, data: bytes) -> str:
-        """Keep something for the pages to save; returns its number.
-
-        Args:
-            name: As of `File`.
-            kind: As of `File`.
-            data: As of `File`.
-        """
+        """Keep a file for download; returns its number."""
         number = secrets.token_hex(8)
         with self._lock:
             self.files[number] = File(name, kind, data)
@@ -144,7 +122,7 @@ class Tabs:
         return number
 
     def _is_too_much(self) -> bool:
-        """Whether the files that are kept take too much memory, besides the newest."""
+        """True if the kept files exceed the memory limit; the newest is always kept."""
         sizes = [len(x.data) for x in self.files.values()]
         return len(sizes) > 1 and sum(sizes) > MOST_BYTES
 
@@ -163,26 +141,14 @@ class Tabs:
 
 
 def _key(frame: Frame) -> str | None:
-    """Kind of a frame, with the task of its progress; None if every frame of the kind counts."""
+    """Kind of a frame, with the task for progress; None if every frame of the kind is needed."""
     if frame.kind == "progress":
         return f"progress/{frame.header.get('id')}"
     return frame.kind if frame.kind in NEWEST_ONLY else None
 
 
 class Display:
-    """Shows the document of an editor on pages.
-
-    Args:
-        editor: The editor.
-        fast: As of `Planner`.
-        slow: As of `Planner`.
-        rest: As of `Planner`.
-
-    Attributes:
-        lock: Who changes the document holds it.
-        tabs: The pages.
-        planner: Plans and executes what is shown, and does tasks.
-    """
+    """Shows the document of an editor on pages."""
 
     def __init__(
         self,
@@ -200,16 +166,12 @@ class Display:
         self.planner = Planner(editor.previewer, self._tell_state, fast, slow, rest)
 
     def show_all(self) -> None:
-        """Show the document and its run as they are now."""
+        """Show the document and its run."""
         self.show_document()
         self.show()
 
     def show_document(self, to: Tab | None = None) -> None:
-        """Tell what the document is now.
-
-        Args:
-            to: The page; by default all.
-        """
+        """Send the frame `document` to one page or to all."""
         editor = self.editor
         self._on_disk = editor.document.on_disk()
         frame = describe(editor.document, editor.seen, editor.run, draft=editor.draft)
@@ -217,12 +179,7 @@ class Display:
         self.tell(frame.stamped(id=editor.id, logs=logs), to=to)
 
     def show(self, made: Made | None = None, *, moving: bool = False) -> None:
-        """Show a state on all pages.
-
-        Args:
-            made: What edits have made of the document; None for the document.
-            moving: Whether the next state is wanted soon.
-        """
+        """Plan and show a state of the document; `moving` if a gesture continues."""
         editor = self.editor
         self._made = made = Made(editor.seen.data) if made is None else made
         handles = editor.seen.handles
@@ -249,39 +206,25 @@ class Display:
         )
 
     def open(self) -> None:
-        """Show another document, which the editor has opened."""
+        """Show the document that the editor has opened."""
         self.planner.forget()
         self.show_all()
 
     def look(self) -> None:
-        """See whether the file has changed, and tell the pages if so."""
+        """Inform the pages if the job file has changed on disk."""
         if self._on_disk and self.editor.document.on_disk() != self._on_disk:
             self.show_document()
 
     def request(self, options: Mapping[str, Any]) -> dict[str, Any]:
-        """What another process needs to know to work on what is shown.
-
-        Args:
-            options: Options of the work.
-        """
+        """Request for the task process, with the edits of the active gesture."""
         return self.editor.request(self._made, options)
 
     def tell(self, frame: Frame, to: Tab | None = None) -> None:
-        """Tell something of the present document.
-
-        Args:
-            frame: What is told.
-            to: The page; by default all.
-        """
+        """Send a frame of the current document to one page or to all."""
         self.tabs.tell(frame.stamped(rev=self.editor.rev, document=self.editor.id), to=to)
 
     def tell_refusal(self, error: ArmContourError, *, dropped: bool = False) -> None:
-        """Say that an edit is not possible.
-
-        Args:
-            error: Why.
-            dropped: Whether it was to be made: then the document is shown as it is.
-        """
+        """Report an impossible edit; `dropped`: the gesture is over, so show the document again."""
         if dropped:
             self.show_document()
         told = {"tier": 1, "run": self.editor.run, "sentence": str(error), "at": {}}
@@ -291,7 +234,7 @@ class Display:
             self.show()
 
     def _tell_state(self, frame: Frame, state: State | None) -> bool:
-        """Pass a frame of the planner on, unless the document has changed since."""
+        """Send a frame of the scheduler, unless the document has changed since."""
         if state is None:
             self.tell(self._with_file(frame))
             return True
@@ -302,7 +245,7 @@ class Display:
         return True
 
     def _with_file(self, frame: Frame) -> Frame:
-        """The same frame; a file in it is kept for the pages to save."""
+        """Replace a file in a frame by its number for download."""
         if frame.kind != "result" or "content" not in frame.arrays:
             return frame
         header, content = frame.header, frame.arrays["content"].tobytes()

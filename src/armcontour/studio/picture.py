@@ -44,27 +44,23 @@ VISIBLE = 5e-5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Line:
-    """Places along all contours of a plan.
+    """Points along all contours of a plan, with arc lengths over all contours."""
 
-    Args:
-        points: The places [m], (n, dimension).
-        s: Their arc lengths, counted over all contours [m], (n,).
-        t: Times at which the tool is there [s], (n,).
-        speed: Its speeds there [m/s], (n,).
-        assigned: Assigned velocities there, NaN for none [m/s], (n,).
-        ends: Index of the first place of each line, and the number of places.
-    """
-
+    # The places [m], (n, dimension).
     points: FloatArray
+    # Their arc lengths, counted over all contours [m], (n,).
     s: FloatArray
+    # Times at which the tool is there [s], (n,).
     t: FloatArray
+    # Its speeds there [m/s], (n,).
     speed: FloatArray
+    # Assigned velocities there, NaN for none [m/s], (n,).
     assigned: FloatArray
     ends: IntArray
 
     @classmethod
     def of(cls, planned: Preview, view: View, detail: Detail) -> Line:
-        """The places of a plan that are seen: points of curves, and where the plan changes."""
+        """Visible points of a plan: points of curves and grid points of its laws."""
         rows: list[tuple[FloatArray, ...]] = []
         for contour, span in zip(
             planned.path.contours, planned.trajectory.contour_spans, strict=True
@@ -93,12 +89,7 @@ class Line:
         return cls(points[k], s[k], t[k], speed[k], assigned[k], ends)
 
     def thinned(self, binding: npt.NDArray[np.uint8], detail: Detail) -> IntArray:
-        """Indices of places to draw: their shape, changes of what binds, extremes of the speed.
-
-        Args:
-            binding: Which limit binds from each place on, (n,).
-            detail: How finely they are drawn.
-        """
+        """Indices of the drawn points: shape, changes of the limit, extremes of the speed."""
         shape = detail.needed(self.points, self.ends)
         weight = np.where(shape, np.inf, 0.0)
         changes = np.flatnonzero(np.diff(binding)) + 1
@@ -111,7 +102,7 @@ class Line:
     def binding(
         self, explanation: Explanation | None, limits: Sequence[Mapping[str, Any]]
     ) -> npt.NDArray[np.uint8]:
-        """Index of the limit that binds from each place to the next, (n,)."""
+        """Index of the active limit from each point to the next, (n,)."""
         if explanation is None:
             return np.full(len(self.s), NOTHING, dtype=np.uint8)
         index = {x["name"]: k for k, x in enumerate(limits)}
@@ -136,16 +127,7 @@ def refusal_header(
     planned: Preview | None = None,
     waypoints: FloatArray | None = None,
 ) -> dict[str, Any]:
-    """What was refused, and where.
-
-    Args:
-        error: The error.
-        view: How points get on the screen.
-        tier: What could not be had: 1 the plan, 2 its execution, 3 the full run.
-        run: Name of the run.
-        planned: The plan, if there is one: it has the place of a time.
-        waypoints: Waypoints in the plane [m], (n, 2), of which one may be at the place.
-    """
+    """Header of a refusal with its position; `tier`: 1 plan, 2 execution, 3 full run."""
     point = None if error.point is None else np.array(error.point)
     if point is None and error.t is not None and planned is not None:
         t = np.clip(error.t, 0.0, planned.trajectory.duration)
@@ -165,12 +147,7 @@ def refusal_header(
 
 
 def picture_frame(planned: Preview, view: View) -> Frame:
-    """The picture of a plan.
-
-    Args:
-        planned: The plan.
-        view: How points get on the screen.
-    """
+    """Frame with the picture of a plan."""
     detail, flat = _whole(planned.path, view)
     header, arrays = _drawn(planned, view, detail)
     duration = duration_row(planned.trajectory.duration)
@@ -191,13 +168,7 @@ def picture_frame(planned: Preview, view: View) -> Frame:
 
 
 def drawing_frame(program: Program | None, view: View, *, run: str = "") -> Frame:
-    """The picture of a program that is not planned yet; without speeds and times.
-
-    Args:
-        program: The program; None if nothing is drawn yet.
-        view: How points get on the screen.
-        run: Name of the run that is shown.
-    """
+    """Frame with the picture of a program without a plan; None for an empty path."""
     header: dict[str, Any] = {"error": 0.0, "limits": [], "kerfs": []}
     arrays: dict[str, Any] = {
         "objective": short(np.empty(0)),
@@ -218,14 +189,7 @@ def drawing_frame(program: Program | None, view: View, *, run: str = "") -> Fram
 def detail_frame(
     made: Preview | Program, executed: Executed | None, view: View, detail: Detail
 ) -> Frame:
-    """The part of a picture that is seen, and of its execution, drawn as finely as it is seen.
-
-    Args:
-        made: The plan, or the program without one.
-        executed: The execution; None without one.
-        view: How points get on the screen.
-        detail: What is seen, and how finely.
-    """
+    """Frame with the visible part of a picture and of its execution in full resolution."""
     header, arrays = _drawn(made, view, detail)
     if executed is not None:
         arrays |= executed_lines(executed, view, detail)
@@ -233,7 +197,7 @@ def detail_frame(
 
 
 def _whole(program: Program, view: View) -> tuple[Detail, bool]:
-    """Enough to see all of a program at once, and whether it is flat."""
+    """Detail for the whole program, and whether it is flat."""
     smooth = Detail(np.inf)
     points = np.concatenate([x.path(smooth.places(x.path)) for x in program.contours])
     return Detail.of_whole(view.uv(points)), view.is_flat(points)
@@ -273,7 +237,7 @@ def _drawn(
 def _lines(
     name: str, parts: Sequence[FloatArray], view: View, detail: Detail
 ) -> tuple[dict[str, Any], IntArray]:
-    """Arrays of the lines through some points [m], and the part that each line is of."""
+    """Arrays of lines through points [m], and the index of the part that each line belongs to."""
     points = np.concatenate(parts) if parts else np.empty((0, 2))
     starts = np.cumsum([0, *map(len, parts)])
     seen, ends = detail.seen(view.drawn(points), starts)
@@ -288,7 +252,7 @@ def _lines(
 
 
 def _kerf(planned: Preview, view: View, detail: Detail) -> tuple[list[float], dict[str, Any]]:
-    """The kerf of each line that is cut [m], and arrays of these lines and of what is drawn."""
+    """Kerf of each cut line [m], and arrays of cut lines and drawn lines."""
     process = planned.job.process
     parts = [x for x in cut_parts(planned.path, process) if detail.has(view.box, x[0])]
     if not parts:
@@ -304,7 +268,7 @@ def _kerf(planned: Preview, view: View, detail: Detail) -> tuple[list[float], di
 
 
 def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
-    """The limits that bind somewhere, in the order of the motion."""
+    """Active limits, in the order of the motion."""
     if explanation is None:
         return []
     found = {x.name: x.limit for x in explanation.bindings if x.limit != "nothing"}
@@ -312,7 +276,7 @@ def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
 
 
 def time_header(explanation: Explanation | None) -> dict[str, Any]:
-    """Headers of what takes the time: a table as people read it, and shares of the kinds."""
+    """Header with the table of active limits by time, and shares of the kinds."""
     if explanation is None:
         return {"time": [], "kinds": []}
     shares = [(x, share) for x, share in explanation.kinds.items() if share >= VISIBLE]
@@ -321,7 +285,7 @@ def time_header(explanation: Explanation | None) -> dict[str, Any]:
 
 
 def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
-    """Where the tool is slower than assigned, and why; the worst ones if there are many."""
+    """Slowest points below the assigned velocity, with reasons."""
     found = () if planned.explanation is None else planned.explanation.shortfalls
     worst = sorted(found, key=lambda x: x.speed / x.assigned)[:MOST_SHORTFALLS]
     if not worst:
@@ -337,7 +301,7 @@ def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
 
 
 def _points_at(program: Program, s: FloatArray) -> FloatArray:
-    """Points at arc lengths that are counted over all contours [m], (n, dimension)."""
+    """Points at arc lengths over all contours [m], (n, dimension)."""
     breaks = program.breaks
     which = np.clip(np.searchsorted(breaks, s, side="right") - 1, 0, len(breaks) - 2)
     found = np.empty((len(s), program.dimension))
@@ -348,7 +312,7 @@ def _points_at(program: Program, s: FloatArray) -> FloatArray:
 
 
 def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
-    """The rounded corners of all contours; none if they are too many to grab."""
+    """Rounded corners of all contours; none if there are too many for handles."""
     found: list[dict[str, Any]] = []
     rounding, given = planned.run.rounding, planned.job.program.contours
     for index, contour in enumerate(planned.path.contours):
@@ -379,14 +343,14 @@ def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
 
 
 def _caps(rounding: Rounding, numbers: IntArray) -> FloatArray:
-    """The largest errors that a job gives corners [m], by their waypoints; NaN without one."""
+    """Largest errors that the job allows at corners [m], by waypoint; NaN without one."""
     usual = np.nan if rounding.tolerance is None else rounding.tolerance
     single = rounding.at or {}
     return np.array([single.get(k, usual) for k in numbers.tolist()], dtype=np.float64)
 
 
 def _notes(planned: Preview) -> list[str]:
-    """What a reader of the picture should know."""
+    """Notes on the accuracy of the picture."""
     found = [*planned.differs]
     found += [x for x in (planned.stops_note, planned.shape_note) if x is not None]
     why = planned.explanation
@@ -404,7 +368,7 @@ def _notes(planned: Preview) -> list[str]:
 
 
 def _rapids(planned: Preview, view: View) -> dict[str, Any]:
-    """Arrays of the ways of the tool between contours."""
+    """Arrays of the tool paths of rapids."""
     spans = [x.t for x in planned.trajectory.spans if x.kind == "rapid"]
     if not spans:
         return {}

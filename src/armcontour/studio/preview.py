@@ -64,7 +64,7 @@ CONFIGURATION = (
 
 
 class Tier(StrEnum):
-    """How exact something is that pages show, the quickest first."""
+    """Accuracy of a picture, fastest first."""
 
     OUTLINE = "outline"
     # While a handle moves, the next plan is wanted soon.
@@ -76,53 +76,32 @@ class Tier(StrEnum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Preview(Planned):
-    """The plan of a run of a document.
-
-    Args:
-        job: The job, with this run only.
-        start: Joint positions at the start of the motion [rad], (dof,).
-        tier: How exact it is.
-        differs: Sentences on what a full run may do in another way.
-        below_base: A sentence on links that come below the base; None if none does.
-    """
+    """Plan of one run of a document."""
 
     job: Job
+    # Joint positions at the start of the motion [rad], (dof,).
     start: FloatArray
     tier: Tier = Tier.PREVIEW
     differs: tuple[str, ...] = ()
+    # A sentence on links that come below the base; None if none does.
     below_base: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Executed:
-    """The simulated execution of a plan.
-
-    Args:
-        planned: The plan.
-        set_points: The set-points.
-        execution: The executed motion.
-        pieces: The execution along each contour.
-        errors: The contour error.
-        settled: Time after which the tool is at rest [s].
-    """
+    """Simulated execution of a plan."""
 
     planned: Preview
     set_points: SetPoints
     execution: Execution
     pieces: tuple[ContourExecution, ...]
     errors: ErrorProfile
+    # Time after which the tool is at rest [s].
     settled: float
 
 
 class CoarsePlanner:
-    """Plans and executes runs of a document that changes; one per document, used by one thread.
-
-    The data that it gets must not be changed afterwards: it knows by them what is done already.
-
-    Args:
-        folder: Folder of relative file names.
-        trust_xacro: Whether the arm may be a .xacro file.
-    """
+    """Planner of a changing document, for one thread; data that it has seen must not change."""
 
     def __init__(self, folder: FilePath | None = None, *, trust_xacro: bool = False) -> None:
         self.folder = folder or FilePath()
@@ -133,16 +112,12 @@ class CoarsePlanner:
         self._start: FloatArray | None = None
 
     def forget(self) -> None:
-        """Forget all results, as files of the job may have changed."""
+        """Clear the cache, because files of the job may have changed."""
         self._reuse = Reuse()
         self._arm = self._start = None
 
     def may_be_exact(self, planned: Preview) -> bool:
-        """Whether a plan differs from that of a full run, which can be had in about a second.
-
-        An arm in space without a seed searches all its configurations in a full run, and many
-        set-points take long.
-        """
+        """True if a full run differs and takes about a second, without a search."""
         job = planned.job
         (own,) = job.runs
         searches = isinstance(job.arm, SerialArm) and job.seed is None
@@ -150,41 +125,24 @@ class CoarsePlanner:
         return bool(planned.differs) and not searches and few and self.may_execute(planned)
 
     def may_execute(self, planned: Preview) -> bool:
-        """Whether a motion is so short that its execution is simulated in seconds."""
+        """True if the simulation of the motion takes seconds at most."""
         return planned.trajectory.duration * planned.job.arm.dof <= LONGEST
 
     def keep_start(self, job: Job, start: FloatArray) -> None:
-        """Stay in a configuration from now on.
-
-        Args:
-            job: A job of this document.
-            start: Joint positions at the start of its motion [rad], (dof,).
-        """
+        """Keep the configuration of a start [rad], (dof,), from now on."""
         self._arm, self._start = job.arm, start
 
     def job(self, data: Mapping[str, Any], run: str | None = None) -> Job:
-        """The job with one of its runs only.
-
-        Args:
-            data: The job file as parsed.
-            run: Name of the run; by default the first one.
-
-        Raises:
-            InvalidInput: Values that do not make a job.
-        """
+        """The job with only one of its runs, by default the first."""
         return self._reuse.get("job", (data, run), lambda: self._make_job(data, run))
 
     def drawn(self, data: Mapping[str, Any]) -> Program:
-        """The path of a job as a program, before it is prepared; without the other keys' values.
-
-        Raises:
-            InvalidInput: Values that do not make an arm and a path.
-        """
+        """The path of a job as a program; reads only the keys of arm and path."""
         _, path = self._arm_and_path(self._model(data), data)
         return self._reuse.get("program", path, lambda: Program.from_path(path))
 
     def is_long(self, data: Mapping[str, Any]) -> bool:
-        """Whether the program is too long to be planned at every move."""
+        """True if the program is too long to be planned at every edit."""
         program = self.drawn(data)
         count = self._reuse.get(
             "segments", program, lambda: sum(len(x.path) for x in program.contours)
@@ -199,17 +157,7 @@ class CoarsePlanner:
         tier: Tier = Tier.PREVIEW,
         progress: Progress | None = None,
     ) -> Preview:
-        """Plan a run.
-
-        Args:
-            data: The job file as parsed.
-            run: Name of the run; by default the first one.
-            tier: How exact the plan is: EXACT is that of `run`, in whatever time that takes.
-            progress: As of `run`.
-
-        Raises:
-            ArmContourError: As `run`.
-        """
+        """Plan a run, by default the first; EXACT equals the plan of `run`."""
         job = self.job(data, run)
         (own,) = job.runs
         with error_context(f"Run {own.name}"):
@@ -227,11 +175,7 @@ class CoarsePlanner:
         )
 
     def execute(self, planned: Preview) -> Executed:
-        """Compensate and execute a plan, and find its contour errors.
-
-        Raises:
-            ArmContourError: As `run`.
-        """
+        """Compensate and simulate a plan, and compute its contour errors."""
         job, this, get = planned.job, planned.run, self._reuse.get
         moving = planned.tier == Tier.MOVING
         servos = [comparable(x) for x in (job.servo, job.plant_servo)]
@@ -310,11 +254,7 @@ class CoarsePlanner:
     def _plan(
         self, job: Job, this: Run, tier: Tier, progress: Progress | None
     ) -> tuple[Planned, tuple[str, ...]]:
-        """Plan in the configuration of the last plan if there is one, else in the fastest.
-
-        Returns:
-            The plan, and a sentence if it is in the configuration of the last plan.
-        """
+        """Plan in the configuration of the last plan (then with a note), else in the fastest."""
         searches = tier != Tier.EXACT and job.seed is None
         if searches and isinstance(job.arm, SerialArm) and self._arm is job.arm:
             here = dataclasses.replace(job, seed=self._start)
@@ -334,7 +274,6 @@ class CoarsePlanner:
 
 
 def _model_of(data: Mapping[str, Any]) -> JobModel:
-    """The keys of a job."""
     if not isinstance(data, Mapping):
         raise InvalidInput("A job must be a mapping of keys such as name, arm, path and runs.")
     return model_of(JobModel, data, "job")
@@ -343,23 +282,19 @@ def _model_of(data: Mapping[str, Any]) -> JobModel:
 def _contour_errors(
     execution: Execution, path: Program, end_time: float | None
 ) -> tuple[tuple[ContourExecution, ...], ErrorProfile, float]:
-    """The execution along each contour, the contour error, and when the tool is at rest [s]."""
+    """Execution along each contour, contour error, and time at which the tool is at rest [s]."""
     settled = settling_time(execution, execution.tool_speed)
     pieces = tuple(pieces_of(execution, path, None, end_time))
     return pieces, ErrorProfile.join([x.contour_error for x in pieces]), settled
 
 
 def _part(data: Mapping[str, Any]) -> Any:
-    """Where the part is, as written; scenes may be placed with it."""
+    """Frame of the part as written; scenes may be placed with it."""
     return data["path"].get("frame")
 
 
 def _with_one_run(model: JobModel, run: str | None) -> JobModel:
-    """The keys with one run only, by default the first, and without what may name others.
-
-    Raises:
-        InvalidInput: The job has no such run.
-    """
+    """Keys with one run, by default the first, and without keys that may name others."""
     name = next(iter(model.runs)) if run is None else run
     if name not in model.runs:
         raise InvalidInput(f"The job has no run {name}: it has {', '.join(model.runs)}.")
@@ -378,13 +313,7 @@ def _with_one_run(model: JobModel, run: str | None) -> JobModel:
 
 
 def coarser_run(job: Job, own: Run, tier: Tier) -> tuple[Run, tuple[str, ...]]:
-    """The run of a preview, and sentences on what is different in it.
-
-    Args:
-        job: The job.
-        own: The run as the job has it.
-        tier: How exact the plan is.
-    """
+    """Run of a preview, and sentences on its differences from the run of the job."""
     this, differs, cycle = own, [], max(own.cycle, DEFAULT_CYCLE)
     try:
         for x in (job.servo, job.plant_servo):
@@ -409,7 +338,7 @@ def coarser_run(job: Job, own: Run, tier: Tier) -> tuple[Run, tuple[str, ...]]:
 
 
 def _experiment_of(this: Run, moving: bool) -> Experiment | None:
-    """The experiment that judges a run, if any; while a handle moves, drives have longer cycles."""
+    """Experiment that judges a run, if any; with a longer drive cycle while a handle moves."""
     found = this.judge
     if found is None or not moving:
         return found
@@ -419,16 +348,13 @@ def _experiment_of(this: Run, moving: bool) -> Experiment | None:
 def _execute_judged(
     job: Job, this: Run, set_points: SetPoints, bodies: Experiment | None
 ) -> Execution:
-    """The execution that judges a run: on rigid bodies, or on the servo model."""
+    """Execution on the rigid bodies of the experiment, or on the servo model."""
     plant = None if bodies is None else build_plant(bodies, job.arm, job.plant_servo, this.limits)
     return simulate_run(job, set_points, plant)
 
 
 def _with_fewer_samples(execution: Execution) -> Execution:
-    """The execution at every second of its samples, or third and so on; largest demands stay.
-
-    Intermediate samples are discarded.
-    """
+    """Every k-th sample of an execution, at least MOVING_SAMPLES; maxima stay."""
     step = len(execution.t) // MOVING_SAMPLES
     if step < 2:
         return execution

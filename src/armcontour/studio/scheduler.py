@@ -59,26 +59,17 @@ SAME = 0.01
 
 
 class Superseded(Exception):
-    """What was computed is not wanted any more."""
+    """A newer state of the document waits."""
 
 
 @dataclass(slots=True, eq=False)
 class Seen:
-    """What there is of one document, and what pages have of it.
-
-    Args:
-        planned: The newest plan.
-        executed: The newest execution.
-        parts: Arm and scene that pages have.
-        took: How long the last two plans of each tier took [s].
-        drawn: The plan or program that pages see, how it gets on the screen, and its number.
-        followed: The revision whose preview has taken the configuration of its full run.
-        has_exact: Whether exact figures were shown.
-    """
+    """Results of one document, and the parts of them that pages have."""
 
     planned: Preview | None = None
     executed: Executed | None = None
     parts: tuple[Arm, Scene | None] | None = None
+    # How long the last two plans of each tier took [s].
     took: dict[Tier, tuple[float, float]] = field(default_factory=dict)
     drawn: tuple[Preview | Program, View, int] | None = None
     followed: int = 0
@@ -87,19 +78,7 @@ class Seen:
 
 @dataclass(slots=True, eq=False, kw_only=True)
 class State:
-    """A state of the document that is to be shown.
-
-    Args:
-        data: The job as parsed.
-        run: Name of the run.
-        view: How points get on the screen.
-        document: Name of the document among others.
-        rev: Revision of the document.
-        answers: Number of the last message of each tab that is in it, by the tab's number.
-        request: Makes what another process needs to know to compute its exact figures.
-        waypoints: Waypoints in the plane [m], (n, 2).
-        moving: Whether a gesture goes on, so that the next state is wanted soon.
-    """
+    """A state of the document to be shown."""
 
     data: Mapping[str, Any]
     run: str
@@ -108,6 +87,7 @@ class State:
     rev: int
     answers: Mapping[int, int]
     request: Callable[[], Mapping[str, Any]]
+    # Waypoints in the plane [m], (n, 2).
     waypoints: FloatArray | None = None
     moving: bool = False
     # What is seen of its document.
@@ -125,16 +105,7 @@ Asked: TypeAlias = tuple[State, Mapping[str, Any], str]
 
 
 class Planner:
-    """Takes the newest state through its tiers, and does tasks.
-
-    Args:
-        previewer: Plans and executes.
-        deliver: Called with each frame and the state that it belongs to, if any; returns whether
-            pages take it, which they do not if the document has changed since.
-        fast: Makes the thread of previews.
-        slow: Makes a process for everything else.
-        rest: How long nothing changes before what takes longer is computed [s].
-    """
+    """Takes the newest state through its tiers, and starts tasks."""
 
     def __init__(
         self,
@@ -170,15 +141,15 @@ class Planner:
 
     @property
     def planned(self) -> Preview | None:
-        """The newest plan of this document."""
+        """Newest plan of this document."""
         return self._seen.planned
 
     def wait(self) -> None:
-        """Wait until something has been shown."""
+        """Wait until a picture or a refusal was sent."""
         self._done.wait()
 
     def show(self, state: State) -> None:
-        """Show a state, soon, in place of older ones."""
+        """Show a state instead of older ones."""
         with self._lock:
             old, self._newest, state.seen = self._newest, state, self._seen
             if old is not None:
@@ -189,7 +160,7 @@ class Planner:
             self._lane.submit(partial(self._work, state))
 
     def stop(self) -> None:
-        """Stop the work on the newest state; pages keep what they have of it."""
+        """Stop the work on the newest state; its results stay on the pages."""
         with self._lock:
             state = self._newest
             if state is not None:
@@ -199,7 +170,7 @@ class Planner:
                 self._tell_progress(state, (), None, STOPPED)
 
     def resume(self) -> None:
-        """Go on with a state that was stopped."""
+        """Continue a stopped state."""
         with self._lock:
             state = self._newest
             if state is not None and state.stopped:
@@ -208,12 +179,12 @@ class Planner:
                 self._lane.submit(partial(self._work, state))
 
     def look(self, detail: Detail, deliver: Callable[[Frame], None], page: object) -> None:
-        """Draw what a page sees of the newest picture as finely as it sees it, soon."""
+        """Draw the visible part of the newest picture for a page."""
         self._looks[page] = detail, deliver
         self._details.submit(self._draw_details)
 
     def _draw_details(self, stale: Stale) -> None:
-        """Draw what pages look at; later work does all that is left."""
+        """Draw all requested details."""
         while self._looks and (drawn := self._seen.drawn) is not None:
             _, (detail, deliver) = self._looks.popitem()
             (made, view, number), executed = drawn, self._seen.executed
@@ -224,15 +195,7 @@ class Planner:
             deliver(frame.stamped(number=number, tier=tier))
 
     def pose(self, t: float, of: str) -> FloatArray:
-        """Joint positions at a time.
-
-        Args:
-            t: The time [s]; before the start and after the end the arm rests.
-            of: "planned" or "executed".
-
-        Raises:
-            InvalidInput: There is no such motion.
-        """
+        """Joint positions at a time [s], clipped to the motion; `of`: "planned" or "executed"."""
         planned, executed = self._seen.planned, self._seen.executed
         if of == "executed" and executed is not None:
             execution = executed.execution
@@ -242,16 +205,7 @@ class Planner:
         return planned.trajectory(float(np.clip(t, 0.0, planned.trajectory.duration)))
 
     def do(self, id: str, task: str, request: Mapping[str, Any]) -> None:
-        """Begin a task.
-
-        Args:
-            id: Its name, by which it can be cancelled.
-            task: What is done, of `TASKS`.
-            request: What it is done with.
-
-        Raises:
-            InvalidInput: No such task, or a name that is taken.
-        """
+        """Start a task; `id` identifies it for `cancel`."""
         with self._lock:
             if task not in TASKS:
                 raise InvalidInput(f"There is no task {task!r}: there are {', '.join(TASKS)}.")
@@ -263,7 +217,7 @@ class Planner:
             self._tasks.submit(id, task, dict(request))
 
     def cancel(self, id: str) -> None:
-        """End a task, or the work on the newest state; nothing happens if it is over."""
+        """Cancel a task, or stop the work on the newest state."""
         with self._lock:
             if id == OWN:
                 self.stop()
@@ -271,7 +225,7 @@ class Planner:
                 self._tasks.cancel(id)
 
     def forget(self) -> None:
-        """Forget what is seen, as another document is opened."""
+        """Discard all results, because another document is opened."""
         with self._lock:
             if self._newest is not None:
                 self._end_progress(self._newest)
@@ -279,12 +233,12 @@ class Planner:
             self._newest, self._seen = None, Seen()
 
     def forget_figures(self) -> None:
-        """Forget exact figures, as files of the job may have changed."""
+        """Discard exact figures, because files of the job may have changed."""
         with self._lock:
             self._known = None
 
     def close(self) -> None:
-        """Show nothing any more, and end both processes at the same time."""
+        """End all work and both processes."""
         lanes = [x for x in (self._figures, self._tasks) if x is not None]
         closing = [Thread(target=x.close, daemon=True) for x in lanes]
         for x in closing:
@@ -298,11 +252,11 @@ class Planner:
     # In the thread of previews.
 
     def _fail(self, frame: Frame) -> None:
-        """Tell that the preview of the newest state has failed."""
+        """Report that the preview of the newest state has failed."""
         self._deliver(frame, self._newest)
 
     def _work(self, state: State, stale: Stale) -> None:
-        """Take a state through its tiers, until newer work waits."""
+        """Take a state through its tiers until it is superseded."""
 
         def is_over(within: float = 0.0) -> bool:
             return stale(within) or state.stopped
@@ -312,11 +266,7 @@ class Planner:
         self._done.set()
 
     def _tiers(self, state: State, stale: Stale) -> None:
-        """Show an outline, or a moving plan; then, when nothing changes, a preview and the rest.
-
-        Raises:
-            Superseded: Newer work waits.
-        """
+        """Show an outline or a moving plan; then, at rest, the preview and the exact results."""
         try:
             if self._is_slow(state):
                 self._draw_outline(state)
@@ -340,12 +290,7 @@ class Planner:
                 self._refuse(state, error)
 
     def _show(self, state: State, tier: Tier, stale: Stale) -> Preview:
-        """Show the plan of a tier, and its execution.
-
-        Raises:
-            ArmContourError: There is none.
-            Superseded: Newer work waits.
-        """
+        """Show plan and execution of a tier."""
         # Time of the processor: on a busy machine plans that are given up would be worse than late.
         seen, begin = state.seen, time.thread_time()
 
@@ -382,46 +327,38 @@ class Planner:
         return planned
 
     def _wait(self, state: State, stale: Stale) -> None:
-        """Wait until nothing has changed for a while.
-
-        Raises:
-            Superseded: Newer work waits.
-        """
+        """Wait until the document rests."""
         self._done.set()
         if stale(state.begin + self._rest - time.monotonic()):
             raise Superseded
 
     def _is_slow(self, state: State) -> bool:
-        """Whether a plan takes so long that the outline comes first."""
+        """True if planning takes so long that the outline comes first."""
         tier = Tier.MOVING if state.moving else Tier.PREVIEW
         return min(state.seen.took.get(tier, (0.0, 0.0))) > SLOW or self.previewer.is_long(
             state.data
         )
 
     def _draw_outline(self, state: State) -> None:
-        """Show the path of a state without a plan.
-
-        Raises:
-            ArmContourError: There is no path.
-        """
+        """Show the path of a state without a plan."""
         program = self.previewer.drawn(state.data)
         self._draw(drawing_frame(program, state.view, run=state.run), program, state)
 
     def _draw(self, frame: Frame, made: Preview | Program, state: State) -> None:
-        """Show a picture."""
+        """Send a picture."""
         self._pictures += 1
         if self._deliver(frame.stamped(number=self._pictures), state):
             state.seen.drawn = made, state.view, self._pictures
 
     def _show_arm(self, state: State, job: Job) -> None:
-        """The arm and what stands in its cell, if pages do not have them."""
+        """Send arm and cell if the pages have others."""
         parts = state.seen.parts
         if parts is None or parts[0] is not job.arm or parts[1] != job.scene:
             if self._deliver(arm_frame(job), state):
                 state.seen.parts = job.arm, job.scene
 
     def _refuse(self, state: State, error: ArmContourError, planned: Preview | None = None) -> None:
-        """Say what could not be planned or executed, and where."""
+        """Report an error of planning or execution with its position."""
         seen, state.answered = state.seen, True
         if planned is None and seen.planned is None:
             # What is out of reach can be moved only if it is seen where it is.
@@ -442,7 +379,7 @@ class Planner:
     # Exact figures and tasks.
 
     def _ask(self, state: State) -> None:
-        """Have the exact figures of a state computed next; known ones are told at once."""
+        """Request the exact figures of a state; known ones are sent at once."""
         with contextlib.suppress(ArmContourError):
             request = state.request()
             with self._lock:
@@ -463,18 +400,18 @@ class Planner:
 
     @staticmethod
     def _is_told(changes: Frame | None) -> bool:
-        """Whether all of what to change is known."""
+        """True if the advice is complete."""
         return changes is not None and changes.header["share"] >= 1
 
     def _begin(self, state: State, request: Mapping[str, Any], task: str) -> None:
-        """Have figures, or the next step of what to change, computed."""
+        """Submit figures, or the next step of the advice, to the process."""
         self._asked, self._wanted = (state, request, task), None
         self._count += 1
         self._since = time.monotonic()
         self._figures.submit(f"{OWN}{self._count}", task, dict(request))
 
     def _hear(self, frame: Frame) -> None:
-        """Take a frame of a process."""
+        """Process a frame of a task process."""
         with self._lock:
             id = str(frame.header.get("id", ""))
             if not id.startswith(OWN):
@@ -513,7 +450,7 @@ class Planner:
                 self._begin(state, request, "changes")
 
     def _tell_figures(self, state: State, frame: Frame) -> None:
-        """Tell exact figures, and have the preview follow the configuration of the full run."""
+        """Send exact figures; the preview then follows the configuration of the full run."""
         taken = self._deliver(Frame("figures", frame.header), state)
         self._end_progress(state)
         seen, start = state.seen, frame.header.get("start")
@@ -526,10 +463,7 @@ class Planner:
         self._lane.submit(partial(self._follow, state, np.asarray(start), had_exact))
 
     def _follow(self, state: State, start: FloatArray, had_exact: bool, stale: Stale) -> None:
-        """Show a state again, in the configuration that the full run takes.
-
-        A page that has shown no exact motion of the document yet is not told of the change.
-        """
+        """Show a state in the configuration of the full run, with a notice if that is a change."""
         planned = state.seen.planned
         assert planned is not None
         if CONFIGURATION in planned.differs and had_exact:
@@ -547,7 +481,7 @@ class Planner:
     def _tell_progress(
         self, state: State, steps: Sequence[str], share: float | None, how: str = ""
     ) -> None:
-        """Tell how far the work on a state is, now and then; `how` it goes on is told at once."""
+        """Send progress at intervals; a change of the state of the work (`how`) is sent at once."""
         with self._lock:
             now = time.monotonic()
             due = state.begin + SOON if state.told is None else state.told + OFTEN
@@ -562,7 +496,7 @@ class Planner:
                 self._deliver(Frame("progress", {**told, "steps": steps, "share": share}), state)
 
     def _end_progress(self, state: State) -> None:
-        """Take back the progress that pages have."""
+        """Remove the progress from the pages."""
         if state.told is not None:
             state.told = None
             self._deliver(Frame("progress", {"id": OWN, "task": OWN, "state": DONE}), None)

@@ -74,19 +74,14 @@ UNWANTED, TOO_MANY, GOING = 1008, 1013, 1001
 
 
 class Server:
-    """Answers requests that the guard lets through.
-
-    Args:
-        door: Address and token.
-        desk: The session.
-    """
+    """ASGI app with the page, its socket, uploads and downloads."""
 
     def __init__(self, door: Door, desk: Desk) -> None:
         self.door, self.desk = door, desk
         self._page = page_files()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request, as ASGI has it."""
+        """Answer a request."""
         if scope["type"] == "websocket":
             await self._talk(scope, receive, send)
             return
@@ -113,7 +108,7 @@ class Server:
         await respond(send, 200, file.read_bytes(), KINDS[file.suffix])
 
     async def _give_file(self, number: str, send: Send) -> None:
-        """Send what was made for the page to save."""
+        """Send a file for download."""
         session = self.desk.session
         file = None if session is None else session.display.tabs.files.get(number)
         if file is None:
@@ -123,7 +118,7 @@ class Server:
         await respond(send, 200, file.data, file.kind, headers)
 
     async def _open(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Open a file that the page has sent, or keep it as a log."""
+        """Open an uploaded file, or keep it as a log."""
         query = parse_qs(scope["query_string"].decode("latin-1"))
         name, cell, unknown = (query.get(key, [""])[0] for key in ("name", "cell", "unknown"))
         cell, body = cell or None, await _read_body(receive)
@@ -141,7 +136,7 @@ class Server:
         await respond(send, status, json.dumps(answer).encode(), "application/json")
 
     async def _talk(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Talk with a page over its socket, from its token to its end."""
+        """Serve the socket of a page until it is closed."""
         if scope["path"] != "/socket":
             raise Refused(404, "The Studio has no such socket.")
         await receive()
@@ -168,7 +163,7 @@ class Server:
             await asyncio.to_thread(self.desk.leave, tab)
 
     async def _is_welcome(self, receive: Receive) -> bool:
-        """Whether the first message is a greeting with the right token."""
+        """True if the first message has the right token."""
         try:
             message = await asyncio.wait_for(receive(), HELLO_WITHIN)
         except TimeoutError:
@@ -177,7 +172,7 @@ class Server:
         return said is not None and said.get("op") == "hello" and self.door.opens(said.get("token"))
 
     async def _hear(self, tab: Tab, receive: Receive) -> str | None:
-        """Pass messages on, one after the other; returns why the page is to go, or None."""
+        """Pass on the messages of a page in order; returns a reason to close it, or None."""
         allowance = Allowance()
         while (message := await receive())["type"] == "websocket.receive":
             if not allowance.take():
@@ -191,7 +186,7 @@ class Server:
 
 
 def page_files() -> dict[str, FilePath]:
-    """The files of the page, by their names."""
+    """Files of the page by name."""
     own = {x.relative_to(STATIC).as_posix(): x for x in STATIC.rglob("*") if x.suffix in KINDS}
     return {**own, palette.PALETTE_FILE.name: palette.PALETTE_FILE}
 
@@ -204,19 +199,7 @@ def serve(
     exit_when_closed: bool = False,
     opened: Callable[[Desk], None] = lambda desk: None,
 ) -> None:
-    """Serve the Studio on this machine, until it is to end.
-
-    Args:
-        make: As of `Desk`.
-        port: Port; 0 for a free one.
-        announce: Called with the address of the page, when it can be opened.
-        exit_when_closed: Whether to end a minute after the last page is closed.
-        opened: Called with the desk before anything is answered.
-
-    Raises:
-        InvalidInput: A library is missing, or the port is taken.
-        ArmContourError: The session cannot be made.
-    """
+    """Serve the Studio on this machine until it ends."""
     require_server()
     # Early versions of uvicorn leave the port open if the server is to end before it has started.
     with listen(port) as listening:
@@ -235,11 +218,7 @@ def serve(
 
 
 def require_server() -> None:
-    """Check that there is what the server needs.
-
-    Raises:
-        InvalidInput: A library is missing.
-    """
+    """Check that the libraries of the server are installed."""
     missing = [x for x in NEEDED if find_spec(x) is None]
     if missing:
         raise InvalidInput(
@@ -248,14 +227,7 @@ def require_server() -> None:
 
 
 def listen(port: int) -> socket.socket:
-    """Open a port of this machine for this machine only.
-
-    Args:
-        port: The port; 0 for a free one.
-
-    Raises:
-        InvalidInput: The port is taken, or not allowed.
-    """
+    """Open a port for this machine only; 0 for a free port."""
     # Only with the protocol named does asyncio send at once: else what follows a first packet waits
     # until the other side has acknowledged that, for 40 ms.
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
@@ -275,7 +247,7 @@ def listen(port: int) -> socket.socket:
 
 
 def _http_protocol() -> type[asyncio.Protocol]:
-    """HTTP in which connections without a whole request make room for new ones, oldest first."""
+    """HTTP protocol that closes the oldest idle connections to make room for new ones."""
     from uvicorn.protocols.http.h11_impl import H11Protocol
 
     class Yielding(H11Protocol):  # type: ignore[misc, unused-ignore]
@@ -297,7 +269,6 @@ def _http_protocol() -> type[asyncio.Protocol]:
 
 
 async def _serve(listening: socket.socket, door: Door, desk: Desk, exit_when_closed: bool) -> None:
-    """Run the server."""
     import uvicorn
 
     # Only what should not happen is logged; no addresses of requests.
@@ -337,7 +308,7 @@ async def _serve(listening: socket.socket, door: Door, desk: Desk, exit_when_clo
 
 
 def _start(desk: Desk) -> None:
-    """Make the session, and show it."""
+    """Create the session and show it."""
     desk.start()
     if sys.platform == "linux":
         # Other C libraries have no such function.
@@ -348,7 +319,7 @@ def _start(desk: Desk) -> None:
 
 
 async def watch(desk: Desk, exit_when_closed: bool) -> None:
-    """Look at the job file now and then, and at whether pages are open."""
+    """Check the job file and the open pages periodically."""
     loop = asyncio.get_running_loop()
     seen, last = False, loop.time()
     while True:
@@ -362,7 +333,6 @@ async def watch(desk: Desk, exit_when_closed: bool) -> None:
 
 
 async def _read_body(receive: Receive) -> bytes:
-    """The body of a request."""
     parts = []
     while True:
         message = await receive()
@@ -374,7 +344,7 @@ async def _read_body(receive: Receive) -> bytes:
 
 
 def _read_message(message: Message) -> Mapping[str, Any] | None:
-    """What a page says; None if that is no JSON object."""
+    """A JSON object from a page; None if the message is not one."""
     text = message.get("text")
     try:
         said = json.loads(text, parse_constant=_refuse_constant) if text else None
@@ -384,10 +354,9 @@ def _read_message(message: Message) -> Mapping[str, Any] | None:
 
 
 def _refuse_constant(name: str) -> float:
-    """Refuse what JSON does not have, such as NaN."""
+    """Refuse constants that JSON does not have, such as NaN."""
     raise ValueError(f"{name} is no number.")
 
 
 async def _close(send: Send, code: int, reason: str) -> None:
-    """Close a socket."""
     await send({"type": "websocket.close", "code": code, "reason": reason})

@@ -31,21 +31,7 @@ REST = 0.15
 
 
 class Session:
-    """A document and the pages that show it.
-
-    Args:
-        document: The document.
-        previewer: Plans and executes it.
-        trusted: Files of arms that may be programs, as the user has named them.
-        fast: Makes the lane of previews.
-        slow: Makes the lane of everything else.
-        rest: How long nothing changes before the exact figures are computed [s].
-        told: Called with the progress of the start.
-
-    Attributes:
-        editor: The document that is edited.
-        display: What pages see of it.
-    """
+    """A document and the pages that show it."""
 
     def __init__(
         self,
@@ -66,21 +52,17 @@ class Session:
 
     @property
     def document(self) -> Document:
-        """The document."""
+        """The edited document."""
         return self.editor.document
 
     def confine(self, named: Iterable[FilePath]) -> None:
-        """Read files in the folder of the job from now on, and what it has named before.
-
-        Args:
-            named: Files elsewhere that may be read.
-        """
+        """Restrict reading to the folder of the job and to the named files."""
         self.editor.named = tuple(named)
         reading = reading_below(self.editor.folders, self.editor.named)
         self._ending.enter_context(reading)
 
     def begin(self) -> None:
-        """Show the document for the first time; returns when that is done."""
+        """Show the document for the first time, and wait for its first picture."""
         handles = self.editor.seen.handles
         job = None if handles is None else handles.job
         with contextlib.ExitStack() as compiling:
@@ -92,17 +74,17 @@ class Session:
                 self.display.planner.wait()
 
     def join(self, tab: Tab) -> None:
-        """A page is open: it gets what the others see."""
+        """Add a page."""
         self.display.tabs.join(tab)
 
     def leave(self, tab: Tab) -> None:
-        """A page is closed; what it has not finished is dropped."""
+        """Remove a page and its gesture."""
         self.display.tabs.leave(tab)
         with self.display.lock:
             self._acts.gestures.leave(tab)
 
     def receive(self, tab: Tab, said: Said) -> None:
-        """Do what a page says, and answer."""
+        """Execute a message of a page and respond."""
         with self.display.lock:
             if not self.display.tabs.hear(tab, said):
                 return
@@ -118,28 +100,14 @@ class Session:
                 self._fail(tab, said, ArmContourError(sentence))
 
     def look(self) -> None:
-        """See whether the file has changed, and tell the pages if so."""
+        """Inform the pages if the job file has changed on disk."""
         with self.display.lock:
             self.display.look()
 
     def open_upload(
         self, name: str, content: bytes, cell: str | None, unknown: str = "", log: bool = False
     ) -> str:
-        """Open a file that a page has sent: a job, a drawing for the document's arm, or a log.
-
-        Args:
-            name: Name of the file.
-            content: Its bytes.
-            cell: For a drawing, the built-in cell to open it in; None keeps the document's arm.
-            unknown: As of `Uploads.open`.
-            log: Whether it is a log of the robot, which is kept for tasks.
-
-        Returns:
-            The name by which it is kept.
-
-        Raises:
-            InvalidInput: A file that cannot be opened.
-        """
+        """Open an uploaded file or keep it as a log; returns the name of the kept file."""
         with self.display.lock:
             editor = self.editor
             if log:
@@ -162,7 +130,7 @@ class Session:
         self.editor.uploads.close()
 
     def _fail(self, tab: Tab, said: Said, error: ArmContourError) -> None:
-        """Tell a page why its message was not followed."""
+        """Report to a page why its message failed."""
         if said.get("op") == "edit":
             self.display.tell_refusal(error, dropped=bool(said.get("final")))
             return
@@ -171,11 +139,7 @@ class Session:
 
 
 def _refuse_surrogates(said: Said) -> None:
-    """Refuse text that UTF-8 cannot encode: no file and no frame could hold it.
-
-    Raises:
-        InvalidInput: There is such text.
-    """
+    """Refuse text that UTF-8 cannot encode, because neither files nor frames can contain it."""
     try:
         json.dumps(said, ensure_ascii=False).encode()
     except UnicodeEncodeError:

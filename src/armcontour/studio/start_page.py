@@ -37,17 +37,7 @@ DOWN = np.diag([1.0, -1.0, -1.0])
 
 
 def new_document(card: str, arm: str, uploads: Uploads, before: Document) -> Document:
-    """A job to begin with.
-
-    Args:
-        card: Its name, of `DRAWINGS`, "paper" or "empty".
-        arm: Name of the built-in cell; the paper's job has its own.
-        uploads: Keeps its drawing.
-        before: The document that is open, in whose folder it is made.
-
-    Raises:
-        InvalidInput: No such card or cell.
-    """
+    """A new job from a card of the start page, in the folder of the open document."""
     checks.check_choice("card", card, (*DRAWINGS, PAPER, EMPTY))
     folder, library = before.folder or FilePath.cwd(), resources.files("armcontour.jobs.library")
     if card == PAPER:
@@ -65,32 +55,26 @@ def new_document(card: str, arm: str, uploads: Uploads, before: Document) -> Doc
 
 
 def blank_document(arm: str, folder: FilePath, key: str) -> Document:
-    """A job of a built-in cell on whose path nothing is drawn yet.
-
-    Args:
-        arm: Name of the cell.
-        folder: Folder of relative file names.
-        key: As of `Document`.
-    """
+    """A job of a built-in cell with an empty path."""
     names = {"name": "untitled", "title": f"New job on {arm}"}
     text = change_text(cell_text(arm), [Change((k,), x) for k, x in names.items()])
     return Document.of_text(text, folder, "untitled.yaml", key, upload=True)
 
 
 def start_frame() -> Frame:
-    """What the start page shows: arms, and what was opened before."""
+    """Frame with the contents of the start page: arms and recent files."""
     shown = [{"id": id, "name": x["name"], "where": x["where"]} for id, x in _recent().items()]
     return Frame("start", {"arms": pictures(), "recent": shown})
 
 
 @cache
 def pictures() -> list[dict[str, Any]]:
-    """The arms of the built-in cells, each with the silhouettes of its links as a path of SVG."""
+    """Arms of the built-in cells with silhouettes of their links as SVG paths."""
     return [{"name": name, **_picture(name)} for name in cell_names()]
 
 
 def _picture(name: str) -> dict[str, Any]:
-    """An arm that reaches forward, seen from its side; from above if it moves in the plane."""
+    """Silhouette of an arm that reaches forward, from its side; from above for a planar arm."""
     from scipy.spatial import ConvexHull
 
     arm: Any = read_cell_arm(name)
@@ -117,27 +101,14 @@ def _picture(name: str) -> dict[str, Any]:
 
 
 def open_file(file: FilePath, cell: str | None) -> Document:
-    """Open a job file, or a drawing in a cell, and note that for the next start.
-
-    Args:
-        file: The file.
-        cell: The cell; None for a job file.
-
-    Raises:
-        InvalidInput: It cannot be opened.
-    """
+    """Open a job file, or a drawing in a cell, and add it to the recent files."""
     found = Document.open(file) if cell is None else Document.of_drawing(file, cell)
     remember(file, cell)
     return found
 
 
 def remember(file: FilePath, cell: str | None) -> None:
-    """Note a file that was opened or saved, for the next start.
-
-    Args:
-        file: The file.
-        cell: As of `open_file`.
-    """
+    """Add a file to the recent files."""
     known = {"file": str(file.absolute()), "cell": cell}
     content = json.dumps([known, *(x for x in _remembered() if x != known)][:MOST_RECENT]).encode()
     with suppress(InvalidInput, OSError):
@@ -146,7 +117,7 @@ def remember(file: FilePath, cell: str | None) -> None:
 
 
 def _remembered() -> list[dict[str, Any]]:
-    """Files that were opened or saved, the newest first."""
+    """Recent files, newest first."""
     try:
         known = json.loads((state_folder() / "recent.json").read_bytes())
         return [{"file": str(x["file"]), "cell": x["cell"]} for x in known]
@@ -155,7 +126,7 @@ def _remembered() -> list[dict[str, Any]]:
 
 
 def _recent() -> dict[str, dict[str, Any]]:
-    """What the start page offers, by its identity: drafts of no file, and files that are there."""
+    """Entries of the start page by identity: drafts of uploads, and existing files."""
     found: dict[str, dict[str, Any]] = {
         place_of(x.key).stem: {"name": x.name, "where": "not saved", "draft": x}
         for x in all_drafts()
@@ -170,11 +141,7 @@ def _recent() -> dict[str, dict[str, Any]]:
 
 
 def find_recent(identity: str) -> Mapping[str, Any]:
-    """A draft, or a file and its cell, by the identity that the page has.
-
-    Raises:
-        InvalidInput: It is not there any more.
-    """
+    """Draft, or file and cell, of an entry of the start page."""
     found = _recent().get(identity)
     if found is None:
         raise InvalidInput("This file is not there any more.")

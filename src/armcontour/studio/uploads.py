@@ -31,13 +31,7 @@ OLD = 30 * 86400.0
 
 
 class Uploads:
-    """The folder of what pages send; it is made when it is needed.
-
-    Attributes:
-        root: Folder of what pages have sent in all sessions.
-        folder: The folder of this session, which may not be there.
-        logs: Logs of the robot by their names, the oldest first; they end with the session.
-    """
+    """Files sent by pages. They are kept while the session or a draft needs them."""
 
     def __init__(self) -> None:
         self.root = state_folder() / "uploads"
@@ -48,21 +42,7 @@ class Uploads:
     def open(
         self, name: str, content: bytes, cell: str | None, document: Document, unknown: str = ""
     ) -> Document | list[Change]:
-        """Open a file.
-
-        Args:
-            name: Its name.
-            content: Its bytes.
-            cell: For a drawing, the built-in cell to open it in; None changes the document.
-            document: The document.
-            unknown: Value of `path.unknown` for a drawing; "" for the default.
-
-        Returns:
-            Another document, or changes of this one.
-
-        Raises:
-            InvalidInput: A file of another kind, or one that is no text.
-        """
+        """Open an uploaded file: a new document, or changes of the current one."""
         check_file_name(name)
         key = f"upload {name} on {cell} {unknown} {hashlib.sha256(content).hexdigest()}"
         ending, folder = FilePath(name).suffix.lower(), document.folder or FilePath.cwd()
@@ -93,18 +73,7 @@ class Uploads:
         ]
 
     def keep_log(self, name: str, content: bytes) -> str:
-        """Keep a log of the robot; the oldest ones go where there are too many.
-
-        Args:
-            name: Its name.
-            content: Its bytes.
-
-        Returns:
-            The name by which it is kept: another log may have its own.
-
-        Raises:
-            InvalidInput: A file of another kind, or an empty one.
-        """
+        """Keep a log of the robot and discard the oldest beyond MOST_LOGS; returns its name."""
         check_file_name(name)
         if FilePath(name).suffix.lower() not in LOGS or not content:
             kinds = ", ".join(LOGS)
@@ -122,20 +91,13 @@ class Uploads:
         return place.name
 
     def find_logs(self, names: Any) -> list[str]:
-        """Files of logs that are kept.
-
-        Args:
-            names: Their names, as a page gives them.
-
-        Raises:
-            InvalidInput: One is not kept.
-        """
+        """Paths of kept logs by their names."""
         if not isinstance(names, list) or not {str(x) for x in names} <= set(self.logs):
             raise InvalidInput("A log is not kept any more: drop it on the page again.")
         return [str(self.logs[str(x)]) for x in names]
 
     def close(self) -> None:
-        """Remove what no draft needs, of this session and of old ones that did not end well."""
+        """Remove uploads that no draft needs, of this session and of sessions older than OLD."""
         needed = "".join(x.text for x in all_drafts())
         old = time.time() - OLD
         for folder in self.root.glob("*"):
@@ -145,7 +107,7 @@ class Uploads:
             shutil.rmtree(folder, ignore_errors=True)
 
     def _keep(self, name: str, content: bytes, beside: FilePath) -> str:
-        """Where a file is: beside the job if it is there, else in the folder."""
+        """Path of a file next to the job if it exists there, else in the folder of uploads."""
         there = beside / name
         if there.is_file() and not there.is_symlink() and there.read_bytes() == content:
             return name
@@ -156,18 +118,13 @@ class Uploads:
 
 
 def check_file_name(name: str) -> None:
-    """Refuse what is no plain name of a file.
-
-    Raises:
-        InvalidInput: It is none.
-    """
+    """Refuse names with folders, leading dots or unprintable characters."""
     plain = name == FilePath(name).name and "\\" not in name and not name.startswith(".")
     if not plain or len(name) > LONGEST or make_printable(name) != name:
         raise InvalidInput("The name of the file is no plain name.")
 
 
 def _text(name: str, content: bytes) -> str:
-    """The content of a text file."""
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -30,14 +30,9 @@ FEWEST_EVEN = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plane:
-    """The plane of the picture, in the frame of the job's path.
+    """Plane of the picture in the frame of the job's path: origin [m], unit vectors, (3,) each."""
 
-    Args:
-        origin: The point with the coordinates 0, 0 [m], (3,).
-        x, y: Unit vectors of both axes, (3,).
-        flat: Whether the points of the job lie in the plane.
-    """
-
+    # The point with the coordinates 0, 0 [m], (3,).
     origin: FloatArray
     x: FloatArray
     y: FloatArray
@@ -45,15 +40,11 @@ class Plane:
 
     @property
     def normal(self) -> FloatArray:
-        """The direction out of the picture, (3,)."""
+        """Normal of the plane, (3,)."""
         return np.asarray(np.cross(self.x, self.y))
 
     def uv(self, points: npt.ArrayLike) -> FloatArray:
-        """Coordinates in the picture [m], (..., 2).
-
-        Args:
-            points: Points [m], (..., 2) for an arm in the plane, or (..., 3).
-        """
+        """Coordinates in the picture [m], (..., 2)."""
         given = np.asarray(points, dtype=np.float64)
         off = given - self.origin[: given.shape[-1]]
         axes = np.stack([self.x, self.y], axis=1)[: given.shape[-1]]
@@ -67,14 +58,10 @@ class Plane:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """How points get on the screen.
-
-    Args:
-        plane: The plane of the picture.
-        centre: The point of the plane that arrays of points are relative to [m], (2,).
-    """
+    """Projection of points onto the screen: plane, and its centre [m], (2,)."""
 
     plane: Plane
+    # The point of the plane that arrays of points are relative to [m], (2,).
     centre: FloatArray
     # Boxes of paths by their identity; the paths are kept so that no other one has it.
     _boxes: dict[int, tuple[Path, FloatArray]] = field(default_factory=dict, init=False)
@@ -85,11 +72,11 @@ class View:
         return np.asarray((in_space(points) - self.plane.origin) @ axes)
 
     def drawn(self, points: FloatArray) -> FloatArray:
-        """Points relative to the centre, for the screen, (n, 2)."""
+        """Points relative to the centre, float32, (n, 2)."""
         return np.asarray(self.uv(points) - self.centre, dtype=np.float32)
 
     def box(self, path: Path) -> FloatArray:
-        """Least and largest u and v of a path, and some more, from the centre [m], (4,)."""
+        """Bounds (u_min, v_min, u_max, v_max) of a path from the centre [m], (4,)."""
         if id(path) not in self._boxes:
             s = np.linspace(0.0, path.length, LOOKS)
             uv = self.uv(path(np.union1d(path.breaks, s))) - self.centre
@@ -99,12 +86,12 @@ class View:
         return self._boxes[id(path)][1]
 
     def offsets(self, vectors: FloatArray) -> FloatArray:
-        """Vectors in the plane, for the screen, (n, 2)."""
+        """Vectors in the plane, float32, (n, 2)."""
         axes = np.stack([self.plane.x, self.plane.y], axis=1)
         return np.asarray(in_space(vectors) @ axes, dtype=np.float32)
 
     def is_flat(self, points: FloatArray) -> bool:
-        """Whether points are in the plane, but for what nobody sees."""
+        """True if points are within 0.1 µm of the plane."""
         if points.shape[-1] == 2:
             return True
         away = (in_space(points) - self.plane.origin) @ np.cross(self.plane.x, self.plane.y)
@@ -112,7 +99,7 @@ class View:
 
     @property
     def header(self) -> dict[str, Any]:
-        """The plane and the centre."""
+        """Plane and centre."""
         plane = self.plane
         return {
             "plane": {"origin": plane.origin, "x": plane.x, "y": plane.y},
@@ -121,36 +108,25 @@ class View:
 
 
 def in_space(points: FloatArray) -> FloatArray:
-    """Points of the plane in space, with z = 0, (n, 3)."""
+    """Points with z = 0 if they are planar, (n, 3)."""
     if points.shape[-1] == 3:
         return points
     return np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1)
 
 
 def short(values: FloatArray) -> Any:
-    """Values in 32 bits, for the screen."""
+    """Values as float32."""
     return np.ascontiguousarray(values, dtype=np.float32)
 
 
 def evenly(duration: float) -> FloatArray:
-    """Times from 0 to the end of a motion, spread evenly [s].
-
-    Args:
-        duration: Duration of the motion [s].
-    """
+    """Evenly spaced times of a motion [s]."""
     count = min(MOST_EVEN, max(FEWEST_EVEN, 1 + int(np.ceil(duration / CLOSE))))
     return np.linspace(0.0, duration, count)
 
 
 def thin(weight: FloatArray, rows: Sequence[FloatArray], most: int) -> IntArray:
-    """Indices of the points to keep: heavy ones, and those with extremes of rows nearby.
-
-    Args:
-        weight: How much is lost without each point; infinite for points that are always kept, zero
-            for points that only extremes keep, (n,).
-        rows: Values along the points, (n,) each.
-        most: About the largest number of points to keep.
-    """
+    """Indices of about `most` points: infinite weights, the heaviest, and extremes of rows."""
     count = len(weight)
     if count <= most:
         return np.arange(count)
@@ -176,33 +152,30 @@ def thin(weight: FloatArray, rows: Sequence[FloatArray], most: int) -> IntArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detail:
-    """How finely lines are drawn, and which part of them.
+    """Resolution and visible part of a picture."""
 
-    Args:
-        error: Largest distance of the path from the drawn line [m].
-        box: Least and largest u and v of what is seen, from the centre [m], (4,); None for all.
-    """
-
+    # Largest distance of the path from the drawn line [m].
     error: float
+    # Least and largest u and v of what is seen, from the centre [m], (4,); None for all.
     box: FloatArray | None = None
 
     @classmethod
     def of_whole(cls, uv: FloatArray) -> Detail:
-        """Enough to see all points of a path at once."""
+        """Resolution for all points of a path [m], (n, 2)."""
         # The size is the same when the path is turned.
         away = np.linalg.norm(uv - uv.mean(axis=0), axis=1)
         size = 2.0 * float(away.max(initial=0.0))
         return cls(max(size, SMALLEST) / FINENESS)
 
     def has(self, box_of: Callable[[Path], FloatArray], path: Path) -> bool:
-        """Whether something of a path may be seen; its box is only computed if that matters."""
+        """True if a path may be visible; its box is computed only if necessary."""
         if self.box is None:
             return True
         box = box_of(path)
         return bool((box[2:] >= self.box[:2]).all() and (box[:2] <= self.box[2:]).all())
 
     def places(self, path: Path) -> FloatArray:
-        """Arc lengths of the ends of all segments, and of points on smooth curves [m]."""
+        """Arc lengths of segment ends and of points on curves [m]."""
         bend = np.abs(path.curvatures)
         coarse = np.maximum(bend * path.lengths / TURN, path.lengths * np.sqrt(bend / self.error))
         parts = np.clip(np.ceil(coarse), 1, MOST_PER_ARC).astype(np.intp)
@@ -213,12 +186,7 @@ class Detail:
         return np.append(path.breaks[i] + path.lengths[i] * (k / parts[i]), path.length)
 
     def seen(self, uv: FloatArray, ends: IntArray) -> tuple[IntArray, IntArray]:
-        """Indices of the ends of pieces in the box, and among them the first of each line.
-
-        Args:
-            uv: Points from the centre [m], (n, 2).
-            ends: First point of each line, and the number of points.
-        """
+        """Indices of the ends of visible segments, and among them the first of each line."""
         if self.box is None or len(uv) < 2:
             return np.arange(len(uv)), ends
         low, high = np.minimum(uv[:-1], uv[1:]), np.maximum(uv[:-1], uv[1:])
@@ -232,15 +200,7 @@ class Detail:
         return kept, np.append(first, len(kept))
 
     def needed(self, points: FloatArray, ends: IntArray) -> BoolArray:
-        """Which points lines are drawn through, so that all others are within the error, (n,).
-
-        Corners stay, and so does a point of curves for every turn by `KEPT_TURN`: a square stays a
-        square, and a circle is no polygon of a few corners, however small they are.
-
-        Args:
-            points: The points [m], (n, dimension).
-            ends: As in `seen`.
-        """
+        """Mask of the points that keep lines within the error and keep their corners, (n,)."""
         kept = np.zeros(len(points), dtype=bool)
         kept[ends[:-1]] = kept[ends[1:] - 1] = True
         turned = np.floor(_turns(points, ends) / KEPT_TURN)
@@ -264,7 +224,7 @@ class Detail:
 
 
 def _turns(points: FloatArray, ends: IntArray) -> FloatArray:
-    """By how much the direction has turned up to each point, over all lines [rad], (n,)."""
+    """Accumulated direction change at each point, over all lines [rad], (n,)."""
     step = np.diff(points, axis=0)
     length = np.linalg.norm(step, axis=1, keepdims=True)
     along = step / np.where(length > 0, length, 1.0)
@@ -276,7 +236,7 @@ def _turns(points: FloatArray, ends: IntArray) -> FloatArray:
 
 
 def _from_piece(points: FloatArray, begin: FloatArray, end: FloatArray) -> FloatArray:
-    """Distances of points from pieces of lines [m], (n,)."""
+    """Distances of points from line segments [m], (n,)."""
     chord, away = end - begin, points - begin
     square = np.einsum("ij,ij->i", chord, chord)
     along = np.einsum("ij,ij->i", away, chord) / np.where(square > 0, square, 1.0)

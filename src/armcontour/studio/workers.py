@@ -22,21 +22,17 @@ NICE = 10
 
 
 class Stale(Protocol):
-    """Whether newer work waits."""
+    """Tests if newer work waits, or arrives within a time [s]."""
 
     def __call__(self, within: float = 0.0) -> bool:
-        """Whether newer work waits, or comes within a time [s]."""
+        """True if newer work waits."""
 
 
 Work: TypeAlias = Callable[[Stale], None]
 
 
 class FastLane:
-    """One thread for previews: of works that wait, only the latest is done.
-
-    Args:
-        deliver: Called in the thread with a notice of each error.
-    """
+    """A thread for previews that does only the latest of the waiting works."""
 
     def __init__(self, deliver: Callable[[Frame], None]) -> None:
         self._deliver = deliver
@@ -46,13 +42,13 @@ class FastLane:
         Thread(target=self._run, name="studio previews", daemon=True).start()
 
     def submit(self, work: Work) -> None:
-        """Do some work next, in place of what waits; it can ask whether newer work waits."""
+        """Replace the waiting work."""
         with self._news:
             self._waiting, self._newest = work, self._newest + 1
             self._news.notify()
 
     def close(self) -> None:
-        """End after the present step; what waits is not done."""
+        """End after the present work."""
         with self._news:
             self._waiting, self._open = None, False
             self._newest += 1
@@ -76,21 +72,12 @@ class FastLane:
                 self._deliver(Frame("notice", {"sentence": told}))
 
     def _is_stale(self, number: int, within: float = 0.0) -> bool:
-        """Whether there is newer work than that of a number."""
         with self._news:
             return self._news.wait_for(lambda: self._newest > number, max(0.0, within))
 
 
 class SlowLane:
-    """One other process for what takes longer; it does one task after the other.
-
-    Its process is started for the first task, as its start would take the processor from a first
-    plan; another one whenever a task is cancelled or a process dies. It ends with this process.
-
-    Args:
-        deliver: Called with every frame, in a thread or by `cancel`: progress of a task, and what
-            ends it, a result, "failed" or "cancelled".
-    """
+    """A process for tasks, in order; it starts with the first task and after a cancellation."""
 
     def __init__(self, deliver: Callable[[Frame], None]) -> None:
         self._deliver = deliver
@@ -107,19 +94,13 @@ class SlowLane:
         self._thread.start()
 
     def submit(self, id: str, task: str, request: Mapping[str, Any]) -> None:
-        """Do a task after those that wait.
-
-        Args:
-            id: Its name, by which it can be cancelled.
-            task: What is done, of `TASKS`.
-            request: What it is done with, as `do` takes it.
-        """
+        """Add a task, one of `TASKS`, to the queue."""
         with self._news:
             self._waiting.append(TaskInput(id, task, request))
             self._news.notify()
 
     def cancel(self, id: str) -> None:
-        """Give a task up, running or waiting; nothing happens if it is over."""
+        """Cancel a running or waiting task."""
         with self._news:
             waiting = [x for x in self._waiting if x.id == id]
             running = self._running is not None and self._running.id == id
@@ -135,7 +116,7 @@ class SlowLane:
         self._deliver_all()
 
     def close(self) -> None:
-        """End the process, whatever it is doing."""
+        """End the process, including a running task."""
         with self._news:
             self._waiting.clear()
             self._running, self._open = None, False
@@ -146,7 +127,7 @@ class SlowLane:
         self._thread.join()
 
     def _run(self) -> None:
-        """Have a process do one task after the other."""
+        """Run the tasks of the queue."""
         while (doing := self._next()) is not None:
             assert self._pool is not None
             try:
@@ -158,7 +139,7 @@ class SlowLane:
                     _get_ready(self._pool)
 
     def _next(self) -> Future[bytes] | None:
-        """Begin the next task, after a while; None at the end."""
+        """Wait for the next task and start it; None at the end."""
         with self._news:
             self._news.wait_for(lambda: self._waiting or not self._open)
             if not self._open:
@@ -178,7 +159,7 @@ class SlowLane:
         self._deliver_all()
 
     def _end(self, frame: Frame) -> None:
-        """Deliver what ends the running task, unless it was cancelled."""
+        """Deliver the final frame of the running task, unless it was cancelled."""
         with self._news:
             given, self._running = self._running, None
             if given is not None:
@@ -186,7 +167,7 @@ class SlowLane:
         self._deliver_all()
 
     def _deliver_all(self) -> None:
-        """Deliver what is said, one thread at a time."""
+        """Deliver queued frames; one thread at once, without holding the lock."""
         while True:
             with self._news:
                 if self._saying or not self._said:
@@ -200,7 +181,7 @@ class SlowLane:
 
 
 def _get_ready(pool: ProcessPool) -> None:
-    """Have a process load what tasks need, without taking processors from previews."""
+    """Load the modules of tasks in the process, with low priority."""
     if hasattr(os, "nice"):
         pool.submit(os.nice, NICE)
     pool.submit(work, WARM)

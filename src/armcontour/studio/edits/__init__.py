@@ -26,15 +26,7 @@ TEXTS = ("name", "action", "kind")
 
 
 def changes_of(edit: Mapping[str, Any], state: EditState) -> tuple[Change, ...]:
-    """The changes of keys that an edit makes.
-
-    Args:
-        edit: The edit; `do` says which.
-        state: What it is made on.
-
-    Raises:
-        InvalidInput: There is no such edit, it lacks something, or the job does not allow it.
-    """
+    """Changes of keys that an edit makes; `do` selects it."""
     do = edit.get("do")
     if not isinstance(do, str) or do not in EDITS:
         raise InvalidInput(f"There is no edit {show(do)}: the edits are {', '.join(EDITS)}.")
@@ -48,7 +40,7 @@ def changes_of(edit: Mapping[str, Any], state: EditState) -> tuple[Change, ...]:
 
 
 def _to_waypoints(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Make the contour of a drawing points or segments of the job."""
+    """Convert the contour of a drawing to points or segments of the job."""
     return waypoint_changes(state.handles, state.data)
 
 

@@ -34,17 +34,7 @@ Write = Callable[[FloatArray], list[Any]]
 
 
 def waypoint_changes(handles: Handles, data: Mapping[str, Any]) -> list[Change]:
-    """The changes that make the contour of a drawing points or segments of the job.
-
-    Lines stay lines and arcs stay arcs; the frame of the path stays.
-
-    Args:
-        handles: What can be grabbed of the job.
-        data: The data of its file, as written.
-
-    Raises:
-        InvalidInput: There is no drawing, or it has more than one path can hold.
-    """
+    """Changes that convert the contour of a drawing to points or segments of the job."""
     path = _only_path(handles)
     given = data["path"]
     here = path.placed(handles.frame.inverse)
@@ -60,7 +50,7 @@ def waypoint_changes(handles: Handles, data: Mapping[str, Any]) -> list[Change]:
 
 
 def is_convertible(handles: Handles) -> bool:
-    """Whether a job has a drawing whose contour can become waypoints."""
+    """True if the contour of the drawing can be converted to waypoints."""
     try:
         _only_path(handles)
     except InvalidInput:
@@ -69,11 +59,7 @@ def is_convertible(handles: Handles) -> bool:
 
 
 def _only_path(handles: Handles) -> Path:
-    """The path of a drawing with a single contour, with the speeds of its layer.
-
-    Raises:
-        InvalidInput: The job has no drawing, several contours, or more than a path.
-    """
+    """The path of a drawing with a single contour, with the speeds of its layer."""
     job, program = handles.job, handles.job.program
     if handles.kind != FILE:
         raise InvalidInput("The path consists of waypoints of the job already.")
@@ -109,12 +95,11 @@ def _only_path(handles: Handles) -> Path:
 
 
 def _points(path: Path, write: Write) -> dict[str, Any]:
-    """The keys of a path of lines."""
     return {"points": _closed([write(x) for x in path.vertices], path)}
 
 
 def _segments(path: Path, write: Write, demands: list[dict[str, Any]]) -> dict[str, Any]:
-    """The keys of a path of lines and arcs."""
+    """Keys of a path of lines and arcs."""
     ends = _closed([write(x) for x in path.vertices], path)
     listed: list[dict[str, Any]] = []
     for i, (to, demand) in enumerate(zip(ends[1:], demands, strict=True)):
@@ -137,7 +122,7 @@ def _segments(path: Path, write: Write, demands: list[dict[str, Any]]) -> dict[s
 
 
 def _around(path: Path, i: int, angle: float, write: Write) -> dict[str, Any]:
-    """The keys of an arc around its centre."""
+    """Keys of an arc given by its centre."""
     tangent, normal = path.tangents[i], path.normals[i]
     center = write(path.starts[i] + normal / path.curvatures[i])
     if path.dimension == 3:
@@ -148,19 +133,18 @@ def _around(path: Path, i: int, angle: float, write: Write) -> dict[str, Any]:
 
 
 def _closed(points: list[list[Any]], path: Path) -> list[list[Any]]:
-    """The ends of segments; those of a closed path are the same."""
+    """Ends of segments; a closed path ends at exactly its first point."""
     first, last = path.vertices[0], path.vertices[-1]
     closed = np.linalg.norm(last - first) <= SAME
     return [*points[:-1], points[0]] if closed else points
 
 
 def _coordinates(point: FloatArray, like: Any) -> list[Any]:
-    """The coordinates of a point, in the form of another length."""
     return [write_like(float(x), like, LENGTH, within=NOISE) for x in point]
 
 
 def _demand(path: Path, i: int) -> dict[str, Any]:
-    """Speed and tolerance of a segment, if it has some."""
+    """Speed and tolerance of a segment, if assigned."""
     found = {}
     if not math.isnan(path.speeds[i]):
         found["speed"] = write_like(float(path.speeds[i]), None, SPEED)
@@ -170,11 +154,7 @@ def _demand(path: Path, i: int) -> dict[str, Any]:
 
 
 def _verify(path: Path, written: Mapping[str, Any], handles: Handles) -> None:
-    """Refuse waypoints that are another path, such as those of a file with tool orientations.
-
-    Raises:
-        InvalidInput: They are.
-    """
+    """Refuse waypoints that make another path, such as those of a file with tool orientations."""
     model = read_keys(MappingKeys(PathModel), written, "the waypoints")
     again = path_of(model, FilePath(), handles.job.arm.dimension)
     assert isinstance(again, Path)

@@ -32,15 +32,11 @@ NEEDED: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs",))
 
 
 def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Set a key, to a text as typed, a number in SI units, or null.
-
-    With `run` it is set for the run that is shown alone, with `insert` as a new item of a list.
-    """
+    """Set a key, with `run` for the shown run only, with `insert` as a new list item."""
     return [replace(x, keys=_plain(x.keys)) for x in _set(edit, state)]
 
 
 def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """The changes that set a key."""
     keys, value = _place(edit, state), edit["value"]
     if edit.get("run") is True and keys[0] in IN_RUN:
         return _in_run(keys, value, state)
@@ -71,7 +67,7 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Remove a key, and mappings that are empty without it."""
+    """Remove a key, and mappings that become empty."""
     keys = _plain(_place(edit, state))
     while len(keys) > 1 and isinstance(keys[-1], str) and keys[:-1] not in NEEDED:
         outer = value_at(state.data, keys[:-1])
@@ -84,7 +80,7 @@ def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def _place(edit: Mapping[str, Any], state: EditState) -> Keys:
-    """The keys that an edit changes; texts in a list of keys are names."""
+    """Keys that an edit changes; texts in a list of keys are names."""
     given = key_of(edit["key"])
     if not isinstance(edit["key"], str):
         given = tuple(Name(x) if isinstance(x, str) else x for x in given)
@@ -92,12 +88,11 @@ def _place(edit: Mapping[str, Any], state: EditState) -> Keys:
 
 
 def _plain(keys: Keys) -> Keys:
-    """Keys with plain texts."""
     return tuple(str(x) if isinstance(x, str) else x for x in keys)
 
 
 def _in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
-    """Set a key that the job has, for the run that is shown alone."""
+    """Set a key of the job for the shown run only."""
     changes, here = list[Change](), ("runs", state.run, str(keys[0]))
     shared = value_at(state.data, keys[:1])
     if len(keys) > 1 and keys[0] not in MERGED and isinstance(shared, Mapping):
@@ -110,11 +105,7 @@ def _in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
 
 
 def _for_joints(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]:
-    """One value per joint, where there was one for all: one of them is new.
-
-    Raises:
-        InvalidInput: The key has no values of joints, or there is no such joint.
-    """
+    """One value per joint instead of one for all joints; one of them is new."""
     *outer, joint = keys
     now = joint_values(tuple(outer), state.handles.job, state.run)
     if now is None:
@@ -125,25 +116,13 @@ def _for_joints(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]
 
 
 def joint_values(keys: Keys, job: Job, run: str) -> FloatArray | None:
-    """The values of all joints for limits and gains of a run in SI units, (dof,); None for others.
-
-    Args:
-        keys: The keys, such as limits and joint_velocity, or servo and kp.
-        job: The job.
-        run: The name of the run.
-    """
+    """Limits or gains of all joints in a run in SI units, (dof,); None for other keys."""
     found = value_of(keys[-2:], job, run_of(job, run))
     return found if isinstance(found, np.ndarray) and found.shape == (job.arm.dof,) else None
 
 
 def value_of(keys: Keys, job: Job, run: Run) -> Any:
-    """The value of a key in a run in SI units; None if it has none.
-
-    Args:
-        keys: The keys, such as limits and joint_velocity, or servo and kp.
-        job: The job.
-        run: The run.
-    """
+    """Value of a key, such as ("servo", "kp"), in a run in SI units; None without one."""
     owners = {"corners": run.rounding, "servo": job.servo, "cycle": run.cycle}
     name = str(keys[0])
     value = owners.get(name, getattr(run, name, None))
@@ -151,11 +130,7 @@ def value_of(keys: Keys, job: Job, run: Run) -> Any:
 
 
 def run_of(job: Job, name: str) -> Run:
-    """The run of a job with a name.
-
-    Raises:
-        InvalidInput: There is no such run.
-    """
+    """The run of a job with a name."""
     for x in job.runs:
         if x.name == name:
             return x
@@ -163,15 +138,7 @@ def run_of(job: Job, name: str) -> Run:
 
 
 def written(value: Any, old: Any, keys: Keys) -> Any:
-    """A value of a key, in the form in which the old one is written.
-
-    A number without a unit that somebody typed has the unit of the old value.
-
-    Args:
-        value: The value: as typed, a number in SI units, or a list of these.
-        old: The old value as written; None if there is none.
-        keys: The keys of the value.
-    """
+    """Format a value like the old one, whose unit a number typed without a unit has."""
     if isinstance(value, list):
         olds = old if isinstance(old, list) and len(old) == len(value) else [old] * len(value)
         pairs = enumerate(zip(value, olds, strict=True))
@@ -190,23 +157,14 @@ def written(value: Any, old: Any, keys: Keys) -> Any:
 
 
 def _typed(number: str, old: Any, kind: Quantity) -> Any:
-    """A number that was typed without a unit, with the unit that the old value has."""
+    """A number typed without a unit, with the unit of the old value."""
     if isinstance(old, int | float) and not isinstance(old, bool):
         return float(number)
     return f"{number} {unit_of(old, kind)[0]}"
 
 
 def add_run(data: Mapping[str, Any], name: str, like: Any) -> list[Change]:
-    """Changes that add a run.
-
-    Args:
-        data: The job.
-        name: Name of the new run.
-        like: Name of the run that it is a copy of.
-
-    Raises:
-        InvalidInput: The name is taken, or there is no run to copy.
-    """
+    """Changes that add a copy of a run."""
     runs = data.get("runs") or {}
     if name in runs:
         raise InvalidInput(f"The job has a run {name} already.")
@@ -216,15 +174,7 @@ def add_run(data: Mapping[str, Any], name: str, like: Any) -> list[Change]:
 
 
 def remove_run(data: Mapping[str, Any], name: str) -> list[Change]:
-    """Changes that remove a run and the keys that name it.
-
-    Args:
-        data: The job.
-        name: Name of the run.
-
-    Raises:
-        InvalidInput: There is no such run, or no other one.
-    """
+    """Changes that remove a run and the keys that name it."""
     runs = data.get("runs") or {}
     if name not in runs:
         raise InvalidInput(f"The job has no run {name}.")

@@ -44,7 +44,7 @@ BODY_KINDS = {
 
 
 def place(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Move and turn the part in the plane of the picture."""
+    """Move and rotate the part in the plane of the picture."""
     plane, own = state.handles.plane, state.handles.frame
     by, about = uv_of("by", edit.get("by", [0, 0])), uv_of("about", edit.get("about", [0, 0]))
     turn = checks.check_number("turn", edit.get("turn", 0.0), "rad")
@@ -77,7 +77,7 @@ def _vector(
     kind: Quantity,
     within: float,
 ) -> list[Change]:
-    """The changes of a vector of three quantities that a mapping has under the last of its keys."""
+    """Changes of a vector of three quantities in a mapping."""
     written = given.get(str(keys[-1]))
     if written is None:
         return [Change(keys, [write_like(float(x), None, kind, within=within) for x in new])]
@@ -89,17 +89,7 @@ def _vector(
 
 
 def tilt_of(handles: Handles, data: Mapping[str, Any]) -> dict[str, float] | None:
-    """Angles of the tool axis in degrees: from -z (`angle`), and of its direction (`towards`).
-
-    They are in the frame of the drawing, or of the tangent if the tool follows it.
-
-    Args:
-        handles: The handles of the job.
-        data: The data of the job file.
-
-    Returns:
-        None for an arm in the plane, and where each waypoint has its own orientation.
-    """
+    """Angle of the tool axis from -z and azimuth [deg]; None without a single axis."""
     known = None if handles.job.arm.dimension == 2 else _oriented(data)
     if known is None:
         return None
@@ -112,7 +102,7 @@ def tilt_of(handles: Handles, data: Mapping[str, Any]) -> dict[str, float] | Non
 
 
 def tilt(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Tilt the tool axis by angles as of `tilt_of`, given in degrees or with a unit."""
+    """Tilt the tool axis by the angles of `tilt_of`, in degrees or with a unit."""
     now, known = tilt_of(state.handles, state.data), _oriented(state.data)
     if now is None or known is None:
         raise InvalidInput(
@@ -135,7 +125,7 @@ def tilt(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def _oriented(data: Mapping[str, Any]) -> tuple[Keys, FloatArray | None, FloatArray] | None:
-    """Keys, rotation (None for an axis alone) and axis of the tool; None for a list of them."""
+    """Keys, rotation (None for an axis) and axis of the tool; None for a list of orientations."""
     given = value_at(data, KEYS) or {}
     if isinstance(given, list):
         return None
@@ -151,7 +141,7 @@ def _oriented(data: Mapping[str, Any]) -> tuple[Keys, FloatArray | None, FloatAr
 
 
 def _degrees(name: str, value: Any) -> float:
-    """An angle [rad], from text with a unit or a number in degrees."""
+    """Angle [rad] from a text with a unit or a number in degrees."""
     number = plain_number(value) if isinstance(value, str) else value
     text = value if number is None else f"{number} deg"
     try:
@@ -183,14 +173,13 @@ def obstacle(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def _body(edit: Mapping[str, Any]) -> dict[str, Any]:
-    """The keys of a body that an edit gives."""
+    """Keys of a body in an edit."""
     return {
         key: x for key, x in edit.items() if key not in ("do", "action", "kind", "index", "name")
     }
 
 
 def _free_name(name: str, state: EditState) -> str:
-    """A name that no other obstacle has."""
     scene = state.data.get("scene") or {}
     taken = {x.get("name") for kind in BODIES for x in scene.get(kind) or []}
     numbered = (name if k == 1 else f"{name} {k}" for k in range(1, len(taken) + 2))

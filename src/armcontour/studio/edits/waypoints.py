@@ -37,7 +37,7 @@ NEAR = 1e-9
 
 
 def corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Set the tolerance of one corner; null takes it away."""
+    """Set the tolerance of one corner; null removes it."""
     if edit["index"] is None:
         raise InvalidInput(
             "This corner is at no waypoint of a path of one contour, so that it cannot have a "
@@ -54,13 +54,7 @@ def corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def renumbered(index: int, by: int, state: EditState) -> list[Change]:
-    """The tolerances of single corners, by the new numbers of waypoints from one on.
-
-    Args:
-        index: Index of the first waypoint that has another number, or of the one that is removed.
-        by: By how much numbers change.
-        state: What the edit is made on.
-    """
+    """Changes of corner tolerances when the waypoints from `index` on are renumbered by `by`."""
     changes = []
     last = len(state.handles.ends) - 1
     # Without an end of the path, the first and the last of the other points have no corner.
@@ -80,7 +74,7 @@ def renumbered(index: int, by: int, state: EditState) -> list[Change]:
 
 
 def move_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Move a point to a place in the picture; with `step` to one whose digits are round."""
+    """Move a waypoint in the picture; `step` rounds its coordinates."""
     point = _waypoint(edit, state)
     within = EXACT
     if edit.get("step") is not None:
@@ -90,7 +84,7 @@ def move_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def set_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Set the coordinates of a point, as typed."""
+    """Set the coordinates of a waypoint, as typed."""
     point = _waypoint(edit, state)
     given = edit["value"]
     if not isinstance(given, list) or len(given) != len(point.written):
@@ -105,13 +99,13 @@ def set_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def _coordinates(keys: Keys, old: Sequence[Any], new: Sequence[Any]) -> list[Change]:
-    """The changes of those coordinates that are different."""
+    """Changes of the coordinates that differ."""
     pairs = enumerate(zip(old, new, strict=True))
     return [Change((*keys, k), x) for k, (was, x) in pairs if x != was or type(x) is not type(was)]
 
 
 def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Insert a point, which gets a number in the order of the path."""
+    """Insert a waypoint at an index of the path."""
     handles, index = editable(state), edit["index"]
     ends = handles.ends
     checks.check_int("number of the waypoint", index, 0, len(ends))
@@ -128,7 +122,7 @@ def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def _insert_segment(index: int, at: list[Any], state: EditState) -> list[Change]:
-    """Insert a point between segments: the line that goes there becomes two."""
+    """Insert a waypoint between segments: a line is divided into two."""
     path = state.data["path"]
     segments = path[SEGMENTS]
     if index == 0:
@@ -146,7 +140,7 @@ def _insert_segment(index: int, at: list[Any], state: EditState) -> list[Change]
 
 
 def remove_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Remove a point at the end of a segment."""
+    """Remove a waypoint at the end of a segment."""
     handles, point = editable(state), _waypoint(edit, state, computed=True)
     if point.role not in (POINT, END):
         raise InvalidInput(
@@ -175,7 +169,7 @@ def remove_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
 
 
 def insert_orientation(index: int, like: int, state: EditState) -> list[Change]:
-    """The orientation of a new point, which is that of one beside it."""
+    """Copy the orientation of a neighbour for a new waypoint."""
     given = value_at(state.data, ("path", "orientation"))
     if not isinstance(given, list) or like >= len(given):
         return []
@@ -183,22 +177,14 @@ def insert_orientation(index: int, like: int, state: EditState) -> list[Change]:
 
 
 def editable(state: EditState) -> Handles:
-    """The handles of a job whose points can be changed.
-
-    Raises:
-        InvalidInput: They come from a file.
-    """
+    """The handles of a job; refuses points that come from a file."""
     if state.handles.why_not is not None:
         raise InvalidInput(state.handles.why_not)
     return state.handles
 
 
 def _waypoint(edit: Mapping[str, Any], state: EditState, *, computed: bool = False) -> Waypoint:
-    """The point that an edit names.
-
-    Raises:
-        InvalidInput: There is no such point, or it cannot be moved.
-    """
+    """The waypoint of an edit. It must exist and be movable."""
     points = editable(state).waypoints
     point = points[checks.check_int("number of the waypoint", edit["index"], 0, len(points) - 1)]
     if point.why_not is not None and not computed:
@@ -207,12 +193,11 @@ def _waypoint(edit: Mapping[str, Any], state: EditState, *, computed: bool = Fal
 
 
 def _list_of(handles: Handles) -> Keys:
-    """The keys of the list of points of a job."""
     return ("path", SPLINE, POINTS) if handles.kind == SPLINE else ("path", POINTS)
 
 
 def draw(edit: Mapping[str, Any], state: EditState) -> list[Change]:
-    """Draw segments from a start: lines to points, arcs via points, circles around centres."""
+    """Append drawn segments: lines to points, arcs via points, circles around centres."""
     handles, path = editable(state), state.data["path"]
     if handles.kind == SPLINE:
         raise InvalidInput("A spline has no lines and arcs: draw on an empty plane instead (New).")

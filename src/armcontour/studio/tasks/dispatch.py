@@ -53,13 +53,7 @@ TASKS: dict[str, Callable[[Request], Frame]] = {
 
 
 class TaskInput(NamedTuple):
-    """Work for the other process.
-
-    Args:
-        id: Its name, by which it can be cancelled.
-        task: What is done, of `TASKS`.
-        request: What it is done with, as `do` takes it.
-    """
+    """A task for the task process; `id` identifies it for `cancel`."""
 
     id: str
     task: str
@@ -70,12 +64,7 @@ WARM = TaskInput("", "warm", {})
 
 
 def work(given: TaskInput, heard: Heard = process.tell) -> bytes:
-    """What the other process does: a task, with its progress, to a frame.
-
-    Args:
-        given: The task; WARM only loads what tasks need.
-        heard: Called with frames of progress, as bytes.
-    """
+    """Run a task in its process; returns the final frame as bytes; WARM only loads modules."""
     id, task, request = given
     if given == WARM:
         _be_ready()
@@ -91,13 +80,7 @@ def work(given: TaskInput, heard: Heard = process.tell) -> bytes:
 
 
 class _Telling:
-    """Tells of the progress of a task, now and then.
-
-    Args:
-        id: Name of the task for answers.
-        task: What is done.
-        heard: Called with frames, as bytes.
-    """
+    """Reports the progress of a task at intervals."""
 
     def __init__(self, id: str, task: str, heard: Heard) -> None:
         self._facts = {"id": id, "task": task}
@@ -105,7 +88,7 @@ class _Telling:
         self._begin = self._last = time.monotonic()
 
     def __call__(self, step: Step) -> None:
-        """Tell of a step, if it is time."""
+        """Report a step if the interval has passed."""
         now = time.monotonic()
         if now - self._last < OFTEN:
             return
@@ -116,30 +99,21 @@ class _Telling:
 
 
 def _be_ready() -> None:
-    """Load what tasks need; end with the parent."""
+    """Load the modules that tasks need, and end this process with its parent."""
     if process.is_child() and hasattr(os, "nice"):
         threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     figures(Request(text=SMALL))
 
 
 def _end_with(parent: int) -> None:
-    """End this process when it works for nobody any more: not only after its task."""
+    """End this process when its parent has ended, also during a task."""
     while os.getppid() == parent:
         time.sleep(LOOK)
     os._exit(1)
 
 
 def do(task: str, request: Mapping[str, Any], progress: Progress) -> Frame:
-    """Do a task.
-
-    Args:
-        task: A name of `TASKS`.
-        request: The document and options.
-        progress: Called with steps.
-
-    Raises:
-        ArmContourError: What the task is refused for; exact figures are a refusal in its place.
-    """
+    """Run a task; refusals of exact figures are a result, those of other tasks an error."""
     if task not in TASKS:
         raise InvalidInput(f"There is no task {task!r}: there are {', '.join(TASKS)}.")
     x = Request(**request, progress=progress)

@@ -32,7 +32,7 @@ CLEARANCE_TIMES, MOST_PAIRS = 400, 10
 
 
 def figures(x: Request) -> Frame:
-    """Figures of a full run, or what the run refuses and where."""
+    """Exact figures of a run, or its refusal with the position."""
     from armcontour.core.render import frame
     from armcontour.jobs.advice import advising, is_small
     from armcontour.jobs.job_result import judging_rows
@@ -65,7 +65,7 @@ def figures(x: Request) -> Frame:
 
 
 def changes(x: Request) -> Frame:
-    """The next step of what to change; the last one has the changes."""
+    """Next step of the advice; the last one contains the proposed changes."""
     from armcontour.jobs.advice import advising, is_small
 
     if not is_small(x.job, MOST_SEGMENTS):
@@ -87,16 +87,11 @@ def changes(x: Request) -> Frame:
 
 
 def _set(key: str, value: Any) -> dict[str, Any]:
-    """The edit that sets a key."""
     return {"do": "set", "key": key, "value": value}
 
 
 def compare(x: Request) -> Frame:
-    """The shown run and another one: differences by limit, speeds and errors on one axis.
-
-    Raises:
-        InvalidInput: The job was not edited yet.
-    """
+    """Comparison of the shown run with another run or with the job before the last edit."""
     from armcontour.core.render import cells, number
     from armcontour.jobs.differences import differences
     from armcontour.studio.view import short
@@ -125,7 +120,7 @@ def compare(x: Request) -> Frame:
 
 
 def _speed(result: RunResult, s: FloatArray) -> FloatArray:
-    """Planned tool speeds at arc lengths, NaN behind the end [m/s]."""
+    """Planned tool speeds at arc lengths, NaN beyond the end [m/s]."""
     within = s <= result.path.length
     found = np.full(len(s), np.nan)
     found[within] = result.trajectory.speed_at(s[within])
@@ -133,14 +128,14 @@ def _speed(result: RunResult, s: FloatArray) -> FloatArray:
 
 
 def _error(result: RunResult, t: FloatArray) -> FloatArray:
-    """Contour errors at times, NaN where there is none [m]."""
+    """Contour errors at times, NaN outside of contours [m]."""
     assert result.evaluation is not None
     e = result.evaluation.contour_error
     return np.interp(t, e.t, e.values, left=np.nan, right=np.nan)
 
 
 def check(x: Request) -> Frame:
-    """The plan checked against all limits, by code that shares nothing with the planner."""
+    """Check of the plan against all limits, without code of the planner."""
     from armcontour.core.render import number
     from armcontour.verification import check
 
@@ -172,12 +167,11 @@ def check(x: Request) -> Frame:
 
 
 def _words(name: str) -> str:
-    """The name of a limit in words, such as "joint torque"."""
     return name.replace("_", " ")
 
 
 def clearance(x: Request) -> Frame:
-    """How far the arm stays from itself and its cell over time, and the pair that is nearest."""
+    """Distances of the arm from itself and its cell over time, and the nearest pairs."""
     from armcontour.core.render import cells, frame
     from armcontour.jobs import run
     from armcontour.studio.view import short

@@ -26,7 +26,7 @@ KUKA, MOST_LETTERS = "kuka", 24
 
 
 def report(x: Request) -> Frame:
-    """The report of the run as one page of HTML; with the option `all`, of all runs."""
+    """HTML report of the run; with the option `all`, of all runs."""
     from armcontour.jobs import run
     from armcontour.report import render_report
 
@@ -40,13 +40,7 @@ def report(x: Request) -> Frame:
 
 
 def certify(x: Request) -> Frame:
-    """The fastest plan whose execution keeps the tolerance, as a report; and its figures.
-
-    Options: fields of `jobs.CertificateGoal`, such as `tolerance` [m].
-
-    Raises:
-        InvalidInput: Neither the job nor the options have a tolerance.
-    """
+    """Certificate as a report; options are fields of `CertificateGoal`."""
     from armcontour.core.render import plain, verdict
     from armcontour.report import render_report
     from armcontour.studies.certification import certify
@@ -69,11 +63,7 @@ def certify(x: Request) -> Frame:
 
 
 def export(x: Request) -> Frame:
-    """The set-points or the plan in a format of a controller or a table.
-
-    Options: `format`, a name of a format; for "template" its `template`; `of`, "set_points",
-    "planned", or "learned" from `logs`; `cycle` of a plan [s].
-    """
+    """Exported set-points or plan; options `format`, `template`, `of`, `cycle` [s]."""
     from armcontour.files.exports.formats import TemplateFormat, format_named, write_destination
     from armcontour.files.exports.table import make_table
     from armcontour.files.exports.template import SHIPPED, describe_program, ending_of
@@ -129,7 +119,7 @@ def export(x: Request) -> Frame:
 
 
 def _analog(format: ExportFormat, plan: RunResult, job: Job, outputs: Callable[..., Any]) -> Any:
-    """The analog outputs of a plan, for formats that have them."""
+    """Analog outputs of a plan, if the format supports them."""
     from armcontour.files.exports.formats import WITH_ANALOG
 
     if not isinstance(format, WITH_ANALOG):

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def measured(x: Request) -> Frame:
-    """The plan against the last log: contour errors, and the measured motion of the tool."""
+    """Comparison of the plan with the last log: contour errors and measured tool path."""
     from armcontour.jobs.run_learning import judge_last
     from armcontour.studio.execution_picture import tool_lines
 
@@ -37,7 +37,7 @@ def measured(x: Request) -> Frame:
 
 
 def identify(x: Request) -> Frame:
-    """The servo of each joint from the logs, and the edit that puts it into the job."""
+    """Identified servo of each joint, and the edit that writes it into the job."""
     from armcontour.control.identification import ServoFit, identify
     from armcontour.files.robot_file import servo_values
 
@@ -51,7 +51,7 @@ def identify(x: Request) -> Frame:
 
 
 def learn(x: Request) -> Frame:
-    """The set-points of the next run, as `armcontour learn` writes them."""
+    """Set-points of the next run, as written by `armcontour learn`."""
     from armcontour.files.exports.table import set_point_pieces
 
     study = learned(x)
@@ -63,22 +63,14 @@ def learn(x: Request) -> Frame:
 
 
 def learned(x: Request) -> LearningStudy:
-    """What the logs of successive runs teach."""
+    """Learning study of the logs of successive runs."""
     from armcontour.jobs.run_learning import learn_logs
 
     return learn_logs(x.whole_job, x.run, read_logs(x), x.progress)
 
 
 def read_logs(x: Request, *, commanded: bool = False) -> list[Any]:
-    """The logs of a task, with joints in the order of the arm.
-
-    Args:
-        x: The task.
-        commanded: Whether set-points are needed.
-
-    Raises:
-        InvalidInput: There is none, or one that cannot be read.
-    """
+    """Read the logs of a task; joints in the order of the arm."""
     from armcontour.files.log_file import read_run_log
 
     if not x.logs:
@@ -93,7 +85,7 @@ def read_logs(x: Request, *, commanded: bool = False) -> list[Any]:
 
 
 def _shown(data: Data, logs: Sequence[Any] = ()) -> dict[str, Any]:
-    """What the terminal prints of a result: figures, tables and notes, also those of logs."""
+    """Figures, tables and notes of a result, as the terminal prints them."""
     from armcontour.studio.page_frame import without_options
 
     tables = [{"title": y.name, "cells": cells(y)} for y in data.tables if y.level <= TABLE]

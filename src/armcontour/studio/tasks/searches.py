@@ -25,10 +25,7 @@ SWEPT = 15
 
 
 def sweep(x: Request) -> Frame:
-    """Duration and error over the values of one key, in previews.
-
-    Options: `key`, and `values` in SI units, or `min`, `max` and `count`, evenly or with `log`.
-    """
+    """Duration and error in previews over `values`, or `min`, `max`, `count`, `log`, of `key`."""
     from armcontour.files.job_edits import change_data
     from armcontour.studio.edits.keys import set_value
     from armcontour.studio.handles import EditState, handles_of
@@ -56,11 +53,6 @@ def sweep(x: Request) -> Frame:
 
 
 def _values(x: Request) -> Any:
-    """The values of a sweep.
-
-    Raises:
-        InvalidInput: No values.
-    """
     given = x.options.get("values")
     if given is not None:
         return np.array(given, dtype=np.float64)
@@ -72,12 +64,7 @@ def _values(x: Request) -> Any:
 
 
 def place(x: Request) -> Frame:
-    """Where the part lies best: a map of a grid of places, and the best place.
-
-    Options: fields of `jobs.PlaceSearch`, such as `over`, which replace those of the job; with
-    `as_job` false they stand alone. `processes` is their number. Shifts are in the plane of the
-    picture.
-    """
+    """Map of part placements; options are `processes`, `as_job` and fields of `PlaceSearch`."""
     from armcontour.core.render import frame, verdict
     from armcontour.studies.placement import place
 
@@ -124,11 +111,7 @@ def place(x: Request) -> Frame:
 
 
 def _refuse_unseen(search: PlaceSearch) -> None:
-    """Refuse what a click on the picture cannot do.
-
-    Raises:
-        InvalidInput: The base is to move, or the part out of the plane.
-    """
+    """Refuse placements outside of the plane of the picture."""
     axes = [name for name in ("z", "tilt") if name in search.over]
     if axes or search.what == BASE:
         what = f"along {' and '.join(axes)}" if axes else "the base"
@@ -139,6 +122,6 @@ def _refuse_unseen(search: PlaceSearch) -> None:
 
 
 def _shift(view: View, values: Mapping[str, float], zero: Mapping[str, float]) -> Any:
-    """The shift of a place in the plane of the picture [m], (2,)."""
+    """Shift of a placement in the plane of the picture [m], (2,)."""
     shift = np.array([values.get(name, 0.0) - zero.get(name, 0.0) for name in LENGTHS])
     return np.array([shift @ view.plane.x, shift @ view.plane.y])
