@@ -81,7 +81,7 @@ def page(tmp_path_factory):
 @pytest.fixture(scope="module")
 def program(page):
     """The drawing as it was read."""
-    return page.session.editor.seen.job.program
+    return page.session.editor.state.job.program
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +147,7 @@ def test_a_plan_and_its_execution_are_drawn_finer_too(tmp_path, no_hurry):
     picture, executed = (
         next(x for x in tab.frames if x.kind == y) for y in ("picture", "executed")
     )
-    planned, view = session.display.planner.planned, session.editor.seen.handles
+    planned, view = session.display.scheduler.planned, session.editor.state.handles
     scale, box = 1e6, [-1e-4, -1e-4, 1e-4, 1e-4]
     point = planned.path.contours[0].path(np.array([1e-3]))
     middle = view.plane.uv(point)[0] - view.centre
@@ -177,6 +177,6 @@ def test_a_part_that_is_moved_has_the_same_points(program):
     turn = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
     kept = []
     for moved in (points, points @ turn.T + [0.1, 0.2]):
-        detail = Detail.of_whole(moved)
+        detail = Detail.for_points(moved)
         kept.append(detail.needed(moved, ends))
     assert np.array_equal(*kept) and 10_000 < kept[0].sum() < len(points) / 2

@@ -5,7 +5,7 @@ import pytest
 from tests.studio.test_arithmetic import NODE, compute
 
 from armcontour.core.frames import Frame as Pose
-from armcontour.studio.execution_picture import executed_frame
+from armcontour.studio.execution_picture import execution_frame
 from armcontour.studio.page_frame import Frame
 from armcontour.studio.preview import CoarsePlanner
 
@@ -46,7 +46,7 @@ def test_executions_break_between_contours(paper, view, tmp_path):
     (tmp_path / "two.svg").write_text(drawing)
     previewer = CoarsePlanner(tmp_path)
     executed = previewer.execute(previewer.plan({**paper, "path": {"file": "two.svg"}}, "optimal"))
-    arrays = executed_frame(executed, view).arrays
+    arrays = execution_frame(executed, view).arrays
     steps = np.linalg.norm(np.diff(arrays["base"], axis=0), axis=1)
     assert arrays["breaks"].tolist() == [0, 1 + steps.argmax()]
 

@@ -109,7 +109,7 @@ def test_what_moves_is_planned_on_a_coarser_grid_until_it_rests(opened):
 
 def test_older_answers_never_come_after_newer_ones(opened):
     session, tab, _ = opened()
-    session.display.planner._lane = lane = Held(None)
+    session.display.scheduler._preview_worker = lane = Held(None)
     tab.edit(MOVE)
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
     old, new = lane.works
@@ -179,9 +179,9 @@ def test_another_configuration_of_the_full_run_is_announced(opened):
     # Nothing exact was shown before the first full run: it changes nothing.
     tab.edit({"do": "set", "key": "limits.speed", "value": 0.09}, gesture=9)
     answer(lane)
-    before = session.display.planner.planned.start
+    before = session.display.scheduler.planned.start
     answer(lane, start=before + [0, 0, 0, 0, 0, np.pi / 2])
-    assert session.display.planner.planned.start == pytest.approx(
+    assert session.display.scheduler.planned.start == pytest.approx(
         before + [0, 0, 0, 0, 0, np.pi / 2]
     )
     assert "notice" not in kinds(tab.frames)
@@ -190,11 +190,11 @@ def test_another_configuration_of_the_full_run_is_announced(opened):
         assert "notice" not in kinds(tab.frames)
         asked = figures_asked(lane)
         assert len(asked) == k + 2 and asked[-1][2]["text"] == session.document.text
-        before = session.display.planner.planned.start
+        before = session.display.scheduler.planned.start
         answer(lane, start=before + [0, 0, 0, 0, 0, turn])
     assert kinds(tab.frames).count("notice") == 1
     told = tab.last("notice")["sentence"]
-    after = session.display.planner.planned.start
+    after = session.display.scheduler.planned.start
     assert all(f"{np.degrees(q[5]):.1f}" in told for q in (before, after)) and "joint 6" in told
 
 
@@ -228,8 +228,8 @@ def during(monkeypatch):
         return plan(self, data, run, tier=tier, progress=progress)
 
     monkeypatch.setattr(CoarsePlanner, "plan", planning)
-    monkeypatch.setattr(scheduler, "LATE", -1.0)
-    monkeypatch.setattr(scheduler, "SOON", -1.0)
+    monkeypatch.setattr(scheduler, "MAX_OBSOLETE_PLAN", -1.0)
+    monkeypatch.setattr(scheduler, "PROGRESS_DELAY", -1.0)
     return lambda tier, act: acts.append((Tier(tier), act))
 
 
@@ -275,7 +275,7 @@ def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
     opened, during, monkeypatch
 ):
     _, tab, lane = opened(fast=Nested)
-    monkeypatch.setattr(scheduler, "SLOW", -1.0)
+    monkeypatch.setattr(scheduler, "SLOW_PLAN", -1.0)
     during("preview", lambda: tab.say("cancel", id="#"))
     heard = tab.edit(moved(1), gesture=1)
     assert tiers(heard) == ["picture outline"]
@@ -295,7 +295,7 @@ def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
 
 def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
     _, tab, _ = opened()
-    monkeypatch.setattr(scheduler, "SLOW", 0.5)
+    monkeypatch.setattr(scheduler, "SLOW_PLAN", 0.5)
     looks = count()
     slow = SimpleNamespace(monotonic=time.monotonic, thread_time=lambda: next(looks))
     monkeypatch.setattr(scheduler, "time", slow)
@@ -310,7 +310,7 @@ def test_an_outline_follows_a_drag_whose_plans_take_long(opened, monkeypatch):
 
 
 def test_progress_of_exact_figures_is_told_with_its_step(opened, during, monkeypatch):
-    monkeypatch.setattr(scheduler, "OFTEN", -1e6)
+    monkeypatch.setattr(scheduler, "PROGRESS_INTERVAL", -1e6)
     _, tab, lane = opened(fast=Nested)
     step = {"id": lane.given[-1][0], "steps": ["compensated", "timing"], "share": 0.25}
     lane.deliver(Frame("progress", step))
@@ -339,7 +339,7 @@ def test_figures_that_take_long_make_way_for_an_edit(opened, monkeypatch):
     _, tab, lane = opened(fast=Nested)
     tab.edit(moved(1), gesture=1)
     assert lane.cancelled == [], "soon they are there"
-    monkeypatch.setattr(scheduler, "PATIENCE", -1.0)
+    monkeypatch.setattr(scheduler, "MAX_OBSOLETE_FIGURES", -1.0)
     tab.edit(moved(2), gesture=2)
     assert lane.cancelled == [lane.given[-1][0]]
     lane.deliver(Frame("cancelled", {"id": lane.given[-1][0]}))

@@ -26,7 +26,7 @@ FASTER = [Change(("limits", "speed"), "0.1 m/s")]
 def opened(tmp_path, monkeypatch):
     """Opens sessions as the command does, in a folder of its own."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("armcontour.studio.session.FastLane", AtOnce, raising=False)
+    monkeypatch.setattr("armcontour.studio.session.PreviewWorker", AtOnce, raising=False)
     sessions = []
 
     def open_one(file=None, cell=None):
@@ -89,7 +89,7 @@ def test_an_empty_plane_is_drawn_on_and_undone(opened):
     edit = {"do": "draw", "start": a.tolist()}
     edit["segments"] = [{"to": np.asarray(x["to"]).tolist()} for x in lines]
     tab.edit(edit, gesture=1)
-    session.display.planner.wait()
+    session.display.scheduler.wait()
     assert tab.last("document")["path"]["kind"] == "segments"
     tab.say("undo")
     assert session.document.text == text and tab.last("document")["path"]["kind"] == "blank"

@@ -18,7 +18,7 @@ from armcontour.files import parse_job
 from armcontour.jobs import run
 from armcontour.studio.page_frame import Frame
 from armcontour.studio.tasks import dispatch
-from armcontour.studio.tasks.dispatch import SMALL, do, work
+from armcontour.studio.tasks.dispatch import WARMUP_JOB, do, work
 
 
 def quiet(step):
@@ -42,7 +42,7 @@ def coarse(paper):
 
 
 @pytest.fixture
-def short(coarse):
+def to_float32(coarse):
     return coarse | {"path": {"points": [[0.35, 0.1], [0.37, 0.12], [0.36, 0.13]]}}
 
 
@@ -57,7 +57,7 @@ def test_progress_has_the_share_and_the_time_that_is_left(monkeypatch):
     monkeypatch.setattr(dispatch, "time", SimpleNamespace(monotonic=count().__next__))
     told = []
     options = {"key": "limits.speed", "values": [0.1, 0.2]}
-    work(("a", "sweep", {"text": SMALL, "options": options}), told.append)
+    work(("a", "sweep", {"text": WARMUP_JOB, "options": options}), told.append)
     for k, frame in enumerate(map(Frame.unpack, told), 1):
         share, eta = frame.header["share"], frame.header["eta"]
         assert frame.kind == "progress" and frame.header["id"] == "a" and 0 <= share <= 1

@@ -26,20 +26,20 @@ from armcontour.robot.scene import (
     Shape,
     Sphere,
 )
-from armcontour.studio.page_frame import Frame as Message
+from armcontour.studio.page_frame import PageFrame
 
-# The page moves the links: frame of link i in link i - 1 = `origin` of its joint, then a rotation by
-# q[i] about `axis`. Link 0 is the base; the tool is in the last link.
+# The page moves the links: frame of link i in link i - 1 = `origin` of its joint, then a rotation
+# by q[i] about `axis`. Link 0 is the base; the tool is in the last link.
 
 # Sides of round bodies.
 SIDES = 24
 # Larger meshes are drawn as convex hulls.
-MOST_TRIANGLES = 4_000
+MAX_TRIANGLES = 4_000
 # Size of a table relative to the reach of the arm, and its thickness [m].
-ROOM, THICK = 1.1, 0.02
+TABLE_SIZE, TABLE_THICKNESS = 1.1, 0.02
 
 
-def arm_frame(job: Job) -> Message:
+def arm_frame(job: Job) -> PageFrame:
     """Frame with the arm of a job and the bodies in its cell."""
     arm, chain = job.arm, _chain_of(job.arm)
     base = chain.base
@@ -67,7 +67,7 @@ def arm_frame(job: Job) -> Message:
         "bodies": bodies,
         "notes": [] if arm.knows_shapes else ["The shapes of the arm's links are not known."],
     }
-    return Message("arm", header, arrays)
+    return PageFrame("arm", header, arrays)
 
 
 def matrix(frame: Frame) -> FloatArray:
@@ -110,9 +110,9 @@ def _bodies(arm: Arm, chain: Chain, scene: Scene) -> tuple[list[dict[str, Any]],
         if isinstance(obstacle.shape, HalfSpace):
             # The table is drawn below the arm, independent of the origin of its plane.
             foot = -(place.rotation.T @ place.position) * [1, 1, 0]
-            place = place @ Frame(position=foot + [0, 0, -THICK / 2])
-            side = 2 * ROOM * max(_reach(chain), 0.5)
-            corners = triangles_of(Box(size=np.array([side, side, THICK])))
+            place = place @ Frame(position=foot + [0, 0, -TABLE_THICKNESS / 2])
+            side = 2 * TABLE_SIZE * max(_reach(chain), 0.5)
+            corners = triangles_of(Box(size=np.array([side, side, TABLE_THICKNESS])))
             add(obstacle.name, 0, "table", place, corners)
         else:
             colour = "part" if obstacle.fixed_to == PART else "obstacle"
@@ -134,7 +134,7 @@ def triangles_of(shape: Shape) -> FloatArray:
         case Cylinder():
             ring = _ring(shape.radius)
             return _around([(ring, -shape.length / 2), (ring, shape.length / 2)])
-        case Mesh() if shape.triangles is not None and len(shape.triangles) <= MOST_TRIANGLES:
+        case Mesh() if shape.triangles is not None and len(shape.triangles) <= MAX_TRIANGLES:
             return np.asarray(shape.points[shape.triangles])
         case Mesh():
             return _hull(shape.points)

@@ -14,14 +14,14 @@ from armcontour.core.file_access import read_bytes
 from armcontour.files.cell import drawing_text
 from armcontour.files.job_edits import Change, change_data, change_text, file_names
 from armcontour.files.job_file import read_data
-from armcontour.studio.drafts import BOM, Draft, decoded, drop_draft, find_draft, write_whole
+from armcontour.studio.drafts import BOM, Draft, decode_text, drop_draft, find_draft, write_file
 
 SAME, CHANGED, MISSING, NONE = "same", "changed", "missing", "none"
 # Characters of all texts that can be had back by undoing; the last one always can.
-MOST_UNDO = 50_000_000
+MAX_HISTORY = 50_000_000
 
 
-class Step(NamedTuple):
+class HistoryEntry(NamedTuple):
     """A text in the history with its data, and the label of the change that replaced it."""
 
     label: str
@@ -45,14 +45,14 @@ class Document:
     ) -> None:
         self.source, self.file, self.folder = source, file, folder
         self.id = secrets.token_hex(4)
-        self._marked = text.startswith(BOM)
+        self._has_bom = text.startswith(BOM)
         self._saved = saved
         self.key, self._upload = key or f"file {file}", upload
         self.text = self._opened = text.removeprefix(BOM)
         self.saved_text = self.text if saved is not None or file is None else ""
-        self._data = self._checked(self.text)
-        self._past: list[Step] = []
-        self._future: list[Step] = []
+        self._data = self._parse(self.text)
+        self._past: list[HistoryEntry] = []
+        self._future: list[HistoryEntry] = []
         draft = find_draft(self.key, file)
         self.earlier = None if draft is None or draft.text == self._opened else draft.text
 
@@ -61,7 +61,7 @@ class Document:
         """Open a job file; changes are saved to it."""
         place = FilePath(file).absolute()
         content = read_bytes(place, "job file")
-        text = decoded(content, place)
+        text = decode_text(content, place)
         return cls(text, source=place.name, file=place, folder=place.parent, saved=content)
 
     @classmethod
@@ -105,7 +105,7 @@ class Document:
         return bool(self._future)
 
     @property
-    def before(self) -> str:
+    def previous_text(self) -> str:
         """The text before the last change; "" without one."""
         return self._past[-1].text if self._past else ""
 
@@ -122,7 +122,7 @@ class Document:
     def apply(self, changes: Sequence[Change], label: str) -> None:
         """Change keys of the text as one step of undo."""
         text = change_text(self.text, changes, self.source)
-        self._put(text, change_data(self._data, changes), label)
+        self._set_text(text, change_data(self._data, changes), label)
 
     def replace(self, text: str, label: str) -> None:
         """Replace the text as one step of undo; line breaks follow the old text."""
@@ -130,15 +130,15 @@ class Document:
         # Browsers turn all line breaks into line feeds.
         if "\r\n" in self.text and "\r" not in text:
             text = text.replace("\n", "\r\n")
-        self._put(text, self._checked(text), label)
+        self._set_text(text, self._parse(text), label)
 
     def undo(self) -> None:
         """Revert the last change."""
-        self._step(self._past, self._future, "undo")
+        self._move_history(self._past, self._future, "undo")
 
     def redo(self) -> None:
         """Repeat the change that was undone last."""
-        self._step(self._future, self._past, "redo")
+        self._move_history(self._future, self._past, "redo")
 
     def on_disk(self) -> str:
         """The file compared with the text read or saved: same, changed, missing or none."""
@@ -146,7 +146,7 @@ class Document:
             return NONE
         if not self.file.exists():
             return MISSING
-        return SAME if self._read() == self._saved else CHANGED
+        return SAME if self._read_file() == self._saved else CHANGED
 
     def changed_on_disk(self) -> bool:
         """True if another program has changed or created the file since it was read or saved."""
@@ -161,8 +161,8 @@ class Document:
                 f"{self.file} was changed by another program since it was read: reload it, or "
                 "overwrite it."
             )
-        content = ((BOM if self._marked else "") + self.text).encode()
-        write_whole(self.file, content)
+        content = ((BOM if self._has_bom else "") + self.text).encode()
+        write_file(self.file, content)
         self._saved, self.saved_text = content, self.text
         self.write_draft()
 
@@ -172,19 +172,21 @@ class Document:
 
     def conflict(self) -> str:
         """Differences between the file on disk and the text, as a unified diff."""
-        there = decoded(self._read(), self.file) if self.on_disk() in (SAME, CHANGED) else ""
+        there = (
+            decode_text(self._read_file(), self.file) if self.on_disk() in (SAME, CHANGED) else ""
+        )
         return _diff(there.removeprefix(BOM), self.text, self.source, "on disk", "now")
 
     def reload(self) -> None:
         """Replace the text by the file on disk, as one step of undo."""
         if self.file is None:
             raise InvalidInput(f"{self.source} has no file to read again.")
-        content = self._read()
-        text = decoded(content, self.file)
+        content = self._read_file()
+        text = decode_text(content, self.file)
         own = text.removeprefix(BOM)
-        data = self._checked(own)
-        self._saved, self.saved_text, self._marked = content, own, text.startswith(BOM)
-        self._put(own, data, "reload")
+        data = self._parse(own)
+        self._saved, self.saved_text, self._has_bom = content, own, text.startswith(BOM)
+        self._set_text(own, data, "reload")
 
     def write_draft(self) -> bool:
         """Write the draft, or remove it if nothing is unsaved; returns whether a draft exists."""
@@ -208,7 +210,7 @@ class Document:
             return None
         return f"Changes of {self.source} that were not saved are kept as its draft."
 
-    def settle(self) -> None:
+    def drop_earlier(self) -> None:
         """Remove the draft of an earlier session after it was restored or discarded."""
         drop_draft(self._earlier_key)
         self.earlier = None
@@ -218,7 +220,7 @@ class Document:
         """Key of the earlier draft after a newer draft has replaced it."""
         return f"{self.key}, before {hashlib.sha256((self.earlier or '').encode()).hexdigest()}"
 
-    def _checked(self, text: str) -> dict[str, Any]:
+    def _parse(self, text: str) -> dict[str, Any]:
         """Data of a text. Refuses a text that is no mapping or names files without a folder."""
         data = read_data(text, self.source)
         self._refuse_files(text)
@@ -232,28 +234,30 @@ class Document:
                 "opened: start armcontour studio with the job file in its folder."
             )
 
-    def _put(self, text: str, data: dict[str, Any], label: str) -> None:
+    def _set_text(self, text: str, data: dict[str, Any], label: str) -> None:
         """Take a new text as one step of undo."""
         if text == self.text:
             return
         self._refuse_files(text)
-        self._past.append(Step(label, self.text, self._data))
+        self._past.append(HistoryEntry(label, self.text, self._data))
         self._future.clear()
-        while len(self._past) > 1 and sum(len(x.text) for x in self._past) > MOST_UNDO:
+        while len(self._past) > 1 and sum(len(x.text) for x in self._past) > MAX_HISTORY:
             del self._past[0]
         self.text, self._data = text, data
         self.write_draft()
 
-    def _step(self, taken: list[Step], given: list[Step], what: str) -> None:
+    def _move_history(
+        self, taken: list[HistoryEntry], given: list[HistoryEntry], what: str
+    ) -> None:
         """Move a history entry from one list to the other, and take its text."""
         if not taken:
             raise InvalidInput(f"There is nothing to {what}.")
         label, text, data = taken.pop()
-        given.append(Step(label, self.text, self._data))
+        given.append(HistoryEntry(label, self.text, self._data))
         self.text, self._data = text, data
         self.write_draft()
 
-    def _read(self) -> bytes:
+    def _read_file(self) -> bytes:
         assert self.file is not None
         return read_bytes(self.file, "job file")
 

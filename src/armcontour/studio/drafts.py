@@ -51,27 +51,27 @@ class Draft:
         content = json.dumps(asdict(self)).encode()
         try:
             make_private(state_folder() / "drafts")
-            write_atomically(place_of(self.key), lambda fresh: fresh.write_bytes(content))
+            write_atomically(draft_file(self.key), lambda fresh: fresh.write_bytes(content))
         except (InvalidInput, OSError):
             return False
         return True
 
 
-def place_of(key: str) -> FilePath:
+def draft_file(key: str) -> FilePath:
     """File of a draft."""
     return state_folder() / "drafts" / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
 
 
 def find_draft(key: str, job: FilePath | None) -> Draft | None:
     """Draft of a document if it is newer than its job file, else None."""
-    place = place_of(key)
+    place = draft_file(key)
     try:
         saved = None
         if job is not None and job.exists():
             if place.stat().st_mtime_ns < job.stat().st_mtime_ns:
                 return None
-            saved = decoded(read_bytes(job, "job file"), job).removeprefix(BOM)
-        draft = _read(place)
+            saved = decode_text(read_bytes(job, "job file"), job).removeprefix(BOM)
+        draft = _read_draft(place)
     except (InvalidInput, OSError):
         return None
     return None if draft is None or draft.text == saved else draft
@@ -80,7 +80,7 @@ def find_draft(key: str, job: FilePath | None) -> Draft | None:
 def drop_draft(key: str) -> None:
     """Remove the draft of a document."""
     with suppress(OSError):
-        place_of(key).unlink()
+        draft_file(key).unlink()
 
 
 def all_drafts() -> Iterator[Draft]:
@@ -88,12 +88,12 @@ def all_drafts() -> Iterator[Draft]:
     places = (state_folder() / "drafts").glob("*.json")
     with suppress(OSError):
         for place in sorted(places, key=lambda x: x.stat().st_mtime_ns, reverse=True):
-            draft = _read(place)
+            draft = _read_draft(place)
             if draft is not None:
                 yield draft
 
 
-def _read(place: FilePath) -> Draft | None:
+def _read_draft(place: FilePath) -> Draft | None:
     """The draft in a file; None if the file is invalid."""
     try:
         return Draft(**json.loads(place.read_bytes()))
@@ -101,7 +101,7 @@ def _read(place: FilePath) -> Draft | None:
         return None
 
 
-def decoded(content: bytes, file: FilePath | None) -> str:
+def decode_text(content: bytes, file: FilePath | None) -> str:
     """Decode a UTF-8 file; line breaks stay."""
     try:
         return content.decode()
@@ -109,7 +109,7 @@ def decoded(content: bytes, file: FilePath | None) -> str:
         raise InvalidInput(f"{file} cannot be read: it is not UTF-8 text.") from None
 
 
-def write_whole(file: FilePath, content: bytes) -> None:
+def write_file(file: FilePath, content: bytes) -> None:
     """Write a file atomically; a link stays a link."""
     if file.is_symlink():
         read_bytes(file, "job file")

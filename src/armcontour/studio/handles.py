@@ -27,7 +27,7 @@ from armcontour.studio.view import Plane, in_space
 
 # A point of a job file: its role, its keys, its place in the frame of the path [m] unless it is
 # computed, and as it is written.
-Given: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]
+PointRecord: TypeAlias = tuple[str, Keys, FloatArray | None, Sequence[Any]]
 LENGTH, ANGLE = Quantity("m", "1 mm"), Quantity("rad", "90 deg")
 # Points whose distances from a plane or from a line are below this lie in it [m].
 FLAT = 1e-9
@@ -138,7 +138,7 @@ def handles_of(job: Job, data: Mapping[str, Any]) -> Handles:
     si = in_si(path, PathModel)
     frame = frame_of("path.frame", FrameModel(**(si.get("frame") or {})))
     kind = next((x for x in (POINTS, SEGMENTS, SPLINE) if path.get(x) is not None), FILE)
-    given = [] if kind == FILE else list(_given(kind, path, si))
+    given = [] if kind == FILE else list(_read_points(kind, path, si))
     ends = _ends(job, given)
     places = [
         ends[k] if point is None else frame.position + frame.rotation @ in_space(point)
@@ -193,7 +193,9 @@ def _unit(body: Mapping[str, Any]) -> tuple[str, float]:
     return unit_of((body.get("at") or body.get("size") or [body.get("radius")])[0], LENGTH)
 
 
-def _given(kind: str, path: Mapping[str, Any], si: Mapping[str, Any]) -> Iterator[Given]:
+def _read_points(
+    kind: str, path: Mapping[str, Any], si: Mapping[str, Any]
+) -> Iterator[PointRecord]:
     """Points of a job file without a drawing; ends of segments come first."""
     if kind != SEGMENTS:
         inner: Keys = (POINTS,) if kind == POINTS else (SPLINE, POINTS)
@@ -215,7 +217,7 @@ def _given(kind: str, path: Mapping[str, Any], si: Mapping[str, Any]) -> Iterato
                 yield role, ("path", SEGMENTS, k, role), np.array(at[role]), written[role]
 
 
-def _ends(job: Job, given: Sequence[Given]) -> FloatArray:
+def _ends(job: Job, given: Sequence[PointRecord]) -> FloatArray:
     """Ends of segments [m], (n + 1, 3), if the file does not give all of them; else (0, 3)."""
     if all(x[2] is not None for x in given):
         return np.empty((0, 3))

@@ -41,7 +41,7 @@ _OPTIONS = re.compile(rf" \([a-z ]*{_OPTION}\)|(?:{_BEFORE}) {_OPTION}|, {_OPTIO
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Frame:
+class PageFrame:
     """A message to the page: a JSON header and numeric arrays."""
 
     # What it is, such as "picture".
@@ -50,13 +50,13 @@ class Frame:
     arrays: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
 
     @classmethod
-    def of_file(cls, name: str, content: bytes, header: Mapping[str, Any]) -> Frame:
+    def of_file(cls, name: str, content: bytes, header: Mapping[str, Any]) -> PageFrame:
         """A result with a file as array `content`."""
         kind = FILE_TYPES.get(PurePath(name).suffix, "application/octet-stream")
         facts = {**header, "name": name, "type": kind, "bytes": len(content)}
         return cls("result", facts, {"content": np.frombuffer(content, np.uint8)})
 
-    def stamped(self, **facts: Any) -> Frame:
+    def stamped(self, **facts: Any) -> PageFrame:
         """Copy with more facts in the header."""
         return replace(self, header={**self.header, **facts})
 
@@ -79,7 +79,7 @@ class Frame:
         return b"".join([LENGTH.pack(len(text)), text, gap, *parts])
 
     @classmethod
-    def unpack(cls, data: bytes) -> Frame:
+    def unpack(cls, data: bytes) -> PageFrame:
         """Decode a frame; its arrays are read-only."""
         (count,) = LENGTH.unpack_from(data)
         header = json.loads(data[LENGTH.size : LENGTH.size + count])

@@ -21,29 +21,29 @@ from armcontour.jobs.verdict import time_limit_row
 from armcontour.motion import LawAlongPath
 from armcontour.planning import Explanation
 from armcontour.program import Program, cut_parts
-from armcontour.studio.execution_picture import demand_of, executed_lines
-from armcontour.studio.page_frame import Frame
-from armcontour.studio.preview import Executed, Preview, Tier
-from armcontour.studio.view import Detail, View, in_space, short, thin
+from armcontour.studio.execution_picture import execution_lines, joint_usage
+from armcontour.studio.page_frame import PageFrame
+from armcontour.studio.preview import Preview, PreviewExecution, Tier
+from armcontour.studio.view import Detail, View, in_space, select_points, to_float32
 from armcontour.verification.evaluation import duration_row
 
 # About the largest number of points that are drawn for the speed alone; a short path needs fewer.
-MOST_POINTS, LEAST_POINTS = 20_000, 1_200
+MAX_POINTS, MIN_POINTS = 20_000, 1_200
 # A stretch on which another limit binds is drawn if it is longer than so many errors of the line.
-SEEN = 8.0
+VISIBLE_STRETCH = 8.0
 # Where no limit binds, or it is not known.
-NOTHING = 255
+NO_LIMIT = 255
 
 # Points of a drawn rapid, and about the largest number of those of all.
-OF_RAPID, MOST_OF_RAPIDS = 16, 50_000
+RAPID_POINTS, MAX_RAPID_POINTS = 16, 50_000
 # Longest lists in headers: corners have handles, and sentences are read.
-MOST_CORNERS, MOST_SHORTFALLS = 400, 60
+MAX_CORNERS, MAX_SHORTFALLS = 400, 60
 # Smallest share of the time in the legend.
-VISIBLE = 5e-5
+MIN_SHARE = 5e-5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Line:
+class PlanCurve:
     """Points along all contours of a plan, with arc lengths over all contours."""
 
     # The places [m], (n, dimension).
@@ -59,18 +59,18 @@ class Line:
     ends: IntArray
 
     @classmethod
-    def of(cls, planned: Preview, view: View, detail: Detail) -> Line:
+    def from_plan(cls, planned: Preview, view: View, detail: Detail) -> PlanCurve:
         """Visible points of a plan: points of curves and grid points of its laws."""
         rows: list[tuple[FloatArray, ...]] = []
         for contour, span in zip(
             planned.path.contours, planned.trajectory.contour_spans, strict=True
         ):
             path = contour.path
-            if not detail.has(view.box, path):
+            if not detail.may_show(view.box, path):
                 continue
             assert span.trajectory is not None
             laws = [x.s for x in span.trajectory.laws if isinstance(x, LawAlongPath)]
-            places = np.unique(np.concatenate([detail.places(path), *laws]))
+            places = np.unique(np.concatenate([detail.arc_lengths(path), *laws]))
             s = np.clip(places, 0.0, path.length)
             rows.append(
                 (
@@ -85,29 +85,29 @@ class Line:
         if not rows:
             rows = [(np.empty((0, planned.path.dimension)), *[np.empty(0)] * 4)]
         points, s, t, speed, assigned = (np.concatenate(x) for x in zip(*rows, strict=True))
-        k, ends = detail.seen(view.drawn(points), ends)
+        k, ends = detail.visible_ends(view.screen_points(points), ends)
         return cls(points[k], s[k], t[k], speed[k], assigned[k], ends)
 
-    def thinned(self, binding: npt.NDArray[np.uint8], detail: Detail) -> IntArray:
+    def drawn_indices(self, binding: npt.NDArray[np.uint8], detail: Detail) -> IntArray:
         """Indices of the drawn points: shape, changes of the limit, extremes of the speed."""
-        shape = detail.needed(self.points, self.ends)
+        shape = detail.essential_points(self.points, self.ends)
         weight = np.where(shape, np.inf, 0.0)
         changes = np.flatnonzero(np.diff(binding)) + 1
         # What a change is worth is the length up to the next one.
         lengths = np.diff(self.s[np.append(changes, len(self.s) - 1)])
-        lengths[lengths > SEEN * detail.error] = np.inf
+        lengths[lengths > VISIBLE_STRETCH * detail.error] = np.inf
         weight[changes] = np.maximum(weight[changes], lengths)
-        return thin(weight, [self.speed], min(MOST_POINTS, LEAST_POINTS + 2 * shape.sum()))
+        return select_points(weight, [self.speed], min(MAX_POINTS, MIN_POINTS + 2 * shape.sum()))
 
     def binding(
         self, explanation: Explanation | None, limits: Sequence[Mapping[str, Any]]
     ) -> npt.NDArray[np.uint8]:
         """Index of the active limit from each point to the next, (n,)."""
         if explanation is None:
-            return np.full(len(self.s), NOTHING, dtype=np.uint8)
+            return np.full(len(self.s), NO_LIMIT, dtype=np.uint8)
         index = {x["name"]: k for k, x in enumerate(limits)}
         starts = np.array([x.s[0] for x in explanation.bindings])
-        known = np.array([index.get(x.name, NOTHING) for x in explanation.bindings], np.uint8)
+        known = np.array([index.get(x.name, NO_LIMIT) for x in explanation.bindings], np.uint8)
         which = np.searchsorted(starts, self.s, side="right") - 1
         return known[np.clip(which, 0, len(known) - 1)]
 
@@ -146,10 +146,10 @@ def refusal_header(
     }
 
 
-def picture_frame(planned: Preview, view: View) -> Frame:
+def picture_frame(planned: Preview, view: View) -> PageFrame:
     """Frame with the picture of a plan."""
-    detail, flat = _whole(planned.path, view)
-    header, arrays = _drawn(planned, view, detail)
+    detail, flat = _whole_detail(planned.path, view)
+    header, arrays = _line_arrays(planned, view, detail)
     duration = duration_row(planned.trajectory.duration)
     header |= {
         "run": planned.run.name,
@@ -163,74 +163,74 @@ def picture_frame(planned: Preview, view: View) -> Frame:
         "tier": planned.tier,
     }
     header["plane"]["flat"] = flat
-    rest = demand_of(planned.trajectory, planned.job.arm, planned.run.limits)
-    return Frame("picture", header, {**arrays, **_rapids(planned, view), **rest})
+    rest = joint_usage(planned.trajectory, planned.job.arm, planned.run.limits)
+    return PageFrame("picture", header, {**arrays, **_rapids(planned, view), **rest})
 
 
-def drawing_frame(program: Program | None, view: View, *, run: str = "") -> Frame:
+def drawing_frame(program: Program | None, view: View, *, run: str = "") -> PageFrame:
     """Frame with the picture of a program without a plan; None for an empty path."""
     header: dict[str, Any] = {"error": 0.0, "limits": [], "kerfs": []}
     arrays: dict[str, Any] = {
-        "objective": short(np.empty(0)),
+        "objective": to_float32(np.empty(0)),
         "objective_breaks": np.zeros(1, np.uint32),
     }
     flat = True
     if program is not None:
-        detail, flat = _whole(program, view)
-        header, arrays = _drawn(program, view, detail)
+        detail, flat = _whole_detail(program, view)
+        header, arrays = _line_arrays(program, view, detail)
     lists = ("rows", "shortfalls", "corners", "warnings")
     header |= {name: [] for name in lists} | view.header | time_header(None)
     notes = () if program is None else program.notes
     header |= {"run": run, "notes": notes, "tier": Tier.OUTLINE}
     header["plane"]["flat"] = flat
-    return Frame("picture", header, arrays)
+    return PageFrame("picture", header, arrays)
 
 
 def detail_frame(
-    made: Preview | Program, executed: Executed | None, view: View, detail: Detail
-) -> Frame:
+    made: Preview | Program, executed: PreviewExecution | None, view: View, detail: Detail
+) -> PageFrame:
     """Frame with the visible part of a picture and of its execution in full resolution."""
-    header, arrays = _drawn(made, view, detail)
+    header, arrays = _line_arrays(made, view, detail)
     if executed is not None:
-        arrays |= executed_lines(executed, view, detail)
-    return Frame("detail", {**header, "box": detail.box}, arrays)
+        arrays |= execution_lines(executed, view, detail)
+    return PageFrame("detail", {**header, "box": detail.box}, arrays)
 
 
-def _whole(program: Program, view: View) -> tuple[Detail, bool]:
+def _whole_detail(program: Program, view: View) -> tuple[Detail, bool]:
     """Detail for the whole program, and whether it is flat."""
     smooth = Detail(np.inf)
-    points = np.concatenate([x.path(smooth.places(x.path)) for x in program.contours])
-    return Detail.of_whole(view.uv(points)), view.is_flat(points)
+    points = np.concatenate([x.path(smooth.arc_lengths(x.path)) for x in program.contours])
+    return Detail.for_points(view.uv(points)), view.is_flat(points)
 
 
-def _drawn(
+def _line_arrays(
     made: Preview | Program, view: View, detail: Detail
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Header and arrays of all lines."""
     planned = made if isinstance(made, Preview) else None
     objective = made if isinstance(made, Program) else made.objective
     header: dict[str, Any] = {"error": detail.error, "limits": [], "kerfs": []}
-    paths = [x.path for x in objective.contours if detail.has(view.box, x.path)]
-    arrays, _ = _lines("objective", [x(detail.places(x)) for x in paths], view, detail)
+    paths = [x.path for x in objective.contours if detail.may_show(view.box, x.path)]
+    arrays, _ = _lines("objective", [x(detail.arc_lengths(x)) for x in paths], view, detail)
     if planned is None:
         return header, arrays
     header["limits"] = limits = _limits(planned.explanation)
     header["kerfs"], kerf = _kerf(planned, view, detail)
-    line = Line.of(planned, view, detail)
+    line = PlanCurve.from_plan(planned, view, detail)
     binding = line.binding(planned.explanation, limits)
-    kept = line.thinned(binding, detail)
+    kept = line.drawn_indices(binding, detail)
     points, s = line.points[kept], line.s[kept]
     return header, {
         **arrays,
         **kerf,
-        "path": view.drawn(points),
+        "path": view.screen_points(points),
         "path_breaks": np.searchsorted(kept, line.ends).astype(np.uint32),
-        "path_s": short(s),
-        "path_t": short(line.t[kept]),
-        "speed": short(line.speed[kept]),
-        "assigned": short(line.assigned[kept]),
+        "path_s": to_float32(s),
+        "path_t": to_float32(line.t[kept]),
+        "speed": to_float32(line.speed[kept]),
+        "assigned": to_float32(line.assigned[kept]),
         "binding": binding[kept],
-        "xyz": short(in_space(points)),
+        "xyz": to_float32(in_space(points)),
     }
 
 
@@ -240,12 +240,12 @@ def _lines(
     """Arrays of lines through points [m], and the index of the part that each line belongs to."""
     points = np.concatenate(parts) if parts else np.empty((0, 2))
     starts = np.cumsum([0, *map(len, parts)])
-    seen, ends = detail.seen(view.drawn(points), starts)
+    seen, ends = detail.visible_ends(view.screen_points(points), starts)
     kept = np.arange(len(seen))
-    if len(kept) > MOST_POINTS:
-        kept = np.flatnonzero(detail.needed(points[seen], ends))
+    if len(kept) > MAX_POINTS:
+        kept = np.flatnonzero(detail.essential_points(points[seen], ends))
     arrays = {
-        name: view.drawn(points[seen[kept]]),
+        name: view.screen_points(points[seen[kept]]),
         f"{name}_breaks": np.searchsorted(kept, ends).astype(np.uint32),
     }
     return arrays, np.searchsorted(starts, seen[ends[:-1]], side="right") - 1
@@ -254,15 +254,15 @@ def _lines(
 def _kerf(planned: Preview, view: View, detail: Detail) -> tuple[list[float], dict[str, Any]]:
     """Kerf of each cut line [m], and arrays of cut lines and drawn lines."""
     process = planned.job.process
-    parts = [x for x in cut_parts(planned.path, process) if detail.has(view.box, x[0])]
+    parts = [x for x in cut_parts(planned.path, process) if detail.may_show(view.box, x[0])]
     if not parts:
         return [], {}
     cut = []
     for path, begin, end, _ in parts:
-        s = detail.places(path)
+        s = detail.arc_lengths(path)
         cut.append(path(np.concatenate([[begin], s[(s > begin) & (s < end)], [end]])))
     given = [x.path for x in planned.job.program.contours if process.of_layer(x.layer).kerf]
-    drawn = [x(detail.places(x)) for x in given if detail.has(view.box, x)]
+    drawn = [x(detail.arc_lengths(x)) for x in given if detail.may_show(view.box, x)]
     arrays, owners = _lines("cut", cut, view, detail)
     return [parts[k][3] for k in owners], arrays | _lines("drawn", drawn, view, detail)[0]
 
@@ -272,14 +272,14 @@ def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
     if explanation is None:
         return []
     found = {x.name: x.limit for x in explanation.bindings if x.limit != "nothing"}
-    return [{"name": name, "kind": limit} for name, limit in list(found.items())[:NOTHING]]
+    return [{"name": name, "kind": limit} for name, limit in list(found.items())[:NO_LIMIT]]
 
 
 def time_header(explanation: Explanation | None) -> dict[str, Any]:
     """Header with the table of active limits by time, and shares of the kinds."""
     if explanation is None:
         return {"time": [], "kinds": []}
-    shares = [(x, share) for x, share in explanation.kinds.items() if share >= VISIBLE]
+    shares = [(x, share) for x, share in explanation.kinds.items() if share >= MIN_SHARE]
     kinds = [{"kind": x, "share": number(share, "1")} for x, share in shares]
     return {"time": cells(explanation.time_table), "kinds": kinds}
 
@@ -287,7 +287,7 @@ def time_header(explanation: Explanation | None) -> dict[str, Any]:
 def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
     """Slowest points below the assigned velocity, with reasons."""
     found = () if planned.explanation is None else planned.explanation.shortfalls
-    worst = sorted(found, key=lambda x: x.speed / x.assigned)[:MOST_SHORTFALLS]
+    worst = sorted(found, key=lambda x: x.speed / x.assigned)[:MAX_SHORTFALLS]
     if not worst:
         return []
     chosen = sorted(worst, key=lambda x: x.s)
@@ -320,7 +320,7 @@ def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
         if not isinstance(path, RoundedPath):
             continue
         c = path.corners
-        if len(found) + len(c) > MOST_CORNERS:
+        if len(found) + len(c) > MAX_CORNERS:
             return []
         apex, point = view.uv(path((c.start + c.end) / 2)), view.uv(c.point)
         own = path.objective.tolerances
@@ -354,9 +354,9 @@ def _notes(planned: Preview) -> list[str]:
     found = [*planned.differs]
     found += [x for x in (planned.stops_note, planned.shape_note) if x is not None]
     why = planned.explanation
-    if why is not None and (more := len(why.shortfalls) - MOST_SHORTFALLS) > 0:
+    if why is not None and (more := len(why.shortfalls) - MAX_SHORTFALLS) > 0:
         found.append(
-            f"{more} more places are below the assigned velocity; the {MOST_SHORTFALLS} slowest "
+            f"{more} more places are below the assigned velocity; the {MAX_SHORTFALLS} slowest "
             "are marked and listed."
         )
     if why is None:
@@ -372,14 +372,14 @@ def _rapids(planned: Preview, view: View) -> dict[str, Any]:
     spans = [x.t for x in planned.trajectory.spans if x.kind == "rapid"]
     if not spans:
         return {}
-    each = max(2, min(OF_RAPID, MOST_OF_RAPIDS // len(spans)))
+    each = max(2, min(RAPID_POINTS, MAX_RAPID_POINTS // len(spans)))
     begin, end = np.array(spans).T
     t = np.linspace(begin, end, each, axis=1).ravel()
     duration = planned.trajectory.duration
     points = planned.job.arm.tool_position(planned.trajectory(np.minimum(t, duration)))
     return {
-        "rapid": view.drawn(points),
-        "rapid_xyz": short(in_space(points)),
-        "rapid_t": short(t),
+        "rapid": view.screen_points(points),
+        "rapid_xyz": to_float32(in_space(points)),
+        "rapid_t": to_float32(t),
         "rapid_breaks": np.arange(0, len(points) + 1, each, dtype=np.uint32),
     }

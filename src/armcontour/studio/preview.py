@@ -39,12 +39,12 @@ from armcontour.verification import ErrorProfile
 from armcontour.verification.contour_execution import ContourExecution, pieces_of, settling_time
 
 # Most set-points of an exact preview.
-MOST_SET_POINTS = 200_000
+MAX_SET_POINTS = 200_000
 # Longest motion that is simulated for a preview, times the number of joints [s]; it takes seconds,
 # and 150 MB.
-LONGEST = 2400.0
+MAX_SIMULATED = 2400.0
 # A program of more segments is drawn without a plan first.
-LONG = 5_000
+LONG_PROGRAM = 5_000
 # Smallest cycle of a preview [s].
 DEFAULT_CYCLE = 4e-3
 # Grid intervals of each contour while a handle moves; in a run they are 4000 or more. Durations
@@ -88,7 +88,7 @@ class Preview(Planned):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Executed:
+class PreviewExecution:
     """Simulated execution of a plan."""
 
     planned: Preview
@@ -121,12 +121,12 @@ class CoarsePlanner:
         job = planned.job
         (own,) = job.runs
         searches = isinstance(job.arm, SerialArm) and job.seed is None
-        few = planned.trajectory.duration <= MOST_SET_POINTS * own.cycle
+        few = planned.trajectory.duration <= MAX_SET_POINTS * own.cycle
         return bool(planned.differs) and not searches and few and self.may_execute(planned)
 
     def may_execute(self, planned: Preview) -> bool:
         """True if the simulation of the motion takes seconds at most."""
-        return planned.trajectory.duration * planned.job.arm.dof <= LONGEST
+        return planned.trajectory.duration * planned.job.arm.dof <= MAX_SIMULATED
 
     def keep_start(self, job: Job, start: FloatArray) -> None:
         """Keep the configuration of a start [rad], (dof,), from now on."""
@@ -136,18 +136,18 @@ class CoarsePlanner:
         """The job with only one of its runs, by default the first."""
         return self._reuse.get("job", (data, run), lambda: self._make_job(data, run))
 
-    def drawn(self, data: Mapping[str, Any]) -> Program:
+    def path_program(self, data: Mapping[str, Any]) -> Program:
         """The path of a job as a program; reads only the keys of arm and path."""
         _, path = self._arm_and_path(self._model(data), data)
         return self._reuse.get("program", path, lambda: Program.from_path(path))
 
     def is_long(self, data: Mapping[str, Any]) -> bool:
         """True if the program is too long to be planned at every edit."""
-        program = self.drawn(data)
+        program = self.path_program(data)
         count = self._reuse.get(
             "segments", program, lambda: sum(len(x.path) for x in program.contours)
         )
-        return count > LONG
+        return count > LONG_PROGRAM
 
     def plan(
         self,
@@ -174,7 +174,7 @@ class CoarsePlanner:
             differs=(*differs, *kept),
         )
 
-    def execute(self, planned: Preview) -> Executed:
+    def execute(self, planned: Preview) -> PreviewExecution:
         """Compensate and simulate a plan, and compute its contour errors."""
         job, this, get = planned.job, planned.run, self._reuse.get
         moving = planned.tier == Tier.MOVING
@@ -204,7 +204,7 @@ class CoarsePlanner:
                 maximum=LARGE_RESULTS,
                 samples=lambda x: len(x[1].t),
             )
-        return Executed(
+        return PreviewExecution(
             planned=planned,
             set_points=set_points,
             execution=execution,

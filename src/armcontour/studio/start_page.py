@@ -15,7 +15,7 @@ import numpy as np
 
 from armcontour.core import checks
 from armcontour.core.errors import InvalidInput
-from armcontour.core.frames import Frame as Place
+from armcontour.core.frames import Frame
 from armcontour.core.staging import write_atomically
 from armcontour.files.cell import cell_names, cell_text, read_cell_arm
 from armcontour.files.job_edits import Change, change_text
@@ -23,8 +23,8 @@ from armcontour.robot import SerialArm
 from armcontour.robot.chain import link_poses
 from armcontour.studio.arm_picture import triangles_of
 from armcontour.studio.document import Document
-from armcontour.studio.drafts import all_drafts, make_private, place_of, state_folder
-from armcontour.studio.page_frame import Frame
+from armcontour.studio.drafts import all_drafts, draft_file, make_private, state_folder
+from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.uploads import Uploads
 
 # Drawings of the jobs to begin with; the others are the paper's job and an empty plane.
@@ -32,7 +32,7 @@ DRAWINGS = {"drawing": "plate.svg", "gcode": "slot.ngc", "weld": "seam.svg"}
 PAPER, EMPTY = "paper", "empty"
 WEAVE = {"width": "4 mm", "frequency": "2 Hz", "speed": "6 mm/s"}
 # Largest number of files on the start page: users recognize few by their names.
-MOST_RECENT = 8
+MAX_RECENT = 8
 DOWN = np.diag([1.0, -1.0, -1.0])
 
 
@@ -61,28 +61,30 @@ def blank_document(arm: str, folder: FilePath, key: str) -> Document:
     return Document.of_text(text, folder, "untitled.yaml", key, upload=True)
 
 
-def start_frame() -> Frame:
+def start_frame() -> PageFrame:
     """Frame with the contents of the start page: arms and recent files."""
-    shown = [{"id": id, "name": x["name"], "where": x["where"]} for id, x in _recent().items()]
-    return Frame("start", {"arms": pictures(), "recent": shown})
+    shown = [
+        {"id": id, "name": x["name"], "where": x["where"]} for id, x in _recent_entries().items()
+    ]
+    return PageFrame("start", {"arms": arm_pictures(), "recent": shown})
 
 
 @cache
-def pictures() -> list[dict[str, Any]]:
+def arm_pictures() -> list[dict[str, Any]]:
     """Arms of the built-in cells with silhouettes of their links as SVG paths."""
-    return [{"name": name, **_picture(name)} for name in cell_names()]
+    return [{"name": name, **_draw_arm(name)} for name in cell_names()]
 
 
-def _picture(name: str) -> dict[str, Any]:
+def _draw_arm(name: str) -> dict[str, Any]:
     """Silhouette of an arm that reaches forward, from its side; from above for a planar arm."""
     from scipy.spatial import ConvexHull
 
     arm: Any = read_cell_arm(name)
     ends = [*arm.chain.positions, (arm.chain.tip @ arm.chain.tool).position]
     reach = sum(float(np.linalg.norm(x)) for x in ends)
-    aim, up = Place(position=reach * np.array([0.55, 0.1, 0.0])), 1
+    aim, up = Frame(position=reach * np.array([0.55, 0.1, 0.0])), 1
     if isinstance(arm, SerialArm):
-        aim, up = Place(position=reach * np.array([0.45, 0.0, 0.15]), rotation=DOWN), 2
+        aim, up = Frame(position=reach * np.array([0.45, 0.0, 0.15]), rotation=DOWN), 2
     poses = link_poses(arm.chain, arm.inverse(aim, all=True))
     # The configuration with the elbow up.
     pose = poses[np.argmax(poses[:, :, up, 3].sum(axis=1))]
@@ -103,20 +105,20 @@ def _picture(name: str) -> dict[str, Any]:
 def open_file(file: FilePath, cell: str | None) -> Document:
     """Open a job file, or a drawing in a cell, and add it to the recent files."""
     found = Document.open(file) if cell is None else Document.of_drawing(file, cell)
-    remember(file, cell)
+    add_recent(file, cell)
     return found
 
 
-def remember(file: FilePath, cell: str | None) -> None:
+def add_recent(file: FilePath, cell: str | None) -> None:
     """Add a file to the recent files."""
     known = {"file": str(file.absolute()), "cell": cell}
-    content = json.dumps([known, *(x for x in _remembered() if x != known)][:MOST_RECENT]).encode()
+    content = json.dumps([known, *(x for x in _read_recent() if x != known)][:MAX_RECENT]).encode()
     with suppress(InvalidInput, OSError):
         make_private(state_folder())
         write_atomically(state_folder() / "recent.json", lambda fresh: fresh.write_bytes(content))
 
 
-def _remembered() -> list[dict[str, Any]]:
+def _read_recent() -> list[dict[str, Any]]:
     """Recent files, newest first."""
     try:
         known = json.loads((state_folder() / "recent.json").read_bytes())
@@ -125,24 +127,24 @@ def _remembered() -> list[dict[str, Any]]:
         return []
 
 
-def _recent() -> dict[str, dict[str, Any]]:
+def _recent_entries() -> dict[str, dict[str, Any]]:
     """Entries of the start page by identity: drafts of uploads, and existing files."""
     found: dict[str, dict[str, Any]] = {
-        place_of(x.key).stem: {"name": x.name, "where": "not saved", "draft": x}
+        draft_file(x.key).stem: {"name": x.name, "where": "not saved", "draft": x}
         for x in all_drafts()
         if x.upload
     }
-    for x in _remembered():
+    for x in _read_recent():
         file, cell = FilePath(x["file"]), x["cell"]
         if file.is_file():
             where = str(file.parent) if cell is None else f"{file.parent}, on {cell}"
-            found[place_of(str(x)).stem] = {"name": file.name, "where": where, **x}
+            found[draft_file(str(x)).stem] = {"name": file.name, "where": where, **x}
     return found
 
 
 def find_recent(identity: str) -> Mapping[str, Any]:
     """Draft, or file and cell, of an entry of the start page."""
-    found = _recent().get(identity)
+    found = _recent_entries().get(identity)
     if found is None:
         raise InvalidInput("This file is not there any more.")
     return found

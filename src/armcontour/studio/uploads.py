@@ -23,11 +23,11 @@ from armcontour.studio.drafts import all_drafts, make_private, state_folder
 
 # Endings of robot descriptions; .xacro is none of them, as it is a program.
 ROBOTS = (".urdf",)
-LONGEST = 100
+MAX_NAME = 100
 # Endings of logs of a robot, and how many are kept.
-LOGS, MOST_LOGS = (".csv", ".txt", ".log", ".mcap", ".db3"), 8
+LOGS, MAX_LOGS = (".csv", ".txt", ".log", ".mcap", ".db3"), 8
 # Age of folders of other sessions, whose servers may still run, before they are removed [s].
-OLD = 30 * 86400.0
+MAX_AGE = 30 * 86400.0
 
 
 class Uploads:
@@ -47,16 +47,16 @@ class Uploads:
         key = f"upload {name} on {cell} {unknown} {hashlib.sha256(content).hexdigest()}"
         ending, folder = FilePath(name).suffix.lower(), document.folder or FilePath.cwd()
         if ending in YAML:
-            return Document.of_text(_text(name, content), folder, name, key, upload=True)
+            return Document.of_text(_decode(name, content), folder, name, key, upload=True)
         if ending in ROBOTS:
-            file = self._keep(name, content, folder)
+            file = self._store(name, content, folder)
             return [Change(("arm",), {"file": file})]
         if ending not in READERS:
             raise InvalidInput(
                 f"{name} is neither a job (.yaml), nor a drawing ({', '.join(READERS)}), nor a "
                 "robot (.urdf)."
             )
-        file = self._keep(name, content, folder)
+        file = self._store(name, content, folder)
         options = [Change(("path", "unknown"), unknown)] if unknown else []
         if cell is not None:
             if cell not in cell_names():
@@ -86,7 +86,7 @@ class Uploads:
         place.write_bytes(content)
         self.logs.pop(place.name, None)
         self.logs[place.name] = place
-        if len(self.logs) > MOST_LOGS:
+        if len(self.logs) > MAX_LOGS:
             self.logs.pop(next(iter(self.logs))).unlink()
         return place.name
 
@@ -99,14 +99,14 @@ class Uploads:
     def close(self) -> None:
         """Remove uploads that no draft needs, of this session and of sessions older than OLD."""
         needed = "".join(x.text for x in all_drafts())
-        old = time.time() - OLD
+        old = time.time() - MAX_AGE
         for folder in self.root.glob("*"):
             own = folder in (self.folder, self._logs)
             if folder.name in needed or (not own and folder.stat().st_mtime > old):
                 continue
             shutil.rmtree(folder, ignore_errors=True)
 
-    def _keep(self, name: str, content: bytes, beside: FilePath) -> str:
+    def _store(self, name: str, content: bytes, beside: FilePath) -> str:
         """Path of a file next to the job if it exists there, else in the folder of uploads."""
         there = beside / name
         if there.is_file() and not there.is_symlink() and there.read_bytes() == content:
@@ -120,11 +120,11 @@ class Uploads:
 def check_file_name(name: str) -> None:
     """Refuse names with folders, leading dots or unprintable characters."""
     plain = name == FilePath(name).name and "\\" not in name and not name.startswith(".")
-    if not plain or len(name) > LONGEST or make_printable(name) != name:
+    if not plain or len(name) > MAX_NAME or make_printable(name) != name:
         raise InvalidInput("The name of the file is no plain name.")
 
 
-def _text(name: str, content: bytes) -> str:
+def _decode(name: str, content: bytes) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -13,19 +13,19 @@ from armcontour.core.checks import BoolArray, FloatArray, IntArray
 from armcontour.geometry import Path
 
 # The box of a path is computed from so many of its points, and from the ends of its segments.
-LOOKS = 41
+BOX_SAMPLES = 41
 
 # Times of a motion that are drawn, whatever happens between them, are so close [s], and at most so
 # many: on straight lines between them an arm that accelerates by 20 rad/s² is off by 0.3 mrad.
-CLOSE, MOST_EVEN = 10e-3, 2_000
+MAX_SPACING, MAX_SAMPLES = 10e-3, 2_000
 # The error of a picture of all lines is its size divided by this; its size is at least this [m].
-FINENESS, SMALLEST = 5_000, 1e-4
+PICTURE_FINENESS, MIN_SIZE = 5_000, 1e-4
 # Curves are drawn with points that are not farther apart than this [rad], and at most so many.
-TURN, MOST_PER_ARC = 0.06, 20_000
+TURN, MAX_PER_ARC = 0.06, 20_000
 # At such turns drawn lines keep a point [rad], unless these points are too many.
-KEPT_TURN, MOST_CORNERS = 0.4, 100_000
+CORNER_TURN, MAX_CORNERS = 0.4, 100_000
 # Charts of short motions have so many at least.
-FEWEST_EVEN = 200
+MIN_SAMPLES = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,21 +71,21 @@ class View:
         axes = np.stack([self.plane.x, self.plane.y], axis=1)
         return np.asarray((in_space(points) - self.plane.origin) @ axes)
 
-    def drawn(self, points: FloatArray) -> FloatArray:
+    def screen_points(self, points: FloatArray) -> FloatArray:
         """Points relative to the centre, float32, (n, 2)."""
         return np.asarray(self.uv(points) - self.centre, dtype=np.float32)
 
     def box(self, path: Path) -> FloatArray:
         """Bounds (u_min, v_min, u_max, v_max) of a path from the centre [m], (4,)."""
         if id(path) not in self._boxes:
-            s = np.linspace(0.0, path.length, LOOKS)
+            s = np.linspace(0.0, path.length, BOX_SAMPLES)
             uv = self.uv(path(np.union1d(path.breaks, s))) - self.centre
             # No point is farther from all of these than half a piece.
-            more = np.full(2, path.length / (LOOKS - 1) / 2)
+            more = np.full(2, path.length / (BOX_SAMPLES - 1) / 2)
             self._boxes[id(path)] = path, np.append(uv.min(0) - more, uv.max(0) + more)
         return self._boxes[id(path)][1]
 
-    def offsets(self, vectors: FloatArray) -> FloatArray:
+    def screen_vectors(self, vectors: FloatArray) -> FloatArray:
         """Vectors in the plane, float32, (n, 2)."""
         axes = np.stack([self.plane.x, self.plane.y], axis=1)
         return np.asarray(in_space(vectors) @ axes, dtype=np.float32)
@@ -114,18 +114,18 @@ def in_space(points: FloatArray) -> FloatArray:
     return np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1)
 
 
-def short(values: FloatArray) -> Any:
+def to_float32(values: FloatArray) -> Any:
     """Values as float32."""
     return np.ascontiguousarray(values, dtype=np.float32)
 
 
-def evenly(duration: float) -> FloatArray:
+def sample_times(duration: float) -> FloatArray:
     """Evenly spaced times of a motion [s]."""
-    count = min(MOST_EVEN, max(FEWEST_EVEN, 1 + int(np.ceil(duration / CLOSE))))
+    count = min(MAX_SAMPLES, max(MIN_SAMPLES, 1 + int(np.ceil(duration / MAX_SPACING))))
     return np.linspace(0.0, duration, count)
 
 
-def thin(weight: FloatArray, rows: Sequence[FloatArray], most: int) -> IntArray:
+def select_points(weight: FloatArray, rows: Sequence[FloatArray], most: int) -> IntArray:
     """Indices of about `most` points: infinite weights, the heaviest, and extremes of rows."""
     count = len(weight)
     if count <= most:
@@ -160,32 +160,32 @@ class Detail:
     box: FloatArray | None = None
 
     @classmethod
-    def of_whole(cls, uv: FloatArray) -> Detail:
+    def for_points(cls, uv: FloatArray) -> Detail:
         """Resolution for all points of a path [m], (n, 2)."""
         # The size is the same when the path is turned.
         away = np.linalg.norm(uv - uv.mean(axis=0), axis=1)
         size = 2.0 * float(away.max(initial=0.0))
-        return cls(max(size, SMALLEST) / FINENESS)
+        return cls(max(size, MIN_SIZE) / PICTURE_FINENESS)
 
-    def has(self, box_of: Callable[[Path], FloatArray], path: Path) -> bool:
+    def may_show(self, box_of: Callable[[Path], FloatArray], path: Path) -> bool:
         """True if a path may be visible; its box is computed only if necessary."""
         if self.box is None:
             return True
         box = box_of(path)
         return bool((box[2:] >= self.box[:2]).all() and (box[:2] <= self.box[2:]).all())
 
-    def places(self, path: Path) -> FloatArray:
+    def arc_lengths(self, path: Path) -> FloatArray:
         """Arc lengths of segment ends and of points on curves [m]."""
         bend = np.abs(path.curvatures)
         coarse = np.maximum(bend * path.lengths / TURN, path.lengths * np.sqrt(bend / self.error))
-        parts = np.clip(np.ceil(coarse), 1, MOST_PER_ARC).astype(np.intp)
+        parts = np.clip(np.ceil(coarse), 1, MAX_PER_ARC).astype(np.intp)
         if len(path) == parts.sum():
             return path.breaks
         i = np.repeat(np.arange(len(path)), parts)
         k = np.arange(len(i)) - np.repeat(np.cumsum(parts) - parts, parts)
         return np.append(path.breaks[i] + path.lengths[i] * (k / parts[i]), path.length)
 
-    def seen(self, uv: FloatArray, ends: IntArray) -> tuple[IntArray, IntArray]:
+    def visible_ends(self, uv: FloatArray, ends: IntArray) -> tuple[IntArray, IntArray]:
         """Indices of the ends of visible segments, and among them the first of each line."""
         if self.box is None or len(uv) < 2:
             return np.arange(len(uv)), ends
@@ -199,14 +199,14 @@ class Detail:
         first = np.flatnonzero((begins & ~ends_here)[kept])
         return kept, np.append(first, len(kept))
 
-    def needed(self, points: FloatArray, ends: IntArray) -> BoolArray:
+    def essential_points(self, points: FloatArray, ends: IntArray) -> BoolArray:
         """Mask of the points that keep lines within the error and keep their corners, (n,)."""
         kept = np.zeros(len(points), dtype=bool)
         kept[ends[:-1]] = kept[ends[1:] - 1] = True
-        turned = np.floor(_turns(points, ends) / KEPT_TURN)
+        turned = np.floor(_turns(points, ends) / CORNER_TURN)
         corners = 1 + np.flatnonzero(np.diff(turned))
         # Far more corners are a hatching, whose lines are nearer than what is seen.
-        if len(corners) <= MOST_CORNERS:
+        if len(corners) <= MAX_CORNERS:
             kept[corners] = True
         left = np.flatnonzero(~kept)
         while len(left):

@@ -44,8 +44,8 @@ def _to_waypoints(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     return waypoint_changes(state.handles, state.data)
 
 
-Made: TypeAlias = Callable[[Mapping[str, Any], EditState], Sequence[Change]]
-EDITS: dict[Any, Made] = {
+EditFunction: TypeAlias = Callable[[Mapping[str, Any], EditState], Sequence[Change]]
+EDITS: dict[Any, EditFunction] = {
     "set": set_value,
     "unset": unset_value,
     "tilt": tilt,

@@ -28,7 +28,7 @@ FIRST_TOLERANCE = "1 mm"
 # Mappings by numbers, of waypoints and of tools.
 NUMBERED = ("at", "tools")
 # Mappings that a job has, be they empty.
-NEEDED: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs",))
+REQUIRED_LIBRARIES: tuple[Keys, ...] = (("arm",), ("path",), ("servo",), ("runs",))
 
 
 def set_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
@@ -46,7 +46,7 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
         return [Change(keys, value, insert=True)]
     if isinstance(value, dict) and isinstance(now, dict):
         # One by one, so that the comments of each stay.
-        own = {k: written(x, now.get(k), (*keys, k)) for k, x in value.items()}
+        own = {k: format_value(x, now.get(k), (*keys, k)) for k, x in value.items()}
         return [Change((*keys, k), own.get(k, REMOVE)) for k in {**now, **own}]
     if keys == ("arm",) and isinstance(value, str) and isinstance(now, Mapping):
         # The equipment of the arm stays.
@@ -62,14 +62,14 @@ def _set(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     ):
         keys, value = tuple(outer), _for_joints(keys, value, values, state)
     else:
-        value = written(value, now, keys)
+        value = format_value(value, now, keys)
     return resolve_patch(state.data, {keys: value}, state.run)
 
 
 def unset_value(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Remove a key, and mappings that become empty."""
     keys = _plain(_place(edit, state))
-    while len(keys) > 1 and isinstance(keys[-1], str) and keys[:-1] not in NEEDED:
+    while len(keys) > 1 and isinstance(keys[-1], str) and keys[:-1] not in REQUIRED_LIBRARIES:
         outer = value_at(state.data, keys[:-1])
         # A run and a layer that is read may be empty.
         empty = keys[0] == "runs" and len(keys) == 3 or keys[:2] == ("path", "layers")
@@ -100,7 +100,7 @@ def _in_run(keys: Keys, value: Any, state: EditState) -> list[Change]:
         changes = [Change(here, deepcopy(shared))]
     own = replace(state, data=change_data(state.data, changes))
     # A number has the unit that is shown.
-    value = written(value, value_at(state.data, _plain(keys)), keys)
+    value = format_value(value, value_at(state.data, _plain(keys)), keys)
     return changes + _set({"key": [*here, *_plain(keys[1:])], "value": value}, own)
 
 
@@ -112,7 +112,7 @@ def _for_joints(keys: Keys, value: Any, old: Any, state: EditState) -> list[Any]
         raise InvalidInput(f"{'.'.join(map(str, outer))} has no values of single joints.")
     checks.check_int("number of the joint", joint, 0, len(now) - 1)
     si = [value if k == joint else float(x) for k, x in enumerate(now)]
-    return [written(x, old, (*outer, k)) for k, x in enumerate(si)]
+    return [format_value(x, old, (*outer, k)) for k, x in enumerate(si)]
 
 
 def joint_values(keys: Keys, job: Job, run: str) -> FloatArray | None:
@@ -137,12 +137,12 @@ def run_of(job: Job, name: str) -> Run:
     raise InvalidInput(f"The job has no run {show(name)}.")
 
 
-def written(value: Any, old: Any, keys: Keys) -> Any:
+def format_value(value: Any, old: Any, keys: Keys) -> Any:
     """Format a value like the old one, whose unit a number typed without a unit has."""
     if isinstance(value, list):
         olds = old if isinstance(old, list) and len(old) == len(value) else [old] * len(value)
         pairs = enumerate(zip(value, olds, strict=True))
-        return [written(x, was, (*keys, k)) for k, (x, was) in pairs]
+        return [format_value(x, was, (*keys, k)) for k, (x, was) in pairs]
     kind = quantity_of(JobModel, keys)
     if kind is None or isinstance(value, bool):
         return value

@@ -22,7 +22,7 @@ from armcontour.files.scene_file import rotation_of
 from armcontour.files.si_data import in_si
 from armcontour.files.units import read_quantity, write_like
 from armcontour.geometry.prescribed_orientation import POINTING_DOWN
-from armcontour.studio.edits.keys import written
+from armcontour.studio.edits.keys import format_value
 from armcontour.studio.handles import ANGLE, BODIES, EXACT, LENGTH, EditState, Handles, uv_of
 
 # Angles are written with the fewest digits that are this exact [rad].
@@ -159,7 +159,7 @@ def obstacle(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     if action == "add":
         new = {"name": _free_name(edit.get("name") or named, state)}
         keys: Keys = ("scene", kind, len(there))
-        given = {key: written(x, None, (*keys, key)) for key, x in _body(edit).items()}
+        given = {key: format_value(x, None, (*keys, key)) for key, x in _body(edit).items()}
         return [Change(keys, {**new, **given}, insert=True)]
     index = checks.check_int("number of the obstacle", edit["index"], 0, len(there) - 1)
     keys = ("scene", kind, index)
@@ -167,7 +167,7 @@ def obstacle(edit: Mapping[str, Any], state: EditState) -> list[Change]:
         return [Change(keys if len(there) > 1 else keys[:2])]
     fresh = {"name": edit["name"]} if "name" in edit else {}
     return [
-        Change((*keys, key), written(x, there[index].get(key), (*keys, key)))
+        Change((*keys, key), format_value(x, there[index].get(key), (*keys, key)))
         for key, x in {**fresh, **_body(edit)}.items()
     ]
 

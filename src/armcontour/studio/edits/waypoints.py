@@ -12,7 +12,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.text import show
 from armcontour.files.job_edits import Change, Keys, value_at
 from armcontour.files.patch import locate_key
-from armcontour.studio.edits.keys import written
+from armcontour.studio.edits.keys import format_value
 from armcontour.studio.handles import (
     CENTER,
     END,
@@ -29,7 +29,7 @@ from armcontour.studio.handles import (
 )
 
 # Largest number of a waypoint.
-MOST_POINTS = 10_000_000
+MAX_WAYPOINT = 10_000_000
 
 TO = "to"
 # A shape that starts so near the end of the path goes on there [m].
@@ -43,17 +43,17 @@ def corner_tolerance(edit: Mapping[str, Any], state: EditState) -> list[Change]:
             "This corner is at no waypoint of a path of one contour, so that it cannot have a "
             "tolerance of its own: set that of all corners."
         )
-    index = checks.check_int("number of the waypoint", edit["index"], 0, MOST_POINTS)
+    index = checks.check_int("number of the waypoint", edit["index"], 0, MAX_WAYPOINT)
     keys = locate_key(("corners", "at"), state.data, state.run)
     key: Keys = (*keys, index + 1)
     given = value_at(state.data, keys)
     if edit["value"] is None:
         alone = isinstance(given, dict) and set(given) == {index + 1}
         return [Change(keys if alone else key)]
-    return [Change(key, written(edit["value"], value_at(state.data, key), key))]
+    return [Change(key, format_value(edit["value"], value_at(state.data, key), key))]
 
 
-def renumbered(index: int, by: int, state: EditState) -> list[Change]:
+def renumber_corners(index: int, by: int, state: EditState) -> list[Change]:
     """Changes of corner tolerances when the waypoints from `index` on are renumbered by `by`."""
     changes = []
     last = len(state.handles.ends) - 1
@@ -92,7 +92,7 @@ def set_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
             f"Waypoint {point.index + 1} has {len(point.written)} coordinates, not {show(given)}."
         )
     new = [
-        written(x, old, (*point.keys, k))
+        format_value(x, old, (*point.keys, k))
         for k, (x, old) in enumerate(zip(given, point.written, strict=True))
     ]
     return _coordinates(point.keys, point.written, new)
@@ -106,7 +106,7 @@ def _coordinates(keys: Keys, old: Sequence[Any], new: Sequence[Any]) -> list[Cha
 
 def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Insert a waypoint at an index of the path."""
-    handles, index = editable(state), edit["index"]
+    handles, index = require_editable(state), edit["index"]
     ends = handles.ends
     checks.check_int("number of the waypoint", index, 0, len(ends))
     beside = ends[min(index, len(ends) - 1)]
@@ -118,7 +118,7 @@ def insert_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     else:
         changes = [Change((*_list_of(handles), index), at, insert=True)]
     like = min(index, len(ends) - 1)
-    return [*changes, *insert_orientation(index, like, state), *renumbered(index, 1, state)]
+    return [*changes, *copy_orientation(index, like, state), *renumber_corners(index, 1, state)]
 
 
 def _insert_segment(index: int, at: list[Any], state: EditState) -> list[Change]:
@@ -141,7 +141,7 @@ def _insert_segment(index: int, at: list[Any], state: EditState) -> list[Change]
 
 def remove_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Remove a waypoint at the end of a segment."""
-    handles, point = editable(state), _waypoint(edit, state, computed=True)
+    handles, point = require_editable(state), _waypoint(edit, state, computed=True)
     if point.role not in (POINT, END):
         raise InvalidInput(
             f"Waypoint {point.index + 1} is the {point.role} point of an arc, which needs it: "
@@ -165,10 +165,10 @@ def remove_waypoint(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     orientation = value_at(state.data, ("path", "orientation"))
     if isinstance(orientation, list) and index < len(orientation):
         changes.append(Change(("path", "orientation", index)))
-    return [*changes, *renumbered(index, -1, state)]
+    return [*changes, *renumber_corners(index, -1, state)]
 
 
-def insert_orientation(index: int, like: int, state: EditState) -> list[Change]:
+def copy_orientation(index: int, like: int, state: EditState) -> list[Change]:
     """Copy the orientation of a neighbour for a new waypoint."""
     given = value_at(state.data, ("path", "orientation"))
     if not isinstance(given, list) or like >= len(given):
@@ -176,7 +176,7 @@ def insert_orientation(index: int, like: int, state: EditState) -> list[Change]:
     return [Change(("path", "orientation", index), given[like], insert=True)]
 
 
-def editable(state: EditState) -> Handles:
+def require_editable(state: EditState) -> Handles:
     """The handles of a job; refuses points that come from a file."""
     if state.handles.why_not is not None:
         raise InvalidInput(state.handles.why_not)
@@ -185,7 +185,7 @@ def editable(state: EditState) -> Handles:
 
 def _waypoint(edit: Mapping[str, Any], state: EditState, *, computed: bool = False) -> Waypoint:
     """The waypoint of an edit. It must exist and be movable."""
-    points = editable(state).waypoints
+    points = require_editable(state).waypoints
     point = points[checks.check_int("number of the waypoint", edit["index"], 0, len(points) - 1)]
     if point.why_not is not None and not computed:
         raise InvalidInput(f"Waypoint {point.index + 1} cannot be moved. {point.why_not}")
@@ -198,7 +198,7 @@ def _list_of(handles: Handles) -> Keys:
 
 def draw(edit: Mapping[str, Any], state: EditState) -> list[Change]:
     """Append drawn segments: lines to points, arcs via points, circles around centres."""
-    handles, path = editable(state), state.data["path"]
+    handles, path = require_editable(state), state.data["path"]
     if handles.kind == SPLINE:
         raise InvalidInput("A spline has no lines and arcs: draw on an empty plane instead (New).")
     drawn = edit["segments"]
@@ -230,5 +230,5 @@ def draw(edit: Mapping[str, Any], state: EditState) -> list[Change]:
         values = {"start": begin, SEGMENTS: [*({TO: x} for x in others), *segments]}
         changes = [Change(("path", POINTS)), *(Change(("path", k), x) for k, x in values.items())]
     for k in range(len(segments)):
-        changes += insert_orientation(len(ends) + k, len(ends) - 1, state)
+        changes += copy_orientation(len(ends) + k, len(ends) - 1, state)
     return changes

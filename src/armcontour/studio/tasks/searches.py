@@ -13,7 +13,7 @@ from armcontour.core.progress import Step
 from armcontour.jobs import PlaceSearch
 from armcontour.jobs.place_search import LENGTHS
 from armcontour.robot.scene import BASE
-from armcontour.studio.page_frame import Frame
+from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.request import Request
 
 if TYPE_CHECKING:
@@ -21,60 +21,66 @@ if TYPE_CHECKING:
 
 
 # A sweep has so many points by default.
-SWEPT = 15
+SWEEP_POINTS = 15
 
 
-def sweep(x: Request) -> Frame:
+def sweep(request: Request) -> PageFrame:
     """Duration and error in previews over `values`, or `min`, `max`, `count`, `log`, of `key`."""
     from armcontour.files.job_edits import change_data
     from armcontour.studio.edits.keys import set_value
     from armcontour.studio.handles import EditState, handles_of
 
-    key, values = str(x.option("key", "")), _values(x)
-    state = EditState(data=x.data, run=x.job.runs[0].name, handles=handles_of(x.job, x.data))
+    key, values = str(request.option("key", "")), _values(request)
+    state = EditState(
+        data=request.data,
+        run=request.job.runs[0].name,
+        handles=handles_of(request.job, request.data),
+    )
     duration, rms, most = (np.full(len(values), np.nan) for _ in range(3))
     refusals: list[str | None] = []
     for k, value in enumerate(values.tolist()):
-        x.progress(Step((f"{k + 1} of {len(values)}",), k / len(values)))
+        request.progress(Step((f"{k + 1} of {len(values)}",), k / len(values)))
         try:
             changes = set_value({"key": key, "value": value}, state)
-            planned = x.previewer.plan(change_data(x.data, changes), x.run)
+            planned = request.previewer.plan(change_data(request.data, changes), request.run)
             duration[k] = planned.trajectory.duration
-            errors = x.previewer.execute(planned).errors
+            errors = request.previewer.execute(planned).errors
             rms[k], most[k] = errors.rms, errors.max
             refusals.append(None)
         except ArmContourError as error:
             refusals.append(str(error))
-    return Frame(
+    return PageFrame(
         "result",
         {"run": state.run, "key": key, "refusals": refusals},
         {"values": values, "duration": duration, "rms": rms, "max": most},
     )
 
 
-def _values(x: Request) -> Any:
-    given = x.options.get("values")
+def _values(request: Request) -> Any:
+    given = request.options.get("values")
     if given is not None:
         return np.array(given, dtype=np.float64)
-    low, high = x.options.get("min"), x.options.get("max")
+    low, high = request.options.get("min"), request.options.get("max")
     if low is None or high is None:
         raise InvalidInput("A sweep needs values, or min and max.")
-    space = np.geomspace if x.option("log", False) else np.linspace
-    return space(float(low), float(high), int(x.option("count", SWEPT)))
+    space = np.geomspace if request.option("log", False) else np.linspace
+    return space(float(low), float(high), int(request.option("count", SWEEP_POINTS)))
 
 
-def place(x: Request) -> Frame:
+def place(request: Request) -> PageFrame:
     """Map of part placements; options are `processes`, `as_job` and fields of `PlaceSearch`."""
     from armcontour.core.render import frame, verdict
     from armcontour.studies.placement import place
 
-    given = dict(x.options)
+    given = dict(request.options)
     processes, as_job = given.pop("processes", 1), given.pop("as_job", True)
-    base = (x.job.placement if as_job else None) or PlaceSearch()
+    base = (request.job.placement if as_job else None) or PlaceSearch()
     search = replace(base, **given)
     search = replace(search, over={**base.over, **search.over})
     _refuse_unseen(search)
-    found = place(x.job, search, run=x.run, processes=processes, progress=x.progress)
+    found = place(
+        request.job, search, run=request.run, processes=processes, progress=request.progress
+    )
     verdicts, objective = found.verdicts, found.objective
     places = [found.place(k) for k in range(len(verdicts))]
     kinds = list(found.refusals)
@@ -87,10 +93,10 @@ def place(x: Request) -> Frame:
     header = {
         **{"run": found.run.name, "sentence": sentence, "objective": objective},
         "axes": [{"name": y.name, "values": y.values} for y in found.axes],
-        "anchor": x.view.uv(anchor),
+        "anchor": request.view.uv(anchor),
         "refusals": kinds,
         "best": {
-            **{"values": best.values, "by": _shift(x.view, best.values, zero)},
+            **{"values": best.values, "by": _shift(request.view, best.values, zero)},
             "turn": best.values.get("yaw", 0.0),
             "rows": frame(best.verdict.to_data()),
         },
@@ -101,13 +107,13 @@ def place(x: Request) -> Frame:
     scores = np.array([y.score(objective) for y in verdicts])
     # The part moves by these, which are written into the file: they have all digits.
     arrays: dict[str, Any] = {
-        "by": np.array([_shift(x.view, y, zero) for y in places]),
+        "by": np.array([_shift(request.view, y, zero) for y in places]),
         "turn": np.array([y.get("yaw", 0.0) for y in places]),
         "duration": found.values("duration").ravel().astype(np.float32),
         "score": scores.astype(np.float32),
         "refusal": np.array(refused, dtype=np.uint8),
     }
-    return Frame("result", header, arrays)
+    return PageFrame("result", header, arrays)
 
 
 def _refuse_unseen(search: PlaceSearch) -> None:
