@@ -109,4 +109,4 @@ def kinds(frames):
 def session_of(file, fast=AtOnce, rest=NEVER):
     document = Document.open(file)
     previewer = CoarsePlanner(document.folder)
-    return Session(document, previewer, fast=fast, slow=NoLane, rest=rest)
+    return Session(document, previewer, fast=fast, slow=NoLane, rest_time=rest)

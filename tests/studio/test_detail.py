@@ -71,7 +71,7 @@ def page(tmp_path_factory):
     file = tmp_path_factory.mktemp("many") / "many.dxf"
     draw(file)
     document = Document.of_drawing(file, "ur5e")
-    session = Session(document, CoarsePlanner(file.parent), fast=AtOnce, slow=NoLane, rest=1e6)
+    session = Session(document, CoarsePlanner(file.parent), fast=AtOnce, slow=NoLane, rest_time=1e6)
     session.begin()
     tab = Tab(session)
     yield tab
@@ -141,7 +141,7 @@ def test_a_plan_and_its_execution_are_drawn_finer_too(tmp_path, no_hurry):
     file = tmp_path / "few.dxf"
     draw(file, 3)
     document = Document.of_drawing(file, "ur5e")
-    session = Session(document, CoarsePlanner(tmp_path), fast=AtOnce, slow=NoLane, rest=1e6)
+    session = Session(document, CoarsePlanner(tmp_path), fast=AtOnce, slow=NoLane, rest_time=1e6)
     session.begin()
     tab = Tab(session)
     picture, executed = (
@@ -172,11 +172,11 @@ def test_a_plan_and_its_execution_are_drawn_finer_too(tmp_path, no_hurry):
 def test_a_part_that_is_moved_has_the_same_points(program):
     paths = [x.path for x in program.contours]
     smooth = Detail(np.inf)
-    parts = [x(smooth.places(x)) for x in paths]
+    parts = [x(smooth.arc_lengths(x)) for x in paths]
     points, ends = np.concatenate(parts)[:, :2], np.cumsum([0, *map(len, parts)])
     turn = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
     kept = []
     for moved in (points, points @ turn.T + [0.1, 0.2]):
         detail = Detail.for_points(moved)
-        kept.append(detail.needed(moved, ends))
+        kept.append(detail.essential_points(moved, ends))
     assert np.array_equal(*kept) and 10_000 < kept[0].sum() < len(points) / 2

@@ -21,8 +21,8 @@ from armcontour.jobs import run
 from armcontour.studio.execution_picture import execution_frame
 from armcontour.studio.page_frame import TYPES, PageFrame
 from armcontour.studio.picture import (
-    MOST_SHORTFALLS,
-    NOTHING,
+    MAX_SHORTFALLS,
+    NO_LIMIT,
     drawing_frame,
     picture_frame,
     refusal_header,
@@ -85,7 +85,7 @@ def test_colours_are_what_explain_says(shown):
     for s in random[~close]:
         (why,) = (x.name for x in bindings if x.s[0] <= s < x.s[1])
         k = a["binding"][np.searchsorted(drawn, s, side="right") - 1]
-        assert (names[k] if k != NOTHING else "nothing") == why
+        assert (names[k] if k != NO_LIMIT else "nothing") == why
     kinds = {x["name"]: x["kind"] for x in frame.header["limits"]}
     assert kinds["joint 2 acceleration"] == "acceleration"
     assert kinds["assigned velocity"] == "assigned velocity"
@@ -128,7 +128,7 @@ def test_corners_and_shortfalls_have_their_places(shown, gasket, view):
 
 
 def test_slow_places_that_are_not_listed_are_counted(shown, view):
-    why, most = shown[0].explanation, MOST_SHORTFALLS
+    why, most = shown[0].explanation, MAX_SHORTFALLS
     slow = [replace(why.shortfalls[0], speed=0.01 + 1e-4 * (k % most)) for k in range(2 * most)]
     planned = replace(shown[0], explanation=replace(why, shortfalls=tuple(slow)))
     header = picture_frame(planned, view).header
@@ -139,7 +139,7 @@ def test_slow_places_that_are_not_listed_are_counted(shown, view):
 def test_other_methods_have_no_colours(plans, view):
     for name in ("proposed", "conventional"):
         frame = packed(picture_frame(plans[name], view))
-        assert (frame.arrays["binding"] == NOTHING).all()
+        assert (frame.arrays["binding"] == NO_LIMIT).all()
         assert not frame.header["limits"] and not frame.header["time"]
 
 
@@ -172,7 +172,7 @@ def test_contours_and_rapids_are_parts_with_their_own_colours(gasket, view):
     for begin, end, span in zip(starts, starts[1:], spans, strict=False):
         own = a["binding"][begin : end - 1]
         told = {y.name for y in planned.explanation.bindings if span.s[0] <= y.s[0] < span.s[1]}
-        assert {names[k] if k != NOTHING else "nothing" for k in own} == told
+        assert {names[k] if k != NO_LIMIT else "nothing" for k in own} == told
     path_s, starts = a["path_s"].astype(float), planned.path.breaks
     size = np.ptp(a["path"], axis=0).max()
     for x, start, end in zip(planned.path.contours, starts, starts[1:], strict=False):

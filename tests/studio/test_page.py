@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from tests.studio.test_arithmetic import NODE, compute
 
-from armcontour.core.frames import Frame as Pose
+from armcontour.core.frames import PageFrame as Pose
 from armcontour.studio.execution_picture import execution_frame
-from armcontour.studio.page_frame import Frame
+from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import CoarsePlanner
 
 pytestmark = pytest.mark.skipif(NODE is None, reason="the page's arithmetic is run by node")
@@ -22,7 +22,7 @@ def test_the_page_reads_the_frames_that_the_server_writes():
         "none": np.empty((0, 2), dtype=np.float32),
     }
     head = {"seq": 7, "rev": 2, "sentence": "a μ of 1° — „done“"}
-    data = Frame("picture", head, arrays).pack()
+    data = PageFrame("picture", head, arrays).pack()
     found = compute(
         """
         const { unpack } = await import("./wire.js");

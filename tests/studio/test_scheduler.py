@@ -27,7 +27,7 @@ from armcontour.core.yaml_loader import load
 from armcontour.files import parse_job
 from armcontour.files.job_edits import Change, change_text
 from armcontour.studio import scheduler
-from armcontour.studio.page_frame import Frame
+from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.preview import CoarsePlanner, Tier
 
 PAPER = (resources.files("armcontour.jobs") / "library" / "paper.yaml").read_text("utf-8")
@@ -63,7 +63,7 @@ def tiers(frames):
 
 def answer(lane, **header):
     """The other process gives the figures that it was asked for last; there is no change."""
-    lane.deliver(Frame("figures", {"id": lane.given[-1][0], "tier": "exact", **header}))
+    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact", **header}))
     if lane.given[-1][1] == "changes":
         advance(lane, share=1.0)
 
@@ -72,7 +72,7 @@ def advance(lane, **header):
     """The other process gives the next step of what to change."""
     id, task, _ = lane.given[-1]
     assert task == "changes"
-    lane.deliver(Frame("changes", {"id": id, **header}))
+    lane.deliver(PageFrame("changes", {"id": id, **header}))
 
 
 def figures_asked(lane):
@@ -134,7 +134,7 @@ def test_exact_figures_come_when_nothing_moves(opened):
     tab.edit({**MOVE, "to": [0.39, 0.16]}, gesture=1)
     assert len(figures_asked(lane)) == 2, "one at a time"
     before = kinds(tab.frames).count("figures")
-    lane.deliver(Frame("figures", {"id": late}))
+    lane.deliver(PageFrame("figures", {"id": late}))
     assert kinds(tab.frames).count("figures") == before, "out of date"
     asked = figures_asked(lane)
     assert len(asked) == 3 and asked[2][2]["text"] == session.document.text
@@ -147,7 +147,7 @@ def test_exact_figures_come_when_nothing_moves(opened):
 
 def test_what_to_change_follows_step_by_step_until_something_is_edited(opened):
     session, tab, lane = opened(fast=Resting)
-    lane.deliver(Frame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
+    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
     for share in (0.0, 0.5):
         advance(lane, share=share)
         assert tab.last("changes")["share"] == share
@@ -159,7 +159,7 @@ def test_what_to_change_follows_step_by_step_until_something_is_edited(opened):
     advance(lane, share=0.75)
     assert kinds(tab.frames).count("changes") == before
     assert lane.given[-1][1] == "figures"
-    lane.deliver(Frame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
+    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
     advance(lane, share=0.5)
     # Without another change of the document it goes on where it was.
     tab.say("select", run="slow")
@@ -169,8 +169,8 @@ def test_what_to_change_follows_step_by_step_until_something_is_edited(opened):
     assert tab.last("changes")["changes"] == ["faster"] and len(lane.given) == steps
     # A step that fails is no loss.
     tab.edit(MOVE | {"to": [0.38, 0.15]}, gesture=2)
-    lane.deliver(Frame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
-    lane.deliver(Frame("failed", {"id": lane.given[-1][0], "sentence": "too bad"}))
+    lane.deliver(PageFrame("figures", {"id": lane.given[-1][0], "tier": "exact"}))
+    lane.deliver(PageFrame("failed", {"id": lane.given[-1][0], "sentence": "too bad"}))
     assert "failed" not in kinds(tab.frames) and len(figures_asked(lane)) == 3
 
 
@@ -281,7 +281,7 @@ def test_a_slow_plan_has_an_outline_and_progress_and_is_stopped_and_resumed(
     assert tiers(heard) == ["picture outline"]
     assert progress(heard)[-2:] == ["working", "stopped"]
     assert lane.cancelled == [lane.given[-1][0]], "its figures are stopped, too"
-    lane.deliver(Frame("cancelled", {"id": lane.cancelled[0]}))
+    lane.deliver(PageFrame("cancelled", {"id": lane.cancelled[0]}))
     count = len(lane.given)
     heard = tab.say("resume")
     assert tiers(heard)[-2:] == ["picture preview", "executed preview"]
@@ -313,7 +313,7 @@ def test_progress_of_exact_figures_is_told_with_its_step(opened, during, monkeyp
     monkeypatch.setattr(scheduler, "PROGRESS_INTERVAL", -1e6)
     _, tab, lane = opened(fast=Nested)
     step = {"id": lane.given[-1][0], "steps": ["compensated", "timing"], "share": 0.25}
-    lane.deliver(Frame("progress", step))
+    lane.deliver(PageFrame("progress", step))
     told = tab.last("progress")
     assert (told["tier"], told["share"]) == ("exact", 0.25)
     assert told["steps"] == ["compensated", "timing (step 3 of 7)"]
@@ -324,13 +324,15 @@ def test_progress_of_exact_figures_is_told_with_its_step(opened, during, monkeyp
 def test_a_killed_process_is_said_and_the_next_edit_has_figures(opened):
     _, tab, lane = opened(fast=Nested)
     id = lane.given[-1][0]
-    lane.deliver(Frame("failed", {"id": id, "sentence": "It has ended before it gave an answer."}))
+    lane.deliver(
+        PageFrame("failed", {"id": id, "sentence": "It has ended before it gave an answer."})
+    )
     told = tab.last("progress")
     assert told["state"] == "stopped" and "has ended" in told["steps"][0]
     tab.say("resume")
     assert len(lane.given) == 2 and tab.last("progress")["state"] == "working"
     tab.edit(moved(1), gesture=1)
-    lane.deliver(Frame("cancelled", {"id": lane.given[1][0]}))
+    lane.deliver(PageFrame("cancelled", {"id": lane.given[1][0]}))
     answer(lane, duration=12.5)
     assert tab.last("figures")["seq"] == tab.seq
 
@@ -342,7 +344,7 @@ def test_figures_that_take_long_make_way_for_an_edit(opened, monkeypatch):
     monkeypatch.setattr(scheduler, "MAX_OBSOLETE_FIGURES", -1.0)
     tab.edit(moved(2), gesture=2)
     assert lane.cancelled == [lane.given[-1][0]]
-    lane.deliver(Frame("cancelled", {"id": lane.given[-1][0]}))
+    lane.deliver(PageFrame("cancelled", {"id": lane.given[-1][0]}))
     assert len(lane.given) == 2 and "cancelled" not in kinds(tab.frames)
 
 

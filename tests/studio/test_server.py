@@ -12,8 +12,8 @@ from tests.studio.talking import MOVE
 
 from armcontour.core.errors import InvalidInput
 from armcontour.studio import server
-from armcontour.studio.connection import MOST_WAITING, SessionHost, Tab, open_session
-from armcontour.studio.page_frame import Frame
+from armcontour.studio.connection import MAX_QUEUED, OpenPage, SessionHost, open_session
+from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.server import MAX_CONNECTIONS, listen, require_server, serve
 
 
@@ -106,7 +106,7 @@ def test_a_job_that_is_a_link_to_another_folder_is_watched_and_saved(file, tmp_p
 
 def test_pages_that_read_slowly_get_the_newest_and_those_that_never_read_are_let_go():
     async def talk():
-        tab, sent = Tab(), []
+        tab, sent = OpenPage(), []
         for k in range(100):
             tab.send(b"%d" % k, "picture")
         tab.send(b"notice")
@@ -124,8 +124,8 @@ def test_pages_that_read_slowly_get_the_newest_and_those_that_never_read_are_let
     assert asyncio.run(talk()) == [b"notice", b"again"]
 
     async def talk():
-        tab = Tab()
-        for _ in range(MOST_WAITING + 1):
+        tab = OpenPage()
+        for _ in range(MAX_QUEUED + 1):
             tab.send(b"")
         await tab.write(lambda message: asyncio.sleep(0))
 
@@ -135,7 +135,7 @@ def test_pages_that_read_slowly_get_the_newest_and_those_that_never_read_are_let
 @pytest.mark.parametrize("starting", [False, True])
 def test_messages_before_a_page_has_joined_are_answered_when_it_has(session, starting):
     async def talk():
-        session_host, tab = SessionHost(lambda say: session), Tab()
+        session_host, tab = SessionHost(lambda say: session), OpenPage()
         if not starting:
             session_host.session = session
         # The server passes messages on in another thread than the one in which the page joins.
@@ -147,7 +147,7 @@ def test_messages_before_a_page_has_joined_are_answered_when_it_has(session, sta
         assert session_host.receive(tab, {"op": "nonsense", "id": 3})
         session_host.leave(tab)
         assert session_host.pages == [] and session_host.failure is None
-        frames = [Frame.unpack(x) for x in tab._waiting.values()]
+        frames = [PageFrame.unpack(x) for x in tab._waiting.values()]
         return [x.header["id"] for x in frames if x.kind == "failed"]
 
     assert asyncio.run(talk()) == ([0, 1, 2, 3] if starting else [0, 1, 3])

@@ -5,9 +5,9 @@ import pytest
 from tests.studio.talking import JOB, MOVE, NoLane, Tab, figure, kinds, session_of
 
 from armcontour.studio import pages as module
-from armcontour.studio.commands import MOST_EDITS
+from armcontour.studio.commands import MAX_EDITS
 from armcontour.studio.connection import open_session
-from armcontour.studio.page_frame import Frame
+from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.pages import MAX_FILES, Pages, without_options
 
 CSV = b"x [mm],y [mm]\n300,100\n350,120\n300,150\n"
@@ -125,10 +125,10 @@ def test_a_file_that_makes_no_job_is_shown_as_text_and_mended(tmp_path):
 
 def test_a_message_has_a_bounded_number_of_edits(tab):
     before = tab.last("document")["text"]
-    assert tab.edit(*[MOVE] * (MOST_EDITS + 1))[-1].kind in ("refusal", "executed")
+    assert tab.edit(*[MOVE] * (MAX_EDITS + 1))[-1].kind in ("refusal", "executed")
     assert tab.last("refusal")["error"] == "InvalidInput"
     assert tab.last("document")["text"] == before
-    tab.edit(*[MOVE] * MOST_EDITS, gesture=1)
+    tab.edit(*[MOVE] * MAX_EDITS, gesture=1)
     assert tab.last("document")["text"] != before
 
 
@@ -260,9 +260,9 @@ def test_tasks_run_are_cancelled_and_give_files(session, tab):
     assert "running already" in sentence(tab.say("task", id="t1", task="check"))
     tab.say("cancel", id="t1")
     assert lane.cancelled == ["t1"] and tab.say("cancel", id="t2") == []
-    lane.deliver(Frame("progress", {"id": "t1", "share": 0.5}))
+    lane.deliver(PageFrame("progress", {"id": "t1", "share": 0.5}))
     header = {"id": "t1", "name": "a.html", "type": "text/html"}
-    lane.deliver(Frame("result", header, {"content": np.frombuffer(b"<html>", np.uint8)}))
+    lane.deliver(PageFrame("result", header, {"content": np.frombuffer(b"<html>", np.uint8)}))
     assert session.display.pages.files[tab.last("result")["file"]].data == b"<html>"
     assert tab.last("progress")["share"] == 0.5
     tab.say("task", id="t1", task="check")

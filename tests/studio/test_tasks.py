@@ -16,7 +16,7 @@ import armcontour as ac
 from armcontour.core.errors import InvalidInput
 from armcontour.files import parse_job
 from armcontour.jobs import run
-from armcontour.studio.page_frame import Frame
+from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks import dispatch
 from armcontour.studio.tasks.dispatch import WARMUP_JOB, do, work
 
@@ -58,11 +58,11 @@ def test_progress_has_the_share_and_the_time_that_is_left(monkeypatch):
     told = []
     options = {"key": "limits.speed", "values": [0.1, 0.2]}
     work(("a", "sweep", {"text": WARMUP_JOB, "options": options}), told.append)
-    for k, frame in enumerate(map(Frame.unpack, told), 1):
+    for k, frame in enumerate(map(PageFrame.unpack, told), 1):
         share, eta = frame.header["share"], frame.header["eta"]
         assert frame.kind == "progress" and frame.header["id"] == "a" and 0 <= share <= 1
         assert eta == (pytest.approx(k * (1 - share) / share) if share else None)
-    assert any(0 < Frame.unpack(x).header["share"] < 1 for x in told)
+    assert any(0 < PageFrame.unpack(x).header["share"] < 1 for x in told)
 
 
 def test_a_check_has_a_row_per_limit(coarse):

@@ -57,8 +57,8 @@ class Endpoint:
 
     def accepts(self, token: object) -> bool:
         """True if the token is right; takes the same time for all wrong tokens."""
-        given = token if isinstance(token, str) else ""
-        return secrets.compare_digest(given.encode("utf-8", "replace"), self.token.encode())
+        text = token if isinstance(token, str) else ""
+        return secrets.compare_digest(text.encode("utf-8", "replace"), self.token.encode())
 
     @property
     def headers(self) -> list[tuple[bytes, bytes]]:
@@ -129,7 +129,7 @@ class AccessControl:
         method = scope.get("method", "GET")
         reads = scope["type"] == "http" and method in ("GET", "HEAD")
         if not (reads and not origins) and not _is_one_of(origins, self.endpoint.origins):
-            raise RefusedRequest(403, "Only the Studio's own page may ask for this.")
+            raise RefusedRequest(403, "Only the Studio's own page may send this request.")
         if method not in ("GET", "HEAD", "POST"):
             raise RefusedRequest(405, f"The Studio does not know the method {method}.")
         if scope["type"] == "websocket" or is_public(scope["path"]):

@@ -29,10 +29,10 @@ from armcontour.studio.start_page import (
 )
 from armcontour.studio.view import Detail
 
-# Edits of one message; a page sends a few, and each of them reads the job again at worst.
+# Largest number of edits of a message, because each may read the job again.
 MAX_EDITS = 100
 
-# Largest width of what is drawn closer, and largest error of its lines [px].
+# Largest width of a detail, and largest error of its lines [px].
 MAX_PIXELS, PIXEL_ERROR = 20_000, 0.25
 
 
@@ -91,7 +91,7 @@ class Gestures:
         if gesture.rev != self._editor.rev and not gesture.is_over:
             gesture.is_over = True
             self._display.show_document(page)
-            sentence = "The job was changed elsewhere meanwhile, so this change was not made."
+            sentence = "The job was changed elsewhere during this edit, so the edit was discarded."
             self._display.send(PageFrame("notice", {"sentence": sentence}), to=page)
         return gesture
 
@@ -197,7 +197,7 @@ class Commands:
 
     def _reload(self, page: Page, message: PageMessage) -> None:
         self._editor.reload()
-        # Files that the job names may have changed, too.
+        # Files of the job may have changed, too.
         self._display.scheduler.forget_figures()
         self._display.show_all()
 
@@ -275,17 +275,17 @@ class Commands:
     # Poses and tasks.
 
     def _pose(self, page: Page, message: PageMessage) -> None:
-        t, of = message.get("t"), str(message.get("of"))
+        t, motion = message.get("t"), str(message.get("of"))
         if isinstance(t, bool) or not isinstance(t, int | float):
             raise InvalidInput("A pose needs a time in seconds.")
-        q = self._display.scheduler.pose(float(t), of)
-        self._display.send(PageFrame("pose", {"q": q, "t": t, "of": of}), to=page)
+        q = self._display.scheduler.pose(float(t), motion)
+        self._display.send(PageFrame("pose", {"q": q, "t": t, "of": motion}), to=page)
 
     def _detail(self, page: Page, message: PageMessage) -> None:
         """Draw the visible part of the picture with the resolution of the screen."""
         box = checks.check_numbers("box", message.get("box") or [], "m")
         if box.shape != (4,):
-            raise InvalidInput("box has four numbers: least u and v, largest u and v.")
+            raise InvalidInput("box needs four numbers: smallest u and v, largest u and v.")
         px = max(
             checks.positive("px", message.get("px"), "m"),
             np.ptp(box.reshape(2, 2), 0).max() / MAX_PIXELS,

@@ -50,7 +50,7 @@ class OpenPage:
             self._waiting.pop(key, None)
             self._waiting[key] = data
             self.is_slow = len(self._waiting) > MAX_QUEUED
-        # The loop is closed when the server ends.
+        # The loop is closed at the end of the server.
         if not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._news.set)
 
@@ -75,7 +75,7 @@ class SessionHost:
         self._make = make
         self._lock = threading.Lock()
         self._progress: bytes | None = None
-        # Ends the server; set when it runs.
+        # Ends the server; assigned when it runs.
         self.stop: Callable[[], None] = lambda: None
         self.pages: list[OpenPage] = []
         self.session: Session | None = None
@@ -181,7 +181,7 @@ def open_session(
             document,
             previewer,
             trusted=[folder / named_arm] if trust_xacro and named_arm else (),
-            told=tell,
+            progress=tell,
             slow=slow or TaskWorker,
         )
     session.confine(named)

@@ -28,7 +28,7 @@ from armcontour.studio.edits.layout import tilt_of
 from armcontour.studio.handles import LENGTH, Handles, obstacles_of
 from armcontour.studio.page_frame import PageFrame
 
-# What an edit is called in the list of what can be undone.
+# Labels of edits in the undo list.
 LABELS = {
     "move_waypoint": "move waypoint {number}",
     "set_waypoint": "set waypoint {number}",
@@ -41,7 +41,7 @@ LABELS = {
     "draw": "draw",
     "text": "edit the text",
     "set": "set {key}",
-    "unset": "leave {key} out",
+    "unset": "remove {key}",
     "tilt": "tilt the tool",
 }
 
@@ -70,10 +70,10 @@ def _quantity(
     if not isinstance(value, np.ndarray):
         yield key, _row(keys, value, written)
         return
-    # Lower and upper bounds are typed.
+    # Bounds of a range have no slider.
     if value.ndim == 2:
         return
-    # A joint without such a loop has no gain to slide.
+    # An infinite or zero gain has no slider.
     finite = np.flatnonzero(np.isfinite(value) & (value > 0))
     if isinstance(written, list) or len(set(value.tolist())) > 1 or not len(finite):
         for k in finite.tolist():
@@ -104,9 +104,9 @@ class JobState:
     """Job of the document between gestures; None where the data make no job."""
 
     data: Mapping[str, Any]
-    # The job; None if the data make none.
+    # None if the data make no job.
     job: Job | None
-    # What can be grabbed; None without a job.
+    # None if no job was valid yet.
     handles: Handles | None
     error: InvalidInput | None = None
 
@@ -162,24 +162,24 @@ def document_frame(
 def runs_of(data: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Runs of a job with their methods."""
     runs = data.get("runs")
-    found = []
+    rows = []
     for name, run in runs.items() if isinstance(runs, Mapping) else ():
-        given = run if isinstance(run, Mapping) else {}
-        corners = given.get("corners", data.get("corners", "sharp"))
-        found.append(
+        options = run if isinstance(run, Mapping) else {}
+        corners = options.get("corners", data.get("corners", "sharp"))
+        rows.append(
             {
                 "name": name,
-                "timing": _method(given.get("timing"), Optimal.method),
-                "compensation": _method(given.get("compensation"), "default"),
+                "timing": _method(options.get("timing"), Optimal.method),
+                "compensation": _method(options.get("compensation"), "default"),
                 "corners": corners.get("shape", "arc") if isinstance(corners, Mapping) else corners,
             }
         )
-    return found
+    return rows
 
 
-def _method(given: Any, otherwise: str) -> str:
+def _method(options: Any, default: str) -> str:
     """Name of a method, or of the default one."""
-    return str(given.get("method", otherwise) if isinstance(given, Mapping) else otherwise)
+    return str(options.get("method", default) if isinstance(options, Mapping) else default)
 
 
 def _path(

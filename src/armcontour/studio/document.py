@@ -17,7 +17,7 @@ from armcontour.files.job_file import read_data
 from armcontour.studio.drafts import BOM, Draft, decode_text, drop_draft, find_draft, write_file
 
 SAME, CHANGED, MISSING, NONE = "same", "changed", "missing", "none"
-# Characters of all texts that can be had back by undoing; the last one always can.
+# Largest number of characters in the history; the last text is always kept.
 MAX_HISTORY = 50_000_000
 
 
@@ -59,10 +59,10 @@ class Document:
     @classmethod
     def open(cls, file: str | FilePath) -> Document:
         """Open a job file; changes are saved to it."""
-        place = FilePath(file).absolute()
-        content = read_bytes(place, "job file")
-        text = decode_text(content, place)
-        return cls(text, source=place.name, file=place, folder=place.parent, saved=content)
+        path = FilePath(file).absolute()
+        content = read_bytes(path, "job file")
+        text = decode_text(content, path)
+        return cls(text, source=path.name, file=path, folder=path.parent, saved=content)
 
     @classmethod
     def of_text(
@@ -78,11 +78,11 @@ class Document:
         drawing = FilePath(file).absolute()
         if not drawing.is_file():
             raise InvalidInput(f"There is no drawing {drawing}.")
-        place = drawing.with_suffix(".yaml")
-        text = drawing_text(cell, drawing, place.parent)
-        own = FilePath(cell).absolute() if FilePath(cell).suffix else cell
-        key = f"drawing {drawing} on {own}"
-        return cls(text, source=place.name, file=place, folder=place.parent, key=key)
+        file_next = drawing.with_suffix(".yaml")
+        text = drawing_text(cell, drawing, file_next.parent)
+        cell_key = FilePath(cell).absolute() if FilePath(cell).suffix else cell
+        key = f"drawing {drawing} on {cell_key}"
+        return cls(text, source=file_next.name, file=file_next, folder=file_next.parent, key=key)
 
     @property
     def data(self) -> Mapping[str, Any]:
@@ -127,7 +127,7 @@ class Document:
     def replace(self, text: str, label: str) -> None:
         """Replace the text as one step of undo; line breaks follow the old text."""
         text = text.removeprefix(BOM)
-        # Browsers turn all line breaks into line feeds.
+        # Browsers convert all line breaks to line feeds.
         if "\r\n" in self.text and "\r" not in text:
             text = text.replace("\n", "\r\n")
         self._set_text(text, self._parse(text), label)
@@ -183,22 +183,22 @@ class Document:
             raise InvalidInput(f"{self.source} has no file to read again.")
         content = self._read_file()
         text = decode_text(content, self.file)
-        own = text.removeprefix(BOM)
-        data = self._parse(own)
-        self._saved, self.saved_text, self._has_bom = content, own, text.startswith(BOM)
-        self._set_text(own, data, "reload")
+        body = text.removeprefix(BOM)
+        data = self._parse(body)
+        self._saved, self.saved_text, self._has_bom = content, body, text.startswith(BOM)
+        self._set_text(body, data, "reload")
 
     def write_draft(self) -> bool:
         """Write the draft, or remove it if nothing is unsaved; returns whether a draft exists."""
-        # The job of a drawing is made again as it was opened.
+        # The job of a drawing can be generated again.
         made = self._saved is None and self.text == self._opened
         if self.dirty and not made:
             named = (self.source, str(self.folder), self._opened)
             if self.earlier not in (None, self.text):
-                # Nobody has decided on it: it stays, next to the newer one.
+                # An earlier draft that the user has not restored or discarded is kept separately.
                 Draft(self._earlier_key, *named, self.earlier or "", upload=True).write()
             return Draft(self.key, *named, self.text, self._upload).write()
-        # What nobody has decided on is offered again.
+        # The earlier draft is offered again.
         if self.earlier is not None:
             return True
         drop_draft(self.key)
@@ -247,13 +247,13 @@ class Document:
         self.write_draft()
 
     def _move_history(
-        self, taken: list[HistoryEntry], given: list[HistoryEntry], what: str
+        self, source: list[HistoryEntry], destination: list[HistoryEntry], action: str
     ) -> None:
         """Move a history entry from one list to the other, and take its text."""
-        if not taken:
-            raise InvalidInput(f"There is nothing to {what}.")
-        label, text, data = taken.pop()
-        given.append(HistoryEntry(label, self.text, self._data))
+        if not source:
+            raise InvalidInput(f"There is nothing to {action}.")
+        label, text, data = source.pop()
+        destination.append(HistoryEntry(label, self.text, self._data))
         self.text, self._data = text, data
         self.write_draft()
 

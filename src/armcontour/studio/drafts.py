@@ -22,8 +22,8 @@ START = "start"
 
 def state_folder() -> FilePath:
     """The user's folder for drafts and uploads that outlive a session."""
-    own = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
-    return FilePath(own or os.path.expanduser("~/.local/state")) / "armcontour" / "studio"
+    folder = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
+    return FilePath(folder or os.path.expanduser("~/.local/state")) / "armcontour" / "studio"
 
 
 def make_private(folder: FilePath) -> None:
@@ -64,14 +64,14 @@ def draft_file(key: str) -> FilePath:
 
 def find_draft(key: str, job: FilePath | None) -> Draft | None:
     """Draft of a document if it is newer than its job file, else None."""
-    place = draft_file(key)
+    file = draft_file(key)
     try:
         saved = None
         if job is not None and job.exists():
-            if place.stat().st_mtime_ns < job.stat().st_mtime_ns:
+            if file.stat().st_mtime_ns < job.stat().st_mtime_ns:
                 return None
             saved = decode_text(read_bytes(job, "job file"), job).removeprefix(BOM)
-        draft = _read_draft(place)
+        draft = _read_draft(file)
     except (InvalidInput, OSError):
         return None
     return None if draft is None or draft.text == saved else draft
@@ -85,18 +85,18 @@ def drop_draft(key: str) -> None:
 
 def all_drafts() -> Iterator[Draft]:
     """All drafts, newest first."""
-    places = (state_folder() / "drafts").glob("*.json")
+    files = (state_folder() / "drafts").glob("*.json")
     with suppress(OSError):
-        for place in sorted(places, key=lambda x: x.stat().st_mtime_ns, reverse=True):
-            draft = _read_draft(place)
+        for file in sorted(files, key=lambda x: x.stat().st_mtime_ns, reverse=True):
+            draft = _read_draft(file)
             if draft is not None:
                 yield draft
 
 
-def _read_draft(place: FilePath) -> Draft | None:
+def _read_draft(file: FilePath) -> Draft | None:
     """The draft in a file; None if the file is invalid."""
     try:
-        return Draft(**json.loads(place.read_bytes()))
+        return Draft(**json.loads(file.read_bytes()))
     except (ValueError, TypeError):
         return None
 
@@ -113,14 +113,14 @@ def write_file(file: FilePath, content: bytes) -> None:
     """Write a file atomically; a link stays a link."""
     if file.is_symlink():
         read_bytes(file, "job file")
-    place = FilePath(os.path.realpath(file))
+    target = FilePath(os.path.realpath(file))
 
     def write(fresh: FilePath) -> None:
         fresh.write_bytes(content)
-        if place.exists():
-            shutil.copymode(place, fresh)
+        if target.exists():
+            shutil.copymode(target, fresh)
 
     try:
-        write_atomically(place, write)
+        write_atomically(target, write)
     except OSError as error:
         raise unwritable(file, error) from None

@@ -56,7 +56,7 @@ class Revision:
     """The document as edits change it: changed keys, or a new text."""
 
     data: Mapping[str, Any]
-    # Changes of keys; None if the whole text is new.
+    # None if the whole text is new.
     changes: tuple[Change, ...] | None = ()
     text: str | None = None
 
@@ -177,15 +177,15 @@ class Editor:
         for k, edit in enumerate(edits):
             if k and edits[k - 1].get("do") in HANDLE_EDITS:
                 handles = handles_of(self._make_job(data), data)
-            more = changes_of(edit, EditState(data=data, run=self.run, handles=handles))
-            data = change_data(data, more)
-            changes += more
+            edit_changes = changes_of(edit, EditState(data=data, run=self.run, handles=handles))
+            data = change_data(data, edit_changes)
+            changes += edit_changes
         return self._check_trust(Revision(data, tuple(changes)))
 
     def revise_text(self, text: Any) -> Revision:
         """The document with another text."""
         if not isinstance(text, str):
-            raise InvalidInput("The whole job is a text.")
+            raise InvalidInput("The text of a job must be a string.")
         data = load(text, self.document.source)
         if not isinstance(data, dict):
             raise InvalidInput("A job is a mapping of keys such as arm, path and runs.")

@@ -27,10 +27,10 @@ from armcontour.verification.evaluation import (
     settled_row,
 )
 
-# About the largest number of samples of an execution.
+# Approximate limit of the samples of an execution.
 MAX_SAMPLES = 4_000
-# Largest number of breaks that are looked at, and about that of times that are drawn because of
-# what happens there, besides those that are spread evenly.
+# Largest number of breaks that are evaluated, and approximate limit of the times drawn for extremes
+# in addition to the evenly spaced ones.
 MAX_BREAKS, MAX_TIMES = 2_000, 1_000
 
 
@@ -51,9 +51,9 @@ def execution_lines(
     executed: PreviewExecution, view: View, detail: Detail | None = None
 ) -> dict[str, Any]:
     """Arrays of the tool deviation along the visible part of the path."""
-    limits, demand = executed.planned.run.limits, executed.execution.demand
-    demand = signed_shares("joint_acceleration", limits, demand)
-    return tool_lines(executed.pieces, view, detail, demand=demand)
+    limits, commanded_acceleration = executed.planned.run.limits, executed.execution.demand
+    commanded_acceleration = signed_shares("joint_acceleration", limits, commanded_acceleration)
+    return tool_lines(executed.pieces, view, detail, demand=commanded_acceleration)
 
 
 def tool_lines(
@@ -66,25 +66,29 @@ def tool_lines(
     base = np.concatenate([x.on_path for x in pieces])
     detail = detail or Detail.for_points(view.uv(base))
     ends = np.cumsum([0, *(len(x.on_path) for x in pieces)])
-    seen, ends = detail.visible_ends(view.screen_points(base), ends)
-    which = np.concatenate([np.arange(x.which.start, x.which.stop) for x in pieces])[seen]
-    base, tool = base[seen], np.concatenate([x.tool for x in pieces])[seen]
-    distance = np.concatenate([x.followed.distance for x in pieces])[seen]
-    more = {name: values[which] for name, values in columns.items()}
+    visible, ends = detail.visible_ends(view.screen_points(base), ends)
+    samples = np.concatenate([np.arange(x.which.start, x.which.stop) for x in pieces])[visible]
+    base, tool = base[visible], np.concatenate([x.tool for x in pieces])[visible]
+    distance = np.concatenate([x.followed.distance for x in pieces])[visible]
+    visible_columns = {name: values[samples] for name, values in columns.items()}
     offset = view.screen_vectors(tool - base)
-    kept = np.arange(len(which))
-    if len(kept) > MAX_SAMPLES:
+    indices = np.arange(len(samples))
+    if len(indices) > MAX_SAMPLES:
         weight = np.where(detail.essential_points(base, ends), np.inf, 0.0)
         weight[np.argmax(distance)] = np.inf
-        shown = [*offset.T.astype(np.float64), distance, *(y for x in more.values() for y in x.T)]
-        kept = select_points(weight, shown, MAX_SAMPLES)
+        shown = [
+            *offset.T.astype(np.float64),
+            distance,
+            *(y for x in visible_columns.values() for y in x.T),
+        ]
+        indices = select_points(weight, shown, MAX_SAMPLES)
     return {
-        "base": view.screen_points(base[kept]),
-        "offset": offset[kept],
-        "breaks": np.searchsorted(kept, ends[:-1]).astype(np.uint32),
-        "t": to_float32(np.concatenate([x.t for x in pieces])[seen][kept]),
-        "error": to_float32(distance[kept]),
-        **{name: to_float32(values[kept]) for name, values in more.items()},
+        "base": view.screen_points(base[indices]),
+        "offset": offset[indices],
+        "breaks": np.searchsorted(indices, ends[:-1]).astype(np.uint32),
+        "t": to_float32(np.concatenate([x.t for x in pieces])[visible][indices]),
+        "error": to_float32(distance[indices]),
+        **{name: to_float32(values[indices]) for name, values in visible_columns.items()},
     }
 
 
@@ -123,9 +127,9 @@ def joint_usage(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, A
     breaks = trajectory.breaks
     if len(breaks) > MAX_BREAKS:
         breaks = breaks[np.linspace(0, len(breaks) - 1, MAX_BREAKS).astype(np.intp)]
-    # The arm is played on straight lines between these, and few breaks are in a rapid.
+    # The page interpolates linearly between these times, and rapids have few breaks.
     even = sample_times(trajectory.duration)
-    # Accelerations jump: both sides of every break, the one before it first.
+    # Accelerations jump, so each break has a value from the left and one from the right.
     t = np.concatenate([breaks[1:], breaks[:-1], even])
     order = np.argsort(t, kind="stable")
     sides = trajectory.motion(breaks[1:], side="left"), trajectory.motion(t[len(breaks) - 1 :])
@@ -139,11 +143,11 @@ def joint_usage(trajectory: Trajectory, arm: Arm, limits: Limits) -> dict[str, A
         shares["usage_torque"] = signed_shares("joint_torque", limits, arm.torque(q, dq, ddq))
     rows = [x for share in shares.values() for x in share.T]
     is_even[select_points(np.zeros(len(t)), rows, MAX_TIMES)] = True
-    kept = np.flatnonzero(is_even)
+    indices = np.flatnonzero(is_even)
     return {
-        "t": to_float32(t[kept]),
-        "q": np.ascontiguousarray(q[kept]),
-        **{name: to_float32(x[kept]) for name, x in shares.items()},
+        "t": to_float32(t[indices]),
+        "q": np.ascontiguousarray(q[indices]),
+        **{name: to_float32(x[indices]) for name, x in shares.items()},
     }
 
 

@@ -62,19 +62,19 @@ class PageFrame:
 
     def pack(self) -> bytes:
         """The frame as bytes."""
-        places: dict[str, Any] = {}
+        layouts: dict[str, Any] = {}
         parts: list[bytes] = []
         end = 0
         for name, values in self.arrays.items():
             kind = f"{values.dtype.kind}{values.dtype.itemsize}"
             if kind not in TYPES:
                 raise InvalidInput(f"The array {name} of a frame has the type {values.dtype}.")
-            places[name] = {"type": kind, "shape": list(values.shape), "at": end}
+            layouts[name] = {"type": kind, "shape": list(values.shape), "at": end}
             data = np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()
             parts += [data, bytes(-len(data) % ALIGNED)]
             end += len(data) + len(parts[-1])
-        told = {**self.header, "kind": self.kind, "arrays": places}
-        text = _to_json(told).encode(errors="replace")
+        header = {**self.header, "kind": self.kind, "arrays": layouts}
+        text = _to_json(header).encode(errors="replace")
         gap = bytes(-(LENGTH.size + len(text)) % ALIGNED)
         return b"".join([LENGTH.pack(len(text)), text, gap, *parts])
 
@@ -86,10 +86,10 @@ class PageFrame:
         begin = LENGTH.size + count
         begin += -begin % ALIGNED
         arrays = {}
-        for name, x in header.pop("arrays").items():
-            size = math.prod(x["shape"])
-            values = np.frombuffer(data, f"<{x['type']}", size, begin + x["at"])
-            arrays[name] = values.reshape(x["shape"])
+        for name, layout in header.pop("arrays").items():
+            size = math.prod(layout["shape"])
+            values = np.frombuffer(data, f"<{layout['type']}", size, begin + layout["at"])
+            arrays[name] = values.reshape(layout["shape"])
         return cls(header.pop("kind"), header, arrays)
 
 

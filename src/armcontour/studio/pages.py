@@ -24,9 +24,9 @@ from armcontour.studio.workers import PreviewWorker
 
 # A message of a page.
 PageMessage: TypeAlias = Mapping[str, Any]
-# Files that are kept for the pages to save, and about how many bytes; the newest is always kept.
+# Largest number and total size [bytes] of files for download; the newest is always kept.
 MAX_FILES, MAX_BYTES = 20, 200_000_000
-# Frames of which a page needs only the newest.
+# Frames that newer ones of the same kind replace.
 NEWEST_ONLY = {"arm", "changes", "detail", "document", "executed", "figures"} | {
     *("picture", "pose", "refusal")
 }
@@ -56,11 +56,11 @@ class Pages:
         self._lock = RLock()
         self._numbers: dict[Page, int] = {}
         self._joined = 0
-        # The last message of each page, by the page's number.
+        # Number of the last message of each page, by page number.
         self._seqs: dict[int, int] = {}
-        # Frames for pages to come, by what newer ones replace.
+        # Current frames for new pages, by replacement key.
         self._current_frames: dict[str, PageFrame] = {}
-        # What the newest figures answer.
+        # Messages that the newest figures answer.
         self._figures_answers: Mapping[int, int] = {}
 
     @property
@@ -87,7 +87,7 @@ class Pages:
         seq = message.get("seq")
         with self._lock:
             is_open = page in self._numbers
-            # To look closer is no change that anything answers.
+            # A request of a detail changes nothing.
             counts = is_open and message.get("op") != "detail"
             if counts and isinstance(seq, int) and not isinstance(seq, bool):
                 self._seqs[self._numbers[page]] = seq
@@ -132,7 +132,7 @@ class Pages:
             self._figures_answers = answers
         if frame.kind == "picture":
             old = ["executed", "refusal"]
-            # At rest the exact picture may follow the figures of the same edit.
+            # The exact picture may arrive after the figures of the same edit.
             if any(seq > self._figures_answers.get(number, -1) for number, seq in answers.items()):
                 old += ["figures", "changes"]
             for kind in old:
@@ -155,15 +155,15 @@ class Display:
         editor: Editor,
         fast: Callable[[Callable[[PageFrame], None]], PreviewWorker],
         slow: TaskWorkerFactory,
-        rest: float,
+        rest_time: float,
     ) -> None:
         self.editor = editor
         self.lock = RLock()
         self.pages = Pages()
-        # What is shown, with the edits of a gesture.
+        # Shown revision, including the edits of a gesture.
         self._revision = Revision({})
         self._on_disk = ""
-        self.scheduler = Scheduler(editor.previewer, self._send_state_frame, fast, slow, rest)
+        self.scheduler = Scheduler(editor.previewer, self._send_state_frame, fast, slow, rest_time)
 
     def show_all(self) -> None:
         """Show the document and its run."""
@@ -227,9 +227,9 @@ class Display:
         """Report an impossible edit; `dropped`: the gesture is over, so show the document again."""
         if dropped:
             self.show_document()
-        told = {"tier": 1, "run": self.editor.run, "sentence": str(error), "at": {}}
+        facts = {"tier": 1, "run": self.editor.run, "sentence": str(error), "at": {}}
         about = {"error": type(error).__name__, "exit": error.exit_code, "dropped": dropped}
-        self.send(PageFrame("refusal", {**told, **about, "key": key_in(str(error))}))
+        self.send(PageFrame("refusal", {**facts, **about, "key": key_in(str(error))}))
         if dropped:
             self.show()
 

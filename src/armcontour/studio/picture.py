@@ -27,18 +27,18 @@ from armcontour.studio.preview import Preview, PreviewExecution, Tier
 from armcontour.studio.view import Detail, View, in_space, select_points, to_float32
 from armcontour.verification.evaluation import duration_row
 
-# About the largest number of points that are drawn for the speed alone; a short path needs fewer.
+# Approximate limits of the number of points for the speed; the lower one is for short paths.
 MAX_POINTS, MIN_POINTS = 20_000, 1_200
-# A stretch on which another limit binds is drawn if it is longer than so many errors of the line.
+# Changes of the active limit are drawn if the interval is longer than this many line errors.
 VISIBLE_STRETCH = 8.0
-# Where no limit binds, or it is not known.
+# Index without an active limit.
 NO_LIMIT = 255
 
-# Points of a drawn rapid, and about the largest number of those of all.
+# Points per rapid, and approximate limit for all rapids.
 RAPID_POINTS, MAX_RAPID_POINTS = 16, 50_000
-# Longest lists in headers: corners have handles, and sentences are read.
+# Largest numbers of corners (handles) and of shortfalls (sentences).
 MAX_CORNERS, MAX_SHORTFALLS = 400, 60
-# Smallest share of the time in the legend.
+# Smallest share of the duration in the legend.
 MIN_SHARE = 5e-5
 
 
@@ -46,16 +46,17 @@ MIN_SHARE = 5e-5
 class PlanCurve:
     """Points along all contours of a plan, with arc lengths over all contours."""
 
-    # The places [m], (n, dimension).
+    # [m], (n, dimension)
     points: FloatArray
-    # Their arc lengths, counted over all contours [m], (n,).
+    # Arc lengths over all contours [m], (n,)
     s: FloatArray
-    # Times at which the tool is there [s], (n,).
+    # [s], (n,)
     t: FloatArray
-    # Its speeds there [m/s], (n,).
+    # [m/s], (n,)
     speed: FloatArray
-    # Assigned velocities there, NaN for none [m/s], (n,).
+    # Assigned velocities, NaN without one [m/s], (n,)
     assigned: FloatArray
+    # Index of the first point of each line, and n.
     ends: IntArray
 
     @classmethod
@@ -70,8 +71,8 @@ class PlanCurve:
                 continue
             assert span.trajectory is not None
             laws = [x.s for x in span.trajectory.laws if isinstance(x, LawAlongPath)]
-            places = np.unique(np.concatenate([detail.arc_lengths(path), *laws]))
-            s = np.clip(places, 0.0, path.length)
+            arc_lengths = np.unique(np.concatenate([detail.arc_lengths(path), *laws]))
+            s = np.clip(arc_lengths, 0.0, path.length)
             rows.append(
                 (
                     path(s),
@@ -93,7 +94,7 @@ class PlanCurve:
         shape = detail.essential_points(self.points, self.ends)
         weight = np.where(shape, np.inf, 0.0)
         changes = np.flatnonzero(np.diff(binding)) + 1
-        # What a change is worth is the length up to the next one.
+        # The weight of a change is the length up to the next one.
         lengths = np.diff(self.s[np.append(changes, len(self.s) - 1)])
         lengths[lengths > VISIBLE_STRETCH * detail.error] = np.inf
         weight[changes] = np.maximum(weight[changes], lengths)
@@ -107,15 +108,17 @@ class PlanCurve:
             return np.full(len(self.s), NO_LIMIT, dtype=np.uint8)
         index = {x["name"]: k for k, x in enumerate(limits)}
         starts = np.array([x.s[0] for x in explanation.bindings])
-        known = np.array([index.get(x.name, NO_LIMIT) for x in explanation.bindings], np.uint8)
-        which = np.searchsorted(starts, self.s, side="right") - 1
-        return known[np.clip(which, 0, len(known) - 1)]
+        limit_indices = np.array(
+            [index.get(x.name, NO_LIMIT) for x in explanation.bindings], np.uint8
+        )
+        intervals = np.searchsorted(starts, self.s, side="right") - 1
+        return limit_indices[np.clip(intervals, 0, len(limit_indices) - 1)]
 
 
-def _assigned(path: Path, s: FloatArray, this: Run) -> FloatArray:
+def _assigned(path: Path, s: FloatArray, run: Run) -> FloatArray:
     """Assigned velocities at arc lengths, NaN for none [m/s], (n,)."""
-    own = path.speeds[path.locate(s)]
-    return own if this.limits.speed is None else np.fmin(own, this.limits.speed)
+    speeds = path.speeds[path.locate(s)]
+    return speeds if run.limits.speed is None else np.fmin(speeds, run.limits.speed)
 
 
 def refusal_header(
@@ -132,17 +135,22 @@ def refusal_header(
     if point is None and error.t is not None and planned is not None:
         t = np.clip(error.t, 0.0, planned.trajectory.duration)
         point = planned.job.arm.tool_position(planned.trajectory(t))
-    at: dict[str, Any] = {"s": error.s, "t": error.t, "joint": error.joint, "index": error.index}
+    position: dict[str, Any] = {
+        "s": error.s,
+        "t": error.t,
+        "joint": error.joint,
+        "index": error.index,
+    }
     if point is not None and point.shape in {(2,), (3,)}:
-        at |= {"xyz": in_space(point), "uv": view.uv(point)}
+        position |= {"xyz": in_space(point), "uv": view.uv(point)}
         if waypoints is not None and len(waypoints):
-            away = np.linalg.norm(waypoints - at["uv"], axis=1)
-            at["waypoint"] = int(away.argmin()) if away.min() < 1e-4 else None
+            away = np.linalg.norm(waypoints - position["uv"], axis=1)
+            position["waypoint"] = int(away.argmin()) if away.min() < 1e-4 else None
     return {
         **{"tier": tier, "run": run, "sentence": str(error)},
         **{"error": type(error).__name__, "exit": error.exit_code, "limit": error.limit},
         **{"needed": error.needed, "allowed": error.allowed, "key": key_in(str(error))},
-        "at": {name: x for name, x in at.items() if x is not None},
+        "at": {name: x for name, x in position.items() if x is not None},
     }
 
 
@@ -163,8 +171,8 @@ def picture_frame(planned: Preview, view: View) -> PageFrame:
         "tier": planned.tier,
     }
     header["plane"]["flat"] = flat
-    rest = joint_usage(planned.trajectory, planned.job.arm, planned.run.limits)
-    return PageFrame("picture", header, {**arrays, **_rapids(planned, view), **rest})
+    usage = joint_usage(planned.trajectory, planned.job.arm, planned.run.limits)
+    return PageFrame("picture", header, {**arrays, **_rapids(planned, view), **usage})
 
 
 def drawing_frame(program: Program | None, view: View, *, run: str = "") -> PageFrame:
@@ -218,18 +226,18 @@ def _line_arrays(
     header["kerfs"], kerf = _kerf(planned, view, detail)
     line = PlanCurve.from_plan(planned, view, detail)
     binding = line.binding(planned.explanation, limits)
-    kept = line.drawn_indices(binding, detail)
-    points, s = line.points[kept], line.s[kept]
+    indices = line.drawn_indices(binding, detail)
+    points, s = line.points[indices], line.s[indices]
     return header, {
         **arrays,
         **kerf,
         "path": view.screen_points(points),
-        "path_breaks": np.searchsorted(kept, line.ends).astype(np.uint32),
+        "path_breaks": np.searchsorted(indices, line.ends).astype(np.uint32),
         "path_s": to_float32(s),
-        "path_t": to_float32(line.t[kept]),
-        "speed": to_float32(line.speed[kept]),
-        "assigned": to_float32(line.assigned[kept]),
-        "binding": binding[kept],
+        "path_t": to_float32(line.t[indices]),
+        "speed": to_float32(line.speed[indices]),
+        "assigned": to_float32(line.assigned[indices]),
+        "binding": binding[indices],
         "xyz": to_float32(in_space(points)),
     }
 
@@ -240,15 +248,15 @@ def _lines(
     """Arrays of lines through points [m], and the index of the part that each line belongs to."""
     points = np.concatenate(parts) if parts else np.empty((0, 2))
     starts = np.cumsum([0, *map(len, parts)])
-    seen, ends = detail.visible_ends(view.screen_points(points), starts)
-    kept = np.arange(len(seen))
-    if len(kept) > MAX_POINTS:
-        kept = np.flatnonzero(detail.essential_points(points[seen], ends))
+    visible, ends = detail.visible_ends(view.screen_points(points), starts)
+    indices = np.arange(len(visible))
+    if len(indices) > MAX_POINTS:
+        indices = np.flatnonzero(detail.essential_points(points[visible], ends))
     arrays = {
-        name: view.screen_points(points[seen[kept]]),
-        f"{name}_breaks": np.searchsorted(kept, ends).astype(np.uint32),
+        name: view.screen_points(points[visible[indices]]),
+        f"{name}_breaks": np.searchsorted(indices, ends).astype(np.uint32),
     }
-    return arrays, np.searchsorted(starts, seen[ends[:-1]], side="right") - 1
+    return arrays, np.searchsorted(starts, visible[ends[:-1]], side="right") - 1
 
 
 def _kerf(planned: Preview, view: View, detail: Detail) -> tuple[list[float], dict[str, Any]]:
@@ -261,8 +269,8 @@ def _kerf(planned: Preview, view: View, detail: Detail) -> tuple[list[float], di
     for path, begin, end, _ in parts:
         s = detail.arc_lengths(path)
         cut.append(path(np.concatenate([[begin], s[(s > begin) & (s < end)], [end]])))
-    given = [x.path for x in planned.job.program.contours if process.of_layer(x.layer).kerf]
-    drawn = [x(detail.arc_lengths(x)) for x in given if detail.may_show(view.box, x)]
+    uncut = [x.path for x in planned.job.program.contours if process.of_layer(x.layer).kerf]
+    drawn = [x(detail.arc_lengths(x)) for x in uncut if detail.may_show(view.box, x)]
     arrays, owners = _lines("cut", cut, view, detail)
     return [parts[k][3] for k in owners], arrays | _lines("drawn", drawn, view, detail)[0]
 
@@ -271,8 +279,8 @@ def _limits(explanation: Explanation | None) -> list[dict[str, Any]]:
     """Active limits, in the order of the motion."""
     if explanation is None:
         return []
-    found = {x.name: x.limit for x in explanation.bindings if x.limit != "nothing"}
-    return [{"name": name, "kind": limit} for name, limit in list(found.items())[:NO_LIMIT]]
+    kinds = {x.name: x.limit for x in explanation.bindings if x.limit != "nothing"}
+    return [{"name": name, "kind": limit} for name, limit in list(kinds.items())[:NO_LIMIT]]
 
 
 def time_header(explanation: Explanation | None) -> dict[str, Any]:
@@ -286,60 +294,66 @@ def time_header(explanation: Explanation | None) -> dict[str, Any]:
 
 def _shortfalls(planned: Preview, view: View) -> list[dict[str, Any]]:
     """Slowest points below the assigned velocity, with reasons."""
-    found = () if planned.explanation is None else planned.explanation.shortfalls
-    worst = sorted(found, key=lambda x: x.speed / x.assigned)[:MAX_SHORTFALLS]
+    shortfalls = () if planned.explanation is None else planned.explanation.shortfalls
+    worst = sorted(shortfalls, key=lambda x: x.speed / x.assigned)[:MAX_SHORTFALLS]
     if not worst:
         return []
     chosen = sorted(worst, key=lambda x: x.s)
     s = np.array([x.s for x in chosen])
     times = planned.trajectory.time_at(s).tolist()
-    places = view.uv(_points_at(planned.path, s)).tolist()
+    uv_points = view.uv(_points_at(planned.path, s)).tolist()
     return [
         {"s": x.s, "t": t, "uv": uv, "sentence": x.sentence, "kind": x.kind}
-        for x, t, uv in zip(chosen, times, places, strict=True)
+        for x, t, uv in zip(chosen, times, uv_points, strict=True)
     ]
 
 
 def _points_at(program: Program, s: FloatArray) -> FloatArray:
     """Points at arc lengths over all contours [m], (n, dimension)."""
     breaks = program.breaks
-    which = np.clip(np.searchsorted(breaks, s, side="right") - 1, 0, len(breaks) - 2)
-    found = np.empty((len(s), program.dimension))
-    for k in np.unique(which).tolist():
-        path, of = program.contours[k].path, which == k
-        found[of] = path(np.clip(s[of] - breaks[k], 0.0, path.length))
-    return found
+    contour_indices = np.clip(np.searchsorted(breaks, s, side="right") - 1, 0, len(breaks) - 2)
+    points = np.empty((len(s), program.dimension))
+    for k in np.unique(contour_indices).tolist():
+        path, mask = program.contours[k].path, contour_indices == k
+        points[mask] = path(np.clip(s[mask] - breaks[k], 0.0, path.length))
+    return points
 
 
 def _corners(planned: Preview, view: View) -> list[dict[str, Any]]:
     """Rounded corners of all contours; none if there are too many for handles."""
-    found: list[dict[str, Any]] = []
-    rounding, given = planned.run.rounding, planned.job.program.contours
+    rows: list[dict[str, Any]] = []
+    rounding, contours = planned.run.rounding, planned.job.program.contours
     for index, contour in enumerate(planned.path.contours):
         path = contour.path
         if not isinstance(path, RoundedPath):
             continue
         c = path.corners
-        if len(found) + len(c) > MAX_CORNERS:
+        if len(rows) + len(c) > MAX_CORNERS:
             return []
         apex, point = view.uv(path((c.start + c.end) / 2)), view.uv(c.point)
-        own = path.objective.tolerances
-        beside = np.fmin(own[c.vertex - 1], own[np.minimum(c.vertex, len(own) - 1)])
-        # Corners of several contours have no tolerance of their own.
+        tolerances = path.objective.tolerances
+        neighbour_tolerance = np.fmin(
+            tolerances[c.vertex - 1], tolerances[np.minimum(c.vertex, len(tolerances) - 1)]
+        )
+        # Only corners of a single contour can have their own tolerance.
         numbers = np.zeros(len(c), dtype=np.intp)
-        if len(given) == 1:
-            numbers = corner_waypoints(given[0].path, path.objective)[c.vertex - 1]
-        allowed = beside if rounding is None else np.fmin(beside, _caps(rounding, numbers))
+        if len(contours) == 1:
+            numbers = corner_waypoints(contours[0].path, path.objective)[c.vertex - 1]
+        allowed = (
+            neighbour_tolerance
+            if rounding is None
+            else np.fmin(neighbour_tolerance, _caps(rounding, numbers))
+        )
         for k in range(len(c)):
-            found.append(
+            rows.append(
                 {
-                    **{"index": len(found), "contour": index, "vertex": c.vertex[k]},
+                    **{"index": len(rows), "contour": index, "vertex": c.vertex[k]},
                     "waypoint": int(numbers[k]) - 1 if numbers[k] else None,
                     **{"apex": apex[k], "corner": point[k], "error": c.error[k]},
                     **{"allowed": allowed[k], "radius": c.radius[k], "reason": c.reason[k]},
                 }
             )
-    return found
+    return rows
 
 
 def _caps(rounding: Rounding, numbers: IntArray) -> FloatArray:
@@ -351,20 +365,20 @@ def _caps(rounding: Rounding, numbers: IntArray) -> FloatArray:
 
 def _notes(planned: Preview) -> list[str]:
     """Notes on the accuracy of the picture."""
-    found = [*planned.differs]
-    found += [x for x in (planned.stops_note, planned.shape_note) if x is not None]
-    why = planned.explanation
-    if why is not None and (more := len(why.shortfalls) - MAX_SHORTFALLS) > 0:
-        found.append(
-            f"{more} more places are below the assigned velocity; the {MAX_SHORTFALLS} slowest "
+    notes = [*planned.differs]
+    notes += [x for x in (planned.stops_note, planned.shape_note) if x is not None]
+    explanation = planned.explanation
+    if explanation is not None and (hidden := len(explanation.shortfalls) - MAX_SHORTFALLS) > 0:
+        notes.append(
+            f"{hidden} more places are below the assigned velocity; the {MAX_SHORTFALLS} slowest "
             "are marked and listed."
         )
-    if why is None:
-        found.append(
+    if explanation is None:
+        notes.append(
             f"plans of the method {planned.trajectory.method} have no explanation: which limit "
             "binds is known for the method optimal."
         )
-    return found
+    return notes
 
 
 def _rapids(planned: Preview, view: View) -> dict[str, Any]:

@@ -30,31 +30,31 @@ from armcontour.studio.view import Detail, View
 from armcontour.studio.workers import PreviewWorker, StaleCheck, TaskWorker
 
 TaskWorkerFactory: TypeAlias = Callable[[Callable[[PageFrame], None]], TaskWorker]
-# A plan that took longer is executed only when nothing changes any more [s].
+# An execution waits for rest if its plan took longer [s],
 FAST_PLAN = 0.03
-# A longer motion, too [s]: an execution cannot be given up for a newer one.
+# or if its motion is longer [s], because an execution cannot be cancelled.
 MAX_EXECUTED = 60.0
-# While edits come faster than they are executed, their plans come first for so long [s].
+# Executions of a drag are at least this far apart, so that plans come first [s].
 PLANS_ONLY = 0.06
-# Where two plans took longer, an outline comes first, and plans when nothing changes [s].
+# If the last two plans took longer, only the outline is shown until rest [s].
 SLOW_PLAN = 0.5
-# A plan that takes longer is given up for a newer state [s].
+# A plan that takes longer is cancelled by a newer state [s].
 MAX_OBSOLETE_PLAN = 0.5
-# Exact figures that took longer are not waited for when they are out of date [s].
+# Exact figures that take longer are cancelled by a newer state [s].
 MAX_OBSOLETE_FIGURES = 2.0
-# Progress is reported after so long at the earliest, and then at such intervals at least [s].
+# Time of the first progress frame, and minimum interval of the next ones [s].
 PROGRESS_DELAY, PROGRESS_INTERVAL = 0.7, 0.1
-# So many of the steps of a run, the first ones, are those of a plan.
+# Number of steps of a run that belong to its plan.
 PLAN_STEPS = 3
-# What a person can ask for.
+# Tasks that a page can start.
 TASKS = tuple(x for x in dispatch.TASKS if x not in ("figures", "changes"))
-# Frames after which a task is over.
+# Frames that end a task.
 FINAL_KINDS = ("figures", "changes", "result", "refusal", "failed", "cancelled")
-# Names of exact figures begin so; no task of a page has such a name. Progress of a state has it.
+# Prefix of the identities of exact figures, and identity of the progress of a state.
 STATE_ID = "#"
-# How the work on a state goes on.
+# Values of `state` in progress frames.
 WORKING, STOPPED, DONE = "working", "stopped", "done"
-# Motions whose starts differ by more are in different configurations [rad].
+# Starts that differ by more are in different configurations [rad].
 SAME_CONFIGURATION = 0.01
 
 
@@ -69,9 +69,11 @@ class ShownResults:
     planned: Preview | None = None
     executed: PreviewExecution | None = None
     sent_parts: tuple[Arm, Scene | None] | None = None
-    # How long the last two plans of each tier took [s].
+    # Computing times of the last two plans of each tier [s].
     plan_times: dict[Tier, tuple[float, float]] = field(default_factory=dict)
+    # Plan or program on the pages, its view, and the number of its picture.
     drawn: tuple[Preview | Program, View, int] | None = None
+    # Revision whose preview follows the configuration of its full run.
     followed: int = 0
     has_exact: bool = False
 
@@ -90,17 +92,17 @@ class DocumentState:
     # Waypoints in the plane [m], (n, 2).
     waypoints: FloatArray | None = None
     moving: bool = False
-    # What is seen of its document.
+    # Results of its document.
     results: ShownResults = field(default_factory=ShownResults, init=False)
     start_time: float = field(default_factory=time.monotonic, init=False)
-    # Whether a person has stopped it, and whether its plan is shown or refused.
+    # Stopped by the user; plan shown or refused.
     stopped: bool = field(default=False, init=False)
     answered: bool = field(default=False, init=False)
-    # When its progress was told last [s]; None if pages have none.
+    # Time of the last progress frame [s]; None without one.
     reported: float | None = field(default=None, init=False)
 
 
-# A state whose figures or changes are computed, what another process needs for that, and which.
+# State, request to the process, and task: "figures" or "changes".
 FiguresRequest: TypeAlias = tuple[DocumentState, Mapping[str, Any], str]
 
 
@@ -113,29 +115,29 @@ class Scheduler:
         deliver: Callable[[PageFrame, DocumentState | None], bool],
         fast: Callable[[Callable[[PageFrame], None]], PreviewWorker],
         slow: TaskWorkerFactory,
-        rest: float,
+        rest_time: float,
     ) -> None:
-        self.previewer, self._rest = previewer, rest
+        self.previewer, self._rest = previewer, rest_time
         self._pictures = 0
         self._deliver, self._make_task_worker = deliver, slow
         self._lock = RLock()
         self._results = ShownResults()
         self._newest: DocumentState | None = None
-        # When a plan was executed last [s].
+        # Time of the last execution [s].
         self._executed_at = 0.0
         self._done = Event()
         self._preview_worker = fast(self._fail)
-        # What is seen is drawn finer while a plan is made.
+        # Details are drawn while a plan is computed.
         self._detail_worker = fast(self._fail)
         self._detail_requests: dict[object, tuple[Detail, Callable[[PageFrame], None]]] = {}
         self._figures_worker = slow(self._receive)
-        # The states whose figures are computed now and next, what was asked, and what is known.
-        self._current_request: FiguresRequest | None = None
-        self._next_request: FiguresRequest | None = None
-        self._known_figures: tuple[Mapping[str, Any], PageFrame] | None = None
-        # What to change, which follows the known figures step by step.
+        # Running and queued requests of figures, and the last request with its figures.
+        self._current: FiguresRequest | None = None
+        self._queued: FiguresRequest | None = None
+        self._known: tuple[Mapping[str, Any], PageFrame] | None = None
+        # Last step of the advice for the known figures.
         self._changes: PageFrame | None = None
-        self._count, self._figures_start = 0, 0.0
+        self._count, self._since = 0, 0.0
         self._task_worker: TaskWorker | None = None
         self._running: set[str] = set()
 
@@ -154,11 +156,8 @@ class Scheduler:
             old, self._newest, state.results = self._newest, state, self._results
             if old is not None:
                 self._end_progress(old)
-            if (
-                self._current_request is not None
-                and self._figures_start + MAX_OBSOLETE_FIGURES < time.monotonic()
-            ):
-                # It would take the processor from what is shown now.
+            if self._current is not None and self._since + MAX_OBSOLETE_FIGURES < time.monotonic():
+                # Obsolete figures would slow the preview down.
                 self._figures_worker.cancel(f"{STATE_ID}{self._count}")
             self._preview_worker.submit(partial(self._show_state, state))
 
@@ -167,8 +166,8 @@ class Scheduler:
         with self._lock:
             state = self._newest
             if state is not None:
-                state.stopped, self._next_request = True, None
-                if self._current_request is not None:
+                state.stopped, self._queued = True, None
+                if self._current is not None:
                     self._figures_worker.cancel(f"{STATE_ID}{self._count}")
                 self._send_progress(state, (), None, STOPPED)
 
@@ -199,14 +198,14 @@ class Scheduler:
             frame = detail_frame(made, executed, view, detail)
             deliver(frame.stamped(number=number, tier=tier))
 
-    def pose(self, t: float, of: str) -> FloatArray:
-        """Joint positions at a time [s], clipped to the motion; `of`: "planned" or "executed"."""
+    def pose(self, t: float, motion: str) -> FloatArray:
+        """Joint positions at a time [s] of the motion "planned" or "executed"."""
         planned, executed = self._results.planned, self._results.executed
-        if of == "executed" and executed is not None:
+        if motion == "executed" and executed is not None:
             execution = executed.execution
             return np.array([np.interp(t, execution.t, q) for q in execution.q.T])
-        if of != "planned" or planned is None:
-            raise InvalidInput(f"There is no motion {of!r} yet.")
+        if motion != "planned" or planned is None:
+            raise InvalidInput(f"There is no motion {motion!r} yet.")
         return planned.trajectory(float(np.clip(t, 0.0, planned.trajectory.duration)))
 
     def start_task(self, id: str, task: str, request: Mapping[str, Any]) -> None:
@@ -234,27 +233,27 @@ class Scheduler:
         with self._lock:
             if self._newest is not None:
                 self._end_progress(self._newest)
-            # What is at work for the other document goes on with what was seen of that.
+            # Running work on the previous document keeps its results.
             self._newest, self._results = None, ShownResults()
 
     def forget_figures(self) -> None:
         """Discard exact figures, because files of the job may have changed."""
         with self._lock:
-            self._known_figures = None
+            self._known = None
 
     def close(self) -> None:
         """End all work and both processes."""
-        lanes = [x for x in (self._figures_worker, self._task_worker) if x is not None]
-        closing = [Thread(target=x.close, daemon=True) for x in lanes]
-        for x in closing:
-            x.start()
-        for x in closing:
-            x.join()
+        workers = [x for x in (self._figures_worker, self._task_worker) if x is not None]
+        closing = [Thread(target=x.close, daemon=True) for x in workers]
+        for thread in closing:
+            thread.start()
+        for thread in closing:
+            thread.join()
         self._done.set()
         self._preview_worker.close()
         self._detail_worker.close()
 
-    # In the thread of previews.
+    # Previews, in the thread of the worker.
 
     def _fail(self, frame: PageFrame) -> None:
         """Report that the preview of the newest state has failed."""
@@ -276,7 +275,7 @@ class Scheduler:
             if self._is_slow(state):
                 self._draw_outline(state)
                 self._wait(state, stale)
-                # The other process does not wait for the preview.
+                # The figures do not wait for the preview.
                 self._request_figures(state)
                 self._send_progress(state, ("planning",), None, WORKING)
             elif state.moving:
@@ -296,7 +295,7 @@ class Scheduler:
 
     def _show_tier(self, state: DocumentState, tier: Tier, stale: StaleCheck) -> Preview:
         """Show plan and execution of a tier."""
-        # Time of the processor: on a busy machine plans that are given up would be worse than late.
+        # CPU time, so that plans are not cancelled because the machine is busy.
         results, begin = state.results, time.thread_time()
 
         def go_on(step: Step) -> None:
@@ -313,10 +312,10 @@ class Scheduler:
         state.answered = True
         results.planned = planned
         self._send_picture(picture_frame(planned, state.view), planned, state)
-        # The first plan is wanted before shapes of links, which may take long.
+        # The plan is shown before the shapes of links, whose triangles may take long.
         self._show_arm(state, planned.job)
         if not self.previewer.may_execute(planned):
-            # The exact run has its errors; nothing else could be shown meanwhile.
+            # Only the full run simulates so long a motion.
             return planned
         if tier != Tier.EXACT and (took > FAST_PLAN or planned.trajectory.duration > MAX_EXECUTED):
             self._wait(state, stale)
@@ -370,7 +369,7 @@ class Scheduler:
         """Report an error of planning or execution with its position."""
         results, state.answered = state.results, True
         if planned is None and results.planned is None:
-            # What is out of reach can be moved only if it is seen where it is.
+            # The user can move an unreachable path only if it is shown.
             with contextlib.suppress(ArmContourError):
                 program = self.previewer.path_program(state.data)
                 if results.drawn is None or results.drawn[0] is not program:
@@ -392,20 +391,20 @@ class Scheduler:
         with contextlib.suppress(ArmContourError):
             request = state.request()
             with self._lock:
-                request_now = state, request, "figures"
-                if self._known_figures is not None and self._known_figures[0] == request:
-                    self._next_request, request_now = None, (state, request, "changes")
-                    self._send_figures(state, self._known_figures[1])
+                new = state, request, "figures"
+                if self._known is not None and self._known[0] == request:
+                    self._queued, new = None, (state, request, "changes")
+                    self._send_figures(state, self._known[1])
                     if self._changes is not None:
                         self._deliver(PageFrame("changes", self._changes.header), state)
                     if self._is_complete(self._changes):
                         return
-                if self._current_request is None:
-                    self._submit_figures(*request_now)
-                elif self._current_request[1:] == request_now[1:]:
-                    self._current_request = request_now
-                elif self._current_request[0] is not state:
-                    self._next_request = request_now
+                if self._current is None:
+                    self._submit_figures(*new)
+                elif self._current[1:] == new[1:]:
+                    self._current = new
+                elif self._current[0] is not state:
+                    self._queued = new
 
     @staticmethod
     def _is_complete(changes: PageFrame | None) -> bool:
@@ -414,9 +413,9 @@ class Scheduler:
 
     def _submit_figures(self, state: DocumentState, request: Mapping[str, Any], task: str) -> None:
         """Submit figures, or the next step of the advice, to the process."""
-        self._current_request, self._next_request = (state, request, task), None
+        self._current, self._queued = (state, request, task), None
         self._count += 1
-        self._figures_start = time.monotonic()
+        self._since = time.monotonic()
         self._figures_worker.submit(f"{STATE_ID}{self._count}", task, dict(request))
 
     def _receive(self, frame: PageFrame) -> None:
@@ -428,34 +427,34 @@ class Scheduler:
                     self._running.discard(id)
                 self._deliver(frame, None)
                 return
-            if self._current_request is None or id != f"{STATE_ID}{self._count}":
+            if self._current is None or id != f"{STATE_ID}{self._count}":
                 return
-            state, request, task = self._current_request
+            state, request, task = self._current
             if frame.kind not in FINAL_KINDS:
                 if state.answered and task == "figures":
                     self._send_progress(state, frame.header["steps"], frame.header["share"])
                 return
-            self._current_request = None
+            self._current = None
             if frame.kind == "figures":
-                self._known_figures, self._changes = (request, frame), None
+                self._known, self._changes = (request, frame), None
                 self._send_figures(state, frame)
             elif frame.kind == "changes":
                 self._changes = frame
                 self._deliver(PageFrame("changes", frame.header), state)
             elif task == "changes":
-                # Pages do without what to change.
+                # Advice is optional.
                 pass
             elif frame.kind == "refusal":
                 self._deliver(frame, state)
                 self._end_progress(state)
             elif frame.kind == "failed":
-                # Such as a process that was killed: another one may do it.
+                # For example after the process was killed. The user can resume.
                 state.stopped = True
                 self._send_progress(state, (str(frame.header["sentence"]),), None, STOPPED)
-            if self._next_request is not None:
-                self._submit_figures(*self._next_request)
+            if self._queued is not None:
+                self._submit_figures(*self._queued)
             elif frame.kind in ("figures", "changes") and not self._is_complete(self._changes):
-                # Steps are short, so that the next figures need not wait for what to change.
+                # Steps are short, so the next figures do not wait for the advice.
                 self._submit_figures(state, request, "changes")
 
     def _send_figures(self, state: DocumentState, frame: PageFrame) -> None:
@@ -510,9 +509,9 @@ class Scheduler:
                     number = STEPS.index(steps[-1]) + 1
                     count = len(STEPS) if state.answered else PLAN_STEPS
                     steps = (*steps[:-1], f"{steps[-1]} (step {number} of {count})")
-                reported = {"id": STATE_ID, "task": STATE_ID, "tier": tier, "state": how or WORKING}
+                header = {"id": STATE_ID, "task": STATE_ID, "tier": tier, "state": how or WORKING}
                 self._deliver(
-                    PageFrame("progress", {**reported, "steps": steps, "share": share}), state
+                    PageFrame("progress", {**header, "steps": steps, "share": share}), state
                 )
 
     def _end_progress(self, state: DocumentState) -> None:

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from armcontour.studio.session import Session
 
 STATIC = FilePath(__file__).with_name("static")
-# Kinds of files of the page; others are not given.
+# Content types of the files of the page. Other files are not served.
 CONTENT_TYPES = {
     ".css": "text/css",
     ".html": "text/html",
@@ -51,25 +51,25 @@ CONTENT_TYPES = {
     ".svg": "image/svg+xml",
     ".txt": "text/plain",
 }
-# Libraries that the server needs besides those of armcontour.
+# Libraries of the extra `studio`.
 REQUIRED_LIBRARIES = ("uvicorn", "websockets")
-# How long a page may take to give its token, and how many pages there may be.
+# Time limit for the token of a page [s], and largest number of pages.
 HELLO_TIMEOUT = 10.0
 MAX_PAGES = 16
-# Connections at once; a browser has six for files, and one for each page.
+# Largest number of connections; a browser has six for files and one per page.
 MAX_CONNECTIONS = 100
-# Connections at once that have sent no whole request, or wait for the next one.
+# Largest number of connections without a complete request.
 MAX_IDLE = 50
-# How long no page may be open before the server ends, if it is to [s].
+# The server can end this long after the last page was closed [s].
 EXIT_DELAY = 60.0
-# Period of looks at the job file [s].
+# Period of checks of the job file [s].
 FILE_CHECK_PERIOD = 2.0
-# How long a thread may keep Python's lock while another waits for it [s].
+# Interval of thread switches [s].
 SWITCH_INTERVAL = 5e-4
-# An array of more bytes goes back to the system when it is dropped. By itself glibc keeps memory of
-# up to 32 MB for later, which came to hundreds of MB after motions of minutes.
+# Larger arrays are returned to the system when freed [bytes]. By default glibc keeps blocks of up
+# to 32 MB, hundreds of MB after motions of minutes.
 LARGE_ARRAY, M_MMAP_THRESHOLD = 2**20, -3
-# Why a socket is closed, as websockets number it.
+# Close codes of websockets.
 REFUSED_CODE, BUSY_CODE, GOING = 1008, 1013, 1001
 
 
@@ -99,9 +99,9 @@ class Server:
         """Send a file of the page."""
         name = path.removeprefix("/static/") if path != "/" else "index.html"
         if name not in self._page:
-            # Who works on the page adds files.
+            # Developers of the page add files.
             self._page = page_files()
-        # A name is looked up, never followed.
+        # The name is a key, never a path.
         file = self._page.get(name)
         if file is None:
             raise RefusedRequest(404, "The Studio has no such page.")
@@ -112,7 +112,7 @@ class Server:
         session = self.session_host.session
         file = None if session is None else session.display.pages.files.get(number)
         if file is None:
-            raise RefusedRequest(404, "This file is not kept any more: make it again.")
+            raise RefusedRequest(404, "This file is no longer available: create it again.")
         name = f"attachment; filename*=UTF-8''{quote(file.name, safe='')}"
         headers = [(b"content-disposition", name.encode())]
         await respond(send, 200, file.data, file.kind, headers)
@@ -125,9 +125,9 @@ class Server:
         session = self.session_host.session
         if session is None:
             raise RefusedRequest(503, "The Studio is starting: wait a moment.")
-        status, given = 200, (name, body, cell, unknown, "log" in query)
+        status, upload = 200, (name, body, cell, unknown, "log" in query)
         try:
-            answer = {"name": await asyncio.to_thread(session.open_upload, *given)}
+            answer = {"name": await asyncio.to_thread(session.open_upload, *upload)}
         except ArmContourError as error:
             from armcontour.studio.page_frame import without_options
 
@@ -159,7 +159,7 @@ class Server:
         finally:
             writing.cancel()
             hearing.cancel()
-            # Leaving waits for the work of other messages, and other requests do not wait for it.
+            # In a thread, because leaving waits for running commands.
             await asyncio.to_thread(self.session_host.leave, page)
 
     async def _has_token(self, receive: Receive) -> bool:
@@ -191,10 +191,10 @@ class Server:
 
 def page_files() -> dict[str, FilePath]:
     """Files of the page by name."""
-    own = {
+    files = {
         x.relative_to(STATIC).as_posix(): x for x in STATIC.rglob("*") if x.suffix in CONTENT_TYPES
     }
-    return {**own, palette.PALETTE_FILE.name: palette.PALETTE_FILE}
+    return {**files, palette.PALETTE_FILE.name: palette.PALETTE_FILE}
 
 
 def serve(
@@ -207,7 +207,7 @@ def serve(
 ) -> None:
     """Serve the Studio on this machine until it ends."""
     require_server()
-    # Early versions of uvicorn leave the port open if the server is to end before it has started.
+    # Early versions of uvicorn leave the port open if the server is stopped before it has started.
     with listen(port) as listening:
         endpoint = Endpoint(listening.getsockname()[1])
         announce(endpoint.page)
@@ -234,11 +234,12 @@ def require_server() -> None:
 
 def listen(port: int) -> socket.socket:
     """Open a port for this machine only; 0 for a free port."""
-    # Only with the protocol named does asyncio send at once: else what follows a first packet waits
-    # until the other side has acknowledged that, for 40 ms.
+    # With the protocol named, asyncio sets TCP_NODELAY; otherwise packets wait up to 40 ms for an
+    # acknowledgement.
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     if os.name == "posix":
-        # Connections of a server that has just ended do not keep its port; elsewhere it means more.
+        # Connections of a previous server do not block its port. On Windows the option would allow
+        # two servers on one port.
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((ADDRESS, port))
@@ -281,7 +282,7 @@ async def _serve(
 ) -> None:
     import uvicorn
 
-    # Only what should not happen is logged; no addresses of requests.
+    # Only errors are logged, without addresses of requests.
     logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
     logging.getLogger("uvicorn.access").disabled = True
     server = uvicorn.Server(
@@ -306,7 +307,7 @@ async def _serve(
     def stop() -> None:
         server.should_exit = True
 
-    # Python's lock is shared with what loads and computes: it gives way to answers soon.
+    # Computing threads release the interpreter lock soon, so that responses are fast.
     sys.setswitchinterval(SWITCH_INTERVAL)
     session_host.stop = stop
     threading.Thread(target=_start, args=(session_host,), name="starting", daemon=True).start()
@@ -321,24 +322,24 @@ def _start(session_host: SessionHost) -> None:
     """Create the session and show it."""
     session_host.start()
     if sys.platform == "linux":
-        # Other C libraries have no such function.
+        # Other C libraries do not have mallopt.
         with suppress(AttributeError):
             ctypes.CDLL(None).mallopt(M_MMAP_THRESHOLD, LARGE_ARRAY)
-    # What is loaded by now stays: to look through it for garbage would hold answers up by 50 ms.
+    # Garbage collection skips the loaded modules; otherwise it delays responses by 50 ms.
     gc.freeze()
 
 
 async def watch(session_host: SessionHost, exit_when_closed: bool) -> None:
     """Check the job file and the open pages periodically."""
     loop = asyncio.get_running_loop()
-    seen, last = False, loop.time()
+    was_open, last = False, loop.time()
     while True:
         await asyncio.sleep(min(FILE_CHECK_PERIOD, EXIT_DELAY / 4))
         if session_host.session is not None:
             await asyncio.to_thread(session_host.session.look)
         if session_host.pages:
-            seen, last = True, loop.time()
-        elif exit_when_closed and seen and loop.time() - last >= EXIT_DELAY:
+            was_open, last = True, loop.time()
+        elif exit_when_closed and was_open and loop.time() - last >= EXIT_DELAY:
             session_host.stop()
 
 

@@ -26,7 +26,7 @@ from armcontour.studio.preview import CoarsePlanner
 from armcontour.studio.scheduler import TaskWorkerFactory
 from armcontour.studio.workers import PreviewWorker, TaskWorker
 
-# How long nothing changes before the exact figures are computed [s].
+# Time without changes before exact figures are computed [s].
 REST = 0.15
 
 
@@ -41,13 +41,13 @@ class Session:
         trusted: Iterable[FilePath] = (),
         fast: Callable[[Callable[[PageFrame], None]], PreviewWorker] = PreviewWorker,
         slow: TaskWorkerFactory = TaskWorker,
-        rest: float = REST,
-        told: Progress = lambda step: None,
+        rest_time: float = REST,
+        progress: Progress = lambda step: None,
     ) -> None:
         self.editor = Editor(document, previewer, trusted)
-        self.display = Display(self.editor, fast, slow, rest)
+        self.display = Display(self.editor, fast, slow, rest_time)
         self._commands = Commands(self.display, self.confine)
-        self._told = told
+        self._told = progress
         self._ending = contextlib.ExitStack()
 
     @property
@@ -94,7 +94,7 @@ class Session:
             except ArmContourError as error:
                 self._fail(page, message, error)
             except Exception as error:
-                # The page goes on; the terminal shows what went wrong.
+                # The page continues; the terminal shows the traceback.
                 traceback.print_exc(file=sys.stderr)
                 sentence = f"This failed: {type(error).__name__}: {error}"
                 self._fail(page, message, ArmContourError(sentence))

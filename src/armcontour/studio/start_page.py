@@ -27,11 +27,11 @@ from armcontour.studio.drafts import all_drafts, draft_file, make_private, state
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.uploads import Uploads
 
-# Drawings of the jobs to begin with; the others are the paper's job and an empty plane.
+# Drawings of the cards; the other cards are the job of the paper and an empty plane.
 DRAWINGS = {"drawing": "plate.svg", "gcode": "slot.ngc", "weld": "seam.svg"}
 PAPER, EMPTY = "paper", "empty"
 WEAVE = {"width": "4 mm", "frequency": "2 Hz", "speed": "6 mm/s"}
-# Largest number of files on the start page: users recognize few by their names.
+# Largest number of recent files.
 MAX_RECENT = 8
 DOWN = np.diag([1.0, -1.0, -1.0])
 
@@ -46,12 +46,12 @@ def new_document(card: str, arm: str, uploads: Uploads, before: Document) -> Doc
     if card == EMPTY:
         return blank_document(arm, folder, f"new {secrets.token_hex(8)}")
     name = DRAWINGS[card]
-    found = uploads.open(name, (library / name).read_bytes(), arm, before)
-    assert isinstance(found, Document)
+    document = uploads.open(name, (library / name).read_bytes(), arm, before)
+    assert isinstance(document, Document)
     if card != "weld":
-        return found
-    text = change_text(found.text, [Change(("process", "weave"), WEAVE)])
-    return Document.of_text(text, folder, found.source, found.key, upload=True)
+        return document
+    text = change_text(document.text, [Change(("process", "weave"), WEAVE)])
+    return Document.of_text(text, folder, document.source, document.key, upload=True)
 
 
 def blank_document(arm: str, folder: FilePath, key: str) -> Document:
@@ -86,33 +86,35 @@ def _draw_arm(name: str) -> dict[str, Any]:
     if isinstance(arm, SerialArm):
         aim, up = Frame(position=reach * np.array([0.45, 0.0, 0.15]), rotation=DOWN), 2
     poses = link_poses(arm.chain, arm.inverse(aim, all=True))
-    # The configuration with the elbow up.
+    # Configuration with the elbow up.
     pose = poses[np.argmax(poses[:, :, up, 3].sum(axis=1))]
     outlines = []
-    for x in arm.shapes.shapes:
-        points = triangles_of(x.exact or x.shape).reshape(-1, 3)
-        points = points @ x.place.rotation.T + x.place.position
-        seen = (points @ pose[x.link, :, :3].T + pose[x.link, :, 3])[:, [0, up]] * [1e3, -1e3]
-        outlines.append(seen[ConvexHull(seen).vertices].round().astype(int))
+    for link_shape in arm.shapes.shapes:
+        points = triangles_of(link_shape.exact or link_shape.shape).reshape(-1, 3)
+        points = points @ link_shape.place.rotation.T + link_shape.place.position
+        projected = (points @ pose[link_shape.link, :, :3].T + pose[link_shape.link, :, 3])[
+            :, [0, up]
+        ] * [1e3, -1e3]
+        outlines.append(projected[ConvexHull(projected).vertices].round().astype(int))
     low, high = (f(np.concatenate(outlines), axis=0) for f in (np.min, np.max))
     shape = "".join(f"M{'L'.join(f'{x},{y}' for x, y in outline)}Z" for outline in outlines)
     return {"shape": shape, "box": " ".join(map(str, [*low, *(high - low)]))}
 
 
-# What was opened before.
+# Recent files.
 
 
 def open_file(file: FilePath, cell: str | None) -> Document:
     """Open a job file, or a drawing in a cell, and add it to the recent files."""
-    found = Document.open(file) if cell is None else Document.of_drawing(file, cell)
+    document = Document.open(file) if cell is None else Document.of_drawing(file, cell)
     add_recent(file, cell)
-    return found
+    return document
 
 
 def add_recent(file: FilePath, cell: str | None) -> None:
     """Add a file to the recent files."""
-    known = {"file": str(file.absolute()), "cell": cell}
-    content = json.dumps([known, *(x for x in _read_recent() if x != known)][:MAX_RECENT]).encode()
+    entry = {"file": str(file.absolute()), "cell": cell}
+    content = json.dumps([entry, *(x for x in _read_recent() if x != entry)][:MAX_RECENT]).encode()
     with suppress(InvalidInput, OSError):
         make_private(state_folder())
         write_atomically(state_folder() / "recent.json", lambda fresh: fresh.write_bytes(content))
@@ -121,30 +123,34 @@ def add_recent(file: FilePath, cell: str | None) -> None:
 def _read_recent() -> list[dict[str, Any]]:
     """Recent files, newest first."""
     try:
-        known = json.loads((state_folder() / "recent.json").read_bytes())
-        return [{"file": str(x["file"]), "cell": x["cell"]} for x in known]
+        entries = json.loads((state_folder() / "recent.json").read_bytes())
+        return [{"file": str(x["file"]), "cell": x["cell"]} for x in entries]
     except (OSError, ValueError, TypeError, KeyError):
         return []
 
 
 def _recent_entries() -> dict[str, dict[str, Any]]:
     """Entries of the start page by identity: drafts of uploads, and existing files."""
-    found: dict[str, dict[str, Any]] = {
+    entries: dict[str, dict[str, Any]] = {
         draft_file(x.key).stem: {"name": x.name, "where": "not saved", "draft": x}
         for x in all_drafts()
         if x.upload
     }
-    for x in _read_recent():
-        file, cell = FilePath(x["file"]), x["cell"]
+    for file_entry in _read_recent():
+        file, cell = FilePath(file_entry["file"]), file_entry["cell"]
         if file.is_file():
             where = str(file.parent) if cell is None else f"{file.parent}, on {cell}"
-            found[draft_file(str(x)).stem] = {"name": file.name, "where": where, **x}
-    return found
+            entries[draft_file(str(file_entry)).stem] = {
+                "name": file.name,
+                "where": where,
+                **file_entry,
+            }
+    return entries
 
 
 def find_recent(identity: str) -> Mapping[str, Any]:
     """Draft, or file and cell, of an entry of the start page."""
-    found = _recent_entries().get(identity)
-    if found is None:
-        raise InvalidInput("This file is not there any more.")
-    return found
+    entry = _recent_entries().get(identity)
+    if entry is None:
+        raise InvalidInput("This file no longer exists.")
+    return entry

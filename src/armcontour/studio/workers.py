@@ -17,7 +17,7 @@ from armcontour.core.process import ProcessEnded
 from armcontour.studio.page_frame import PageFrame
 from armcontour.studio.tasks.dispatch import WARM, TaskInput, work
 
-# Niceness of the other process, so that previews come first.
+# Niceness of the task process, so that previews have priority.
 NICE = 10
 
 
@@ -67,7 +67,7 @@ class PreviewWorker:
             except ArmContourError as error:
                 self._deliver(PageFrame("notice", {"sentence": str(error)}))
             except Exception as error:
-                # The lane goes on: the next edit may do without what failed here.
+                # The worker continues, because the next edit may succeed.
                 sentence = f"The preview failed: {type(error).__name__}: {error}"
                 self._deliver(PageFrame("notice", {"sentence": sentence}))
 
@@ -87,7 +87,7 @@ class TaskWorker:
         self._future: Future[bytes] | None = None
         self._pool: ProcessPool | None = None
         self._is_open = True
-        # Frames on their way, in order; who delivers them holds no lock.
+        # Frames to deliver, in order; the delivering thread holds no lock.
         self._frames: deque[PageFrame] = deque()
         self._is_delivering = False
         self._thread = Thread(target=self._run, name="studio tasks", daemon=True)
@@ -121,7 +121,7 @@ class TaskWorker:
             self._waiting.clear()
             self._running, self._is_open = None, False
             self._news.notify()
-        # Without the lock, for which the thread of the process may wait.
+        # Without the lock, because the thread of the process may wait for it.
         if self._pool is not None:
             self._pool.end()
         self._thread.join()
@@ -134,7 +134,7 @@ class TaskWorker:
                 self._finish(PageFrame.unpack(future.result()))
             except (ProcessEnded, RuntimeError, CancelledError) as error:
                 self._finish(PageFrame("failed", {"sentence": str(error)}))
-                # Another process gets ready for the next task.
+                # A new process loads the modules for the next task.
                 with suppress(RuntimeError):
                     _warm_up(self._pool)
 
@@ -147,8 +147,10 @@ class TaskWorker:
             if self._pool is None:
                 self._pool = ProcessPool(1)
                 _warm_up(self._pool)
-            self._running = given = self._waiting.popleft()
-            self._future = self._pool.submit_reporting(self._deliver_progress, partial(work, given))
+            self._running = task_input = self._waiting.popleft()
+            self._future = self._pool.submit_reporting(
+                self._deliver_progress, partial(work, task_input)
+            )
             return self._future
 
     def _deliver_progress(self, data: bytes) -> None:
@@ -161,9 +163,9 @@ class TaskWorker:
     def _finish(self, frame: PageFrame) -> None:
         """Deliver the final frame of the running task, unless it was cancelled."""
         with self._news:
-            given, self._running = self._running, None
-            if given is not None:
-                self._frames.append(frame.stamped(id=given.id))
+            task_input, self._running = self._running, None
+            if task_input is not None:
+                self._frames.append(frame.stamped(id=task_input.id))
         self._deliver_all()
 
     def _deliver_all(self) -> None:

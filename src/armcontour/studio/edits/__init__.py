@@ -21,7 +21,7 @@ from armcontour.studio.edits.waypoints import (
 )
 from armcontour.studio.handles import EditState
 
-# What an edit says in words.
+# Keys of edits with text values.
 TEXTS = ("name", "action", "kind")
 
 

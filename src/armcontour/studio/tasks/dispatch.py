@@ -22,11 +22,11 @@ from armcontour.studio.tasks.request import Request
 from armcontour.studio.tasks.searches import place, sweep
 
 Listener: TypeAlias = Callable[[bytes], None]
-# Progress is told this often at most [s].
+# Minimum interval of progress frames [s].
 PROGRESS_INTERVAL = 0.1
-# How often the process looks whether it still works for somebody [s].
+# Period of checks that the parent process exists [s].
 PARENT_CHECK_PERIOD = 1.0
-# A small job with which the process loads what all tasks need.
+# Small job that loads the modules of all tasks.
 WARMUP_JOB = """
 name: small
 arm: pmk3s
@@ -63,20 +63,20 @@ class TaskInput(NamedTuple):
 WARM = TaskInput("", "warm", {})
 
 
-def work(given: TaskInput, listener: Listener = process.tell) -> bytes:
+def work(task_input: TaskInput, listener: Listener = process.tell) -> bytes:
     """Run a task in its process; returns the final frame as bytes; WARM only loads modules."""
-    id, task, request = given
-    if given == WARM:
+    id, task, request = task_input
+    if task_input == WARM:
         _warm_up()
         return b""
     task_progress = _TaskProgress(id, task, listener)
     try:
-        found = do(task, request, task_progress)
+        frame = do(task, request, task_progress)
     except ArmContourError as error:
-        found = PageFrame("failed", {"sentence": str(error), "error": type(error).__name__})
+        frame = PageFrame("failed", {"sentence": str(error), "error": type(error).__name__})
     except Exception as error:
-        found = PageFrame("failed", {"sentence": f"{task} failed: {type(error).__name__}: {error}"})
-    return found.stamped(id=id, task=task).pack()
+        frame = PageFrame("failed", {"sentence": f"{task} failed: {type(error).__name__}: {error}"})
+    return frame.stamped(id=id, task=task).pack()
 
 
 class _TaskProgress:
@@ -93,8 +93,8 @@ class _TaskProgress:
         if now - self._last < PROGRESS_INTERVAL:
             return
         self._last, share = now, step.done
-        left = (now - self._begin) * (1 - share) / share if share else None
-        facts = {**self._facts, "steps": step.names, "share": share, "eta": left}
+        remaining = (now - self._begin) * (1 - share) / share if share else None
+        facts = {**self._facts, "steps": step.names, "share": share, "eta": remaining}
         self._listener(PageFrame("progress", facts).pack())
 
 

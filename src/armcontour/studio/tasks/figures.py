@@ -18,16 +18,16 @@ if TYPE_CHECKING:
     from armcontour.jobs.improvements import Advice
 
 
-# Jobs of more segments are not planned again while somebody works on them.
+# Larger jobs get no advice in the Studio, because it plans them many times.
 MAX_SEGMENTS = 200
 LONG_NOTE = "The program is long: the command run plans its changes with --changes."
-# The steps of what to change for the last figures, by what they are of.
+# Generator of the advice for the last figures, by text and run.
 _advising: dict[tuple[str, str | None], Generator[float, None, Advice]] = {}
 
 # Points of each curve.
 POINTS = 2_000
 
-# Clearance is measured at so many times, and so many of the nearest pairs are told.
+# Number of times at which the clearance is computed, and of nearest pairs in the table.
 CLEARANCE_TIMES, MAX_PAIRS = 400, 10
 
 
@@ -43,11 +43,11 @@ def figures(request: Request) -> PageFrame:
         result = request.result
     except ArmContourError as error:
         try:
-            told = refusal_header(error, request.view, tier=3, run=request.run or "")
+            refusal = refusal_header(error, request.view, tier=3, run=request.run or "")
         except InvalidInput:
-            # The data make no job, so that there is no plane to draw in.
-            told = {"tier": 3, "run": request.run, "sentence": str(error), "at": {}}
-        return PageFrame("refusal", told)
+            # The data make no job, so there is no plane for a position.
+            refusal = {"tier": 3, "run": request.run, "sentence": str(error), "at": {}}
+        return PageFrame("refusal", refusal)
     data = result.to_data()
     header = {
         "run": result.run.name,
@@ -78,7 +78,7 @@ def changes(request: Request) -> PageFrame:
         return PageFrame("changes", {"run": request.run, "share": next(steps)})
     except StopIteration as end:
         advice: Advice = end.value
-    found = [
+    proposals = [
         {
             **{"label": y.label, "effect": y.effect, "edits": [_set(*z) for z in y.edits]},
             "condition": y.condition and f"if {y.condition}",
@@ -86,7 +86,7 @@ def changes(request: Request) -> PageFrame:
         for y in advice.improvements
     ]
     return PageFrame(
-        "changes", {"run": request.run, "share": 1.0, "changes": found, "note": advice.note}
+        "changes", {"run": request.run, "share": 1.0, "changes": proposals, "note": advice.note}
     )
 
 
@@ -109,7 +109,7 @@ def compare(request: Request) -> PageFrame:
             raise InvalidInput("There is no edit yet: edit the job, or choose another run.")
         that = replace(request, text=text)
     results = request.result, that.result
-    found = differences(results[0].to_data(), results[1].to_data(), names)
+    table = differences(results[0].to_data(), results[1].to_data(), names)
     saved = results[1].trajectory.duration - results[0].trajectory.duration
     words = "shorter" if saved > 0 else "longer"
     sentence = f"The motion is {number(abs(saved), 's')} {words}: {names[0]} against {names[1]}."
@@ -119,16 +119,16 @@ def compare(request: Request) -> PageFrame:
     arrays = {"s": s, "t": t}
     for k, result in enumerate(results):
         arrays[f"speed_{k}"], arrays[f"error_{k}"] = _speed(result, s), _error(result, t)
-    header = {"run": request.run, "sentence": sentence, "names": names, "table": cells(found)}
+    header = {"run": request.run, "sentence": sentence, "names": names, "table": cells(table)}
     return PageFrame("result", header, {name: to_float32(y) for name, y in arrays.items()})
 
 
 def _speed(result: RunResult, s: FloatArray) -> FloatArray:
     """Planned tool speeds at arc lengths, NaN beyond the end [m/s]."""
     within = s <= result.path.length
-    found = np.full(len(s), np.nan)
-    found[within] = result.trajectory.speed_at(s[within])
-    return found
+    speed = np.full(len(s), np.nan)
+    speed[within] = result.trajectory.speed_at(s[within])
+    return speed
 
 
 def _error(result: RunResult, t: FloatArray) -> FloatArray:
@@ -144,11 +144,11 @@ def check(request: Request) -> PageFrame:
     from armcontour.verification import check
 
     plan = request.set_points
-    found = check(plan.trajectory, request.job.arm, plan.run.limits, plan.path)
-    worst = found.worst
-    most = ""
+    result = check(plan.trajectory, request.job.arm, plan.run.limits, plan.path)
+    worst = result.worst
+    most_used = ""
     if worst is not None:
-        most = f" {_words(worst.name)} is used most: {number(worst.ratio, '1')}."
+        most_used = f" {_words(worst.name)} is used most: {number(worst.ratio, '1')}."
     rows = [
         (
             _words(y.name) + ("" if y.joint is None else f", joint {y.joint + 1}"),
@@ -156,16 +156,18 @@ def check(request: Request) -> PageFrame:
             number(y.limit, y.unit) if np.isfinite(y.limit) else "none",
             *(number(y.t, "s"), y.verdict),
         )
-        for y in found.uses
+        for y in result.uses
     ]
     verdict = {"kept": "All limits are kept.", "violated": "A limit is exceeded."}
-    sentence = verdict.get(found.verdict, "It cannot be told whether all limits are kept.") + most
+    sentence = (
+        verdict.get(result.verdict, "The check cannot decide if all limits are kept.") + most_used
+    )
     return PageFrame(
         "result",
         {
-            **{"run": plan.run.name, "verdict": found.verdict, "sentence": sentence},
+            **{"run": plan.run.name, "verdict": result.verdict, "sentence": sentence},
             **{"table": [("Limit", "Used", "Value", "Allowed", "At", "Verdict"), *rows]},
-            **{"states": found.states, "not_judged": [_words(y) for y in found.not_judged]},
+            **{"states": result.states, "not_judged": [_words(y) for y in result.not_judged]},
         },
     )
 
@@ -184,21 +186,21 @@ def clearance(request: Request) -> PageFrame:
     try:
         plan = request.set_points
     except Collision:
-        # Where it comes too near is what is asked for.
+        # The task reports the distances also of a colliding motion.
         job = replace(request.job, ignore_collisions=True)
         (plan,) = run(job, simulate=False, progress=request.progress).runs.values()
-    found = cell.check(plan.trajectory)
+    result = cell.check(plan.trajectory)
     t = np.linspace(0.0, plan.trajectory.duration, CLEARANCE_TIMES)
     over_time = cell.smallest_distances(plan.trajectory(t))
-    data = found.to_data()
+    data = result.to_data()
     pairs = data.tables[0]
     header = {
-        **{"run": plan.run.name, "sentence": found.sentence, "kept": found.satisfied},
+        **{"run": plan.run.name, "sentence": result.sentence, "kept": result.satisfied},
         "rows": frame(data),
-        "warnings": [] if found.below_base is None else [found.below_base],
+        "warnings": [] if result.below_base is None else [result.below_base],
         "kinds": list(over_time),
         "table": cells(replace(pairs, rows=pairs.rows[:MAX_PAIRS])),
-        "left_out": len(found.left_out),
+        "left_out": len(result.left_out),
     }
     over_time["t"] = t
     return PageFrame("result", header, {name: to_float32(y) for name, y in over_time.items()})

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from armcontour.files.exports.formats import ExportFormat
     from armcontour.jobs import Job, RunResult
 
-# The template whose files have names of KRL, of so many letters at most.
+# Template with file names of KRL, and their largest length.
 KUKA, MAX_LETTERS = "kuka", 24
 
 
@@ -50,28 +50,31 @@ def certify(request: Request) -> PageFrame:
 
     if request.whole_job.certificate is None and "tolerance" not in request.options:
         raise InvalidInput(
-            "Certify needs a tolerance, as the job has none: enter it beside Certify."
+            "Certify needs a tolerance, because the job has none: enter it next to Certify."
         )
     goal = goal_of(request.whole_job, **request.options)
-    found = certify(request.whole_job, request.run, goal=goal, progress=request.progress)
+    certificate = certify(request.whole_job, request.run, goal=goal, progress=request.progress)
     request.progress(Step(("writing",)))
-    data = found.to_data()
+    data = certificate.to_data()
     header = {
-        **{"run": found.run.name, "sentence": f"{verdict(data)} It holds for: {found.model}."},
+        **{
+            "run": certificate.run.name,
+            "sentence": f"{verdict(data)} It holds for: {certificate.model}.",
+        },
         **{"notes": [*data.notes, *data.warnings], "certificate": plain(data)},
     }
-    page = render_report(found.study, certificate=found)
-    return PageFrame.of_file(f"{found.job.name}-certificate.html", page.encode(), header)
+    page = render_report(certificate.study, certificate=certificate)
+    return PageFrame.of_file(f"{certificate.job.name}-certificate.html", page.encode(), header)
 
 
 def export(request: Request) -> PageFrame:
-    """Exported set-points or plan; options `format`, `template`, `of`, `cycle` [s]."""
+    """Exported set-points or plan; options `format`, `template`, `format_class`, `cycle` [s]."""
     from armcontour.files.exports.formats import TemplateFormat, format_named, write_destination
     from armcontour.files.exports.table import make_table
     from armcontour.files.exports.template import SHIPPED, describe_program, ending_of
     from armcontour.jobs import analog_outputs
 
-    of, source = (
+    format_class, source = (
         format_named(str(request.option("format", "csv"))),
         request.option("of", "set_points"),
     )
@@ -80,7 +83,7 @@ def export(request: Request) -> PageFrame:
         plan = replace(study.plan, set_points=study.lesson)
     else:
         plan = request.set_points
-    format = of(**{name: y for name, y in request.options.items() if name == "template"})
+    format = format_class(**{name: y for name, y in request.options.items() if name == "template"})
     template, ending = None, format.ending
     if isinstance(format, TemplateFormat):
         template = format.label
@@ -93,7 +96,7 @@ def export(request: Request) -> PageFrame:
     with tempfile.TemporaryDirectory() as folder:
         stem = f"{request.job.name}-{plan.run.name}"
         if template == KUKA:
-            # KRL finds a program by the name of its file, and takes few names.
+            # KRL identifies a program by the name of its file and allows only short names.
             stem = re.sub(r"\W", "_", stem if stem[:1].isalpha() else f"p_{stem}", flags=re.ASCII)
             stem = stem[:MAX_LETTERS]
         file = FilePath(folder) / f"{stem}{ending}"
@@ -105,7 +108,7 @@ def export(request: Request) -> PageFrame:
             derivatives=2,
             analog=_analog(format, plan, request.job, analog_outputs),
         )
-        told = describe_program(
+        notes = describe_program(
             table,
             format.label,
             None,
@@ -118,7 +121,7 @@ def export(request: Request) -> PageFrame:
     called = f"{'Format' if template is None else 'Template'} {format.label}"
     header = {
         **{"run": plan.run.name, "points": len(plan.set_points.q)},
-        "warnings": (*plan.warnings, *(f"{called}: {said}" for said in told)),
+        "warnings": (*plan.warnings, *(f"{called}: {said}" for said in notes)),
     }
     return PageFrame.of_file(name, content, header)
 

@@ -42,11 +42,15 @@ def identify(request: Request) -> PageFrame:
     from armcontour.files.robot_file import servo_values
 
     logs = read_logs(request, commanded=True)
-    found = identify(logs, ServoFit(kinematics=request.job.arm), progress=request.progress)
-    data, edits = found.to_data(), []
-    if any(y.written for y in found.joints):
-        edits = [{"do": "set", "key": "servo", "value": servo_values(found)}]
-    facts = {"sentence": verdict(data), "kept": found.judgement.trusted, "label": "Use this servo"}
+    identification = identify(logs, ServoFit(kinematics=request.job.arm), progress=request.progress)
+    data, edits = identification.to_data(), []
+    if any(y.written for y in identification.joints):
+        edits = [{"do": "set", "key": "servo", "value": servo_values(identification)}]
+    facts = {
+        "sentence": verdict(data),
+        "kept": identification.judgement.trusted,
+        "label": "Use this servo",
+    }
     return PageFrame("result", {**facts, "edits": edits, **_shown(data, logs)})
 
 
@@ -80,7 +84,7 @@ def read_logs(request: Request, *, commanded: bool = False) -> list[Any]:
     try:
         return [read_run_log(y, names, columns=columns, commanded=commanded) for y in request.logs]
     except InvalidInput as error:
-        # Logs are told by their names, not by the folder in which they are kept.
+        # Messages name the log without the folder in which it is kept.
         raise InvalidInput(str(error).replace(f"{FilePath(request.logs[0]).parent}/", "")) from None
 
 

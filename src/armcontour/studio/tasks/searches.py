@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from armcontour.studio.view import View
 
 
-# A sweep has so many points by default.
+# Default number of points of a sweep.
 SWEEP_POINTS = 15
 
 
@@ -36,7 +36,7 @@ def sweep(request: Request) -> PageFrame:
         run=request.job.runs[0].name,
         handles=handles_of(request.job, request.data),
     )
-    duration, rms, most = (np.full(len(values), np.nan) for _ in range(3))
+    duration, rms, maximum = (np.full(len(values), np.nan) for _ in range(3))
     refusals: list[str | None] = []
     for k, value in enumerate(values.tolist()):
         request.progress(Step((f"{k + 1} of {len(values)}",), k / len(values)))
@@ -45,21 +45,21 @@ def sweep(request: Request) -> PageFrame:
             planned = request.previewer.plan(change_data(request.data, changes), request.run)
             duration[k] = planned.trajectory.duration
             errors = request.previewer.execute(planned).errors
-            rms[k], most[k] = errors.rms, errors.max
+            rms[k], maximum[k] = errors.rms, errors.max
             refusals.append(None)
         except ArmContourError as error:
             refusals.append(str(error))
     return PageFrame(
         "result",
         {"run": state.run, "key": key, "refusals": refusals},
-        {"values": values, "duration": duration, "rms": rms, "max": most},
+        {"values": values, "duration": duration, "rms": rms, "max": maximum},
     )
 
 
 def _values(request: Request) -> Any:
-    given = request.options.get("values")
-    if given is not None:
-        return np.array(given, dtype=np.float64)
+    values = request.options.get("values")
+    if values is not None:
+        return np.array(values, dtype=np.float64)
     low, high = request.options.get("min"), request.options.get("max")
     if low is None or high is None:
         raise InvalidInput("A sweep needs values, or min and max.")
@@ -72,27 +72,27 @@ def place(request: Request) -> PageFrame:
     from armcontour.core.render import frame, verdict
     from armcontour.studies.placement import place
 
-    given = dict(request.options)
-    processes, as_job = given.pop("processes", 1), given.pop("as_job", True)
+    options = dict(request.options)
+    processes, as_job = options.pop("processes", 1), options.pop("as_job", True)
     base = (request.job.placement if as_job else None) or PlaceSearch()
-    search = replace(base, **given)
+    search = replace(base, **options)
     search = replace(search, over={**base.over, **search.over})
     _refuse_unseen(search)
-    found = place(
+    result = place(
         request.job, search, run=request.run, processes=processes, progress=request.progress
     )
-    verdicts, objective = found.verdicts, found.objective
-    places = [found.place(k) for k in range(len(verdicts))]
-    kinds = list(found.refusals)
-    best = found.refined
-    sentence = verdict(found.to_data())
-    anchor = found.moves.anchor
-    # Shifts are from where the part is.
-    own = dict(zip(LENGTHS, anchor.tolist(), strict=True))
-    zero = {name: own[name] for name in found.moves.absolute}
+    verdicts, objective = result.verdicts, result.objective
+    placements = [result.place(k) for k in range(len(verdicts))]
+    kinds = list(result.refusals)
+    best = result.refined
+    sentence = verdict(result.to_data())
+    anchor = result.moves.anchor
+    # Shifts are relative to the current position of the part.
+    part = dict(zip(LENGTHS, anchor.tolist(), strict=True))
+    zero = {name: part[name] for name in result.moves.absolute}
     header = {
-        **{"run": found.run.name, "sentence": sentence, "objective": objective},
-        "axes": [{"name": y.name, "values": y.values} for y in found.axes],
+        **{"run": result.run.name, "sentence": sentence, "objective": objective},
+        "axes": [{"name": y.name, "values": y.values} for y in result.axes],
         "anchor": request.view.uv(anchor),
         "refusals": kinds,
         "best": {
@@ -100,16 +100,16 @@ def place(request: Request) -> PageFrame:
             "turn": best.values.get("yaw", 0.0),
             "rows": frame(best.verdict.to_data()),
         },
-        "own": frame(found.own.to_data()),
-        "notes": found.notes,
+        "own": frame(result.own.to_data()),
+        "notes": result.notes,
     }
     refused = [kinds.index(y.refusal) if y.refusal else 255 for y in verdicts]
     scores = np.array([y.score(objective) for y in verdicts])
-    # The part moves by these, which are written into the file: they have all digits.
+    # Shifts are written into the file, so they keep float64.
     arrays: dict[str, Any] = {
-        "by": np.array([_shift(request.view, y, zero) for y in places]),
-        "turn": np.array([y.get("yaw", 0.0) for y in places]),
-        "duration": found.values("duration").ravel().astype(np.float32),
+        "by": np.array([_shift(request.view, y, zero) for y in placements]),
+        "turn": np.array([y.get("yaw", 0.0) for y in placements]),
+        "duration": result.values("duration").ravel().astype(np.float32),
         "score": scores.astype(np.float32),
         "refusal": np.array(refused, dtype=np.uint8),
     }
@@ -120,9 +120,9 @@ def _refuse_unseen(search: PlaceSearch) -> None:
     """Refuse placements outside of the plane of the picture."""
     axes = [name for name in ("z", "tilt") if name in search.over]
     if axes or search.what == BASE:
-        what = f"along {' and '.join(axes)}" if axes else "the base"
+        moved = f"along {' and '.join(axes)}" if axes else "the base"
         raise InvalidInput(
-            f"The map of places is in the plane of the drawing, so it cannot place {what}: "
+            f"The map of places is in the plane of the drawing, so it cannot place {moved}: "
             "use `armcontour place`, or untick *as in the job* and give ranges of x, y and turn."
         )
 
