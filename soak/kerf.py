@@ -22,6 +22,7 @@ from scipy.spatial import cKDTree
 
 import armcontour as ac
 from armcontour.core.errors import InvalidInput
+from armcontour.program import Lead
 from soak import Outcome
 from soak.corners import Piece
 
@@ -470,7 +471,7 @@ def run_plate(seed: int) -> tuple[str, Verdict | None]:
     length: float | None = 1e-3 * rng.uniform(0.3, 4) if rng.random() < 0.5 else None
     begin = str(rng.choice(["auto", "drawn"]))
     while True:
-        lead = None if length is None else ac.Lead(length=length, shape="arc")
+        lead = None if length is None else Lead(length=length, shape="arc")
         process = ac.Process(kerf=1e-3 * kerf, begin=begin, lead_in=lead, lead_out=lead)
         try:
             prepared = ac.prepare(drawing, process)

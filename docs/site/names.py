@@ -17,13 +17,15 @@ import armcontour as ac
 NO_LIBRARY = ("cli", "studio")
 # Packages whose names the package around them has.
 PARTS = (
-    *("files.drawings", "files.exports", "files.robots", "report.sections"),
+    *("files.drawings", "files.robots", "report.sections"),
     *("planning.constraints", "planning.jerk", "planning.shaping", "planning.topp"),
 )
 HEAD = """# Python
 
-Names of `armcontour` itself stay: `import armcontour as ac`, then `ac.plan(...)`. Names that only a
-package has, such as `armcontour.simulation.robustness.Uncertainty`, may move between versions.
+Names of `armcontour` itself stay: `import armcontour as ac`, then `ac.plan(...)`. They are
+functions and what their callers construct. Results, formats of exports and parts of a process are
+in the package that owns them, such as `armcontour.verification.Evaluation`. Such names may move
+between versions.
 Quantities are in [SI units and radians](../../../conventions.md); arrays are time first.
 `FloatArray` is an array of NumPy with float64, `ArrayLike` what NumPy makes one of.
 `armcontour.__version__` is the version.
