@@ -57,7 +57,7 @@ placement: {over: {x: {from: -5 mm, to: 5 mm, places: 2}}, refine: false}
     "line.csv": "x [mm],y [mm]\n300,200\n330,200\n",
     "log.csv": "\n".join(["t,u1,q1", *ROWS]),
     "motion.csv": "\n".join(["t [s],q1 [rad],q2 [rad]", *ROWS]),
-    "plan.yaml": "{job: bend.yaml, over: {cycle: 10 ms}, do: teach}",
+    "plan.yaml": "{job: bend.yaml, over: {cycle: 10 ms}, do: compensate}",
 }
 # Methods that only the package calls, with what it has checked; most of them are in inner loops.
 INNER = {

@@ -435,12 +435,12 @@ def run_file(file: Path, kerf: float) -> tuple[str, Verdict | None]:
     Drawings of more than LONGEST are judged by the path that would be planned.
     """
     corners = np.concatenate(
-        [x.path.vertices for x in ac.read_path(file, ac.ReadOptions(flat=True)).contours]
+        [x.path.vertices for x in ac.read_path(file, ac.ReadOptions(ignore_z=True)).contours]
     )
     scale = min(1.0, LARGEST / float(np.ptp(corners, axis=0).max()))
     at = np.array(PLACE) - scale * corners.min(axis=0)
     drawing = ac.read_path(
-        file, ac.ReadOptions(flat=True, scale=scale), frame=ac.Frame(position=(*at, 0))
+        file, ac.ReadOptions(ignore_z=True, scale=scale), frame=ac.Frame(position=(*at, 0))
     )
     part = Part()
     for x in drawing.contours:

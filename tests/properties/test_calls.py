@@ -57,7 +57,7 @@ def test_arguments_of_another_class_are_refused_before_anything_is_done(files, r
     # numpy's truth value and the path of a file are right.
     assert ac.evaluate(*given[1:], x["path"], limit_use=np.False_).limit_ratios is None
     assert ac.read_path(
-        calls.Path("line.csv"), ac.ReadOptions(flat=np.True_)
+        calls.Path("line.csv"), ac.ReadOptions(ignore_z=np.True_)
     ).length == pytest.approx(0.03)
 
 

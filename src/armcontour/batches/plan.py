@@ -67,8 +67,8 @@ class PlanModel:
         job: A job file relative to the plan, or a drawing and its cell.
         jobs: Several of them, each with all parameters.
         run: Name of the run of the jobs; not needed if they have one run.
-        do: Kind of work: `teach` plans and compensates, `run` also simulates, `certify` finds the
-            fastest plan that satisfies the job's certificate, `place` finds the best placement.
+        do: Kind of work: `compensate` plans and compensates, `run` also simulates, `certify` finds
+            the fastest plan that satisfies the job's certificate, `place` finds the best placement.
         over: Values of keys of the jobs, by the keys with dots between them.
         combine: Combination of the values: `product` combines each with each, `zip` the first
             values of all, the second values of all and so on; or samples of ranges.
@@ -93,7 +93,7 @@ class Plan:
         name: Name of the plan.
         bases: Base jobs, without values of parameters.
         parameters: The parameters.
-        work: Kind of work: "teach", "run", "certify" or "place".
+        work: Kind of work: "compensate", "run", "certify" or "place".
         columns: Names of the stored figures.
         combine: "product" or "zip"; not used with samples.
         samples: Values of the sampled parameters, (n, sampled); None without samples.

@@ -12,7 +12,7 @@ from typing import Any
 
 from armcontour.batches.outcomes import Outcome, Results, Work, killed
 from armcontour.batches.plan import Plan, read_plan
-from armcontour.core.compilation import warm
+from armcontour.core.compilation import compile_kernels
 from armcontour.core.fields import checked
 from armcontour.core.pool import InProcess, TaskQueue, open_executor
 from armcontour.core.progress import Progress
@@ -151,7 +151,7 @@ def batch(
             if not isinstance(opened, InProcess):
                 # Otherwise several processes would compile the same functions.
                 for x in {x.dimension for x in parsed.bases}:
-                    warm("plane" if x == 2 else "space", compiling)
+                    compile_kernels("plane" if x == 2 else "space", compiling)
             _work(parsed, remaining, opened, results, progress or (lambda tally: None))
         return Batch(plan=parsed, folder=results.folder, rows=results.finish())
 

@@ -39,7 +39,7 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
     Raises:
         ArmContourError: The folder cannot be used.
     """
-    from armcontour.core.compilation import warm_for_run
+    from armcontour.core.compilation import compile_for_run
     from armcontour.files import ResultFolder, read_job
     from armcontour.files.result_folder import data_json
 
@@ -48,7 +48,7 @@ def run_demo(out: FilePath, *, force: bool, open_report: bool) -> None:
         job_progress() as progress,
     ):
         jobs = {"": _compared_runs(), "plate/": read_job(library_file("plate.yaml"))}
-        with warm_for_run(None, progress):
+        with compile_for_run(None, progress):
             from armcontour.jobs import run, steps_of
             from armcontour.report import render_demo
 
@@ -117,7 +117,7 @@ def run_job(
         ArmContourError: An invalid job, or a run that fails. Nothing is written then.
     """
     # Heavy imports follow the checks, so that a wrong folder or job is rejected at once.
-    from armcontour.core.compilation import warm_for_run
+    from armcontour.core.compilation import compile_for_run
     from armcontour.core.errors import InvalidInput
     from armcontour.files import ResultFolder
     from armcontour.files.result_folder import data_json
@@ -129,7 +129,7 @@ def run_job(
         if exports:
             # An export that cannot be written is rejected before the run.
             rehearse(job, exports, folder.scratch)
-        with warm_for_run(job.arm.dimension, progress):
+        with compile_for_run(job.arm.dimension, progress):
             from armcontour.jobs import run, steps_of
             from armcontour.jobs.advice import STEP, advised, is_small
 

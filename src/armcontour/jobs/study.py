@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from armcontour.control.compensation import NoCompensation
-from armcontour.control.compensation.compensator import teach
+from armcontour.control.compensation.compensator import unchecked_set_points
 from armcontour.core.errors import ExecutionError, error_context
 from armcontour.core.fields import checked
 from armcontour.core.progress import Progress, Step, subprogress
@@ -116,7 +116,9 @@ def compute_set_points(job: Job, run: Run, trajectory: Trajectory) -> SetPoints:
     Raises:
         CompensationError: The method cannot compensate this delay.
     """
-    return teach(trajectory, job.servo, run.compensation, cycle=run.cycle, arm=job.arm)
+    return unchecked_set_points(
+        trajectory, job.servo, run.compensation, cycle=run.cycle, arm=job.arm
+    )
 
 
 def simulate_run(job: Job, set_points: SetPoints, plant: RigidBodyPlant | None = None) -> Execution:

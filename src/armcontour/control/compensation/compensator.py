@@ -164,7 +164,7 @@ def compensate(
         UserWarning: No limits are given, and set-points exceed those of the plan; or compensation
             with this servo may be worse than none (`ServoModel.doubt`).
     """
-    set_points = teach(trajectory, servo, options, cycle=cycle, arm=arm)
+    set_points = unchecked_set_points(trajectory, servo, options, cycle=cycle, arm=arm)
     if limits is not None:
         check_commands(set_points, limits)
     elif excess := describe_excess(set_points):
@@ -174,7 +174,7 @@ def compensate(
     return set_points
 
 
-def teach(
+def unchecked_set_points(
     trajectory: Trajectory,
     servo: ServoModel,
     options: CompensationOptions,

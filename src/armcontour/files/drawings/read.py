@@ -88,7 +88,7 @@ def read_path(
             "give `units: mm` or --units mm."
         )
         program = replace(program, notes=(*program.notes, note))
-    if options.flat:
+    if options.ignore_z:
         program = program.without_z()
     if options.continuity == "curvature":
         tolerance = options.chord_tolerance - options.fit_tolerance

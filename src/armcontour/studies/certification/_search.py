@@ -106,7 +106,7 @@ def search(case: Case) -> tuple[Trial, list[Move]]:
 def execute_program(
     case: Case, moves: Sequence[Move], robots: list[FloatArray] | None = None
 ) -> Trial:
-    """Join the plans of all moves, teach them, and execute the program.
+    """Join the plans of all moves, compute their set-points, and execute the program.
 
     Args:
         case: The case.
@@ -123,7 +123,7 @@ def execute_program(
             joined.stand(x.pause)
         joined.add(step, x.plan)
     trajectory = joined.trajectory().limited(case.limits)
-    set_points = case.teach(trajectory)
+    set_points = case.compute_set_points(trajectory)
     executed, box = run(case, set_points), None
     if case.bodies and case.box is not None and robots is not None:
         if not robots:

@@ -296,7 +296,9 @@ def _refuse_start(case: Case) -> None:
         NotRealizable: They rest too far from it.
     """
     (contour,) = case.program.contours
-    off = _bodies.rest_at_start(case, contour.path, case.teach(case.planned.trajectory))
+    off = _bodies.rest_at_start(
+        case, contour.path, case.compute_set_points(case.planned.trajectory)
+    )
     allowed = case.goal.servo_error or case.goal.tolerance
     assert allowed is not None
     work = case.work_of(contour)
@@ -359,7 +361,9 @@ def _contours(base: Case, proof: Trial, contours: Sequence[Move]) -> Iterator[Co
     # Nearly continuous set-points show the part of the servo.
     own = case.run.cycle
     cycle = max(own / CONTINUOUS, min(SHORTEST, own))
-    smooth = run(case, case.teach(proof.trajectory, cycle), max(cycle, case.resolution))
+    smooth = run(
+        case, case.compute_set_points(proof.trajectory, cycle), max(cycle, case.resolution)
+    )
     pieces = pieces_of(smooth, case.program, None, None)
     for k, (x, piece, span) in enumerate(zip(contours, proof.pieces, spans, strict=True)):
         assert span.work is not None
@@ -402,7 +406,7 @@ def _contours(base: Case, proof: Trial, contours: Sequence[Move]) -> Iterator[Co
 def _uncertified(case: Case) -> Uncertified:
     """Execute the fastest plan, with nothing derated."""
     fastest = case.planned.trajectory
-    set_points = case.teach(fastest)
+    set_points = case.compute_set_points(fastest)
     resolution = max(min(1e-3, case.run.cycle), case.resolution)
     executed = simulate(set_points, case.plant(), resolution=resolution)
     t = executed.t

@@ -63,7 +63,7 @@ def learn(x: Request) -> Frame:
 
 
 def learned(x: Request) -> LearningStudy:
-    """What the logs of successive runs teach."""
+    """Set-points learned from the logs of successive runs."""
     from armcontour.jobs.run_learning import learn_logs
 
     return learn_logs(x.whole_job, x.run, read_logs(x), x.progress)
