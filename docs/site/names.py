@@ -30,6 +30,12 @@ Quantities are in [SI units and radians](../../../conventions.md); arrays are ti
 `FloatArray` is an array of NumPy with float64, `ArrayLike` what NumPy makes one of.
 `armcontour.__version__` is the version.
 
+Examples use these objects:
+
+```python
+EXAMPLE
+```
+
 """
 
 
@@ -42,7 +48,9 @@ def write_names() -> Iterator[tuple[str, str]]:
         at_top = ", ".join(f"[`{x.rpartition('.')[2]}`](#{x})" for x, _ in own if x.count(".") == 1)
         rows.append(f"| [{room}]({room}.rst) | {what} | {at_top} |")
     lists = table("room", "what it holds", "in `armcontour` itself", rows=rows)
-    yield "api/index.md", HEAD + lists + contents(by_room())
+    example = [x[4:] for x in (ac.__doc__ or "").splitlines() if x.startswith(">>> ")]
+    head = HEAD.replace("EXAMPLE", "\n".join(example[:-1]))
+    yield "api/index.md", head + lists + contents(by_room())
 
 
 def _page(title: str, what: str, own: list[tuple[str, Any]]) -> str:

@@ -5,7 +5,20 @@
 
 Each arrow is one function of this package; `run(job)` does all of them. The package has functions
 and what their callers construct; results, formats and parts of a process are in the package that
-owns them. Names load at their first use.
+owns them. Names load at their first use. Examples in docstrings use these objects:
+
+>>> import numpy as np
+>>> import armcontour as ac
+>>> arm = ac.load_arm("pmk3s")
+>>> objective = ac.Path.polyline([(0.30, 0.20), (0.33, 0.20), (0.33, 0.23)])
+>>> path = ac.round_corners(objective, tolerance=1e-3)
+>>> limits = arm.limits.replace(speed=0.1, centripetal_acceleration=0.09)
+>>> planned = ac.plan(path, arm, limits)
+>>> servo = ac.ServoModel(kp=25.0, kv=150.0)
+>>> set_points = ac.compensate(planned, servo)
+>>> executed = ac.simulate(set_points, ac.ServoPlant(arm, servo))
+>>> ac.evaluate(executed, path, objective=objective).contour_error.max < 1e-4
+True
 """
 
 from armcontour.core.lazy import lazy_names

@@ -125,6 +125,10 @@ def batch(
     An error of a job is a result, too: a row with the message. Each row is written to the file
     `results.jsonl` as soon as it exists; table and page are written when all jobs have a result.
 
+    >>> done = ac.batch("plan.yaml", "out", workers=0)
+    >>> [row["status"] for row in done.rows]
+    ['done']
+
     Args:
         plan: A plan file (YAML), or its data; the guide on batches explains its keys.
         out: Folder for the results: a new one, or that of an earlier run of this plan.

@@ -39,6 +39,10 @@ def run(job: Job, *, simulate: bool = True, progress: Progress | None = None) ->
 
     If the joints of an experiment do not come to rest, the error is the `failure` of its run.
 
+    >>> study = ac.run(ac.read_job("job.yaml"))
+    >>> list(study.runs)
+    ['only']
+
     Args:
         job: The job.
         simulate: Whether to execute and evaluate; otherwise runs end with their set-points.

@@ -157,6 +157,10 @@ WORD = re.compile(r"[GM]\d{1,4}(\.\d)?|[ABCDEHLPQSTUVW]")
 class ReadOptions(Checked):
     """Options for reading a drawing, G-code or a table of waypoints.
 
+    >>> options = ac.ReadOptions(units="mm", layers=["CUT"])
+    >>> options.units
+    'mm'
+
     Args:
         units: Unit of the file's lengths, such as "mm", or its length in metres; replaces the unit
             that a drawing gives. None takes that unit. A table column with its own

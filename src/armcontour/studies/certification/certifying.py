@@ -78,6 +78,10 @@ def certify(
     Compensation, cycle and limits are those of the run. The certificate is valid for the
     job's plant: its servos, or its rigid bodies if the goal says so, and for no other model.
 
+    >>> certificate = ac.certify(ac.read_job("job.yaml"))
+    >>> certificate.evaluation.contour_error.max < 0.1e-3
+    True
+
     Args:
         job: The job.
         run: Name of the run; by default that of the goal.

@@ -64,6 +64,10 @@ def place(
     a lower bound on the duration rules out are not planned, so the best of the grid is that of
     planning all of it. In a job with corners of the shape free, arcs stand for them.
 
+    >>> found = ac.place(ac.read_job("job.yaml"), processes=1)
+    >>> found.best.values
+    {'x': -0.005}
+
     Args:
         job: The job.
         search: Where to look and what is best, such as PlaceSearch(over={"x": (-0.1, 0.1, 11)}); by
