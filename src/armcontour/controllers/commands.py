@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armcontour.control.compensation import CompensationOptions
-from armcontour.control.compensation.compensator import teach
+from armcontour.control.compensation.compensator import unchecked_set_points
 from armcontour.controllers.controller import Stop
 from armcontour.core.checks import FloatArray
 from armcontour.core.errors import NotRealizable
@@ -92,7 +92,9 @@ class Stopper:
     def _commands(self, trajectory: Trajectory) -> FloatArray:
         """Set-points of a trajectory at the controller's cycles, compensated as the plan is."""
         cycle = self.set_points.cycle
-        set_points = teach(trajectory, self.servo, self.options, cycle=cycle, arm=self.arm)
+        set_points = unchecked_set_points(
+            trajectory, self.servo, self.options, cycle=cycle, arm=self.arm
+        )
         if abs(set_points.start_time - self.set_points.start_time) > SAME * cycle:
             raise NotRealizable("The set-points of a stop start at another time than the plan's.")
         return commands_at(set_points, self.cycle, self.servo.interpolation)
