@@ -29,6 +29,7 @@ from armcontour.cli.options import (
     Open,
     Out,
     PlaceOptions,
+    PlayOptions,
     RunOptions,
     StoredExportOptions,
     StudioOptions,
@@ -297,6 +298,15 @@ def learn(
     from armcontour.cli.learn_command import learn_file
 
     learn_file(job, job_options, options)
+
+
+@_command(ROBOT, "play job.yaml --on linuxcnc --speed-factor '50 %' --execute --out played")
+@grouped
+def play(job: JobOrDrawing, options: PlayOptions, job_options: JobOptions) -> None:
+    """Play a run on a robot controller and record it; without --execute nothing moves."""
+    from armcontour.cli.play_command import play_file
+
+    raise typer.Exit(play_file(job, job_options, options))
 
 
 @_command(PREPARE, "arms")

@@ -28,6 +28,8 @@ STACK = 64 * 1024 * 1024
 
 # Called before a signal ends the program; may return a sentence for the user.
 _cleanups: list[Callable[[], str | None]] = []
+# Called in place of the end of the program, as a moving robot must stop first.
+_requests: list[Callable[[], None]] = []
 
 
 class _Stopped(BaseException):
@@ -47,6 +49,16 @@ def before_interrupt(cleanup: Callable[[], str | None]) -> Iterator[None]:
         yield
     finally:
         _cleanups.remove(cleanup)
+
+
+@contextmanager
+def on_interrupt(request: Callable[[], None]) -> Iterator[None]:
+    """Context in which a signal calls `request`, and the work ends itself."""
+    _requests.append(request)
+    try:
+        yield
+    finally:
+        _requests.remove(request)
 
 
 def run_interruptibly(work: Callable[[], int]) -> int:
@@ -69,8 +81,14 @@ def run_interruptibly(work: Callable[[], int]) -> int:
         threading.stack_size(STACK)
         threading.Thread(target=target, name="work", daemon=True).start()
         threading.stack_size(0)
-        while not done.wait(PULSE if os.name == "nt" else None):
-            pass
+        while not done.is_set():
+            try:
+                done.wait(PULSE if os.name == "nt" else None)
+            except _Stopped:
+                if not _requests:
+                    raise
+                for request in tuple(_requests):
+                    request()
     except _Stopped as stopped:
         _end(stopped.number)
     for number, handler in before.items():

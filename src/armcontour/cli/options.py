@@ -494,6 +494,36 @@ class LearnOptions(WindowOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
+class PlayOptions:
+    """Options of the command `play`.
+
+    Args:
+        on: Controller: linuxcnc, franka or ur.
+        address: Address of a robot (franka, ur).
+        hal: HAL file of the machine (linuxcnc); by default joints are simulated.
+        execute: Move the robot, after its name is typed on the terminal.
+        speed_factor: Share of the job's speed.
+        band: Largest difference of a joint from its simulated position before the motion is
+            stopped, such as '5 mrad'; by default unlimited.
+        set_points: Learned set-points: set_points.csv of learn, or its folder; with
+            --speed-factor '100 %'.
+        out: Folder for the log.
+    """
+
+    on: str
+    address: Text = None
+    hal: File = None
+    run_name: Name = None
+    execute: bool = False
+    speed_factor: str = "10 %"
+    band: Text = None
+    set_points: File = None
+    out: Annotated[File, typer.Option("--out", "-o")] = None
+    force: Force = False
+    as_json: AsJson = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class BatchOptions:
     """Options of the command `batch`.
 

@@ -83,6 +83,20 @@ def read_log(
     return _read(location, (), (start, end), unwrap, columns, topic, commanded=True)[0]
 
 
+def write_log(file: FilePath, log: Log) -> None:
+    """Write a log as CSV that `read_log` takes, with all digits."""
+    titles = [f"{kind} {j + 1} [rad]" for kind in BOTH for j in range(log.dof)]
+    comment = "" if log.interpolation is None else f"# interpolation: {log.interpolation}\n"
+    np.savetxt(
+        file,
+        np.column_stack([log.t, log.command, log.measured]),
+        delimiter=",",
+        fmt="%.17g",
+        header=f"{comment}{','.join(['t [s]', *titles])}",
+        comments="",
+    )
+
+
 def read_run_log(
     file: str | FilePath,
     joint_names: Sequence[str],

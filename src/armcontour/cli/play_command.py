@@ -1,0 +1,131 @@
+"""The command `play`: move a robot along the plan of a job, and record it."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from contextlib import nullcontext
+from functools import partial
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING
+
+import typer
+
+from armcontour.cli.console import Console
+from armcontour.cli.inputs import open_job, read_option
+from armcontour.cli.interrupts import on_interrupt
+from armcontour.cli.progress_bars import search_progress
+from armcontour.core.progress import subprogress
+
+if TYPE_CHECKING:
+    from armcontour.cli.options import JobOptions, PlayOptions
+    from armcontour.controllers import Controller, Played
+    from armcontour.files import ResultFolder
+    from armcontour.jobs import Job
+
+# Exit codes: played to its end, or a dry run; stopped on the path.
+DONE, STOPPED = 0, 1
+
+
+def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> int:
+    """Play a run of a job, print and write the record, and return the exit code."""
+    from armcontour.controllers import play
+    from armcontour.core.errors import InvalidInput
+    from armcontour.core.quantities import AngularDistance, Factor
+    from armcontour.files import ResultFolder
+    from armcontour.files.result_folder import data_json
+    from armcontour.files.set_point_file import read_set_points
+    from armcontour.jobs.run_learning import plan_run
+
+    if options.out is not None and not options.execute:
+        raise InvalidInput("--out is for the log of a motion: add --execute, or remove --out.")
+    speed_factor = read_option("--speed-factor", options.speed_factor, Factor)
+    band = read_option("--band", options.band, AngularDistance)
+    assert speed_factor is not None
+    stop = threading.Event()
+    with (
+        nullcontext()
+        if options.out is None
+        else ResultFolder(options.out, force=options.force) as folder
+    ):
+        with search_progress("playing") as progress:
+            job = open_job(file, job_options, subprogress(progress, "reading"))
+            set_points = None
+            if options.set_points is not None:
+                plan = plan_run(job, options.run_name, progress=progress)
+                set_points = read_set_points(options.set_points, job, plan)
+        controller = controller_of(job, options.on, options.address, options.hal)
+        if options.execute:
+            _confirm(job, controller)
+        with search_progress("playing") as progress, on_interrupt(stop.set):
+            played = play(
+                job,
+                controller,
+                run_name=options.run_name,
+                execute=options.execute,
+                speed_factor=speed_factor,
+                band=band,
+                set_points=set_points,
+                wanted=stop.is_set,
+                progress=progress,
+            )
+        if folder is not None:
+            _write(played, folder)
+    if options.as_json:
+        print(data_json(played.to_data()), end="")
+    else:
+        _print(played, options.out)
+    return DONE if played.record is None or played.record.stopped is None else STOPPED
+
+
+def controller_of(
+    job: Job, name: str, address: str | None, hal_file: FilePath | None
+) -> Controller:
+    """The controller of a name, with a simulated robot as the job describes it where possible."""
+    from armcontour.controllers import LinuxCNC
+    from armcontour.core.errors import InvalidInput
+    from armcontour.robot.limits import or_unlimited
+
+    if name != "linuxcnc":
+        raise InvalidInput(f"There is no controller {name}: --on takes linuxcnc.")
+    if address is not None:
+        raise InvalidInput("--address is for franka and ur: linuxcnc runs on this machine.")
+    if hal_file is not None:
+        return LinuxCNC(hal_file)
+    accelerations = or_unlimited(job.arm.limits.joint_acceleration, job.arm.dof)
+    return LinuxCNC(servo=job.plant_servo, accelerations=accelerations)
+
+
+def _confirm(job: Job, controller: Controller) -> None:
+    """Let the user type the name of the arm."""
+    from armcontour.core.errors import ControllerRefused
+
+    if not sys.stdin.isatty():
+        raise ControllerRefused(
+            "--execute asks on a terminal before a robot moves, but there is none; nothing moves."
+        )
+    name = job.arm.name
+    answer = typer.prompt(
+        f"{name} will move on {controller.name}. Type {name} to go on", default=""
+    )
+    if answer.strip() != name:
+        raise ControllerRefused(f"{answer.strip()!r} is not {name}; nothing moves.")
+
+
+def _write(played: Played, folder: ResultFolder) -> None:
+    """Write the log and the summary."""
+    from armcontour.files.log_file import write_log
+    from armcontour.files.result_folder import data_json
+
+    folder.place("log.csv", partial(write_log, log=played.log))
+    folder.write("summary.json", data_json(played.to_data()))
+
+
+def _print(played: Played, out: FilePath | None) -> None:
+    """Print what moved or would move."""
+    console = Console()
+    console.show(played.to_data())
+    if played.record is None:
+        console.print("Dry run: nothing moved. With --execute the robot moves.")
+    elif out is not None:
+        console.print(f"Log: {out / 'log.csv'}")
