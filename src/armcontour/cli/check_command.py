@@ -28,6 +28,8 @@ MIN_NOISE = 1e-9
 # Largest number of listed column titles.
 MAX_TITLES = 8
 JOB_FILES = (".yaml", ".yml")
+# Options of an arm from a robot description, which go with --arm.
+ARM_OPTIONS = ("tip", "base", "joint_limits", "package", "xacro_arg")
 # Exit codes of the verdicts; no error has the code 7.
 EXIT_CODES = {"kept": 0, "violated": 1, "cannot tell": 7}
 
@@ -126,16 +128,7 @@ def _arm(options: CheckOptions, default: Arm | None) -> Arm:
         raise InvalidInput(
             "Name the arm with --arm, with --path a job that has one, or with --scene a cell."
         )
-    if any(
-        y is not None
-        for y in (
-            options.tip,
-            options.base,
-            options.joint_limits,
-            options.package,
-            options.xacro_arg,
-        )
-    ):
+    if any(getattr(options, x) is not None for x in ARM_OPTIONS):
         raise InvalidInput(
             "--tip, --base, --joint-limits, --package and --xacro-arg go with --arm: the job's arm "
             "has its own."

@@ -158,7 +158,8 @@ def _read(name: str, payload: Payload | None, load: Callable[..., Arm] | None) -
             f"There is no built-in arm {name!r}: the built-in arms are {', '.join(arm_names())}; "
             "your own arm goes in a .yaml, .urdf, .xacro or MJCF .xml file."
         )
-    return with_hulls(arm_of(f"{built_in}.yaml", _built_in(built_in), payload), built_in)
+    arm = arm_of(f"{built_in}.yaml", _built_in(built_in), payload)
+    return arm.with_shapes(partial(read_hulls, built_in)) if _file(built_in).is_file() else arm
 
 
 def _equip(arm: Arm, tool: Pose | None, work: Pose | None, payload: Payload | None) -> Arm:
@@ -199,10 +200,7 @@ def _built_in(name: str) -> Any:
 
 
 def arm_of(
-    file: str,
-    data: Any,
-    payload: Payload | None = None,
-    load: Callable[..., Arm] | None = None,
+    file: str, data: Any, payload: Payload | None = None, load: Callable[..., Arm] | None = None
 ) -> Arm:
     """The arm of an arm file's data."""
     kind = data.get("kind") if isinstance(data, Mapping) else None
@@ -282,11 +280,7 @@ def _serial(file: str, data: Mapping[str, Any]) -> SerialArm:
     )
 
 
-def _derived(
-    file: str,
-    data: Mapping[str, Any],
-    load: Callable[..., Arm],
-) -> Arm:
+def _derived(file: str, data: Mapping[str, Any], load: Callable[..., Arm]) -> Arm:
     """The arm of a file that is derived from another arm."""
 
     def values(key: str, shape: tuple[int, ...]) -> FloatArray:
@@ -412,11 +406,6 @@ def _numbers(location: str, value: Any, unit: str) -> Any:
     if number is None:
         raise InvalidInput(f"{location} must be finite numbers in {unit}, not {show(value)}.")
     return number
-
-
-def with_hulls(arm: Arm, name: str) -> Arm:
-    """A built-in arm with the hulls of its links, if there are any."""
-    return arm.with_shapes(partial(read_hulls, name)) if _file(name).is_file() else arm
 
 
 def read_hulls(name: str) -> ArmShapes:

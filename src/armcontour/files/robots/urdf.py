@@ -105,7 +105,7 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
 def read_description(file: FilePath, options: ArmOptions, *, trust_xacro: bool) -> Tree:
     """Read the links and joints of a robot description."""
     content: bytes | str = file_access.read_bytes(file, "robot description")
-    if is_xacro(file):
+    if file.suffix.lower() == ".xacro":
         if not trust_xacro:
             raise InvalidInput(
                 f"{file} is not loaded, since a xacro file is a program that can run anything on "
@@ -123,11 +123,6 @@ def read_description(file: FilePath, options: ArmOptions, *, trust_xacro: bool) 
     elif options.arguments:
         raise InvalidInput(f"{file} takes no arguments: these are of .xacro files.")
     return read_tree(str(file), content)
-
-
-def is_xacro(file: str | FilePath) -> bool:
-    """True if the extension of a file is that of xacro."""
-    return FilePath(file).suffix.lower() == ".xacro"
 
 
 def _check_moving_joints(tree: Tree, moving: list[Joint]) -> None:
