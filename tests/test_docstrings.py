@@ -18,8 +18,8 @@ from armcontour.files import parse_job
 from armcontour.jobs import PlaceSearch
 from armcontour.planning.path_grid import DEFAULT_INTERVALS
 from armcontour.robot.scene import MARGINS
-from armcontour.studies.placement.judging import Verdict
-from armcontour.studies.placement.moving import Moves
+from armcontour.studies.placement.place_evaluation import Verdict
+from armcontour.studies.placement.placed_job import Moves
 from armcontour.studies.placement.placement import Place
 
 SECTIONS = ("Args", "Attributes", "Raises")

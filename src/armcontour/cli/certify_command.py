@@ -33,7 +33,7 @@ def certify_file(file: FilePath, job_options: JobOptions, options: CertifyOption
         else ResultFolder(options.out, force=options.force) as folder,
     ):
         from armcontour.studies.certification import certify
-        from armcontour.studies.certification.certifying import goal_of
+        from armcontour.studies.certification.certification import goal_of
 
         with search_progress("certifying") as progress:
             job = open_job(file, job_options, subprogress(progress, "reading"), options)

@@ -183,7 +183,7 @@ def draw(value: Any, kind: str = "path") -> Any:
             installed.
     """
     # Imported by name, because the report imports the results.
-    return import_module("armcontour.report.results").draw_result(value, kind)
+    return import_module("armcontour.report.result_study").draw_result(value, kind)
 
 
 def _member(value: Any, depth: int = 0) -> str:
