@@ -28,7 +28,7 @@ _HOME = {
     "export",
     "files.log_file": "read_log",
     "files.robots.loading": "arm_names load_arm",
-    "files.robots.options": "ArmOptions",
+    "files.robots.arm_options": "ArmOptions",
     "geometry": "Arc Line Orientation Path RoundedPath SegmentLimits ShapedPath",
     "jobs": "CertificateGoal Job JobResult PlaceSearch Rounding Run run",
     "motion": "Execution JointPath Log SetPoints Trajectory dwell_law",

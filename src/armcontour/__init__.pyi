@@ -41,7 +41,7 @@ from armcontour.files.exports import export as export
 from armcontour.files.log_file import read_log as read_log
 from armcontour.files.robots.loading import arm_names as arm_names
 from armcontour.files.robots.loading import load_arm as load_arm
-from armcontour.files.robots.options import ArmOptions as ArmOptions
+from armcontour.files.robots.arm_options import ArmOptions as ArmOptions
 from armcontour.geometry import Arc as Arc
 from armcontour.geometry import Line as Line
 from armcontour.geometry import Orientation as Orientation

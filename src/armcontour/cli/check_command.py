@@ -13,7 +13,7 @@ from armcontour.cli.console import Console
 from armcontour.core.text import digits, joint_label, list_some, show
 
 if TYPE_CHECKING:
-    from armcontour.cli.options import ArmOptions, CheckOptions
+    from armcontour.cli.options import CheckOptions, DescriptionOptions
     from armcontour.core.checks import FloatArray
     from armcontour.files.joint_table import TrajectoryFile
     from armcontour.jobs import Job, Run
@@ -136,12 +136,12 @@ def _arm(options: CheckOptions, default: Arm | None) -> Arm:
     return default
 
 
-def named_arm(name: str, command: ArmOptions) -> Arm:
+def named_arm(name: str, command: DescriptionOptions) -> Arm:
     """Load the arm of a name or file with the options for robot descriptions."""
-    from armcontour.files.robots import options
+    from armcontour.files.robots.arm_options import ArmOptions
     from armcontour.files.robots.loading import load_arm
 
-    arm_options = options.ArmOptions(
+    arm_options = ArmOptions(
         tip=command.tip,
         base=command.base,
         joint_limits=command.joint_limits,

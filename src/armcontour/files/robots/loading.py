@@ -18,7 +18,7 @@ from armcontour.core.errors import InvalidInput
 from armcontour.core.fields import checked
 from armcontour.core.frames import Frame, Pose, from_rpy
 from armcontour.core.text import plain_number, show
-from armcontour.files.robots.options import (
+from armcontour.files.robots.arm_options import (
     ANY,
     DESCRIPTION,
     MAX_CHARACTERS,
@@ -127,7 +127,7 @@ def _load(
         check_options(options, DESCRIPTION, str(file))
         return arm_of_tree(read_description(file, options, trust_xacro=trust_xacro), options)
     if is_model(name) or file.suffix.lower() in MJCF:
-        from armcontour.files.robots.models import arm_of_mjcf, arm_of_model
+        from armcontour.files.robots.external_models import arm_of_mjcf, arm_of_model
 
         check_options(options, MODEL, "the model" if is_model(name) else str(file))
         return arm_of_model(name, options) if is_model(name) else arm_of_mjcf(file, options)
@@ -136,7 +136,7 @@ def _load(
     arm = _read(str(name), payload, derive if depth < MAX_DERIVED else None)
     if options.limits_file is None:
         return arm
-    from armcontour.files.robots.joint_limits import limits_of, override, table_of
+    from armcontour.files.robots.moveit_limits import limits_of, override, table_of
 
     table = table_of(arm.limits, arm.dof)
     override(table, arm.joint_names, options.limits_file)

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from armcontour.core import file_access
 from armcontour.core.errors import InvalidInput
 from armcontour.core.text import list_some
-from armcontour.files.robots.joint_limits import KINDS, SOFT, Table, limits_of, narrow, override
-from armcontour.files.robots.options import ArmOptions, locked_position
+from armcontour.files.robots.arm_options import ArmOptions, locked_position
+from armcontour.files.robots.moveit_limits import KINDS, SOFT, Table, limits_of, narrow, override
 from armcontour.files.robots.tree import MAX_NAMED, TURNING, Joint, Tree, read_tree
 from armcontour.robot.limits import JOINT_LIMITS, JOINT_RANGE, Limits
 from armcontour.robot.scene import ArmShapes
@@ -20,7 +20,7 @@ from armcontour.robot.serial import SerialArm
 
 if TYPE_CHECKING:
     from armcontour.files.robots.collision import Packages
-    from armcontour.files.robots.description import Description
+    from armcontour.files.robots.urdf_chain import Description
 
 LINK = re.compile(r"<link[\s>/]")
 HINT = (
@@ -47,8 +47,8 @@ ASSUMED = (
 def arm_of_tree(tree: Tree, options: ArmOptions) -> SerialArm:
     """Make a serial arm from a robot description."""
     from armcontour.files.robots.collision import missing_meshes
-    from armcontour.files.robots.description import Description
     from armcontour.files.robots.tip import choose_tip
+    from armcontour.files.robots.urdf_chain import Description
 
     file, positions = tree.file, dict[str, float]()
     for name in options.locked or ():
@@ -88,7 +88,7 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
     """The shapes of the links of a description; links below its last link belong to the tool."""
     # Imported here, because it loads the compiled code of motions.
     from armcontour.files.robots.collision import link_shapes
-    from armcontour.files.robots.description import Description
+    from armcontour.files.robots.urdf_chain import Description
     from armcontour.verification.clearance.distances import exclude_touching
 
     tree, carried = description.tree, description.carried()
