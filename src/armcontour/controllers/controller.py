@@ -101,24 +101,26 @@ class PlayedMotion(Checked):
 
 
 class Command(NamedTuple):
-    """Command of a feeder process, and variables of its environment."""
+    """Command of a feeder process, variables of its environment, and a command after its end."""
 
     words: Sequence[str]
     environment: Mapping[str, str] = {}
+    clean_up: Sequence[str] = ()
 
 
 class _Channel:
     """A feeder process, and what it has sent."""
 
     def __init__(self, command: Command, folder: FilePath) -> None:
-        self.folder = folder
+        self.folder, self.clean_up = folder, command.clean_up
+        self.environment = {**os.environ, **command.environment}
         with open(folder / "stderr.txt", "w") as errors:
             self.process = subprocess.Popen(
                 command.words,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=errors,
-                env={**os.environ, **command.environment},
+                env=self.environment,
                 text=True,
                 start_new_session=True,
             )
@@ -177,6 +179,16 @@ class _Channel:
         except subprocess.TimeoutExpired:
             os.killpg(self.process.pid, signal.SIGTERM)
             self.process.wait()
+        if self.process.returncode and self.clean_up:
+            # A process that was killed has left the controller's programs.
+            subprocess.run(
+                self.clean_up,
+                env=self.environment,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                check=False,
+            )
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
