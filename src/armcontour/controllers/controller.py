@@ -135,8 +135,9 @@ class _Channel:
     def _listen(self) -> None:
         assert self.process.stdout is not None
         for line in self.process.stdout:
-            kind, *words = line.split()
-            if kind == "s":
+            # A process that was killed may have ended within a line.
+            kind, *words = line.split() or [""]
+            if kind == "s" and len(words) == 2 + 2 * len(self.positions):
                 self.samples.append(tuple(map(float, words)))
             elif kind == "R":
                 self.positions = [float(x) for x in words]
@@ -147,15 +148,13 @@ class _Channel:
         self.alive = False
 
     def send(self, lines: Iterable[str]) -> None:
-        """Send lines; a process that has ended is noticed by `alive`."""
+        """Send lines; `alive` shows that no process is left."""
         assert self.process.stdin is not None
         text = "".join(f"{x}\n" for x in lines)
         with self._lock:
-            try:
+            with suppress(OSError, ValueError):
                 self.process.stdin.write(text)
                 self.process.stdin.flush()
-            except (OSError, ValueError):
-                self.alive = False
 
     def event(self, kind: str) -> list[str] | None:
         """The last event of a kind since the begin of the motion."""
@@ -408,6 +407,8 @@ class Controller(ABC):
         deviation = float(np.abs(command - q[np.minimum(k, len(q) - 1)]).max(initial=0.0))
         if channel.event("W") is not None:
             notes = [*notes, "The feeder had no sign of life from this process and stopped."]
+        if channel.event("V") is not None:
+            notes = [*notes, "A process of the feeder was lost, and another one stopped."]
         if missing:
             notes = [*notes, f"{count_noun(missing, 'sample')} of the record are missing."]
         if late:

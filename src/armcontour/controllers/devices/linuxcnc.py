@@ -13,13 +13,15 @@ from collections.abc import Iterable
 
 import hal  # type: ignore[import-not-found]
 
-from armcontour.controllers.devices.feeder import DeviceError, Row, Sample, main
+from armcontour.controllers.devices.feeder import DeviceError, Row, Sample, main_guarded
 
 COMPONENT = "armcontour-play"
 # Signal of the HAL file that enables the drives.
 ENABLE = "armcontour-enable"
 # Longest time without a sample before the servo thread counts as dead [s].
 SILENCE = 1.0
+# Looks at the FIFO that have to agree, and the time between them [s].
+AGREEING, LOOK = 5, 1.7e-3
 PROGRAM = "/usr/bin/rtapi_app"
 
 
@@ -41,18 +43,35 @@ class LinuxCNC:
     def connect(self) -> Row:
         """Load the HAL file, start its threads, command the measured position, enable drives."""
         self.halcmd("-f", self.file)
-        self.component = hal.component(COMPONENT)
+        self.attach(COMPONENT)
+        self.halcmd("start")
+        held = self.next_sample()[3]
+        self.write(-1, held)
+        while self.next_sample()[2] != held:
+            pass
+        self.halcmd("sets", ENABLE, "1")
+        return held
+
+    def attach(self, name: str) -> None:
+        """Open the FIFOs."""
+        self.component = hal.component(name)
         self.component.ready()
         self.out = hal.stream(self.component, hal.streamer_base, "f" * (self.dof + 1))
         self.back = hal.stream(self.component, hal.sampler_base, "f" * (2 * self.dof + 1))
         self.heard = time.monotonic()
-        self.halcmd("start")
-        self.held = self.next_sample()[3]
-        self.finish()
-        while self.next_sample()[2] != self.held:
-            pass
-        self.halcmd("sets", ENABLE, "1")
-        return self.held
+
+    def take_over(self) -> int:
+        """Go on where another process ended; number of rows, which misses one if the FIFO wraps."""
+        self.attach(f"{COMPONENT}-guard")
+        seen: list[int] = []
+        # The thread may be between its FIFO and its pins: several cycles have to agree.
+        while len(seen) < AGREEING or len(set(seen[-AGREEING:])) > 1:
+            depth = int(self.out.depth)
+            k = int(hal.get_value("streamer.0.pin.0"))
+            if depth == int(self.out.depth):
+                seen.append(k + depth + 1)
+            time.sleep(LOOK)
+        return seen[-1]
 
     def next_sample(self) -> Sample:
         """The next sample of the thread."""
@@ -87,7 +106,6 @@ class LinuxCNC:
     def write(self, k: int, row: Row) -> None:
         """Put one row into the FIFO."""
         self.out.write((float(k), *row))
-        self.held = row
 
     def is_done(self) -> bool:
         """Whether the FIFO is empty."""
@@ -108,7 +126,8 @@ class LinuxCNC:
 
     def finish(self) -> None:
         """Hold the last row, as no cycle of a motion."""
-        self.out.write((-1.0, *self.held))
+        names = (f"streamer.0.pin.{j + 1}" for j in range(self.dof))
+        self.write(-1, tuple(float(hal.get_value(x)) for x in names))
 
     def close(self) -> None:
         """Stop the threads and unload HAL."""
@@ -124,4 +143,4 @@ class LinuxCNC:
 
 
 if __name__ == "__main__":
-    main(LinuxCNC(sys.argv[2], int(sys.argv[3]), int(sys.argv[4])))
+    main_guarded(LinuxCNC(sys.argv[2], int(sys.argv[3]), int(sys.argv[4])))
