@@ -69,13 +69,15 @@ def play_file(file: FilePath, job_options: JobOptions, options: PlayOptions) -> 
                 wanted=stop.is_set,
                 progress=progress,
             )
-        if folder is not None:
+        if folder is not None and played.record is not None:
             _write(played, folder)
     if options.as_json:
         print(data_json(played.to_data()), end="")
     else:
-        _print(played, options.out)
-    return DONE if played.record is None or played.record.stopped is None else STOPPED
+        _print(played, options)
+    if played.record is None:
+        return STOPPED if options.execute else DONE
+    return DONE if played.record.stopped is None else STOPPED
 
 
 def controller_of(
@@ -121,11 +123,13 @@ def _write(played: Played, folder: ResultFolder) -> None:
     folder.write("summary.json", data_json(played.to_data()))
 
 
-def _print(played: Played, out: FilePath | None) -> None:
+def _print(played: Played, options: PlayOptions) -> None:
     """Print what moved or would move."""
     console = Console()
     console.show(played.to_data())
-    if played.record is None:
+    if not options.execute:
         console.print("Dry run: nothing moved. With --execute the robot moves.")
-    elif out is not None:
-        console.print(f"Log: {out / 'log.csv'}")
+    elif played.record is None:
+        console.print("Stopped before the motion.")
+    elif options.out is not None:
+        console.print(f"Log: {options.out / 'log.csv'}")

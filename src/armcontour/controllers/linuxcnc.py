@@ -27,6 +27,15 @@ SYSTEM_PYTHON = "/usr/bin/python3"
 RTAPI = "/usr/bin/rtapi_app"
 # The real-time program refuses root; it then runs as this user, nobody.
 NOBODY = 65534
+# Parameters of servo models that simulated drives do not have.
+UNSUPPORTED = (
+    "dead_time",
+    "ki",
+    "velocity_feedforward",
+    "acceleration_feedforward",
+    "friction",
+    "drive_cycle",
+)
 # Signal of a HAL file that enables the drives, once the measured position is commanded.
 ENABLE = "armcontour-enable"
 # Rows of the FIFOs between the feeder and the thread.
@@ -44,8 +53,8 @@ class LinuxCNC(Controller):
             measured positions [rad]. The signal of the command of a joint has the joint's name,
             with `-` in place of spaces; the signal `armcontour-enable` enables the drives. By
             default joints are simulated.
-        servo: Simulated drives: position and velocity loops by HAL's `pid`, which integrate to
-            positions.
+        servo: Gains of simulated drives: position and velocity loops by HAL's `pid`, which
+            integrate to positions.
         accelerations: Largest acceleration of the simulated drives [rad/s²], one or one per joint.
         late: True for `pid` with `error-previous-target`, LinuxCNC's default, with which a loop
             compares the measured position with the command of the cycle before.
@@ -173,8 +182,12 @@ def simulated_drives(
     cycle: float,
 ) -> Iterator[str]:
     """Lines of a HAL file with a servo and a double integrator per joint."""
-    if servo.kv is None:
-        raise InvalidInput("LinuxCNC simulates servos of order second.")
+    other = [x for x in UNSUPPORTED if np.any(getattr(servo, x))]
+    if servo.kv is None or not np.isfinite(servo.kv).all() or other:
+        raise InvalidInput(
+            "LinuxCNC's simulated drives have kp and kv only: give a servo of order second without "
+            f"{', '.join(other or UNSUPPORTED)}."
+        )
     dof = len(start)
     limits = np.broadcast_to(np.asarray(accelerations, dtype=float), dof)
     joints = range(dof)
