@@ -149,7 +149,7 @@ def spline_pieces(knots: FloatArray, points: FloatArray, clamped: bool) -> Float
 SHORT = 1e-2
 
 
-class JointMotion(NamedTuple):
+class JointDerivatives(NamedTuple):
     """Joint positions and their derivatives over time, (n, dof) each; (0, dof) if not requested."""
 
     q: FloatArray
@@ -223,7 +223,7 @@ def joint_motions(
     rows: IntArray,
     breaks: FloatArray,  # Breaks of all joint paths [m], each counted from its own start, (m,)
     coefficients: FloatArray,
-    out: JointMotion,  # Output; arrays without rows are not computed
+    out: JointDerivatives,  # Output; arrays without rows are not computed
 ) -> None:
     """Joint positions and their derivatives over time along joint paths, by the chain rule."""
     # `end`: end of the law's interval at each point [m], (n,): a break of the joint path there ends

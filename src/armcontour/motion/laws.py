@@ -16,7 +16,7 @@ from armcontour.core.fields import Checked, checked
 from armcontour.core.quantities import Interval
 from armcontour.motion.joint_path import JointPath
 from armcontour.motion.kernels import (
-    JointMotion,
+    JointDerivatives,
     interval_times,
     joint_motions,
     path_motions,
@@ -338,7 +338,7 @@ def join_path(
     # Returns (n, dof) for each order.
     shape, dof = np.shape(along)[1:], joint_path.dof
     count = along[0].size
-    motion = JointMotion(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
+    motion = JointDerivatives(*(np.empty((count if k in orders else 0, dof)) for k in range(4)))
     only = np.zeros(count, dtype=np.intp)
     rows = np.array([0, len(joint_path.breaks)])
     tables = rows, joint_path.breaks, joint_path.coefficients

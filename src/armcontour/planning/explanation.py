@@ -157,7 +157,7 @@ class Explanation(Result):
             (
                 Row("assigned_length", self.assigned_length, "1", "length at the assigned speed"),
                 Row("assigned_time", self.assigned_time, "1"),
-                Row("slowest", slowest and slowest.sentence, "", "slowest place"),
+                Row("slowest", slowest and slowest.sentence, "", "slowest point"),
                 Row("jerk_stops", len(self.jerk_stops) or None, "", "stops by limits of jerk"),
             ),
             (
