@@ -113,11 +113,8 @@ def fit_through(curve: Curve, breaks: FloatArray, tolerance: float) -> tuple[Seg
 
 
 def draw_with_arcs(path: Path, tolerance: float = DRAWN) -> tuple[Path, FloatArray]:
-    """The path with tangent arcs instead of its transitions, within a tolerance [m].
-
-    Returns:
-        The path, and corresponding arc lengths on both paths at the vertices [m], (n, 2).
-    """
+    """The path with tangent arcs instead of its transitions, within a tolerance [m]."""
+    # Returns the path, and corresponding arc lengths on both paths at the vertices [m], (n, 2).
     rows, breaks = path.segments, path.breaks
     arcs, vertices = fit_through(path, breaks, tolerance)
     source = np.repeat(np.arange(len(rows)), np.diff(vertices))

@@ -29,16 +29,10 @@ def interval_time(width: float, begin: float, end: float, slope: float) -> float
 def interval_times(
     width: FloatArray, begin: FloatArray, end: FloatArray, slope: FloatArray
 ) -> FloatArray:
-    """Durations of intervals with a path acceleration linear in s [s], (n,).
-
-    `(2 / k) atanh(k width / (begin + end))` with `k² = slope`.
-
-    Args:
-        width: Lengths of the intervals [m], (n,).
-        begin: Path speeds at the starts [m/s], (n,).
-        end: Path speeds at the ends [m/s], (n,).
-        slope: Slopes of dds over s [1/s²], (n,).
-    """
+    """Durations of intervals with a path acceleration linear in s [s], (n,)."""
+    # `(2 / k) atanh(k width / (begin + end))` with `k² = slope`.
+    # `width`: lengths of the intervals [m], (n,); `begin`: path speeds at the starts [m/s], (n,);
+    # `end`: path speeds at the ends [m/s], (n,); `slope`: slopes of dds over s [1/s²], (n,).
     times = np.empty(len(width))
     for i in range(len(width)):
         times[i] = interval_time(width[i], begin[i], end[i], slope[i])

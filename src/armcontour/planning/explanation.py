@@ -372,12 +372,7 @@ def _runs(values: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def find_jerk_stops(joint_path: JointPath, trajectory: Trajectory) -> FloatArray:
-    """Arc lengths of breaks without a stop at which limits of jerk require one [m].
-
-    Args:
-        joint_path: The joint path.
-        trajectory: The motion along it.
-    """
+    """Arc lengths of breaks without a stop at which limits of jerk require one [m]."""
     breaks = np.setdiff1d(joint_path.breaks[1:-1], joint_path.stops)
     return np.asarray(breaks[trajectory.speed_at(breaks) == 0])
 

@@ -285,16 +285,9 @@ def configuration_of(arm: Arm, q: FloatArray) -> dict[str, Any]:
 
 
 def turn_along(path: Path, before: Sequence[Contour], after: Sequence[Contour]) -> Path:
-    """Turn the tool along a rapid from the orientation of the last contour to that of the next.
-
-    Args:
-        path: The path of the rapid.
-        before: The contour before the rapid, if any.
-        after: The contour after the rapid, if any.
-
-    Returns:
-        The path with an orientation; the same path if it has one, or if none is required.
-    """
+    """Turn the tool along a rapid from the orientation of the last contour to that of the next."""
+    # `before`: the contour before the rapid, if any; `after`: the contour after the rapid, if any.
+    # Returns the path with an orientation; the same path if it has one, or if none is required.
     if path.orientation is not None or path.dimension == 2:
         return path
     ends = [(x.path.orientation, x.path.length) for x in before]
