@@ -154,9 +154,11 @@ class Clearance(Result):
         """
         if self.satisfied:
             return
-        first = self.too_near[0]
+        first, *others = self.too_near
+        names = list_some([f"{x.second} and {x.first}" for x in others], 5)
         raise Collision(
-            f"{first}, and may not come nearer than {number(first.margin, 'm')}{self._others()}: "
+            f"{first}, and may not come nearer than {number(first.margin, 'm')}"
+            f"{f' (also {names})' if others else ''}: "
             "move the part, the obstacle or the start posture, or allow them to touch.",
             t=first.first_time,
             point=first.points[1].tolist(),
@@ -164,11 +166,6 @@ class Clearance(Result):
             needed=first.margin,
             allowed=first.high,
         )
-
-    def _others(self) -> str:
-        """Names of further pairs that violate their margins, for a message."""
-        names = [f"{x.second} and {x.first}" for x in self.too_near[1:]]
-        return f" (also {list_some(names, 5)})" if names else ""
 
     def to_data(self) -> Data:
         """The verdict, and the pairs, sorted by distance above the margin."""
@@ -227,18 +224,13 @@ class Clearance(Result):
             return "Clear: there is no pair of bodies that could touch."
         assert self.low is not None
         clear = "Clear of the cell, but below the base" if self.below else "Clear"
-        bounds = "; ".join(
-            f"{x.second} and {x.first} {number(self._lowest(x.kind), 'm')}" for x in others
-        )
+        low = {k: min(x.low for x in self.pairs if x.kind == k) for k in {x.kind for x in others}}
+        bounds = "; ".join(f"{x.second} and {x.first} {number(low[x.kind], 'm')}" for x in others)
         verdict = (
             f"{clear}: nothing comes nearer than {figure(self.to_data()['low'])} at any time; "
             f"{first.second} and {first.first} are nearest, {first.place}."
         )
         return f"{verdict} Bounds of other kinds: {bounds}." if bounds else verdict
-
-    def _lowest(self, kind: str) -> float:
-        """Proven lower bound of the distances of a kind [m]."""
-        return min(x.low for x in self.pairs if x.kind == kind)
 
     @property
     def below_base(self) -> str | None:
@@ -492,7 +484,8 @@ class _Search:
                 (travelled[0][goes_on], travelled[1][goes_on]),
                 (distance[0][goes_on], distance[1][goes_on]),
             )
-            count = _count_pieces(len(pair))
+            # A round with few windows has constant costs.
+            count = next((n for n, windows in FEW.items() if len(pair) <= windows), 2)
             # Ends of the pieces of each window, in columns.
             shares = np.arange(count + 1) / count
             edges = begin[:, None] + (end - begin)[:, None] * shares
@@ -571,8 +564,3 @@ class _Search:
             return self._motion(t)
         executed = self._motion
         return interpolate(t, executed.t, executed.q)
-
-
-def _count_pieces(windows: int) -> int:
-    """Number of pieces per window: a round with few windows has constant costs."""
-    return next((n for n, most in FEW.items() if windows <= most), 2)
