@@ -374,7 +374,7 @@ class ServoModel(Checked):
         return np.where(loop, lower, -np.inf), np.where(loop, upper, np.inf)
 
     def is_plain(self, *orders: str) -> bool:
-        """Whether all joints are of one of the orders, without friction and drive cycle.
+        """True if all joints are of one of the orders, without friction and drive cycle.
 
         Args:
             orders: The accepted orders.

@@ -70,11 +70,7 @@ class PairClearance:
         return self.low >= self.margin
 
     def later(self, by: float) -> PairClearance:
-        """Return the same result with all times shifted [s].
-
-        Args:
-            by: The time [s].
-        """
+        """Return the same result with all times shifted by a time [s]."""
         first = None if self.first_time is None else self.first_time + by
         return replace(self, t=self.t + by, first_time=first)
 
@@ -336,7 +332,7 @@ class Cell:
 
     @checked
     def stays_above(self, motion: Motion) -> bool:
-        """Whether all links stay above the mounting plane of the base; True without one.
+        """True if all links stay above the mounting plane of the base; True without one.
 
         Args:
             motion: The motion.
@@ -363,7 +359,7 @@ class Cell:
         }
 
     def fits(self, motion: Motion) -> bool:
-        """Whether a motion satisfies all margins and no link goes below the base.
+        """True if a motion satisfies all margins and no link goes below the base.
 
         Args:
             motion: The motion.
@@ -371,7 +367,7 @@ class Cell:
         return self.stays_above(motion) and self.keeps(motion)
 
     def keeps(self, motion: Motion) -> bool:
-        """Whether a motion satisfies all margins; faster than `check`.
+        """True if a motion satisfies all margins; faster than `check`.
 
         Args:
             motion: The motion.
@@ -383,15 +379,7 @@ class Cell:
 
 @lru_cache(maxsize=CELLS)
 def cell_of(arm: Arm, scene: Scene | None) -> Cell:
-    """The cell of an arm and a scene, from a cache.
-
-    Args:
-        arm: The arm, with the shapes of its links.
-        scene: Obstacles and margins; by default none, with the default margins.
-
-    Raises:
-        InvalidInput: As `check_clearance`.
-    """
+    """The cell of an arm and a scene, from a cache; by default without obstacles."""
     return Cell(arm, Scene() if scene is None else scene)
 
 
