@@ -166,7 +166,7 @@ class JudgedStudy:
                 (
                     Row("name", name, "", "contour", level=FIRST),
                     *error_rows("", "contour error", error, FIRST, FIRST),
-                    *error_rows("coverage_error", "path missed", coverage_error, most=FIRST),
+                    *error_rows("coverage_error", "path missed", coverage_error, max_level=FIRST),
                 ),
             )
             for name, error, coverage_error in self.contours

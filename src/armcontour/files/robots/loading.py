@@ -452,7 +452,7 @@ def with_more_shapes(
 def _add(arm: Arm, shapes: tuple[LinkShape, ...], srdf: FilePath | None) -> ArmShapes:
     """The shapes of an arm and more of them."""
     # Imported here, because it loads the compiled code of motions.
-    from armcontour.verification.clearance.touching import exclude_touching
+    from armcontour.verification.clearance.distances import exclude_touching
 
     existing = arm.shapes or ArmShapes(shapes=())
     every = (*existing.shapes, *shapes)

@@ -89,7 +89,7 @@ def _shapes(arm: SerialArm, description: Description, packages: Packages | None)
     # Imported here, because it loads the compiled code of motions.
     from armcontour.files.robots.collision import link_shapes
     from armcontour.files.robots.description import Description
-    from armcontour.verification.clearance.touching import exclude_touching
+    from armcontour.verification.clearance.distances import exclude_touching
 
     tree, carried = description.tree, description.carried()
     # Links that the base does not carry are fixed, with all joints locked.
